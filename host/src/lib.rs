@@ -37,3 +37,6 @@ pub mod rig;
 pub mod schema;
 pub mod simulated;
 pub mod sources;
+#[cfg(test)]
+#[path = "../tests/integration/study_length.rs"]
+mod study_length;

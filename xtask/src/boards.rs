@@ -14,43 +14,44 @@ use crate::toolchain::{self, Core};
 /// Says how far the checks go.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
-    /// Build the emulated board's firmware by the other way to `core` too.
+    /// Also each set of features by clippy, smaller chips, and the emulated board's firmware by the other way to `core`.
     #[arg(long)]
-    pub both_cores: bool,
+    pub nightly: bool,
 }
 
 /// Runs every step.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let mut steps = Steps::default();
     if let Some(core) = steps.run("choice of core", || toolchain::choose(core)) {
-        lints(&mut steps, core);
+        lints(&mut steps, core, options.nightly);
         images(&mut steps, core);
+        if options.nightly {
+            smaller_chips(&mut steps, core);
+        }
         steps.run("a panic and a fault on the board end with a status", || emulator::bad_ends(core));
         check_elf::run_steps(&mut steps, core);
         steps.run("size", || size::run(&size::Options::default(), Some(core)));
         let bench =
             bench_target::Options { baseline: bench_target::can_compile_baseline(), ..Default::default() };
         steps.run("bench-target", || bench_target::run(&bench, Some(core)));
-        if options.both_cores {
+        if options.nightly {
             other_core(&mut steps, core.other());
         }
     }
     steps.finish()
 }
 
-fn lints(steps: &mut Steps, core: Core) {
-    for features in ["", firmware::WATCH] {
-        steps.run(&format!("clippy, board {features}"), || {
-            let mut command = toolchain::board_cargo(core, "clippy", &places::board());
-            process::clippy_strictly(command.args(["--release", "--features", features]))
-        });
-    }
-    for features in ["", "rtt", firmware::WATCH] {
-        steps.run(&format!("clippy, STM32 {features}"), || {
-            let folder = places::board_named(places::STM32);
-            let mut command = toolchain::board_cargo(core, "clippy", &folder);
-            process::clippy_strictly(command.args(["--release", "--features", features]))
-        });
+/// Lints each board once, with the features that compile most of it; at night with each set of them.
+fn lints(steps: &mut Steps, core: Core, nightly: bool) {
+    let emulated: &[&str] = if nightly { &["", firmware::WATCH] } else { &[firmware::WATCH] };
+    let bought: &[&str] = if nightly { &["", "rtt", firmware::WATCH] } else { &[firmware::WATCH] };
+    for (name, board, sets) in [("board", places::BOARD, emulated), ("STM32", places::STM32, bought)] {
+        for features in sets {
+            steps.run(format!("clippy, {name} {features}").trim_end(), || {
+                let mut command = toolchain::board_cargo(core, "clippy", &places::board_named(board));
+                process::clippy_strictly(command.args(["--release", "--features", features]))
+            });
+        }
     }
     steps.run("clippy, RP2350", || {
         toolchain::have(core, places::PICO_TARGET)?;
@@ -60,11 +61,9 @@ fn lints(steps: &mut Steps, core: Core) {
     });
 }
 
-/// Builds all images, those that tests and the simulator look for among them.
+/// Builds the images that tests and the simulator look for.
 fn images(steps: &mut Steps, core: Core) {
-    for board in firmware::BOUGHT {
-        steps.run(&format!("firmware, {board:?}"), || firmware::build_for(board, core, &[]));
-    }
+    steps.run("firmware, STM32F405", || firmware::build_for(firmware::Board::F405, core, &[]));
     steps.run("firmware, STM32F405 with the watch", || {
         firmware::build_for(firmware::Board::F405, core, &[firmware::WATCH])
     });
@@ -73,6 +72,23 @@ fn images(steps: &mut Steps, core: Core) {
         firmware::build_watch(core)?;
         firmware::build(core, &[])
     });
+}
+
+/// Builds these images and checks nothing else.
+///
+/// # Errors
+/// Names the images that cannot be built.
+pub fn images_for_tests(core: Core) -> Result<()> {
+    let mut steps = Steps::default();
+    images(&mut steps, core);
+    steps.finish()
+}
+
+/// Builds the images of the chips with half a megabyte of flash.
+fn smaller_chips(steps: &mut Steps, core: Core) {
+    for board in firmware::SMALLER {
+        steps.run(&format!("firmware, {board:?}"), || firmware::build_for(board, core, &[]));
+    }
 }
 
 /// Does the same checks on what the other way to `core` builds.

@@ -31,8 +31,8 @@ pub enum Board {
     Pico,
 }
 
-/// Boards that one can buy and wire.
-pub const BOUGHT: [Board; 3] = [Board::F405, Board::F446, Board::F411];
+/// Bought boards whose chips have half a megabyte of flash.
+pub const SMALLER: [Board; 2] = [Board::F446, Board::F411];
 
 impl Board {
     /// Returns what `cargo build` is told for this chip. Half a megabyte of flash has no room for what an STM32F405 keeps.
@@ -151,11 +151,6 @@ fn build_in(core: Core, (board, target): (&str, &str), binary: &str, features: &
     let kept = kept(&name);
     copy(&built, &kept)?;
     Ok(kept)
-}
-
-/// Returns where [`build_apart`] leaves the emulated board's firmware.
-pub fn apart(core: Core) -> PathBuf {
-    kept(&format!("{FIRMWARE}-{core}"))
 }
 
 fn kept(name: &str) -> PathBuf {

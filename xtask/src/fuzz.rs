@@ -17,6 +17,9 @@ pub struct Options {
     /// Seconds for each target; 0 builds them only.
     #[arg(long, default_value_t = 60)]
     pub seconds: u32,
+    /// Only targets of the device's decoders, without compiling the host for the fuzzer.
+    #[arg(long)]
+    pub device: bool,
     /// Targets; all when none is named.
     pub targets: Vec<String>,
 }
@@ -25,8 +28,12 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<()> {
     setup::system_packages()?;
     let cargo_fuzz = setup::cargo_fuzz()?;
-    let mut waiting = if options.targets.is_empty() { all_targets()? } else { options.targets.clone() };
-    process::run(&mut fuzz_command(&cargo_fuzz, "build"))?;
+    let mut waiting = match &options.targets[..] {
+        [] if options.device => device_targets()?,
+        [] => all_targets()?,
+        named => named.to_vec(),
+    };
+    process::run(&mut fuzz_command(&cargo_fuzz, "build", options.device))?;
     if options.seconds == 0 {
         return Ok(());
     }
@@ -40,7 +47,7 @@ pub fn run(options: &Options) -> Result<()> {
             scope.spawn(|| {
                 while let Some(target) = next() {
                     if let (Err(error), Ok(mut list)) =
-                        (run_target(&cargo_fuzz, &target, options.seconds), failures.lock())
+                        (run_target(&cargo_fuzz, &target, options), failures.lock())
                     {
                         list.push(format!("{target}: {error:#}"));
                     }
@@ -66,21 +73,34 @@ fn all_targets() -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn fuzz_command(cargo_fuzz: &Path, verb: &str) -> Command {
+/// Names of the fuzz targets that do without the host's crate: those that require no feature of it.
+fn device_targets() -> Result<Vec<String>> {
+    let file = places::fuzz().join("Cargo.toml");
+    let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    let needs_host = |target: &String| {
+        let entry = text.split("[[bin]]").find(|entry| entry.contains(&format!("name = \"{target}\"")));
+        entry.is_some_and(|entry| entry.contains("required-features"))
+    };
+    Ok(all_targets()?.into_iter().filter(|target| !needs_host(target)).collect())
+}
+
+fn fuzz_command(cargo_fuzz: &Path, verb: &str, device: bool) -> Command {
     let mut command = process::command(cargo_fuzz, places::root());
     command.args(["fuzz", verb, "-s", "none", "--target-dir"]).arg(places::own().join("fuzz-build"));
+    command.args(device.then_some("--no-default-features"));
     command
 }
 
 /// Runs one target; its report goes to a file of which the end is printed.
-fn run_target(cargo_fuzz: &Path, target: &str, seconds: u32) -> Result<()> {
+fn run_target(cargo_fuzz: &Path, target: &str, options: &Options) -> Result<()> {
+    let seconds = options.seconds;
     let folder = places::own().join("fuzz").join(target);
     // New finds go here, before the committed corpus, which stays as it is.
     let found = folder.join("found");
     std::fs::create_dir_all(&found)?;
     let report = folder.join("report.txt");
     let file = File::create(&report)?;
-    let mut command = fuzz_command(cargo_fuzz, "run");
+    let mut command = fuzz_command(cargo_fuzz, "run", options.device);
     command.arg(target).arg(&found).arg(corpus(target));
     command.arg("--").arg(format!("-artifact_prefix={}/", folder.display()));
     command.arg(format!("-max_total_time={seconds}")).args([
@@ -109,6 +129,14 @@ fn corpus(target: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn targets_of_the_device_do_without_the_host() {
+        let device = device_targets().unwrap();
+        for (target, is_device) in [("wire_frame", true), ("sensor_drivers", true), ("rig_file", false)] {
+            assert_eq!(device.iter().any(|name| name == target), is_device, "{device:?}");
+        }
+    }
 
     #[test]
     fn every_fuzz_target_has_a_committed_corpus() {

@@ -6,6 +6,7 @@
 
 mod bench_target;
 mod boards;
+mod budgets;
 mod check_elf;
 mod elf;
 mod emulator;
@@ -51,7 +52,7 @@ enum Verb {
     Firmware(firmware::Options),
     /// Build the firmware for a board and put it there: by a debug probe, or with --dfu over USB.
     Flash(flash::Options),
-    /// Install, build and test everything.
+    /// Install, build and test everything: after a change, or --nightly at full length; --part for one job of it.
     Test(verify::Options),
     /// Lint, build and check the firmware of every board, without the host.
     Boards(boards::Options),
@@ -65,7 +66,9 @@ enum Verb {
     BadEnds,
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
-    /// Hold what the program prints against what it printed once.
+    /// Measure speed and memory side by side with others, against their limits; takes an hour. Ends with 1 above one.
+    Budgets(budgets::Options),
+    /// Compare what the program prints with what it printed once.
     Goldens(goldens::Options),
     /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
     Structure,
@@ -107,6 +110,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::CheckElf(options) => check_elf::run(options, core),
         Verb::BadEnds => emulator::bad_ends(toolchain::choose(core)?),
         Verb::Fuzz(options) => fuzz::run(options),
+        Verb::Budgets(options) => budgets::run(options, core),
         Verb::Goldens(options) => goldens::run(options),
         Verb::Structure => structure::run(),
         Verb::Picture => picture::run(),

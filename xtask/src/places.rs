@@ -77,6 +77,16 @@ pub fn target() -> PathBuf {
     named.and_then(|folder| std::path::absolute(folder).ok()).unwrap_or_else(|| root().join("target"))
 }
 
+/// Returns where cargo leaves a program of the profile that developers and tests build.
+pub fn built(program: &str) -> PathBuf {
+    target().join("debug").join(program)
+}
+
+/// Returns where cargo leaves the program that people use.
+pub fn released(program: &str) -> PathBuf {
+    target().join("release").join(program)
+}
+
 /// Where this tool keeps what it installs and builds apart from the host's builds.
 pub fn own() -> PathBuf {
     target().join("xtask")

@@ -98,7 +98,7 @@ pub fn is_installed(program: &str) -> bool {
 }
 
 /// Processor time of the programs that ended so far, user's and system's; `None` where `/proc` does not tell.
-fn processor_time() -> Option<Duration> {
+pub fn processor_time() -> Option<Duration> {
     /// Ticks of these figures in a second, on every Linux.
     const TICKS: f64 = 100.0;
     let text = std::fs::read_to_string("/proc/self/stat").ok()?;
@@ -142,6 +142,16 @@ impl Beside {
     }
 }
 
+/// Where the seconds of the last run of all tests are.
+fn last_test_file() -> PathBuf {
+    places::own().join("last-test-s.txt")
+}
+
+/// Returns how long the last run of all tests took by the clock, s; `None` if there was none.
+pub fn last_test_s() -> Option<f64> {
+    std::fs::read_to_string(last_test_file()).ok()?.trim().parse().ok()
+}
+
 struct Done {
     name: String,
     took: Duration,
@@ -173,6 +183,16 @@ impl Steps {
         }
         self.done.push(Done { name: name.into(), took, processor, failure });
         value
+    }
+
+    /// Remembers how long all steps took, for [`last_test_s`].
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn remember_time(&self) -> Result<()> {
+        std::fs::create_dir_all(places::own())?;
+        let total: Duration = self.done.iter().map(|done| done.took).sum();
+        Ok(std::fs::write(last_test_file(), format!("{:.1}\n", total.as_secs_f64()))?)
     }
 
     /// Prints what each step took, by the clock and of the processors, and fails if any did.

@@ -18,16 +18,19 @@ use crate::testing::{self, Counts};
 pub fn run() -> Result<()> {
     setup::python_module(setup::WHEEL);
     let mut counts = Counts::default();
-    let ended = test(&mut counts);
+    let ended = test(&mut counts, true);
     println!("{counts}");
     ended
 }
 
-/// The same as a step of all tests; it is skipped where what it needs is not here and `CI` is not set.
+/// Does the same as a step of all tests; it is skipped where what it needs is not here and `CI` is not set.
+///
+/// After each change (`released` is false) the wheel is linked from what the tests compiled, and recipes for other
+/// engines than Dask are left to the night.
 ///
 /// # Errors
 /// As [`run`].
-pub fn test(counts: &mut Counts) -> Result<()> {
+pub fn test(counts: &mut Counts, released: bool) -> Result<()> {
     if !setup::has_module(setup::WHEEL) {
         if testing::is_ci() {
             bail!(
@@ -38,11 +41,16 @@ pub fn test(counts: &mut Counts) -> Result<()> {
         counts.skipped += 1;
         return Ok(());
     }
-    install()?;
+    install(released)?;
     let mut command = python();
     command.args(["-m", "pytest", "-q", "--doctest-modules", "-p", "no:cacheprovider"]);
     // The package by its name is the installed one, not its sources.
     command.args(["-c", "python/pyproject.toml", "--rootdir", ".", "--pyargs", "rigident", "python/tests"]);
+    if released {
+        command.env(testing::NIGHTLY, "1");
+    } else {
+        command.args(["-m", "not nightly"]);
+    }
     let shown = process::shown(&command);
     eprintln!("$ {shown}");
     let output = command
@@ -64,8 +72,11 @@ pub fn test(counts: &mut Counts) -> Result<()> {
 }
 
 /// Installs the package from its sources, with the packages for it that are here.
-fn install() -> Result<()> {
+fn install(released: bool) -> Result<()> {
     let mut command = python();
+    if !released {
+        command.env("MATURIN_PEP517_ARGS", "--profile dev");
+    }
     command.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-build-isolation"]);
     process::run(command.args(["--no-deps", "--force-reinstall", "./python"]))
 }

@@ -28,9 +28,9 @@ pub fn make(names: &[&str], write: bool) -> Result<()> {
 pub fn program() -> Result<Command> {
     let mut build = process::cargo(places::root());
     // Of the whole workspace: by itself the host's crate would have other features than in tests, and be compiled again.
-    build.args(["build", "--quiet", "--release", "--workspace", "--exclude", "xtask", "--bin", PROGRAM]);
+    build.args(["build", "--quiet", "--workspace", "--exclude", "xtask", "--bin", PROGRAM]);
     process::run(&mut build)?;
-    Ok(process::command(places::target().join("release").join(PROGRAM), places::root()))
+    Ok(process::command(places::built(PROGRAM), places::root()))
 }
 
 /// Runs the studies.

@@ -49,6 +49,9 @@ const SENSORS: Need = Need { word: "independent_sensors", what: "NetFT, ur_rtde 
 const OPENSIM: Need = Need { word: "independent_opensim", what: "opensim in Python" };
 const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
+/// The variable by which tests know that they may take long: studies run at full length.
+pub const NIGHTLY: &str = "RIGIDENT_NIGHTLY";
+
 /// How many tests there were.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -81,6 +84,7 @@ pub struct Surroundings {
     missing: Vec<Need>,
     firmware: Option<PathBuf>,
     python: Option<PathBuf>,
+    nightly: bool,
 }
 
 impl Surroundings {
@@ -88,7 +92,7 @@ impl Surroundings {
     ///
     /// # Errors
     /// Where `CI` is set, names what is missing.
-    pub fn look(firmware: Option<&Path>) -> Result<Self> {
+    pub fn look(firmware: Option<&Path>, nightly: bool) -> Result<Self> {
         let mut missing = Vec::new();
         let mut look = |need, is_here: bool| {
             if !is_here {
@@ -110,7 +114,7 @@ impl Surroundings {
         look(OPENSIM, setup::has_module(setup::OPENSIM));
         look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
-        let here = Self { missing, firmware: firmware.map(Path::to_owned), python };
+        let here = Self { missing, firmware: firmware.map(Path::to_owned), python, nightly };
         for Need { word, what } in &here.missing {
             println!("skipped: tests named *{word}*, because there is no {what}");
         }
@@ -126,7 +130,7 @@ impl Surroundings {
         Self { firmware: Some(firmware), ..self.clone() }
     }
 
-    /// Runs `cargo test --release` with these arguments, adds up what the test programs report, and returns the names of what
+    /// Runs `cargo test` with these arguments, adds up what the test programs report, and returns the names of what
     /// passed.
     ///
     /// # Errors
@@ -138,11 +142,12 @@ impl Surroundings {
         counts: &mut Counts,
     ) -> Result<BTreeSet<String>> {
         let mut command = process::cargo(places::root());
-        command.args(["test", "--release"]).args(arguments).args(["--", "--include-ignored"]).args(filters);
+        command.arg("test").args(arguments).args(["--", "--include-ignored"]).args(filters);
         command.args(self.missing.iter().flat_map(|need| ["--skip", need.word]));
         command.envs(self.firmware.as_ref().map(|elf| ("RIGIDENT_FIRMWARE_ELF", elf)));
         command.envs(self.python.as_ref().map(|python| ("RIGIDENT_PYTHON", python)));
         command.envs(setup::browser().map(|browser| ("RIGIDENT_BROWSER", browser)));
+        command.envs(self.nightly.then_some((NIGHTLY, "1")));
         let found = counted(&mut command, !filters.is_empty(), counts);
         println!("{counts} so far");
         found

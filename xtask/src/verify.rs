@@ -1,7 +1,10 @@
-//! The verb `test`: installs, builds and tests everything; all failures are told at the end.
+//! The verb `test`: installs, builds and tests everything; all failures are reported at the end.
+//!
+//! What runs after each change and what runs at night: [`Part`] and CONTRIBUTING.md.
 
 use anyhow::{Context, Result, bail};
 
+use crate::boards;
 use crate::faults;
 use crate::firmware;
 use crate::fuzz;
@@ -9,93 +12,178 @@ use crate::goldens;
 use crate::places;
 use crate::process::{self, Beside, Steps};
 use crate::python;
+use crate::safety;
 use crate::setup;
 use crate::structure;
 use crate::support;
 use crate::testing::{Counts, Surroundings};
 use crate::toolchain::{self, Core};
 
-/// How long and how far.
+/// A part of the checks that runs by itself, as one job of the workflow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Part {
+    /// Format, structure, clippy; at night also sets of features and documentation.
+    Lints,
+    /// Images of the boards: lints, sizes, instructions; at night also by the other way to `core`.
+    Boards,
+    /// Tests of the host, the simulator, the firmware in the emulator and the documents; goldens and short faults.
+    Host,
+    /// The wheel, installed and tested.
+    Python,
+    /// The fuzzer: decoders of the device; at night all.
+    Fuzz,
+}
+
+const ALL: [Part; 5] = [Part::Lints, Part::Boards, Part::Host, Part::Python, Part::Fuzz];
+
+/// Says how much is tested.
 #[derive(clap::Args, Clone)]
 pub struct Options {
-    /// Seconds of fuzzing for each target; 0 leaves it out.
-    #[arg(long, default_value_t = 10)]
-    pub fuzz_seconds: u32,
-    /// Test the firmware built by the other way to `core` too.
+    /// Only this part; may be given several times.
+    #[arg(long = "part", value_enum, value_name = "PART")]
+    pub parts: Vec<Part>,
+    /// Everything that takes too long after each change: studies at full length, the other way to `core`, each set of
+    /// features, the released program, all faults, a minute of fuzzing for each decoder.
     #[arg(long)]
-    pub both_cores: bool,
+    pub nightly: bool,
 }
 
 /// Runs every step.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    let parts = if options.parts.is_empty() { &ALL[..] } else { &options.parts[..] };
+    let job = Job { nightly: options.nightly, core, has: |part| parts.contains(&part) };
     let mut steps = Steps::default();
     let mut counts = Counts::default();
-    steps.run("set-up", || setup::programs(core));
-    let chosen = steps.run("choice of core", || toolchain::choose(core));
-    formatting(&mut steps);
-    // None of these shares a build folder with the host, and much of what they compile keeps one processor busy.
-    let mut start =
-        |words: &[&str]| steps.run(&format!("start of {}, beside", words.join(" ")), || Beside::start(words));
-    let python = start(&["setup", "--python"]);
-    let boards = start(&boards_words(core, options));
-    let fuzz_build = (options.fuzz_seconds > 0).then(|| start(&["fuzz", "--seconds", "0"])).flatten();
-    steps.run("structure", structure::run);
-    steps.run("clippy, host", || {
-        process::clippy_strictly(process::cargo(places::root()).args([
-            "clippy",
-            "--release",
-            "--workspace",
-            "--all-targets",
-        ]))
-    });
-    feature_sets(&mut steps);
-    // This program was built by itself, with fewer features of what it shares with the others; it stays so.
-    let others = ["--workspace", "--exclude", "xtask"];
-    steps.run("compiling tests", || {
-        process::run(process::cargo(places::root()).args(["test", "--release", "--no-run"]).args(others))
-    });
-    if let Some(python) = python {
-        steps.run("set-up of Python", || python.wait());
-    }
-    let elf =
-        boards.and_then(|boards| steps.run("boards", || boards.wait())).map(|()| places::firmware_elf());
-    let is_fuzz_built = fuzz_build.and_then(|build| steps.run("fuzz, compiling", || build.wait())).is_some();
-    let here = steps.run("what tests need", || Surroundings::look(elf.as_deref())).unwrap_or_default();
-    let passed = steps.run("tests, on the host and in the emulator", || {
-        here.test(&[&others[..], &["--no-fail-fast"]].concat(), &[], &mut counts)
-    });
-    if let Some(passed) = passed {
-        steps.run("support matrix", || support::check(&passed));
-    }
-    steps.run("tests of the developer jobs", || {
-        here.test(&["--package", "xtask"], &[], &mut counts).map(drop)
-    });
-    steps.run("Python wheel", || python::test(&mut counts));
-    steps.run("goldens, the quick ones", || {
-        // The program that the tests have just built: by itself it would have other features, and be compiled again.
-        let binary = Some(places::target().join("release/rigident"));
-        goldens::run(&goldens::Options { quick: true, binary, ..Default::default() })
-    });
-    if let Some(core) = chosen {
-        steps.run("faults, the short ones", || faults::short(core));
-    }
-    steps.run("documentation", || {
-        let mut command = process::cargo(places::root());
-        // In the profile of clippy, so that what it checked is not checked again.
-        command.args(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
-        process::run(command.env("RUSTDOCFLAGS", "-D warnings"))
-    });
-    if let (Some(core), true) = (chosen, options.both_cores) {
-        other_core(&mut steps, core.other(), &here, &mut counts);
-    }
-    steps.run("oldest compiler", oldest_compiler);
-    if is_fuzz_built {
-        steps
-            .run("fuzz", || fuzz::run(&fuzz::Options { seconds: options.fuzz_seconds, targets: Vec::new() }));
+    job.run(&mut steps, &mut counts);
+    if options.parts.is_empty() && !options.nightly {
+        steps.remember_time()?;
     }
     let ended = steps.finish();
     println!("\n{counts}");
     ended
+}
+
+struct Job<F: Fn(Part) -> bool> {
+    nightly: bool,
+    core: Option<Core>,
+    has: F,
+}
+
+impl<F: Fn(Part) -> bool> Job<F> {
+    fn run(&self, steps: &mut Steps, counts: &mut Counts) {
+        steps.run("set-up", || setup::programs(self.core));
+        let chosen = steps.run("choice of core", || toolchain::choose(self.core));
+        // None of these shares a build folder with the host, and much of what they compile keeps one processor busy.
+        let mut beside = |is_wanted: bool, words: &[&str]| {
+            let start = || Beside::start(words);
+            is_wanted.then(|| steps.run(&format!("start of {}, beside", words.join(" ")), start)).flatten()
+        };
+        let is_host = (self.has)(Part::Host);
+        let python = beside(is_host || (self.has)(Part::Python), &["setup", "--python"]);
+        let boards = beside((self.has)(Part::Boards), &self.boards());
+        let fuzz = beside((self.has)(Part::Fuzz), &self.fuzz("0"));
+        if (self.has)(Part::Lints) {
+            lints(steps, self.nightly);
+        }
+        if is_host {
+            steps.run("compiling tests", compile_tests);
+        }
+        if let Some(python) = python {
+            steps.run("set-up of Python", || python.wait());
+        }
+        let are_built = match boards {
+            Some(boards) => steps.run("boards", || boards.wait()).is_some(),
+            None => {
+                is_host
+                    && chosen.is_some_and(|core| {
+                        steps.run("images for tests", || boards::images_for_tests(core)).is_some()
+                    })
+            }
+        };
+        if is_host {
+            self.host(steps, counts, chosen, are_built);
+        }
+        if (self.has)(Part::Python) {
+            steps.run("Python wheel", || python::test(counts, self.nightly));
+        }
+        if let Some(fuzz) = fuzz {
+            steps.run("fuzz, compiling", || fuzz.wait());
+            let seconds = if self.nightly { 60 } else { 10 };
+            let options = fuzz::Options { seconds, device: !self.nightly, targets: Vec::new() };
+            steps.run("fuzz", || fuzz::run(&options));
+        }
+    }
+
+    /// Tests of the workspace, then what the built program must print.
+    fn host(&self, steps: &mut Steps, counts: &mut Counts, core: Option<Core>, has_firmware: bool) {
+        let elf = has_firmware.then(places::firmware_elf);
+        let mut here = steps
+            .run("what tests need", || Surroundings::look(elf.as_deref(), self.nightly))
+            .unwrap_or_default();
+        let passed = steps.run("tests, on the host and in the emulator", || {
+            here.test(&[&WITHOUT_XTASK[..], &["--no-fail-fast"]].concat(), &[], counts)
+        });
+        if let Some(passed) = passed {
+            steps.run("support matrix", || support::check(&passed));
+        }
+        steps
+            .run("tests of the developer jobs", || here.test(&["--package", "xtask"], &[], counts).map(drop));
+        steps.run("goldens", || {
+            // After each change the program that the tests have just built, at night the released one.
+            let binary = (!self.nightly).then(|| places::built("rigident"));
+            goldens::run(&goldens::Options { quick: !self.nightly, binary, ..Default::default() })
+        });
+        let Some(core) = core else { return };
+        if self.nightly {
+            other_core(steps, core.other(), &mut here, counts);
+            steps.run("safety", || safety::run(&safety::Options::default()));
+            steps.run("faults", || faults::run(&faults::Options::default(), Some(core)));
+        } else {
+            steps.run("faults, the short ones", || faults::short(core));
+        }
+    }
+
+    /// Returns the words of the verb `boards` that does the boards' part.
+    fn boards(&self) -> Vec<&'static str> {
+        let mut words = vec!["boards"];
+        words.extend(self.core.iter().flat_map(|core| ["--core", core.name()]));
+        words.extend(self.nightly.then_some("--nightly"));
+        words
+    }
+
+    fn fuzz(&self, seconds: &'static str) -> Vec<&'static str> {
+        let mut words = vec!["fuzz", "--seconds", seconds];
+        words.extend((!self.nightly).then_some("--device"));
+        words
+    }
+}
+
+/// The developer jobs were built by themselves, with fewer features of what they share with the others; they stay so.
+const WITHOUT_XTASK: [&str; 3] = ["--workspace", "--exclude", "xtask"];
+
+fn compile_tests() -> Result<()> {
+    process::run(process::cargo(places::root()).args(["test", "--no-run"]).args(WITHOUT_XTASK))
+}
+
+fn lints(steps: &mut Steps, nightly: bool) {
+    formatting(steps);
+    steps.run("structure", structure::run);
+    steps.run("clippy, host", || {
+        process::clippy_strictly(process::cargo(places::root()).args([
+            "clippy",
+            "--workspace",
+            "--all-targets",
+        ]))
+    });
+    steps.run("oldest compiler", oldest_compiler);
+    if nightly {
+        feature_sets(steps);
+        steps.run("documentation", || {
+            let mut command = process::cargo(places::root());
+            command.args(["doc", "--workspace", "--no-deps", "--quiet"]);
+            process::run(command.env("RUSTDOCFLAGS", "-D warnings"))
+        });
+    }
 }
 
 fn formatting(steps: &mut Steps) {
@@ -120,26 +208,24 @@ fn feature_sets(steps: &mut Steps) {
     for features in [&["--no-default-features"][..], &["--no-default-features", "--features", "simulator"]] {
         steps.run(&format!("check, {}", features.join(" ")), || {
             let mut command = process::cargo(places::root());
-            command.args(["check", "--release", "--quiet", "--package", "rigident"]).args(features);
+            command.args(["check", "--quiet", "--package", "rigident"]).args(features);
             process::run(&mut command)
         });
     }
 }
 
-/// Returns the words of the verb `boards` that does the boards' part of these options.
-fn boards_words(core: Option<Core>, options: &Options) -> Vec<&'static str> {
-    let mut words = vec!["boards"];
-    words.extend(core.iter().flat_map(|core| ["--core", core.name()]));
-    words.extend(options.both_cores.then_some("--both-cores"));
-    words
-}
-
-/// Runs the same emulated tests on what the other way to `core` built.
-fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut Counts) {
+/// Runs the same emulated tests on what the other way to `core` builds.
+fn other_core(steps: &mut Steps, core: Core, here: &mut Surroundings, counts: &mut Counts) {
+    let built = steps.run(&format!("firmware, core by {core}"), || {
+        toolchain::choose(Some(core))?;
+        firmware::build_watch_apart(core)?;
+        firmware::build_apart(core)
+    });
+    let Some(elf) = built else { return };
     steps.run(&format!("emulated tests, core by {core}"), || {
         // Of the whole workspace, so that features are those of the first time and nothing is compiled again.
-        let arguments = ["--workspace", "--exclude", "xtask", "--test", "integration", "--no-fail-fast"];
-        here.with_firmware(firmware::apart(core)).test(&arguments, &["emulated"], counts).map(drop)
+        let arguments = [&WITHOUT_XTASK[..], &["--test", "integration", "--no-fail-fast"]].concat();
+        here.with_firmware(elf).test(&arguments, &["emulated"], counts).map(drop)
     });
 }
 
@@ -147,7 +233,7 @@ fn other_core(steps: &mut Steps, core: Core, here: &Surroundings, counts: &mut C
 fn oldest_compiler() -> Result<()> {
     let promised = promised_version()?;
     let text = process::output(process::command("rustc", places::root()).arg("--version"))?;
-    let here = text.split_whitespace().nth(1).context("rustc does not tell its version")?;
+    let here = text.split_whitespace().nth(1).context("rustc prints no version")?;
     let minor = |version: &str| version.split('.').nth(1).and_then(|part| part.parse::<u32>().ok());
     match (minor(here), minor(&promised)) {
         (Some(here), Some(promised)) if here < promised => {

@@ -1,4 +1,4 @@
-//! The simulated rig from outside: `cargo test --release -p rigident-sim --test integration NAME`.
+//! The simulated rig from outside: `cargo test -p rigident-sim --test integration NAME`.
 
 mod board_timing;
 mod drivers;

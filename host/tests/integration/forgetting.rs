@@ -19,6 +19,7 @@ use rigident_shared::screening::Limits;
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
 use crate::fitting::{fit_body, fit_forgetting, states};
+use crate::study_length::runs;
 
 const RATE_HZ: f64 = 200.0;
 const TIME_CONSTANT_S: f64 = 5.0;
@@ -84,7 +85,7 @@ impl Changing {
 fn a_body_that_changes_is_followed_and_its_intervals_hold() {
     let changing = Changing::new();
     let (mut held, mut of) = (0, 0);
-    for seed in 1..=6 {
+    for seed in 1..=runs(6, 2) {
         // After n time constants e⁻ⁿ of the step is left.
         let soon = body(&fit_forgetting(&changing.until(2.0 * TIME_CONSTANT_S, seed), FORGETTING));
         let left = soon[0].value - changing.truth[0];
@@ -126,7 +127,7 @@ fn where_the_motion_stops_the_answer_and_its_intervals_stay() {
     let still_s = 20.0 * TIME_CONSTANT_S;
     let program = stopping(&config, still_s);
     let readings = Readings::new(&config, &program, RATE_HZ).unwrap();
-    for seed in 1..=3 {
+    for seed in 1..=runs(3, 1) {
         let rows = |seconds: f64| readings.measured(seed).take((seconds * RATE_HZ) as usize);
         let stopped_s = program.duration_s() - still_s;
         let before = body(&fit_forgetting(&input(&config, rows(stopped_s)), FORGETTING));

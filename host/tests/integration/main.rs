@@ -1,4 +1,4 @@
-//! Rigident from outside, as a program and as a library: `cargo test --release -p rigident --test integration NAME`.
+//! Rigident from outside, as a program and as a library: `cargo test -p rigident --test integration NAME`.
 //!
 //! One program for all of them, because linking costs more than most of what they test. Tests that hold the wall clock
 //! are in `real_time`.
@@ -24,6 +24,7 @@ mod failures;
 mod fitting;
 mod flashed_image;
 mod forgetting;
+mod hostile_bytes;
 mod knocks;
 mod known;
 mod legged;
@@ -47,6 +48,7 @@ mod rates;
 mod report;
 mod rig_errors;
 mod streams;
+mod study_length;
 mod support;
 mod trajectory_independent;
 mod tree_commands;

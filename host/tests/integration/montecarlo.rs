@@ -1,4 +1,4 @@
-//! What the intervals and the spread promise, over two thousand experiments, against a bound of its own.
+//! What the intervals and the spread promise, over many experiments (two thousand at night), against a bound of its own.
 #![cfg(feature = "simulator")]
 
 use std::sync::atomic::AtomicBool;
@@ -17,6 +17,8 @@ use rigident::simulated::trees;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::Joint;
 use rigident_sim::rig::RigConfig;
+
+use crate::study_length::runs;
 
 fn run(campaign: Campaign, runs: u64, seed: u64) -> Verdict {
     campaign.prepare().unwrap().run(runs, seed, &AtomicBool::new(false), |_| ()).unwrap()
@@ -49,24 +51,24 @@ fn gain_errors() -> Campaign {
 
 #[test]
 fn white_noise_is_averaged_as_far_as_possible_and_the_intervals_say_how_far() {
-    promises(thesis(), 2_000, 1);
+    promises(thesis(), runs(2_000, 200), 1);
 }
 
 /// The factor in single precision by the firmware's estimator, and other seeds.
 #[test]
 fn the_firmware_keeps_the_same_promises_with_another_seed() {
-    promises(Campaign { solver: Solver::Firmware, ..thesis() }, 2_000, 2);
+    promises(Campaign { solver: Solver::Firmware, ..thesis() }, runs(2_000, 200), 2);
 }
 
 #[test]
 fn gain_errors_are_contained_in_intervals_and_bound() {
-    promises(gain_errors(), 1_000, 1);
+    promises(gain_errors(), runs(1_000, 150), 1);
 }
 
 #[test]
 fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
     let config = RigConfig::thesis_horizontal().with_sensors(noise_and_gain_error_sensors());
-    let verdict = run(Campaign::new(config), 400, 3);
+    let verdict = run(Campaign::new(config), runs(400, 150), 3);
     let limits = Limits95::of(verdict.runs);
     for (name, p) in PARAMETER_NAMES.iter().zip(verdict.parameters) {
         assert!(limits.kept_by(&p), "{name}: {p:?}");
@@ -77,7 +79,7 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
 /// and widens them as colour, is little.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
-    let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, 100, 1);
+    let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, runs(100, 40), 1);
     for j in [0, 3, 4, 5, 6] {
         let p = &verdict.parameters[j];
         assert!(p.coverage95 < 0.4, "{}: coverage {}", PARAMETER_NAMES[j], p.coverage95);
@@ -88,15 +90,15 @@ fn experiment(duration_s: f64) -> TreeExperiment {
     TreeExperiment { rate_hz: 100.0, duration_s, ..TreeExperiment::default() }
 }
 
-/// What 60 experiments of a tree can tell: a spread to 9 %, 1 σ, a mean to 0.13 of the spread, and the coverage of all
-/// parameters together.
+/// What 60 experiments of a tree show at night: a spread to 9 %, 1 σ, a mean to 0.13 of the spread, and the coverage of
+/// all parameters together.
 fn tree_promises(model: &Model, experiment: TreeExperiment) {
-    const RUNS: u64 = 60;
+    let all = runs(60, 20);
     let campaign = TreeCampaign::new(model, experiment).unwrap();
     let run = |runs, seed| campaign.run(runs, seed, &AtomicBool::new(false), |_| ()).unwrap();
-    let verdict = run(RUNS, 1);
-    assert_eq!((verdict.runs, verdict.not_identified.as_slice()), (RUNS, &[][..]));
-    let chance = 1.0 / (2.0 * RUNS as f64).sqrt();
+    let verdict = run(all, 1);
+    assert_eq!((verdict.runs, verdict.not_identified.as_slice()), (all, &[][..]));
+    let chance = 1.0 / (2.0 * all as f64).sqrt();
     let mut held = 0.0;
     for p in &verdict.parameters {
         let (name, p) = (&p.name, p.judgement);
@@ -106,15 +108,16 @@ fn tree_promises(model: &Model, experiment: TreeExperiment) {
         let said = p.std / p.predicted_std;
         assert!((said - 1.0).abs() < 0.1 + 5.0 * chance, "{name}: {said}");
         let errors = p.bias.abs() / p.std;
-        assert!(errors < 0.1 + 5.0 / (RUNS as f64).sqrt(), "{name}: bias of {errors} standard deviations");
+        assert!(errors < 0.1 + 5.0 / (all as f64).sqrt(), "{name}: bias of {errors} standard deviations");
         held += p.coverage95;
         // The 93 % that are promised, less four standard errors: one parameter in 30 000.
-        let least = 0.93 - 4.0 * (0.93_f64 * 0.07 / RUNS as f64).sqrt();
+        let least = 0.93 - 4.0 * (0.93_f64 * 0.07 / all as f64).sqrt();
         assert!(p.coverage95 >= least, "{name}: coverage {}", p.coverage95);
     }
     let coverage = held / verdict.parameters.len() as f64;
-    // Twelve independent parameters at least: 0.8 % each standard error.
-    assert!((0.91..=0.99).contains(&coverage), "{coverage}");
+    // Twelve independent parameters at least: 0.8 % each standard error of 60 runs, five of them and what is promised.
+    let band = 5.0 * (0.95_f64 * 0.05 / (12.0 * all as f64)).sqrt();
+    assert!((0.95 - band..=(0.95 + band).min(1.0)).contains(&coverage), "{coverage}");
     // The seed gives the figures, whatever core was first.
     let [first, again, other] = [(4, 7), (4, 7), (4, 8)].map(|(runs, seed)| run(runs, seed));
     assert!(first == again && first != other);

@@ -1,4 +1,4 @@
-//! The program without the simulated rig: `cargo test --release -p rigident --no-default-features --test integration`.
+//! The program without the simulated rig: `cargo test -p rigident --no-default-features --test integration`.
 #![cfg(not(feature = "simulator"))]
 
 use crate::program::rigident_anywhere as rigident;

@@ -11,6 +11,7 @@ use rigident::plan::motion::{Objective, Task, plan};
 use rigident_sim::rig::RigConfig;
 
 use crate::program::rigident_anywhere as rigident;
+use crate::study_length::runs;
 
 fn refused(arguments: &[&str]) -> String {
     let output = rigident(arguments);
@@ -118,11 +119,11 @@ fn a_duration_that_is_too_short_says_how_much_is_needed() {
     assert!(refusal.contains("too short") && refusal.contains("--duration-s"), "{refusal}");
 }
 
-/// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % here. All ten together within 10 %, each
+/// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % at night. All ten together within 10 %, each
 /// within 10 % and two and a half of its standard errors.
 #[test]
 fn what_is_predicted_is_what_many_runs_find() {
-    const RUNS: u64 = 300;
+    let count = runs(300, 80);
     let config = RigConfig::thesis_vertical();
     let task = Task {
         objective: Objective::Multisine,
@@ -133,7 +134,7 @@ fn what_is_predicted_is_what_many_runs_find() {
     let stop = AtomicBool::new(false);
     let made = plan(&task, &stop, |_| ()).unwrap();
     let campaign = Campaign { program: Some(made.program), ..Campaign::new(config) };
-    let verdict = campaign.prepare().unwrap().run(RUNS, 3, &stop, |_| ()).unwrap();
+    let verdict = campaign.prepare().unwrap().run(count, 3, &stop, |_| ()).unwrap();
     let ratios: Vec<f64> = made
         .prediction
         .parameters
@@ -142,6 +143,7 @@ fn what_is_predicted_is_what_many_runs_find() {
         .map(|(u95, found)| 1.96 * found.std / u95)
         .collect();
     let rms = (ratios.iter().map(|r| r * r).sum::<f64>() / 10.0).sqrt();
+    let chance = 2.5 / (2.0 * count as f64).sqrt();
     assert!((rms - 1.0).abs() < 0.1, "{ratios:?}");
-    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.1 + 2.5 / (2.0 * RUNS as f64).sqrt()), "{ratios:?}");
+    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.1 + chance), "{ratios:?}");
 }

@@ -18,12 +18,20 @@ use rigident_sim::rig::{Readings, RigConfig};
 use rigident_sim::sensors::SensorModels;
 
 use crate::fitting::{fit_body, states, tree_states};
+use crate::study_length::runs;
 
 const RATES_HZ: [f64; 11] = [5.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 45.0, 80.0, 200.0];
 /// 1 σ of the load cell, a twentieth of the thesis': what a filter does wrong is not hidden by noise.
 const SIGMA: [f64; 6] = [0.25, 0.25, 0.5, 0.02, 0.02, 0.02];
-/// Runs at each rate.
-const SEEDS: u64 = 8;
+/// Returns the rates: after a change every second one.
+fn rates_hz() -> impl Iterator<Item = f64> {
+    RATES_HZ.into_iter().step_by(runs(1, 2) as usize)
+}
+
+/// Returns how many runs each rate has.
+fn seeds() -> u64 {
+    runs(8, 4)
+}
 
 /// Largest share of intervals that may fail to hold the truth among `count`: three standard deviations above 5 %, those of
 /// one run sharing its noise, which counts as five independent ones (as for trees).
@@ -69,7 +77,7 @@ fn outside(states: &[ParameterState], truth: &[f64]) -> (usize, usize) {
 fn intervals_of_one_body_hold_the_truth_at_every_rate() {
     let config = RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal());
     let program = thesis_program(&config.geometry, 60.0);
-    for rate_hz in RATES_HZ {
+    for rate_hz in rates_hz() {
         let readings = Readings::new(&config, &program, rate_hz).unwrap();
         let phi = readings.truth(1).body.parameters();
         // Without noise: what the filter does wrong, against the interval that the noise leaves.
@@ -83,24 +91,24 @@ fn intervals_of_one_body_hold_the_truth_at_every_rate() {
             assert!(share < limit, "{rate_hz} Hz, parameter {j}: {share} of U95 without noise");
         }
         let (mut all, mut out) = (0, 0);
-        for seed in 1..=SEEDS {
+        for seed in 1..=seeds() {
             let found = fit_body(&body(&readings, &config, rate_hz, Some(seed)));
             let (identified, missed) = outside(&states(&found), &phi);
             (all, out) = (all + identified, out + missed);
         }
         assert!(all > 0 || rate_hz < 10.0, "{rate_hz} Hz: nothing is identified");
         let share = out as f64 / f64::max(all as f64, 1.0);
-        assert!(share <= most_outside(SEEDS), "{rate_hz} Hz: {out} of {all} intervals miss the truth");
+        assert!(share <= most_outside(seeds()), "{rate_hz} Hz: {out} of {all} intervals miss the truth");
     }
 }
 
 #[test]
 fn intervals_of_trees_hold_the_truth_at_every_rate() {
     let (two, seven) = (two_links(), seven_axes());
-    for rate_hz in RATES_HZ {
+    for rate_hz in rates_hz() {
         for (model, name) in [(&two, "two links"), (&seven, "seven axes")] {
             let (mut all, mut out) = (0, 0);
-            let runs = SEEDS / 2;
+            let runs = seeds() / 2;
             for seed in 1..=runs {
                 let recording = match name {
                     "two links" => two_link_recording(model, rate_hz, 40.0, Some(seed)),

@@ -1,6 +1,6 @@
 //! One golden frame per message: what is on the line, byte by byte.
 //!
-//! `OVERWRITE_GOLDENS=1 cargo test --release -p rigident-shared --test wire` writes them anew; a difference is
+//! `OVERWRITE_GOLDENS=1 cargo test -p rigident-shared --test wire` writes them anew; a difference is
 //! then a change of the wire and belongs into CHANGELOG.md.
 
 use std::collections::BTreeSet;

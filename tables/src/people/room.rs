@@ -71,12 +71,15 @@ pub fn table() -> String {
     out
 }
 
-/// Builds the program and returns where it is.
+/// Builds the program as people use it, and returns its path.
 fn built() -> PathBuf {
     let build = ["build", "--quiet", "--release", "--package", "rigident", "--bin", "rigident"];
     let status = Command::new(env!("CARGO")).args(build).current_dir(env!("CARGO_MANIFEST_DIR")).status();
     assert!(status.expect("cargo runs").success(), "the program is not built");
-    std::env::current_exe().expect("a path").with_file_name("rigident")
+    // This program is in a folder of its own profile, beside that of the released ones.
+    let own = std::env::current_exe().expect("a path");
+    let target = own.parent().and_then(Path::parent).expect("a target folder");
+    target.join("release/rigident")
 }
 
 /// Waits for the program, and returns how it ended and the most memory that it had, MB.

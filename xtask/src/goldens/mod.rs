@@ -139,11 +139,11 @@ fn one(case: &Case, binary: &Path, folder: &Path, options: &Options) -> Result<E
     })
 }
 
-/// Builds the current program and gives its path.
+/// Builds the current program as people use it, and returns its path.
 fn build() -> Result<PathBuf> {
     let mut command = process::cargo(places::root());
     process::run(command.args(["build", "--release", "-p", "rigident", "--bin", "rigident"]))?;
-    Ok(places::target().join("release/rigident"))
+    Ok(places::released("rigident"))
 }
 
 /// Where the goldens are.

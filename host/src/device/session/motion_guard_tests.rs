@@ -5,6 +5,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use rigident_sim::rig::{ReadingRow, Readings, RigConfig};
 
 use super::*;
+use crate::study_length::runs;
 
 const ALL: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
 /// Motions per kind.
@@ -94,7 +95,7 @@ fn ended(
 fn a_plate_that_follows_is_never_ended() {
     for (noise, rate_hz) in [(1.0, 100.0), (1.0, 1000.0), (10.0, 200.0)] {
         let config = config(noise);
-        for seed in 0..RUNS {
+        for seed in 0..runs(RUNS, 5) {
             let whole = thesis_program(&config.geometry, 20.0 + seed as f64);
             let program = if seed % 5 == 0 { whole } else { multisine(seed) };
             let rows = read(&config, &program, rate_hz, seed);

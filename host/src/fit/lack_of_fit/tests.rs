@@ -9,6 +9,7 @@ use super::noise::{PowerLaw, ROUNDING, basis};
 use super::score::{Common, Metric, drift};
 use super::*;
 use crate::fit::{Filter, SampleCounts};
+use crate::study_length::runs;
 
 struct Normal(ChaCha8Rng);
 
@@ -152,13 +153,14 @@ fn a_step_of_an_offset_is_none_of_the_body() {
     }
 }
 
-/// The probability that is told is an upper bound: of 400 recordings of noise, white or wandering, at most 5 % and four
+/// The probability that is reported is an upper bound: of recordings of noise, white or wandering, at most 5 % and four
 /// standard errors have one below 5 %. And no empty one: some have one below 90 %.
 #[test]
 fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
+    let count = runs(400, 60);
     for wanders in [false, true] {
         let (mut below, mut some) = (0, 0);
-        for seed in 0..400 {
+        for seed in 0..count {
             let mut normal = Normal::new(5000 + seed);
             let size = if wanders { 0.03 } else { 0.0 };
             let wander: Vec<f64> =
@@ -170,10 +172,11 @@ fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
             let whitening = Whitening::diagonal(&SIGMA.map(|s| 1.0 / s));
             let bins = Bins::new(&blocks.rows(&whitening, &weights));
             let chance = change::Search { bins: &bins, columns: &[2, 3, 0, 1], offsets: 2 }.chance().unwrap();
-            below += usize::from(chance < 0.05);
+            below += u32::from(chance < 0.05);
             some += usize::from(chance < 0.9);
         }
-        assert!(below as f64 <= 400.0 * 0.05 + 4.0 * (400.0 * 0.05_f64 * 0.95).sqrt(), "{wanders} {below}");
+        let all = count as f64;
+        assert!(f64::from(below) <= all * 0.05 + 4.0 * (all * 0.05 * 0.95).sqrt(), "{wanders} {below}");
         assert!(some > 0, "{wanders}");
     }
 }
@@ -430,7 +433,7 @@ impl NoiseRows for Noise {
 fn rest_before_motion_is_no_change_where_noise_is_in_the_rows() {
     let sigma: [f64; 2] = std::array::from_fn(|c| SIGMA[c].hypot(NOISE[c] * PHI[c]));
     let whitening = Whitening::diagonal(&sigma.map(|s| 1.0 / s));
-    let (runs, noise) = (60, Noise { sigma });
+    let (runs, noise) = (runs(60, 15), Noise { sigma });
     for off in [0.0, 0.05] {
         let mut mean = [0.0; 2];
         for seed in 0..runs {
@@ -467,7 +470,7 @@ fn rest_before_motion_is_no_change_where_noise_is_in_the_rows() {
                 }
             }
         }
-        // The mean of 60 numbers of 2 ± 2; four standard deviations.
+        // The mean of numbers of 2 ± 2; four standard deviations.
         assert!((mean[1] - 2.0).abs() < 4.0 * 2.0 / f64::from(runs as u32).sqrt(), "{mean:?}");
         assert!(mean[0] > 10.0, "{mean:?}");
     }

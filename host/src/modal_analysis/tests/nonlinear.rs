@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::{Finding, FreeDecay, Modes, Options, identify};
 use super::support::{NAMES, Normal, System};
+use crate::study_length::runs;
 
 const RATE_HZ: f64 = 200.0;
 
@@ -50,7 +51,7 @@ fn run(beta: f64, amplitude: f64, seed: u64) -> Modes {
 fn cubic_springs_are_said_at_large_amplitudes_with_shift_and_harmonic() {
     // 3 β A² / 8 k = 0.4 % of the frequency, 1.7 % and 6.7 %.
     for (amplitude, least) in [(0.02, 5e-4), (0.04, 2e-3), (0.08, 8e-3)] {
-        for seed in 0..5 {
+        for seed in 0..runs(5, 1) {
             let found = run(2500.0, amplitude, seed);
             let said = found.findings.iter().any(|f| match f {
                 Finding::LargeAmplitude { shift, limit, .. }
@@ -90,7 +91,7 @@ fn linear_springs_are_not_blamed() {
     let system = System::new(&[0.8, 1.1, 1.7, 2.9], &[0.003, 0.01, 0.006, 0.02], 21);
     let clean = system.decay(&DVector::from_row_slice(&[2e-3, 1e-3, -2e-3, 1e-3]), 100.0, 1200);
     let mut said = 0;
-    for seed in 0..200 {
+    for seed in 0..runs(200, 20) {
         let mut y = clean.clone();
         Normal::new(500 + seed).add(&mut y, &[1e-5, 2e-5, 5e-6, 1e-5]);
         let decay = FreeDecay { rate_hz: 100.0, samples: &y, names: &NAMES[..4] };

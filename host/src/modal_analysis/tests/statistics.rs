@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::{FreeDecay, Modes, Options, identify};
 use super::support::{NAMES, Normal, System, unit};
+use crate::study_length::runs;
 
-const RUNS: usize = 200;
 const RATE_HZ: f64 = 100.0;
 const SECONDS: f64 = 10.0;
 const HZ: [f64; 3] = [1.1, 1.7, 3.2];
@@ -46,9 +46,9 @@ fn tally(mut noise: impl FnMut(&mut DMatrix<f64>, u64)) -> Tally {
         errors: [0.0; 3],
         runs: 0,
     };
-    for run in 0..RUNS {
+    for run in 0..runs(200, 40) {
         let mut y = clean.clone();
-        noise(&mut y, run as u64);
+        noise(&mut y, run);
         let decay = FreeDecay { rate_hz: RATE_HZ, samples: &y, names: &NAMES[..3] };
         let found = identify(&decay, &Options { modes: Some(3), ..Options::default() }).expect("modes");
         assert_eq!(found.shapes.modes.len(), 3, "run {run}: {:?} {:?}", found.components, found.findings);

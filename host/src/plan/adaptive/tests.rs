@@ -1,4 +1,5 @@
 use crate::plan::carried::LoadBound;
+use crate::study_length::runs;
 use hexapod::FrameMotion;
 use hexapod::experiment::thesis_program;
 use hexapod::{Axis, BodyParameters, BodySet, Load, MotionProgram, Segment, Trajectory};
@@ -205,7 +206,10 @@ fn an_axis_that_does_not_follow_or_is_refused_is_found_and_done_without() {
     for rehearsal in [
         Rehearsal { stuck: [false, false, false, false, false, true], ..nominal.clone() },
         Rehearsal { refused: [false, false, false, false, false, true], ..nominal },
-    ] {
+    ]
+    .into_iter()
+    .take(runs(2, 1) as usize)
+    {
         let done = adaptive(&rehearsal);
         assert!(done.seconds.is_some() && done.error < 0.02, "{done:?}");
         assert_eq!(done.lost, [false, false, false, false, false, true], "{done:?}");
@@ -300,7 +304,8 @@ fn nothing_is_exceeded_whatever_the_body_the_limits_and_the_noise_are() {
         (120.0, [0.0, 0.0, 0.3], 1.0, 0.3),
         (120.0, [0.18, -0.18, 0.16], 0.3, 1.0),
     ];
-    for (mass_kg, com_m, limits, noise) in corners {
+    // After a change the light body and the one with the tightest limits.
+    for (mass_kg, com_m, limits, noise) in corners.into_iter().step_by(runs(1, 5) as usize) {
         let mut config = RigConfig::thesis_horizontal();
         let moment = mass_kg * gyration(mass_kg).powi(2);
         let inertia_com_kgm2 = [moment, 0.8 * moment, 0.5 * moment, 0.0, 0.0, 0.0];

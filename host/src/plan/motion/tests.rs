@@ -2,6 +2,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::super::information::PARAMETERS;
 use super::*;
+use crate::study_length::runs;
 
 fn task(objective: Objective) -> Task {
     Task { objective, duration_s: 24.0, starts: 2, rate_hz: 200.0, ..Task::new(Equipment::thesis_vertical()) }
@@ -237,9 +238,8 @@ fn weak_and_slow_legs_get_a_static_step_that_suits_them() {
         task.equipment.geometry.leg_rate_mps = rate;
         plan(&task, &AtomicBool::new(false), |_| ())
     };
-    for (force, rate) in
-        [(Some(60.0), 0.8), (Some(90.0), 0.8), (None, 0.02), (None, 0.005), (Some(60.0), 0.01)]
-    {
+    let limits = [(Some(60.0), 0.8), (Some(90.0), 0.8), (None, 0.02), (None, 0.005), (Some(60.0), 0.01)];
+    for (force, rate) in limits.into_iter().step_by(runs(1, 4) as usize) {
         let plan = limited(force, rate).unwrap_or_else(|e| panic!("{force:?} {rate}: {e}"));
         assert!(plan.guarantee.is_kept() && (plan.program.duration_s() - 600.0).abs() < 1e-6);
     }

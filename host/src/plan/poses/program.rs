@@ -136,11 +136,13 @@ mod tests {
     use super::*;
     use crate::plan::poses::Region;
     use crate::plan::poses::plan::{Task, plan};
+    use crate::study_length::runs;
 
     /// Whatever two poses a search may choose on the border, with and without a margin and half-way in.
     #[test]
     fn there_is_a_way_between_any_two_poses_of_the_border() {
-        for (stroke_m, margin) in [(None, 0.01), (None, 0.0), (Some(0.20), 0.01), (Some(0.10), 0.0)] {
+        let settings = [(None, 0.01), (None, 0.0), (Some(0.20), 0.01), (Some(0.10), 0.0)];
+        for (stroke_m, margin) in settings.into_iter().step_by(runs(1, 3) as usize) {
             let reach = Reach::new(Geometry::thesis(), stroke_m).unwrap().with_margin(margin).unwrap();
             let region = Region::of_platform(&reach);
             let border: Vec<Pose> = (0..14)

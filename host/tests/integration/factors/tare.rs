@@ -4,6 +4,7 @@ use rigident::fit::{Estimate, Fit, Noise};
 
 use super::simulated::{body, experiment, fixture, input, together};
 use crate::fitting::{fit_body, states};
+use crate::study_length::runs;
 
 fn tare_of(fixture: &Fit) -> Tare {
     Tare::new(PooledFactor::of(fixture, "fixture")).unwrap()
@@ -14,12 +15,12 @@ fn tare_of(fixture: &Fit) -> Tare {
 /// said, and 1.96/√2 standard deviations hold 83.4 %.
 #[test]
 fn the_uncertainty_of_the_fixture_is_in_that_of_the_body() {
-    const RUNS: u64 = 150;
+    let count = runs(150, 40);
     let (config, total) = experiment(together(&body(), &fixture()), 12.0);
     let (_, bare) = experiment(fixture(), 12.0);
     let truth = body().parameters();
     let (mut held, mut held_without) = ([0_u64; 10], [0_u64; 10]);
-    for seed in 0..RUNS {
+    for seed in 0..count {
         let mut run = fit_body(&input(&config, &total, 2 * seed + 1));
         let tare = tare_of(&fit_body(&input(&config, &bare, 2 * seed + 2)));
         let without = states(&run);
@@ -33,9 +34,9 @@ fn the_uncertainty_of_the_fixture_is_in_that_of_the_body() {
         }
     }
     // Four standard deviations of a binomial share: 6e-5 each.
-    let band = |p: f64| 4.0 * (p * (1.0 - p) / RUNS as f64).sqrt();
+    let band = |p: f64| 4.0 * (p * (1.0 - p) / count as f64).sqrt();
     for (j, (held, without)) in held.iter().zip(held_without).enumerate() {
-        let (held, without) = (*held as f64 / RUNS as f64, without as f64 / RUNS as f64);
+        let (held, without) = (*held as f64 / count as f64, without as f64 / count as f64);
         assert!((held - 0.95).abs() < band(0.95), "{j}: {held}");
         assert!((without - 0.834).abs() < band(0.834), "{j}: {without}");
     }
