@@ -7,6 +7,7 @@
 pub mod absent;
 pub mod interrupts;
 pub mod kernel_bits;
+mod memory;
 pub mod registers;
 pub mod ring;
 pub mod serial;
