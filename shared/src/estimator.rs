@@ -510,18 +510,22 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
                 let parameters = self.gathering.whole.well_determined(&self.deviations);
                 self.refer_to(parameters, self.deviations, knock_limit);
                 if !self.noise.counts() {
-                    self.looking = Looking::Gathering;
-                    return Some(self.deviations);
+                    return Some(self.end_look());
                 }
                 Looking::Refreshing
             }
             Looking::Refreshing if !self.refresh() => Looking::Refreshing,
             Looking::Refreshing => {
-                self.looking = Looking::Gathering;
-                return Some(self.deviations);
+                return Some(self.end_look());
             }
         };
         None
+    }
+
+    /// The next look begins with nothing gathered: this step has more room than its first one.
+    fn end_look(&mut self) -> [T; N] {
+        (self.gathering.whole, self.looking) = (InformationFactor::EMPTY, Looking::Gathering);
+        self.deviations
     }
 
     /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`, and what had happened

@@ -1,8 +1,9 @@
 use core::fmt::Debug;
 use core::iter::Sum;
-use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Range, Sub, SubAssign};
 
 use crate::factor::{self, Column};
+use crate::linear_algebra::vector;
 use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
 
 mod sealed {
@@ -68,12 +69,57 @@ pub trait Scalar:
     /// 32 bits that are others whenever the number is another single.
     #[doc(hidden)]
     fn trace_bits(self) -> u32;
-    /// Reduces six rows into a triangle; see [`crate::factor`]. The target has a kernel of its own for it.
+    /// Reduces six rows into a triangle; see [`crate::factor`]. The target has kernels of its own for this and the following.
     #[doc(hidden)]
-    fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self;
+    fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self {
+        let all = columns.len();
+        Self::reduce_part(triangle, stride, columns, 0..all)
+    }
+    /// Reduces the columns of this range; see [`crate::factor`].
+    #[doc(hidden)]
+    fn reduce_part(
+        triangle: &mut [Self],
+        stride: usize,
+        columns: &mut [Column<Self>],
+        range: Range<usize>,
+    ) -> Self {
+        factor::reduce(triangle, stride, columns, range)
+    }
     /// Reduces rows into a packed triangle; see [`crate::factor::PackedFactor`].
     #[doc(hidden)]
-    fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self;
+    fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self {
+        factor::reduce_packed(triangle, columns)
+    }
+    /// Returns `a·b`, of as many numbers as both have.
+    #[doc(hidden)]
+    #[inline(always)]
+    fn dot(a: &[Self], b: &[Self]) -> Self {
+        vector::portable::dot(a, b)
+    }
+    /// Adds `by` times other numbers, as far as both go.
+    #[doc(hidden)]
+    #[inline(always)]
+    fn add_scaled(to: &mut [Self], from: &[Self], by: Self) {
+        vector::portable::add_scaled(to, from, by);
+    }
+    /// Multiplies all numbers.
+    #[doc(hidden)]
+    #[inline(always)]
+    fn scale(all: &mut [Self], by: Self) {
+        vector::portable::scale(all, by);
+    }
+    /// Returns `a·a`, `b·b` and `a·b`.
+    #[doc(hidden)]
+    #[inline(always)]
+    fn squares(a: &[Self], b: &[Self]) -> (Self, Self, Self) {
+        vector::portable::squares(a, b)
+    }
+    /// Rotates two columns by the angle of this cosine and sine.
+    #[doc(hidden)]
+    #[inline(always)]
+    fn rotate(p: &mut [Self], q: &mut [Self], cosine: Self, sine: Self) {
+        vector::portable::rotate(p, q, cosine, sine);
+    }
     /// The larger of two; `self` if either is NaN.
     fn max(self, other: Self) -> Self {
         if other > self { other } else { self }
@@ -81,7 +127,7 @@ pub trait Scalar:
 }
 
 macro_rules! scalar {
-    ($t:ty, $tiny:expr, $sqrt:path, $reduce:path, $reduce_packed:path) => {
+    ($t:ty, $tiny:expr, $sqrt:path, { $($kernels:tt)* }) => {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -92,14 +138,7 @@ macro_rules! scalar {
             fn sqrt(self) -> Self {
                 $sqrt(self)
             }
-            #[inline(always)]
-            fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self {
-                $reduce(triangle, stride, columns)
-            }
-            #[inline(always)]
-            fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self {
-                $reduce_packed(triangle, columns)
-            }
+            $($kernels)*
             #[inline(always)]
             fn from_f64_const(value: f64) -> Self {
                 value as $t
@@ -132,10 +171,44 @@ macro_rules! scalar {
     };
 }
 #[cfg(all(target_arch = "arm", target_os = "none"))]
-scalar!(f32, 1e-18, square_root::single, factor::reduce_on_core, factor::reduce_packed_on_core);
+scalar!(f32, 1e-18, square_root::single, {
+    #[inline(always)]
+    fn reduce_part(
+        triangle: &mut [Self],
+        stride: usize,
+        columns: &mut [Column<Self>],
+        range: Range<usize>,
+    ) -> Self {
+        factor::reduce_on_core(triangle, stride, columns, range)
+    }
+    #[inline(always)]
+    fn reduce_packed(triangle: &mut [Self], columns: &mut [Column<Self>]) -> Self {
+        factor::reduce_packed_on_core(triangle, columns)
+    }
+    #[inline(always)]
+    fn dot(a: &[Self], b: &[Self]) -> Self {
+        vector::on_core::dot(a, b)
+    }
+    #[inline(always)]
+    fn add_scaled(to: &mut [Self], from: &[Self], by: Self) {
+        vector::on_core::add_scaled(to, from, by);
+    }
+    #[inline(always)]
+    fn scale(all: &mut [Self], by: Self) {
+        vector::on_core::scale(all, by);
+    }
+    #[inline(always)]
+    fn squares(a: &[Self], b: &[Self]) -> (Self, Self, Self) {
+        vector::on_core::squares(a, b)
+    }
+    #[inline(always)]
+    fn rotate(p: &mut [Self], q: &mut [Self], cosine: Self, sine: Self) {
+        vector::on_core::rotate(p, q, cosine, sine);
+    }
+});
 #[cfg(not(all(target_arch = "arm", target_os = "none")))]
-scalar!(f32, 1e-18, square_root::single, factor::reduce, factor::reduce_packed);
-scalar!(f64, 1e-150, square_root::double, factor::reduce, factor::reduce_packed);
+scalar!(f32, 1e-18, square_root::single, {});
+scalar!(f64, 1e-150, square_root::double, {});
 
 /// `core` has no stable square root. Hosts have one in `std`; the Cortex-M4F has one instruction for `f32`,
 /// which no stable intrinsic reaches, so a two-instruction function is given in assembly. `libm::sqrtf`

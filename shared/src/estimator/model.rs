@@ -66,7 +66,7 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     /// Does one step towards that, using the store up; true when `whole`, which began empty, is it.
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool;
     /// Does one step towards it; true when `gathering` holds it.
-    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool;
+    fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool;
     /// Begins with this factor instead of nothing. False, and nothing is done, where not everything is kept.
     fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool;
     /// Keeps what this memory keeps, from now on.
@@ -114,7 +114,7 @@ impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
         Self::restore(self, factor)
     }
     #[inline]
-    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+    fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         Self::gather(self, gathering)
     }
     #[inline]
@@ -167,7 +167,7 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Store<T, N> for Cascade<T, N
         Self::restore(self, factor)
     }
     #[inline]
-    fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+    fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         Self::gather(self, gathering)
     }
 }

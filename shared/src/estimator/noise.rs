@@ -191,6 +191,8 @@ struct Refresh<T: Scalar> {
     covariance: Square<T>,
     design: Design<T>,
     whitening: Whitening<T>,
+    /// See [`BodyNoise::signal_gains`].
+    gains: [T; CHANNELS],
     unit: Gram<T, BODY>,
     /// The most that a variance was taken too small.
     excess: T,
@@ -211,6 +213,8 @@ enum Stage {
     /// Is noise larger than it was taken to be?
     Compare,
     Take,
+    /// What row blocks have added until then.
+    Count,
 }
 
 impl<T: Scalar> Refresh<T> {
@@ -223,6 +227,7 @@ impl<T: Scalar> Refresh<T> {
         covariance: [[T::ZERO; CHANNELS]; CHANNELS],
         design: Design::UNUSED,
         whitening: Whitening { columns: [[T::ZERO; CHANNELS]; CHANNELS], poles: [T::ZERO; POLES] },
+        gains: [T::ZERO; CHANNELS],
         unit: Gram::ZERO,
         excess: T::ZERO,
     };
@@ -243,6 +248,36 @@ fn change<T: Scalar>(config: &EstimatorConfig<T>, k: usize) -> RegressorBlock<T>
         *slot = *entry * scale;
     }
     regressor::block(&signals, &mounting.position)
+}
+
+/// Adds what noisy signal `k`, of which each channel has these variances, brings to a row block; above the diagonal.
+#[inline(never)]
+fn add_signal<T: Scalar>(
+    config: &EstimatorConfig<T>,
+    whitening: &Whitening<T>,
+    gains: &[T; CHANNELS],
+    k: usize,
+    unit: &mut Gram<T, BODY>,
+) {
+    let mut whitened = change(config, k).columns;
+    for column in &mut whitened {
+        let from = *column;
+        *column = [T::ZERO; CHANNELS];
+        for (t, a) in whitening.columns.iter().zip(from) {
+            if a != T::ZERO {
+                add_scaled(column, t, a);
+            }
+        }
+    }
+    for (j, (column, own)) in unit.columns.iter_mut().zip(&whitened).enumerate() {
+        let mut weighted = *own;
+        for (w, gain) in weighted.iter_mut().zip(gains) {
+            *w *= *gain;
+        }
+        for (entry, other) in column.iter_mut().zip(&whitened).take(j + 1) {
+            *entry += dot_slices(&weighted, other);
+        }
+    }
 }
 
 /// The covariance of the load cell's noise per sample.
@@ -290,24 +325,35 @@ impl<T: Scalar> BodyNoise<T> {
 
     #[inline(never)]
     fn begin(&mut self, config: &EstimatorConfig<T>) {
-        let mut unit = Gram::ZERO;
         self.whitening = Whitening::diagonal(&super::config::weights(config));
+        self.unit = Gram::ZERO;
         for k in 0..NOISY {
-            self.add_signal(config, &self.whitening, k, &mut unit);
+            let gains = self.signal_gains(&self.whitening, k);
+            add_signal(config, &self.whitening, &gains, k, &mut self.unit);
         }
-        unit.mirror();
-        self.unit = unit;
+        self.unit.mirror();
         self.covariance = of_load_cell(config);
         (self.together, self.low_pass, self.shrink) = (false, LowPass::NEW, None);
         (self.gram, self.segment, self.snapshot) = (Gram::ZERO, Gram::ZERO, Gram::ZERO);
         (self.counted, self.refreshed, self.refresh.stage) = (0, 0, Stage::Idle);
     }
 
+    /// Counts what has been added up to this row block.
+    #[inline(never)]
+    fn count(&mut self, blocks: u32) {
+        self.gram.add(&self.unit, T::from_u32(blocks.wrapping_sub(self.counted)));
+        self.counted = blocks;
+    }
+
     /// What has been added up to this row block.
     #[inline(never)]
     fn total(&self, blocks: u32) -> Gram<T, BODY> {
-        let mut gram = self.gram;
-        gram.add(&self.unit, T::from_u32(blocks.wrapping_sub(self.counted)));
+        let (mut gram, mut unit, mut counted) = (self.gram, &self.unit, self.counted);
+        if self.refresh.stage == Stage::Count {
+            gram.add(unit, T::from_u32(self.refreshed.wrapping_sub(counted)));
+            (unit, counted) = (&self.refresh.unit, self.refreshed);
+        }
+        gram.add(unit, T::from_u32(blocks.wrapping_sub(counted)));
         gram
     }
 
@@ -325,15 +371,9 @@ impl<T: Scalar> BodyNoise<T> {
         }
     }
 
-    /// Adds what noisy signal `k` brings to a row block; above the diagonal.
+    /// Variance behind filter and whitening that noisy signal `k` brings to each channel.
     #[inline(never)]
-    fn add_signal(
-        &self,
-        config: &EstimatorConfig<T>,
-        whitening: &Whitening<T>,
-        k: usize,
-        unit: &mut Gram<T, BODY>,
-    ) {
+    fn signal_gains(&self, whitening: &Whitening<T>, k: usize) -> [T; CHANNELS] {
         let [white, derivative] = &self.autocovariance;
         let (sigma, autocovariance) =
             if k < 3 { (self.imu.accel, white) } else { (self.imu.gyro, derivative) };
@@ -341,25 +381,7 @@ impl<T: Scalar> BodyNoise<T> {
         for (c, gain) in gains.iter_mut().enumerate() {
             *gain = sigma * sigma * whitening.gain(c, autocovariance);
         }
-        let mut whitened = change(config, k).columns;
-        for column in &mut whitened {
-            let from = *column;
-            *column = [T::ZERO; CHANNELS];
-            for (t, a) in whitening.columns.iter().zip(from) {
-                if a != T::ZERO {
-                    add_scaled(column, t, a);
-                }
-            }
-        }
-        for (j, (column, own)) in unit.columns.iter_mut().zip(&whitened).enumerate() {
-            let mut weighted = *own;
-            for (w, gain) in weighted.iter_mut().zip(&gains) {
-                *w *= *gain;
-            }
-            for (entry, other) in column.iter_mut().zip(&whitened).take(j + 1) {
-                *entry += dot_slices(&weighted, other);
-            }
-        }
+        gains
     }
 
     /// Adds what noisy signal `k` leaves in the residuals of the estimate, its uncertainty included.
@@ -456,13 +478,19 @@ impl<T: Scalar> BodyNoise<T> {
             Stage::Finish => {
                 let every = T::from_u32(u32::from(config.row_every));
                 self.refresh.whitening = self.refresh.design.finish(every, self.period_s);
-                self.refresh.unit = Gram::ZERO;
                 Stage::Unit(0)
             }
             Stage::Unit(k) => {
-                let mut unit = self.refresh.unit;
-                self.add_signal(config, &self.refresh.whitening, usize::from(k), &mut unit);
-                self.refresh.unit = unit;
+                if k == 0 {
+                    self.refresh.unit = Gram::ZERO;
+                    self.refresh.gains = self.signal_gains(&self.refresh.whitening, 0);
+                }
+                let Refresh { whitening, gains, unit, .. } = &mut self.refresh;
+                add_signal(config, whitening, gains, usize::from(k), unit);
+                // The axes of a sensor have the same; those of the gyro are reckoned with the last of the accelerometer.
+                if k == 2 {
+                    self.refresh.gains = self.signal_gains(&self.refresh.whitening, 3);
+                }
                 if usize::from(k) + 1 < NOISY { Stage::Unit(k + 1) } else { Stage::Compare }
             }
             Stage::Compare => {
@@ -471,19 +499,23 @@ impl<T: Scalar> BodyNoise<T> {
                 Stage::Take
             }
             Stage::Take => {
-                self.gram = self.total(blocks);
-                (self.counted, self.refreshed) = (blocks, blocks);
-                let excess = self.refresh.excess;
-                self.shrink = (excess > T::from_f32(TOO_LARGE)).then(|| T::ONE / excess.sqrt());
-                (self.unit, self.whitening) = (self.refresh.unit, self.refresh.whitening);
-                self.covariance = self.refresh.covariance;
-                (self.together, self.refresh.stage) = (true, Stage::Idle);
+                self.refreshed = blocks;
+                self.whitening = self.refresh.whitening;
+                (self.together, self.refresh.stage) = (true, Stage::Count);
                 let (gain, _) = self.gains();
-                let mut variance = diagonal(&self.covariance);
+                let mut variance = diagonal(&self.refresh.covariance);
                 for variance in &mut variance {
                     *variance *= gain;
                 }
                 return Refreshed::Together(variance);
+            }
+            Stage::Count => {
+                self.count(self.refreshed);
+                let excess = self.refresh.excess;
+                self.shrink = (excess > T::from_f32(TOO_LARGE)).then(|| T::ONE / excess.sqrt());
+                (self.unit, self.covariance) = (self.refresh.unit, self.refresh.covariance);
+                self.refresh.stage = Stage::Idle;
+                return Refreshed::Done;
             }
         };
         Refreshed::More
@@ -604,7 +636,7 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for BodyNoise<T> {
     fn take_shrink(&mut self, blocks: u32) -> Option<T> {
         let by = self.shrink.take();
         if let Some(by) = by {
-            (self.gram, self.counted) = (self.total(blocks), blocks);
+            self.count(blocks);
             self.gram.scale(by * by);
         }
         by

@@ -69,7 +69,7 @@ fn reading(n: u32, random: &mut Random, noisy: bool) -> crate::calibration::Read
 fn of_truth(estimator: &Estimator<f64, 10, TAPS>) -> BodyNoise<f64> {
     let mut noise = estimator.noise;
     noise.begin_anew(&config(), &body().to_vector(), &[0.0; 10], 1);
-    while noise.step(&config(), 1) == Refreshed::More {}
+    while noise.step(&config(), 1) != Refreshed::Done {}
     noise
 }
 

@@ -1,20 +1,15 @@
 use core::num::NonZeroU16;
 
 use super::cascade::Levels;
-use super::{BLOCK_ROWS, Block, Column, Gram, InformationFactor};
+use super::level::{COLUMNS, Columns, Level, estimated, write, write_together};
+use super::{BLOCK_ROWS, Column, Gram, InformationFactor};
 use crate::Scalar;
 use crate::forgetting::{Memory, Plan};
 use crate::linear_algebra::{ROOM, scale};
-use crate::regressor::{self, RegressorBlock, SIGNALS};
+use crate::regressor::{self, SIGNALS};
 use crate::spatial::{Position, Sensor};
-use crate::whitening::{CHANNELS, LowPass, Passes, Whitening, combined};
+use crate::whitening::{CHANNELS, LowPass, Whitening};
 
-/// Parameters that forces see: mcx, mcy, mcz, m, and the offset.
-const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
-/// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset; then those that they do not see.
-const ALL: [usize; 16] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15, 0, 10, 11, 12];
-/// The same where the offset is known.
-const TEN: [usize; 10] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 0];
 /// Levels above the absorbing one: 1600 · 100³ wrenches before the last takes more than a hundred merges.
 const UPPER: usize = 3;
 /// Steps of [`BodyCascade::fold`]: those for what is above the absorbing level, that of a level that is being merged (several
@@ -26,6 +21,8 @@ const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a block of rows that see all parameters.
 const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
+/// For each parameter so many pairs of columns are reduced at once, where the rest has time: a tenth of a reduction.
+const SOME: usize = 2;
 /// Wrenches in a full absorbing level.
 const FULL: u16 = 1600;
 /// The same of rows that see all parameters, as one triangle takes all of them.
@@ -44,8 +41,10 @@ const FULL_TOGETHER: u16 = FULL / 2;
 pub struct BodyCascade<T: Scalar, const N: usize> {
     level: Level<T>,
     columns: Columns<T>,
-    /// Wrenches in the columns, three rows each, that wait for a fourth.
+    /// Wrenches in the columns: three rows each that wait for a fourth, or until all four are reduced.
     waiting: u8,
+    /// Columns of four wrenches that are reduced already; see [`Level::reduce`].
+    reduced: u8,
     /// Rows see all parameters, and go into the moments' triangle.
     together: bool,
     /// Wrenches in the level and in the columns.
@@ -68,205 +67,6 @@ enum Upper<T: Scalar, const N: usize> {
     Memory(Memory<T, N>),
 }
 
-/// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last that the rows
-/// see.
-#[derive(Clone, Copy, Debug)]
-struct Level<T: Scalar> {
-    force: [[T; FORCE.len()]; FORCE.len() + 1],
-    moment: [[T; ALL.len()]; ALL.len() + 1],
-    residual_sum_of_squares: T,
-}
-
-impl<T: Scalar> Level<T> {
-    const EMPTY: Self = Self {
-        force: [[T::ZERO; FORCE.len()]; FORCE.len() + 1],
-        moment: [[T::ZERO; ALL.len()]; ALL.len() + 1],
-        residual_sum_of_squares: T::ZERO,
-    };
-
-    #[inline(never)]
-    fn reduce(&mut self, columns: &mut Columns<T>, offset: bool) {
-        let (force, moment) = estimated(offset);
-        if let Some((m, rest)) = columns.split_at_mut_checked(moment + 1)
-            && let Some(f) = rest.get_mut(..=force)
-        {
-            self.residual_sum_of_squares += T::reduce(self.force.as_flattened_mut(), FORCE.len(), f);
-            self.residual_sum_of_squares += T::reduce(self.moment.as_flattened_mut(), ALL.len(), m);
-        }
-    }
-
-    /// Reduces rows that see all `n` parameters.
-    #[inline(never)]
-    fn reduce_together(&mut self, columns: &mut Columns<T>, n: usize) {
-        if let Some(columns) = columns.get_mut(..=n) {
-            self.residual_sum_of_squares += T::reduce(self.moment.as_flattened_mut(), ALL.len(), columns);
-        }
-    }
-
-    /// Makes room in the moments' triangle for the parameters that moments do not see.
-    fn widen(&mut self, offset: bool) {
-        let (_, moment) = estimated(offset);
-        let all = if offset { ALL.len() } else { TEN.len() };
-        self.moment.swap(moment, all);
-    }
-
-    /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such part.
-    #[inline(never)]
-    fn merge_part<const N: usize>(
-        &self,
-        part: u8,
-        wrenches: u16,
-        together: bool,
-        factor: &mut InformationFactor<T, N>,
-    ) -> bool {
-        let (force, moment) = estimated(N == 16);
-        let moment = if together { N } else { moment };
-        let of_moments: &[usize] = if N == 16 { &ALL } else { &TEN };
-        let first = usize::from(part) * BLOCK_ROWS;
-        if first >= force + moment {
-            return false;
-        }
-        let mut block = Block::ZERO;
-        for slot in 0..BLOCK_ROWS {
-            // The triangles' rows one below the other.
-            let row = first + slot;
-            if row < force {
-                place(&mut block, slot, &self.force, row, FORCE.get(..force).unwrap_or_default());
-            } else {
-                place(
-                    &mut block,
-                    slot,
-                    &self.moment,
-                    row - force,
-                    of_moments.get(..moment).unwrap_or_default(),
-                );
-            }
-        }
-        factor.reduce(0, &mut block);
-        if part == 0 {
-            factor.residual_sum_of_squares += self.residual_sum_of_squares;
-            factor.rows = factor.rows.saturating_add(6 * u32::from(wrenches));
-        }
-        true
-    }
-}
-
-/// Writes row `row` of `[R z]`, whose columns are these parameters, as row `slot` of the block.
-fn place<T: Scalar, const N: usize, const K: usize>(
-    block: &mut Block<T, N>,
-    slot: usize,
-    triangle: &[[T; K]],
-    row: usize,
-    parameters: &[usize],
-) {
-    let mut columns = triangle.iter().filter_map(|column| column.get(row));
-    for (parameter, entry) in parameters.iter().zip(&mut columns) {
-        if let Some(target) = block.columns.get_mut(*parameter).and_then(|c| c.rows.get_mut(slot)) {
-            *target = *entry;
-        }
-    }
-    if let Some((target, z)) = block.rhs.rows.get_mut(slot).zip(columns.next()) {
-        *target = *z;
-    }
-}
-
-/// Returns how many of [`FORCE`] are estimated, and how many parameters moments see.
-const fn estimated(offset: bool) -> (usize, usize) {
-    if offset { (FORCE.len(), 12) } else { (4, 9) }
-}
-
-/// The columns of the moments and their right-hand side, then those of the forces, then what is not used. Of rows that see
-/// all parameters: the columns of all and their right-hand side.
-type Columns<T> = [Column<T>; COLUMNS];
-const COLUMNS: usize = 12 + FORCE.len() + 2;
-
-/// Writes a wrench's whitened rows as the `third`th three rows of all columns.
-#[inline(always)]
-fn write<T: Scalar>(
-    columns: &mut Columns<T>,
-    third: usize,
-    rows: &RegressorBlock<T>,
-    weights: &[T; 6],
-    offset: bool,
-) {
-    let (force, moment) = estimated(offset);
-    let [wfx, wfy, wfz, wmx, wmy, wmz] = *weights;
-    let whitened_force = |c: &[T; 6]| [c[0] * wfx, c[1] * wfy, c[2] * wfz];
-    let whitened_moment = |c: &[T; 6]| [c[3] * wmx, c[4] * wmy, c[5] * wmz];
-    for k in 0..6 {
-        columns[k].set_third(third, whitened_moment(&rows.columns[4 + k]));
-    }
-    for k in 0..3 {
-        // −[a]× has no diagonal.
-        let mut cross = whitened_moment(&rows.columns[1 + k]);
-        cross[k] = T::ZERO;
-        columns[6 + k].set_third(third, cross);
-    }
-    columns[moment].set_third(third, whitened_moment(&rows.wrench));
-    let f = moment + 1;
-    for k in 0..3 {
-        columns[f + k].set_third(third, whitened_force(&rows.columns[1 + k]));
-    }
-    columns[f + 3].set_third(third, whitened_force(&rows.columns[0]));
-    if offset {
-        let unit = |w: [T; 3], k: usize| core::array::from_fn(|axis| if axis == k { w[k] } else { T::ZERO });
-        for k in 0..3 {
-            columns[9 + k].set_third(third, unit([wmx, wmy, wmz], k));
-            columns[f + 4 + k].set_third(third, unit([wfx, wfy, wfz], k));
-        }
-    }
-    columns[f + force].set_third(third, whitened_force(&rows.wrench));
-}
-
-/// Writes a wrench's rows, whitened together, as the `half`th six rows of all columns.
-#[inline(never)]
-fn write_together<T: Scalar>(
-    columns: &mut Columns<T>,
-    half: usize,
-    rows: &RegressorBlock<T>,
-    factors: &[T; CHANNELS],
-    whitening: &Whitening<T>,
-    low_pass: &mut LowPass<T>,
-    offset: bool,
-) {
-    let mut by = whitening.columns;
-    if factors.iter().any(|factor| *factor < T::ONE) {
-        for (column, factor) in by.iter_mut().zip(factors) {
-            *column = column.map(|t| t * *factor);
-        }
-    }
-    let [fx, fy, fz, mx, my, mz] = by;
-    let passes = Passes::of(whitening);
-    let mut put = |position: usize, mut column: [T; CHANNELS]| {
-        low_pass.pass(position, &passes, &mut column);
-        columns[position].set_half(half, column);
-    };
-    for k in 0..6 {
-        let [.., a, b, c] = rows.columns[4 + k];
-        put(k, combined(&[mx, my, mz], &[a, b, c]));
-    }
-    for k in 0..3 {
-        put(6 + k, combined(&by, &rows.columns[1 + k]));
-    }
-    let [a, b, c, ..] = rows.columns[0];
-    let mass = combined(&[fx, fy, fz], &[a, b, c]);
-    let n = if offset {
-        for (k, column) in [mx, my, mz].into_iter().enumerate() {
-            put(9 + k, column);
-        }
-        put(12, mass);
-        for (k, column) in [fx, fy, fz].into_iter().enumerate() {
-            put(13 + k, column);
-        }
-        16
-    } else {
-        put(9, mass);
-        10
-    };
-    put(n, combined(&by, &rows.wrench));
-    low_pass.end();
-}
-
 impl<T: Scalar, const N: usize> Default for BodyCascade<T, N> {
     fn default() -> Self {
         Self::new()
@@ -282,6 +82,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             level: Level::EMPTY,
             columns: [Column::ZERO; COLUMNS],
             waiting: 0,
+            reduced: 0,
             together: false,
             wrenches: 0,
             parts_merged: 0,
@@ -294,7 +95,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// [`Self::take_segment`] when one is complete, and give it to [`Self::memory`].
     #[inline(never)]
     pub(crate) fn set_memory(&mut self, plan: &Plan<T, N>) {
-        (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
+        (self.level, self.waiting, self.reduced, self.wrenches) = (Level::EMPTY, 0, 0, 0);
         self.segment = NonZeroU16::new(plan.segment_blocks());
         self.upper = Upper::Memory(Memory::new(plan));
     }
@@ -356,16 +157,22 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// [`regressor::block`].
     #[inline(always)]
     pub fn absorb(&mut self, signals: &[T; SIGNALS], lever_arm: &Position<Sensor, T>, weights: &[T; 6]) {
-        let offset = N == 16;
+        if self.is_full() {
+            self.reduce_waiting();
+        }
         let rows = regressor::block(signals, lever_arm);
-        write(&mut self.columns, usize::from(self.waiting % WRENCHES), &rows, weights, offset);
-        self.waiting = (self.waiting + 1) % WRENCHES;
+        write(&mut self.columns, usize::from(self.waiting % WRENCHES), &rows, weights, N == 16);
+        self.waiting += 1;
         self.wrenches = self.wrenches.saturating_add(1);
-        if self.waiting == 0 {
-            self.level.reduce(&mut self.columns, offset);
-        } else {
+        if self.waiting < WRENCHES {
             self.tidy(FULL);
         }
+    }
+
+    /// Returns whether forces and moments of four wrenches are still to be reduced.
+    #[inline]
+    fn is_full(&self) -> bool {
+        !self.together && self.waiting >= WRENCHES
     }
 
     /// Absorbs the six rows of a wrench, each multiplied by its factor and then whitened together. All rows from the first such
@@ -397,11 +204,14 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Where rows see all parameters: reduces those that fill a block, or hands a part of a full level up, which
-    /// [`Self::absorb_together`] else does itself, later. Returns whether there was something to do.
+    /// Does a part of what absorbing has left to be done, which it else does itself, later: reduces rows that fill a block, or, where
+    /// rows see all parameters, hands a part of a full level up. Returns whether that took about as long as absorbing does.
     #[inline]
     pub fn settle(&mut self) -> bool {
         if !self.together {
+            if self.is_full() {
+                self.reduce_some(SOME * N);
+            }
             return false;
         }
         if self.waiting >= PAIR && self.parts_merged == 0 {
@@ -422,6 +232,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         if self.together {
             return;
         }
+        if self.is_full() {
+            self.reduce_waiting();
+        }
         while self.parts_merged > 0 {
             self.tidy(FULL);
         }
@@ -435,6 +248,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// Multiplies all rows absorbed so far.
     #[inline(never)]
     pub(crate) fn scale(&mut self, by: T) {
+        if self.is_full() {
+            self.reduce_waiting();
+        }
         let Level { force, moment, residual_sum_of_squares } = &mut self.level;
         scale(force.as_flattened_mut(), by);
         scale(moment.as_flattened_mut(), by);
@@ -471,6 +287,10 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is that. Nothing
     /// may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
     pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
+        if self.is_full() {
+            self.reduce_waiting();
+            return false;
+        }
         let k = usize::from(*step);
         let mut stays = false;
         match (k, &self.upper) {
@@ -502,18 +322,38 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
 
     /// Takes what waits in the columns into the absorbing level.
     fn reduce_waiting(&mut self) {
-        let rows = if self.together { CHANNELS } else { 3 } * usize::from(self.waiting);
-        for column in &mut self.columns {
-            for row in column.rows.iter_mut().skip(rows) {
-                *row = T::ZERO;
+        let (force, moment) = estimated(N == 16);
+        let (of_each, used) = if self.together { (CHANNELS, N + 1) } else { (3, force + moment + 2) };
+        let rows = of_each * usize::from(self.waiting);
+        if rows < BLOCK_ROWS {
+            for column in self.columns.iter_mut().take(used) {
+                for row in column.rows.iter_mut().skip(rows) {
+                    *row = T::ZERO;
+                }
             }
         }
         if self.together {
             self.level.reduce_together(&mut self.columns, N);
-        } else {
-            self.level.reduce(&mut self.columns, N == 16);
+            self.waiting = 0;
+            return;
         }
-        self.waiting = 0;
+        if self.reduced == 0 {
+            self.level.reduce_all(&mut self.columns, N == 16);
+            self.waiting = 0;
+        }
+        while self.waiting > 0 {
+            self.reduce_some(usize::MAX);
+        }
+    }
+
+    /// Reduces some columns of what waits.
+    #[inline(never)]
+    fn reduce_some(&mut self, most: usize) {
+        let left = self.level.reduce(&mut self.columns, N == 16, self.reduced, most);
+        self.reduced = left.unwrap_or(0);
+        if left.is_none() {
+            self.waiting = 0;
+        }
     }
 
     /// One factor of everything absorbed.
@@ -526,10 +366,13 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
 
     /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of it. True
     /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what came since.
-    pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
+    pub fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
-        if *step == 0 {
+        if *step == 0 && whole.rows > 0 {
             *whole = InformationFactor::EMPTY;
+        }
+        if self.is_full() {
+            self.reduce_waiting();
         }
         let Upper::Levels(upper) = &self.upper else { return true };
         // Highest first: what moves up meanwhile is left out, never counted twice.

@@ -219,7 +219,7 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
     /// are left out.
     pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
-        if *step == 0 {
+        if *step == 0 && whole.rows > 0 {
             *whole = InformationFactor::EMPTY;
         }
         // Highest first: what moves up meanwhile is left out, never counted twice.

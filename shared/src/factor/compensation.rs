@@ -237,10 +237,11 @@ impl<T: Scalar> Compensation<T> {
     /// Reduces twelve of the rows.
     fn reduce(&mut self, part: usize) {
         if part == 0 {
-            self.triangle.as_flattened_mut().fill(T::ZERO);
+            let used = self.triangle.as_flattened_mut().get_mut(..(self.n + 1) * ROOM);
+            used.unwrap_or_default().fill(T::ZERO);
         }
         let mut columns = [Column::ZERO; ROOM + 1];
-        for (target, column) in columns.iter_mut().zip(&self.rows) {
+        for (target, column) in columns.iter_mut().zip(&self.rows).take(self.n + 1) {
             for (slot, entry) in target.rows.iter_mut().zip(column.iter().skip(part * BLOCK_ROWS)) {
                 *slot = *entry;
             }

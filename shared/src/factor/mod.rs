@@ -12,6 +12,7 @@ mod body;
 mod cascade;
 mod compensation;
 mod gram;
+mod level;
 mod marginal;
 mod packed;
 mod reflection;
@@ -30,7 +31,7 @@ pub(crate) use reflection::{reduce, reduce_packed};
 pub(crate) use reflection::{reduce_on_core, reduce_packed_on_core};
 
 use crate::Scalar;
-use crate::linear_algebra::scale;
+use crate::linear_algebra::{copy, scale};
 
 /// `R`, `z`, the residual sum of squares and the row count of all rows seen.
 ///
@@ -184,16 +185,11 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         let first = part * BLOCK_ROWS;
         let mut block = Block::ZERO;
         let Triangle { r, z } = &other.triangle;
-        // Below the diagonal there is nothing to be copied.
-        for (j, (target, column)) in block.columns.iter_mut().zip(r).enumerate().skip(first) {
-            let entries = column.get(first..=j).unwrap_or_default();
-            for (slot, entry) in target.rows.iter_mut().zip(entries) {
-                *slot = *entry;
-            }
+        // Below the diagonal there are zeros.
+        for (target, column) in block.columns.iter_mut().zip(r).skip(first) {
+            copy(&mut target.rows, column.get(first..).unwrap_or_default());
         }
-        for (slot, entry) in block.rhs.rows.iter_mut().zip(z.get(first..).unwrap_or_default()) {
-            *slot = *entry;
-        }
+        copy(&mut block.rhs.rows, z.get(first..).unwrap_or_default());
         self.reduce(first, &mut block);
         if part + 1 == Self::PARTS {
             self.residual_sum_of_squares += other.residual_sum_of_squares;

@@ -11,6 +11,8 @@
 //! that M rows of a column cost 4M + 2 operations. ρ is only ever added to: with the textbook sign each block would
 //! round it anew.
 
+use core::ops::Range;
+
 use crate::Scalar;
 
 /// Rows of a block: two wrenches, or the forces or moments of four.
@@ -68,14 +70,25 @@ fn dot<T: Scalar>(a: &[T; BLOCK_ROWS], b: &[T; BLOCK_ROWS], from: T) -> T {
 }
 
 /// Reduces the columns, the last one being the right-hand side, into `[R z]`, whose column j, of at least j + 1
-/// numbers, starts at `j stride`. Returned is the sum of squares of
-/// what is left in the right-hand side. The columns are used up.
+/// numbers, starts at `j stride`: those of `range` alone, when those before have been. Returned is, with the last one, the sum
+/// of squares of what is left in the right-hand side. The columns are used up.
 #[inline]
-pub(crate) fn reduce<T: Scalar>(triangle: &mut [T], stride: usize, columns: &mut [Column<T>]) -> T {
-    for (j, entries) in triangle.chunks_mut(stride.max(1)).enumerate().take(columns.len()) {
+pub(crate) fn reduce<T: Scalar>(
+    triangle: &mut [T],
+    stride: usize,
+    columns: &mut [Column<T>],
+    range: Range<usize>,
+) -> T {
+    let all = columns.len();
+    for (j, entries) in
+        triangle.chunks_mut(stride.max(1)).enumerate().take(all.min(range.end)).skip(range.start)
+    {
         reduce_column(entries, j, columns);
     }
-    columns.last().map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
+    columns
+        .last()
+        .filter(|_| range.end >= all)
+        .map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
 }
 
 /// The same into a packed triangle: column j of `[R z]` starts at `j (j + 1) / 2`.
@@ -132,9 +145,14 @@ fn reflection<T: Scalar>(x: &[T; BLOCK_ROWS], r: &mut T) -> Column<T> {
     Column { rows: x.map(|x| x * e), k: xx * xx * inverse }
 }
 
-/// [`reduce`] by the kernel of the reference core: the same operations on every number, so the same bits.
+/// [`reduce`] by the kernels of the reference core: the same operations on every number, so the same bits.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
-pub(crate) fn reduce_on_core(triangle: &mut [f32], stride: usize, columns: &mut [Column<f32>]) -> f32 {
+pub(crate) fn reduce_on_core(
+    triangle: &mut [f32],
+    stride: usize,
+    columns: &mut [Column<f32>],
+    range: Range<usize>,
+) -> f32 {
     unsafe extern "C" {
         fn rigident_reduce(
             r_z: *mut f32,
@@ -149,12 +167,30 @@ pub(crate) fn reduce_on_core(triangle: &mut [f32], stride: usize, columns: &mut 
             pivots: usize,
             columns: *mut Column<f32>,
         ) -> f32;
+        /// The columns from `first` to `end`; what it returns has a meaning if that is behind the last one.
+        fn rigident_reduce_part(
+            r_z: *mut f32,
+            stride_bytes: usize,
+            pivots: usize,
+            columns: *mut Column<f32>,
+            first: usize,
+            end: usize,
+        ) -> f32;
     }
     let pivots = columns.len().saturating_sub(1);
     if pivots == 0 || stride < pivots || triangle.len() < pivots * stride + pivots {
         return 0.0;
     }
     let (r_z, columns) = (triangle.as_mut_ptr(), columns.as_mut_ptr());
+    if range.start > 0 || range.end <= pivots {
+        let Range { start, end } = range;
+        if start >= end || start > pivots {
+            return 0.0;
+        }
+        // SAFETY: as below; it begins with one of these columns.
+        let sum = unsafe { rigident_reduce_part(r_z, 4 * stride, pivots, columns, start, end) };
+        return if end > pivots { sum } else { 0.0 };
+    }
     // SAFETY: the kernels read and write the first `pivots` numbers of the columns 0..=pivots of `[R z]`, and as many
     // columns of the block, `repr(C)` of thirteen floats each. Both slices hold that, as was just checked.
     unsafe {

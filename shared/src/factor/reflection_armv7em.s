@@ -5,7 +5,7 @@
 @
 @ r0 this column of [R z]   r1 stride of these, bytes   r2 pivots left   r3 the block's columns, 52 bytes each: rows, k
 @ r4 this column of the block   r5 pairs of reflections left   r6 reflection   r7 its entry in this column
-@ r8 reflections so far   r9 least |x|^2
+@ r8 reflections so far   r9 least |x|^2   of a part: they come on the stack, and in r12 where to stop
 @ s0-s11 y   s12 k   s13 one   s14 s15 sums   s16-s27 the column   s28 s29 products   s30 s31 entries
 
 .syntax unified
@@ -75,19 +75,35 @@
     vsub.f32 s27, s27, s29
 .endm
 
-.macro reduction name, short, packed
+.macro reduction name, short, packed, part
 .section .text.\name,"ax",%progbits
 .global \name
 .type \name,%function
 .thumb_func
 \name:
     push {r4-r9, lr}
+.if \part
+    ldrd r8, r12, [sp, #28]
+.endif
     vpush {s16-s31}
     vmov.f32 s13, #1.0
     movw r9, #0x92ef        @ 1e-18
     movt r9, #0x2193
     mov r4, r3
+.if \part
+    cmp r8, #0
+    beq 0f
+    @ The reflections of the columns before were made by an earlier call.
+    movs r5, #52
+    mla r4, r8, r5, r3
+    mla r0, r8, r1, r0
+    subs r2, r8
+    mov r6, r3
+    b 3f
+0:
+.else
     movs r8, #0
+.endif
     vldmia r4, {s16-s27}
     mov r7, r0
     b 2f
@@ -138,8 +154,12 @@
     vmul.f32 s9, s25, s14
     vmul.f32 s10, s26, s14
     vmul.f32 s11, s27, s14
-3:
     vstmia r4!, {s0-s12}
+3:
+.if \part
+    cmp r8, r12
+    beq 6f
+.endif
     vldmia r4, {s16-s27}
     mov r7, r0
     lsrs r5, r8, #1
@@ -157,15 +177,18 @@
 .irp i, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12
     vmov.f32 s\i, s0
 .endr
+    vstmia r4!, {s0-s12}
     b 3b
 5:
     sum_squares
     vadd.f32 s0, s14, s15
+6:
     vpop {s16-s31}
     pop {r4-r9, pc}
 .size \name, . - \name
 .endm
 
-reduction rigident_reduce, 0, 0
-reduction rigident_reduce_large, 1, 0
-reduction rigident_reduce_packed, 1, 1
+reduction rigident_reduce, 0, 0, 0
+reduction rigident_reduce_large, 1, 0, 0
+reduction rigident_reduce_packed, 1, 1, 0
+reduction rigident_reduce_part, 1, 0, 1

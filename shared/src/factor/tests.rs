@@ -296,7 +296,7 @@ fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
             });
             full.absorb(&columns, &core::array::from_fn(|i| rows.wrench[i] * weights[i]));
         }
-        let cascade = body;
+        let mut cascade = body;
         let (body, largest) = (cascade.factor(), full.entries().fold(0.0, |m: f64, e| m.max(e.abs())));
         let mut gathering = Gathering::default();
         while !cascade.gather(&mut gathering) {}

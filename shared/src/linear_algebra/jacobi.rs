@@ -78,14 +78,15 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
     /// Takes the squared lengths when all rotations are done.
     pub(crate) fn measure(&mut self) {
         for (square, w) in self.squares.iter_mut().zip(&self.w).take(self.n) {
-            *square = squares(w, w, self.n).2;
+            let w = w.get(..self.n).unwrap_or_default();
+            *square = T::dot(w, w);
         }
     }
 
     /// Makes two columns orthogonal. Whether they were not.
     fn rotate_pair(&mut self, p: usize, q: usize) -> bool {
-        let Ok([wp, wq]) = self.w.get_disjoint_mut([p, q]) else { return false };
-        let (a, b, c) = squares(wp, wq, self.n);
+        let Some((wp, wq)) = pair(&mut self.w, p, q, self.n) else { return false };
+        let (a, b, c) = T::squares(wp, wq);
         // The product of the roots, as that of the squares might overflow.
         if c.abs() <= T::EPSILON * (a.sqrt() * b.sqrt()) || c * c <= T::TINY_SQUARE {
             return false;
@@ -98,31 +99,22 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
         let tangent = sign / (zeta.abs() + root);
         let cosine = T::ONE / (T::ONE + tangent * tangent).sqrt();
         let sine = cosine * tangent;
-        rotate(wp, wq, self.n, cosine, sine);
-        if let Ok([vp, vq]) = self.v.get_disjoint_mut([p, q]) {
-            rotate(vp, vq, self.n, cosine, sine);
+        T::rotate(wp, wq, cosine, sine);
+        if let Some((vp, vq)) = pair(&mut self.v, p, q, self.n) {
+            T::rotate(vp, vq, cosine, sine);
         }
         true
     }
 }
 
-/// `a·a`, `b·b` and `a·b` of the first `n` numbers.
+/// The first `n` numbers of two columns.
 #[inline]
-fn squares<T: Scalar, const M: usize>(a: &[T; M], b: &[T; M], n: usize) -> (T, T, T) {
-    let (mut aa, mut bb, mut ab) = (T::ZERO, T::ZERO, T::ZERO);
-    for (x, y) in a.iter().zip(b).take(n) {
-        aa += *x * *x;
-        bb += *y * *y;
-        ab += *x * *y;
-    }
-    (aa, bb, ab)
-}
-
-#[inline]
-fn rotate<T: Scalar, const M: usize>(p: &mut [T; M], q: &mut [T; M], n: usize, cosine: T, sine: T) {
-    for (p, q) in p.iter_mut().zip(q).take(n) {
-        let (x, y) = (*p, *q);
-        *p = cosine * x - sine * y;
-        *q = sine * x + cosine * y;
-    }
+fn pair<T, const M: usize>(
+    columns: &mut [[T; M]; M],
+    p: usize,
+    q: usize,
+    n: usize,
+) -> Option<(&mut [T], &mut [T])> {
+    let [p, q] = columns.get_disjoint_mut([p, q]).ok()?;
+    Some((p.get_mut(..n)?, q.get_mut(..n)?))
 }

@@ -4,10 +4,10 @@
 //! parameters.
 
 mod jacobi;
-mod vector;
+pub(crate) mod vector;
 
 pub(crate) use jacobi::{Jacobi, dot};
-pub(crate) use vector::{add_scaled, dot_slices, scale};
+pub(crate) use vector::{add_scaled, copy, dot_slices, scale};
 
 /// Parameters at most.
 pub const ROOM: usize = 16;
