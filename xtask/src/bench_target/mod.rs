@@ -2,11 +2,12 @@
 //!
 //! The board's `bench` binary runs each case between two marks. It runs twice: once as it is, counting its own
 //! instructions by the emulated clock, and once traced, which gives the mix and, by
-//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`]; what it may
-//! cost: [`budget`].
+//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`]; how many samples take how much:
+//! [`histogram`]; what it may cost: [`budget`].
 
 mod budget;
 mod cycles;
+mod histogram;
 mod table;
 mod trace;
 
@@ -22,6 +23,7 @@ use crate::process;
 use crate::setup;
 use crate::size;
 use crate::toolchain::{self, Core};
+use histogram::Histogram;
 use trace::Stretch;
 
 /// Its part that is the baseline.
@@ -59,6 +61,8 @@ struct Reported {
     /// Samples of the search for the worst, and what that took: to one tick of the emulated clock.
     worst_of: u64,
     worst_instructions: u64,
+    /// Instructions of these samples, to one tick, and how many took them.
+    histogram: Vec<(u64, u64)>,
 }
 
 /// A case by both counts.
@@ -126,6 +130,8 @@ struct PathEntry {
     path_estimated_cycles_m4: f64,
     path_worst_instructions: u64,
     path_worst_estimated_cycles_m4: u64,
+    #[serde(flatten)]
+    histogram: Option<Histogram>,
 }
 
 /// The C Householder on given rows.
@@ -203,6 +209,7 @@ fn entries(cases: &[Case], firmware: &Program) -> Result<Vec<Entry>> {
                         path_estimated_cycles_m4: path.cycles(),
                         path_worst_instructions: path.worst_instructions(),
                         path_worst_estimated_cycles_m4: path.stretch.worst.1,
+                        histogram: Histogram::of(&path.reported.histogram),
                     },
                 ),
                 baseline: find(C_PART, n).map(|c| BaselineEntry {
@@ -223,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_reported_case_is_read_and_other_output_is_not() {
-        let line = r#"{"part":"kernel","n":16,"samples":10,"instructions_per_sample":420.5,"worst_of":7,"worst_instructions":640}"#;
+        let line = r#"{"part":"kernel","n":16,"samples":10,"instructions_per_sample":420.5,"worst_of":7,"worst_instructions":640,"histogram":[[400,6],[640,1]]}"#;
         let expected = Reported {
             part: "kernel".into(),
             n: 16,
@@ -231,6 +238,7 @@ mod tests {
             instructions_per_sample: 420.5,
             worst_of: 7,
             worst_instructions: 640,
+            histogram: vec![(400, 6), (640, 1)],
         };
         assert_eq!(parse_case(line), Some(expected));
         assert_eq!(parse_case("hello"), None);

@@ -1,7 +1,7 @@
 //! What the verb prints for people.
 
 use super::cycles::{self, KINDS};
-use super::{Case, Entry};
+use super::{Case, Entry, histogram};
 
 /// The clock for which a share of the processor is stated.
 const CLOCK_HZ: f64 = 168e6;
@@ -11,6 +11,7 @@ pub fn print(cases: &[Case], entries: &[Entry]) {
     means(cases);
     baseline(entries);
     worst(cases);
+    histograms(cases);
     if let Some(e) = entries.first() {
         println!(
             "\nFirmware: {} bytes of flash, {} of RAM in variables, stack of at most {} bytes.",
@@ -82,6 +83,13 @@ fn worst(cases: &[Case]) {
             case.reported.worst_instructions,
             case.reported.worst_instructions as f64 / case.instructions(),
         );
+    }
+}
+
+fn histograms(cases: &[Case]) {
+    println!("\nSamples of the search by their instructions:");
+    for case in cases {
+        histogram::print(&case.name(), &case.reported.histogram, case.reported.worst_instructions);
     }
 }
 

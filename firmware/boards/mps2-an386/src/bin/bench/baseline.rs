@@ -22,7 +22,7 @@ unsafe extern "C" {
 }
 
 /// Every size.
-pub fn all(bench: &Bench) {
+pub fn all(bench: &mut Bench) {
     one::<10, 70>(bench, householder_10);
     one::<16, 68>(bench, householder_16);
     one::<19, 69>(bench, householder_19);
@@ -32,7 +32,7 @@ pub fn all(bench: &Bench) {
 
 /// Counts the C function, then lets ours absorb the same rows: both triangles must be equal to rounding.
 #[inline(never)]
-fn one<const N: usize, const BLOCKS: usize>(bench: &Bench, householder: Householder<N>) {
+fn one<const N: usize, const BLOCKS: usize>(bench: &mut Bench, householder: Householder<N>) {
     let triangle = PLACE as *mut f32;
     // SAFETY: RAM that nothing else refers to, and a triangle of no rows is zeros.
     let triangle = unsafe {

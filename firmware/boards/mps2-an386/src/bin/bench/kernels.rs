@@ -27,7 +27,7 @@ struct Sample {
 /// One sample at full weight into the cascade: products of the rates, lever arm, regressor, whitening, reduction, merges
 /// of full levels.
 #[inline(never)]
-pub fn body<const N: usize>(bench: &Bench) {
+pub fn body<const N: usize>(bench: &mut Bench) {
     let samples = samples();
     let weights = CHANNEL_SIGMA.map(|sigma| 1.0 / sigma);
     let lever_arm = Position::new(0.06, -0.04, 0.02);
@@ -129,7 +129,7 @@ pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N>
 /// has its full rank, since columns that find no row left cost nothing. The rows stand where they are absorbed from:
 /// nothing is copied within the count.
 #[inline(never)]
-pub fn dense<const N: usize, const BLOCKS: usize>(bench: &Bench) {
+pub fn dense<const N: usize, const BLOCKS: usize>(bench: &mut Bench) {
     with_rows::<N, BLOCKS>(|factor, rows| {
         // SAFETY: RAM behind what `with_rows` uses, for no more blocks than there are rows for; each is written before
         // it is referred to.

@@ -52,28 +52,28 @@ fn main() -> ! {
     if word == Some("fault") {
         cortex_m::asm::udf();
     }
-    let bench = Bench::start(core.SYST, word == Some("traced"));
-    kernels::body::<10>(&bench);
-    kernels::body::<16>(&bench);
-    kernels::dense::<19, 69>(&bench);
-    kernels::dense::<25, 60>(&bench);
-    kernels::dense::<36, 40>(&bench);
-    kernels::dense::<128, 31>(&bench);
+    let mut bench = Bench::start(core.SYST, word == Some("traced"));
+    kernels::body::<10>(&mut bench);
+    kernels::body::<16>(&mut bench);
+    kernels::dense::<19, 69>(&mut bench);
+    kernels::dense::<25, 60>(&mut bench);
+    kernels::dense::<36, 40>(&mut bench);
+    kernels::dense::<128, 31>(&mut bench);
     #[cfg(feature = "c-baseline")]
-    baseline::all(&bench);
+    baseline::all(&mut bench);
     let path = cortex_m::singleton!(: Path = Path::EMPTY).expect("taken once");
     for n in [10, 16, 19, 25] {
-        path::decoded(&bench, path, n);
+        path::decoded(&mut bench, path, n);
     }
     for n in [10, 16, 19, 25] {
-        path::with_drivers(&bench, path, n);
+        path::with_drivers(&mut bench, path, n);
     }
     for n in [10, 16, 19, 25] {
-        path::with_telemetry(&bench, path, n);
+        path::with_telemetry(&mut bench, path, n);
     }
-    path::frames(&bench, path, false);
-    path::frames(&bench, path, true);
+    path::frames(&mut bench, path, false);
+    path::frames(&mut bench, path, true);
     #[cfg(feature = "watch")]
-    path::watch(&bench, path);
+    path::watch(&mut bench, path);
     semihosting::process::exit(0)
 }

@@ -5,17 +5,22 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
-use semihosting::{eprintln, println};
+use semihosting::{eprintln, print, println};
 
 /// With `-icount shift=0` an instruction takes a nanosecond, and a tick of 25 MHz forty.
 const INSTRUCTIONS_PER_TICK: u32 = 40;
 /// The counter's width.
 const TICKS: u32 = 0x00FF_FFFF;
 
+/// Counts of samples by their ticks, the last by all longer ones; in RAM of the board outside of what the firmware is allowed.
+const COUNTS: usize = 8192;
+const COUNTS_AT: usize = 0x21C0_0000;
+
 /// Holds what to run: everything, or no more than the marked stretches.
 pub struct Bench {
     /// The emulator writes every instruction down; the long search for the worst sample is left to the other run.
     traced: bool,
+    counts: &'static mut [u32; COUNTS],
 }
 
 impl Bench {
@@ -28,12 +33,16 @@ impl Bench {
         if !clock_counts_instructions() {
             give_up("this count needs the emulator to run with -icount shift=0");
         }
-        Self { traced }
+        // SAFETY: the board has RAM there, aligned; nothing is linked to it, no other part of the bench uses it, and the counter,
+        // of which there is one, is taken for good. Any bits are counts.
+        let counts = unsafe { &mut *(COUNTS_AT as *mut [u32; COUNTS]) };
+        Self { traced, counts }
     }
 
     /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
-    /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560}`.
-    pub fn case(&self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
+    /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560,
+    /// "histogram":[[1120,18000],[2560,2000]]}`: how many samples of the search took so many instructions, to one tick.
+    pub fn case(&mut self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
         self.case_of(part, n, samples, search, |count| {
             for _ in 0..count {
                 bench_sample();
@@ -43,7 +52,7 @@ impl Bench {
     }
 
     /// The same for something that goes through many samples by itself; the trace does not tell them apart.
-    pub fn case_of(&self, part: &str, n: usize, samples: u32, search: u32, mut run: impl FnMut(u32)) {
+    pub fn case_of(&mut self, part: &str, n: usize, samples: u32, search: u32, mut run: impl FnMut(u32)) {
         let marked = || {
             bench_begin();
             run(samples);
@@ -51,13 +60,28 @@ impl Bench {
         };
         let tenths = 10 * u64::from(INSTRUCTIONS_PER_TICK) * u64::from(ticks(marked)) / u64::from(samples);
         let search = if self.traced { 0 } else { search };
-        let worst = (0..search).map(|_| ticks(|| run(1))).max().unwrap_or(0) * INSTRUCTIONS_PER_TICK;
-        println!(
+        self.counts.fill(0);
+        let mut worst = 0;
+        for _ in 0..search {
+            let taken = ticks(|| run(1));
+            worst = worst.max(taken);
+            if let Some(count) = self.counts.get_mut((taken as usize).min(COUNTS - 1)) {
+                *count += 1;
+            }
+        }
+        print!(
             "{{\"part\":\"{part}\",\"n\":{n},\"samples\":{samples},\"instructions_per_sample\":{}.{},\"worst_of\":{search},\
-             \"worst_instructions\":{worst}}}",
+             \"worst_instructions\":{},\"histogram\":[",
             tenths / 10,
-            tenths % 10
+            tenths % 10,
+            worst * INSTRUCTIONS_PER_TICK
         );
+        let taken = self.counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        for (k, (ticks, count)) in taken.enumerate() {
+            let comma = if k > 0 { "," } else { "" };
+            print!("{comma}[{},{count}]", ticks * INSTRUCTIONS_PER_TICK as usize);
+        }
+        println!("]}}");
     }
 }
 

@@ -33,14 +33,14 @@ const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, 
 /// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application does
 /// with them, its work after each event included.
 #[inline(never)]
-pub fn decoded(bench: &Bench, path: &mut Path, n: usize) {
+pub fn decoded(bench: &mut Bench, path: &mut Path, n: usize) {
     telling(bench, path, "path", n, SILENT, SEARCH, |_| ());
 }
 
 /// The same with an estimate four times a second, its solution and the nearest body in it, and with all readings, too.
 /// What is sent is taken away as fast as a serial port of 1 MBd does.
 #[inline(never)]
-pub fn with_telemetry(bench: &Bench, path: &mut Path, n: usize) {
+pub fn with_telemetry(bench: &mut Bench, path: &mut Path, n: usize) {
     let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
     let everything = TelemetrySettings { stream_readings: true, ..estimates };
     for (part, telemetry) in [("path with estimates", estimates), ("path with all telemetry", everything)] {
@@ -54,7 +54,7 @@ pub fn with_telemetry(bench: &Bench, path: &mut Path, n: usize) {
 /// `after` is called after each sample.
 #[inline(never)]
 fn telling(
-    bench: &Bench,
+    bench: &mut Bench,
     path: &mut Path,
     part: &str,
     n: usize,
@@ -98,7 +98,7 @@ fn telling(
 /// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the drivers.
 /// The bus itself is a copy.
 #[inline(never)]
-pub fn with_drivers(bench: &Bench, path: &mut Path, n: usize) {
+pub fn with_drivers(bench: &mut Bench, path: &mut Path, n: usize) {
     let mut instrument = instrument(path);
     for (sequence, command) in commands(n, SILENT).iter().enumerate() {
         let (bytes, length) = encoded(sequence, command);
@@ -138,7 +138,7 @@ fn instrument_of(
 /// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128 parameters: every second
 /// frame reduces twelve rows. Of a tracked base its rows are those of nine frames under the filter.
 #[inline(never)]
-pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
+pub fn frames(bench: &mut Bench, path: &mut Path, tracked: bool) {
     let mut instrument = instrument_of(path, sensors::Frames::new(tracked));
     let commands = [Command::Configure(tree(tracked)), Command::Start];
     for (sequence, command) in commands.iter().enumerate() {
@@ -160,7 +160,7 @@ pub fn frames(bench: &Bench, path: &mut Path, tracked: bool) {
 /// One frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty take a step of the test along.
 #[inline(never)]
 #[cfg(feature = "watch")]
-pub fn watch(bench: &Bench, path: &mut Path) {
+pub fn watch(bench: &mut Bench, path: &mut Path) {
     let mut instrument = instrument(path);
     // In the place of the frames on the bus, of which none is read.
     let mut streamed = sensors::Streamed::new();
