@@ -89,8 +89,9 @@ pub fn states<T: Scalar>(
     Ok(())
 }
 
+/// Brings a link's state to the motion of its joint beyond a parent whose state it is.
 #[inline(always)]
-fn step<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mut LinkState<T>) {
+pub fn step<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mut LinkState<T>) {
     let (omega, change) = (&parent.rate, &parent.angular_acceleration);
     let rotation = parent.rotation * joint.rotation;
     let arm = parent.rotation * joint.position;

@@ -160,6 +160,55 @@ fn rows_of_every_kind_of_joint_are_d_alembert_s_forces() {
     }
 }
 
+/// The sum of all products of a screw's weights with a block, zeros of tensors in forces included.
+fn projected(weights: &[f64; 6], block: &super::rows::Block<f64>) -> [f64; 10] {
+    let mut row = [0.0; 10];
+    for (weight, line) in weights.iter().zip(block) {
+        row.iter_mut().zip(line).for_each(|(sum, entry)| *sum += weight * entry);
+    }
+    row
+}
+
+#[test]
+fn rows_have_the_bits_of_the_blocks_that_devices_make() {
+    let mut random = Random(0x2545_f491_4f6c_dd1d);
+    for round in 0..12 {
+        let mut case = case(&mut random);
+        // Zeros of either sign, as still poses have them.
+        for (k, state) in case.states.iter_mut().enumerate() {
+            let zero = Vector3::new(0.0, -0.0, if k % 2 == 0 { 0.0 } else { -0.0 });
+            if round % 2 == 1 {
+                state.rate = zero;
+            }
+            if round % 3 == 1 {
+                (state.angular_acceleration, state.specific_force) = (-zero, Vector3::new(-0.0, 0.0, 9.8));
+            }
+        }
+        let (rows, n) = (freedoms(&case.links), 10 * case.links.len());
+        let mut screws = vec![Screw { weights: [0.0; 6], changes: [0.0; 6] }; rows];
+        let mut first = vec![0; case.links.len() + 1];
+        let mut room = Workspace { screws: &mut screws, first: &mut first };
+        let mut out = vec![0.0; (6 + rows) * n];
+        super::rows::all_rows(&case.links, &case.states, &mut room, &mut out).unwrap();
+        let bits = |row: &[f64]| -> Vec<u64> { row.iter().map(|v| v.to_bits()).collect() };
+        for (i, state) in case.states.iter().enumerate() {
+            let block = super::rows::block(state);
+            let place = |row: usize| row * n + 10 * i..row * n + 10 * i + 10;
+            for (row, line) in block.iter().enumerate() {
+                assert_eq!(bits(&out[place(row)]), bits(line), "base row {row} of link {i}");
+            }
+            let mut at = i;
+            while at != 0 {
+                for row in first[at]..first[at + 1] {
+                    let wanted = projected(&screws[row].weights, &block);
+                    assert_eq!(bits(&out[place(6 + row)]), bits(&wanted), "row {row} of link {i}");
+                }
+                at = case.links[at].parent;
+            }
+        }
+    }
+}
+
 /// `∂` of the momentum by Richardson's central differences of the drives' motion, against the rows with accelerations.
 #[test]
 fn rows_without_accelerations_are_the_same_rows() {
