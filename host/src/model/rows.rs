@@ -9,11 +9,12 @@ use rigident_shared::tree::motion::{self, BaseMotion, LinkState, Screw};
 use rigident_shared::tree::rows::{self, Workspace};
 use rigident_shared::tree::{Joint, JointMotion, Link, TreeError, momentum};
 
+use super::base::Rows;
+
 /// A tree with room for its motion and its rows.
 #[derive(Clone, Debug)]
 pub struct Moving {
     links: Vec<Link<f64>>,
-    motions: Vec<JointMotion<f64>>,
     states: Vec<LinkState<f64>>,
     screws: Vec<Screw<f64>>,
     first: Vec<usize>,
@@ -22,12 +23,13 @@ pub struct Moving {
     base_rows: Vec<f64>,
     joint_rows: Vec<f64>,
     all_rows: Vec<f64>,
+    momentum: MomentumRows,
 }
 
 /// Rows in two parts: what is smoothed, and what is differentiated, by the same filter.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MomentumRows {
-    /// Six base rows, then those of the joints if they were wanted, `10 · links` columns each.
+    /// Six base rows, then those of the joints, `10 · links` columns each.
     pub smoothed: Vec<f64>,
     /// The same shape.
     pub differentiated: Vec<f64>,
@@ -43,7 +45,6 @@ impl Moving {
         let freedoms: usize = links.iter().skip(1).map(|l| l.joint.freedoms()).sum();
         let columns = 10 * links.len();
         Ok(Self {
-            motions: links.iter().map(JointMotion::rest).collect(),
             states: vec![LinkState::zero(); links.len()],
             screws: vec![Screw { weights: [0.0; 6], changes: [0.0; 6] }; freedoms],
             first: vec![0; links.len() + 1],
@@ -52,6 +53,7 @@ impl Moving {
             base_rows: vec![0.0; 6 * columns],
             joint_rows: vec![0.0; freedoms * columns],
             all_rows: vec![0.0; (6 + freedoms) * columns],
+            momentum: MomentumRows::default(),
             links,
         })
     }
@@ -89,15 +91,32 @@ impl Moving {
             return Err(TreeError::Lengths);
         }
         let (mut q, mut v, mut dv) = (positions, rates, accelerations);
-        for (link, motion) in self.links.iter().zip(&mut self.motions).skip(1) {
+        self.base = *base;
+        if let Some(root) = self.states.first_mut() {
+            *root = LinkState {
+                rate: base.rate,
+                angular_acceleration: base.angular_acceleration,
+                specific_force: base.specific_force,
+                ..LinkState::zero()
+            };
+        }
+        for (i, link) in self.links.iter().enumerate().skip(1) {
             let (own_q, rest_q) = q.split_at(link.joint.coordinates());
             let (own_v, rest_v) = v.split_at(link.joint.freedoms());
             let (own_dv, rest_dv) = dv.split_at(link.joint.freedoms());
             (q, v, dv) = (rest_q, rest_v, rest_dv);
-            *motion = joint_motion(link, own_q, own_v, own_dv);
+            let (before, rest) = self.states.split_at_mut(i);
+            let (Some(parent), Some(state)) = (before.get(link.parent), rest.first_mut()) else {
+                return Err(TreeError::Order(i));
+            };
+            // Most joints turn: their motion goes on into the state at once.
+            if let (Joint::Revolute(axis), [q], [v], [dv]) = (&link.joint, own_q, own_v, own_dv) {
+                motion::step(parent, &JointMotion::revolute(link, axis, q.sin_cos(), *v, *dv), state);
+            } else {
+                motion::step(parent, &joint_motion(link, own_q, own_v, own_dv), state);
+            }
         }
-        self.base = *base;
-        motion::states(&self.links, &self.motions, base, &mut self.states)
+        Ok(())
     }
 
     /// Returns the links.
@@ -148,7 +167,7 @@ impl Moving {
     /// # Errors
     /// [`TreeError`] if the links are in no order.
     pub fn base_rows(&mut self) -> Result<&[f64], TreeError> {
-        rows::base_rows(&self.states, &mut self.base_rows)?;
+        self.make(Rows::Base)?;
         Ok(&self.base_rows)
     }
 
@@ -157,8 +176,7 @@ impl Moving {
     /// # Errors
     /// [`TreeError`] if the links are in no order.
     pub fn joint_rows(&mut self) -> Result<&[f64], TreeError> {
-        let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
-        rows::joint_rows(&self.links, &self.states, &mut room, &mut self.joint_rows)?;
+        self.make(Rows::Joint)?;
         Ok(&self.joint_rows)
     }
 
@@ -167,27 +185,62 @@ impl Moving {
     /// # Errors
     /// [`TreeError`] if the links are in no order.
     pub fn all_rows(&mut self) -> Result<&[f64], TreeError> {
-        let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
-        rows::all_rows(&self.links, &self.states, &mut room, &mut self.all_rows)?;
+        self.make(Rows::Both)?;
         Ok(&self.all_rows)
     }
 
-    /// Base rows, and joint rows if they are wanted, without accelerations.
+    fn make(&mut self, wanted: Rows) -> Result<(), TreeError> {
+        #[cfg(target_arch = "x86_64")]
+        if std::is_x86_feature_detected!("avx2") {
+            // SAFETY: this processor has AVX2.
+            return unsafe { self.make_by_avx2(wanted) };
+        }
+        self.make_by_any(wanted)
+    }
+
+    /// Makes rows as [`Moving::make_by_any`] does, by the same operations on four numbers at once: the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn make_by_avx2(&mut self, wanted: Rows) -> Result<(), TreeError> {
+        self.make_by_any(wanted)
+    }
+
+    #[inline(always)]
+    fn make_by_any(&mut self, wanted: Rows) -> Result<(), TreeError> {
+        let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
+        match wanted {
+            Rows::Base => rows::base_rows(&self.states, &mut self.base_rows),
+            Rows::Joint => rows::joint_rows(&self.links, &self.states, &mut room, &mut self.joint_rows),
+            Rows::Both => rows::all_rows(&self.links, &self.states, &mut room, &mut self.all_rows),
+        }
+    }
+
+    /// Returns the six base rows and then the joints', as far as they are wanted, without accelerations; the others are zero, or those
+    /// that were [given back](Moving::give_back).
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
-    pub fn momentum_rows(&mut self, joints: bool) -> Result<MomentumRows, TreeError> {
-        let length = (6 + if joints { self.screws.len() } else { 0 }) * self.columns();
-        let mut out = MomentumRows { smoothed: vec![0.0; length], differentiated: vec![0.0; length] };
+    pub fn momentum_rows(&mut self, wanted: Rows) -> Result<MomentumRows, TreeError> {
+        let length = (6 + self.screws.len()) * self.columns();
+        let mut out = std::mem::take(&mut self.momentum);
+        out.smoothed.resize(length, 0.0);
+        out.differentiated.resize(length, 0.0);
         let (base_s, joints_s) = out.smoothed.split_at_mut(6 * self.columns());
         let (base_d, joints_d) = out.differentiated.split_at_mut(6 * self.columns());
-        momentum::base_rows(&self.states, &self.base, base_s, base_d)?;
-        if !joints {
-            return Ok(out);
+        if wanted != Rows::Joint {
+            momentum::base_rows(&self.states, &self.base, base_s, base_d)?;
         }
-        let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
-        momentum::joint_rows(&self.links, &self.states, &self.base, &mut room, joints_s, joints_d)?;
+        if wanted != Rows::Base {
+            let mut room = Workspace { screws: &mut self.screws, first: &mut self.first };
+            momentum::joint_rows(&self.links, &self.states, &self.base, &mut room, joints_s, joints_d)?;
+        }
         Ok(out)
+    }
+
+    /// Takes rows of [`Moving::momentum_rows`] back, whose room serves for the next ones. Entries of links that are not beyond a joint must
+    /// be zero as they were.
+    pub fn give_back(&mut self, rows: MomentumRows) {
+        self.momentum = rows;
     }
 }
 

@@ -15,6 +15,7 @@ mod errors;
 mod frames;
 mod ground_errors;
 pub mod input_checks;
+mod instant;
 pub mod joints;
 pub mod limits;
 pub mod polynomial;

@@ -8,6 +8,7 @@ use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 use super::contact::Contact;
 use super::contact::availability::Availability;
 use super::{BaseSensor, Frame, Input};
+use crate::fit::SampleRows;
 use crate::model::base::{BaseParameters, Rows};
 use crate::model::rows::{MomentumRows, Moving};
 
@@ -33,6 +34,10 @@ pub struct RowMaker {
     /// `None` where these are the same.
     leads: Vec<usize>,
     mix: Option<DMatrix<f64>>,
+    /// Room for the entries of a row in the columns of `leads`.
+    led: Vec<f64>,
+    /// Accelerations, which rows of momentum do not depend on.
+    zeros: Vec<f64>,
     drives: Vec<(super::drive::Drive, usize)>,
     columns: usize,
     contact: Option<Contact>,
@@ -80,6 +85,7 @@ impl RowMaker {
         let (mut leads, mix) = base.columns();
         leads.iter_mut().for_each(|lead| *lead += skip);
         let (names, _) = names_and_units(input, base);
+        let zeros = vec![0.0; moving.freedoms()];
         let mut drives = Vec::new();
         let mut at = leads.len() + if estimates_offset(input) { 6 } else { 0 };
         for drive in input.drives.iter().filter(|_| input.has_efforts()) {
@@ -93,6 +99,8 @@ impl RowMaker {
             efforts: input.has_efforts(),
             still: input.is_static,
             offset: estimates_offset(input),
+            led: Vec::with_capacity(leads.len()),
+            zeros,
             leads,
             mix,
             drives,
@@ -118,40 +126,40 @@ impl RowMaker {
         Moving::new(links)
     }
 
-    /// Returns the rows of a frame, one a channel.
+    /// Writes the rows of a frame, one a channel, where there is room for them.
     ///
     /// # Errors
     /// [`TreeError::Lengths`] if the frame does not fit the tree.
-    pub fn rows(&mut self, frame: &Frame) -> Result<MomentumRows, TreeError> {
+    pub fn rows(&mut self, frame: &Frame, out: &mut SampleRows) -> Result<(), TreeError> {
         self.set(frame)?;
-        let mut parts = self.moving.momentum_rows(self.efforts)?;
-        self.about_base(&mut parts);
-        Ok(MomentumRows {
-            smoothed: self.part(&parts.smoothed, frame, true),
+        let wanted = rows_of(self.wrench, self.efforts).ok_or(TreeError::Lengths)?;
+        let mut parts = self.moving.momentum_rows(wanted)?;
+        if self.wrench {
+            self.about_base(&mut parts);
+        }
+        self.part(&parts.smoothed, frame, true, &mut out.smoothed);
+        if self.still {
             // In still poses nothing changes.
-            differentiated: if self.still {
-                vec![0.0; self.channels() * self.columns]
-            } else {
-                self.part(&parts.differentiated, frame, false)
-            },
-        })
+            out.differentiated.fill(0.0);
+        } else {
+            self.part(&parts.differentiated, frame, false, &mut out.differentiated);
+        }
+        self.moving.give_back(parts);
+        Ok(())
     }
 
-    /// Returns rows of a frame and what is measured, free of what is not; `measured` has what is read of base and efforts.
+    /// Writes rows of a frame and combines them and `out.measured`, the readings of base and efforts, so that they are free of all
+    /// that is not measured.
     ///
     /// # Errors
     /// [`TreeError`] if the frame does not fit the tree or the states of contact.
-    pub(super) fn available(
-        &mut self,
-        frame: &Frame,
-        measured: &mut [f64],
-    ) -> Result<MomentumRows, TreeError> {
-        let mut rows = self.rows(frame)?;
+    pub(super) fn available(&mut self, frame: &Frame, out: &mut SampleRows) -> Result<(), TreeError> {
+        self.rows(frame, out)?;
         if let Some(available) = self.availability(frame)? {
-            available.combine(&mut rows.smoothed, &mut rows.differentiated, self.columns);
-            available.combine_measured(measured);
+            available.combine(&mut out.smoothed, &mut out.differentiated, self.columns);
+            available.combine_measured(&mut out.measured);
         }
-        Ok(rows)
+        Ok(())
     }
 
     /// What is available of the rows of the frame that the tree was brought to; `None` where there are no feet.
@@ -169,12 +177,11 @@ impl RowMaker {
     }
 
     fn set(&mut self, frame: &Frame) -> Result<(), TreeError> {
-        let zeros = vec![0.0; self.moving.freedoms()];
         let motion = match self.base {
             BaseSensor::Imu(_) => frame.base,
             BaseSensor::Tracked => BaseMotion::still([0.0, 0.0, -STANDARD_GRAVITY_MPS2]),
         };
-        self.moving.set(&frame.positions, &frame.rates, &zeros, &motion)
+        self.moving.set(&frame.positions, &frame.rates, &self.zeros, &motion)
     }
 
     /// Returns the tree about the IMU: the root there, then the base link and the others.
@@ -199,7 +206,7 @@ impl RowMaker {
     }
 
     /// Adds what the drives of a freedom have in its row, smoothed or differentiated.
-    pub(super) fn add_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, row: &mut [f64]) {
+    fn add_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, row: &mut [f64]) {
         for (drive, at) in &self.drives {
             let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
             let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
@@ -208,6 +215,21 @@ impl RowMaker {
                 *to = if is_known { factor * term.column(rate, load, drive.slides, smoothed) } else { 0.0 };
             }
         }
+    }
+
+    /// Returns the effort of the drives of a freedom that parameters predict, the smoothed part or that which is differentiated.
+    pub(super) fn effort_of_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, phi: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        for (drive, at) in &self.drives {
+            let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
+            let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
+            for (term, value) in drive.terms.iter().zip(phi.iter().skip(*at)) {
+                if !(drive.stands && term.is_dry()) {
+                    sum += factor * term.column(rate, load, drive.slides, smoothed) * value;
+                }
+            }
+        }
+        sum
     }
 
     /// Brings moments from the root's origin to the base's.
@@ -247,43 +269,36 @@ impl RowMaker {
         }
     }
 
-    fn channels(&self) -> usize {
-        (if self.wrench { 6 } else { 0 }) + (if self.efforts { self.moving.freedoms() } else { 0 })
-    }
-
-    fn part(&self, all: &[f64], frame: &Frame, smoothed: bool) -> Vec<f64> {
+    fn part(&mut self, all: &[f64], frame: &Frame, smoothed: bool, out: &mut [f64]) {
         let stride = self.moving.columns();
-        let row = |k: usize| &all[k * stride..(k + 1) * stride];
-        let mut out = Vec::with_capacity(self.channels() * self.columns);
+        out.fill(0.0);
+        let mut rows = out.chunks_exact_mut(self.columns.max(1));
         if self.wrench {
-            for axis in 0..6 {
-                let start = out.len();
-                self.select(&mut out, &|c| row(axis)[c]);
+            for (axis, (row, out)) in all.chunks_exact(stride).take(6).zip(rows.by_ref()).enumerate() {
+                self.select(row, out);
                 if self.offset && smoothed {
-                    out[start + self.leads.len() + axis] = 1.0;
+                    out[self.leads.len() + axis] = 1.0;
                 }
             }
         }
         if self.efforts {
-            for freedom in 0..self.moving.freedoms() {
-                let start = out.len();
-                self.select(&mut out, &|c| row(6 + freedom)[c]);
-                self.add_drives(freedom, frame, smoothed, &mut out[start..]);
+            for (freedom, (row, out)) in all.chunks_exact(stride).skip(6).zip(rows).enumerate() {
+                self.select(row, out);
+                self.add_drives(freedom, frame, smoothed, out);
             }
         }
-        out
     }
 
-    /// One row: base parameters' columns of a row of standard ones, room for the others.
-    fn select(&self, out: &mut Vec<f64>, of: &dyn Fn(usize) -> f64) {
-        let start = out.len();
-        out.resize(start + self.columns, 0.0);
-        let lead: Vec<f64> = self.leads.iter().map(|c| of(*c)).collect();
+    /// Writes the base parameters' columns of a row of standard ones.
+    fn select(&mut self, row: &[f64], out: &mut [f64]) {
+        let lead = self.leads.iter().map(|c| row[*c]);
         match &self.mix {
-            None => out[start..start + lead.len()].copy_from_slice(&lead),
+            None => out.iter_mut().zip(lead).for_each(|(to, v)| *to = v),
             Some(mix) => {
-                for (k, column) in mix.column_iter().enumerate() {
-                    out[start + k] = column.iter().zip(&lead).map(|(m, v)| m * v).sum();
+                self.led.clear();
+                self.led.extend(lead);
+                for (to, column) in out.iter_mut().zip(mix.column_iter()) {
+                    *to = column.iter().zip(&self.led).map(|(m, v)| m * v).sum();
                 }
             }
         }

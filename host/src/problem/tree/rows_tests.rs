@@ -5,6 +5,7 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use crate::fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Silent, Timing};
+use crate::model::base::Rows;
 use crate::model::rows::Moving;
 
 const RATE_HZ: f64 = 1000.0;
@@ -63,7 +64,7 @@ impl Standard {
             // Accelerations left out: not a number.
             let blind = BaseMotion { angular_acceleration: Vector3::repeat(f64::NAN), ..base };
             moving.set(&q, &rates(1), &[f64::NAN; 7], &blind).unwrap();
-            let rows = moving.momentum_rows(true).unwrap();
+            let rows = moving.momentum_rows(Rows::Both).unwrap();
             let measured = vec![swing(t, 1.0, 0.0)[0]; 13];
             momentum.push(SampleRows {
                 untold: Vec::new(),

@@ -11,84 +11,45 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::contact::availability::Availability;
-use super::contact::forces;
+use super::instant::{Direction, Instant, Three};
 use super::rows::{BASE, RowMaker};
-use super::{BaseSensor, Frame, Input, SignalError, SignalKind, TreeSource};
-use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
+use super::{Frame, SignalError, SignalKind, TreeSource};
+use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows, parallel};
 use crate::model::rows::Moving;
 
-/// A step longer than so many periods is a gap.
+/// Steps longer than this many sample periods are gaps.
 const GAP: f64 = 1.5;
-
-type Three = Vector3<f64>;
-
-/// What links have in common about a point.
-#[derive(Clone, Copy)]
-struct Composite {
-    mass: f64,
-    moment: Three,
-    inertia: Matrix3<f64>,
-    momentum: Three,
-    angular: Three,
-}
-
-/// A change of the motion of a link and all beyond.
-#[derive(Clone, Copy)]
-struct Change {
-    turn: Three,
-    rate: Three,
-    shift: Three,
-    velocity: Three,
-}
-
-impl Change {
-    const NONE: Self = Self {
-        turn: Vector3::new(0.0, 0.0, 0.0),
-        rate: Vector3::new(0.0, 0.0, 0.0),
-        shift: Vector3::new(0.0, 0.0, 0.0),
-        velocity: Vector3::new(0.0, 0.0, 0.0),
-    };
-}
-
-/// A freedom of a joint.
-#[derive(Clone, Copy)]
-struct Freedom {
-    link: usize,
-    /// Axis in base axes.
-    axis: Three,
-    slides: bool,
-    /// Rate of the link that carries the axis of a turn, base axes.
-    carrier: Three,
-}
+/// Frames that one thread predicts one after the other.
+const RUN: usize = 512;
 
 /// Columns of a source's errors.
 pub(super) struct ErrorRows<'a> {
     source: &'a TreeSource,
-    bodies: Vec<[f64; 10]>,
     /// By links of the tree: its own IMU shows its motion.
     is_seen: Vec<bool>,
-    /// By links: the links above.
-    above: Vec<Vec<usize>>,
-    /// What the parameters predict of every frame, smoothed and differentiated parts; empty without a skew.
-    predicted: Vec<Vec<f64>>,
-    moving: Mutex<Moving>,
+    /// Predictions of every frame, smoothed and differentiated parts; empty without a skew.
+    predicted: Vec<f64>,
+    /// The tree at rest, of which rooms are copies.
+    still: Instant,
+    rooms: Mutex<Vec<Room>>,
 }
 
-/// A frame with all links in motion.
-struct Instant<'a> {
-    input: &'a Input,
-    moving: &'a Moving,
-    frame: &'a Frame,
-    composites: Vec<Composite>,
-    freedoms: Vec<Freedom>,
-    above: &'a [Vec<usize>],
-    /// What each freedom changes in what the feet add to the measured side; empty without feet.
-    ground: Vec<Vec<f64>>,
+/// Room for the numbers of one frame after the other.
+struct Room {
+    instant: Instant,
+    /// Columns of directions, as they are asked for, and which of them are made.
+    columns: Vec<f64>,
+    is_made: Vec<bool>,
+    /// Attitude and rate of links, in their own axes, that an error moves.
+    moved: Vec<Option<[Three; 2]>>,
+    /// Weights of the directions of an error.
+    moves: Vec<(Direction, f64)>,
+    sum: Vec<f64>,
 }
 
 impl<'a> ErrorRows<'a> {
@@ -99,113 +60,116 @@ impl<'a> ErrorRows<'a> {
     pub(super) fn new(source: &'a TreeSource, maker: &RowMaker, phi: &[f64]) -> Result<Self, TreeError> {
         let input = source.input();
         let moving = maker.moving().clone();
-        let links = moving.links();
         let seen = |signal: &super::NoisySignal, i: usize| {
             signal.kind == SignalKind::Attitude && signal.link + BASE == i
         };
-        let is_seen = (0..links.len()).map(|i| input.signals.iter().any(|s| seen(s, i))).collect();
-        let mut above: Vec<Vec<usize>> = vec![Vec::new()];
-        for link in links.iter().skip(1) {
-            let mut own = above.get(link.parent).cloned().unwrap_or_default();
-            own.push(link.parent);
-            above.push(own);
-        }
-        let mut rows = Self {
-            source,
-            bodies: maker.bodies(phi),
-            is_seen,
-            above,
-            predicted: Vec::new(),
-            moving: Mutex::new(moving),
-        };
+        let links = moving.links().len();
+        let is_seen = (0..links).map(|i| input.signals.iter().any(|s| seen(s, i))).collect();
+        let still = Instant::new(input, moving, maker.bodies(phi));
+        let rooms = Mutex::new(Vec::new());
+        let mut rows = Self { source, is_seen, predicted: Vec::new(), still, rooms };
         if input.errors.contains(&SignalError::Skew) {
             rows.predicted = rows.predictions(maker, phi)?;
         }
         Ok(rows)
     }
 
-    /// Returns what the parameters predict of every frame, offsets of the wrench left out.
-    fn predictions(&self, maker: &RowMaker, phi: &[f64]) -> Result<Vec<Vec<f64>>, TreeError> {
-        let input = self.source.input();
-        let first = if input.has_wrench() { 6 } else { 0 };
-        let mut row = vec![0.0; phi.len()];
-        let of_frame = |frame: &Frame| {
-            let mut moving = self.moving.lock().unwrap_or_else(PoisonError::into_inner);
-            let instant = self.instant(&mut moving, frame)?;
-            let mut out = instant.predicted();
-            let channels = out.len() / 2;
-            if input.has_efforts() {
-                for (k, smoothed) in (first..channels).flat_map(|c| [(c - first, true), (c - first, false)]) {
-                    row.fill(0.0);
-                    maker.add_drives(k, frame, smoothed, &mut row);
-                    let drives: f64 = row.iter().zip(phi).map(|(a, b)| a * b).sum();
-                    if let Some(to) = out.get_mut(first + k + if smoothed { 0 } else { channels }) {
-                        *to += drives;
-                    }
+    /// Does something with a room that nobody else has meanwhile.
+    fn in_room<R>(&self, job: impl FnOnce(&mut Room) -> R) -> R {
+        let rooms = || self.rooms.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = rooms().pop();
+        let mut room = free.unwrap_or_else(|| {
+            let (instant, channels) = (self.still.clone(), self.source.channels().len());
+            let directions = instant.directions();
+            Room {
+                columns: vec![0.0; directions * 2 * channels],
+                is_made: vec![false; directions],
+                moved: vec![None; instant.moving.links().len()],
+                moves: Vec::new(),
+                sum: vec![0.0; 2 * channels],
+                instant,
+            }
+        });
+        let done = job(&mut room);
+        rooms().push(room);
+        done
+    }
+
+    /// Returns the predictions of every frame, one after the other, offsets of the wrench left out.
+    fn predictions(&self, maker: &RowMaker, phi: &[f64]) -> Result<Vec<f64>, TreeError> {
+        let (frames, channels) = (&self.source.input().frames, self.source.channels().len());
+        let runs = parallel::map(parallel::threads(), frames.len().div_ceil(RUN), |run| {
+            self.in_room(|room| {
+                let own = frames.iter().skip(run * RUN).take(RUN);
+                let mut out = vec![0.0; own.len() * 2 * channels];
+                for (frame, out) in own.zip(out.chunks_exact_mut((2 * channels).max(1))) {
+                    self.predict(&mut room.instant, maker, frame, phi, out)?;
                 }
-            }
-            Ok(out)
-        };
-        input.frames.iter().map(of_frame).collect()
+                Ok(out)
+            })
+        });
+        let runs: Result<Vec<Vec<f64>>, TreeError> = runs.into_iter().collect();
+        Ok(runs?.concat())
     }
 
-    fn instant<'f>(&'f self, moving: &'f mut Moving, frame: &'f Frame) -> Result<Instant<'f>, TreeError> {
-        let zeros = vec![0.0; frame.rates.len()];
-        moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
-        let ground = match &self.source.input().contact {
-            None => Vec::new(),
-            Some(contact) => {
-                let standing = contact.standing(frame);
-                let feet: Vec<_> = standing.into_iter().map(|(_, foot, wrench)| (foot, wrench)).collect();
-                forces::moved(moving, &feet)?
-            }
-        };
-        let moving = &*moving;
-        Ok(Instant {
-            input: self.source.input(),
-            moving,
-            frame,
-            composites: composites(moving, &self.bodies),
-            freedoms: freedoms(moving, frame),
-            above: &self.above,
-            ground,
-        })
-    }
-
-    /// Returns the derivative by time of what is predicted of a frame.
-    fn slope(&self, sample: usize) -> Vec<f64> {
+    /// Writes the predictions of a frame.
+    fn predict(
+        &self,
+        instant: &mut Instant,
+        maker: &RowMaker,
+        frame: &Frame,
+        phi: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), TreeError> {
         let input = self.source.input();
-        let own = self.predicted.get(sample).cloned().unwrap_or_default();
+        instant.set(frame, input.contact.as_ref())?;
+        instant.predict(out);
+        if input.has_efforts() {
+            let channels = out.len() / 2;
+            let first = if input.has_wrench() { 6 } else { 0 };
+            for (c, smoothed) in (first..channels).flat_map(|c| [(c, true), (c, false)]) {
+                let drives = maker.effort_of_drives(c - first, frame, smoothed, phi);
+                out[c + if smoothed { 0 } else { channels }] += drives;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the derivative by time of the predictions of a frame.
+    fn slope(&self, sample: usize, out: &mut [f64]) {
+        let input = self.source.input();
+        let width = out.len();
+        let count = self.predicted.len() / width.max(1);
+        let own = |k: usize| self.predicted.get(k * width..(k + 1) * width).unwrap_or_default();
         let time = |k: usize| input.frames.get(k).map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
         let near = |other: Option<usize>| {
             let is_near = |k: &usize| (time(*k) - time(sample)).abs() < GAP / input.rate_hz;
-            other.filter(|k| *k < self.predicted.len() && is_near(k)).unwrap_or(sample)
+            other.filter(|k| *k < count && is_near(k)).unwrap_or(sample)
         };
         let (before, after) = (near(sample.checked_sub(1)), near(Some(sample + 1)));
         let span = time(after) - time(before);
-        if span <= 0.0 {
-            return vec![0.0; own.len()];
+        if span > 0.0 {
+            let pairs = own(after).iter().zip(own(before));
+            out.iter_mut().zip(pairs).for_each(|(to, (a, b))| *to = (a - b) / span);
         }
-        let pairs = self
-            .predicted
-            .get(after)
-            .into_iter()
-            .flatten()
-            .zip(self.predicted.get(before).into_iter().flatten());
-        pairs.map(|(a, b)| (a - b) / span).collect()
     }
 
-    /// Returns what an error moves: weights of the directions.
-    fn moves(&self, instant: &Instant, error: &SignalError) -> Vec<(Direction, f64)> {
+    /// Writes the weights of the directions that an error moves.
+    fn find_moves(
+        &self,
+        instant: &Instant,
+        error: &SignalError,
+        moved: &mut [Option<[Three; 2]>],
+        out: &mut Vec<(Direction, f64)>,
+    ) {
         let states = instant.moving.states();
-        let motion = &instant.frame.base;
-        let mut out = Vec::new();
+        let motion = &instant.base;
+        out.clear();
+        moved.fill(None);
         let mut base = |direction: fn(usize) -> Direction, v: Three| {
             out.extend(v.iter().enumerate().map(|(axis, value)| (direction(axis), *value)));
         };
         let unit = |axis: usize| Matrix3::<f64>::identity().column(axis).into_owned();
-        // Attitude and rate of links, in their own axes.
-        let mut moved: Vec<Option<[Three; 2]>> = vec![None; states.len()];
         let still = LinkState::zero();
         let at = |i: usize| states.get(i).unwrap_or(&still);
         let mut everywhere = None;
@@ -266,10 +230,10 @@ impl<'a> ErrorRows<'a> {
             | SignalError::EffortGain(_)
             | SignalError::EffortDrift { .. }
             | SignalError::FootZero { .. }
-            | SignalError::FootGain { .. } => return out,
+            | SignalError::FootGain { .. } => return,
         }
-        if moved.iter().all(Option::is_none) {
-            return out;
+        if !self.is_seen.contains(&true) || moved.iter().all(Option::is_none) {
+            return;
         }
         for i in BASE + 1..states.len() {
             let parent = instant.parent(i);
@@ -297,300 +261,7 @@ impl<'a> ErrorRows<'a> {
             let ([turn, rate], [turned, rated]) = (moved[i].unwrap_or(zero), carried.unwrap_or(zero));
             let turn = turn - turned;
             let spin = rate - rated + turn.cross(&own.rotation.tr_mul(&at(parent).rate));
-            instant.joint_moves(i, &turn, &spin, &mut out);
-        }
-        out
-    }
-}
-
-/// What the motion may change by.
-#[derive(Clone, Copy)]
-enum Direction {
-    /// Position of a freedom; of a ball a turn about an axis of the link.
-    Position(usize),
-    /// Rate of a freedom.
-    Speed(usize),
-    /// Rate of the base, by an axis.
-    Rate(usize),
-    /// Specific force of the base.
-    Force(usize),
-    /// Place of the base's IMU.
-    LeverArm(usize),
-}
-
-/// Returns mass, first moment, tensor and momentum of each link and all beyond, about its origin.
-fn composites(moving: &Moving, bodies: &[[f64; 10]]) -> Vec<Composite> {
-    let own = moving.states().iter().zip(bodies).map(|(state, phi)| {
-        let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi;
-        let (turn, u, rate) = (&state.rotation, &state.velocity, &state.rate);
-        let moment = turn * Vector3::new(x, y, z);
-        let inertia = turn * Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz) * turn.transpose();
-        Composite {
-            mass: m,
-            moment,
-            inertia,
-            momentum: u * m + rate.cross(&moment),
-            angular: moment.cross(u) + inertia * rate,
-        }
-    });
-    let mut all: Vec<Composite> = own.collect();
-    for i in (1..all.len()).rev() {
-        let parent = moving.links()[i].parent;
-        let d = moving.states()[i].position - moving.states()[parent].position;
-        let (c, cross) = (all[i], d.cross_matrix());
-        let of_moment = c.moment.cross_matrix();
-        let to = &mut all[parent];
-        to.mass += c.mass;
-        to.moment += c.moment + d * c.mass;
-        to.inertia += c.inertia - (cross * of_moment + of_moment * cross) - cross * cross * c.mass;
-        to.momentum += c.momentum;
-        to.angular += c.angular + d.cross(&c.momentum);
-    }
-    all
-}
-
-/// Returns the freedoms of all joints.
-fn freedoms(moving: &Moving, frame: &Frame) -> Vec<Freedom> {
-    let mut all = Vec::new();
-    let (states, mut q) = (moving.states(), frame.positions.as_slice());
-    let mut first = 0;
-    for (i, link) in moving.links().iter().enumerate().skip(1) {
-        let (state, parent) = (&states[i], &states[link.parent]);
-        let own = q.get(..link.joint.coordinates()).unwrap_or_default();
-        q = q.get(link.joint.coordinates()..).unwrap_or_default();
-        let turning = |axis: Three, carrier: Three| Freedom { link: i, axis, slides: false, carrier };
-        match &link.joint {
-            Joint::Revolute(axis) => all.push(turning(state.rotation * axis, parent.rate)),
-            Joint::Prismatic(axis) => {
-                all.push(Freedom { slides: true, ..turning(state.rotation * axis, parent.rate) });
-            }
-            Joint::Universal(a, b) => {
-                let second = own.get(1).copied().unwrap_or(0.0);
-                let inner = rigident_shared::tree::joint::turn(b, second.sin(), second.cos());
-                let axis = state.rotation * inner.tr_mul(a);
-                let rate = frame.rates.get(first).copied().unwrap_or(0.0);
-                all.push(turning(axis, parent.rate));
-                all.push(turning(state.rotation * b, parent.rate + axis * rate));
-            }
-            Joint::Spherical => {
-                let axes = state.rotation.column_iter();
-                all.extend(axes.map(|axis| turning(axis.into_owned(), parent.rate)));
-            }
-            Joint::Fixed | Joint::Free => {}
-        }
-        first += link.joint.freedoms();
-    }
-    all
-}
-
-impl Instant<'_> {
-    fn parent(&self, i: usize) -> usize {
-        self.moving.links().get(i).map_or(0, |link| link.parent)
-    }
-
-    fn freedoms_of(&self, i: usize) -> impl Iterator<Item = (usize, &Freedom)> {
-        self.freedoms.iter().enumerate().filter(move |(_, freedom)| freedom.link == i)
-    }
-
-    fn channels(&self) -> usize {
-        let first = if self.input.has_wrench() { 6 } else { 0 };
-        first + if self.input.has_efforts() { self.freedoms.len() } else { 0 }
-    }
-
-    /// Returns what a turn and a change of rate of link i against its parent, axes of the link, do to its joint.
-    fn joint_moves(&self, i: usize, turn: &Three, spin: &Three, out: &mut Vec<(Direction, f64)>) {
-        let rotation = self.moving.states()[i].rotation;
-        let own: Vec<(usize, Three)> =
-            self.freedoms_of(i).map(|(k, freedom)| (k, rotation.tr_mul(&freedom.axis))).collect();
-        let mut both = |k: usize, position: f64, speed: f64| {
-            out.extend([(Direction::Position(k), position), (Direction::Speed(k), speed)]);
-        };
-        if let [(first, a), (second, b)] = own[..] {
-            let c = a.dot(&b);
-            let Some(solve) = Matrix2::new(1.0, c, c, 1.0).try_inverse() else { return };
-            let [turn, spin] = [turn, spin].map(|v| solve * Vector2::new(a.dot(v), b.dot(v)));
-            both(first, turn.x, spin.x);
-            both(second, turn.y, spin.y);
-            return;
-        }
-        for (k, axis) in own {
-            both(k, axis.dot(turn), axis.dot(spin));
-        }
-    }
-
-    /// Returns what is predicted, smoothed and differentiated, without drives.
-    fn predicted(&self) -> Vec<f64> {
-        let mut out = vec![0.0; 2 * self.channels()];
-        let (whole, motion) = (&self.composites[0], &self.frame.base);
-        let (w, a) = (&motion.rate, &motion.specific_force);
-        self.put_base(
-            [
-                &(w.cross(&whole.momentum) + a * whole.mass),
-                &(w.cross(&whole.angular) + whole.moment.cross(a)),
-            ],
-            [&whole.momentum, &whole.angular],
-            &mut out,
-        );
-        self.put_joints(&mut out, |freedom| {
-            let (c, u) = (&self.composites[freedom.link], self.moving.states()[freedom.link].velocity);
-            let (n, changed) = (&freedom.axis, freedom.carrier.cross(&freedom.axis));
-            if freedom.slides {
-                (n.dot(a) * c.mass - changed.dot(&c.momentum), n.dot(&c.momentum))
-            } else {
-                let smoothed =
-                    n.dot(&c.moment.cross(a)) - changed.dot(&c.angular) + n.dot(&u.cross(&c.momentum));
-                (smoothed, n.dot(&c.angular))
-            }
-        });
-        out
-    }
-
-    /// Adds a wrench about the IMU, brought to S, to the rows of the base.
-    fn put_base(&self, smoothed: [&Three; 2], differentiated: [&Three; 2], out: &mut [f64]) {
-        if !self.input.has_wrench() {
-            return;
-        }
-        let BaseSensor::Imu(place) = self.input.base else { return };
-        let (place, channels) = (Vector3::from(place), self.channels());
-        for ([force, moment], first) in [(smoothed, 0), (differentiated, channels)] {
-            let moment = moment + place.cross(force);
-            let values = force.iter().chain(moment.iter());
-            out.iter_mut().skip(first).zip(values).for_each(|(to, value)| *to += value);
-        }
-    }
-
-    /// Adds numbers to the rows of the joints.
-    fn put_joints(&self, out: &mut [f64], of: impl Fn(&Freedom) -> (f64, f64)) {
-        if !self.input.has_efforts() {
-            return;
-        }
-        let (channels, first) = (self.channels(), if self.input.has_wrench() { 6 } else { 0 });
-        for (k, freedom) in self.freedoms.iter().enumerate() {
-            let (smoothed, differentiated) = of(freedom);
-            out[first + k] += smoothed;
-            out[channels + first + k] += differentiated;
-        }
-    }
-
-    /// Adds what a change of link i and all beyond does to base and joints.
-    fn change(&self, i: usize, change: &Change, out: &mut [f64]) {
-        let Change { turn, rate, shift, velocity } = change;
-        let (own, state, motion) = (&self.composites[i], &self.moving.states()[i], &self.frame.base);
-        let (u, a, w) = (&state.velocity, &motion.specific_force, &motion.rate);
-        let momentum =
-            turn.cross(&(own.momentum - u * own.mass)) + rate.cross(&own.moment) + velocity * own.mass;
-        let angular = turn.cross(&own.moment).cross(u)
-            + turn.cross(&(own.angular - own.moment.cross(u)))
-            + own.inertia * rate
-            + own.moment.cross(velocity);
-        let angular = angular + state.position.cross(&momentum) + shift.cross(&own.momentum);
-        let moment = turn.cross(&own.moment) + shift * own.mass;
-        self.put_base(
-            [&w.cross(&momentum), &(w.cross(&angular) + moment.cross(a))],
-            [&momentum, &angular],
-            out,
-        );
-        let turned = -turn.cross(a);
-        self.put_joints(out, |freedom| {
-            let j = freedom.link;
-            let (n, c, at) = (&freedom.axis, &self.composites[j], &self.moving.states()[j]);
-            let carried = freedom.carrier.cross(n);
-            if j == i || self.above[i].contains(&j) {
-                let about = angular - at.position.cross(&momentum);
-                return if freedom.slides {
-                    (-carried.dot(&momentum), n.dot(&momentum))
-                } else {
-                    let smoothed =
-                        n.dot(&moment.cross(a)) - carried.dot(&about) + n.dot(&at.velocity.cross(&momentum));
-                    (smoothed, n.dot(&about))
-                };
-            }
-            if !self.above[j].contains(&i) {
-                return (0.0, 0.0);
-            }
-            let b = -turn.cross(u) + rate.cross(&(at.position - state.position)) + velocity;
-            let momentum = b * c.mass + rate.cross(&c.moment);
-            let angular = c.moment.cross(&b) + c.inertia * rate;
-            let also = rate.cross(n);
-            if freedom.slides {
-                let smoothed = n.dot(&turned) * c.mass - also.dot(&c.momentum) - carried.dot(&momentum);
-                (smoothed, n.dot(&momentum))
-            } else {
-                let smoothed = n.dot(&c.moment.cross(&turned)) - also.dot(&c.angular) - carried.dot(&angular)
-                    + n.dot(&(b.cross(&c.momentum) + at.velocity.cross(&momentum)));
-                (smoothed, n.dot(&angular))
-            }
-        });
-    }
-
-    /// Returns the column of a direction: smoothed and differentiated.
-    fn column(&self, direction: Direction) -> Vec<f64> {
-        let mut out = vec![0.0; 2 * self.channels()];
-        let (whole, motion) = (&self.composites[0], &self.frame.base);
-        let unit = |axis: usize| Matrix3::<f64>::identity().column(axis).into_owned();
-        match direction {
-            Direction::Position(k) => {
-                let Some(f) = self.freedoms.get(k) else { return out };
-                let change = if f.slides {
-                    Change { shift: f.axis, velocity: f.carrier.cross(&f.axis), ..Change::NONE }
-                } else {
-                    Change { turn: f.axis, rate: -f.axis.cross(&f.carrier), ..Change::NONE }
-                };
-                self.change(f.link, &change, &mut out);
-                // What the feet push is moved on the other side.
-                let ground = self.ground.get(k).map_or(&[][..], Vec::as_slice);
-                out.iter_mut().zip(ground).for_each(|(to, moved)| *to -= moved);
-            }
-            Direction::Speed(k) => {
-                let Some(f) = self.freedoms.get(k) else { return out };
-                let change = if f.slides {
-                    Change { velocity: f.axis, ..Change::NONE }
-                } else {
-                    Change { rate: f.axis, ..Change::NONE }
-                };
-                self.change(f.link, &change, &mut out);
-            }
-            Direction::Rate(axis) => {
-                let e = unit(axis);
-                self.change(0, &Change { rate: e, ..Change::NONE }, &mut out);
-                let zero = Vector3::zeros();
-                let by_rate = [&e.cross(&whole.momentum), &e.cross(&whole.angular)];
-                self.put_base(by_rate, [&zero, &zero], &mut out);
-            }
-            Direction::Force(axis) => {
-                let (e, zero) = (unit(axis), Vector3::zeros());
-                self.put_base([&(e * whole.mass), &whole.moment.cross(&e)], [&zero, &zero], &mut out);
-                self.put_joints(&mut out, |freedom| {
-                    let c = &self.composites[freedom.link];
-                    let n = &freedom.axis;
-                    let smoothed =
-                        if freedom.slides { n.dot(&e) * c.mass } else { n.dot(&c.moment.cross(&e)) };
-                    (smoothed, 0.0)
-                });
-            }
-            Direction::LeverArm(axis) => {
-                let e = unit(axis);
-                let change = Change { shift: -e, velocity: -motion.rate.cross(&e), ..Change::NONE };
-                self.change(BASE, &change, &mut out);
-                // The wrench is brought to S from where the IMU is.
-                let force = motion.rate.cross(&whole.momentum) + motion.specific_force * whole.mass;
-                let zero = Vector3::zeros();
-                let moments = [e.cross(&force), e.cross(&whole.momentum)];
-                self.put_base([&zero, &moments[0]], [&zero, &moments[1]], &mut out);
-            }
-        }
-        out
-    }
-
-    /// Returns the place of a direction among all.
-    fn place(&self, direction: Direction) -> usize {
-        let count = self.freedoms.len();
-        match direction {
-            Direction::Position(k) => k,
-            Direction::Speed(k) => count + k,
-            Direction::Rate(axis) => 2 * count + axis,
-            Direction::Force(axis) => 2 * count + 3 + axis,
-            Direction::LeverArm(axis) => 2 * count + 6 + axis,
+            instant.joint_moves(i, &turn, &spin, out);
         }
     }
 }
@@ -611,61 +282,76 @@ impl<'a> ErrorRows<'a> {
         self.source.mark_untold(sample, rows);
         let input = self.source.input();
         let frame = input.frames.get(sample).ok_or(refuse)?;
-        let mut moving = self.moving.lock().unwrap_or_else(PoisonError::into_inner);
-        let available = self.available(&mut moving, frame).map_err(|_| refuse)?;
-        let instant = self.instant(&mut moving, frame).map_err(|_| refuse)?;
-        let (channels, count) = (self.source.channels().len(), input.errors.len());
-        // Columns of directions, as they are asked for.
-        let mut columns: Vec<Option<Vec<f64>>> = vec![None; 2 * instant.freedoms.len() + 9];
-        let mut sum = vec![0.0; 2 * channels];
-        for (k, error) in input.errors.iter().enumerate() {
-            sum.fill(0.0);
-            match error {
-                SignalError::Skew => {
-                    sum.iter_mut().zip(self.slope(sample)).for_each(|(to, value)| *to = value)
-                }
-                SignalError::EffortOffset(channel) => {
-                    sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = 1.0)
-                }
-                SignalError::EffortGain(channel) => {
-                    let effort = channel.checked_sub(6).and_then(|k| frame.efforts.get(k)).copied();
-                    sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = effort.unwrap_or(0.0));
-                }
-                SignalError::EffortDrift { channel, degree } => {
-                    let drift = self.drift(frame, *degree);
-                    sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
-                }
-                SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
-                    let is_gain = matches!(error, SignalError::FootGain { .. });
-                    let value = frame.ground.wrenches.get(*foot).map_or(0.0, |w| w[*component]);
-                    let factor = if is_gain { value } else { 1.0 };
-                    let feet = available.iter().flat_map(|available| &available.feet);
-                    for (_, columns) in feet.filter(|(i, _)| i == foot) {
-                        let column = columns.values.column(*component);
-                        sum.iter_mut().zip(column.iter()).for_each(|(to, g)| *to = factor * g);
-                    }
-                }
-                _ => {
-                    for (direction, weight) in self.moves(&instant, error) {
-                        let Some(own) = columns.get_mut(instant.place(direction)) else { continue };
-                        let own = own.get_or_insert_with(|| instant.column(direction));
-                        sum.iter_mut().zip(own.iter()).for_each(|(to, value)| *to += weight * value);
-                    }
-                }
+        let available = self.in_room(|room| {
+            let available = self.available(&mut room.instant.moving, frame)?;
+            room.instant.set(frame, input.contact.as_ref())?;
+            room.is_made.fill(false);
+            for (k, error) in input.errors.iter().enumerate() {
+                self.write_error(sample, frame, error, available.as_ref(), room);
+                let (smoothed, differentiated) = room.sum.split_at(room.sum.len() / 2);
+                put(&mut rows.smoothed, k, input.errors.len(), smoothed);
+                put(&mut rows.differentiated, k, input.errors.len(), differentiated);
             }
-            let (smoothed, differentiated) = sum.split_at(channels);
-            for (part, values) in [(&mut rows.smoothed, smoothed), (&mut rows.differentiated, differentiated)]
-            {
-                part.iter_mut().skip(k).step_by(count).zip(values).for_each(|(to, value)| *to = *value);
-            }
-        }
-        if let Some(available) = available {
-            available.combine(&mut rows.smoothed, &mut rows.differentiated, count);
+            Ok(available)
+        });
+        if let Some(available) = available.map_err(|_: TreeError| refuse)? {
+            available.combine(&mut rows.smoothed, &mut rows.differentiated, input.errors.len());
         }
         if input.is_static {
             rows.differentiated.fill(0.0);
         }
         Ok(())
+    }
+
+    /// Writes the column of an error into the sum of a room that was brought to its frame.
+    fn write_error(
+        &self,
+        sample: usize,
+        frame: &Frame,
+        error: &SignalError,
+        available: Option<&Availability>,
+        room: &mut Room,
+    ) {
+        let Room { instant, columns, is_made, moved, moves, sum } = room;
+        sum.fill(0.0);
+        match error {
+            SignalError::Skew => self.slope(sample, sum),
+            SignalError::EffortOffset(channel) => {
+                sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = 1.0)
+            }
+            SignalError::EffortGain(channel) => {
+                let effort = channel.checked_sub(6).and_then(|k| frame.efforts.get(k)).copied();
+                sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = effort.unwrap_or(0.0));
+            }
+            SignalError::EffortDrift { channel, degree } => {
+                let drift = self.drift(frame, *degree);
+                sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
+            }
+            SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
+                let is_gain = matches!(error, SignalError::FootGain { .. });
+                let value = frame.ground.wrenches.get(*foot).map_or(0.0, |w| w[*component]);
+                let factor = if is_gain { value } else { 1.0 };
+                let feet = available.iter().flat_map(|available| &available.feet);
+                for (_, columns) in feet.filter(|(i, _)| i == foot) {
+                    let column = columns.values.column(*component);
+                    sum.iter_mut().zip(column.iter()).for_each(|(to, g)| *to = factor * g);
+                }
+            }
+            _ => {
+                self.find_moves(instant, error, moved, moves);
+                let width = sum.len();
+                for (direction, weight) in moves.iter() {
+                    let place = instant.place(*direction);
+                    let own = columns.get_mut(place * width..(place + 1) * width);
+                    let Some((own, is_made)) = own.zip(is_made.get_mut(place)) else { continue };
+                    if !*is_made {
+                        instant.column(*direction, own);
+                        *is_made = true;
+                    }
+                    sum.iter_mut().zip(own.iter()).for_each(|(to, value)| *to += weight * value);
+                }
+            }
+        }
     }
 
     /// Returns what is available of the rows of a frame; `None` where there are no feet.
@@ -683,6 +369,13 @@ impl<'a> ErrorRows<'a> {
         let (first, last) = (time(frames.first()), time(frames.last()));
         let x = (2.0 * time(Some(frame)) - first - last) / (last - first).max(f64::MIN_POSITIVE);
         if degree == 1 { x } else { 1.5 * x * x - 0.5 }
+    }
+}
+
+/// Writes the numbers of column k of some rows of `count` columns.
+fn put(rows: &mut [f64], k: usize, count: usize, values: &[f64]) {
+    for (row, value) in rows.chunks_exact_mut(count.max(1)).zip(values) {
+        row[k] = *value;
     }
 }
 

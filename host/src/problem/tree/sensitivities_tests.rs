@@ -7,7 +7,7 @@ use crate::model::{Model, ModelLink};
 use crate::problem::tree::contact::{Contact, ContactState, Foot};
 use crate::problem::tree::drive::{Drive, Term};
 use crate::problem::tree::joints::{Resolved, Seen, resolve};
-use crate::problem::tree::{NoisySignal, TreeSource};
+use crate::problem::tree::{BaseSensor, Input, NoisySignal, TreeSource};
 
 struct Random(u64);
 

@@ -69,12 +69,14 @@ impl TreeSource {
             return Err(TreeError::Lengths);
         }
         let mut maker = RowMaker::new(&input, &base)?;
-        // All frames are made alike.
-        if let Some(frame) = input.frames.first() {
-            maker.rows(frame)?;
-        }
         let parameters = parameters(&input, &base);
         let channels = channels(&input, &parameters);
+        // All frames are made alike.
+        if let Some(frame) = input.frames.first() {
+            let mut rows = SampleRows::default();
+            rows.clear(channels.len(), parameters.len());
+            maker.rows(frame, &mut rows)?;
+        }
         Ok(Self { input, base, parameters, channels, maker: Mutex::new(maker) })
     }
 
@@ -268,11 +270,8 @@ impl RowSource for TreeSource {
         let refuse = Rejection::NotFinite(0);
         let frame = self.input.frames.get(sample).ok_or(refuse)?;
         self.measure(sample, &mut rows.measured)?;
-        let made = {
-            let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
-            maker.available(frame, &mut rows.measured).map_err(|_| refuse)?
-        };
-        (rows.smoothed, rows.differentiated) = (made.smoothed, made.differentiated);
+        let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
+        maker.available(frame, rows).map_err(|_| refuse)?;
         self.mark_untold(sample, rows);
         Ok(())
     }
