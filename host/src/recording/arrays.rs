@@ -108,7 +108,7 @@ impl Recording {
                 })?;
             }
         }
-        reader.into_recording()
+        reader.into_recording(false)
     }
 
     /// Makes a recording of columns of cells.

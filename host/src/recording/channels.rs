@@ -4,8 +4,8 @@
 //! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there to compare it
 //! with.
 
-use super::Recording;
-use super::columns::{Group, Known};
+use super::columns::Group;
+use super::{ImuColumns, Recording};
 
 /// Endings of joints' columns: efforts,
 const EFFORTS: [&str; 2] = ["_nm", "_n"];
@@ -27,6 +27,7 @@ const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
 const LEAST_NOISE: f64 = 1e-5;
 
 /// One column of a sensor.
+#[derive(Clone)]
 struct Channel {
     name: String,
     values: Vec<f64>,
@@ -61,13 +62,14 @@ impl Channel {
         noise > LEAST_NOISE * variance.sqrt()
     }
 
-    /// Returns the rows that hold a spike, in order.
-    fn spikes(&self, is_even: impl Fn(usize) -> bool) -> Vec<usize> {
+    /// Returns the rows that hold a spike, in order; `is_even` tells of each row if none is missing beside
+    /// it.
+    fn spikes(&self, is_even: &[bool]) -> Vec<usize> {
         let x = &self.values;
         // From the mean of both neighbours; zero where a row is missing beside it.
         let off: Vec<f64> = (0..x.len())
             .map(|i| match (i.checked_sub(1).and_then(|k| x.get(k)), x.get(i), x.get(i + 1)) {
-                (Some(a), Some(b), Some(c)) if is_even(i) => b - 0.5 * (a + c),
+                (Some(a), Some(b), Some(c)) if is_even.get(i) == Some(&true) => b - 0.5 * (a + c),
                 _ => 0.0,
             })
             .collect();
@@ -93,6 +95,17 @@ impl Channel {
     }
 }
 
+/// Returns the names of a sensor's channels that are dead beside live ones with noise; `channels` goes
+/// through them once more at every call, so that no two of a long recording are held at once.
+fn dead<I: Iterator<Item = Channel>>(channels: impl Fn() -> I) -> Vec<String> {
+    let dead: Vec<String> = channels().filter(Channel::is_dead).map(|channel| channel.name).collect();
+    if dead.is_empty() {
+        return dead;
+    }
+    let mut live = channels().filter(|channel| !channel.is_dead()).peekable();
+    if live.peek().is_some() && live.all(|channel| channel.is_noisy()) { dead } else { Vec::new() }
+}
+
 impl Recording {
     /// Returns the names of channels that never change, to the last digit, while all others of their sensor have noise: a
     /// sensor's own. Of a recording without noise nothing is said, nor of a sensor that is still as a whole.
@@ -102,21 +115,12 @@ impl Recording {
         }
         let mut names = Vec::new();
         let own = |group: &&Group| !self.derived.contains(group);
-        let sensors = self.sensors().into_iter().map(|sensor| -> Vec<Channel> {
-            sensor.iter().filter(own).flat_map(|group| self.channels(*group)).collect()
-        });
-        for sensor in sensors.chain([self.joint_channels(&EFFORTS)]) {
-            let channels = || sensor.iter();
-            let is_dead = |channel: &&Channel| channel.is_dead();
-            let dead: Vec<String> = channels().filter(is_dead).map(|channel| channel.name.clone()).collect();
-            if dead.is_empty() {
-                continue;
-            }
-            let mut live = channels().filter(|channel| !channel.is_dead()).peekable();
-            if live.peek().is_some() && live.all(|channel| channel.is_noisy()) {
-                names.extend(dead);
-            }
+        for sensor in self.sensors() {
+            let groups: Vec<Group> = sensor.iter().filter(own).copied().collect();
+            names.extend(dead(|| groups.iter().flat_map(|group| self.channels(*group))));
         }
+        let joints = self.joint_channels(&EFFORTS);
+        names.extend(dead(|| joints.iter().cloned()));
         names
     }
 
@@ -134,12 +138,13 @@ impl Recording {
             };
             i > 0 && step(i - 1) && step(i)
         };
+        let is_even: Vec<bool> = (0..self.rows()).map(is_even).collect();
         let mut out = vec![false; self.rows()];
         let mut said = Vec::new();
         let imus = self.sensors().into_iter().skip(1).flatten();
         let joints = self.joint_channels(&MOTION);
         for channel in imus.flat_map(|group| self.channels(group)).chain(joints) {
-            let rows = channel.spikes(is_even);
+            let rows = channel.spikes(&is_even);
             let Some(first) = rows.first() else { continue };
             said.push(format!(
                 "{} of {} far off all others near, as no motion takes it, the first in {}: left out; check that sensor's \
@@ -176,11 +181,11 @@ impl Recording {
 
     /// Returns a group's channels, one after the other: of a long recording no two are copied at once.
     fn channels(&self, group: Group) -> impl Iterator<Item = Channel> {
-        group.names().into_iter().enumerate().map(move |(k, name)| {
-            let values =
-                (0..self.rows()).filter_map(|row| self.number(Known::Member(group, k), row)).collect();
-            Channel { name, values }
-        })
+        group
+            .names()
+            .into_iter()
+            .enumerate()
+            .map(move |(k, name)| Channel { name, values: self.column(group, k) })
     }
 
     /// Keeps so many rows, the first ones.
@@ -192,9 +197,36 @@ impl Recording {
     /// Returns the recording of some of its rows.
     #[must_use]
     pub fn section(&self, rows: std::ops::Range<usize>) -> Self {
-        let mut section = self.clone();
-        section.keep_rows(&(0..self.rows()).map(|row| rows.contains(&row)).collect::<Vec<_>>());
-        section
+        fn part<T: Clone>(all: &[T], rows: &std::ops::Range<usize>) -> Vec<T> {
+            all.get(rows.start.min(all.len())..rows.end.min(all.len())).unwrap_or_default().to_vec()
+        }
+        fn some<T: Clone>(all: &Option<Vec<T>>, rows: &std::ops::Range<usize>) -> Option<Vec<T>> {
+            all.as_ref().map(|all| part(all, rows))
+        }
+        let rows = &rows;
+        let of_imu =
+            |imu: &ImuColumns| ImuColumns { accel: some(&imu.accel, rows), gyro: some(&imu.gyro, rows) };
+        Self {
+            time_ns: part(&self.time_ns, rows),
+            exact_time_s: some(&self.exact_time_s, rows),
+            wrench: some(&self.wrench, rows),
+            imus: self.imus.iter().map(of_imu).collect(),
+            gravity: some(&self.gravity, rows),
+            gauges: some(&self.gauges, rows),
+            platform: some(&self.platform, rows),
+            commanded: some(&self.commanded, rows),
+            attitudes: self.attitudes.iter().map(|(j, all)| (*j, part(all, rows))).collect(),
+            extra: self.extra.iter().map(|(name, cells)| (name.clone(), part(cells, rows))).collect(),
+            name: self.name.clone(),
+            rig: self.rig.clone(),
+            rig_text: self.rig_text.clone(),
+            is_static: self.is_static,
+            rate_hz: self.rate_hz,
+            derived: self.derived.clone(),
+            comments: self.comments.clone(),
+            order: self.order.clone(),
+            warnings: self.warnings.clone(),
+        }
     }
 
     /// Keeps the rows for which it is said so.
@@ -220,7 +252,6 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::ImuColumns;
 
     /// A body that turns and shakes, 100 readings a second, noise of a generator.
     fn recording(noise: f64) -> Recording {

@@ -1,8 +1,16 @@
 //! Recordings as CSV.
+//!
+//! A plain file is read in pieces, on all cores ([`quick`]); any other with care, so that a mistake is named
+//! with line and column.
 
-use std::collections::{BTreeMap, HashMap};
-use std::io::Write;
+mod group_rows;
+mod plain;
+mod quick;
 
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::io::{Read, Write};
+
+use self::group_rows::GroupRows;
 use super::columns::{Group, Known, TIME, nearest_known, other_unit};
 use super::time::{self, Time};
 use super::{Recording, RecordingError, stem};
@@ -13,8 +21,9 @@ use crate::rig::{RecordingTable, RigFile, WrenchSign};
 enum Sink {
     /// The time.
     Time { scale: f64, times: Vec<Time> },
-    /// A known quantity; the cells too where scaling loses their last digit.
-    Number { known: Known, scale: f64, offset: f64, values: Vec<f64>, cells: Option<Vec<String>> },
+    /// A known quantity, with the number of its cells that are in a group's rows; the cells too where scaling
+    /// loses their last digit.
+    Number { known: Known, group: usize, scale: f64, offset: f64, count: usize, cells: Option<Vec<String>> },
     /// Anything else.
     Text(Vec<String>),
 }
@@ -31,16 +40,32 @@ pub(super) struct Reader<'a> {
     rig: RigFile,
     comments: Vec<(String, String)>,
     columns: Vec<Column>,
+    /// Rows of the groups that its columns belong to.
+    groups: Vec<(Group, GroupRows)>,
     /// Lines of the rows; none of arrays.
     lines: Vec<u64>,
 }
 
 impl Recording {
+    /// Reads a CSV file that is plain, piece by piece; `None` if it is not, or something is wrong with it:
+    /// its bytes are then to be read by [`Recording::from_csv_bytes`]. `label` is the file's name.
+    pub(super) fn from_plain_csv(label: &str, from: impl Read, rig: &RigFile) -> Option<Self> {
+        quick::read(label, from, rig)
+    }
+
     /// Reads the bytes of a CSV file. `label` is the file's name, for messages.
     ///
     /// # Errors
     /// [`RecordingError`] with line and column.
     pub fn from_csv_bytes(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
+        match Self::from_plain_csv(label, bytes, rig) {
+            Some(recording) => Ok(recording),
+            None => Self::from_csv_with_care(label, bytes, rig),
+        }
+    }
+
+    /// Reads the bytes of a CSV file row by row.
+    fn from_csv_with_care(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
         if bytes.starts_with(&super::mcap::container::MAGIC) {
             return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
@@ -52,23 +77,16 @@ impl Recording {
         if text.contains('\0') {
             return Err(not("it is not text (it holds zero bytes)".to_owned()));
         }
-        let mut body = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let body = text.strip_prefix('\u{feff}').unwrap_or(text);
         if body.trim().is_empty() {
             return Err(not("it is empty".to_owned()));
         }
-        let mut comments = Vec::new();
-        let mut skipped = 0;
-        while let Some(rest) = body.strip_prefix('#') {
-            let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
-            let pair = line.split_once('=').filter(|(key, _)| !key.trim().is_empty());
-            let (key, value) = pair.unwrap_or(("", line));
-            comments.push((key.trim().to_owned(), value.trim().to_owned()));
-            (body, skipped) = (after, skipped + 1);
-        }
+        let (comments, body) = comments(body);
+        let skipped = comments.len() as u64;
         let mut reader = Reader::new(label, rig.clone(), comments);
         reader.apply_comments()?;
         reader.read(body, skipped)?;
-        reader.into_recording()
+        reader.into_recording(true)
     }
 
     /// Writes CSV that holds the recording without loss, in the notation's names, units and signs.
@@ -131,7 +149,7 @@ impl Recording {
 impl<'a> Reader<'a> {
     /// Returns one that has no columns yet.
     pub(super) fn new(label: &'a str, rig: RigFile, comments: Vec<(String, String)>) -> Self {
-        Self { label, rig, comments, columns: Vec::new(), lines: Vec::new() }
+        Self { label, rig, comments, columns: Vec::new(), groups: Vec::new(), lines: Vec::new() }
     }
 
     /// Finds out what each column is.
@@ -139,7 +157,17 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// The columns are not those of a recording.
     pub(super) fn name_columns(&mut self, header: Vec<String>) -> Result<(), RecordingError> {
-        self.columns = self.assign(header)?;
+        let mut columns = self.assign(header)?;
+        for column in &mut columns {
+            let Sink::Number { known: Known::Member(group, _), group: place, .. } = &mut column.sink else {
+                continue;
+            };
+            *place = self.groups.iter().position(|(own, _)| own == group).unwrap_or(self.groups.len());
+            if *place == self.groups.len() {
+                self.groups.push((*group, GroupRows::new(*group)));
+            }
+        }
+        self.columns = columns;
         Ok(())
     }
 
@@ -148,7 +176,8 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// Why the cell is no use.
     pub(super) fn take(&mut self, column: usize, cell: &str) -> Result<(), String> {
-        self.columns.get_mut(column).map_or(Ok(()), |column| column.push(cell))
+        let groups = &mut self.groups;
+        self.columns.get_mut(column).map_or(Ok(()), |column| column.push(cell, groups))
     }
 
     fn columns_error(&self, reason: String) -> RecordingError {
@@ -204,11 +233,7 @@ impl<'a> Reader<'a> {
 
     fn read(&mut self, body: &str, skipped: u64) -> Result<(), RecordingError> {
         let label = self.label.to_owned();
-        let mut reader = csv::ReaderBuilder::new()
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .delimiter(separator(body))
-            .from_reader(body.as_bytes());
+        let mut reader = csv_reader(body, separator(body));
         let header: Vec<String> = reader
             .headers()
             .map_err(|e| RecordingError::NotARecording { name: label.clone(), reason: e.to_string() })?
@@ -244,7 +269,9 @@ impl<'a> Reader<'a> {
                 ));
             }
             for (column, cell) in self.columns.iter_mut().zip(&record) {
-                column.push(cell).map_err(|reason| at(line, Some(column.header.clone()), reason))?;
+                column
+                    .push(cell, &mut self.groups)
+                    .map_err(|reason| at(line, Some(column.header.clone()), reason))?;
             }
             self.lines.push(line);
         }
@@ -291,7 +318,7 @@ impl<'a> Reader<'a> {
                 Some(Known::Time) => Sink::Time { scale, times: Vec::new() },
                 Some(known) => {
                     let cells = (scale != 1.0 || offset != 0.0).then(Vec::new);
-                    Sink::Number { known, scale, offset, values: Vec::new(), cells }
+                    Sink::Number { known, group: 0, scale, offset, count: 0, cells }
                 }
                 None => {
                     if let Some(meant) = other_unit(&name) {
@@ -327,14 +354,14 @@ impl<'a> Reader<'a> {
         Ok(columns)
     }
 
-    /// Puts the columns together.
+    /// Puts the columns together; they are of a file or of arrays.
     ///
     /// # Errors
     /// A column is missing, times do not increase, or the rig file contradicts them.
-    pub(super) fn into_recording(mut self) -> Result<Recording, RecordingError> {
+    pub(super) fn into_recording(mut self, of_file: bool) -> Result<Recording, RecordingError> {
         let headers: Vec<String> = self.columns.iter().map(|c| c.header.clone()).collect();
         let mut recording = Recording { name: stem(self.label), ..Recording::default() };
-        let mut groups: BTreeMap<Group, BTreeMap<usize, Vec<f64>>> = BTreeMap::new();
+        let mut members: BTreeMap<Group, BTreeSet<usize>> = BTreeMap::new();
         let mut times = None;
         for column in std::mem::take(&mut self.columns) {
             match column.sink {
@@ -342,9 +369,9 @@ impl<'a> Reader<'a> {
                     recording.order.push(TIME.to_owned());
                     times = Some(found);
                 }
-                Sink::Number { known: Known::Member(group, k), values, cells, .. } => {
+                Sink::Number { known: Known::Member(group, k), cells, .. } => {
                     recording.order.push(Known::Member(group, k).name());
-                    groups.entry(group).or_default().insert(k, values);
+                    members.entry(group).or_default().insert(k);
                     if let Some(cells) = cells {
                         // The number before scaling, so that nothing is lost in a conversion.
                         recording.extra.push((raw_name(&column.header, &headers), cells));
@@ -357,16 +384,20 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        for (group, columns) in groups {
-            let names = group.names();
-            let missing: Vec<&str> = (0..names.len())
-                .filter(|k| !columns.contains_key(k))
-                .filter_map(|k| names.get(k).map(String::as_str))
+        let mut groups = std::mem::take(&mut self.groups);
+        groups.sort_by_key(|(group, _)| *group);
+        for (group, rows) in groups {
+            let (names, own) = (group.names(), members.remove(&group).unwrap_or_default());
+            let missing: Vec<&str> = names
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| !own.contains(k))
+                .map(|(_, name)| name.as_str())
                 .collect();
             if !missing.is_empty() {
                 return Err(self.missing(&missing, &names, &headers));
             }
-            recording.set_group(group, &columns.into_values().collect::<Vec<_>>());
+            rows.put_into(group, &mut recording);
         }
         match times {
             Some(times) => self.set_times(&mut recording, &times)?,
@@ -393,7 +424,7 @@ impl<'a> Reader<'a> {
             self.comments.retain(|(key, _)| key != "wrench_sign");
         }
         recording.comments = self.comments;
-        if self.lines.is_empty() {
+        if !of_file {
             // There is no file whose lines could be named.
             recording.order.clear();
         }
@@ -431,9 +462,9 @@ impl<'a> Reader<'a> {
         };
         let line = |row: usize| self.lines.get(row).map_or_else(String::new, |line| format!(", line {line}"));
         for (row, pair) in times.windows(2).enumerate() {
-            let (before, after) = (pair[0].seconds(), pair[1].seconds());
             let increases = pair[1].nanoseconds() > pair[0].nanoseconds();
             if !increases {
+                let (before, after) = (pair[0].seconds(), pair[1].seconds());
                 return Err(at(
                     row + 1,
                     format!(
@@ -450,6 +481,7 @@ impl<'a> Reader<'a> {
         let first = times.first().map_or(0, |t| t.nanoseconds());
         // Nanoseconds have no sign: a recording that begins before zero counts from its first row.
         let origin = first.min(0);
+        recording.time_ns.reserve_exact(times.len());
         for (row, t) in times.iter().enumerate() {
             let ns = t.nanoseconds().saturating_sub(origin);
             let ns = u64::try_from(ns).ok().filter(|ns| *ns < i64::MAX as u64).ok_or_else(|| {
@@ -465,20 +497,16 @@ impl<'a> Reader<'a> {
 }
 
 impl Column {
-    fn push(&mut self, cell: &str) -> Result<(), String> {
+    fn push(&mut self, cell: &str, groups: &mut [(Group, GroupRows)]) -> Result<(), String> {
         match &mut self.sink {
             Sink::Text(cells) => cells.push(cell.to_owned()),
             Sink::Time { scale, times } => times.push(time::parse(cell, *scale).ok_or_else(|| refuse(cell))?),
-            Sink::Number { scale, offset, values, cells, .. } => {
-                let value: f64 =
-                    cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| refuse(cell))?;
-                // Multiplying by one would change nothing but the sign of a zero.
-                let value = if *scale == 1.0 { value } else { value * *scale };
-                let value = if *offset == 0.0 { value } else { value + *offset };
-                if !value.is_finite() {
-                    return Err(format!("{cell} times {scale} is not a finite number"));
+            Sink::Number { known, group, scale, offset, count, cells } => {
+                let value = number(cell, *scale, *offset)?;
+                if let (Known::Member(_, k), Some((_, rows))) = (known, groups.get_mut(*group)) {
+                    rows.set(*count, *k, value);
                 }
-                values.push(value);
+                *count += 1;
                 if let Some(cells) = cells {
                     cells.push(cell.to_owned());
                 }
@@ -486,6 +514,46 @@ impl Column {
         }
         Ok(())
     }
+}
+
+/// Reads a number in the unit of the notation.
+///
+/// # Errors
+/// Why the cell is no use.
+fn number(cell: &str, scale: f64, offset: f64) -> Result<f64, String> {
+    let value: f64 = cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| refuse(cell))?;
+    // Multiplying by one would change nothing but the sign of a zero.
+    let value = if scale == 1.0 { value } else { value * scale };
+    let value = if offset == 0.0 { value } else { value + offset };
+    if value.is_finite() { Ok(value) } else { Err(format!("{cell} times {scale} is not a finite number")) }
+}
+
+/// Parts a file into its comments at the beginning, as keys with their values, and the rest.
+fn comments(text: &str) -> (Vec<(String, String)>, &str) {
+    let (mut comments, mut body) = (Vec::new(), text);
+    while let Some(rest) = body.strip_prefix('#') {
+        let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
+        let pair = line.split_once('=').filter(|(key, _)| !key.trim().is_empty());
+        let (key, value) = pair.unwrap_or(("", line));
+        comments.push((key.trim().to_owned(), value.trim().to_owned()));
+        body = after;
+    }
+    (comments, body)
+}
+
+/// Returns a reader of rows of any length whose first is the header.
+fn csv_reader(body: &str, separator: u8) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .delimiter(separator)
+        .from_reader(body.as_bytes())
+}
+
+/// Returns the names in a header of one line; `None` if it is none.
+fn header(line: &str, separator: u8) -> Option<Vec<String>> {
+    let mut reader = csv_reader(line, separator);
+    Some(reader.headers().ok()?.iter().map(str::to_owned).collect())
 }
 
 /// What may separate columns; of equally many in a header the last one is taken: a comma.

@@ -189,10 +189,14 @@ impl Recording {
         if !is_text && !matches!(kind.as_str(), "mcap" | "db3") {
             return Err(RecordingError::UnknownKind(path.display().to_string()));
         }
-        let bytes = std::fs::read(path).map_err(|e| RecordingError::Unreadable {
+        let unreadable = |e: std::io::Error| RecordingError::Unreadable {
             path: path.display().to_string(),
             reason: e.to_string(),
-        })?;
+        };
+        // A file of rows is read piece by piece, and once more if that needs care; a stream is there once.
+        let in_pieces = kind == "csv" && std::fs::metadata(path).is_ok_and(|m| m.is_file());
+        let file = in_pieces.then(|| std::fs::File::open(path)).transpose().map_err(unreadable)?;
+        let bytes = if in_pieces { Vec::new() } else { std::fs::read(path).map_err(unreadable)? };
         let beside = rig_path(path);
         let rig = match rig {
             Some(rig) => Some(RigFile::load_with_text(rig)?),
@@ -201,7 +205,14 @@ impl Recording {
         };
         let (rig, text) = rig.unzip();
         let mut recording = if is_text {
-            let mut recording = Self::from_columns(&name, bytes, &rig.clone().unwrap_or_default())?;
+            let own = rig.clone().unwrap_or_default();
+            let mut recording = match file.and_then(|file| Self::from_plain_csv(&name, file, &own)) {
+                Some(recording) => recording,
+                None if in_pieces => {
+                    Self::from_columns(&name, std::fs::read(path).map_err(unreadable)?, &own)?
+                }
+                None => Self::from_columns(&name, bytes, &own)?,
+            };
             recording.rig_text.clone_from(&text);
             recording
         } else {
@@ -250,6 +261,24 @@ impl Recording {
             self.imus.resize(j + 1, ImuColumns::default());
         }
         &mut self.imus[j]
+    }
+
+    /// Returns the numbers of a group's column; none if it is not there.
+    pub(super) fn column(&self, group: Group, k: usize) -> Vec<f64> {
+        fn of<const K: usize>(rows: Option<&Vec<[f64; K]>>, k: usize) -> Vec<f64> {
+            rows.into_iter().flatten().filter_map(|row| row.get(k)).copied().collect()
+        }
+        let imu = |j: usize| self.imus.get(j);
+        match group {
+            Group::Wrench => of(self.wrench.as_ref(), k),
+            Group::Accel(j) => of(imu(j).and_then(|imu| imu.accel.as_ref()), k),
+            Group::Gyro(j) => of(imu(j).and_then(|imu| imu.gyro.as_ref()), k),
+            Group::Gravity => of(self.gravity.as_ref(), k),
+            Group::Gauges => of(self.gauges.as_ref(), k),
+            Group::Platform => of(self.platform.as_ref(), k),
+            Group::Commanded => of(self.commanded.as_ref(), k),
+            Group::Attitude(j) => of(self.attitudes.iter().find(|(i, _)| *i == j).map(|(_, rows)| rows), k),
+        }
     }
 
     /// A number of a known column.

@@ -1,5 +1,8 @@
 //! Times in files: decimal seconds in text, whole nanoseconds inside.
 
+/// Whole numbers up to this are floating-point numbers.
+const EXACT: u128 = 1 << 53;
+
 /// A time in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Time {
@@ -28,6 +31,8 @@ impl Time {
     pub fn seconds(self) -> f64 {
         match self {
             Self::Seconds(s) => s,
+            // Both are exact, and the quotient is rounded once, as a decimal text is.
+            Self::Nanoseconds(ns) if ns.unsigned_abs() <= EXACT => ns as f64 / 1e9,
             // A decimal text is rounded once, where a division would round twice.
             Self::Nanoseconds(ns) => signed_text(ns).parse().unwrap_or(ns as f64 * 1e-9),
         }
@@ -52,7 +57,7 @@ pub fn parse(cell: &str, scale: f64) -> Option<Time> {
 }
 
 /// `k` where the scale is 10⁻ᵏ.
-fn power_of_ten(scale: f64) -> Option<usize> {
+pub(super) fn power_of_ten(scale: f64) -> Option<usize> {
     [1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9].iter().position(|p| *p == scale)
 }
 

@@ -280,3 +280,56 @@ fn mutated_files_never_panic() {
         let _ = Recording::from_csv_bytes("x", &bytes, &rig);
     }
 }
+
+/// Both readers give the same recording; a file that is not plain is left to the careful one.
+#[test]
+fn plain_files_are_read_to_the_same_bits_in_pieces() {
+    let both = |text: &str, rig: &str| {
+        let rig = RigFile::parse(rig).unwrap();
+        let careful = Recording::from_csv_with_care("test.csv", text.as_bytes(), &rig);
+        (Recording::from_plain_csv("test.csv", text.as_bytes(), &rig), careful)
+    };
+    // More than a piece, with numbers of all kinds, blanks, empty lines and texts.
+    let mut long = text(40_000);
+    long = long.replace("0.25,", " 2.5e-1,").replace(",on\n", ", on the lamp \n").replacen(
+        "on the lamp \n",
+        "\n\n",
+        3,
+    );
+    assert!(long.len() > 2 << 20, "{}", long.len());
+    let scaled = "[recording]\ncolumns = { fx_n = { name = \"fx_n\", scale = 2.0, offset = 0.5 } }\n";
+    let separated = long.replace(',', ";").replace('\n', "\r\n");
+    let before_zero = long.replace("\n0.", "\n-0.");
+    for (text, rig) in [(&long, ""), (&long, scaled), (&separated, ""), (&before_zero, "")] {
+        match both(text, rig) {
+            (Some(plain), Ok(careful)) => {
+                assert_eq!(plain, careful);
+                let bits = |r: &Recording| {
+                    r.wrench.iter().flatten().flatten().map(|v| v.to_bits()).collect::<Vec<_>>()
+                };
+                assert_eq!(bits(&plain), bits(&careful));
+                assert_eq!(plain.place(39_999), careful.place(39_999));
+            }
+            (None, Err(_)) => assert_eq!(text, &before_zero),
+            (plain, careful) => panic!("{plain:?} {careful:?}"),
+        }
+    }
+    let good = text(10);
+    for wrong in [
+        good.replace("0.1,", "\"0.1\","),
+        good.replace("0.1,", "x,"),
+        good.replace("0.1,", "nan,"),
+        good.replace("0.1,", ""),
+        good.replace("0.1,", "0.1\r,"),
+        good.replace("on\n", "\0\n"),
+        good.replace("fx_n,", ""),
+        good.replace("\n0.01,", "\n0.005,"),
+        String::from(HEADER),
+        String::new(),
+    ] {
+        let (plain, careful) = both(&wrong, "");
+        assert!(plain.is_none(), "{wrong}");
+        let whole = Recording::from_csv_bytes("test.csv", wrong.as_bytes(), &RigFile::default());
+        assert_eq!(whole, careful);
+    }
+}
