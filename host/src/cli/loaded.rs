@@ -133,6 +133,7 @@ impl Loaded {
         let unused_rows = (rows as u64).saturating_sub(problem.source().samples() as u64);
         // What a fault does to a robot on its feet is not among those that are tried.
         let has_feet = !problem.rig.foot.is_empty();
+        let recording = diagnosis::looked_at(&recording);
         let case = Case { recording, model: Some(nominal.clone()), options: options.clone() };
         let case = Some(case).filter(|_| !has_feet);
         Ok(Self { problem, warnings, notes, unused_rows, nominal: Some((nominal, file)), recorded, case })
@@ -192,8 +193,8 @@ impl Loaded {
         recording.leave_out_spikes();
         calibration::take(&mut recording.rig, file)?;
         let joints = super::recorded::joints_of(&recording);
-        let problem = Problem::from_recording(&recording, None, &ProblemOptions::default());
-        let problem = problem.map_err(|error| {
+        let looked_at = diagnosis::looked_at(&recording);
+        let problem = Problem::of_body(recording).map_err(|error| {
             Failure::input(match joints.first() {
                 None => error.to_string(),
                 Some(joint) => format!(
@@ -202,13 +203,14 @@ impl Loaded {
                 ),
             })
         })?;
+        let recording = looked_at;
         let mut warnings = recording.warnings.clone();
         warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(left_out_columns(&recording, &joints));
         let recorded = recording.recorded();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
-        let readings = problem.source().fingerprint();
-        warnings.extend(recording.rig.calibrated().and_then(|c| c.repeated(readings)));
+        let calibrated = recording.rig.calibrated();
+        warnings.extend(calibrated.and_then(|c| c.repeated(problem.source().fingerprint())));
         warnings.extend(problem.rig.imu.first().and_then(|imu| input_checks::far_away(imu.position_m)));
         let mut notes = problem.notes.clone();
         notes.extend(assumed(&recording.rig));

@@ -34,7 +34,8 @@ const NAMED: usize = 3;
 /// A recording as it is fitted.
 #[derive(Clone)]
 pub struct Case {
-    /// The readings with their rig file.
+    /// The readings with their rig file; of a long recording those that faults are tried on do
+    /// ([`looked_at`]).
     pub recording: Recording,
     /// The tree; `None` of one body.
     pub model: Option<Model>,
@@ -91,8 +92,8 @@ struct Tried<'a> {
 
 /// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None` if none does.
 pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
-    let rate = case.recording.rate_hz.unwrap_or(1.0);
-    let quick = shortened(case, QUICK_ROWS.max((QUICK_S * rate) as usize));
+    let (quick, full) = rows(&case.recording);
+    let quick = shortened(case, quick);
     // Where no row is left nothing is explained.
     let before = left(&quick).unwrap_or(0.0);
     let faults = faults(&quick);
@@ -109,7 +110,7 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
     let mut best = best_of_each_kind(tried);
     best.retain(|tried| tried.left < before + ALIKE);
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
-    let full = shortened(case, (FULL_S * rate) as usize);
+    let full = shortened(case, full);
     let mut plausible: Vec<Tried> = Vec::new();
     for tried in best.iter().take(FULL) {
         progress.stage("trying the likeliest causes", 0.0);
@@ -175,13 +176,32 @@ fn is_plausible(case: &Case) -> bool {
     answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))
 }
 
+/// Returns the rows that faults are tried on at first, and those that the best are fitted to.
+fn rows(recording: &Recording) -> (usize, usize) {
+    let rate = recording.rate_hz.unwrap_or(1.0);
+    (QUICK_ROWS.max((QUICK_S * rate) as usize), (FULL_S * rate) as usize)
+}
+
 /// Returns the case with so many rows of the middle of its recording.
 fn shortened(case: &Case, rows: usize) -> Case {
-    let all = case.recording.rows();
-    if case.recording.is_static || all <= rows {
-        return case.clone();
+    let recording = middle(&case.recording, rows);
+    Case { recording, model: case.model.clone(), options: case.options.clone() }
+}
+
+/// Returns as many rows of the middle of a recording.
+fn middle(recording: &Recording, rows: usize) -> Recording {
+    let all = recording.rows();
+    if recording.is_static || all <= rows {
+        return recording.clone();
     }
     let start = (all - rows) / 2;
-    let recording = case.recording.section(start..start + rows);
-    Case { recording, model: case.model.clone(), options: case.options.clone() }
+    recording.section(start..start + rows)
+}
+
+/// Returns the part of a recording that [`diagnose`] looks at.
+pub fn looked_at(recording: &Recording) -> Recording {
+    let (quick, full) = rows(recording);
+    let (all, most) = (recording.rows(), quick.max(full));
+    // As many rows more or fewer on either side: the middle of the middle is that of the whole.
+    middle(recording, most + all.saturating_sub(most) % 2)
 }

@@ -14,7 +14,7 @@ pub mod tree;
 mod white_noise;
 
 use self::body::BodySource;
-use self::body::prepare::{PrepareError, prepare};
+use self::body::prepare::{PrepareError, prepare, prepare_owned};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::suspension::{SuspendedSource, SuspensionError};
 use self::tree::drive::Friction;
@@ -122,18 +122,7 @@ impl Problem {
         if recording.rig.suspension.is_some() {
             return Self::on_springs(recording, model);
         }
-        let Some(model) = model else {
-            let prepared = prepare(recording)?;
-            let source = Box::new(BodySource::new(prepared.input, prepared.rig.imu.first()));
-            return Ok(Self {
-                name: recording.name.clone(),
-                rig: prepared.rig,
-                subject: Subject::Body { source, gravity_columns: prepared.gravity_columns },
-                notes: prepared.notes,
-                warnings: Vec::new(),
-                clocks: None,
-            });
-        };
+        let Some(model) = model else { return Self::of_body(recording.clone()) };
         let prepared = tree::prepare::prepare(recording, model, options)?;
         Ok(Self {
             name: recording.name.clone(),
@@ -144,6 +133,27 @@ impl Problem {
             },
             notes: prepared.notes,
             warnings: prepared.warnings,
+            clocks: None,
+        })
+    }
+
+    /// Poses the problem of one body's recording that is needed no more: its numbers are held once.
+    ///
+    /// # Errors
+    /// [`ProblemError`] says what is missing or does not fit.
+    pub fn of_body(recording: Recording) -> Result<Self, ProblemError> {
+        if recording.rig.suspension.is_some() {
+            return Self::on_springs(&recording, None);
+        }
+        let name = recording.name.clone();
+        let prepared = prepare_owned(recording)?;
+        let source = Box::new(BodySource::new(prepared.input, prepared.rig.imu.first()));
+        Ok(Self {
+            name,
+            rig: prepared.rig,
+            subject: Subject::Body { source, gravity_columns: prepared.gravity_columns },
+            notes: prepared.notes,
+            warnings: Vec::new(),
             clocks: None,
         })
     }

@@ -43,26 +43,45 @@ const WHITE: f64 = 0.1;
 /// Each signal is given with its time, ns; a step of more than one and a half times the usual one is none. Its N numbers have
 /// one freedom or three.
 pub(super) fn sixth_differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
-    differences(signals, freedoms, &SIXTH)
+    sixth_differences_of(signals, |signal| *signal, freedoms)
+}
+
+/// Returns the same of signals that `of` finds in readings.
+pub(super) fn sixth_differences_of<R, const N: usize>(
+    readings: &[R],
+    of: impl Fn(&R) -> (u64, [f64; N]),
+    freedoms: u8,
+) -> f64 {
+    differences(readings, of, freedoms, &SIXTH)
 }
 
 /// Returns the same if the noise is white. Tenth differences show another one where a sensor has a low-pass, which hides its noise, and where
 /// vibration looks like noise; zero then.
-pub(super) fn certain_noise<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
-    let (sixth, tenth) = (sixth_differences(signals, freedoms), differences(signals, freedoms, &TENTH));
+pub(super) fn certain_noise<R, const N: usize>(
+    readings: &[R],
+    of: impl Fn(&R) -> (u64, [f64; N]),
+    freedoms: u8,
+) -> f64 {
+    let sixth = differences(readings, &of, freedoms, &SIXTH);
+    let tenth = differences(readings, of, freedoms, &TENTH);
     if (tenth / sixth - 1.0).abs() < WHITE { sixth } else { 0.0 }
 }
 
-fn differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8, weights: &[f64]) -> f64 {
-    let span = |window: &[(u64, [f64; N])]| {
-        window.last().zip(window.first()).map_or(0, |(b, a)| b.0.saturating_sub(a.0))
-    };
-    let usual = span(signals) as f64 / signals.len().saturating_sub(1).max(1) as f64;
-    let windows = signals.windows(weights.len()).step_by(signals.len().div_ceil(MOST).max(1));
-    let whole = windows.filter(|window| span(window) as f64 <= (weights.len() as f64 - 0.5) * usual);
+fn differences<R, const N: usize, const W: usize>(
+    readings: &[R],
+    of: impl Fn(&R) -> (u64, [f64; N]),
+    freedoms: u8,
+    weights: &[f64; W],
+) -> f64 {
+    let span =
+        |window: &[R]| window.last().zip(window.first()).map_or(0, |(b, a)| of(b).0.saturating_sub(of(a).0));
+    let usual = span(readings) as f64 / readings.len().saturating_sub(1).max(1) as f64;
+    let windows = readings.windows(W).step_by(readings.len().div_ceil(MOST).max(1));
+    let whole = windows.filter(|window| span(window) as f64 <= (W as f64 - 0.5) * usual);
     let mut squares: Vec<f64> = whole
         .map(|window| {
-            let axis = |k: usize| window.iter().zip(weights).map(|(v, weight)| weight * v.1[k]).sum::<f64>();
+            let own: [[f64; N]; W] = std::array::from_fn(|k| window.get(k).map_or([0.0; N], |r| of(r).1));
+            let axis = |k: usize| own.iter().zip(weights).map(|(v, weight)| weight * v[k]).sum::<f64>();
             (0..N).map(|k| axis(k).powi(2)).sum::<f64>()
         })
         .filter(|square| square.is_finite())
@@ -73,8 +92,8 @@ fn differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8, weight
     let counted = if freedoms == 1 { COUNTED_OF_ONE } else { COUNTED_OF_THREE };
     let gain: f64 = weights.iter().map(|weight| weight * weight).sum();
     let sigma = (mean / (counted * f64::from(freedoms) * gain)).sqrt();
-    let largest =
-        signals.iter().flat_map(|(_, v)| v).filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
+    let largest = readings.iter().flat_map(|r| of(r).1);
+    let largest = largest.filter(|v| v.is_finite()).fold(0.0_f64, |m, v| m.max(v.abs()));
     if sigma > LEAST * largest { sigma } else { 0.0 }
 }
 
@@ -104,11 +123,14 @@ mod tests {
         let found = sixth_differences(&signals, 3);
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");
         assert_eq!(sixth_differences(&signals[..6], 3), 0.0);
-        assert_eq!(certain_noise(&signals, 3), found);
+        assert_eq!(certain_noise(&signals, |signal| *signal, 3), found);
         // A mean of neighbours takes most of what differences show; the noise that is left is none to be certain of.
         let mean = |w: &[(u64, [f64; 3])]| std::array::from_fn(|k| 0.5 * (w[0].1[k] + w[1].1[k]));
         let smoothed: Vec<(u64, [f64; 3])> = signals.windows(2).map(|w| (w[1].0, mean(w))).collect();
-        assert!(sixth_differences(&smoothed, 3) < found / 2.0 && certain_noise(&smoothed, 3) == 0.0);
+        assert!(
+            sixth_differences(&smoothed, 3) < found / 2.0
+                && certain_noise(&smoothed, |signal| *signal, 3) == 0.0
+        );
         let one: Vec<(u64, [f64; 1])> = signals.iter().map(|(t, v)| (*t, [v[0]])).collect();
         let found = sixth_differences(&one, 1);
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");

@@ -3,7 +3,7 @@
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
 
-use crate::problem::white_noise::sixth_differences;
+use crate::problem::white_noise::sixth_differences_of;
 use crate::rig::ImuTable;
 
 /// Noise of an IMU of which nothing is known: of a good consumer one.
@@ -33,10 +33,7 @@ pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<
 /// Noise of the IMU that rows are to be weighed by: what the rig file states; what it does not, as sixth differences of these readings
 /// show it.
 pub fn white_imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
-    let found = |of: fn(&Reading<f64>) -> [f64; 3]| {
-        let signals: Vec<(u64, [f64; 3])> = readings.iter().map(|r| (r.time_ns, of(r))).collect();
-        sixth_differences(&signals, 3)
-    };
+    let found = |of: fn(&Reading<f64>) -> [f64; 3]| sixth_differences_of(readings, |r| (r.time_ns, of(r)), 3);
     ImuNoise {
         accel: imu
             .and_then(|imu| imu.accel_noise_mps2)

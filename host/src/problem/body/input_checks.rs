@@ -113,13 +113,14 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
     }
     let mounting = &input.mounting;
     let (accel_bias, gyro_bias) = (mounting.accel_bias.array(), mounting.gyro_bias.array());
-    let readings = input.readings.iter().map(|r| {
+    let calibrated = |r: &Reading<f64>| {
         let (a, w) = (r.specific_force.array(), r.angular_rate.array());
         let force: [f64; 3] = std::array::from_fn(|k| mounting.accel_scale[k] * a[k] - accel_bias[k]);
         (force, std::array::from_fn(|k| w[k] - gyro_bias[k]))
-    });
+    };
     let lever_m = length(mounting.position.array());
-    check_gravity(readings, input.is_static, input.rate_hz, gravity_mps2, gravity_columns, lever_m)
+    let at_rest = at_rest(readings, calibrated, input.is_static, input.rate_hz);
+    compare(at_rest, gravity_mps2, gravity_columns, lever_m)
 }
 
 /// Returns what to know of an IMU's place, m, that can hardly be in metres.
@@ -148,7 +149,22 @@ pub fn check_gravity(
     lever_m: f64,
 ) -> Result<(), Implausible> {
     let readings: Vec<_> = readings.collect();
-    let Some((measured, turning)) = at_rest(&readings, is_static, rate_hz) else { return Ok(()) };
+    compare(
+        at_rest(&readings, |reading| *reading, is_static, rate_hz),
+        gravity_mps2,
+        gravity_columns,
+        lever_m,
+    )
+}
+
+/// Compares the specific force of [`at_rest`] with gravity.
+fn compare(
+    at_rest: Option<(f64, f64)>,
+    gravity_mps2: f64,
+    gravity_columns: bool,
+    lever_m: f64,
+) -> Result<(), Implausible> {
+    let Some((measured, turning)) = at_rest else { return Ok(()) };
     let outwards = turning * lever_m.clamp(LEVER_M, FARTHEST_M);
     if (gravity_mps2 / FACTOR - outwards..=gravity_mps2 * FACTOR + outwards).contains(&measured) {
         return Ok(());
@@ -160,14 +176,20 @@ pub fn check_gravity(
 }
 
 /// Median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s², which bounds what a metre of lever
-/// adds to a mean. `None` without finite readings.
-fn at_rest(readings: &[([f64; 3], [f64; 3])], is_static: bool, rate_hz: f64) -> Option<(f64, f64)> {
+/// adds to a mean; `of` gives a reading's force and rate. `None` without finite readings.
+fn at_rest<R>(
+    readings: &[R],
+    of: impl Fn(&R) -> ([f64; 3], [f64; 3]),
+    is_static: bool,
+    rate_hz: f64,
+) -> Option<(f64, f64)> {
     let rows = if is_static { 1 } else { (STRETCH_S * rate_hz).round().clamp(1.0, 1e6) as usize };
     // Spread, |mean specific force|, what turning brings to a metre of lever, of each stretch.
     let mut stretches: Vec<(f64, f64, f64)> = readings
         .chunks(rows)
         .filter(|part| part.len() == rows || part.len() == readings.len())
         .map(|part| {
+            let part: Vec<_> = part.iter().map(&of).collect();
             let n = part.len() as f64;
             let middle: [f64; 3] = std::array::from_fn(|k| part.iter().map(|r| r.0[k]).sum::<f64>() / n);
             let square = part.iter().flat_map(|r| r.1).map(|w| w * w).sum::<f64>() / n;

@@ -31,7 +31,7 @@ use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
 use self::correction::{Correction, is_correctable};
 pub use self::input::Input;
 use self::shares::{Shares, Split};
-use super::white_noise::{Signs, sixth_differences};
+use super::white_noise::{Signs, sixth_differences_of};
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
     Nuisance, Owner, Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise,
@@ -78,15 +78,14 @@ impl BodySource {
             offset: estimates_offset.then_some(BODY + c),
             group: u8::from(c >= 3),
         });
-        let of_sensor = |get: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
-            let signals: Vec<(u64, [f64; 3])> = input.readings.iter().map(|r| (r.time_ns, get(r))).collect();
-            sixth_differences(&signals, 3)
+        let of_sensor = |get: fn(&Reading<f64>) -> [f64; 3]| {
+            sixth_differences_of(&input.readings, |r| (r.time_ns, get(r)), 3)
         };
         let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
         let known = input.beforehand.clone();
         let source = Self {
             stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
-            found_noise: [of_sensor(&|r| r.specific_force.array()), of_sensor(&|r| r.angular_rate.array())],
+            found_noise: [of_sensor(|r| r.specific_force.array()), of_sensor(|r| r.angular_rate.array())],
             imu_noise: imu_noise::imu_noise(imu, &input.readings),
             rate_sigma,
             parameters: parameters(count),

@@ -143,100 +143,33 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
 /// # Errors
 /// [`PrepareError`] says which columns or keys are missing.
 pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
-    let name = || recording.name.clone();
-    let missing = |missing, advice| PrepareError::Missing { name: name(), missing, advice };
+    prepare_owned(recording.clone())
+}
+
+/// Does as [`prepare`] does with a recording that is needed no more: its numbers are held once.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError> {
     let mut rig = recording.rig.clone();
     let mut notes = Vec::new();
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
-            name: name(),
+            name: recording.name,
             what: "its rig file is for several links or several files. `rigident identify` and `replay` take several links, factor \
                    files and what is made of them do not; of several files `identify` takes the rig file itself as the \
                    recording, or the folder of the files and --rig",
         });
     }
-    let wrench = match (&recording.wrench, &recording.gauges, rig.load_cell.calibration) {
-        (Some(wrench), _, _) => wrench.clone(),
-        (None, Some(gauges), Some(matrix)) => {
-            let calibration = GaugeCalibration { matrix };
-            gauges.iter().map(|g| calibration.wrench(g).array()).collect()
-        }
-        (None, Some(_), None) => {
-            return Err(missing(
-                "[load_cell] calibration is",
-                "raw gauges need the 6x6 matrix to N and N m in the rig file",
-            ));
-        }
-        (None, None, _) => {
-            return Err(missing(
-                "the wrench fx_n … mz_nm is",
-                "add the columns, or name foreign ones in [recording] columns of the rig file",
-            ));
-        }
-    };
-    let imu = recording.imus.first();
-    let accel = imu.and_then(|i| i.accel.as_ref());
-    let gyro = imu.and_then(|i| i.gyro.as_ref());
-    let implausible = |error| PrepareError::Implausible { name: name(), error };
-    if recording.is_static {
-        let times = recording.extra.iter().find(|(column, _)| column == TIME);
-        let times: Vec<f64> =
-            times.iter().flat_map(|(_, cells)| cells).flat_map(|c| c.trim().parse()).collect();
-        notes.extend(input_checks::hurried_poses(&times));
-        if let Some(gyro) = gyro {
-            match input_checks::check_still(gyro) {
-                // Where gravity is given, the IMU is not trusted.
-                Err(error) if recording.gravity.is_some() => notes.push(error.to_string()),
-                checked => checked.map_err(implausible)?,
-            }
-        }
-    }
-    let (specific_force, angular_rate) = match (&recording.gravity, accel, gyro) {
-        (Some(gravity), _, _) if recording.is_static => {
-            // A still sensor feels −g, here already in the axes of S.
-            rig.imu = vec![ImuTable::default()];
-            notes.push("still poses by the gravity columns; an IMU, if any, was not used".to_owned());
-            (gravity.iter().map(|g| g.map(|v| -v)).collect(), None)
-        }
-        (_, Some(accel), _) if recording.is_static => (accel.clone(), None),
-        (_, Some(accel), Some(gyro)) => (accel.clone(), Some(gyro)),
-        (_, Some(_), None) => {
-            return Err(missing(
-                "the angular rate imu_gx_radps … is",
-                "a moving body needs a gyro; still poses need static = true in [recording]",
-            ));
-        }
-        (_, None, _) => {
-            return Err(missing(
-                "the specific force imu_ax_mps2 … is",
-                "add an accelerometer, or gravity columns gx_mps2 … for still poses with static = true",
-            ));
-        }
-    };
-    let dead = recording.dead_channels();
-    if !dead.is_empty() {
-        return Err(implausible(Implausible::Dead(dead)));
-    }
-    let readings: Vec<Reading<f64>> = specific_force
-        .iter()
-        .zip(&wrench)
-        .enumerate()
-        .map(|(row, (a, w))| Reading {
-            time_ns: recording.time_ns.get(row).copied().unwrap_or(row as u64 * 1_000_000_000),
-            wrench: Wrench::from_array(*w),
-            specific_force: SpecificForce::from_array(*a),
-            angular_rate: gyro
-                .filter(|_| angular_rate.is_some())
-                .and_then(|g| g.get(row))
-                .map_or_else(AngularRate::zero, |g| AngularRate::from_array(*g)),
-        })
-        .collect();
+    let columns = columns(&mut recording, &mut rig, &mut notes)?;
+    let readings = columns.into_readings();
     if rig.imu.is_empty() {
         rig.imu.push(ImuTable::default());
     }
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
-    calibrate(recording, &mut rig, &readings, rate_hz, &mut notes)
-        .map_err(|error| PrepareError::Poses { name: name(), error })?;
+    let name = recording.name;
+    calibrate(recording.is_static, &mut rig, &readings, rate_hz, &mut notes)
+        .map_err(|error| PrepareError::Poses { name: name.clone(), error })?;
     let mut input = input(&rig, readings, recording.is_static, rate_hz);
     let gravity_columns = recording.is_static && recording.gravity.is_some();
     if gravity_columns {
@@ -248,12 +181,144 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
         input.rests.clear();
         input.beforehand = errors::calibrated(rig.calibrated(), &mut input.nuisances);
     }
-    input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns).map_err(implausible)?;
+    input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns)
+        .map_err(|error| PrepareError::Implausible { name, error })?;
     Ok(Prepared { rig, input, gravity_columns, notes })
 }
 
+/// Checks that a recording has the columns of one body; notes oddities of still poses.
+fn check_columns(recording: &Recording, rig: &RigFile, notes: &mut Vec<String>) -> Result<(), PrepareError> {
+    let name = || recording.name.clone();
+    let missing = |missing, advice| Err(PrepareError::Missing { name: name(), missing, advice });
+    if recording.wrench.is_none() && recording.gauges.is_none() {
+        return missing(
+            "the wrench fx_n … mz_nm is",
+            "add the columns, or name foreign ones in [recording] columns of the rig file",
+        );
+    }
+    if recording.wrench.is_none() && rig.load_cell.calibration.is_none() {
+        return missing(
+            "[load_cell] calibration is",
+            "raw gauges need the 6x6 matrix to N and N m in the rig file",
+        );
+    }
+    let imu = recording.imus.first();
+    let gyro = imu.and_then(|imu| imu.gyro.as_ref());
+    if recording.is_static {
+        let times = recording.extra.iter().find(|(column, _)| column == TIME);
+        let times: Vec<f64> =
+            times.iter().flat_map(|(_, cells)| cells).flat_map(|c| c.trim().parse()).collect();
+        notes.extend(input_checks::hurried_poses(&times));
+        match gyro.map(|gyro| input_checks::check_still(gyro)) {
+            // Where gravity is given, the IMU is not trusted.
+            Some(Err(error)) if recording.gravity.is_some() => notes.push(error.to_string()),
+            Some(Err(error)) => return Err(PrepareError::Implausible { name: name(), error }),
+            Some(Ok(())) | None => {}
+        }
+        if recording.gravity.is_some() {
+            return Ok(());
+        }
+    }
+    if imu.is_none_or(|imu| imu.accel.is_none()) {
+        return missing(
+            "the specific force imu_ax_mps2 … is",
+            "add an accelerometer, or gravity columns gx_mps2 … for still poses with static = true",
+        );
+    }
+    if !recording.is_static && gyro.is_none() {
+        return missing(
+            "the angular rate imu_gx_radps … is",
+            "a moving body needs a gyro; still poses need static = true in [recording]",
+        );
+    }
+    Ok(())
+}
+
+/// Takes the columns of one body out of a recording.
+fn columns(
+    recording: &mut Recording,
+    rig: &mut RigFile,
+    notes: &mut Vec<String>,
+) -> Result<Columns, PrepareError> {
+    check_columns(recording, rig, notes)?;
+    let is_static = recording.is_static;
+    let by_gravity = is_static && recording.gravity.is_some();
+    if by_gravity {
+        // A still sensor feels −g, here already in the axes of S.
+        rig.imu = vec![ImuTable::default()];
+        notes.push("still poses by the gravity columns; an IMU, if any, was not used".to_owned());
+    }
+    let dead = recording.dead_channels();
+    if !dead.is_empty() {
+        return Err(PrepareError::Implausible {
+            name: recording.name.clone(),
+            error: Implausible::Dead(dead),
+        });
+    }
+    let matrix = rig.load_cell.calibration;
+    let of_gauges = |gauges: Vec<[f64; 6]>| -> Vec<[f64; 6]> {
+        let calibration = GaugeCalibration { matrix: matrix.unwrap_or_default() };
+        gauges.into_iter().map(|g| calibration.wrench(&g).array()).collect()
+    };
+    let wrench = recording.wrench.take().or_else(|| recording.gauges.take().map(of_gauges));
+    let imu = recording.imus.first_mut().map(std::mem::take).unwrap_or_default();
+    let gravity = recording.gravity.as_ref().filter(|_| by_gravity);
+    let by_gravity = gravity.map(|rows| rows.iter().map(|g| g.map(|v| -v)).collect());
+    Ok(Columns {
+        time_ns: std::mem::take(&mut recording.time_ns),
+        wrench: wrench.unwrap_or_default(),
+        specific_force: by_gravity.or(imu.accel).unwrap_or_default(),
+        angular_rate: imu.gyro.filter(|_| !is_static).unwrap_or_default(),
+    })
+}
+
+/// Rows that are given back to the system at a time.
+const GIVEN_BACK: usize = 1 << 17;
+
+/// The columns of one body.
+struct Columns {
+    time_ns: Vec<u64>,
+    wrench: Vec<[f64; 6]>,
+    specific_force: Vec<[f64; 3]>,
+    angular_rate: Vec<[f64; 3]>,
+}
+
+impl Columns {
+    /// Returns the readings, made from the end on: the memory of the columns is given back on the way, because
+    /// of a long recording both do not fit at once.
+    fn into_readings(mut self) -> Vec<Reading<f64>> {
+        fn keep<T>(column: &mut Vec<T>, rows: usize) {
+            column.truncate(rows);
+            column.shrink_to_fit();
+        }
+        let mut end = self.specific_force.len().min(self.wrench.len());
+        let mut readings = Vec::with_capacity(end);
+        while end > 0 {
+            let start = end.saturating_sub(GIVEN_BACK);
+            readings.extend((start..end).rev().map(|row| {
+                Reading {
+                    time_ns: self.time_ns.get(row).copied().unwrap_or(row as u64 * 1_000_000_000),
+                    wrench: Wrench::from_array(self.wrench[row]),
+                    specific_force: SpecificForce::from_array(self.specific_force[row]),
+                    angular_rate: self
+                        .angular_rate
+                        .get(row)
+                        .map_or_else(AngularRate::zero, |rate| AngularRate::from_array(*rate)),
+                }
+            }));
+            keep(&mut self.time_ns, start);
+            keep(&mut self.wrench, start);
+            keep(&mut self.specific_force, start);
+            keep(&mut self.angular_rate, start);
+            end = start;
+        }
+        readings.reverse();
+        readings
+    }
+}
+
 fn calibrate(
-    recording: &Recording,
+    is_static: bool,
     rig: &mut RigFile,
     readings: &[Reading<f64>],
     rate_hz: f64,
@@ -267,10 +332,9 @@ fn calibrate(
     if !accel && !gyro {
         return Ok(());
     }
-    let stills =
-        if recording.is_static { Vec::new() } else { still_poses(readings, rate_hz, STILL.0, STILL.1) };
+    let stills = if is_static { Vec::new() } else { still_poses(readings, rate_hz, STILL.0, STILL.1) };
     if accel {
-        let poses: Vec<[f64; 3]> = if recording.is_static {
+        let poses: Vec<[f64; 3]> = if is_static {
             readings.iter().map(|r| r.specific_force.array()).collect()
         } else {
             stills.iter().map(|p| p.specific_force).collect()
@@ -290,7 +354,7 @@ fn calibrate(
     if gyro {
         let at_rest: Vec<_> =
             stills.iter().filter(|p| p.angular_rate.iter().all(|v| v.abs() < 5.0 * STILL.0)).collect();
-        if at_rest.is_empty() && !recording.is_static {
+        if at_rest.is_empty() && !is_static {
             return Err(PoseError::TooFew(0));
         }
         let count = at_rest.len().max(1) as f64;

@@ -1,20 +1,15 @@
 //! Noise that the rig file states of IMU and load cell, beside what their readings show.
 
-use rigident_shared::calibration::Reading;
-
 use super::{CHANNELS, Input};
 use crate::fit::StatedNoise;
-use crate::problem::white_noise::{certain_noise, sixth_differences};
+use crate::problem::white_noise::{certain_noise, sixth_differences_of};
 
 /// Returns the noise of each channel of the wrench as differences of the readings show it; none of still poses.
 pub(super) fn channel_noise(input: &Input) -> Vec<f64> {
     if input.is_static {
         return Vec::new();
     }
-    let of = |c: usize| {
-        let values = input.readings.iter().map(|r| (r.time_ns, [r.wrench.array()[c]]));
-        sixth_differences(&values.collect::<Vec<_>>(), 1)
-    };
+    let of = |c: usize| sixth_differences_of(&input.readings, |r| (r.time_ns, [r.wrench.array()[c]]), 1);
     (0..CHANNELS.len()).map(of).collect()
 }
 
@@ -31,21 +26,16 @@ pub(super) fn stated_noise(input: &Input, stated: [Option<f64>; 2]) -> Vec<State
         stated,
         found,
     };
-    let found = |get: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
-        let signals = input.readings.iter().map(|r| (r.time_ns, get(r)));
-        certain_noise(&signals.collect::<Vec<_>>(), 3)
-    };
     let accel = stated[0].map(|stated| {
-        let found = found(&|r| r.specific_force.array());
+        let found = certain_noise(&input.readings, |r| (r.time_ns, r.specific_force.array()), 3);
         of("accelerometer", "m/s2", "imu.accel_noise_mps2", stated, found)
     });
     let gyro = stated[1].map(|stated| {
-        let found = found(&|r| r.angular_rate.array());
+        let found = certain_noise(&input.readings, |r| (r.time_ns, r.angular_rate.array()), 3);
         of("gyro", "rad/s", "imu.gyro_noise_radps", stated, found)
     });
     let channel = |(c, stated): (usize, f64)| {
-        let values = input.readings.iter().map(|r| (r.time_ns, [r.wrench.array()[c]]));
-        let found = certain_noise(&values.collect::<Vec<_>>(), 1);
+        let found = certain_noise(&input.readings, |r| (r.time_ns, [r.wrench.array()[c]]), 1);
         of(CHANNELS[c], if c < 3 { "N" } else { "N m" }, "load_cell.noise_n_nm", stated, found)
     };
     let cell = input.channel_sigma.into_iter().flatten().enumerate().map(channel);
