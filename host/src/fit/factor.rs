@@ -1,15 +1,16 @@
 //! The information factor of any number of parameters.
 //!
 //! After any number of rows, `[R z; 0 ρ]` is the triangular factor of the stacked `[A y]`: recursive least squares in
-//! square-root information form. The kernel that reduces the rows is the firmware's (`rigident_shared::factor`); only the
-//! size is not known when the program is compiled. Every question about the parameters is a function of the factor.
+//! square-root information form. Rows are reduced as the firmware does it (`rigident_shared::factor`); only
+//! the size is not known when the program is compiled. Every question about the parameters is a function of
+//! the factor.
 
 use nalgebra::{DMatrix, DVector};
-use rigident_shared::Scalar;
 use rigident_shared::estimator::frames::TreeFactor;
-use rigident_shared::factor::{BLOCK_ROWS, Column, InformationFactor};
+use rigident_shared::factor::InformationFactor;
 
 use super::blocked;
+use super::reduction::Reduction;
 
 /// Columns from which on rows are reduced by products of matrices.
 const WIDE: usize = 64;
@@ -138,23 +139,17 @@ impl Factor {
         if n >= WIDE {
             return self.absorb_blocked(rows);
         }
-        let mut columns = vec![Column::<f64>::ZERO; n + 1];
-        let mut filled = 0;
+        let mut rows = rows.into_iter().peekable();
+        if rows.peek().is_none() {
+            return;
+        }
+        let mut reduction = Reduction::new(&self.triangle, n, n + 1);
+        reduction.start(self.residual_sum_of_squares);
         for (row, value) in rows {
-            for (column, entry) in columns.iter_mut().zip(row.iter().take(n).chain([&value])) {
-                column.rows[filled] = *entry;
-            }
-            filled += 1;
+            reduction.push(row, value);
             self.rows = self.rows.saturating_add(1);
-            if filled == BLOCK_ROWS {
-                self.residual_sum_of_squares += f64::reduce(&mut self.triangle, n, &mut columns);
-                columns.fill(Column::ZERO);
-                filled = 0;
-            }
         }
-        if filled > 0 {
-            self.residual_sum_of_squares += f64::reduce(&mut self.triangle, n, &mut columns);
-        }
+        self.residual_sum_of_squares = reduction.write(&mut self.triangle);
     }
 
     /// Absorbs the rows of a matrix, as many values.

@@ -8,10 +8,14 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
+use super::reduction::Reduction;
+use super::whitening::PoleGroup;
 use super::{Factor, RowBlocks, Whitener, Whitening};
 
 /// Blocks whose features are reduced at once.
 const CHUNK: usize = 64;
+/// Blocks whose features are held: they fit the second cache.
+const WINDOW: usize = 8 * CHUNK;
 
 /// Returns the factor of some blocks by the triangles of their features; see [`RowBlocks::absorb`]. The blocks have features.
 pub(super) fn absorb(
@@ -20,27 +24,13 @@ pub(super) fn absorb(
     parameters: usize,
     whitening: &Whitening,
 ) -> Factor {
-    let (count, channels) = (blocks.features(), whitening.channels());
+    let channels = whitening.channels();
     let mut factor = Factor::new(parameters);
-    for group in whitening.by_pole() {
-        let mut triangle = Factor::new(count);
-        let mut whitener = Whitener::new(&group.low_pass, count);
-        let mut rows = vec![0.0; CHUNK * count];
-        let mut start = range.start.saturating_sub(group.low_pass.lead());
-        while start < range.end {
-            let end = range.end.min(start + CHUNK);
-            for (block, row) in (start..end).zip(rows.chunks_exact_mut(count.max(1))) {
-                blocks.write_features(block, row);
-                whitener.apply(blocks.time_s(block), row, &mut [0.0], None);
-            }
-            let skipped = range.start.saturating_sub(start).min(end - start);
-            let lines = rows.chunks_exact(count.max(1)).take(end - start).skip(skipped);
-            triangle.absorb(lines.map(|row| (row, 0.0)));
-            start = end;
-        }
+    let groups = whitening.by_pole();
+    for (group, triangle) in groups.iter().zip(triangles(blocks, &range, &groups)) {
         let (mut rows, mut measured) = (vec![0.0; channels * parameters], vec![0.0; channels]);
         let mut mixed = Vec::new();
-        for features in triangle.r().row_iter().filter(|row| row.iter().any(|v| *v != 0.0)) {
+        for features in triangle.row_iter().filter(|row| row.iter().any(|v| *v != 0.0)) {
             let features: Vec<f64> = features.iter().copied().collect();
             blocks.write_of(&features, &mut rows, &mut measured);
             mixed.extend(group.rows.iter().map(|weights| mix(weights, &rows, &measured, parameters)));
@@ -49,6 +39,74 @@ pub(super) fn absorb(
     }
     let left = factor.residual_sum_of_squares();
     factor.with_residual(left, (range.len() * channels) as u64)
+}
+
+/// Returns the triangles of the features behind the low-pass of each group; features are made once for all of
+/// them.
+fn triangles(blocks: &dyn RowBlocks, range: &Range<usize>, groups: &[PoleGroup]) -> Vec<DMatrix<f64>> {
+    let count = blocks.features();
+    let mut passes: Vec<Pass> = groups.iter().map(|group| Pass::new(group, range, count)).collect();
+    let mut features = vec![0.0; WINDOW * count];
+    while let Some(first) = passes.iter().map(|pass| pass.next).filter(|next| *next < range.end).min() {
+        let window = first..range.end.min(first + WINDOW);
+        let own = window.clone().zip(features.chunks_exact_mut(count.max(1)));
+        own.for_each(|(block, row)| blocks.write_features(block, row));
+        let times: Vec<f64> = window.clone().map(|block| blocks.time_s(block)).collect();
+        passes.iter_mut().for_each(|pass| pass.take(range, &window, &times, &features));
+    }
+    passes.into_iter().map(|pass| pass.triangle(count)).collect()
+}
+
+/// Features on their way through a low-pass into a triangle.
+struct Pass<'a> {
+    whitener: Whitener<'a>,
+    reduction: Reduction,
+    /// The first block that it has not seen.
+    next: usize,
+    row: Vec<f64>,
+}
+
+impl<'a> Pass<'a> {
+    fn new(group: &'a PoleGroup, range: &Range<usize>, count: usize) -> Self {
+        Self {
+            whitener: Whitener::new(&group.low_pass, count),
+            reduction: Reduction::new(&vec![0.0; count * count], count, count),
+            next: range.start.saturating_sub(group.low_pass.lead()),
+            row: vec![0.0; count],
+        }
+    }
+
+    /// Takes the chunks that lie in a window of blocks, with their times and features.
+    fn take(&mut self, range: &Range<usize>, window: &Range<usize>, times: &[f64], features: &[f64]) {
+        let count = self.row.len();
+        loop {
+            let end = range.end.min(self.next + CHUNK);
+            if self.next >= end || end > window.end {
+                return;
+            }
+            for block in self.next..end {
+                let at = block - window.start;
+                let (Some(own), Some(time_s)) = (features.get(at * count..(at + 1) * count), times.get(at))
+                else {
+                    return;
+                };
+                self.row.copy_from_slice(own);
+                self.whitener.apply(*time_s, &mut self.row, &mut [0.0], None);
+                // The low-pass comes from the blocks before.
+                if block >= range.start {
+                    self.reduction.push(&self.row, 0.0);
+                }
+            }
+            self.reduction.settle();
+            self.next = end;
+        }
+    }
+
+    fn triangle(self, count: usize) -> DMatrix<f64> {
+        let mut triangle = vec![0.0; count * count];
+        self.reduction.write(&mut triangle);
+        DMatrix::from_vec(count, count, triangle)
+    }
 }
 
 /// Returns the sum of rows, each times its weight.

@@ -41,6 +41,7 @@ pub mod pool;
 mod prediction;
 pub mod prior;
 mod progress;
+mod reduction;
 mod residual_spectrum;
 mod residuals;
 mod result;

@@ -158,9 +158,11 @@ impl<'a> Whitener<'a> {
         self.time_s = Some(time_s);
         for (line, own) in matrix.chunks_exact(channels).zip(self.spare.chunks_exact_mut(n + 1)) {
             own.fill(0.0);
+            let (sums, last) = own.split_at_mut(n);
             for (factor, (row, value)) in line.iter().zip(rows.chunks_exact(n.max(1)).zip(values.iter())) {
                 if *factor != 0.0 {
-                    own.iter_mut().zip(row.iter().chain([value])).for_each(|(v, o)| *v += factor * o);
+                    sums.iter_mut().zip(row).for_each(|(v, o)| *v += factor * o);
+                    last.iter_mut().for_each(|v| *v += factor * value);
                 }
             }
         }
