@@ -45,11 +45,55 @@ pub struct Coloured {
     pub autocovariance: Vec<f64>,
 }
 
-/// Returns the autocovariance of one channel at a lag, pairs counted only within stretches without gaps.
-fn autocovariance(stretches: &[&[BlockResidual]], channel: usize, lag: usize) -> f64 {
-    let count = stretches.iter().map(|s| told(s, channel)).sum::<usize>().max(1) as f64;
-    let pairs = stretches.iter().flat_map(|s| s.iter().zip(s.iter().skip(lag)));
-    pairs.map(|(a, b)| a.weighted(channel) * b.weighted(channel)).sum::<f64>() / count
+/// Lags whose sums go side by side.
+const SIDE_BY_SIDE: usize = 8;
+
+/// Weighted residuals of one channel by stretches without gaps, and their autocovariance as far as it was
+/// asked for.
+struct Series {
+    stretches: Vec<Vec<f64>>,
+    /// Blocks that tell of the channel.
+    count: f64,
+    known: Vec<f64>,
+}
+
+impl Series {
+    fn new(stretches: &[&[BlockResidual]], channel: usize) -> Self {
+        let weighted = |s: &&[BlockResidual]| s.iter().map(|r| r.weighted(channel)).collect();
+        Self {
+            stretches: stretches.iter().map(weighted).collect(),
+            count: stretches.iter().map(|s| told(s, channel)).sum::<usize>().max(1) as f64,
+            known: Vec::new(),
+        }
+    }
+
+    /// Returns the autocovariance at a lag, pairs counted only within stretches.
+    fn autocovariance(&mut self, lag: usize) -> f64 {
+        while self.known.len() <= lag {
+            let sums = self.sums(self.known.len());
+            self.known.extend(sums.map(|sum| sum / self.count));
+        }
+        self.known[lag]
+    }
+
+    /// Returns the sums of the products at lags from `first` on, each in the order of time.
+    fn sums(&self, first: usize) -> [f64; SIDE_BY_SIDE] {
+        // As a sum begins.
+        let mut sums = [-0.0; SIDE_BY_SIDE];
+        for own in &self.stretches {
+            let later = own.get(first..).unwrap_or_default();
+            let all = own.iter().zip(later.windows(SIDE_BY_SIDE));
+            let done = all.len();
+            for (a, later) in all {
+                sums.iter_mut().zip(later).for_each(|(sum, b)| *sum += a * b);
+            }
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let rest = own.iter().skip(done).zip(own.iter().skip(first + k + done));
+                rest.for_each(|(a, b)| *sum += a * b);
+            }
+        }
+        sums
+    }
 }
 
 /// Returns the variance, times the number of rows, of the mean autocorrelation over `lags` lags beyond the filter, for
@@ -88,7 +132,8 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64]) ->
     };
     let longest = (residuals.len() / 4).min(LONGEST);
     let found = variance.iter().enumerate().filter_map(|(channel, scale)| {
-        let gamma: Vec<f64> = (0..=2 * reach).map(|lag| autocovariance(&stretches, channel, lag)).collect();
+        let mut series = Series::new(&stretches, channel);
+        let gamma: Vec<f64> = (0..=2 * reach).map(|lag| series.autocovariance(lag)).collect();
         if *scale <= 0.0 || gamma[0] <= 0.0 {
             return None;
         }
@@ -102,7 +147,7 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64]) ->
         // The sum ends where two neighbours no longer are positive together (Geyer 1992).
         let (mut tail, mut told) = (0.0, vec![gamma[0]]);
         for lag in (1..longest).step_by(2) {
-            let pair = [lag, lag + 1].map(|lag| autocovariance(&stretches, channel, lag));
+            let pair = [lag, lag + 1].map(|lag| series.autocovariance(lag));
             let sum = pair[0] + pair[1];
             if lag >= reach && sum <= 0.0 {
                 break;

@@ -54,6 +54,9 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
     if white.is_empty() {
         (white, rising) = (vec![1.0], vec![0.0]);
     }
+    // By samples and channels, part after part.
+    let weighted: Vec<f64> =
+        parts.iter().copied().flatten().flat_map(|r| (0..channels).map(|c| r.weighted(c))).collect();
     let sines: Vec<Vec<f64>> = (1..=length).map(|k| sine(k, length)).collect();
     let gain = |sine: &[f64], autocovariance: &[f64]| -> f64 {
         let lags = autocovariance.iter().enumerate().take(length);
@@ -73,10 +76,12 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
             .map(|sine| sine.iter().enumerate().map(|(t, s)| s * window(t, length)).collect())
             .collect();
         let mut sum = DMatrix::zeros(channels, channels);
-        for (part, sine) in parts.iter().flat_map(|part| windowed.iter().map(move |sine| (part, sine))) {
-            let of_channel = |c: usize| part.iter().zip(sine).map(|(r, s)| s * r.weighted(c)).sum::<f64>();
-            let values = DVector::from_fn(channels, |c, _| of_channel(c));
-            sum.ger(1.0, &values, &values, 1.0);
+        let mut values = DVector::zeros(channels);
+        for part in weighted.chunks_exact((length * channels).max(1)) {
+            for sine in &windowed {
+                transform(part, sine, values.as_mut_slice());
+                sum.ger(1.0, &values, &values, 1.0);
+            }
         }
         for (i, j) in (0..channels).flat_map(|i| (0..channels).map(move |j| (i, j))) {
             sum[(i, j)] /= (shares[i] * shares[j]).sqrt();
@@ -90,6 +95,25 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
         first *= 2;
     }
     bands
+}
+
+/// Writes the sums of a part's samples times those of a sine, by channels.
+fn transform(part: &[f64], sine: &[f64], out: &mut [f64]) {
+    /// The same for a constant number of channels: their sums stay in registers.
+    fn of<const C: usize>(part: &[f64], sine: &[f64], out: &mut [f64; C]) {
+        *out = [-0.0; C];
+        for (row, s) in part.as_chunks::<C>().0.iter().zip(sine) {
+            out.iter_mut().zip(row).for_each(|(sum, v)| *sum += s * v);
+        }
+    }
+    if let Ok(out) = <&mut [f64; 6]>::try_from(&mut *out) {
+        return of(part, sine, out);
+    }
+    // As a sum begins.
+    out.fill(-0.0);
+    for (row, s) in part.chunks_exact(out.len().max(1)).zip(sine) {
+        out.iter_mut().zip(row).for_each(|(sum, v)| *sum += s * v);
+    }
 }
 
 /// Returns the bands of what was measured.
