@@ -10,7 +10,7 @@ use std::ops::Range;
 use rigident_shared::conditioning::{Kernel, KernelError};
 use rigident_shared::screening::Rejection;
 
-use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener, Whitening};
+use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener, Whitening, residuals};
 
 /// Width of the FIR where samples are frequent enough, s; see [`filter_width_s`].
 pub const FILTER_WIDTH_S: f64 = 0.1;
@@ -149,6 +149,13 @@ pub trait RowBlocks: Send + Sync {
     /// Writes a block: C × N coefficients, row by row, and C measurements, not whitened.
     fn write(&self, block: usize, rows: &mut [f64], measured: &mut [f64]);
 
+    /// Writes blocks as [`RowBlocks::write`] does, one after the other; `channels` measurements each.
+    fn write_blocks(&self, blocks: Range<usize>, channels: usize, rows: &mut [f64], measured: &mut [f64]) {
+        let length = rows.len() / blocks.len().max(1);
+        let own = rows.chunks_exact_mut(length.max(1)).zip(measured.chunks_exact_mut(channels.max(1)));
+        blocks.zip(own).for_each(|(block, (rows, measured))| self.write(block, rows, measured));
+    }
+
     /// Returns false if a block tells nothing of a channel: coefficients and measurement are zero, and count for nothing.
     fn tells(&self, _block: usize, _channel: usize) -> bool {
         true
@@ -158,6 +165,26 @@ pub trait RowBlocks: Send + Sync {
     /// of a [`super::Effect::Signal`]. Returns false if these blocks do not know.
     fn sensitivities(&self, _block: usize, _parameters: &[f64], _out: &mut [f64]) -> bool {
         false
+    }
+
+    /// Writes [`RowBlocks::sensitivities`] of blocks, one after the other, C rows of `count` columns each.
+    fn sensitivities_of_blocks(
+        &self,
+        blocks: Range<usize>,
+        parameters: &[f64],
+        count: usize,
+        out: &mut [f64],
+    ) {
+        let length = out.len() / blocks.len().max(1);
+        let own = out.chunks_exact_mut(length.max(1));
+        own.zip(blocks).filter(|_| count > 0).for_each(|(own, block)| {
+            self.sensitivities(block, parameters, own);
+        });
+    }
+
+    /// Writes the residuals of blocks for values of all columns, one after the other, C numbers each.
+    fn left(&self, blocks: Range<usize>, values: &[f64], out: &mut [f64]) {
+        residuals::left(self, blocks, values, out);
     }
 
     /// Returns the number of features that the rows of a block follow from linearly; zero if it is not known.

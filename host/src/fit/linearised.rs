@@ -7,6 +7,8 @@
 //! which at `φ = φ̂` is exact in all that is linear in θ. The columns follow the parameters'; what is known beforehand are
 //! rows `θ_k = 0 ± σ_k`, or those of a normal distribution of errors and parameters.
 
+mod left;
+
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -327,6 +329,17 @@ impl<'a> Linearised<'a> {
         &self.phi
     }
 
+    /// Spreads the rows of a block to all columns, with the columns of the errors of signals.
+    fn spread(&self, block: usize, rows: &mut [f64], sensitivities: &[f64]) {
+        self.columns.spread(rows, &self.phi, sensitivities, legendre(self.time(block)));
+        // Drift is not seen there.
+        for (c, row) in rows.chunks_exact_mut(self.columns.all().max(1)).enumerate() {
+            if !self.blocks.tells(block, c) {
+                row.fill(0.0);
+            }
+        }
+    }
+
     fn time(&self, block: usize) -> f64 {
         let (middle, half) = self.span;
         let is_timed = self.blocks.time_s(self.blocks.len().saturating_sub(1)) > self.blocks.time_s(0);
@@ -357,17 +370,19 @@ impl RowBlocks for Linearised<'_> {
         self.blocks.write(block, &mut rows[..offsets.len() * parameters], measured);
         let mut own = vec![0.0; offsets.len() * signals];
         self.sensitivities.write(self.blocks, block, &self.phi, &mut own);
-        self.columns.spread(rows, &self.phi, &own, legendre(self.time(block)));
-        // What drifts there is not seen.
-        for (c, row) in rows.chunks_exact_mut(self.columns.all().max(1)).enumerate() {
-            if !self.blocks.tells(block, c) {
-                row.fill(0.0);
-            }
-        }
+        self.spread(block, rows, &own);
     }
 
     fn tells(&self, block: usize, channel: usize) -> bool {
         self.blocks.tells(block, channel)
+    }
+
+    fn write_blocks(&self, blocks: Range<usize>, channels: usize, rows: &mut [f64], measured: &mut [f64]) {
+        left::write(self, blocks, channels, rows, measured);
+    }
+
+    fn left(&self, blocks: Range<usize>, values: &[f64], out: &mut [f64]) {
+        left::left(self, blocks, values, out);
     }
 
     fn features(&self) -> usize {

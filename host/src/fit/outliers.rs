@@ -7,6 +7,7 @@
 //! that lasts longer than [`LONGEST`] blocks is no outlier but news: it counts fully until residuals are within the limit
 //! again.
 
+use super::residuals::CHUNK;
 use super::{Estimate, RowBlocks, parallel};
 
 pub use rigident_shared::estimator::LONGEST_KNOCK as LONGEST;
@@ -44,6 +45,11 @@ impl Reference {
             noise_scale: variance_ratio.max(1.0),
             limit,
         }
+    }
+
+    /// Returns a bound of the share of its own uncertainty in a row.
+    fn spread(&self, row: &[f64]) -> f64 {
+        row.iter().zip(&self.standard_deviation).map(|(a, sd)| a.abs() * sd).sum()
     }
 }
 
@@ -84,27 +90,41 @@ impl Watch {
         measured: &[f64],
         weights: &mut [f64],
     ) -> bool {
+        let n = reference.parameters.len().max(1);
+        let lines = || rows.chunks_exact(n);
+        let left = lines().zip(measured).map(|(row, value)| value - dot(row, &reference.parameters));
+        let left: Vec<f64> = left.collect();
+        let spread = |c: usize| lines().nth(c).map_or(0.0, |row| reference.spread(row));
+        self.weigh_left(reference, &left, spread, weights)
+    }
+
+    /// Writes the same for the residuals of a block against the reference; `spread` gives the share of its own
+    /// uncertainty in a channel, and is asked for few of them.
+    pub fn weigh_left(
+        &mut self,
+        reference: &Reference,
+        left: &[f64],
+        mut spread: impl FnMut(usize) -> f64,
+        weights: &mut [f64],
+    ) -> bool {
         weights.fill(1.0);
         let k = reference.limit;
         if k <= 0.0 {
             return false;
         }
         let count = f64::from(self.count.max(1));
-        let n = reference.parameters.len().max(1);
         let mut some = false;
-        for (c, ((row, value), weight)) in rows.chunks_exact(n).zip(measured).zip(weights).enumerate() {
+        for (c, (left, weight)) in left.iter().zip(weights).enumerate() {
             let (Some(stated), Some(squares), Some(lasting)) =
                 (self.variance.get(c), self.squares.get_mut(c), self.lasting.get_mut(c))
             else {
                 return some;
             };
-            let size = (value - dot(row, &reference.parameters)).abs();
+            let size = left.abs();
             let variance = (stated * reference.noise_scale).max(*squares / count);
             // Most rows need neither root nor bound.
             let beyond = size * size > k * k * variance && {
-                let deviations = row.iter().zip(&reference.standard_deviation);
-                let spread: f64 = deviations.map(|(a, sd)| a.abs() * sd).sum();
-                let limit = k * (spread + variance.sqrt());
+                let limit = k * (spread(c) + variance.sqrt());
                 if size > limit && *lasting < LONGEST {
                     *weight = limit / size;
                     some = true;
@@ -168,12 +188,21 @@ impl Weights {
             let mut watch = Watch::new(sigma, blocks.filter().noise_gain);
             let (mut rows, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
             let mut weights = vec![1.0; channels];
+            let mut left = vec![0.0; CHUNK * channels];
             // Blocks with outliers are few.
             let mut found: Vec<(usize, Vec<f64>)> = Vec::new();
-            for block in part {
-                blocks.write(block, &mut rows, &mut measured);
-                if watch.weigh(reference, &rows, &measured, &mut weights) {
-                    found.push((block, weights.clone()));
+            for first in part.clone().step_by(CHUNK) {
+                let some = first..part.end.min(first + CHUNK);
+                let left = &mut left[..some.len() * channels];
+                blocks.left(some.clone(), &reference.parameters, left);
+                for (block, left) in some.zip(left.chunks_exact(channels.max(1))) {
+                    let spread = |c: usize| {
+                        blocks.write(block, &mut rows, &mut measured);
+                        rows.chunks_exact(n.max(1)).nth(c).map_or(0.0, |row| reference.spread(row))
+                    };
+                    if watch.weigh_left(reference, left, spread, &mut weights) {
+                        found.push((block, weights.clone()));
+                    }
                 }
             }
             found

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{MEASURED, Rows};
 use crate::fit::Whitener;
-use crate::fit::outliers::dot;
+use crate::fit::residuals::left_of_rows;
 
 /// Bins at most.
 const MOST: usize = 2000;
@@ -114,19 +114,19 @@ impl Bins {
         let mut all = Gathered { channels, n: wide, several, ..Gathered::default() };
         all.sum = vec![0.0; channels * (wide + 1)];
         let mut whitener = Whitener::new(rows.whitening, n);
-        let (mut own, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
+        let mut made = Made::new(rows, channels);
         let mut extended = vec![0.0; channels * wide];
         let (mut whole, mut left) = (0.0, 0.0);
         let mut before: Option<f64> = None;
-        for block in range {
-            rows.blocks.write(block, &mut own, &mut measured);
-            for (row, value) in own.chunks_exact(n.max(1)).zip(&mut measured) {
+        for block in range.clone() {
+            let (own, measured, remains) = made.block(rows, block, range.end);
+            for (value, remains) in measured.iter_mut().zip(remains) {
                 whole += *value * *value;
-                *value -= dot(row, rows.values);
+                *value = *remains;
                 left += *value * *value;
             }
             let time_s = rows.blocks.time_s(block);
-            whitener.apply(time_s, &mut own, &mut measured, None);
+            whitener.apply(time_s, own, measured, None);
             if before.is_some_and(|before| time_s - before > GAP * period_s) {
                 all.start_anew();
             }
@@ -134,9 +134,9 @@ impl Bins {
             for (to, from) in extended.chunks_exact_mut(wide.max(1)).zip(own.chunks_exact(n.max(1))) {
                 to[..n].copy_from_slice(from);
             }
-            extend(block, &mut extended, &measured);
+            extend(block, &mut extended, measured);
             let is_knocked = rows.weights.of_block(block).iter().any(|w| *w < 1.0);
-            all.take(block, &extended, &measured, is_knocked);
+            all.take(block, &extended, measured, is_knocked);
         }
         let own = all.finish();
         let value = |j: usize| rows.values.get(j).copied().unwrap_or(0.0);
@@ -163,6 +163,50 @@ impl Bins {
     }
 }
 
+/// Blocks that are made at once.
+const AT_ONCE: usize = 16;
+
+/// Rows, measurements and residuals of some blocks.
+struct Made {
+    channels: usize,
+    blocks: std::ops::Range<usize>,
+    rows: Vec<f64>,
+    measured: Vec<f64>,
+    left: Vec<f64>,
+}
+
+impl Made {
+    fn new(rows: &Rows, channels: usize) -> Self {
+        let room = || vec![0.0; AT_ONCE * channels];
+        Self {
+            channels,
+            blocks: 0..0,
+            rows: vec![0.0; AT_ONCE * channels * rows.values.len()],
+            measured: room(),
+            left: room(),
+        }
+    }
+
+    /// Returns rows, measurements and residuals of a block; they are asked for one after the other.
+    fn block(&mut self, rows: &Rows, block: usize, end: usize) -> (&mut [f64], &mut [f64], &[f64]) {
+        let (channels, length) = (self.channels, self.channels * rows.values.len());
+        if !self.blocks.contains(&block) {
+            self.blocks = block..end.min(block + AT_ONCE);
+            let count = self.blocks.len();
+            let (own, measured) = (&mut self.rows[..count * length], &mut self.measured[..count * channels]);
+            rows.blocks.write_blocks(self.blocks.clone(), channels, own, measured);
+            left_of_rows(own, measured, rows.values, &mut self.left[..count * channels]);
+        }
+        let k = block - self.blocks.start;
+        let of_channels = k * channels..(k + 1) * channels;
+        (
+            &mut self.rows[k * length..(k + 1) * length],
+            &mut self.measured[of_channels.clone()],
+            &self.left[of_channels],
+        )
+    }
+}
+
 #[derive(Default)]
 struct Gathered {
     channels: usize,
@@ -186,7 +230,9 @@ impl Gathered {
     fn take(&mut self, block: usize, rows: &[f64], residuals: &[f64], is_knocked: bool) {
         let lines = rows.chunks_exact(self.n.max(1)).zip(residuals);
         for (sum, (row, residual)) in self.sum.chunks_exact_mut(self.n + 1).zip(lines) {
-            sum.iter_mut().zip(row.iter().chain([residual])).for_each(|(s, v)| *s += v);
+            let (sums, last) = sum.split_at_mut(self.n);
+            sums.iter_mut().zip(row).for_each(|(s, v)| *s += v);
+            last.iter_mut().for_each(|s| *s += residual);
         }
         self.count += 1;
         self.is_knocked |= is_knocked;

@@ -13,6 +13,7 @@ pub mod prepare;
 mod rest;
 pub mod sensitivities;
 pub mod shares;
+mod side_by_side;
 mod stated_noise;
 
 use std::ops::Range;
@@ -31,6 +32,7 @@ use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce};
 use self::correction::{Correction, is_correctable};
 pub use self::input::Input;
 use self::shares::{Shares, Split};
+use self::side_by_side::LANES;
 use super::white_noise::{Signs, sixth_differences_of};
 use crate::fit::{
     Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
@@ -485,6 +487,14 @@ impl BodyBlocks {
         std::array::from_fn(difference)
     }
 
+    /// Returns a block with its neighbours' say.
+    fn block(&self, block: usize) -> Option<sensitivities::Block<'_>> {
+        let (_, signals) = self.blocks.get(block)?;
+        let rate = self.rates.get(block).copied().unwrap_or_default().into();
+        let (axes, lever_arm) = (self.axes, self.lever_arm);
+        Some(sensitivities::Block { signals, one: 1.0, rate, slope: self.slope(block), axes, lever_arm })
+    }
+
     fn absorb_as<const N: usize>(
         &self,
         range: Range<usize>,
@@ -568,6 +578,24 @@ impl RowBlocks for BodyBlocks {
         self.write_features(block, &mut features);
         self.sensitivities_of(&features, parameters, out);
         true
+    }
+
+    fn sensitivities_of_blocks(
+        &self,
+        blocks: Range<usize>,
+        parameters: &[f64],
+        count: usize,
+        out: &mut [f64],
+    ) {
+        let Some(phi) = parameters.first_chunk() else { return };
+        let mut own = Vec::with_capacity(LANES);
+        let length = LANES * WRENCH * count;
+        for (first, out) in blocks.clone().step_by(LANES).zip(out.chunks_mut(length.max(1))) {
+            own.clear();
+            let some = first..blocks.end.min(first + LANES);
+            own.extend(some.filter_map(|block| self.block(block)));
+            side_by_side::write(&own, phi, count, out);
+        }
     }
 
     fn features(&self) -> usize {

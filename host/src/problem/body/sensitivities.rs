@@ -25,7 +25,7 @@ use super::WRENCH;
 /// Groups of errors.
 pub const ERRORS: usize = 9;
 /// Errors of all groups.
-const COLUMNS: usize = 26;
+pub(super) const COLUMNS: usize = 26;
 /// Axes of the misalignments: the first reads a share of the second.
 pub(super) const PAIRS: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
 
