@@ -28,7 +28,7 @@ const WORST: [(&str, u32, u64); 6] = [
     // Slices of a look and pieces of a row block, evened out: at 4 kHz a sample has 42 000 cycles of 168 MHz.
     ("path", 10, 6_000),
     ("path", 16, 11_000),
-    ("path with estimates", 10, 9_500),
+    ("path with estimates", 10, 10_300),
     ("path with estimates", 16, 11_200),
     ("path", 19, 44_000),
     ("path", 25, 65_000),
