@@ -28,9 +28,10 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 24] = [
+const KNOWN_ARROWS: [KnownArrow; 25] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
+    ("shared", "", "scalar", "linear_algebra", "a scalar brings the fastest sums over slices for it"),
     ("shared", "factor", "cascade", "body", "the levels are factors, and the factor holds levels"),
     ("shared", "wire", "links", "messages", "a reading of a link holds one of a body"),
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),

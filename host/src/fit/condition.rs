@@ -10,7 +10,8 @@ use std::ops::Range;
 use rigident_shared::conditioning::{Kernel, KernelError};
 use rigident_shared::screening::Rejection;
 
-use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener, Whitening, residuals};
+use super::left_of_rows::left_of_rows;
+use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener, Whitening};
 
 /// Width of the FIR where samples are frequent enough, s; see [`filter_width_s`].
 pub const FILTER_WIDTH_S: f64 = 0.1;
@@ -184,7 +185,12 @@ pub trait RowBlocks: Send + Sync {
 
     /// Writes the residuals of blocks for values of all columns, one after the other, C numbers each.
     fn left(&self, blocks: Range<usize>, values: &[f64], out: &mut [f64]) {
-        residuals::left(self, blocks, values, out);
+        let (n, channels) = (values.len(), out.len() / blocks.len().max(1));
+        let (mut rows, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
+        for (block, out) in blocks.zip(out.chunks_exact_mut(channels.max(1))) {
+            self.write(block, &mut rows, &mut measured);
+            left_of_rows(&rows, &measured, values, out);
+        }
     }
 
     /// Returns the number of features that the rows of a block follow from linearly; zero if it is not known.

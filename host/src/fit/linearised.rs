@@ -17,7 +17,7 @@ use super::{
     Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, OtherColumns, RowBlocks, RowSource,
     SampleCounts,
 };
-use super::{SampleRows, Silent, Whitening, outliers::dot};
+use super::{SampleRows, Silent, Whitening, left_of_rows::dot};
 use super::{condition, features};
 
 /// Features of the drift.

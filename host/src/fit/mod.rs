@@ -26,6 +26,7 @@ pub mod groups;
 mod jacobi;
 pub mod lack_of_fit;
 mod larger_errors;
+mod left_of_rows;
 mod linearised;
 mod made_blocks;
 mod noise_check;

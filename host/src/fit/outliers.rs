@@ -7,7 +7,7 @@
 //! that lasts longer than [`LONGEST`] blocks is no outlier but news: it counts fully until residuals are within the limit
 //! again.
 
-use super::residuals::CHUNK;
+use super::left_of_rows::{CHUNK, dot};
 use super::{Estimate, RowBlocks, parallel};
 
 pub use rigident_shared::estimator::LONGEST_KNOCK as LONGEST;
@@ -213,9 +213,4 @@ impl Weights {
         }
         weights
     }
-}
-
-/// Returns the sum of products.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -1,46 +1,8 @@
 //! Residuals of row blocks, and the noise that they show.
 
-use std::ops::Range;
-
-use super::outliers::{Weights, dot};
+use super::left_of_rows::CHUNK;
+use super::outliers::Weights;
 use super::{BlockResidual, Channel, Estimate, RowBlocks, parallel};
-
-/// Blocks whose residuals are made at once.
-pub(super) const CHUNK: usize = 64;
-
-/// Rows whose sums go side by side: one alone waits for each of its additions.
-const SIDE_BY_SIDE: usize = 4;
-
-/// Writes the residuals of measurements for values, by rows of as many coefficients; the products of a row are
-/// added in their order.
-pub(super) fn left_of_rows(rows: &[f64], measured: &[f64], values: &[f64], out: &mut [f64]) {
-    let n = values.len().max(1);
-    let lines = rows.chunks(SIDE_BY_SIDE * n).zip(measured.chunks(SIDE_BY_SIDE));
-    for ((rows, measured), out) in lines.zip(out.chunks_mut(SIDE_BY_SIDE)) {
-        let mut own = rows.chunks_exact(n);
-        if let (Some(a), Some(b), Some(c), Some(d)) = (own.next(), own.next(), own.next(), own.next()) {
-            // As a sum begins.
-            let mut sums = [-0.0; SIDE_BY_SIDE];
-            for ((((a, b), c), d), value) in a.iter().zip(b).zip(c).zip(d).zip(values) {
-                sums.iter_mut().zip([a, b, c, d]).for_each(|(sum, v)| *sum += v * value);
-            }
-            out.iter_mut().zip(measured).zip(sums).for_each(|((out, m), sum)| *out = m - sum);
-        } else {
-            let lines = rows.chunks_exact(n).zip(measured);
-            out.iter_mut().zip(lines).for_each(|(out, (row, m))| *out = m - dot(row, values));
-        }
-    }
-}
-
-/// Writes the residuals of blocks by their rows; see [`RowBlocks::left`].
-pub(super) fn left<B: RowBlocks + ?Sized>(blocks: &B, range: Range<usize>, values: &[f64], out: &mut [f64]) {
-    let (n, channels) = (values.len(), out.len() / range.len().max(1));
-    let (mut rows, mut measured) = (vec![0.0; channels * n], vec![0.0; channels]);
-    for (block, out) in range.zip(out.chunks_exact_mut(channels.max(1))) {
-        blocks.write(block, &mut rows, &mut measured);
-        left_of_rows(&rows, &measured, values, out);
-    }
-}
 
 /// Returns the residuals of all row blocks against the values of all their columns, weighted as told.
 pub(super) fn residuals(

@@ -9,7 +9,16 @@ use rigident_shared::tree::motion::{self, BaseMotion, LinkState, Screw};
 use rigident_shared::tree::rows::{self, Workspace};
 use rigident_shared::tree::{Joint, JointMotion, Link, TreeError, momentum};
 
-use super::base::Rows;
+/// Rows that are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rows {
+    /// Six of the base link.
+    Base,
+    /// One for each freedom of a joint.
+    Joint,
+    /// Both.
+    Both,
+}
 
 /// A tree with room for its motion and its rows.
 #[derive(Clone, Debug)]

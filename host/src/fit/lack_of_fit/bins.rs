@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{MEASURED, Rows};
 use crate::fit::Whitener;
-use crate::fit::residuals::left_of_rows;
+use crate::fit::left_of_rows::left_of_rows;
 
 /// Bins at most.
 const MOST: usize = 2000;

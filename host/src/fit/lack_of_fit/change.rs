@@ -15,7 +15,7 @@ use super::rigidity::PER_COLUMN;
 use super::score::{Common, Metric, Score, Step, drift};
 use super::{Role, Rows, tail};
 use crate::fit::Whitener;
-use crate::fit::outliers::dot;
+use crate::fit::left_of_rows::dot;
 
 /// A change by chance in one honest recording of so many, at most.
 pub const FALSE_ALARM: f64 = 1e-7;

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::{Columns, Linearised, Sensitivities, legendre};
-use crate::fit::outliers::dot;
+use crate::fit::left_of_rows::dot;
 use crate::fit::{Effect, RowBlocks};
 
 /// Blocks whose sums go side by side: one alone waits for each of its additions.

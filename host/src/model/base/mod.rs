@@ -16,9 +16,10 @@ use nalgebra::DMatrix;
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::finding::ModelError;
+pub use super::rows::Rows;
 use super::tree::Model;
+pub use numerical::Gap;
 use numerical::Reduction;
-pub use numerical::{Gap, Rows};
 
 /// Smallest singular value, relative to the largest, of what is told apart in columns of unit length. Robot descriptions
 /// round angles to some 1e-11 (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.

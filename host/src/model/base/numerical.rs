@@ -12,19 +12,8 @@ use super::Situation;
 use super::qr::Columns;
 #[cfg(test)]
 use super::qr::dot;
-use crate::model::rows::Moving;
+use crate::model::rows::{Moving, Rows};
 use crate::model::tree::Model;
-
-/// Which rows are measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rows {
-    /// Six of the base link.
-    Base,
-    /// One for each freedom of a joint.
-    Joint,
-    /// Both.
-    Both,
-}
 
 /// Between what the rank was cut, in natural units, over the largest column.
 #[derive(Clone, Copy, Debug, PartialEq)]
