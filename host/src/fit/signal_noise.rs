@@ -337,7 +337,7 @@ impl<'a> RowNoise<'a> {
                 group.reached.iter().map(|j| phi.get(*j).copied().unwrap_or(MEASURED)).collect();
             for repetition in &group.repetitions {
                 let rows = repetition.rows.chunks_exact(reached.len().max(1));
-                let all: Vec<f64> = rows.map(|row| super::outliers::dot(row, &reached)).collect();
+                let all: Vec<f64> = rows.map(|row| super::left_of_rows::dot(row, &reached)).collect();
                 let errors: Vec<DVector<f64>> =
                     all.chunks_exact(channels).map(DVector::from_column_slice).collect();
                 for (lag, sum) in sums.iter_mut().enumerate() {
