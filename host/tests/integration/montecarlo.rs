@@ -1,4 +1,5 @@
-//! What the intervals and the spread promise, over many experiments (two thousand at night), against a bound of its own.
+//! Checks the promises of intervals and spread over many experiments (two thousand at night), against a bound of its
+//! own.
 #![cfg(feature = "simulator")]
 
 use std::sync::atomic::AtomicBool;
@@ -91,7 +92,7 @@ fn experiment(duration_s: f64) -> TreeExperiment {
     TreeExperiment { rate_hz: 100.0, duration_s, ..TreeExperiment::default() }
 }
 
-/// What 60 experiments of a tree show at night: a spread to 9 %, 1 σ, a mean to 0.13 of the spread, and the coverage of
+/// Checks a tree by experiments, 60 at night, which show a spread to 9 %, 1 σ, a mean to 0.13 of the spread, and the coverage of
 /// all parameters together.
 fn tree_promises(model: &Model, experiment: TreeExperiment) {
     let all = runs(60, 20);

@@ -1,4 +1,4 @@
-//! How many runs a study has when it is a test.
+//! Chooses how many runs a study has when it is a test.
 
 /// Returns how many runs a study has: all at night, where `RIGIDENT_NIGHTLY` is set, otherwise few. Seeds are fixed, so
 /// that few runs show a gross fault after a change as many would.

@@ -21,7 +21,7 @@ const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a block of rows that see all parameters.
 const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
-/// For each parameter so many pairs of columns are reduced at once, where the rest has time: a tenth of a reduction.
+/// For each parameter this many pairs of columns are reduced at once, where the rest has time: a tenth of a reduction.
 const SOME: usize = 2;
 /// Wrenches in a full absorbing level.
 const FULL: u16 = 1600;

@@ -12,7 +12,7 @@ const WIDTH: f64 = 40.0;
 /// Instructions of a sample, to one tick of the emulated clock, and in how many samples.
 pub type Counts = [(u64, u64)];
 
-/// One entry's part of the JSON: instructions that so many samples do not exceed, and bins.
+/// One entry's part of the JSON: percentiles of instructions, and bins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
     path_p50_instructions: u64,

@@ -11,6 +11,7 @@ mod peers;
 mod people;
 mod table;
 
+use std::cell::OnceCell;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
@@ -66,6 +67,8 @@ struct Setting {
     /// A folder for recordings and answers.
     folder: PathBuf,
     core: Option<Core>,
+    /// Processor seconds of the reference build, once it was made.
+    reference_s: OnceCell<f64>,
 }
 
 const GROUPS: [Group; 7] = [
@@ -95,7 +98,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         let names: Vec<&str> = GROUPS.iter().map(|group| group.names).collect();
         bail!("no figure is named so; there are: {}", names.join(", "));
     }
-    let setting = Setting { program: released()?, folder: fresh_folder()?, core };
+    let setting = Setting { program: released()?, folder: folder()?, core, reference_s: OnceCell::new() };
     let mut figures = Vec::new();
     let mut failures = Vec::new();
     for group in groups {
@@ -134,7 +137,8 @@ fn released() -> Result<PathBuf> {
     Ok(places::released("rigident"))
 }
 
-fn fresh_folder() -> Result<PathBuf> {
+/// Returns the folder of recordings and answers; what is in it is used again.
+fn folder() -> Result<PathBuf> {
     let folder = places::own().join("budgets");
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     Ok(folder)

@@ -13,7 +13,7 @@ use crate::model::rows::Moving;
 /// A vector of three numbers.
 pub(super) type Three = Vector3<f64>;
 
-/// What links have in common about a point.
+/// Mass, first moment, tensor and momentum of links together, about a point.
 #[derive(Clone, Copy)]
 struct Composite {
     mass: f64,
@@ -66,7 +66,7 @@ pub(super) struct Instant {
     pub(super) freedoms: Vec<Freedom>,
     /// By pairs of links: the second is above the first.
     above: Vec<bool>,
-    /// What each freedom changes in what the feet add to the measured side; empty without feet.
+    /// Changes that each freedom makes in the feet's part of the measured side; empty without feet.
     ground: Vec<Vec<f64>>,
     /// Accelerations, which rows of momentum do not depend on.
     zeros: Vec<f64>,
@@ -76,7 +76,7 @@ pub(super) struct Instant {
     has_efforts: bool,
 }
 
-/// What the motion may change by.
+/// A change of the motion.
 #[derive(Clone, Copy)]
 pub(super) enum Direction {
     /// Position of a freedom; of a ball a turn about an axis of the link.

@@ -80,7 +80,7 @@ struct Rows {
     count: usize,
 }
 
-/// How lines are cut and read.
+/// The columns and the separator by which lines are cut and read.
 struct Lines {
     columns: Vec<Cells>,
     separator: u8,

@@ -41,7 +41,7 @@ impl Bench {
 
     /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
     /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560,
-    /// "histogram":[[1120,18000],[2560,2000]]}`: how many samples of the search took so many instructions, to one tick.
+    /// "histogram":[[1120,18000],[2560,2000]]}`: samples of the search by their instructions, to one tick.
     pub fn case(&mut self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
         self.case_of(part, n, samples, search, |count| {
             for _ in 0..count {
