@@ -1,7 +1,7 @@
 //! Writes two reports of made-up experiments into the folder given as argument: `cargo run --example
 //! report_demo -- FOLDER`.
 
-#[path = "../tests/integration/report/synthetic.rs"]
+#[path = "../cli/tests/integration/report/synthetic.rs"]
 mod synthetic;
 
 use std::path::PathBuf;

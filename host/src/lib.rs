@@ -12,31 +12,28 @@
 
 pub mod answer;
 pub mod body_segments;
-pub mod cli;
 pub mod device;
 pub mod diagnosis;
-pub mod fit;
 pub mod inverse_kinematics;
 pub mod joint_offsets;
 pub mod mass_properties;
 pub mod modal_analysis;
-pub mod model;
 pub mod monitor;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
-pub mod motion_capture;
-pub mod motion_selection;
-mod parquet_file;
+pub mod named_model;
 pub mod plan;
 pub mod platform;
 pub mod present;
 pub mod problem;
-pub mod recording;
 pub mod reference;
-pub mod rig;
 pub mod schema;
 pub mod simulated;
-pub mod sources;
+pub use rigident_fit as fit;
+pub use rigident_fit::motion_selection;
+pub use rigident_io::{factor_table, motion_capture, recording, rig, sources, union};
+pub use rigident_model as model;
+
 #[cfg(test)]
-#[path = "../tests/integration/study_length.rs"]
+#[path = "../cli/tests/integration/study_length.rs"]
 mod study_length;

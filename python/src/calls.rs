@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use rigident::cli::{self, Called};
+use rigident_cli::{self as cli, Called};
 
 use crate::errors::raised;
 use crate::recordings::Recording;

@@ -1,7 +1,7 @@
 //! Failures as exceptions.
 
 use pyo3::prelude::*;
-use rigident::cli::{Failure, Place};
+use rigident_cli::{Failure, Place};
 
 /// Makes the exception of a failure.
 pub fn raised(py: Python<'_>, failure: &Failure, told: &[String]) -> PyErr {

@@ -3,8 +3,8 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods};
-use rigident::cli::Failure;
 use rigident::fit::pool::PooledFactor;
+use rigident_cli::Failure;
 
 use crate::errors::raised;
 

@@ -4,11 +4,12 @@ use nalgebra::{DMatrix, Vector3};
 use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use rigident::cli::Failure;
 use rigident::model::base::{BaseParameters, Rows, Situation, base_parameters};
 use rigident::model::human::{Person, Sex};
 use rigident::model::rows::Moving;
-use rigident::model::{Model, ModelError, open};
+use rigident::model::{Model, ModelError};
+use rigident::named_model::open;
+use rigident_cli::Failure;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, TreeError};
 

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use rigident::cli::Failure;
 use rigident::recording::arrays::Numbers;
 use rigident::rig::RigFile;
+use rigident_cli::Failure;
 
 use crate::errors::raised;
 

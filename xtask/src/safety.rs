@@ -17,6 +17,6 @@ pub struct Options {
 /// Builds the program that is to be disturbed, and disturbs it; fails if the plate is not at rest in time.
 pub fn run(options: &Options) -> Result<()> {
     let mut build = process::cargo(places::root());
-    process::run(build.args(["build", "--quiet", "--package", "rigident", "--bin", "rigident"]))?;
+    process::run(build.args(["build", "--quiet", "--package", "rigident-cli", "--bin", "rigident"]))?;
     tables::make(&["safety-long"], options.write)
 }

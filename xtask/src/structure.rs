@@ -17,7 +17,19 @@ use circles::{Arrows, circles, levels};
 use modules::Crate;
 
 /// Crates of the host's workspace, by folder; xtask itself is a tool of this repository.
-const CRATES: [&str; 7] = ["shared", "firmware", "hexapod", "hil-sim", "host", "python", "tables"];
+const CRATES: [&str; 11] = [
+    "shared",
+    "firmware",
+    "hexapod",
+    "hil-sim",
+    "host/fit",
+    "host/io",
+    "host/model",
+    "host",
+    "host/cli",
+    "python",
+    "tables",
+];
 
 /// Packages that only Unix has, or that only the emulator needs: optional wherever they are used.
 const OPTIONAL: [&str; 4] = ["defmt-decoder", "inotify", "libc", "nix"];
@@ -36,15 +48,15 @@ const KNOWN_ARROWS: [KnownArrow; 25] = [
     ("shared", "wire", "links", "messages", "a reading of a link holds one of a body"),
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
     ("host", "", "answer", "present", "the answer words its remarks"),
-    ("host", "", "rig", "recording", "a rig file's columns are those a recording may have"),
-    ("host", "cli", "arguments", "calibration_arguments", "the arguments hand on those of each command"),
-    ("host", "cli", "arguments", "factor_arguments", "the arguments hand on those of each command"),
-    ("host", "cli", "programme", "experiment", "a duration is checked where the experiment runs"),
-    ("host", "cli", "demo_links", "demo", "rate and quiet time are those of one body's demonstration"),
-    ("host", "cli", "replay_links", "replay", "the noise and the device are those of one body's replay"),
-    ("host", "fit", "pool", "factor_file", "a pooled factor reads and writes itself"),
-    ("host", "fit", "source", "condition", "the default of a source's filter stands in another file"),
-    ("host", "fit", "source", "made_blocks", "the default of a source's blocks stands in another file"),
+    ("host/io", "", "rig", "recording", "a rig file's columns are those a recording may have"),
+    ("host/cli", "", "arguments", "calibration_arguments", "the arguments hand on those of each command"),
+    ("host/cli", "", "arguments", "factor_arguments", "the arguments hand on those of each command"),
+    ("host/cli", "", "programme", "experiment", "a duration is checked where the experiment runs"),
+    ("host/cli", "", "demo_links", "demo", "rate and quiet time are those of one body's demonstration"),
+    ("host/cli", "", "replay_links", "replay", "the noise and the device are those of one body's replay"),
+    ("host/fit", "", "pool", "factor_file", "a pooled factor reads and writes itself"),
+    ("host/fit", "", "source", "condition", "the default of a source's filter stands in another file"),
+    ("host/fit", "", "source", "made_blocks", "the default of a source's blocks stands in another file"),
     ("host", "platform", "error", "gcs", "an error words the codes of the protocol"),
     ("host", "platform", "gcs", "address", "the line stands beside the address that opens it"),
     ("host", "platform", "network", "address", "the patience stands beside the address that opens it"),
@@ -73,8 +85,8 @@ pub fn run() -> Result<()> {
                 )
             }),
         );
-        if folder == "host" {
-            complaints.extend(size_complaints(&parsed.files_naming(&SIZES), &KNOWN_SIZES));
+        if folder.starts_with("host") {
+            complaints.extend(size_complaints(folder, &parsed.files_naming(&SIZES), &KNOWN_SIZES));
         }
     }
     complaints.extend(package_complaints()?);
@@ -148,13 +160,13 @@ fn circle_complaints(folder: &str, levels: &BTreeMap<String, Arrows>, known: &[K
 }
 
 /// Returns files that name sizes of factors and may not, and listed ones that do not.
-fn size_complaints(files: &BTreeSet<PathBuf>, known: &[(&str, &str)]) -> Vec<String> {
+fn size_complaints(folder: &str, files: &BTreeSet<PathBuf>, known: &[(&str, &str)]) -> Vec<String> {
     let listed = |file: &Path| known.iter().any(|(name, _)| Path::new(name) == file);
     let new = files.iter().filter(|file| !listed(file)).map(|file| {
-        format!("host/src/{}: names {}: use the dynamic factor", file.display(), SIZES.join(" or "))
+        format!("{folder}/src/{}: names {}: use the dynamic factor", file.display(), SIZES.join(" or "))
     });
     let gone = known.iter().filter(|(name, _)| !files.contains(Path::new(name))).map(|(name, _)| {
-        format!("host/src/{name}: names no sizes of factors any more: take it off the list")
+        format!("{folder}/src/{name}: names no sizes of factors any more: take it off the list")
     });
     new.chain(gone).collect()
 }
@@ -281,8 +293,8 @@ mod tests {
         assert_eq!(planted(&plain).files_naming(&SIZES), [PathBuf::from("a.rs")].into());
         let naming = planted(&files).files_naming(&SIZES);
         assert_eq!(naming, [PathBuf::from("a.rs")].into());
-        assert!(size_complaints(&naming, &[])[0].contains("a.rs: names Ten or Sixteen"));
+        assert!(size_complaints("planted", &naming, &[])[0].contains("a.rs: names Ten or Sixteen"));
         let both = [("a.rs", "planted"), ("b.rs", "planted")];
-        assert!(size_complaints(&naming, &both)[0].contains("b.rs: names no sizes"));
+        assert!(size_complaints("planted", &naming, &both)[0].contains("b.rs: names no sizes"));
     }
 }

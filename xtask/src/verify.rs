@@ -208,7 +208,7 @@ fn feature_sets(steps: &mut Steps) {
     for features in [&["--no-default-features"][..], &["--no-default-features", "--features", "simulator"]] {
         steps.run(&format!("check, {}", features.join(" ")), || {
             let mut command = process::cargo(places::root());
-            command.args(["check", "--quiet", "--package", "rigident"]).args(features);
+            command.args(["check", "--quiet", "--package", "rigident-cli"]).args(features);
             process::run(&mut command)
         });
     }

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::derived;
 use super::result::{Budget, Contribution};
-use crate::fit::{Basis, Fit, Nuisance};
+use rigident_fit::{Basis, Fit, Nuisance};
 
 /// The source that is left when all others are taken off.
 const NOISE: &str = "noise";

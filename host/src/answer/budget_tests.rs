@@ -1,8 +1,8 @@
 use super::*;
 use crate::answer::tests::{input, readings};
 use crate::answer::{Answer, Context};
-use crate::fit::{Basis, Effect, FitOptions, Nuisance, RowSource, Scope, Silent, fit};
 use crate::problem::body::{BodySource, Input};
+use rigident_fit::{Basis, Effect, FitOptions, Nuisance, RowSource, Scope, Silent, fit};
 
 /// A body in motion with two errors of known size.
 fn with_errors(sigma: [f64; 2]) -> Fit {

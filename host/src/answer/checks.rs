@@ -2,8 +2,8 @@
 
 use super::result::{Answer, Cause, Run, RunVerdict};
 use super::{contradictions, plausibility, remarks};
-use crate::fit::{CheckedRun, Checks, Fit};
 use crate::present::text::significant;
+use rigident_fit::{CheckedRun, Checks, Fit};
 
 /// Returns what the checks of a recording find, for its factor to keep. `warnings` are those of its reading; `of_links`: a
 /// model of links stands behind the rows.

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use super::context::Links;
 use super::result::{Complete, CompleteDrive, CompleteParameter, CompleteTerm, ParameterState};
 use super::standard_parameters::with_rotors;
-use crate::fit::{Factor, Fit, Owner, Parameter};
+use rigident_fit::{Factor, Fit, Owner, Parameter};
 
 /// Singular values below this share of the largest are not determined.
 const ROUNDING: f64 = 1e-12;

@@ -4,10 +4,10 @@ use std::time::SystemTime;
 
 use super::payload::PayloadResult;
 use super::result::{Drift, ExperimentSummary, Source, TimeBase, Tracking};
-use crate::fit::DriveMotion;
-use crate::model::Model;
-use crate::model::base::{BaseParameters, Situation};
-use crate::rig::{BodyTable, TruthTable};
+use rigident_fit::DriveMotion;
+use rigident_io::rig::{BodyTable, TruthTable};
+use rigident_model::Model;
+use rigident_model::base::{BaseParameters, Situation};
 
 /// The circumstances of a fit that its answer tells.
 #[derive(Clone, Debug)]
@@ -70,7 +70,7 @@ impl Default for Context<'_> {
 }
 
 /// Returns date and time, UTC, as RFC 3339 has it.
-pub(crate) fn now() -> String {
+pub fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 

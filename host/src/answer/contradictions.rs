@@ -6,8 +6,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::fit::{Basis, Effect, ErrorScores, Fit, Larger, Nuisance, NuisanceFit};
 use crate::present::text::{significant, unit_symbol, with_u95};
+use rigident_fit::{Basis, Effect, ErrorScores, Fit, Larger, Nuisance, NuisanceFit};
 
 /// An error further from zero than so many of the standard deviations that it was drawn with is not as stated: one of a
 /// hundred thousand is.

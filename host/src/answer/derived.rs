@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
-use crate::fit::Estimate;
+use rigident_fit::Estimate;
 
 /// A derived vector and its standard deviations.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Derived<const K: usize> {
 }
 
 /// Returns the first ten parameters, determined or not.
-pub(crate) fn ten(estimate: &Estimate) -> [f64; 10] {
+pub fn ten(estimate: &Estimate) -> [f64; 10] {
     std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0))
 }
 
@@ -73,12 +73,12 @@ fn parameters(phi: &[f64; 10]) -> InertialParameters<Sensor, f64> {
 }
 
 /// Centre of mass in S, m.
-pub(crate) fn centre_of_mass(estimate: &Estimate) -> Derived<3> {
+pub fn centre_of_mass(estimate: &Estimate) -> Derived<3> {
     propagate(estimate, |phi| parameters(phi).centre_of_mass().array())
 }
 
 /// Inertia tensor about the centre of mass in the axes of S, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
-pub(crate) fn inertia_com(estimate: &Estimate) -> Derived<6> {
+pub fn inertia_com(estimate: &Estimate) -> Derived<6> {
     propagate(estimate, |phi| tensor_elements(&parameters(phi).inertia_com()))
 }
 
@@ -92,7 +92,7 @@ pub struct BodyFrame {
 }
 
 /// Centre of mass (3) and inertia tensor about the frame's origin (6) in the customer's frame: m, kg m².
-pub(crate) fn in_body_frame(estimate: &Estimate, frame: &BodyFrame) -> Derived<9> {
+pub fn in_body_frame(estimate: &Estimate, frame: &BodyFrame) -> Derived<9> {
     propagate(estimate, |phi| {
         let there = parameters(phi).expressed_in(&frame.rotation, frame.origin);
         let [x, y, z] = there.centre_of_mass().array();
@@ -160,7 +160,7 @@ pub fn principal(inertia_com: &Derived<6>) -> Principal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Estimate;
+    use rigident_fit::Estimate;
 
     fn estimate() -> Estimate {
         let body = InertialParameters::<Sensor, f64>::from_centre_of_mass(

@@ -17,8 +17,8 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 use super::context::Links;
 use super::result::ParameterState;
 use super::states::{BodyScale, LARGEST_SHARE, LEAST_EXCITATION, scales};
-use crate::fit::{Estimate, Fit, Kind, Owner};
 use crate::present::text::significant;
+use rigident_fit::{Estimate, Fit, Kind, Owner};
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 /// Information below this share of what is needed is none: less than a third of the motion.

@@ -1,9 +1,9 @@
 //! What residuals say against the model, in the answer's terms and in words.
 
 use super::result::{Answer, Change, Changed, NotRigid, ParameterStep, PoseDrift, WithinMotion};
-use crate::fit::lack_of_fit::{self as found, Motion};
-use crate::fit::{COVERAGE_95, Fit, Measured};
 use crate::present::text::{significant, unit_symbol, with_u95};
+use rigident_fit::lack_of_fit::{self as found, Motion};
+use rigident_fit::{COVERAGE_95, Fit, Measured};
 
 /// Steps below so many standard deviations are not told.
 const TOLD_SD: f64 = 3.0;
@@ -90,7 +90,7 @@ fn chance(probability: f64) -> String {
 }
 
 /// Returns a change in words.
-pub(crate) fn change_in_words(change: &Change) -> String {
+pub fn change_in_words(change: &Change) -> String {
     let steps: Vec<String> = change.steps.iter().take(IN_WORDS).map(step_in_words).collect();
     let steps = if steps.is_empty() { String::new() } else { format!(": {}", steps.join(", ")) };
     let Measured { value, u95 } = change.time_s;
@@ -114,7 +114,7 @@ pub(crate) fn change_in_words(change: &Change) -> String {
 }
 
 /// Returns in words what moves.
-pub(crate) fn motion_in_words(found: &NotRigid) -> String {
+pub fn motion_in_words(found: &NotRigid) -> String {
     let chance = chance(found.probability);
     match found.motion {
         WithinMotion::Resonance => {

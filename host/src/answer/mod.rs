@@ -4,7 +4,7 @@
 //! identified ([`selection`]), quantities derived from the ten parameters of a body ([`derived`]), physical consistency
 //! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), a value for every
 //! column (`complete`) and what these predict ([`predictor`]), and what the motion
-//! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`crate::fit`]; after it:
+//! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`rigident_fit`]; after it:
 //! [`crate::present`].
 
 mod budget;
@@ -14,7 +14,7 @@ mod context;
 mod contradictions;
 pub mod derived;
 pub mod excitation_advice;
-pub(crate) mod lack_of_fit;
+pub mod lack_of_fit;
 mod load;
 pub mod nearest_body;
 mod new;
@@ -35,7 +35,7 @@ pub mod states;
 pub(crate) mod tests;
 
 pub use checks::checks;
-pub(crate) use context::now;
+pub use context::now;
 pub use context::{Context, Links, StandardRequest};
 pub use contradictions::contradictions;
 pub use new::AnswerError;

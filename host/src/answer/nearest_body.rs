@@ -8,7 +8,7 @@ use rigident_shared::spatial::Sensor;
 
 use super::derived::ten;
 use super::physical_consistency::{SURPRISING, probability};
-use crate::fit::Estimate;
+use rigident_fit::Estimate;
 
 /// Newton steps; in f64 some 15 are usual.
 const MAX_ITERATIONS: u8 = 100;
@@ -83,7 +83,7 @@ mod tests {
     use rigident_shared::spatial::Position;
 
     use super::*;
-    use crate::fit::{Factor, Noise};
+    use rigident_fit::{Factor, Noise};
 
     /// 16 parameters; a rod along x, whose smallest second moment the noise made negative by `low` kg m².
     fn rod(low: f64) -> Estimate {

@@ -18,9 +18,9 @@ use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
 use super::{budget, contradictions, excitation_advice, load, plausibility, remarks, rig_errors};
-use crate::fit::{Basis, ChannelFit, Fit, NuisanceFit};
-use crate::model::ModelError;
-use crate::rig::{BodyTable, TruthTable};
+use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
+use rigident_io::rig::{BodyTable, TruthTable};
+use rigident_model::ModelError;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
@@ -37,7 +37,7 @@ pub enum AnswerError {
 }
 
 /// What is said of the standard parameters of links.
-pub(crate) const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
+pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
                         parameters above are identified, the rest is the nominal model's";
 
 const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig file whether the \
@@ -352,7 +352,7 @@ fn parameters(judged: &Judged, context: &Context) -> Vec<Parameter> {
 
 fn known(fit: &Fit) -> Vec<KnownValue> {
     let statements = fit.prior.iter().flat_map(|prior| &prior.statements);
-    let value = |s: &crate::fit::PriorStatement| KnownValue {
+    let value = |s: &rigident_fit::PriorStatement| KnownValue {
         name: s.name.clone(),
         value: s.value,
         sigma: s.sigma,
@@ -413,7 +413,7 @@ fn errors(fit: &Fit) -> Vec<RigError> {
     fit.nuisances.iter().map(of).collect()
 }
 
-fn agreement(found: crate::fit::Agreement) -> ErrorsAgreement {
+fn agreement(found: rigident_fit::Agreement) -> ErrorsAgreement {
     ErrorsAgreement {
         chi2: found.chi2,
         degrees_of_freedom: found.degrees_of_freedom,
@@ -422,7 +422,7 @@ fn agreement(found: crate::fit::Agreement) -> ErrorsAgreement {
 }
 
 fn signals(fit: &Fit) -> Vec<SignalNoise> {
-    let of = |signal: &crate::fit::SignalFit| SignalNoise {
+    let of = |signal: &rigident_fit::SignalFit| SignalNoise {
         name: signal.noise.name.clone(),
         unit: signal.noise.unit.clone(),
         sigma: signal.sigma,

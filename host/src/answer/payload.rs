@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::model::load::Load;
+use rigident_model::load::Load;
 
 /// What a link of a robot carries, from a recording with it and recordings without it. The one body of the answer is the payload,
 /// and its S is the frame said here.

@@ -19,9 +19,9 @@ use rigident_shared::spatial::{Body, Position};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::standard_parameters::{BaseEstimate, Problem};
-use crate::fit::Noise;
-use crate::model::Model;
-use crate::model::inertial::Parameters;
+use rigident_fit::Noise;
+use rigident_model::Model;
+use rigident_model::inertial::Parameters;
 
 /// A distance less likely than this is no chance.
 pub const SURPRISING: f64 = 1e-4;

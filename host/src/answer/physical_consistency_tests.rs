@@ -3,10 +3,10 @@
 use nalgebra::DVector;
 
 use super::*;
-use crate::fit::{Fit, FitOptions, Silent};
 use crate::problem::{Problem, ProblemOptions};
-use crate::recording::Recording;
 use crate::simulated::trees::{seven_axes, seven_axis_recording, two_link_recording, two_links};
+use rigident_fit::{Fit, FitOptions, Silent};
+use rigident_io::recording::Recording;
 
 fn fitted(recording: &Recording, model: &Model) -> (Problem, Fit) {
     let problem = Problem::from_recording(recording, Some(model), &ProblemOptions::default()).unwrap();
@@ -105,7 +105,7 @@ fn it_is_as_far_as_the_nearest_of_many_bodies_tried() {
         let phi: Vec<f64> = truth.iter().map(|v| v + share * uniform() * (v.abs() + 0.01)).collect();
         let is_body = phi
             .chunks_exact(10)
-            .all(|link| crate::model::inertial::impossibility(&std::array::from_fn(|k| link[k])).is_none());
+            .all(|link| rigident_model::inertial::impossibility(&std::array::from_fn(|k| link[k])).is_none());
         if !is_body {
             continue;
         }

@@ -9,8 +9,8 @@ use nalgebra::DVector;
 
 use super::context::Links;
 use super::states::nominal_base;
-use crate::fit::{ChannelFit, Fit, Kind, Owner};
 use crate::present::text::{significant, with_u95};
+use rigident_fit::{ChannelFit, Fit, Kind, Owner};
 
 /// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
 const CERTAIN_SD: f64 = 4.42;

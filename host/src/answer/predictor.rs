@@ -7,8 +7,8 @@ use std::collections::HashMap;
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::result::Answer;
-use crate::fit::Parameter;
-use crate::model::Model;
+use rigident_fit::Parameter;
+use rigident_model::Model;
 
 /// Values by name: of standard parameters of links, of drives, of one body, of offsets.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,10 +3,10 @@
 use super::context::Links;
 use super::result::{ForgettingKind, Forgotten, ParameterState};
 use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
-use crate::fit::FILTER_WIDTH_S;
-use crate::fit::outliers::LIMIT_SD;
-use crate::fit::{Autocorrelation, ChannelFit, Fit, Kind, PriorStatement, StatedNoise};
 use crate::present::text::{counted, significant, unit_symbol};
+use rigident_fit::FILTER_WIDTH_S;
+use rigident_fit::outliers::LIMIT_SD;
+use rigident_fit::{Autocorrelation, ChannelFit, Fit, Kind, PriorStatement, StatedNoise};
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
 const ENOUGH_SPARE_ROWS: usize = 12;

@@ -8,7 +8,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 use super::Answer;
 use super::result::{Measured, Status};
-use crate::fit::COVERAGE_95;
+use rigident_fit::COVERAGE_95;
 
 /// By chance some quantity scatters as much once in a hundred summaries.
 const SURPRISING: f64 = 0.01;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::payload::PayloadResult;
 use super::person::PersonResult;
 
-pub use crate::fit::Measured;
+pub use rigident_fit::Measured;
 
 /// The schema's name.
 pub const SCHEMA: &str = "rigident/result/2";

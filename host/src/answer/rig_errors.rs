@@ -1,8 +1,8 @@
 //! Calibrations and defaults of a rig's errors that the answer rests on.
 
 use super::contradictions::symbol;
-use crate::fit::{Basis, Fit};
 use crate::present::text::significant;
+use rigident_fit::{Basis, Fit};
 
 /// Returns the calibration of the rig that the intervals rest on.
 pub(super) fn calibration(fit: &Fit) -> Option<String> {

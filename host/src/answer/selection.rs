@@ -1,6 +1,6 @@
 //! Selection of parameters by `--estimate`: what must be identified for success.
 
-use crate::fit::{Kind, Owner, Parameter};
+use rigident_fit::{Kind, Owner, Parameter};
 
 /// Why a word of `--estimate` selects nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

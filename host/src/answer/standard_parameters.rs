@@ -19,11 +19,11 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 
-use crate::fit::{Factor, Fit, Noise};
-use crate::model::base::BaseParameters;
-use crate::model::inertial::{Parameters, impossibility, map_to_parent};
-use crate::model::symmetry::{self, Pair};
-use crate::model::{Model, ModelError};
+use rigident_fit::{Factor, Fit, Noise};
+use rigident_model::base::BaseParameters;
+use rigident_model::inertial::{Parameters, impossibility, map_to_parent};
+use rigident_model::symmetry::{self, Pair};
+use rigident_model::{Model, ModelError};
 
 /// Newton steps; some ten are usual.
 const MOST_STEPS: usize = 200;
@@ -41,19 +41,19 @@ pub struct BaseEstimate<'a> {
     /// The combinations, in the order of the estimate.
     pub base: &'a BaseParameters,
     /// Triangle of the base parameters, rows in true standard deviations.
-    pub(crate) r: DMatrix<f64>,
+    pub r: DMatrix<f64>,
     /// Right-hand side.
-    pub(crate) z: DVector<f64>,
+    pub z: DVector<f64>,
     /// Least-squares estimate; meaningless where not determined.
-    pub(crate) values: DVector<f64>,
+    pub values: DVector<f64>,
     /// Standard deviations.
     sd: Vec<f64>,
     /// True where the rows determine the parameter.
     determined: Vec<bool>,
     /// Number of directions that the rows determine.
-    pub(crate) rank: usize,
+    pub rank: usize,
     /// How the noise is known.
-    pub(crate) noise: Noise,
+    pub noise: Noise,
 }
 
 impl<'a> BaseEstimate<'a> {

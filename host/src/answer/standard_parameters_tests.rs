@@ -5,14 +5,14 @@ use nalgebra::Vector3;
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::*;
-use crate::fit::{FitOptions, Silent, fit};
-use crate::model::ModelLink;
-use crate::model::base::{Rows, Situation};
-use crate::model::human::Person;
-use crate::model::inertial::in_parent;
 use crate::problem::tree::{BaseSensor, Frame, Input, TreeSource};
 use crate::problem::{Problem, ProblemOptions};
 use crate::simulated::trees::{two_link_recording, two_links};
+use rigident_fit::{FitOptions, Silent, fit};
+use rigident_model::ModelLink;
+use rigident_model::base::{Rows, Situation};
+use rigident_model::human::Person;
+use rigident_model::inertial::in_parent;
 
 /// Another guess: masses, lengths and radii off by some ten per cent.
 fn guess(model: &Model, off: f64) -> Model {
@@ -176,7 +176,7 @@ fn the_divergence_is_the_distance_s_half_square_and_knows_no_frame() {
 fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused() {
     let model = Person::default().human34().unwrap();
     // No motion at all: the weight alone. The rest is the nominal guess.
-    let mut moving = crate::model::rows::Moving::new(model.tree()).unwrap();
+    let mut moving = rigident_model::rows::Moving::new(model.tree()).unwrap();
     let (coordinates, freedoms) = (moving.coordinates(), moving.freedoms());
     let mut q = vec![0.0; coordinates];
     let mut at = 0;

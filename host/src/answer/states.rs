@@ -23,9 +23,9 @@ use nalgebra::DVector;
 use super::context::Links;
 use super::derived::ten;
 use super::result::ParameterState;
-pub(crate) use crate::fit::LEAST_EXCITATION;
-use crate::fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
-use crate::model::Model;
+pub use rigident_fit::LEAST_EXCITATION;
+use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
+use rigident_model::Model;
 
 /// U95 of an identified parameter is at most this share of the body's scale.
 pub const LARGEST_SHARE: f64 = 0.1;
@@ -219,7 +219,7 @@ fn at_least(estimate: &Estimate, j: usize) -> f64 {
 }
 
 /// Returns the scales of links by kind.
-pub(crate) fn link_scales(
+pub fn link_scales(
     parameters: &[Parameter],
     estimate: &Estimate,
     links: Option<&Links>,

@@ -10,14 +10,14 @@ use super::new::AnswerError;
 use super::result::*;
 use super::selection::SelectionError;
 use super::{Answer, Context, Links, StandardRequest};
-use crate::fit::prior::KnownValues;
-use crate::fit::{Fit, FitOptions, Silent, fit};
-use crate::model::Model;
 use crate::problem::body::{BodySource, Input};
 use crate::problem::{Problem, ProblemOptions};
-use crate::recording::Recording;
-use crate::rig::{BodyTable, RigFile, TruthTable};
 use crate::simulated::trees::{person_recording, two_link_recording, two_links};
+use rigident_fit::prior::KnownValues;
+use rigident_fit::{Fit, FitOptions, Silent, fit};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{BodyTable, RigFile, TruthTable};
+use rigident_model::Model;
 
 fn rig() -> RigFile {
     RigFile {
@@ -286,7 +286,7 @@ pub(crate) fn samples() -> Vec<(&'static str, Fit, Answer)> {
         let answer = Answer::new(&fit, context).unwrap();
         (fit, answer)
     };
-    let (two, person) = (two_links(), crate::model::human::Person::default().human34().unwrap());
+    let (two, person) = (two_links(), rigident_model::human::Person::default().human34().unwrap());
     let (body, body_answer) = of_body_(20, 0.4, None);
     let (broken, broken_answer) =
         of_body_(3, 0.02, Some("the connection to /dev/ttyACM0 was lost after 3.0 s"));

@@ -10,12 +10,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::error::DrawError;
 use super::motion::Motion;
-use crate::fit::{Factor, Fingerprint, FitError, Silent, parallel, plain_factor};
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::trial::Trial;
 use crate::problem::person::Person;
 use crate::problem::person::another::frames_as;
 use crate::problem::tree::TreeSource;
+use rigident_fit::{Factor, Fingerprint, FitError, Silent, parallel, plain_factor};
+use rigident_io::motion_capture::trial::Trial;
 
 /// Draws: a standard deviation is known to one in √(2 · 16).
 const DRAWS: usize = 16;

@@ -3,11 +3,11 @@
 use super::error::StudyError;
 use super::study::{Study, known};
 use crate::answer::person::ChoiceResult;
-use crate::motion_selection::compare::compare;
-use crate::motion_selection::conditions::groups;
-use crate::motion_selection::greedy::{d_optimal, e_optimal, random};
-use crate::motion_selection::published::choose;
-use crate::motion_selection::{Candidate, SelectionError};
+use rigident_fit::motion_selection::compare::compare;
+use rigident_fit::motion_selection::conditions::groups;
+use rigident_fit::motion_selection::greedy::{d_optimal, e_optimal, random};
+use rigident_fit::motion_selection::published::choose;
+use rigident_fit::motion_selection::{Candidate, SelectionError};
 
 /// Motions with a condition number below this in one group are candidates of the published rule; its paper gives none.
 const THRESHOLD: f64 = 20.0;
@@ -96,7 +96,7 @@ pub fn choices(study: &Study, way: Way, count: usize) -> Result<(Vec<usize>, Vec
     Ok((chosen, results))
 }
 
-fn result(of: &crate::motion_selection::compare::Choice, study: &Study, used: bool) -> ChoiceResult {
+fn result(of: &rigident_fit::motion_selection::compare::Choice, study: &Study, used: bool) -> ChoiceResult {
     let finite = |v: f64| v.is_finite().then_some(v);
     ChoiceResult {
         name: of.name.clone(),

@@ -1,11 +1,11 @@
 //! Why a person's segments are not found.
 
-use crate::fit::FitError;
-use crate::fit::pool::PoolError;
-use crate::model::ModelError;
-use crate::motion_selection::SelectionError;
 use crate::problem::person::PersonError;
 use crate::problem::tree::TreeSourceError;
+use rigident_fit::FitError;
+use rigident_fit::motion_selection::SelectionError;
+use rigident_fit::pool::PoolError;
+use rigident_model::ModelError;
 
 /// The reason that a person's segments are not found.
 #[derive(Debug, thiserror::Error)]

@@ -6,9 +6,9 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use super::error::StudyError;
 use super::study::Study;
 use crate::answer::person::LeftOut;
-use crate::fit::{Fit, PredictedBlock, Prediction, parallel};
 use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
+use rigident_fit::{Fit, PredictedBlock, Prediction, parallel};
 
 /// Motions that are left out: one at a time, or so many groups of neighbours.
 const GROUPS: usize = 12;
@@ -122,7 +122,7 @@ impl Sums {
         self.measured_square += other.measured_square;
     }
 
-    fn error(&self, channel: &crate::fit::Channel) -> LeftOut {
+    fn error(&self, channel: &rigident_fit::Channel) -> LeftOut {
         let n = self.count.max(1.0);
         let mean = self.gain / n;
         let variance = (self.gain_square / n - mean * mean).max(0.0);

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::error::StudyError;
 use crate::answer::checks;
-use crate::fit::pool::PooledFactor;
-use crate::fit::{Checks, Fit};
 use crate::problem::person::strides::period_s;
 use crate::problem::person::{Person, Tracked};
 use crate::problem::tree::TreeSource;
+use rigident_fit::pool::PooledFactor;
+use rigident_fit::{Checks, Fit};
 
 /// Fewest frames that a motion has.
 pub(super) const FEWEST_FRAMES: usize = 15;

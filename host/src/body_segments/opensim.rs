@@ -8,9 +8,9 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use crate::inverse_kinematics::skeleton::Skeleton;
-use crate::model::Model;
-use crate::model::inertial::{Parameters, in_parent};
-use crate::motion_capture::opensim::model::{OsimBody, OsimModel};
+use rigident_io::motion_capture::opensim::model::{OsimBody, OsimModel};
+use rigident_model::Model;
+use rigident_model::inertial::{Parameters, in_parent};
 
 /// The reason that segments have no place in a model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -318,8 +318,8 @@ fn root(of: &Matrix3<f64>) -> Option<Matrix3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::human::Person;
-    use crate::model::inertial::impossibility;
+    use rigident_model::human::Person;
+    use rigident_model::inertial::impossibility;
 
     /// A body on another one, so far below it.
     fn body(name: &str, parent: &str, below: [f64; 3], kg: f64, tensor: f64) -> String {

@@ -11,10 +11,10 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use super::error::StudyError;
 use super::motion::{MOST_FRAMES, Motion};
 use super::study::{Study, known};
-use crate::fit::{Factor, Gaussian, OtherColumns, Silent, plain_factor};
 use crate::problem::person::noise::{RowSums, sigma};
 use crate::problem::person::{Footprint, Person, Tracked, footprints};
 use crate::problem::tree::{TreeSource, UnknownZero, with_wrenches};
+use rigident_fit::{Factor, Gaussian, OtherColumns, Silent, plain_factor};
 
 /// A shift of a plate beforehand, 1 σ, m: as good as nothing is known.
 const SHIFT_M: f64 = 0.3;

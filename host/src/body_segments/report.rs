@@ -7,8 +7,8 @@ use crate::answer::Answer;
 use crate::answer::person::{DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult};
 use crate::answer::result::ParameterState;
 use crate::answer::standard_parameters::Full;
-use crate::fit::{COVERAGE_95, Fit, Measured};
 use crate::problem::person::{Person, Tracked};
+use rigident_fit::{COVERAGE_95, Fit, Measured};
 
 /// Markers that are named as farthest off.
 const FARTHEST: usize = 3;

@@ -10,10 +10,10 @@ use super::error::StudyError;
 use super::study::Study;
 use crate::answer::person::SegmentResult;
 use crate::answer::standard_parameters::Full;
-use crate::fit::{COVERAGE_95, Fit, Measured};
-use crate::model::inertial::Parameters;
 use crate::problem::person::Person;
 use crate::problem::person::anthropometry;
+use rigident_fit::{COVERAGE_95, Fit, Measured};
+use rigident_model::inertial::Parameters;
 
 /// Returns the segments of a person by the fit of some motions, and the centre of mass of all of her when she stands upright, from
 /// midway between the hips, m.

@@ -9,19 +9,19 @@ use super::error::StudyError;
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
 use super::zeros::Zeros;
 use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
-use crate::fit::lack_of_fit::LackOfFit;
-use crate::fit::pool::PooledFactor;
-use crate::fit::prior::apply_distribution;
-use crate::fit::{
-    COVERAGE_95, Channel, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent,
-    fit, parallel,
-};
-use crate::model::base::{BaseParameters, Situation};
-use crate::model::{Model, ModelError};
-use crate::motion_capture::trial::Trial;
 use crate::problem::person::Person;
 use crate::problem::person::anthropometry::{Spread, distribution};
 use crate::problem::person::noise::{RowSums, sigma};
+use rigident_fit::lack_of_fit::LackOfFit;
+use rigident_fit::pool::PooledFactor;
+use rigident_fit::prior::apply_distribution;
+use rigident_fit::{
+    COVERAGE_95, Channel, Factor, Fit, FitError, FitOptions, Gaussian, Measured, Progress, RowSource, Silent,
+    fit, parallel,
+};
+use rigident_io::motion_capture::trial::Trial;
+use rigident_model::base::{BaseParameters, Situation};
+use rigident_model::{Model, ModelError};
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]

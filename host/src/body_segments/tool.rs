@@ -9,9 +9,9 @@ use super::error::StudyError;
 use super::segments::centre_of_mass;
 use super::study::{Study, known};
 use crate::answer::person::ToolResult;
-use crate::fit::difference::beyond;
-use crate::fit::pool::PooledFactor;
-use crate::fit::{COVERAGE_95, Measured};
+use rigident_fit::difference::beyond;
+use rigident_fit::pool::PooledFactor;
+use rigident_fit::{COVERAGE_95, Measured};
 
 /// Returns what a link holds in the motions of one study and not in those of another of the same person.
 ///

@@ -9,9 +9,9 @@ use nalgebra::DMatrix;
 
 use super::error::StudyError;
 use super::motion::Motion;
-use crate::fit::{Factor, RowSource as _, Silent, parallel, plain_factor};
 use crate::problem::person::Person;
 use crate::problem::tree::{UnknownZero, with_wrenches};
+use rigident_fit::{Factor, RowSource as _, Silent, parallel, plain_factor};
 
 /// What zeros of all trials do to estimates.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! How far a device's answer may be from that of the same rows in double precision.
 
-use crate::fit::Estimate;
+use rigident_fit::Estimate;
 
 /// A device may differ by so many standard deviations, …
 const ALLOWED_SD: f64 = 0.05;

@@ -92,7 +92,7 @@ fn toml_value(value: &Value) -> Option<toml::Value> {
 /// [`SettingsFileError`] says what is wrong and where.
 pub fn read(path: &Path) -> Result<Settings, SettingsFileError> {
     let file = path.display().to_string();
-    let is_json = match crate::recording::extension(path).as_str() {
+    let is_json = match rigident_io::recording::extension(path).as_str() {
         "json" => true,
         "toml" => false,
         _ => return Err(SettingsFileError::Kind(file)),
@@ -181,7 +181,7 @@ mod tests {
 
     use super::*;
     use crate::device::session::{DeviceTiming, settings};
-    use crate::rig::RigFile;
+    use rigident_io::rig::RigFile;
 
     fn example() -> Settings {
         let timing = DeviceTiming {

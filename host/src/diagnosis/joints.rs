@@ -4,10 +4,10 @@ use rigident_shared::tree::Joint;
 
 use super::sensors::{cut, delays, earlier, late};
 use super::{Case, Fault};
-use crate::model::Model;
 use crate::problem::tree::columns::{Column, Quantity, column};
 use crate::problem::tree::drive::Term;
-use crate::rig::{ColumnSource, JointTable, ScaledColumn};
+use rigident_io::rig::{ColumnSource, JointTable, ScaledColumn};
+use rigident_model::Model;
 
 const ALL: [Quantity; 3] = [Quantity::Position, Quantity::Rate, Quantity::Effort];
 const MOTION: [Quantity; 2] = [Quantity::Position, Quantity::Rate];

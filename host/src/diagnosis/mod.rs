@@ -2,7 +2,7 @@
 //!
 //! A recording that the answer refuses is changed as if it had one fault, of a unit, a sign, an axis, a swapped pair, a delay, a
 //! key of the rig file, and is fitted again. First quickly: what least squares leave of each channel
-//! ([`mod@crate::fit::explained`]), a likelihood that does not depend on units. Then the best are fitted in full, and judged as
+//! ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the best are fitted in full, and judged as
 //! any recording is. Lives here: the list of faults ([`sensors`], [`joints`]), and the choice. May not live here: whether a
 //! recording can be true ([`crate::answer`]).
 
@@ -11,11 +11,11 @@ pub mod sensors;
 
 use crate::answer::result::{Cause, Status};
 use crate::answer::{Answer, Context, StandardRequest};
-use crate::fit::explained::explained;
-use crate::fit::{FitOptions, Progress, Silent, parallel};
-use crate::model::Model;
 use crate::problem::{Problem, ProblemOptions};
-use crate::recording::Recording;
+use rigident_fit::explained::explained;
+use rigident_fit::{FitOptions, Progress, Silent, parallel};
+use rigident_io::recording::Recording;
+use rigident_model::Model;
 
 /// Rows that faults are tried on at first, from the middle of the recording; at least so many seconds.
 const QUICK_ROWS: usize = 2000;

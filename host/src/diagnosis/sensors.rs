@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Case, Fault};
-use crate::rig::RigFile;
+use rigident_io::rig::RigFile;
 
 /// Three readings of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -230,7 +230,7 @@ fn of_axes(triple: Triple) -> impl Iterator<Item = Fault> {
 }
 
 /// Changes the rig file's table of the base's IMU; false if there is none.
-fn table(rig: &mut RigFile, change: impl FnOnce(&mut crate::rig::ImuTable)) -> bool {
+fn table(rig: &mut RigFile, change: impl FnOnce(&mut rigident_io::rig::ImuTable)) -> bool {
     let Some(table) = rig.imu.iter_mut().find(|imu| imu.link == 0) else { return false };
     change(table);
     true
@@ -320,7 +320,7 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
 mod tests {
     use super::*;
     use crate::problem::ProblemOptions;
-    use crate::recording::{ImuColumns, Recording};
+    use rigident_io::recording::{ImuColumns, Recording};
 
     #[test]
     fn axes_are_all_there_once_and_called_by_what_was_done() {

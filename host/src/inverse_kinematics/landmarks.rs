@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::markers::Attached;
 use super::skeleton::Skeleton;
-use crate::model::Model;
+use rigident_model::Model;
 
 /// Stature that places are of, m.
 const STATURE_M: f64 = 1.741;

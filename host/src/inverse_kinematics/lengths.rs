@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::skeleton::Skeleton;
-use crate::model::Model;
-use crate::model::human::Person;
+use rigident_model::Model;
+use rigident_model::human::Person;
 
 /// How well lengths are known that another program scaled by markers, 1 σ, m (assumed).
 pub(super) const LENGTH_SIGMA_M: f64 = 0.015;

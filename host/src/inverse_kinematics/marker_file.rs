@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 
 use super::markers::Attached;
-use crate::model::Model;
+use rigident_model::Model;
 
 /// How well a marker is where its link is, 1 σ, m, if nothing is said.
 const SIGMA_M: f64 = 0.006;

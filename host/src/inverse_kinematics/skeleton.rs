@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
-use crate::model::Model;
+use rigident_model::Model;
 
 /// Columns of the base: its position in laboratory axes, then its turn in its own axes.
 pub const BASE: usize = 6;

@@ -12,9 +12,9 @@ use super::markers::{Attached, Seen};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
-use crate::model::human::{Person, Sex};
-use crate::model::{Model, ModelError};
-use crate::motion_capture::registration::nearest_rotation;
+use rigident_io::motion_capture::registration::nearest_rotation;
+use rigident_model::human::{Person, Sex};
+use rigident_model::{Model, ModelError};
 
 /// A marker whose place is known better than this, m, tells of the stature.
 const ANATOMICAL_M: f64 = 0.1;

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::solve::Solver;
 use super::subject::{HumanModel, Known, Subject, subject};
-use crate::motion_capture::trial::Trial;
+use rigident_io::motion_capture::trial::Trial;
 
 /// Links, points of the file, and how far they may be apart, m.
 type Limits = &'static [(&'static str, &'static str, f64)];
@@ -99,7 +99,7 @@ fn poses_and_joint_centres_come_out_of_markers_that_were_made_of_them() {
     use super::calibrate::calibrate;
     use super::landmarks::attach;
     use super::skeleton::{Pose, Skeleton};
-    use crate::model::human::Person;
+    use rigident_model::human::Person;
 
     let model = Person::default().human34().unwrap();
     let truth = Skeleton::new(&model).unwrap();

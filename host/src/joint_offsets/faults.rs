@@ -16,8 +16,8 @@ use super::shared::Shared;
 use super::solve::{Found, merged, score};
 use super::turns::turn_of;
 use super::{Plane, Pose, Setup};
-use crate::fit::parallel::{map, threads};
-use crate::fit::{COVERAGE_95, Estimate, Noise};
+use rigident_fit::parallel::{map, threads};
+use rigident_fit::{COVERAGE_95, Estimate, Noise};
 
 /// Poses from which faults are looked for; of more, as many that are spread over all.
 const POSES: usize = 120;

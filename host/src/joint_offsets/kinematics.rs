@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
-use crate::model::Model;
+use rigident_model::Model;
 
 /// The joints of a model.
 #[derive(Clone, Debug, PartialEq)]

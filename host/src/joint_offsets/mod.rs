@@ -4,7 +4,7 @@
 //! rows ([`pose`]), the search for the offsets ([`search`]) by two methods ([`solve`], `gradient`), what they are worth and how many poses
 //! are enough ([`result`]), the fault that explains poses that contradict each other ([`faults`]), how a pose looks ([`drawn`]), and the
 //! files of poses and contacts ([`poses_file`], [`contacts_file`]). May not live here: options, pages, and models beyond their joints
-//! (`crate::model`).
+//! (`rigident_model`).
 //!
 //! The theory is that of K. Yamane, *Practical kinematic and dynamic calibration methods for force-controlled humanoid robots*, with every
 //! row divided by its standard deviation.

@@ -12,7 +12,7 @@ use super::kinematics::{Moves, Place};
 use super::shared::{HeldAt, Shared};
 use super::turns::{heading, log_slope, turn_of};
 use super::{Pose, Setup};
-use crate::fit::Factor;
+use rigident_fit::Factor;
 
 /// 1 σ of the base's place where no contact tells it, m.
 const ANYWHERE_M: f64 = 100.0;

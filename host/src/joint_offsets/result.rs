@@ -7,7 +7,7 @@ use super::search::{Method, find};
 use super::solve::{Found, State, merged};
 use super::turns::turn_of;
 use super::{Pose, Setup};
-use crate::fit::{Estimate, Factor, Measured, Noise};
+use rigident_fit::{Estimate, Factor, Measured, Noise};
 
 /// Directions below this share of the best known one are rounding.
 const ROUNDING: f64 = 1e-9;

@@ -8,8 +8,8 @@ use nalgebra::DVector;
 use super::pose::{Base, Told};
 use super::shared::Shared;
 use super::{Pose, Setup};
-use crate::fit::Factor;
-use crate::fit::parallel::{map, threads};
+use rigident_fit::Factor;
+use rigident_fit::parallel::{map, threads};
 
 /// Steps at most.
 const STEPS: usize = 60;

@@ -122,7 +122,7 @@ fn intervals_hold_the_truth_with_the_noise_of_encoders_and_imu() {
         for (offset, truth) in found.offsets.iter().zip(&truth) {
             let own = offset.measured.expect("identified");
             inside += u32::from((own.value - truth).abs() <= own.u95);
-            widest = widest.max(own.u95 / crate::fit::COVERAGE_95);
+            widest = widest.max(own.u95 / rigident_fit::COVERAGE_95);
             all += 1;
         }
     }

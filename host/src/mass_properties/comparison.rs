@@ -5,11 +5,11 @@ use nalgebra::DVector;
 use super::methods::Method;
 use super::unknowns::{BaseRows, ParameterSet, Unknowns, of_body};
 use crate::answer::standard_parameters::{BaseEstimate, nearest};
-use crate::fit::{Factor, Noise};
-use crate::model::base::{BaseParameters, ROUNDED};
-use crate::model::inertial::impossibility;
-use crate::model::tree::NO_BODY;
-use crate::model::{Model, ModelError};
+use rigident_fit::{Factor, Noise};
+use rigident_model::base::{BaseParameters, ROUNDED};
+use rigident_model::inertial::impossibility;
+use rigident_model::tree::NO_BODY;
+use rigident_model::{Model, ModelError};
 
 /// Condition numbers that truncation chooses from.
 const CONDITIONS: [f64; 11] = [3.0, 10.0, 30.0, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e5, 1e6];

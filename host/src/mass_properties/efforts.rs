@@ -1,9 +1,9 @@
 //! Torques against the nominal model: a channel that is dead, of the wrong sign, or in another unit.
 
 use crate::answer::predictor::Predictor;
-use crate::fit::{FitError, Prediction, RowSource as _};
-use crate::model::Model;
 use crate::problem::tree::{Ground, TreeSource};
+use rigident_fit::{FitError, Prediction, RowSource as _};
+use rigident_model::Model;
 
 /// A torque of this share of what the model predicts is none.
 const DEAD: f64 = 0.02;

@@ -2,7 +2,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::methods::{bounded, gradient, ridge, truncated};
 use super::unknowns::{ParameterSet, Unknowns};
-use crate::model::human::Person;
+use rigident_model::human::Person;
 
 fn random(rows: usize, columns: usize, seed: usize) -> DMatrix<f64> {
     DMatrix::from_fn(rows, columns, |i, j| ((seed + 7 * i + 13 * j + i * j) as f64 * 12.9898).sin())

@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, DVector};
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use crate::answer::standard_parameters::BaseEstimate;
-use crate::fit::{Factor, Noise};
-use crate::model::base::BaseParameters;
-use crate::model::inertial::Parameters;
-use crate::model::symmetry::{self, pairs};
-use crate::model::tree::NO_BODY;
-use crate::model::{Model, ModelError};
+use rigident_fit::{Factor, Noise};
+use rigident_model::base::BaseParameters;
+use rigident_model::inertial::Parameters;
+use rigident_model::symmetry::{self, pairs};
+use rigident_model::tree::NO_BODY;
+use rigident_model::{Model, ModelError};
 
 /// Parameters of a link.
 const TEN: usize = 10;

@@ -1,7 +1,7 @@
 //! Standard deviations of a source's channels: as stated, else what least squares leave.
 
-use crate::fit::{FitError, Prediction, Progress, RowSource as _, plain_factor};
 use crate::problem::tree::TreeSource;
+use rigident_fit::{FitError, Prediction, Progress, RowSource as _, plain_factor};
 
 /// Rounds of weights by residuals.
 const ROUNDS: usize = 2;

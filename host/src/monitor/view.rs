@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::answer::{Answer, Status};
-use crate::fit::Fit;
+use rigident_fit::Fit;
 
 /// Holds an interval at some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

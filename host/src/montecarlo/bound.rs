@@ -217,7 +217,7 @@ mod tests {
 
     use super::*;
     use crate::answer::derived;
-    use crate::fit::Estimate;
+    use rigident_fit::Estimate;
 
     /// Independently computed figures for a body of 20 kg on a motion of 30 s at 200 Hz, ±0.5 rad of roll, pitch and yaw
     /// at 0.23, 0.31 and 0.41 Hz with soft ends, unknown offsets, Table 1's noise: mass 14.6 g, centre of mass 0.10, 0.10, 0.09 mm,

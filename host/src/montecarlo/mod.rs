@@ -1,7 +1,7 @@
 //! What the intervals are worth: the same experiment many times over, each with its own noise.
 //!
 //! Lives here: the experiments and what they are judged by, the bound ([`bound`]). May not live here: the
-//! estimator (that is [`crate::fit`], used as it ships), printing. Before this: `rigident_sim`; after
+//! estimator (that is [`rigident_fit`], used as it ships), printing. Before this: `rigident_sim`; after
 //! it: [`crate::cli`].
 
 mod banded;
@@ -25,15 +25,15 @@ use rigident_sim::sensors::{LoadCellModel, PerExperiment, SensorModels};
 
 use self::repeat::repeat;
 use crate::answer::derived::{centre_of_mass, inertia_com};
-use crate::fit::{
+use crate::problem::ProblemError;
+use crate::problem::body::{BodySource, Input, errors};
+use crate::simulated::{limits, mounting, reading};
+pub use bound::{PARAMETERS, bound};
+use rigident_fit::{
     Estimate, Factor, FitError, FitOptions, Noise, RowSource, SignalNoise, Silent, filter_width_s, fit,
     outliers, row_every,
 };
-use crate::problem::ProblemError;
-use crate::problem::body::{BodySource, Input, errors};
-use crate::rig::{ImuTable, LoadCellClass, LoadCellTable};
-use crate::simulated::{limits, mounting, reading};
-pub use bound::{PARAMETERS, bound};
+use rigident_io::rig::{ImuTable, LoadCellClass, LoadCellTable};
 pub use tree::{TreeCampaign, TreeJudgement, TreeVerdict};
 pub use tree_experiment::TreeExperiment;
 
@@ -46,7 +46,7 @@ const FIRMWARE_FASTEST_HZ: f64 = 2500.0;
 /// Readings of one experiment: some GB with the motion's physics and a copy on every core.
 const MOST_READINGS: f64 = 1e6;
 /// 1 σ of a 95 % figure.
-pub(crate) const K95: f64 = 1.96;
+pub const K95: f64 = 1.96;
 
 /// Who makes the factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

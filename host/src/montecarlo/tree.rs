@@ -9,12 +9,12 @@ use super::repeat::repeat;
 use super::tree_bound::bound;
 use super::tree_experiment::TreeExperiment;
 use super::{CampaignError, Judgement, MOST_READINGS, One};
-use crate::fit::{FitOptions, Silent};
-use crate::model::Model;
-use crate::model::base::{Rows, Situation, base_parameters};
 use crate::problem::{Problem, ProblemError, ProblemOptions};
-use crate::recording::Recording;
 use crate::simulated::trees::{truth, with_noise_and_offset};
+use rigident_fit::{FitOptions, Silent};
+use rigident_io::recording::Recording;
+use rigident_model::Model;
+use rigident_model::base::{Rows, Situation, base_parameters};
 
 /// Spread of the load cell's offsets, which each experiment draws, N and N m.
 const OFFSETS: [f64; 6] = [2.0, 2.0, 2.0, 0.2, 0.2, 0.2];

@@ -5,10 +5,10 @@ use rigident_shared::tree::Joint;
 
 use super::banded::{Banded, Coefficients};
 use super::tree_experiment::TreeExperiment;
-use crate::model::Model;
-use crate::model::base::BaseParameters;
-use crate::model::dynamics::inverse_dynamics;
 use crate::simulated::trees::TreeInstant;
+use rigident_model::Model;
+use rigident_model::base::BaseParameters;
+use rigident_model::dynamics::inverse_dynamics;
 
 /// Step of differences by angles, rad.
 const STEP: f64 = 1e-6;

@@ -1,9 +1,9 @@
 //! What an experiment with a tree is: rate, length, what is measured, and the noise.
 
-use crate::model::Model;
-use crate::recording::Recording;
-use crate::rig::{ImuClass, ImuTable, JointTable};
 use crate::simulated::trees::{TreeInstant, TreeNoise, arm_recording, person_recording};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{ImuClass, ImuTable, JointTable};
+use rigident_model::Model;
 
 /// An experiment with a tree.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,9 +13,9 @@ use rigident_sim::rig::ReadingRow;
 use super::motions::prepared;
 use super::repeat::repeat;
 use super::{CampaignError, K95, Prepared, true_parameters};
-use crate::fit::{Estimate, FitError, FitOptions, Silent, fit};
 use crate::plan::motion::compare::Row;
 use crate::simulated::reading;
+use rigident_fit::{Estimate, FitError, FitOptions, Silent, fit};
 
 /// Mass and first moment, then the tensor, in the order of the parameters.
 const HELD: usize = 4;

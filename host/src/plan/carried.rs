@@ -8,7 +8,7 @@ use hexapod::{Bodies, BodyParameters, BodySet, Load};
 use nalgebra::{Matrix3, Vector3};
 
 use super::machine::{self, MachineError};
-use crate::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
+use rigident_io::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
 
 /// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what data sheets of
 /// multi-axis load cells give as zero balance.

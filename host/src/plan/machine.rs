@@ -8,7 +8,7 @@ use hexapod::{Bodies, Bulk, COND_MAX, Geometry, JointCones, Limit, Limits, Load,
 use nalgebra::{Matrix3, Vector3};
 
 use super::workspace;
-use crate::rig::{PartTable, PlatformTable, RigFile};
+use rigident_io::rig::{PartTable, PlatformTable, RigFile};
 
 /// What a `[platform]` table lacks or gets wrong beyond single numbers.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

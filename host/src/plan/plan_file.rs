@@ -5,8 +5,8 @@ use std::path::Path;
 use hexapod::{BodyParameters, Geometry, MotionError, MotionProgram, Trajectory};
 use serde::{Deserialize, Serialize};
 
-use crate::recording::error::RecordingError;
-use crate::recording::new_file::write_new_text;
+use rigident_io::recording::error::RecordingError;
+use rigident_io::recording::new_file::write_new_text;
 
 /// Of the format.
 const SCHEMA: &str = "rigident/plan/1";

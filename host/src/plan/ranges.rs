@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::machine::{self, MachineError};
 use super::motion::information::Instrument;
-use crate::rig::{RigFile, WRENCH_CHANNELS};
+use rigident_io::rig::{RigFile, WRENCH_CHANNELS};
 
 /// Steps in which a motion is looked at, s, and how many they are at most.
 const LOOK_S: f64 = 0.005;

@@ -14,7 +14,7 @@ use super::text::{
 };
 use crate::answer::Answer;
 use crate::answer::result::{Channel, Complete, CompleteDrive, StandardParameters, Status};
-use crate::model::base::names::legend;
+use rigident_model::base::names::legend;
 
 /// Returns the whole report as one self-contained HTML file.
 pub fn report(answer: &Answer, series: &Series) -> String {

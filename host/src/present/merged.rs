@@ -1,8 +1,8 @@
 //! What merging gains: the best run alone beside all of them.
 
 use super::text::{NOT_IDENTIFIED, with_u95};
-use crate::fit::Measured;
-use crate::fit::pool::PooledFactor;
+use rigident_fit::Measured;
+use rigident_fit::pool::PooledFactor;
 
 /// Lines of a table at most.
 const MOST: usize = 16;
@@ -42,8 +42,8 @@ pub fn table(runs: &[PooledFactor], all: &PooledFactor) -> Option<String> {
         run.name.rsplit(['/', '\\']).next().unwrap_or_default().chars().take(NAME).collect()
     };
     let alone: Vec<(_, String)> = runs.iter().map(|run| (run.fit(), name(run))).collect();
-    let line = |(j, parameter): (usize, &crate::fit::Parameter)| {
-        let of_run = |(fit, name): &(crate::fit::Fit, String)| {
+    let line = |(j, parameter): (usize, &rigident_fit::Parameter)| {
+        let of_run = |(fit, name): &(rigident_fit::Fit, String)| {
             let k = fit.parameters.iter().position(|p| p.name == parameter.name)?;
             Some((fit.estimate.measured(k)?, name.clone()))
         };

@@ -5,7 +5,7 @@ use super::table::printable;
 use super::text::{significant, with_u95};
 use crate::answer::Answer;
 use crate::answer::person::{DeviceResult, PersonResult, ToolResult, TrialResult};
-use crate::fit::Measured;
+use rigident_fit::Measured;
 
 /// Returns an answer about a person: her tables, then warnings and notes.
 pub fn whole_text(answer: &Answer) -> String {

@@ -8,7 +8,7 @@ use crate::answer::Answer;
 use crate::answer::result::{
     Complete, CompleteDrive, CompleteTerm, Consistency, StandardParameters, Tracking,
 };
-use crate::model::base::names::legend;
+use rigident_model::base::names::legend;
 
 /// Returns the answer as lines of text, one group after another, columns aligned, with a final newline.
 pub fn text(answer: &Answer) -> String {

@@ -8,7 +8,7 @@ use super::page::{END, beginning, escape, number, symbol};
 use super::series::Series;
 use super::table::printable;
 use super::text::{significant, unit_symbol};
-use crate::fit::Prediction;
+use rigident_fit::Prediction;
 
 /// The object of `--json`.
 #[derive(Clone, Debug, Serialize)]
@@ -156,8 +156,9 @@ fn plot(found: &Predictions, columns: &[(String, Prediction)], c: usize) -> Opti
     let channel = found.channels.get(c)?;
     let (name, shown) = columns.iter().rev().find(|(name, _)| name != "least squares")?;
     let told: Vec<_> = shown.blocks.iter().filter(|block| block.told.get(c) != Some(&false)).collect();
-    let values =
-        |of: &dyn Fn(&crate::fit::PredictedBlock) -> Option<f64>| told.iter().filter_map(|b| of(b)).collect();
+    let values = |of: &dyn Fn(&rigident_fit::PredictedBlock) -> Option<f64>| {
+        told.iter().filter_map(|b| of(b)).collect()
+    };
     let mut series = Vec::new();
     if channel.measured_sd.is_some() {
         series.push(("measured".to_owned(), values(&|block| block.measured.get(c).copied())));

@@ -2,7 +2,7 @@
 
 use super::data::{Along, Convergence, Decided, Residual, Stage, TimePlot};
 use crate::answer::Answer;
-use crate::fit::{Convergence as Point, Fit};
+use rigident_fit::{Convergence as Point, Fit};
 
 /// Everything over time that a page shows, and what else is no result.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,8 +6,8 @@ use super::plain;
 use super::{Series, report};
 use crate::answer::result::{Answer, Measured};
 use crate::answer::tests::samples;
-use crate::fit::{Convergence, Fit};
 use crate::present::text::with_u95;
+use rigident_fit::{Convergence, Fit};
 
 /// A convergence as the square root of time has it.
 fn converging(fit: &Fit) -> Vec<Convergence> {

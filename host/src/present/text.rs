@@ -242,7 +242,7 @@ pub fn count(number: u64) -> String {
 }
 
 /// The first `shown` of a list, and how many more there are.
-pub(crate) fn shortened(names: &[impl AsRef<str>], shown: usize) -> String {
+pub fn shortened(names: &[impl AsRef<str>], shown: usize) -> String {
     let mut text = names.iter().take(shown).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
     if names.len() > shown {
         text += &format!(" and {} more", names.len() - shown);

@@ -6,8 +6,8 @@ use super::plot::axis::Axis;
 use super::plot::{beside, line, text as word};
 use super::text::{NOT_IDENTIFIED, significant, with_u95};
 use crate::answer::Answer;
-use crate::fit::COVERAGE_95;
 use crate::modal_analysis::{Shapes, Spectrum};
+use rigident_fit::COVERAGE_95;
 
 /// Width and height of a panel's frame, user units.
 const SIDE: (f64, f64) = (520.0, 320.0);

@@ -7,7 +7,7 @@ use hexapod::{IdealSensors, Trajectory};
 use rigident_shared::calibration::Reading;
 use rigident_shared::screening::Rejection;
 
-use crate::fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
+use rigident_fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Timing};
 
 /// Unknowns of one axis: bias, and the answer to each of three axes.
 pub const OF_AN_AXIS: usize = 4;
@@ -193,8 +193,8 @@ mod tests {
     use rigident_sim::rig::{Readings, RigConfig};
 
     use super::*;
-    use crate::fit::{FitOptions, Silent, fit};
     use crate::simulated::reading;
+    use rigident_fit::{FitOptions, Silent, fit};
 
     /// Gains, misalignments and biases put on what the simulated IMU reads.
     #[test]

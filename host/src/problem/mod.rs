@@ -22,10 +22,10 @@ use self::tree::limits::beyond;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
 use crate::answer::{Links, StandardRequest};
-use crate::fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
-use crate::model::{Finding, Model};
-use crate::recording::Recording;
-use crate::rig::RigFile;
+use rigident_fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
+use rigident_io::recording::Recording;
+use rigident_io::rig::RigFile;
+use rigident_model::{Finding, Model};
 
 /// The reason that a recording poses no problem that can be solved.
 #[derive(Debug, thiserror::Error)]

@@ -3,7 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Coordinates of a frame and their rates: first the base's position and quaternion (w, x, y, z) in laboratory axes, then the
-/// joints', as [`crate::model::rows::Moving::set`] takes them.
+/// joints', as [`rigident_model::rows::Moving::set`] takes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moved {
     /// Positions, m and rad, and quaternions.

@@ -5,17 +5,17 @@
 
 use rigident_shared::conditioning::Kernel;
 
-use crate::fit::parallel;
-use crate::motion_capture::ground::GroundWrench;
+use rigident_fit::parallel;
+use rigident_io::motion_capture::ground::GroundWrench;
 
 /// Cut-off times width: where `(1 − x²)⁸` lets 1/√2 of the amplitude pass.
 const CUT_OFF_TIMES_WIDTH: f64 = 1.1455;
 /// Room for the kernel.
 const TAPS: usize = 1024;
 /// Cut-offs that are compared of people, Hz.
-pub(crate) const CUT_OFFS_HZ: [f64; 9] = [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0];
+pub const CUT_OFFS_HZ: [f64; 9] = [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0];
 /// A cut-off above this share of the rate smooths nothing.
-pub(crate) const HIGHEST: f64 = 0.25;
+pub const HIGHEST: f64 = 0.25;
 
 /// A kernel on evenly spaced samples.
 #[derive(Clone, Debug)]
@@ -73,7 +73,7 @@ impl Smoother {
 }
 
 /// Returns the width of the kernel with a cut-off, s.
-pub(crate) fn width_s(cut_off_hz: f64) -> f64 {
+pub fn width_s(cut_off_hz: f64) -> f64 {
     CUT_OFF_TIMES_WIDTH / cut_off_hz
 }
 

@@ -10,7 +10,7 @@ use rigident_shared::spatial::{Position, Sensor};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rig::classes::rectangular;
+use rigident_io::rig::classes::rectangular;
 
 /// Relative standard deviation of what is not even in a body's density, unless the file says otherwise: of the centre of mass
 /// by the radius of gyration, of the tensor by its size.

@@ -11,8 +11,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::body::Mounted;
 use super::compare::{Comparison, Mismatch, OTHER_BODY};
 use crate::answer::{Answer, Context, contradictions};
-use crate::fit::{FitError, FitOptions, Gaussian, Nuisance, Progress, RowSource, Scope, Silent, fit};
 use crate::problem::body::BodySource;
+use rigident_fit::{FitError, FitOptions, Gaussian, Nuisance, Progress, RowSource, Scope, Silent, fit};
 
 /// Solutions about anew corrected signals, at most, and the share of its standard deviation that an error may move at the last.
 const ROUNDS: usize = 4;

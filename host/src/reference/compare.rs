@@ -11,8 +11,8 @@ use super::body::Mounted;
 use super::cause;
 use super::quantity::Quantity;
 use crate::answer::Answer;
-use crate::fit::{COVERAGE_95, Fit};
 use crate::present::text::with_u95;
+use rigident_fit::{COVERAGE_95, Fit};
 
 /// A body less likely than this to be the one of the reference is another one.
 pub(super) const OTHER_BODY: f64 = 1e-5;

@@ -4,10 +4,10 @@ use rigident_shared::tree::BaseMotion;
 
 use super::noise::Noise;
 use super::trees::swing;
-use crate::model::Model;
-use crate::model::dynamics::inverse_dynamics;
-use crate::recording::Recording;
-use crate::rig::{RigFile, TreeClass, TreeTable};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{RigFile, TreeClass, TreeTable};
+use rigident_model::Model;
+use rigident_model::dynamics::inverse_dynamics;
 
 /// Time from rest to full speed, s.
 const RAMP_S: f64 = 0.5;

@@ -8,7 +8,7 @@ use rigident_shared::tree::Joint;
 
 use super::noise::Noise;
 use crate::joint_offsets::{Pose, Setup};
-use crate::model::Model;
+use rigident_model::Model;
 
 /// What is wanted of a pose holds to this, m and rad.
 const EXACT: f64 = 1e-12;
@@ -46,7 +46,7 @@ pub struct Stance {
 impl Robot {
     /// Takes the joints of a model; those of several freedoms are stiff.
     pub fn of(model: &Model) -> Self {
-        let of = |own: &crate::model::ModelLink| {
+        let of = |own: &rigident_model::ModelLink| {
             let link = &own.link;
             let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&link.rotation));
             (link.parent, Isometry3::from_parts(Translation3::from(link.position), turn), link.joint)

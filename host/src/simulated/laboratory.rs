@@ -15,10 +15,10 @@ use super::noise::Noise;
 use crate::inverse_kinematics::landmarks::attach;
 use crate::inverse_kinematics::marker_file::{MarkerFile, OwnMarker};
 use crate::inverse_kinematics::skeleton::{Place, Pose, Skeleton, Turn};
-use crate::model::Model;
-use crate::motion_capture::ground::GroundWrench;
-use crate::motion_capture::markers::Markers;
-use crate::motion_capture::trial::Trial;
+use rigident_io::motion_capture::ground::GroundWrench;
+use rigident_io::motion_capture::markers::Markers;
+use rigident_io::motion_capture::trial::Trial;
+use rigident_model::Model;
 
 /// Markers that laboratories place.
 const ANATOMICAL: [&str; 39] = [
@@ -416,10 +416,10 @@ mod tests {
     use super::*;
     use crate::body_segments::tool::tool;
     use crate::body_segments::{Study, StudyOptions};
-    use crate::fit::{FitOptions, Silent};
-    use crate::model::human::Person as Standard;
     use crate::problem::person::{PeopleOptions, Person};
     use crate::simulated::person::somebody;
+    use rigident_fit::{FitOptions, Silent};
+    use rigident_model::human::Person as Standard;
 
     const SHORT: Laboratory = Laboratory { rate_hz: 100.0, seconds: 12.0, marker_m: 5e-4, plate: [1.0, 0.3] };
 

@@ -8,11 +8,11 @@ use rigident_shared::tree::Joint;
 
 use super::noise::Noise;
 use super::trees::TreeInstant;
-use crate::model::Model;
-use crate::model::base::{Rows, Situation};
-use crate::model::dynamics::{inverse_dynamics, inverse_dynamics_with};
 use crate::problem::tree::contact::ContactState;
 use crate::problem::tree::{BaseSensor, Contact, Foot, Frame, Ground, Input};
+use rigident_model::Model;
+use rigident_model::base::{Rows, Situation};
+use rigident_model::dynamics::{inverse_dynamics, inverse_dynamics_with};
 
 /// A recording of such a robot.
 #[derive(Clone, Debug)]

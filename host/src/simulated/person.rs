@@ -9,7 +9,7 @@ use rigident_shared::tree::Joint;
 use rigident_sim::links::{Swing, Tree, TreeLink};
 
 use super::noise::Noise;
-use crate::model::{Model, ModelLink};
+use rigident_model::{Model, ModelLink};
 
 /// Segments are heavier or lighter than the table's by at most so much, relative.
 const SPREAD: f64 = 0.15;

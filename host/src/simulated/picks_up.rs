@@ -7,8 +7,8 @@ use rigident_shared::tree::{Joint, Link};
 
 use super::noise::Noise;
 use super::on_feet::OnFeet;
-use crate::model::{Model, ModelLink};
 use crate::problem::tree::{Input, NoisySignal, SignalKind};
+use rigident_model::{Model, ModelLink};
 
 /// Frames per second.
 pub const RATE_HZ: f64 = 500.0;

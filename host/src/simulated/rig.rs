@@ -6,7 +6,7 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 use rigident_sim::rig::{ReadingRow, RigConfig};
 
-use crate::rig::FROZEN_AFTER;
+use rigident_io::rig::FROZEN_AFTER;
 
 /// Returns a row as the pipeline takes it.
 pub fn reading<T: Scalar>(row: &ReadingRow) -> Reading<T> {

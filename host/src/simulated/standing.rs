@@ -9,7 +9,7 @@ use rigident_shared::tree::{Joint, Link};
 
 use super::noise::Noise;
 use crate::joint_offsets::{JointTree, Pose, Setup, Sole};
-use crate::model::{Model, ModelLink};
+use rigident_model::{Model, ModelLink};
 
 /// Joints of a leg from the hip down: name, axis, place in the parent, m.
 const LEG: [(&str, [f64; 3], [f64; 3]); 7] = [

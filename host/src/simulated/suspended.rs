@@ -7,9 +7,9 @@ use rigident_sim::suspension::{
     Carrier, Motion, MotionCapture, Run, Spring, Start, Suspended, Suspension, SuspensionError,
 };
 
-use crate::motion_capture::registration::register;
-use crate::recording::Recording;
-use crate::rig::{RigFile, SpringTable, SuspendedPlatformTable, SuspensionTable, TruthTable};
+use rigident_io::motion_capture::registration::register;
+use rigident_io::recording::Recording;
+use rigident_io::rig::{RigFile, SpringTable, SuspendedPlatformTable, SuspensionTable, TruthTable};
 
 /// Rate of cameras and recordings, Hz.
 pub const RATE_HZ: f64 = 120.0;

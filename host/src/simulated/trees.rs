@@ -10,13 +10,13 @@ use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::noise::Noise;
-use crate::fit::Fit;
-use crate::model::base::BaseParameters;
-use crate::model::dynamics::inverse_dynamics;
-use crate::model::{Model, ModelLink};
 use crate::problem::tree::joints;
-use crate::recording::{ImuColumns, Recording};
-use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigFile, TreeClass, TreeTable};
+use rigident_fit::Fit;
+use rigident_io::recording::{ImuColumns, Recording};
+use rigident_io::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigFile, TreeClass, TreeTable};
+use rigident_model::base::BaseParameters;
+use rigident_model::dynamics::inverse_dynamics;
+use rigident_model::{Model, ModelLink};
 
 fn body(mass: f64, com: [f64; 3], radii: [f64; 3], turn: [f64; 3]) -> Option<[f64; 10]> {
     let turned = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]).into_inner();

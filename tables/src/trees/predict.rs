@@ -3,8 +3,8 @@
 use rigident::answer::predictor::Predictor;
 use rigident::answer::{Answer, Context, Links, StandardRequest};
 use rigident::fit::{FitOptions, Prediction, RowSource, Silent, plain_least_squares};
+use rigident::model::Model;
 use rigident::model::human::Person;
-use rigident::model::{self, Model};
 use rigident::problem::tree::TreeSource;
 use rigident::problem::tree::drive::Friction;
 use rigident::problem::{Problem, ProblemOptions};
@@ -80,7 +80,8 @@ fn rows(case: &Case) -> String {
 
 fn robot(file: &str, locked: &[&str]) -> Model {
     let path = staubli::data().join("../urdf").join(file);
-    let mut model = model::open(path.to_str().expect("a path"), &Person::default()).expect("a robot").0;
+    let mut model =
+        rigident::named_model::open(path.to_str().expect("a path"), &Person::default()).expect("a robot").0;
     for joint in locked {
         let at = model.joint(joint).expect("a joint");
         model.links[at].link.joint = Joint::Fixed;

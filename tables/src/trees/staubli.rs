@@ -9,10 +9,10 @@ use nalgebra::{DMatrix, DVector};
 use rigident::answer::Links;
 use rigident::answer::states::states;
 use rigident::fit::{Fit, FitOptions, Prediction, Silent, fit};
+use rigident::model::Model;
 use rigident::model::base::BaseParameters;
 use rigident::model::human::Person;
 use rigident::model::rows::Moving;
-use rigident::model::{self, Model};
 use rigident::problem::ProblemOptions;
 use rigident::problem::tree::TreeSource;
 use rigident::problem::tree::drive::{Drive, Term};
@@ -57,7 +57,7 @@ fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
 
 pub(super) fn model() -> Model {
     let path = data().join("tx40_mdh_modified.urdf");
-    model::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
+    rigident::named_model::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
 }
 
 /// Returns both halves of the recording.

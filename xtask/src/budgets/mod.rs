@@ -133,7 +133,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 /// Builds the program as people use it.
 fn released() -> Result<PathBuf> {
     let mut command = process::cargo(places::root());
-    process::run(command.args(["build", "--release", "--package", "rigident", "--bin", "rigident"]))?;
+    process::run(command.args(["build", "--release", "--package", "rigident-cli", "--bin", "rigident"]))?;
     Ok(places::released("rigident"))
 }
 

@@ -142,13 +142,13 @@ fn one(case: &Case, binary: &Path, folder: &Path, options: &Options) -> Result<E
 /// Builds the current program as people use it, and returns its path.
 fn build() -> Result<PathBuf> {
     let mut command = process::cargo(places::root());
-    process::run(command.args(["build", "--release", "-p", "rigident", "--bin", "rigident"]))?;
+    process::run(command.args(["build", "--release", "-p", "rigident-cli", "--bin", "rigident"]))?;
     Ok(places::released("rigident"))
 }
 
 /// Where the goldens are.
 fn stored() -> PathBuf {
-    places::root().join("host/tests/goldens")
+    places::root().join("host/cli/tests/goldens")
 }
 
 /// Where recordings of others are; they are not part of the project.

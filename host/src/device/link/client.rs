@@ -10,7 +10,7 @@ use rigident_shared::wire::{
 };
 
 use super::Transport;
-use crate::fit::{Factor, NoiseGram, compensate};
+use rigident_fit::{Factor, NoiseGram, compensate};
 
 /// A command is sent again after so long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);

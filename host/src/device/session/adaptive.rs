@@ -5,8 +5,8 @@ use hexapod::MotionProgram;
 use rigident_shared::wire::{Command, EstimateReport};
 
 use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking};
-use crate::fit::Factor;
 use crate::platform::{Motion, Platform, PlatformError};
+use rigident_fit::Factor;
 
 /// What a platform is asked for.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,8 +8,8 @@ use rigident_shared::wire::{Command, Reason, Reply, StateName};
 use super::take::{Nobody, Taking};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, tree, two_links};
 use crate::device::link::{LinkError, TakenFactor};
-use crate::fit::Factor;
 use crate::platform::{Motion, Platform, PlatformError};
+use rigident_fit::Factor;
 
 /// How long a platform may take to come to rest.
 const REST: Duration = Duration::from_secs(4);

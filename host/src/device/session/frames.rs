@@ -6,11 +6,11 @@
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame};
 
-use crate::model::Model;
 use crate::present::text::shortened;
 use crate::problem::tree::joints::attitude;
-use crate::recording::{ImuColumns, Recording};
-use crate::rig::{Calibrated, ImuTable, RigFile};
+use rigident_io::recording::{ImuColumns, Recording};
+use rigident_io::rig::{Calibrated, ImuTable, RigFile};
+use rigident_model::Model;
 
 /// Why a recording makes no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -205,8 +205,8 @@ mod tests {
     use rigident_sim::runner::frames_of;
 
     use super::*;
-    use crate::model::human::Person;
     use crate::simulated::person;
+    use rigident_model::human::Person;
 
     #[test]
     fn a_recording_of_frames_is_these_frames_and_what_one_lacks_is_named() {
@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn the_specific_force_is_moved_from_the_imu_to_the_origin() {
         let human = Person::default().human34().unwrap();
-        let base = crate::model::Model { links: human.links[..1].to_vec(), ..human };
+        let base = rigident_model::Model { links: human.links[..1].to_vec(), ..human };
         let tree = person::tree(&base, &base.nominal());
         let sent = frames_of(&tree, 3, 100.0, [0.0; 6], 1);
         let mut seen = recording("base", &RigFile::default(), 100.0, 1, &sent);

@@ -1,7 +1,7 @@
 //! Ends a motion before the load cell is overloaded.
 
 use super::SessionError;
-use crate::rig::WRENCH_CHANNELS;
+use rigident_io::rig::WRENCH_CHANNELS;
 
 /// A channel this near its range ends the motion: what is planned stays below, whatever body it is.
 const NEAR: f64 = 0.97;

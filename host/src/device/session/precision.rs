@@ -6,7 +6,7 @@
 
 use rigident_shared::screening::CHANNEL_NAMES;
 
-use crate::fit::{FitError, Progress, RowSource};
+use rigident_fit::{FitError, Progress, RowSource};
 
 /// The largest number of a row counts so many times for the least σ: `√25 ε/2`, rounded up.
 const STEPS: f64 = 4.0 * f32::EPSILON as f64;

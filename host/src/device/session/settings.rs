@@ -4,9 +4,9 @@ use rigident_shared::wire::{
     TelemetrySettings,
 };
 
-use crate::fit::outliers;
-use crate::fit::{filter_width_s, row_every};
-use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+use rigident_fit::outliers;
+use rigident_fit::{filter_width_s, row_every};
+use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// Estimates are sent at about this rate, 1/s.
 const ESTIMATE_RATE_HZ: f64 = 4.0;

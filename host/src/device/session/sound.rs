@@ -5,8 +5,8 @@
 use rigident_shared::calibration::Reading;
 
 use super::Take;
-use crate::recording::{ImuColumns, Recording};
-use crate::rig::RigFile;
+use rigident_io::recording::{ImuColumns, Recording};
+use rigident_io::rig::RigFile;
 
 /// Returns the readings of one body as a recording.
 pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[Reading<f64>]) -> Recording {

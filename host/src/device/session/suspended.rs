@@ -9,9 +9,9 @@ use rigident_shared::wire::{
 use super::frames::NoFrames;
 use super::tracked::{encoded, number, of_link, pose, settings_of};
 use super::tree::{DeviceTreeError, device_tree};
-use crate::fit::RowSource;
 use crate::problem::suspension::SuspendedSource;
 use crate::problem::suspension::source::Instant;
+use rigident_fit::RowSource;
 
 /// The frames of a source on springs. Their numbers tell gaps in time: one more is one period later.
 ///

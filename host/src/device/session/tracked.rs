@@ -7,9 +7,9 @@ use rigident_shared::wire::{LinkJoint, ModelSettings, Settings, Source};
 
 use super::tree::{DeviceTreeError, device_tree, tree_settings};
 use super::{DeviceTiming, frames::NoFrames};
-use crate::fit::RowSource;
 use crate::problem::tree::{Frame, Input, TreeSource};
-use crate::rig::{LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile};
+use rigident_fit::RowSource;
+use rigident_io::rig::{LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile};
 
 /// The frames of a source whose base is tracked. Their numbers tell gaps in time: one more is one period later.
 ///

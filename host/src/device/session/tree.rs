@@ -15,10 +15,10 @@ use rigident_shared::wire::{
 use super::settings::{DeviceTiming, SettingsError, settings};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking};
 use crate::device::link::{Client, LinkError};
-use crate::model::ModelError;
-use crate::model::base::{BaseParameter, Rows, Situation, base_parameters};
-use crate::model::tree::Model;
-use crate::rig::RigFile;
+use rigident_io::rig::RigFile;
+use rigident_model::ModelError;
+use rigident_model::base::{BaseParameter, Rows, Situation, base_parameters};
+use rigident_model::tree::Model;
 
 /// Why a model does not fit onto the device.
 #[derive(Debug, thiserror::Error)]
@@ -289,7 +289,7 @@ pub fn complaints(report: &FrameReport, links: &[String]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::human::Person;
+    use rigident_model::human::Person;
 
     #[test]
     fn the_humans_fit_or_it_is_said_why_not() {
@@ -308,7 +308,7 @@ mod tests {
     fn joints_that_share_a_body_must_be_one_on_the_device() {
         let text = "<mujoco model=\"m\"><worldbody><body name=\"b\"><freejoint/><body name=\"t\"><joint name=\"x\" axis=\"1 0 0\"/>\
                     <joint name=\"z\" axis=\"0 0 1\"/><joint name=\"y\" axis=\"0 1 0\"/></body></body></worldbody></mujoco>";
-        let mut model = crate::model::write::parse(text, "m.xml").unwrap().model;
+        let mut model = rigident_model::write::parse(text, "m.xml").unwrap().model;
         let error = device_tree(&model).unwrap_err();
         assert!(
             error.to_string().contains("link t#1") && error.to_string().contains("--spherical"),

@@ -9,10 +9,10 @@ use rigident_shared::wire::{
 
 use super::settings::{DeviceTiming, SettingsError, imu_settings, settings};
 use crate::device::link::{Client, LinkError, TakenFactor};
-use crate::model::ModelError;
-use crate::model::rig_links::from_tables;
-use crate::recording::{ImuColumns, Recording};
-use crate::rig::RigFile;
+use crate::named_model::rig_links::from_tables;
+use rigident_io::recording::{ImuColumns, Recording};
+use rigident_io::rig::RigFile;
+use rigident_model::ModelError;
 
 /// Of the accelerometers' correction of the attitude that the device finds, s.
 pub const ATTITUDE_TIME_CONSTANT_S: f32 = 5.0;

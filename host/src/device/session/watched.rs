@@ -13,8 +13,8 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::tracked::settings_of;
 use super::tree::DeviceTreeError;
-use crate::model::rows::Moving;
 use crate::problem::tree::{BaseSensor, Frame, Input, SignalKind};
+use rigident_model::rows::Moving;
 use rigident_shared::estimator::watch::BINS;
 
 /// Width of the filter, s, as everywhere.
@@ -275,7 +275,7 @@ fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64;
 fn shown(input: &Input) -> [f64; 6] {
     std::array::from_fn(|c| {
         let values: Vec<f64> = input.frames.iter().map(|frame| frame.wrench[c]).collect();
-        crate::model::idle::white_noise(&values)
+        rigident_model::idle::white_noise(&values)
     })
 }
 

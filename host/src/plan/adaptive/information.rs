@@ -12,13 +12,13 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{Position, Sensor};
 
 use super::goal::Compact;
-use crate::fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
 use crate::plan::carried::{self, LoadBound};
 use crate::plan::machine::{self, MachineError};
 pub use crate::plan::motion::information::Information;
 use crate::plan::motion::information::{Instrument, PARAMETERS};
 use crate::plan::motion::plan::{GYRO_SHARE, SENSOR_SHARE};
-use crate::rig::{OffsetTable, OffsetWord, RigFile};
+use rigident_fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
+use rigident_io::rig::{OffsetTable, OffsetWord, RigFile};
 
 /// Rows per second from which information is summed. Motions up to 2.5 Hz make rows up to 5 Hz.
 const ROWS_HZ: f64 = 50.0;

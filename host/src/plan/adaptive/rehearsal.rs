@@ -13,12 +13,12 @@ use super::goal::{Asked, largest_principal};
 use super::information::RigModel;
 use super::planner::{Next, Planner};
 use super::told::Told;
-use crate::fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
 use crate::plan::carried::{CarriedError, LoadBound, Weighing};
 use crate::plan::equipment::Equipment;
 use crate::plan::machine;
-use crate::rig::RigFile;
 use crate::simulated::{mounting, reading};
+use rigident_fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
+use rigident_io::rig::RigFile;
 
 /// The factor is looked at this often, s.
 const LOOK_S: f64 = 0.25;

@@ -46,8 +46,8 @@ fn a_motion_tells_what_was_foreseen() {
     let mut estimator = rigident_shared::estimator::Estimator::<f64, 16, 256>::new(
         &rigident_shared::estimator::EstimatorConfig {
             rate_hz: RATE_HZ,
-            filter_width_s: crate::fit::FILTER_WIDTH_S,
-            row_every: crate::fit::row_every(RATE_HZ),
+            filter_width_s: rigident_fit::FILTER_WIDTH_S,
+            row_every: rigident_fit::row_every(RATE_HZ),
             channel_sigma: model.channel_sigma,
             known_offset: [0.0; 6],
             mounting: crate::simulated::mounting(&config),

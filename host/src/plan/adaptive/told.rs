@@ -6,7 +6,7 @@ use super::goal::Asked;
 use super::information::{Information, RigModel};
 use super::planner::Known;
 use crate::answer::identified_of_body;
-use crate::fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, RowSet, filter_width_s, judge, row_every};
+use rigident_fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, RowSet, filter_width_s, judge, row_every};
 
 /// Rows a device makes at one instant.
 const CHANNELS: u64 = 6;

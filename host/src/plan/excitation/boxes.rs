@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::tree::Joint;
 use serde::{Deserialize, Serialize};
 
-use crate::model::Model;
-use crate::model::check::shapes::ShapeBox;
+use rigident_model::Model;
+use rigident_model::check::shapes::ShapeBox;
 
 /// Half the thickness of a link of which only joints are known, as a share of the robot's reach.
 const RADIUS: f64 = 0.05;

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use super::boxes::BodyBox;
 use super::oriented_box::{PlacedBox, separation};
-use crate::model::Model;
-use crate::model::rows::Moving;
+use rigident_model::Model;
+use rigident_model::rows::Moving;
 
 /// Distance at which a pair begins to be kept apart, as a share of the robot's reach.
 const NEAR: f64 = 0.1;

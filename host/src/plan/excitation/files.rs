@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::family::Series;
-use crate::model::Model;
 use crate::problem::tree::columns::units;
+use rigident_model::Model;
 
 /// A joint of a file: its name, its kind by the units of its columns, and its place in the series, or where it is held.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,12 +13,12 @@ use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::BaseMotion;
 
 use super::family::Motion;
-use crate::model::Model;
-use crate::model::base::{Rows, Situation};
-use crate::model::passive::Passive;
-use crate::model::rows::Moving;
 use crate::problem::tree::drive::{Drive, Friction, Term};
 use crate::problem::tree::{BaseSensor, Input, TreeSource, TreeSourceError};
+use rigident_model::Model;
+use rigident_model::base::{Rows, Situation};
+use rigident_model::passive::Passive;
+use rigident_model::rows::Moving;
 
 /// Steps of the differences: rows are smooth in positions, quadratic in rates and linear in accelerations.
 const STEPS: [f64; 3] = [1e-7, 1e-6, 1.0];

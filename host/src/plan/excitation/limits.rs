@@ -3,8 +3,8 @@
 use rigident_shared::tree::Joint;
 
 use super::family::Motion;
-use crate::model::Model;
-use crate::model::limits::Limits;
+use rigident_model::Model;
+use rigident_model::limits::Limits;
 
 /// What is kept away from every limit for what happens between the instants that the search looks at: a three-hundredth.
 const KEPT: f64 = 1.0 - 1.0 / 300.0;

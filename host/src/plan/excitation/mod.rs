@@ -4,7 +4,7 @@
 //! large ([`information`]) inside the limits of joints ([`limits`]) and away from collisions ([`collisions`], of [`boxes`] round the
 //! links, [`oriented_box`]); it is looked at once more on a finer grid ([`resampled`]), and what it will tell is read off the factor
 //! that the pipeline makes of it ([`predict`]). [`plan()`] does all of this, [`files`] writes it. May not live here: reading models
-//! ([`crate::model`]), the rows of a recording ([`crate::problem::tree`]). Next: [`plan()`].
+//! ([`rigident_model`]), the rows of a recording ([`crate::problem::tree`]). Next: [`plan()`].
 
 pub mod boxes;
 pub mod collisions;

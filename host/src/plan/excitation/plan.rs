@@ -12,9 +12,9 @@ use super::limits::JointLimits;
 use super::predict::{PredictError, Prediction, predict};
 use super::problem::Problem;
 use super::resampled::{Resampled, resampled};
-use crate::model::Model;
 use crate::plan::descent::Descent;
 use crate::problem::tree::TreeSourceError;
+use rigident_model::Model;
 
 /// Longest trajectory, s, and highest harmonic, Hz, that is planned for: the filter of `identify` takes most off what is faster.
 const MOST: [f64; 2] = [3600.0, 5.0];

@@ -4,10 +4,10 @@ use super::family::{Motion, Series};
 use super::information::Tree;
 use crate::answer::Links;
 use crate::answer::states::{LARGEST_SHARE, link_scales};
-use crate::fit::{
+use crate::problem::tree::{Frame, TreeSource, TreeSourceError};
+use rigident_fit::{
     Estimate, Factor, FitError, Kind, Noise, Owner, Parameter, RowSource, Silent, plain_factor,
 };
-use crate::problem::tree::{Frame, TreeSource, TreeSourceError};
 
 /// What is known of a parameter.
 #[derive(Clone, Debug, PartialEq)]

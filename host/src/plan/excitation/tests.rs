@@ -10,16 +10,16 @@ use super::predict::predict;
 use super::problem::Problem;
 use super::resampled::resampled;
 use super::*;
-use crate::fit::{Fit, FitOptions, Silent};
-use crate::model::base::Rows;
-use crate::model::dynamics::inverse_dynamics;
-use crate::model::{Model, urdf};
 use crate::plan::descent::Descent;
 use crate::problem::tree::drive::Friction;
 use crate::problem::{Problem as Recorded, ProblemOptions};
-use crate::recording::Recording;
 use crate::simulated::arm::ArmRun;
 use crate::simulated::trees::{seven_axes, truth};
+use rigident_fit::{Fit, FitOptions, Silent};
+use rigident_io::recording::Recording;
+use rigident_model::base::Rows;
+use rigident_model::dynamics::inverse_dynamics;
+use rigident_model::{Model, urdf};
 
 fn friction(words: &str) -> Friction {
     Friction::parse(&[words]).unwrap()

@@ -6,8 +6,8 @@ use rigident_shared::estimator::{ConfigError, Estimator, EstimatorConfig};
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use crate::answer::derived;
-use crate::fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, filter_width_s, row_every};
 use crate::plan::equipment::Equipment;
+use rigident_fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, filter_width_s, row_every};
 
 /// 95 % expanded uncertainties, and the conditioning.
 #[derive(Clone, Debug, PartialEq)]

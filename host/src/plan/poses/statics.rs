@@ -9,10 +9,10 @@ use super::estimators::{
     relative_covariance, relative_to, with_measured_forces,
 };
 use super::measure::{condition_number, normal_matrix};
-use crate::fit::COVERAGE_95;
 use crate::problem::body::Input;
 use crate::problem::body::imu_noise::gyro_sigma;
 use crate::problem::body::poses::still_poses;
+use rigident_fit::COVERAGE_95;
 
 /// Means over a tenth of a second stay within so much of each other at rest, rad/s and m/s², beside the noise.
 const STILL: [f64; 2] = [0.02, 0.15];

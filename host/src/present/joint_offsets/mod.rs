@@ -6,8 +6,8 @@ mod figures;
 
 use super::page::{END, beginning_with, escape, fact, notes};
 use super::text::{NOT_IDENTIFIED, counted, with_u95};
-use crate::fit::Measured;
 use crate::joint_offsets::drawn::Figure;
+use rigident_fit::Measured;
 
 const STYLE: &str = "<style>.before{stroke:var(--y)}.after{stroke:var(--x)}svg .dashed{stroke-dasharray:5 4}.bone{stroke-width:2}.sole{stroke-width:3}\
                      circle.joint{fill:var(--paper);stroke:var(--x);stroke-width:1.4}.ground{stroke:var(--soft);stroke-width:1.4}\

@@ -14,7 +14,7 @@ use rigident_shared::regressor::SIGNALS;
 
 use super::WRENCH;
 use super::sensitivities::{ImuError, PAIRS};
-use crate::fit::{Effect, Nuisance, Scope};
+use rigident_fit::{Effect, Nuisance, Scope};
 
 /// Signals of the wrench.
 const FIRST_OF_WRENCH: usize = 9;

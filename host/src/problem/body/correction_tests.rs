@@ -4,9 +4,9 @@ use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, Wrench};
 
 use super::*;
-use crate::fit::{Fit, FitOptions, Gaussian, RowSource, Silent, fit};
 use crate::problem::body::{BodySource, Input, errors};
-use crate::rig::{ImuTable, LoadCellTable};
+use rigident_fit::{Fit, FitOptions, Gaussian, RowSource, Silent, fit};
+use rigident_io::rig::{ImuTable, LoadCellTable};
 
 const RATE_HZ: f64 = 200.0;
 const PHI: [f64; 10] = [3.2, 0.09, -0.06, 0.25, 0.045, 0.05, 0.02, 1e-3, -2e-3, 3e-3];

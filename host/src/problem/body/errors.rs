@@ -4,9 +4,9 @@ use rigident_shared::calibration::Reading;
 
 use super::sensitivities::{ERRORS, ImuError, PAIRS};
 use super::{CHANNELS, WRENCH};
-use crate::fit::{Basis, Effect, Gaussian, Nuisance, Scope};
-use crate::rig::classes::rectangular;
-use crate::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigCalibration};
+use rigident_fit::{Basis, Effect, Gaussian, Nuisance, Scope};
+use rigident_io::rig::classes::rectangular;
+use rigident_io::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigCalibration};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// The name of the error of the gravity that is stated.

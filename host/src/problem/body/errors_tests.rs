@@ -4,8 +4,8 @@ use rigident_shared::spatial::{Position, Wrench};
 
 use super::*;
 use crate::problem::body::sensitivities::Block;
-use crate::rig::RigFile;
-use crate::rig::calibration::CalibratedRig;
+use rigident_io::rig::RigFile;
+use rigident_io::rig::calibration::CalibratedRig;
 
 /// A calibration file may hold every error that runs of a rig share, in the unit that it has here.
 #[test]

@@ -4,7 +4,7 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::ImuNoise;
 
 use crate::problem::white_noise::sixth_differences_of;
-use crate::rig::ImuTable;
+use rigident_io::rig::ImuTable;
 
 /// Noise of an IMU of which nothing is known: of a good consumer one.
 const TYPICAL: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 4.3e-4 };

@@ -3,7 +3,7 @@
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 
-use crate::fit::{ErrorRow, Gaussian, Nuisance};
+use rigident_fit::{ErrorRow, Gaussian, Nuisance};
 
 /// Readings of one body, with all that the rig file says of them.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub struct Input {
 
 impl Input {
     /// Returns the same settings without readings.
-    pub(crate) fn without_readings(&self) -> Self {
+    pub fn without_readings(&self) -> Self {
         Self {
             readings: Vec::new(),
             nuisances: self.nuisances.clone(),

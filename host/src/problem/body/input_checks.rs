@@ -7,7 +7,7 @@
 use rigident_shared::calibration::Reading;
 
 use super::Input;
-use crate::rig::FROZEN_AFTER;
+use rigident_io::rig::FROZEN_AFTER;
 
 /// The specific force at rest is within this factor of gravity, either way.
 const FACTOR: f64 = 2.0;

@@ -34,12 +34,12 @@ pub use self::input::Input;
 use self::shares::{Shares, Split};
 use self::side_by_side::LANES;
 use super::white_noise::{Signs, sixth_differences_of};
-use crate::fit::{
+use rigident_fit::{
     Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
     Nuisance, Owner, Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise,
     StatedNoise, Timing, Whitening, condition::absorb, filter_width_s, row_every,
 };
-use crate::rig::ImuTable;
+use rigident_io::rig::ImuTable;
 
 /// Parameters of the body; those of the wrench's offset follow.
 const BODY: usize = 10;
@@ -148,7 +148,7 @@ impl BodySource {
     }
 
     /// Returns the error of a fit whose estimator cannot be set up.
-    pub(crate) fn refuse(&self, error: ConfigError) -> FitError {
+    pub fn refuse(&self, error: ConfigError) -> FitError {
         let (rate_hz, width_s) = (self.input.rate_hz, self.config().filter_width_s);
         match error {
             ConfigError::Kernel(error) => FitError::Filter { rate_hz, width_s, error },

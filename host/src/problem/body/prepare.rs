@@ -7,10 +7,10 @@ use rigident_shared::spatial::{AngularRate, Position, Rotation, SpecificForce, W
 use super::input_checks::{self, Implausible};
 use super::poses::{PoseError, calibrate_accelerometer, still_poses};
 use super::{Input, errors, imu_noise, rest};
-use crate::fit::{ErrorRow, Nuisance};
-use crate::recording::Recording;
-use crate::recording::columns::TIME;
-use crate::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+use rigident_fit::{ErrorRow, Nuisance};
+use rigident_io::recording::Recording;
+use rigident_io::recording::columns::TIME;
+use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
 const STILL: (f64, f64) = (0.02, 0.15);

@@ -11,7 +11,7 @@ use rigident_shared::calibration::{ImuMounting, Reading};
 
 use super::errors::{AccelTerm, GRAVITY, accelerometer};
 use super::poses::still_poses;
-use crate::fit::ErrorRow;
+use rigident_fit::ErrorRow;
 
 /// A rest is as long, s: shorter, and the turning point of a slow heave looks like one.
 const LEAST_S: f64 = 2.0;

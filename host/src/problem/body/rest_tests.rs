@@ -2,9 +2,9 @@ use nalgebra::{Matrix3, UnitQuaternion};
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 use super::*;
-use crate::fit::{FitOptions, NuisanceFit, Silent, fit};
 use crate::problem::body::{BodySource, prepare};
-use crate::rig::RigFile;
+use rigident_fit::{FitOptions, NuisanceFit, Silent, fit};
+use rigident_io::rig::RigFile;
 
 const G: f64 = 9.80665;
 const RATE_HZ: f64 = 100.0;

@@ -16,7 +16,7 @@ use rigident_shared::factor::InformationFactor;
 use rigident_shared::screening::{Limits, Rejection};
 use rigident_shared::spatial::Wrench;
 
-use crate::fit::{ESTIMATOR_TAPS as TAPS, parallel};
+use rigident_fit::{ESTIMATOR_TAPS as TAPS, parallel};
 
 /// A part has at least so many readings: what is read twice and set up anew is small against it.
 const LEAST_SHARE: usize = 20_000;

@@ -3,9 +3,9 @@ use rigident_shared::regressor::RegressorBlock;
 use rigident_shared::spatial::{AngularRate, Position, SpecificForce};
 
 use super::*;
-use crate::fit::{FitOptions, Silent, fit};
 use crate::problem::body::{BodySource, Input};
-use crate::rig::ImuTable;
+use rigident_fit::{FitOptions, Silent, fit};
+use rigident_io::rig::ImuTable;
 
 /// Numbers without a pattern in [0, 1).
 struct Chance(u64);
@@ -195,7 +195,7 @@ fn the_number_of_threads_changes_no_bit() {
 #[test]
 fn a_fit_by_parts_is_that_of_one_pass() {
     let mut chance = Chance(6);
-    let config = EstimatorConfig { row_every: 10, ..config(1000.0, crate::fit::FILTER_WIDTH_S, 10) };
+    let config = EstimatorConfig { row_every: 10, ..config(1000.0, rigident_fit::FILTER_WIDTH_S, 10) };
     let input = Input {
         readings: readings(&mut chance, 60_000, 1000.0, 12),
         is_static: false,

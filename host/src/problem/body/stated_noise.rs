@@ -1,8 +1,8 @@
 //! Noise that the rig file states of IMU and load cell, beside what their readings show.
 
 use super::{CHANNELS, Input};
-use crate::fit::StatedNoise;
 use crate::problem::white_noise::{certain_noise, sixth_differences_of};
+use rigident_fit::StatedNoise;
 
 /// Returns the noise of each channel of the wrench as differences of the readings show it; none of still poses.
 pub(super) fn channel_noise(input: &Input) -> Vec<f64> {

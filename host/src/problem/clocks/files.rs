@@ -6,11 +6,11 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
-use crate::recording::columns::{Group, Known};
-use crate::recording::mcap::read::topic_columns;
-use crate::recording::time::Time;
-use crate::recording::{Recording, measured_rate};
-use crate::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
+use rigident_io::recording::columns::{Group, Known};
+use rigident_io::recording::mcap::read::topic_columns;
+use rigident_io::recording::time::Time;
+use rigident_io::recording::{Recording, measured_rate};
+use rigident_io::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
 
 /// Units that columns of joints end with.
 const JOINT_UNITS: [&str; 6] = ["rad", "radps", "nm", "m", "mps", "n"];

@@ -4,9 +4,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::kernel::Weights;
 use super::{Stream, StreamError, StreamSet};
-use crate::fit::filter_width_s;
-use crate::recording::Recording;
-use crate::recording::columns::Group;
+use rigident_fit::filter_width_s;
+use rigident_io::recording::Recording;
+use rigident_io::recording::columns::Group;
 
 /// Half the kernel's width, periods of the slowest stream: seven samples of it.
 const HALF_PERIODS: f64 = 3.5;
@@ -199,7 +199,7 @@ impl Grid {
         }
         let gyro = of(Group::Gyro(0));
         if recording.rig.imu.is_empty() {
-            recording.rig.imu.push(crate::rig::ImuTable::default());
+            recording.rig.imu.push(rigident_io::rig::ImuTable::default());
         }
         if let Some(imu) = recording.rig.imu.iter_mut().find(|imu| imu.link == 0) {
             match (imu.gyro_noise_radps, gyro) {

@@ -12,9 +12,9 @@ use super::kernel::Weights;
 use super::{Grid, Stream, StreamError, StreamSet};
 use crate::problem::body::prepare::{Prepared, prepare};
 use crate::problem::white_noise::sixth_differences;
-use crate::recording::Recording;
-use crate::recording::columns::Group;
-use crate::rig::{RigFile, WrenchSign};
+use rigident_io::recording::Recording;
+use rigident_io::recording::columns::Group;
+use rigident_io::rig::{RigFile, WrenchSign};
 
 /// Samples of one stream that are still needed.
 #[derive(Clone, Debug)]

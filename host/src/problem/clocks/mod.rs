@@ -21,12 +21,12 @@ pub mod skew;
 mod source_skew;
 
 use crate::answer::result::{ParameterState, StreamResult, TimeBase};
-use crate::fit::RowSource;
 use crate::present::text::{counted, significant};
 use crate::problem::body::prepare::PrepareError;
 use crate::problem::tree::TreePrepareError;
-use crate::recording::{Recording, RecordingError};
-use crate::rig::RigFileError;
+use rigident_fit::RowSource;
+use rigident_io::recording::{Recording, RecordingError};
+use rigident_io::rig::RigFileError;
 
 pub use files::{Stream, StreamSet};
 pub use grid::Grid;

@@ -1,7 +1,7 @@
 //! What the uncertainty of the clocks of several files does to an estimate.
 
 use super::{Aligned, Grid, Pose, StreamError, StreamSet};
-use crate::fit::{COVERAGE_95, FitOptions, Silent, fit};
+use rigident_fit::{COVERAGE_95, FitOptions, Silent, fit};
 
 /// Returns the columns by which errors of the clocks, independent and of unit variance, move the estimate.
 ///

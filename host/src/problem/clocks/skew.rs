@@ -32,10 +32,10 @@ use super::grid::Resampled;
 use super::least_squares::Fit;
 use super::{Grid, Pose, StreamError, StreamSet, source_skew};
 use crate::answer::result::{Measured, ParameterState};
-use crate::fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
 use crate::problem::body::Input;
 use crate::problem::body::prepare::prepare;
-use crate::recording::columns::Group;
+use rigident_fit::{ESTIMATOR_TAPS, filter_width_s, row_every};
+use rigident_io::recording::columns::Group;
 
 /// Half the step of the numerical derivatives, ns.
 pub(super) const STEP_NS: i64 = 500_000;

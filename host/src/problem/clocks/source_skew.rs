@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use super::least_squares::Fit;
 use super::skew::STEP_NS;
 use super::{Grid, Pose, StreamError, StreamSet};
-use crate::fit::Silent;
-use crate::recording::Recording;
+use rigident_fit::Silent;
+use rigident_io::recording::Recording;
 
 /// Filtered rows, an instant each, and the filter's noise gain.
 struct Rows {

@@ -8,12 +8,12 @@ use std::ops::Range;
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use crate::fit::parallel;
 use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::ground::GroundWrench;
-use crate::motion_capture::trial::Trial;
 use crate::problem::smoothing::{Smoother, smoothed_at};
+use rigident_fit::parallel;
+use rigident_io::motion_capture::ground::GroundWrench;
+use rigident_io::motion_capture::trial::Trial;
 
 /// A delay is looked for up to this, s.
 pub const LONGEST_S: f64 = 0.15;

@@ -8,8 +8,8 @@ use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::Pose;
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::trial::Trial;
 use crate::problem::moved::Moved;
+use rigident_io::motion_capture::trial::Trial;
 
 /// Returns coordinates and rates of some of a trial's frames that rows are made of, by their place among them, with the poses of another
 /// subject, each with its frame; one that this one has no pose of is left out.

@@ -6,10 +6,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use crate::fit::Gaussian;
-use crate::model::Model;
-use crate::model::base::BaseParameters;
-use crate::model::inertial::Parameters;
+use rigident_fit::Gaussian;
+use rigident_model::Model;
+use rigident_model::base::BaseParameters;
+use rigident_model::inertial::Parameters;
 
 /// How far one person's segments are from the table's: 1 σ.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use crate::fit::parallel;
 use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::ground::GroundWrench;
+use rigident_fit::parallel;
+use rigident_io::motion_capture::ground::GroundWrench;
 
 /// A point of the sole is on the floor if it is no higher above it, m, …
 pub(super) const LOW_M: f64 = 0.02;

@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 use super::alignment::{Looked, along, needed, total};
 use super::coordinates::Coordinates;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::trial::Trial;
 use crate::problem::smoothing::{CUT_OFFS_HZ, HIGHEST, Smoother, best_cut_off};
+use rigident_io::motion_capture::trial::Trial;
 
 /// A band is used while what is left of it is less than this share of what was measured, by power.
 const LARGEST_SHARE: f64 = 0.5;

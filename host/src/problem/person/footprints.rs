@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::Person;
 use super::contact::{KeptSoles, LOADED_N, LOW_M, distance, expanded, pressure, soles, sunken};
 use super::track::Tracked;
-use crate::fit::parallel;
+use rigident_fit::parallel;
 
 /// A centre of pressure counts from this vertical force on, N.
 const CLEAR_N: f64 = 100.0;

@@ -8,8 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::conditioning::Kernel;
 
-use crate::fit::{FitError, Gaussian, RowSource, Silent, filter_width_s};
 use crate::problem::smoothing::width_s;
+use rigident_fit::{FitError, Gaussian, RowSource, Silent, filter_width_s};
 
 /// Rounds at most.
 const ROUNDS: usize = 30;

@@ -9,14 +9,14 @@ use rigident_shared::tree::BaseMotion;
 use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
 use super::zeros::{drifts, zero};
 use super::{alignment, plausible};
-use crate::fit::parallel;
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
-use crate::model::ModelError;
-use crate::model::human::Sex;
-use crate::motion_capture::trial::Trial;
 use crate::problem::moved::Moved;
 use crate::problem::tree::{Frame, Input};
+use rigident_fit::parallel;
+use rigident_io::motion_capture::trial::Trial;
+use rigident_model::ModelError;
+use rigident_model::human::Sex;
 
 /// Frames of the standing trial that joint centres are found from, …
 const STANDING: usize = 4;

@@ -104,7 +104,7 @@ fn forces(person: &Person, trial: usize) -> Vec<[Vector3<f64>; 2]> {
     let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
     let none = Vector3::repeat(f64::NAN);
     let centre = |frame: usize| person.table_centre(trial, frame).unwrap_or(none);
-    let centres = crate::fit::parallel::each(tracked.report.frames, centre);
+    let centres = rigident_fit::parallel::each(tracked.report.frames, centre);
     let needed = alignment::needed(&person.subject, &centres, &tracked.smoother);
     let pair = |frame: &UsedFrame| {
         let [x, y, z, ..] = frame.wrench.map(f64::from);

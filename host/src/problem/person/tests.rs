@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::contact::Dropped;
 use super::*;
-use crate::motion_capture::trial::Trial;
+use rigident_io::motion_capture::trial::Trial;
 
 fn trial(folder: &str, file: &str, ground: Option<&str>) -> Trial {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(folder);

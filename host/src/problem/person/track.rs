@@ -12,15 +12,15 @@ use super::coordinates::{Coordinates, STRETCH, numbers};
 use super::cut_off::cut_off;
 use super::gaps;
 use super::people::PersonError;
-use crate::fit::parallel;
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
 use crate::inverse_kinematics::solve::Solver;
 use crate::inverse_kinematics::subject::Subject;
-use crate::motion_capture::ground::GroundWrench;
-use crate::motion_capture::trial::Trial;
 use crate::problem::smoothing::{Smoother, smoothed_at};
 use crate::problem::tree::UnknownZero;
+use rigident_fit::parallel;
+use rigident_io::motion_capture::ground::GroundWrench;
+use rigident_io::motion_capture::trial::Trial;
 
 /// A freedom is not told by a frame if its deviation is so many times the trial's median, …
 const UNTOLD: f32 = 2.5;

@@ -2,9 +2,9 @@
 
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 
-use crate::motion_capture::trial::Trial;
-use crate::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 use crate::problem::tree::UnknownZero;
+use rigident_io::motion_capture::trial::Trial;
+use rigident_io::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 
 /// Tells of plates whose zero drifts.
 pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {

@@ -5,13 +5,13 @@ use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position};
 
 use super::whitened::pooled;
-use crate::fit::Factor;
-use crate::fit::pool::PooledFactor;
-use crate::fit::tare::{Tare, TareError};
-use crate::model::inertial::map_to_parent;
 use crate::problem::body;
 use crate::problem::tree::joints::attitude;
-use crate::rig::{SuspendedPlatformTable, SuspensionTable};
+use rigident_fit::Factor;
+use rigident_fit::pool::PooledFactor;
+use rigident_fit::tare::{Tare, TareError};
+use rigident_io::rig::{SuspendedPlatformTable, SuspensionTable};
+use rigident_model::inertial::map_to_parent;
 
 /// Parameters of a body.
 const TEN: usize = 10;

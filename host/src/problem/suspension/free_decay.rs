@@ -13,8 +13,8 @@ use crate::modal_analysis::{
     self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, platform_amplitudes, shapes, spectrum,
 };
 use crate::problem::tree::joints::attitude;
-use crate::recording::Recording;
-use crate::rig::{RigFile, SuspensionTable};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{RigFile, SuspensionTable};
 
 /// A wrong mode would move the answer: so many of the modes that there are may be missing.
 const MAY_MISS: usize = 1;

@@ -20,8 +20,8 @@ use rigident_shared::spatial::Body;
 
 use super::springs::COORDINATES;
 use super::support::Support;
-use crate::fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource, SampleRows, Timing};
 use crate::modal_analysis::Shapes;
+use rigident_fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource, SampleRows, Timing};
 
 /// Parameters of all that moves in one posture.
 const TEN: usize = 10;

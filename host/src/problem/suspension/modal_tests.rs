@@ -4,11 +4,11 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::*;
-use crate::fit::{Fit, FitOptions, Silent, fit};
 use crate::modal_analysis::Mode;
 use crate::problem::body;
 use crate::problem::suspension::stiffness::stiffness;
-use crate::rig::RigFile;
+use rigident_fit::{Fit, FitOptions, Silent, fit};
+use rigident_io::rig::RigFile;
 
 const RIG: &str = "[suspension]\nanchor_height_m = -0.05\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.0, 0.25, 0.4]\n\
     base_rotation_wxyz = [0.9950041652780258, 0.0, 0.09983341664682815, 0.0]\nstiffness_std = STD\nspring = [\

@@ -5,11 +5,11 @@ use rigident_shared::tree::BaseMotion;
 
 use super::source::Instant;
 use super::springs::Displacement;
-use crate::model::inertial::{ParameterMap, map_to_parent};
 use crate::problem::moved::Moved;
 use crate::problem::tree::Frame;
 use crate::problem::tree::joints::attitude;
-use crate::rig::SuspensionTable;
+use rigident_io::rig::SuspensionTable;
+use rigident_model::inertial::{ParameterMap, map_to_parent};
 
 /// Where S is in P.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rig::LinkTable;
+use rigident_io::rig::LinkTable;
 
 /// No centre of mass on a platform is farther from its origin, m.
 const FARTHEST_M: f64 = 5.0;

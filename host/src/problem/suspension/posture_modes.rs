@@ -4,11 +4,11 @@ use super::SuspensionError;
 use super::modal::{ModalSource, Swing};
 use super::postures::{base_columns, composite};
 use super::support::Support;
-use crate::fit::RowSource as _;
 use crate::modal_analysis::Shapes;
-use crate::model::Model;
-use crate::model::rows::Moving;
 use crate::problem::tree::{Input, TreeSource};
+use rigident_fit::RowSource as _;
+use rigident_model::Model;
+use rigident_model::rows::Moving;
 
 /// A posture with its modes.
 #[derive(Clone, Debug)]

@@ -11,9 +11,9 @@ use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 
 use super::postures::{PostureSource, base_columns, composite};
-use crate::fit::{Estimate, Factor, Fit, Measured, Parameter};
-use crate::model::Model;
-use crate::model::rows::Moving;
+use rigident_fit::{Estimate, Factor, Fit, Measured, Parameter};
+use rigident_model::Model;
+use rigident_model::rows::Moving;
 
 /// Sets of so many postures are gone through one by one; of more only those that begin with the first.
 const MOST_IN_SETS: usize = 10;
@@ -282,7 +282,7 @@ fn spread_stand(model: &Model, k: usize) -> Vec<(String, Vec<f64>)> {
         }
         halton(k, base)
     };
-    let of = |link: &crate::model::ModelLink| {
+    let of = |link: &rigident_model::ModelLink| {
         let numbers = match link.link.joint {
             Joint::Spherical => {
                 let (share, a, b) = (even(), TAU * even(), TAU * even());

@@ -1,9 +1,9 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 
 use super::*;
-use crate::fit::Factor;
 use crate::problem::suspension::posture_file::PosturesFile;
 use crate::problem::suspension::posture_sets::Subset;
+use rigident_fit::Factor;
 
 /// Table 1 of the vibration paper: mass, centre of mass, tensor about it (xx, yy, zz, yz, zx, xy).
 const LINK_0: (f64, [f64; 3], [f64; 6]) =

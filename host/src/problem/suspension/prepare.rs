@@ -8,13 +8,13 @@ use super::source::{Instant, SuspendedSource, Tracked};
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{Pose, Track, poses, rest};
-use crate::model::{Finding, Model, ModelLink};
 use crate::problem::moved::Part;
 use crate::problem::smoothing::Smoother;
 use crate::problem::tree::columns::{Quantity, column, numbers};
 use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
 use crate::problem::tree::{Input, TreePrepareError};
-use crate::recording::Recording;
+use rigident_io::recording::Recording;
+use rigident_model::{Finding, Model, ModelLink};
 
 /// A locked coordinate that moves by more than this share of the largest free one of its kind is none.
 const LOCKED_MOVES: f64 = 0.05;
@@ -64,7 +64,7 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     let notes = vec![about(&instants, &rest, cut_off_hz, rows)];
     let moves: Vec<(&[f64], Vector3<f64>)> =
         frames.iter().map(|f| (f.positions.get(7..).unwrap_or_default(), Vector3::zeros())).collect();
-    let mut idle = crate::model::idle::idle(&model, &moves, true);
+    let mut idle = rigident_model::idle::idle(&model, &moves, true);
     // How far the platform turns is judged by its rows.
     idle.retain(|finding| !finding.text.starts_with("the base never turns"));
     let input = Input::tracked(model, frames, rate_hz);

@@ -10,12 +10,12 @@ use super::posture_modes::{PostureModes, posture_rows};
 use super::postures::PostureSource;
 use super::prepare::joints;
 use super::support::Support;
-use crate::fit::{Estimate, Factor, Fit, FitOptions, Silent, fit};
 use crate::modal_analysis::Shapes;
-use crate::model::Model;
 use crate::problem::body;
 use crate::problem::moved::Part;
-use crate::recording::Recording;
+use rigident_fit::{Estimate, Factor, Fit, FitOptions, Silent, fit};
+use rigident_io::recording::Recording;
+use rigident_model::Model;
 
 /// Parameters of a body.
 const TEN: usize = 10;

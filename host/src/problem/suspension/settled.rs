@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, DVector, Matrix6, SVector, Vector3, Vector6};
 
 use super::recorded_postures::{RecordedPosture, turn};
 use super::support::Support;
-use crate::fit::COVERAGE_95;
-use crate::rig::SuspensionTable;
+use rigident_fit::COVERAGE_95;
+use rigident_io::rig::SuspensionTable;
 
 /// A difference of less than so many standard deviations is chance.
 const CHANCE: f64 = 4.0;
@@ -131,7 +131,7 @@ fn shorter(
     white: &dyn Fn(&Vector6<f64>) -> Vector6<f64>,
 ) -> Option<(usize, f64)> {
     let all = white(left);
-    let of = |(n, spring): (usize, &crate::rig::SpringTable)| {
+    let of = |(n, spring): (usize, &rigident_io::rig::SpringTable)| {
         let along = Vector3::from(spring.axis).try_normalize(1e-9)?;
         let arm = Vector3::from(spring.at_m) - Vector3::from(table.at_m);
         let (force, moment) = (-along * spring.axial_npm, -arm.cross(&along) * spring.axial_npm);

@@ -21,14 +21,14 @@ use super::springs::{Displacement, Springs};
 use super::support::Support;
 use super::track::Track;
 use super::track_noise::TrackNoise;
-use crate::fit::{
-    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, SignalNoise,
-    Timing,
-};
-use crate::model::base::BaseParameters;
 use crate::problem::body;
 use crate::problem::smoothing::Smoother;
 use crate::problem::tree::{Frame, Input, TreeSource, TreeSourceError};
+use rigident_fit::{
+    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, SignalNoise,
+    Timing,
+};
+use rigident_model::base::BaseParameters;
 
 /// Names and units of the six channels.
 const CHANNELS: [(&str, &str); 6] =

@@ -10,8 +10,8 @@
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
-use crate::fit::{Basis, Effect, Nuisance, Scope};
-use crate::rig::{Coordinate, SuspensionTable};
+use rigident_fit::{Basis, Effect, Nuisance, Scope};
+use rigident_io::rig::{Coordinate, SuspensionTable};
 
 /// Names of the coordinates of a platform.
 pub const COORDINATES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
@@ -93,7 +93,7 @@ impl Springs {
     /// Returns the springs of a rig file.
     pub fn new(table: &SuspensionTable) -> Self {
         let at = Vector3::from(table.at_m);
-        let spring = |own: &crate::rig::SpringTable| Spring {
+        let spring = |own: &rigident_io::rig::SpringTable| Spring {
             arm: Vector3::from(own.at_m) - at,
             axis: Vector3::from(own.axis).normalize(),
             axial: own.axial_npm,
@@ -286,7 +286,7 @@ fn unit(i: usize, j: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::RigFile;
+    use rigident_io::rig::RigFile;
 
     const FOUR: &str = "[suspension]\nat_m = [0.0, 0.0, 0.1]\n\
         spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, lateral_npm = 1.1e3 }, \

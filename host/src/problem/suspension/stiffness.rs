@@ -8,9 +8,9 @@ use nalgebra::{DMatrix, DVector, Matrix6};
 use super::modal::{Problem, Swing};
 use super::springs::Springs;
 use super::support::Support;
-use crate::fit::Nuisance;
 use crate::modal_analysis::Shapes;
-use crate::rig::SuspensionTable;
+use rigident_fit::Nuisance;
+use rigident_io::rig::SuspensionTable;
 
 /// 1 σ of an element beforehand, relative to the diagonal: nothing is known of it.
 const UNKNOWN: f64 = 1e3;

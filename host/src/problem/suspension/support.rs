@@ -5,8 +5,8 @@ use nalgebra::{Matrix6, Vector6};
 use super::SuspensionError;
 use super::mount::Mount;
 use super::springs::{Springs, free};
-use crate::recording::Recording;
-use crate::rig::{RigFile, SuspensionTable};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{RigFile, SuspensionTable};
 
 /// Holds the springs that everything swings on.
 #[derive(Clone, Debug)]

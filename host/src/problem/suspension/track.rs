@@ -8,9 +8,9 @@ use std::ops::Range;
 use nalgebra::{Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vector3, Vector4};
 
 use super::SuspensionError;
-use crate::fit::parallel;
 use crate::problem::moved::{Moved, Part, moved};
 use crate::problem::smoothing::Smoother;
+use rigident_fit::parallel;
 
 /// Bandwidth that spectra are looked at in, Hz.
 const BIN_HZ: f64 = 0.25;

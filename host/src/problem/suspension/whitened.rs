@@ -1,8 +1,8 @@
 //! Factors of rows that are whitened already: nothing of them is filtered or weighed.
 
-use crate::fit::factor_file::{FactorSource, SourceChannel};
-use crate::fit::pool::PooledFactor;
-use crate::fit::{Checks, Factor, Fingerprint, Parameter};
+use rigident_fit::factor_file::{FactorSource, SourceChannel};
+use rigident_fit::pool::PooledFactor;
+use rigident_fit::{Checks, Factor, Fingerprint, Parameter};
 
 /// Returns the factor as that of a run called `name`, made of these numbers.
 pub(super) fn pooled(

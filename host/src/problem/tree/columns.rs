@@ -3,8 +3,8 @@
 use rigident_shared::tree::Joint;
 
 use super::TreePrepareError;
-use crate::recording::Recording;
-use crate::rig::{ColumnSource, JointTable, RigFile};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{ColumnSource, JointTable, RigFile};
 
 /// What of a joint has a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

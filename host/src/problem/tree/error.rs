@@ -2,8 +2,8 @@
 
 use rigident_shared::tree::TreeError;
 
-use crate::model::ModelError;
 use crate::problem::body::input_checks::Implausible;
+use rigident_model::ModelError;
 
 /// The reason that a recording cannot be used with a model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

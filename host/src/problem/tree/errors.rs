@@ -10,11 +10,11 @@ use super::contact::COMPONENTS;
 use super::drive::Term;
 use super::joints::attitude;
 use super::{Input, SignalKind};
-use crate::fit::{Basis, Effect, Nuisance, Scope};
 use crate::problem::body::errors::{of_cell, of_imu};
 use crate::problem::body::sensitivities::ImuError;
-use crate::rig::classes::{LoadCellClass, rectangular};
-use crate::rig::{ImuTable, RigFile, TreeClass};
+use rigident_fit::{Basis, Effect, Nuisance, Scope};
+use rigident_io::rig::classes::{LoadCellClass, rectangular};
+use rigident_io::rig::{ImuTable, RigFile, TreeClass};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 

@@ -7,16 +7,16 @@ use super::contact::states::assign;
 use super::contact::{Contact, Ground};
 use super::drive::Drive;
 use super::rows::RowMaker;
-use crate::fit::Nuisance;
-use crate::model::Model;
-use crate::model::base::{Rows, Situation};
+use rigident_fit::Nuisance;
+use rigident_model::Model;
+use rigident_model::base::{Rows, Situation};
 
 /// One instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Its time, ns.
     pub time_ns: u64,
-    /// Coordinates of all joints, as [`crate::model::rows::Moving::set`] takes them; of a tracked base its own come first: position
+    /// Coordinates of all joints, as [`rigident_model::rows::Moving::set`] takes them; of a tracked base its own come first: position
     /// and quaternion in laboratory axes.
     pub positions: Vec<f64>,
     /// Rates of all joints in the same order, rad/s and m/s; of a tracked base velocity and angular rate in its own axes.
@@ -108,7 +108,7 @@ pub struct Input {
     pub channel_sigma: Option<Vec<f64>>,
     /// The wrench's offset if known; `None`: estimated.
     pub known_offset: Option<[f64; 6]>,
-    /// Errors of sensors and mounting that do not average out. An [`crate::fit::Effect::Signal`] is one of `errors`.
+    /// Errors of sensors and mounting that do not average out. An [`rigident_fit::Effect::Signal`] is one of `errors`.
     pub nuisances: Vec<Nuisance>,
     /// Errors of the signals that frames are made of, by their numbers.
     pub errors: Vec<SignalError>,
@@ -144,7 +144,7 @@ impl Input {
     }
 
     /// Returns these settings with other frames.
-    pub(crate) fn with_frames(&self, frames: Vec<Frame>) -> Self {
+    pub fn with_frames(&self, frames: Vec<Frame>) -> Self {
         Self {
             frames,
             model: self.model.clone(),

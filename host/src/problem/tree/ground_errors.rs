@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Frame, TreeSource};
-use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
+use rigident_fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
 
 /// A force plate whose zero is not known.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +33,7 @@ impl UnknownZero {
 
 /// Returns rows with `more` columns behind the parameters: wrenches about the laboratory's origin, N and N m, that are added to the
 /// ground's in a sample.
-pub(crate) fn with_wrenches<'a>(
+pub fn with_wrenches<'a>(
     source: &'a TreeSource,
     more: usize,
     wrenches: impl Fn(usize) -> Vec<[f64; 6]> + Send + Sync + 'a,

@@ -7,8 +7,8 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::model::idle::white_noise;
-use crate::motion_capture::registration::nearest_rotation;
+use rigident_io::motion_capture::registration::nearest_rotation;
+use rigident_model::idle::white_noise;
 
 /// What is compared are increments over this, s: long against the noise of gyros, short against turns that do not commute.
 pub const SPAN_S: f64 = 0.1;

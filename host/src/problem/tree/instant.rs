@@ -8,7 +8,7 @@ use rigident_shared::tree::{BaseMotion, Joint, TreeError};
 use super::contact::{Contact, forces};
 use super::rows::BASE;
 use super::{BaseSensor, Frame, Input};
-use crate::model::rows::Moving;
+use rigident_model::rows::Moving;
 
 /// A vector of three numbers.
 pub(super) type Three = Vector3<f64>;

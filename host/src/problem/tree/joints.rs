@@ -24,7 +24,7 @@ pub struct Resolved {
     pub attitude: Matrix3<f64>,
     /// Link axes, rad/s.
     pub rate: Vector3<f64>,
-    /// As [`crate::model::rows::Moving::set`] takes them.
+    /// As [`rigident_model::rows::Moving::set`] takes them.
     pub positions: Vec<f64>,
     /// Likewise.
     pub rates: Vec<f64>,

@@ -3,8 +3,8 @@
 use rigident_shared::tree::Joint;
 
 use super::Input;
-use crate::model::limits::Limits;
 use crate::present::text::significant;
+use rigident_model::limits::Limits;
 
 /// Beyond a limit by this share of it, or of the range, is worth a word;
 const TOLD: f64 = 0.01;

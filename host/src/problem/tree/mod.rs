@@ -4,8 +4,8 @@
 //! ([`columns`]), their coordinates from attitudes and gyros ([`joints`]) or as slopes of polynomials ([`polynomial`]),
 //! checks whether columns tell of one motion ([`input_checks`]), drives with friction ([`drive`]) when they stand still (`standstill`) and which rotors are parts of base parameters (`rotors`), errors that do not average out (`errors`, `sensitivities`), those of the ground's wrench (`ground_errors`), the rows of a frame
 //! ([`rows`]), and the source that hands them to the fit ([`TreeSource`]). May not live here: the formulas of the rows
-//! (`rigident_shared::tree`), which parameters there are ([`crate::model::base`]), and whatever is done with rows
-//! ([`crate::fit`]).
+//! (`rigident_shared::tree`), which parameters there are ([`rigident_model::base`]), and whatever is done with rows
+//! ([`rigident_fit`]).
 
 pub mod columns;
 pub mod contact;
@@ -36,5 +36,5 @@ pub use error::{TreePrepareError, TreeSourceError};
 pub use errors::SignalError;
 pub use frames::{BaseSensor, Frame, Input, NoisySignal, SignalKind};
 pub use ground_errors::UnknownZero;
-pub(crate) use ground_errors::with_wrenches;
+pub use ground_errors::with_wrenches;
 pub use source::TreeSource;

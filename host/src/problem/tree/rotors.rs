@@ -9,8 +9,8 @@ use rigident_shared::tree::{BaseMotion, TreeError};
 
 use super::Input;
 use super::drive::{Drive, Term};
-use crate::model::base::BaseParameters;
-use crate::model::rows::Moving;
+use rigident_model::base::BaseParameters;
+use rigident_model::rows::Moving;
 
 /// A column is a combination of others if they leave less than this share of its length.
 const SAME: f64 = 1e-9;
@@ -107,11 +107,11 @@ fn numbers() -> impl FnMut() -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::fit::{FitOptions, RowSource, Silent};
     use crate::problem::tree::drive::Friction;
     use crate::problem::{Problem, ProblemOptions};
     use crate::simulated::arm::ArmRun;
     use crate::simulated::trees::{seven_axes, truth};
+    use rigident_fit::{FitOptions, RowSource, Silent};
 
     /// Of seven axes at right angles the rotors of the first two are parts of the moments of inertia about them: the sum is
     /// identified, the others are by themselves.

@@ -8,9 +8,9 @@ use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 use super::contact::Contact;
 use super::contact::availability::Availability;
 use super::{BaseSensor, Frame, Input};
-use crate::fit::SampleRows;
-use crate::model::base::{BaseParameters, Rows};
-use crate::model::rows::{MomentumRows, Moving};
+use rigident_fit::SampleRows;
+use rigident_model::base::{BaseParameters, Rows};
+use rigident_model::rows::{MomentumRows, Moving};
 
 /// The base link among those of [`RowMaker::moving`]: the first is the root.
 pub(super) const BASE: usize = 1;

@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
-use crate::fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Silent, Timing};
-use crate::model::base::Rows;
-use crate::model::rows::Moving;
+use rigident_fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Silent, Timing};
+use rigident_model::base::Rows;
+use rigident_model::rows::Moving;
 
 const RATE_HZ: f64 = 1000.0;
 

@@ -19,8 +19,8 @@ use super::contact::availability::Availability;
 use super::instant::{Direction, Instant, Three};
 use super::rows::{BASE, RowMaker};
 use super::{Frame, SignalError, SignalKind, TreeSource};
-use crate::fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows, parallel};
-use crate::model::rows::Moving;
+use rigident_fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows, parallel};
+use rigident_model::rows::Moving;
 
 /// Steps longer than this many sample periods are gaps.
 const GAP: f64 = 1.5;

@@ -2,12 +2,12 @@ use nalgebra::{Rotation3, UnitQuaternion};
 use rigident_shared::tree::{BaseMotion, Link};
 
 use super::*;
-use crate::model::base::{Rows, Situation};
-use crate::model::{Model, ModelLink};
 use crate::problem::tree::contact::{Contact, ContactState, Foot};
 use crate::problem::tree::drive::{Drive, Term};
 use crate::problem::tree::joints::{Resolved, Seen, resolve};
 use crate::problem::tree::{BaseSensor, Input, NoisySignal, TreeSource};
+use rigident_model::base::{Rows, Situation};
+use rigident_model::{Model, ModelLink};
 
 struct Random(u64);
 

@@ -12,9 +12,9 @@ use rigident_shared::tree::{Joint, TreeError};
 use super::joints::{Resolved, Seen, resolve};
 use super::polynomial::Polynomial;
 use super::{Frame, Input, NoisySignal, SignalKind};
-use crate::fit::SignalNoise;
-use crate::model::rows::Moving;
 use crate::problem::white_noise::Signs;
+use rigident_fit::SignalNoise;
+use rigident_model::rows::Moving;
 
 /// Signals of one kind, whose noise is stated or is not: their sizes have known ratios.
 struct Group {

@@ -3,11 +3,11 @@ use nalgebra::Vector3;
 use super::*;
 use crate::problem::ProblemOptions;
 use crate::problem::tree::prepare::prepare;
-use crate::recording::Recording;
-use crate::rig::ImuTable;
 use crate::simulated::trees::{person_recording, seven_axes, seven_axis_recording, two_links};
+use rigident_io::recording::Recording;
+use rigident_io::rig::ImuTable;
 
-fn input(recording: &Recording, model: &crate::model::Model) -> Input {
+fn input(recording: &Recording, model: &rigident_model::Model) -> Input {
     prepare(recording, model, &ProblemOptions::default()).unwrap().input
 }
 

@@ -10,12 +10,12 @@ use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::sensitivities::ErrorRows;
 use super::{BaseSensor, Frame, Input, TreeSourceError, rotors, signals};
-use crate::fit::{
+use crate::problem::white_noise::sixth_differences;
+use rigident_fit::{
     Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
     Timing,
 };
-use crate::model::base::{BaseParameters, ROUNDED, base_parameters};
-use crate::problem::white_noise::sixth_differences;
+use rigident_model::base::{BaseParameters, ROUNDED, base_parameters};
 
 /// Rows of the wrench.
 const WRENCH: usize = 6;

@@ -7,7 +7,7 @@
 
 use super::polynomial::Polynomial;
 use super::{Input, SignalKind};
-use crate::fit::filter_width_s;
+use rigident_fit::filter_width_s;
 
 /// A drive stands where the root mean square of its rate, over the filter's width, is at most so many standard deviations of
 /// the rate's noise: of nine samples noise alone exceeds that four times in 1e5.

@@ -1,9 +1,9 @@
-use crate::fit::{Fit, FitOptions, Silent};
 use crate::problem::tree::drive::Friction;
 use crate::problem::{Problem, ProblemOptions};
-use crate::recording::Recording;
 use crate::simulated::arm::ArmRun;
 use crate::simulated::trees::{seven_axes, truth};
+use rigident_fit::{Fit, FitOptions, Silent};
+use rigident_io::recording::Recording;
 
 fn identified(recording: &Recording, lists: &[&str]) -> (Problem, Fit) {
     let options = ProblemOptions { friction: Friction::parse(lists).unwrap(), ..ProblemOptions::default() };

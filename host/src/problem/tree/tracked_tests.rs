@@ -5,11 +5,11 @@ use rigident_shared::tree::{BaseMotion, Joint};
 use rigident_sim::links::{Tree, quaternion};
 
 use super::{BaseSensor, Frame, Input, TreeSource};
-use crate::fit::{FitOptions, RowSource, Silent, fit};
-use crate::model::Model;
-use crate::model::base::{Rows, Situation};
-use crate::model::human::Person;
 use crate::simulated::person;
+use rigident_fit::{FitOptions, RowSource, Silent, fit};
+use rigident_model::Model;
+use rigident_model::base::{Rows, Situation};
+use rigident_model::human::Person;
 
 const RATE_HZ: f64 = 200.0;
 

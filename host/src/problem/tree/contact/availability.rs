@@ -11,7 +11,7 @@ use rigident_shared::tree::TreeError;
 use super::super::Frame;
 use super::forces::{self, Columns};
 use super::{Contact, ContactState, Foot};
-use crate::model::rows::Moving;
+use rigident_model::rows::Moving;
 
 /// Directions of H_p that are less than this share of its largest count for nothing.
 const RANK: f64 = 1e-9;

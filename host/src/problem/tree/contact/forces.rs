@@ -6,7 +6,7 @@ use rigident_shared::tree::motion::Screw;
 
 use super::super::rows::BASE;
 use super::Foot;
-use crate::model::rows::Moving;
+use rigident_model::rows::Moving;
 
 /// Columns of a foot's wrench and their derivative as components in base axes, rows of the base and then of all freedoms.
 pub(in super::super) struct Columns {

@@ -7,7 +7,7 @@ use super::super::Input;
 use super::availability::unknown;
 use super::forces;
 use super::{Contact, ContactState, Foot};
-use crate::model::rows::Moving;
+use rigident_model::rows::Moving;
 
 /// Rows are chosen anew where those chosen tell the unknowns apart by less than this.
 const WORST: f64 = 1e-3;

@@ -4,12 +4,12 @@ use nalgebra::{Rotation3, Vector6};
 use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::*;
-use crate::fit::{RowSource, SampleRows};
-use crate::model::base::{Rows, Situation};
-use crate::model::dynamics::inverse_dynamics;
-use crate::model::rows::Moving;
-use crate::model::{Model, ModelLink};
 use crate::problem::tree::{BaseSensor, Frame, Input, TreeSource};
+use rigident_fit::{RowSource, SampleRows};
+use rigident_model::base::{Rows, Situation};
+use rigident_model::dynamics::inverse_dynamics;
+use rigident_model::rows::Moving;
+use rigident_model::{Model, ModelLink};
 
 const STEP: f64 = 1e-5;
 const IMU: [f64; 3] = [0.05, -0.02, 0.1];

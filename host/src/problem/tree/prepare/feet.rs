@@ -6,13 +6,13 @@ use nalgebra::Vector3;
 use rigident_shared::tree::TreeError;
 
 use super::{JointColumns, Preparation};
-use crate::model::edit::Place;
-use crate::model::idle::white_noise;
 use crate::problem::tree::columns::{Column, numbers};
 use crate::problem::tree::contact::{COMPONENTS, Contact, Foot, Ground};
 use crate::problem::tree::joints::attitude;
 use crate::problem::tree::{Input, TreePrepareError};
-use crate::rig::FootTable;
+use rigident_io::rig::FootTable;
+use rigident_model::edit::Place;
+use rigident_model::idle::white_noise;
 
 /// A foot stands where its force is above this share of the robot's weight.
 const TOUCHING: f64 = 0.02;

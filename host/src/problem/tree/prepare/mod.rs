@@ -18,12 +18,12 @@ use super::errors::errors;
 use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
 use super::{BaseSensor, Frame, Input, TreePrepareError, standstill};
-use crate::model::base::Situation;
-use crate::model::{Finding, Model};
 use crate::problem::ProblemOptions;
 use crate::problem::body::input_checks::Implausible;
-use crate::recording::Recording;
-use crate::rig::{DOWN, OffsetTable, OffsetWord};
+use rigident_io::recording::Recording;
+use rigident_io::rig::{DOWN, OffsetTable, OffsetWord};
+use rigident_model::base::Situation;
+use rigident_model::{Finding, Model};
 
 /// Ready to be identified.
 #[derive(Clone, Debug)]
@@ -80,7 +80,7 @@ pub fn prepare(
     let input = work.input(options)?;
     let frames: Vec<(&[f64], Vector3<f64>)> =
         input.frames.iter().map(|f| (f.positions.as_slice(), f.base.rate)).collect();
-    let mut idle = crate::model::idle::idle(&model, &frames, !input.is_static);
+    let mut idle = rigident_model::idle::idle(&model, &frames, !input.is_static);
     if !input.situation.floating || input.is_static {
         // Of a base that is held still that is no news; still poses turn nothing by what they are.
         idle.retain(|finding| !finding.text.starts_with("the base never turns"));
@@ -140,7 +140,7 @@ impl<'a> Preparation<'a> {
             return Ok(bodies.map(|(i, _)| Some(i)).collect());
         }
         let unknown = |name: &str| {
-            let known = |l: &crate::model::ModelLink| l.name == name || l.welded.iter().any(|w| w == name);
+            let known = |l: &rigident_model::ModelLink| l.name == name || l.welded.iter().any(|w| w == name);
             !self.model.links.iter().any(known)
         };
         if let Some(table) = tables.iter().find(|t| unknown(&t.name)) {

@@ -9,7 +9,7 @@ use rigident_shared::tree::BaseMotion;
 use super::Preparation;
 use crate::problem::tree::TreePrepareError;
 use crate::problem::tree::joints::attitude;
-use crate::rig::{Calibrated, DOWN, ImuTable};
+use rigident_io::rig::{Calibrated, DOWN, ImuTable};
 
 impl<'a> Preparation<'a> {
     /// The table of the IMU on a link, by the link's number.

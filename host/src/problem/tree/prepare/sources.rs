@@ -6,11 +6,11 @@ use nalgebra::Vector3;
 use rigident_shared::tree::Joint;
 
 use super::{JointColumns, Preparation};
-use crate::model::base::Rows;
-use crate::model::idle::white_noise;
 use crate::problem::tree::polynomial::Polynomial;
 use crate::problem::tree::{NoisySignal, SignalKind, TreePrepareError};
 use crate::problem::white_noise::sixth_differences;
+use rigident_model::base::Rows;
+use rigident_model::idle::white_noise;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
 const ANOTHER_JOINT: f64 = 0.15;

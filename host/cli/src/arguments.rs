@@ -1,0 +1,576 @@
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+pub use super::adaptive::Adaptive;
+pub use super::body_arguments::Body;
+pub use super::calibration_arguments::{Calibrate, Verify};
+pub use super::device_arguments::{Completions, Configure, Doctor, Info, Man, Monitor, PortOption, Ports};
+pub use super::factor_arguments::{MakeFactor, Merge, Solve, TareFiles};
+pub use super::options::calibration::CalibrationOption;
+pub use super::options::forgetting::Forgetting;
+pub use super::options::known_values::KnownQuantities;
+pub use super::options::load::LoadOptions;
+pub use super::options::microcontroller::Mcu;
+pub use super::options::payload::PayloadOptions;
+pub use super::options::stop_criterion::StopCriterion;
+pub use super::options::test_body::DemoBody;
+pub use super::options::trees::{BenchCommand, ModelCommand, TreeModel, TreeOptions};
+pub use super::plan_arguments::{Plan, Statics, Workspace};
+pub use super::predict_arguments::{Predict, Summary, Validate};
+pub use super::programme::Programme;
+use super::vibration_arguments::Vibration;
+use super::watch_arguments::Watch;
+
+/// Tells the inertial parameters of a body from its wrench and motion: mass, centre of mass, inertia tensor,
+/// each with a 95 % uncertainty, or that the data do not identify it.
+#[derive(Parser, Debug)]
+#[command(
+    name = "rigident",
+    version,
+    after_help = "Without a command: `rigident demo`.\n\nExit status: 0 every asked-for parameter is identified, 1 partly or \
+                  not identified, 2 bad input or usage, 3 link or hardware failure, 130 ended \
+                  by a second Ctrl-C; the first ends with 1.\n\nExamples:\n  rigident demo\n  \
+                  rigident identify bracket.csv --estimate m,mc\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
+                  --platform tcp://192.168.1.20:7447"
+)]
+pub struct Arguments {
+    /// What to do
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// The commands.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Identify a simulated body on a simulated platform, firmware included
+    Demo(Demo),
+    /// Take a recording through the firmware: in-process, emulated, or on a board
+    Replay(Replay),
+    /// Have the firmware watch a link of a robot in motion: what was picked up or lost, when, and how much
+    Watch(Watch),
+    /// Identify the body of a recording, in batch, with the same pipeline in double precision
+    Identify(Identify),
+    /// Compare estimators of the centre of mass on a recording's still poses
+    Statics(Statics),
+    /// Predict wrench or efforts of a recording's motion by a result or a model
+    Predict(Predict),
+    /// Compare what results and models predict of a recording with what was measured
+    Validate(Validate),
+    /// Sum up several runs of one body: mean, scatter, and whether the runs' uncertainties explain it
+    Summary(Summary),
+    /// Calibrate what measures with a body of known properties
+    Calibrate(Calibrate),
+    /// Compare what a rig measures of a reference body with what is known of it: pass or fail
+    Verify(Verify),
+    /// Reduce recordings to an information factor: all they say of the body, in a few hundred numbers
+    Factor(MakeFactor),
+    /// Merge factors of several runs of one body, in any order
+    Merge(Merge),
+    /// Identify the body of a factor
+    Solve(Solve),
+    /// List the serial ports, and which of them a device answers on
+    Ports(Ports),
+    /// Tell what a device is, its firmware, its state and what it has counted
+    Info(Info),
+    /// Read a device's settings, or send those of a rig or a file, the differences shown
+    Configure(Configure),
+    /// Look whether what a device needs is here: ports, permissions, emulator, firmware, clocks
+    Doctor(Doctor),
+    /// Run an experiment on a rig: warm-up, zero, still poses, motion, drift check
+    Run(Run),
+    /// Identify a body live from sensors that are on the network or on a line, moved by hand or by anything
+    Live(Live),
+    /// Watch an experiment as it runs: parameters with their intervals, the weakest direction, sensors, link
+    Monitor(Monitor),
+    /// Convert a recording between CSV and MCAP without loss
+    Convert(Convert),
+    /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
+    Montecarlo(Montecarlo),
+    /// Map where the platform can be tilted to
+    Workspace(Workspace),
+    /// Plan what to do with the platform before it moves
+    Plan(Plan),
+    /// Identify a person from motion capture and force plates
+    Body(Body),
+    /// Identify what swings on a platform that springs carry
+    Vibration(Vibration),
+    /// Look at a tree of links: robot description, rig file or person
+    Model(ModelCommand),
+    /// Print the JSON Schema of a file that this program reads or writes
+    Schema(SchemaOf),
+    /// Time what is computed, beside other libraries
+    Bench(BenchCommand),
+    /// Print the completions of a shell
+    Completions(Completions),
+    /// Write the manual's pages
+    Man(Man),
+}
+
+/// `rigident schema`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Examples:\n  rigident schema result\n  rigident schema rig > rig.schema.json")]
+pub struct SchemaOf {
+    /// Which file: a rig file, `result.json`, or a plan
+    #[arg(value_name = "FILE", value_parser = clap::builder::PossibleValuesParser::new(rigident::schema::NAMES))]
+    pub file: String,
+}
+
+/// Options of every command that gives an answer.
+#[derive(Args, Debug, Clone)]
+pub struct Output {
+    /// Print the result object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+    /// Folder for the files; must be new or empty. Default: a new folder here
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx; of several links their
+    /// names, or single parameters as arm.MSx
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub estimate: Vec<String>,
+}
+
+/// `rigident demo`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
+                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01 --estimate m,Ixx\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
+                        rigident demo --plan motion.json\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
+                        --mcu qemu --duration-s 20"
+)]
+pub struct Demo {
+    /// Where the firmware runs
+    #[arg(long, value_enum, default_value_t)]
+    pub mcu: Mcu,
+    /// What is identified
+    #[arg(long, value_enum, default_value_t)]
+    pub body: Demonstrated,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub programme: Programme,
+    /// Seed of noise and biases
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Noise, bias and bandwidth off; the converters still quantise
+    #[arg(long)]
+    pub ideal: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub adaptive: Adaptive,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub stop: StopCriterion,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub forgetting: Forgetting,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// What a demonstration identifies.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Demonstrated {
+    /// The thesis' test body with plates, lying: centre of mass at 53 mm
+    #[default]
+    Horizontal,
+    /// The same standing: centre of mass at 247 mm
+    Vertical,
+    /// An arm on a ball joint on that body, an IMU on each: 19 base parameters and the offset, 1 kHz
+    TwoLinks,
+    /// A person of 15 links and 34 degrees of freedom from frames, 100 a second: 128 base parameters
+    #[value(name = "human34")]
+    Human34,
+}
+
+/// `rigident replay`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
+                        rigident replay bracket.csv --mcu /dev/ttyACM0\n\nSeveral links:\n  rigident replay two_links.mcap --mcu qemu\n  rigident \
+                        replay walk.csv --model human34 --height-m 1.65 --mass-kg 60"
+)]
+pub struct Replay {
+    /// The recording, CSV or MCAP
+    pub recording: PathBuf,
+    /// inproc, qemu, or the port of a device
+    #[arg(long, default_value = "inproc", value_name = "inproc|qemu|PORT")]
+    pub mcu: String,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub stop: StopCriterion,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub forgetting: Forgetting,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tree: TreeModel,
+}
+
+/// `rigident identify`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident identify bracket.csv\n  rigident identify poses.csv --rig poses.rig.toml --estimate m,mc,offset \
+                        --json\n  rigident identify bracket.csv --tare fixture.csv\n  rigident identify \
+                        bracket.csv --known mass_kg=20.013±0.005 --symmetry y±0.002\n  rigident identify turn.rig.toml\n  rigident identify \
+                        recordings/ --rig turn.rig.toml\n  rigident identify tank.mcap --forget 30\n\nTrees of links:\n  rigident identify two_links.csv\n  rigident identify \
+                        arm.csv --model arm.urdf --friction viscous,coulomb,offset --write-model identified.urdf\n  rigident identify \
+                        walk.csv --model human34 --height-m 1.65 --mass-kg 60 --symmetric-sides"
+)]
+pub struct Identify {
+    /// The recording, CSV or MCAP; of several files with clocks of their own the rig file that lists them, or their
+    /// folder
+    pub recording: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub forgetting: Forgetting,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tare: TareFiles,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub tree: TreeOptions,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub payload: PayloadOptions,
+}
+
+/// `rigident run`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
+                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n  \
+                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform none --until m=0.02\n\n\
+                        A rig file of two [[link]] with an [[imu]] each makes it a run of two links: initial_wxyz of the second says how \
+                        it hangs at the start. `rigident-sim serve --body two-links --write-rig rig.rig.toml` is such a rig.\n\n\
+                        Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
+)]
+pub struct Run {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub device: PortOption,
+    /// The platform's controller
+    ///
+    /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
+    /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths; the plate must
+    /// stand at home when it begins, and is led back there after the experiment. none: the body is moved by hand, or by anything
+    /// else; the next move is told, and Ctrl-C ends. Behind it
+    /// ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and &baud=115200 where they apply
+    #[arg(long, value_name = "ADDRESS")]
+    pub platform: String,
+    /// Move without asking: the limits were checked, and nobody stands in the platform's way
+    #[arg(long)]
+    pub yes: bool,
+    /// Rig file
+    #[arg(long, value_name = "FILE")]
+    pub rig: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub load: LoadOptions,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub programme: Programme,
+    /// Longest wait for the load cell to settle, s; 0 skips the warm-up
+    #[arg(long, default_value_t = 120.0, value_name = "S")]
+    pub warm_up_s: f64,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub adaptive: Adaptive,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub stop: StopCriterion,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub forgetting: Forgetting,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident live`
+#[derive(Args, Debug, Clone)]
+#[command(after_help = "Sources:\n  \
+                  ati+udp://HOST[?cpf=…&cpt=…]   ATI Net F/T, Axia, Schunk: wrench\n  \
+                  rtde://HOST                    Universal Robots e-Series: wrench, and with it as --imu accelerometer and turns\n  \
+                  ws://HOST[:8765]?topic=/…      a ROS 2 topic by foxglove_bridge: WrenchStamped, Imu, PoseStamped\n  \
+                  xsens://DEVICE[?baud=…]        Xsens MTi: IMU\n  \
+                  serial:DEVICE, udp://HOST:PORT, -   lines of CSV with a header, or ?columns=t_s,fx_n,…\n\n\
+                  Examples:\n  \
+                  rigident live --wrench ati+udp://192.168.1.1 --imu xsens:///dev/ttyUSB0 --rig hand.rig.toml\n  \
+                  rigident live --wrench rtde://192.168.0.9 --imu rtde://192.168.0.9 --rig ur5e.rig.toml --until m=0.02\n  \
+                  rigident live --wrench 'ws://robot?topic=/ft/wrench' --imu 'ws://robot?topic=/imu/data'\n  \
+                  ./logger | rigident live --wrench - --imu -\n\n\
+                  Ctrl-C ends it and keeps everything; what each device is to be set to stands in docs/live.md.")]
+pub struct Live {
+    /// Where the wrench comes from
+    #[arg(long, value_name = "URL")]
+    pub wrench: String,
+    /// Where accelerometer and gyro come from; the same address as --wrench if they come together
+    #[arg(long, value_name = "URL")]
+    pub imu: Option<String>,
+    /// Where the pose of what carries the load cell comes from, in place of a gyro
+    #[arg(long, value_name = "URL")]
+    pub pose: Option<String>,
+    /// Rig file: places, signs, names of columns. Default: the IMU at the load cell's origin, parallel to it
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub calibration: CalibrationOption,
+    /// Who estimates while it comes: inproc, qemu, or the port of a device
+    #[arg(long, default_value = "inproc", value_name = "inproc|qemu|PORT")]
+    pub mcu: String,
+    /// End after so long, s; without it Ctrl-C ends
+    #[arg(long, value_name = "S")]
+    pub at_most_s: Option<f64>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub stop: StopCriterion,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub output: Output,
+}
+
+/// `rigident convert`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap bracket.csv"
+)]
+pub struct Convert {
+    /// The recording to read
+    pub input: PathBuf,
+    /// The recording to write; must not exist
+    pub output: PathBuf,
+    /// Rig file. Default: NAME.rig.toml beside the recording
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+}
+
+/// `rigident montecarlo`
+#[derive(Args, Debug, Clone)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
+                        limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
+                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --accel-noise \
+                        0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model two-links --runs 200\n  rigident montecarlo --model seven-axes --torques \
+                        --rate-noise 0.01"
+)]
+pub struct Montecarlo {
+    /// Another experiment than the default one
+    #[command(subcommand)]
+    pub what: Option<Repeated>,
+    /// Number of experiments
+    #[arg(long, default_value_t = 2000, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub runs: u64,
+    /// Seed of all of them; the figures follow from it on any number of cores
+    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
+    pub seed: u64,
+    /// Length of each experiment, s
+    #[arg(long, default_value_t = 20.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Do this instead of the default experiment: a plan that `rigident plan … --out` wrote for the built-in platform
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["duration_s", "model"])]
+    pub plan: Option<PathBuf>,
+    /// Rate of the readings, 1/s
+    #[arg(long, default_value_t = 200.0, value_name = "HZ")]
+    pub rate_hz: f64,
+    /// A tree of links in place of the thesis' body: two-links, seven-axes, human34, human58, a URDF, MJCF or SDF, or a rig file
+    /// with [[link]] tables. Every joint and the base swing; white noise, by the batch pipeline
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["body", "noise", "mcu"])]
+    pub model: Option<String>,
+    /// The thesis' test body with plates, in either of its mountings
+    #[arg(long, value_enum, default_value_t)]
+    pub body: DemoBody,
+    /// How the load cell's uncertainty in the thesis' Table 1 is read
+    #[arg(long, value_enum, default_value_t)]
+    pub noise: NoiseReading,
+    /// Of a tree: torques of revolute joints on a base held still, in place of the wrench on a base that moves
+    #[arg(long, requires = "model")]
+    pub torques: bool,
+    /// White noise of the accelerometer in place of the thesis', 1 σ a sample, m/s²
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "torques")]
+    pub accel_noise: Option<f64>,
+    /// White noise of the gyros in place of the thesis', or of a tree's 1e-4, 1 σ a sample, rad/s
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "torques")]
+    pub gyro_noise: Option<f64>,
+    /// White noise of the attitudes of a tree's links, none by default, 1 σ a sample, rad
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "model", conflicts_with = "torques")]
+    pub attitude_noise: Option<f64>,
+    /// White noise of the positions of joints, none by default, 1 σ a sample, rad
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "torques")]
+    pub position_noise: Option<f64>,
+    /// White noise of the rates of joints in place of 1e-3, 1 σ a sample, rad/s
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, requires = "torques")]
+    pub rate_noise: Option<f64>,
+    /// Rates of joints are not measured: they are slopes of the positions
+    #[arg(long, requires = "torques", conflicts_with = "rate_noise")]
+    pub no_rates: bool,
+    /// Tell the estimator of no noise: it finds it in the readings
+    #[arg(long, conflicts_with = "mcu")]
+    pub not_stated: bool,
+    /// Who makes the factor
+    #[arg(long, value_enum, default_value_t)]
+    pub mcu: Estimating,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Reads a standard deviation.
+fn sigma(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|s: &f64| s.is_finite() && *s >= 0.0)
+        .ok_or_else(|| "a number, zero or more".to_owned())
+}
+
+/// What can be repeated instead.
+#[derive(Subcommand, Debug, Clone)]
+pub enum Repeated {
+    /// Still poses only: the centre of mass by the thesis' estimators and ours, bias and precision errors apart
+    Poses(MontecarloPoses),
+    /// The planned motions in both mountings: what was predicted of each against what many experiments find
+    Motions(MontecarloMotions),
+    /// The tensor in two steps, mass and centre of mass from the poses first, beside one estimate of everything
+    TwoSteps(MontecarloMotions),
+}
+
+/// What the 95 % figures of the thesis' Table 1 are taken for.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NoiseReading {
+    /// White noise of each sample, 1.96 σ; the IMU with the thesis' noise and biases
+    #[default]
+    White,
+    /// Gain errors, constant over an experiment, as the share of the range that they are; resolution/√12 as white
+    /// noise; a perfect IMU
+    Gain,
+    /// Both at once, with the thesis' IMU
+    Both,
+}
+
+/// Who makes the factor in a Monte Carlo.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Estimating {
+    /// The batch pipeline of `rigident identify`, double precision
+    #[default]
+    Host,
+    /// The firmware's estimator, single precision, and its own conclusions
+    Inproc,
+}
+
+impl Arguments {
+    /// What a bare `rigident` does.
+    #[cfg(feature = "simulator")]
+    pub(super) fn default_demo() -> Demo {
+        match Self::parse_from(["rigident", "demo"]).command {
+            Some(Command::Demo(demo)) => demo,
+            _ => unreachable!("the words above are the demonstration"),
+        }
+    }
+}
+
+/// `rigident montecarlo motions` and `two-steps`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "The motions are those of `rigident plan compare`, each after its static step, with the sensors of the thesis.\n\nExamples:\n  \
+                        rigident montecarlo motions\n  rigident montecarlo motions --runs 2000 --json\n  rigident montecarlo two-steps"
+)]
+pub struct MontecarloMotions {
+    /// Number of experiments of each motion
+    #[arg(long, default_value_t = 100, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub runs: u64,
+    /// Seed of all of them; the figures follow from it on any number of cores
+    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
+    pub seed: u64,
+    /// Length of each experiment, s
+    #[arg(long, default_value_t = 40.0, value_name = "S")]
+    pub duration_s: f64,
+    /// Rate of the readings, 1/s
+    #[arg(long, default_value_t = 200.0, value_name = "HZ")]
+    pub rate_hz: f64,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident montecarlo poses`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Each run draws the load cell's offset once and its noise for every reading (the thesis' Table 1 / 1.96 for both); both are also \
+                        tried by themselves. Uncertainties are 99.7 % (3 standard deviations), in mm.\n\nExamples:\n  rigident montecarlo \
+                        poses\n  rigident montecarlo poses --runs 10000 --json\n  rigident montecarlo poses --plot probability.svg \
+                        --plot-n 5"
+)]
+pub struct MontecarloPoses {
+    /// Number of experiments of each kind
+    #[arg(long, default_value_t = 2500, value_name = "R", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    pub runs: u64,
+    /// Seed of all of them; the figures follow from it on any number of cores
+    #[arg(long, default_value_t = 1, value_name = "S", value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
+    pub seed: u64,
+    /// Fewest poses
+    #[arg(long, default_value_t = 2, value_name = "K")]
+    pub from: usize,
+    /// Most poses
+    #[arg(long, default_value_t = 10, value_name = "K")]
+    pub to: usize,
+    /// Use only so much of the legs' stroke, about its middle, m
+    #[arg(long, value_name = "S")]
+    pub stroke_m: Option<f64>,
+    /// Write a normal probability plot of the thesis' estimator here, SVG; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+    /// Draw the worst axis' uncertainty over the number of poses here, SVG; must not exist
+    #[arg(long, value_name = "FILE")]
+    pub plot_over_n: Option<PathBuf>,
+    /// Number of poses in the plot
+    #[arg(long, default_value_t = 5, value_name = "K", requires = "plot")]
+    pub plot_n: usize,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,53 @@
+//! What is told of force plates that contradict a person's motion, or one another.
+
+use super::Failure;
+use rigident::answer::{Answer, Status};
+use rigident::body_segments::Study;
+use rigident::body_segments::plates::{PlateErrors, plate_errors};
+use rigident::problem::person::Person;
+use rigident_fit::COVERAGE_95;
+
+/// Warns of plates that are not where the file has them, and of plates with different scales.
+pub(super) fn doubtful_plates(person: &Person, study: &Study, answer: &mut Answer) -> Result<(), Failure> {
+    for found in plate_errors(study, person).map_err(Failure::input)? {
+        let name = person.trials.get(found.trial).map_or("", |tracked| &tracked.name);
+        answer.warnings.extend(shifts(name, &found));
+        let scales = scales(name, &found);
+        if !scales.is_empty() {
+            // No interval counts such a scale.
+            answer.status = Status::Implausible;
+        }
+        answer.warnings.extend(scales);
+    }
+    Ok(())
+}
+
+fn shifts(name: &str, found: &PlateErrors) -> Vec<String> {
+    let told = found.carrying.iter().filter_map(|k| Some((*k, found.shift(*k).if_significant()?)));
+    let told = told.map(|(k, shift)| {
+        let [x, y] = [0, 1].map(|axis| {
+            let u95 = COVERAGE_95 * shift.covariance[(axis, axis)].max(0.0).sqrt();
+            format!("{:.1} ± {:.1} cm", 1e2 * shift.value_m[axis], 1e2 * u95)
+        });
+        let plate = found.plates.get(k).map_or("", String::as_str);
+        format!(
+            "{name}, {plate}: by feet and motion it is not where the file has it, but that is off by {x} along x and {y} along y (z up): check the \
+             plate's corners (FORCE_PLATFORM:CORNERS) or the centres of pressure; first moments are wrong by it"
+        )
+    });
+    told.collect()
+}
+
+fn scales(name: &str, found: &PlateErrors) -> Vec<String> {
+    let plate = |k: usize| found.plates.get(k).map_or("", String::as_str);
+    let other = found.pairs().filter_map(|(a, b)| Some((a, b, found.ratio(a, b)?)));
+    let told = other.map(|(a, b, [ratio, sigma])| {
+        format!(
+            "{name}: {} reads {ratio:.2} ± {:.2} times what {} does of one motion: check the scales of both",
+            plate(a),
+            COVERAGE_95 * sigma,
+            plate(b)
+        )
+    });
+    told.collect()
+}

@@ -1,0 +1,116 @@
+//! `rigident run --platform none`: the device's own sensors, and a body that is moved by hand, by a robot, by anything.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use hexapod::{Geometry, MotionProgram};
+
+use super::arguments::Run;
+use super::experiment::{Experiment, Watcher, device_notes};
+use super::link::{configured, of_sensors, open};
+use super::links_on_device::check_asked;
+use super::loaded::Loaded;
+use super::next_move::NextMove;
+use super::options::calibration;
+use super::options::forgetting::RowsOf;
+use super::outcome::provenance;
+use super::zeroing::{warm_up, zero};
+use super::{Failure, Folder};
+use rigident::answer::now;
+use rigident::device::session::{settings, sound};
+use rigident::platform::ByHand;
+use rigident_io::rig::RigFile;
+
+/// The address of no platform.
+pub(super) const NONE: &str = "none";
+
+/// `rigident run --platform none`
+pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
+    let started = Instant::now();
+    let known = arguments.known.parse()?;
+    let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
+    refuse_programmes(arguments, &rig)?;
+    arguments.load.put_into(&mut rig)?;
+    calibration::take(&mut rig, arguments.calibration.calibration.as_deref())?;
+    let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
+    let parameters =
+        Loaded::of_readings("run", &rig, Vec::new(), Some(rate_hz), false).source().parameters().to_vec();
+    check_asked(&parameters, &known, &arguments.output)?;
+    arguments.adaptive.check()?;
+    let timing = of_sensors(rate_hz);
+    // Any noise does while nothing is absorbed.
+    let mut standing = settings(&rig, &timing, Some([1.0; 6]), None).map_err(Failure::input)?;
+    arguments.stop.put_into(&mut standing, &parameters)?;
+    let span = arguments.forgetting.span(&RowsOf::moving(rate_hz))?;
+    let (_, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    configured(&mut session, &standing)?;
+
+    let mut warnings = Vec::new();
+    tell!("hold the body still");
+    warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
+    let rest = zero(&mut session, &mut rig, &mut warnings)?;
+    let mut settings = rest.settings(&rig, &timing, span)?;
+    arguments.stop.put_into(&mut settings, &parameters)?;
+    configured(&mut session, &settings)?;
+
+    let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
+    let mut comments = device_notes(session.identity());
+    comments.extend(provenance(&rig));
+    comments.push(("recorded".to_owned(), now()));
+    comments.extend(rest.comments());
+    let expected = arguments.adaptive.at_most_s.map_or(0, |s| (s * rate_hz) as usize);
+    let mut watcher = Watcher::recording(folder.file("run.mcap"), &rig, &comments, expected)?;
+    let mut told = rig.clone();
+    told.load_cell.noise_n_nm.get_or_insert(rest.sigma);
+    let asked = arguments.stop.asked(&arguments.output.estimate);
+    watcher.next_move = Some(NextMove::new(&told, rate_hz, &asked));
+    tell!("move the body now: the next move is told as the readings come; Ctrl-C ends and keeps everything");
+    session.at_most_s = arguments.adaptive.at_most_s;
+    let nothing = MotionProgram { start: Geometry::thesis().home(), segments: Vec::new() };
+    let mut take = session.follow(&mut ByHand::default(), &nothing, &mut watcher).map_err(Failure::link)?;
+    watcher.next_move = None;
+    watcher.end(&mut take);
+    // Nobody but the user says when a motion by hand is over.
+    (take.interrupted, take.cut_short) = (false, false);
+    if let Some(broken) = &mut take.broken {
+        *broken = broken.replace("\nThe platform is at rest.", "");
+    }
+    let mut read = sound::recording("run", &rig, rate_hz, &take.readings);
+    warnings.extend(sound::judge(&mut read, &mut take));
+    let readings = std::mem::take(&mut take.readings);
+    Experiment {
+        started,
+        output: &arguments.output,
+        stop: &arguments.stop,
+        loaded: Loaded::of_readings("run", &rig, readings, Some(rate_hz), false),
+        mcu: "port",
+        identity: session.identity(),
+        known: &known,
+        tare: None,
+        until: settings.stop,
+        span,
+        parameter_truth: None,
+        stages: Vec::new(),
+        same_pose: None,
+        tracking_error: None,
+        decisions: Vec::new(),
+        came: None,
+        notes: Vec::new(),
+        warnings,
+    }
+    .conclude(take, &folder)
+}
+
+/// Refuses what only a platform can do.
+fn refuse_programmes(arguments: &Run, rig: &RigFile) -> Result<(), Failure> {
+    let said = if arguments.programme.plan.is_some() {
+        "--plan: nothing is here that could drive it; name the platform"
+    } else if arguments.adaptive.adaptive {
+        "--adaptive decides for a platform; without one the next move is told to whoever moves the body"
+    } else if rig.link.len() > 1 {
+        "several [[link]] are run on a platform; by hand it is one body"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::input(format!("--platform none and {said}")))
+}

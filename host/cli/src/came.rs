@@ -1,0 +1,8 @@
+use rigident::answer::result::ExperimentSummary;
+
+/// How far an experiment that decides for itself came.
+pub(super) struct Came {
+    pub(super) summary: ExperimentSummary,
+    /// Why what was asked for is not reached, and what is; `None` if it is.
+    pub(super) why: Option<String>,
+}

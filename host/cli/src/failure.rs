@@ -1,0 +1,157 @@
+use std::fmt;
+use std::process::ExitCode;
+
+use rigident_io::recording::RecordingError;
+use rigident_io::rig::RigFileError;
+
+/// Why a command ends without an answer: its exit status and a message that says what happened, where, and
+/// what to do.
+#[derive(Debug)]
+pub struct Failure {
+    status: ExitStatus,
+    message: String,
+    place: Option<Place>,
+}
+
+/// Where something is wrong in a file or in arrays; what does not apply is `None`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file's or the recording's name.
+    pub file: Option<String>,
+    /// Line of the file, from 1.
+    pub line: Option<u64>,
+    /// Index in a column that was given as an array, from 0.
+    pub index: Option<u64>,
+    /// Name of the column of a recording, or the key of a rig file.
+    pub column: Option<String>,
+}
+
+/// Exit statuses of the program: docs/formats.md has them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExitStatus {
+    /// Everything that was asked for is identified, or done.
+    Identified = 0,
+    /// Some of it is not identified, a check found something, or Ctrl-C came before the end.
+    NotIdentified = 1,
+    /// The input or the usage is bad.
+    Input = 2,
+    /// The link or the hardware failed.
+    Link = 3,
+    /// A second Ctrl-C ended the program.
+    Interrupted = 130,
+}
+
+impl ExitStatus {
+    /// Every exit status.
+    pub const ALL: [Self; 5] =
+        [Self::Identified, Self::NotIdentified, Self::Input, Self::Link, Self::Interrupted];
+
+    /// Returns [`ExitStatus::Identified`] where all is well, [`ExitStatus::NotIdentified`] otherwise.
+    pub fn of(good: bool) -> Self {
+        if good { Self::Identified } else { Self::NotIdentified }
+    }
+}
+
+impl From<ExitStatus> for ExitCode {
+    fn from(status: ExitStatus) -> Self {
+        Self::from(status as u8)
+    }
+}
+
+impl Failure {
+    /// Bad input or usage.
+    pub fn input(message: impl fmt::Display) -> Self {
+        Self { status: ExitStatus::Input, message: message.to_string(), place: None }
+    }
+
+    /// Link or hardware failure.
+    pub fn link(message: impl fmt::Display) -> Self {
+        Self { status: ExitStatus::Link, message: message.to_string(), place: None }
+    }
+
+    /// Ctrl-C before there was anything to keep.
+    pub fn interrupted(message: impl fmt::Display) -> Self {
+        Self { status: ExitStatus::NotIdentified, message: message.to_string(), place: None }
+    }
+
+    /// The same failure, preceded by what was being done.
+    #[must_use]
+    pub fn context(mut self, doing: impl fmt::Display) -> Self {
+        self.message = format!("{doing}: {}", self.message);
+        self
+    }
+
+    /// Returns the same failure, followed by what is left.
+    #[must_use]
+    pub fn after(mut self, left: &str) -> Self {
+        self.message = format!("{}\n{left}", self.message.trim_end());
+        self
+    }
+
+    /// Returns where it is, if it is at a place of a recording or of a rig file.
+    pub fn place(&self) -> Option<&Place> {
+        self.place.as_ref()
+    }
+
+    /// Returns its exit status.
+    pub fn status(&self) -> ExitStatus {
+        self.status
+    }
+
+    /// Its exit status.
+    pub fn exit_code(&self) -> ExitCode {
+        self.status.into()
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        Self { place: place_of(&error), ..Self::input(&error) }
+    }
+}
+
+impl From<RigFileError> for Failure {
+    fn from(error: RigFileError) -> Self {
+        Self::from(RecordingError::Rig(error))
+    }
+}
+
+fn place_of(error: &RecordingError) -> Option<Place> {
+    let place = match error {
+        RecordingError::At { name, line, column, .. } => {
+            Place { file: Some(name.clone()), line: Some(*line), column: column.clone(), index: None }
+        }
+        RecordingError::Cell { name, index, column, .. } => {
+            Place { file: Some(name.clone()), line: None, column: Some(column.clone()), index: Some(*index) }
+        }
+        RecordingError::Rig(RigFileError::Value { file, line, key, .. }) => Place {
+            file: file.clone(),
+            line: line.map(|line| line as u64),
+            column: Some(key.clone()),
+            index: None,
+        },
+        RecordingError::Rig(RigFileError::Syntax { file, place, .. }) => {
+            Place { file: file.clone(), line: place.map(|(line, _)| line as u64), ..Place::default() }
+        }
+        RecordingError::Unreadable { path: file, .. }
+        | RecordingError::Rig(RigFileError::Unreadable { path: file, .. })
+        | RecordingError::NotARecording { name: file, .. }
+        | RecordingError::Columns { name: file, .. }
+        | RecordingError::Message { name: file, .. } => {
+            Place { file: Some(file.clone()), ..Place::default() }
+        }
+        RecordingError::UnknownKind(_)
+        | RecordingError::NotWritten(_)
+        | RecordingError::Exists(_)
+        | RecordingError::Unwritable { .. } => {
+            return None;
+        }
+    };
+    Some(place)
+}

@@ -1,0 +1,193 @@
+use std::process::ExitCode;
+
+use rigident_shared::screening::CHANNEL_NAMES;
+use rigident_shared::wire::{
+    ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reason, Reply, ResetReason, SCHEMA_HASH,
+    SensorFault, StateName,
+};
+use serde_json::{Value, json};
+
+use super::Failure;
+use super::arguments::Info;
+use super::experiment::boot_notes;
+use super::link::open;
+use super::outcome::say;
+use rigident::device::ports::board_name;
+
+/// `rigident info`
+pub(super) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
+    let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    let identity = session.identity().clone();
+    let counters = match session.client().ask("read the counters", &Command::ReadCounters) {
+        Ok(Reply::Counters(counters)) => counters,
+        Ok(_) => return Err(Failure::link("the device answered with something else")),
+        Err(error) => return Err(Failure::link(error).context(port)),
+    };
+    let mut object = json!({ "port": port });
+    if let (Some(object), Value::Object(of_device)) = (object.as_object_mut(), of_identity(&identity)) {
+        object.extend(of_device);
+    }
+    object["counters"] = of_counters(&counters);
+    if arguments.json {
+        say(object);
+    } else {
+        let mut lines = Vec::new();
+        in_words(&object, "", &mut lines);
+        say(lines.join("\n"));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns what a device says of itself.
+pub(super) fn of_identity(identity: &Identity) -> Value {
+    let [major, minor, patch] = identity.firmware_version;
+    let (reason, fault) = of_reason(identity.reason);
+    let [(_, started_by), (_, time_from)] = boot_notes(identity);
+    json!({
+        "board": board_name(identity),
+        "firmware": format!("{major}.{minor}.{patch}"),
+        "firmware_hash": format!("{:08x}", identity.firmware_hash),
+        "protocol": identity.protocol_version,
+        "schema": format!("{:016x}", identity.schema_hash),
+        "same_messages": identity.protocol_version == PROTOCOL_VERSION && identity.schema_hash == SCHEMA_HASH,
+        "state": of_state(identity.state),
+        "reason": reason,
+        "fault": fault,
+        "reset": of_reset(identity.reset),
+        "started_by": started_by,
+        "clock": of_clock(identity.clock),
+        "time_from": time_from,
+    })
+}
+
+/// Returns a word for a state.
+pub(super) fn of_state(state: StateName) -> &'static str {
+    match state {
+        StateName::Idle => "idle",
+        StateName::Configured => "configured",
+        StateName::Running => "running",
+        StateName::Holding => "holding",
+        StateName::Fault => "fault",
+    }
+}
+
+/// Returns a word for a reason, and for what is wrong with a sensor where it is that.
+pub(super) fn of_reason(reason: Reason) -> (&'static str, Option<&'static str>) {
+    match reason {
+        Reason::Boot => ("boot", None),
+        Reason::Command => ("command", None),
+        Reason::HostQuiet => ("host_quiet", None),
+        Reason::StopRule => ("stop_rule", None),
+        Reason::LoadCell(fault) => ("load_cell", Some(of_fault(fault))),
+        Reason::Imu(fault) => ("imu", Some(of_fault(fault))),
+        Reason::SecondImu(fault) => ("second_imu", Some(of_fault(fault))),
+        Reason::Frames(fault) => ("frames", Some(of_fault(fault))),
+        Reason::LevelFull => ("level_full", None),
+    }
+}
+
+/// Returns a word for why a device started anew.
+fn of_reset(reset: ResetReason) -> &'static str {
+    match reset {
+        ResetReason::PowerOn => "power_on",
+        ResetReason::BrownOut => "brown_out",
+        ResetReason::Pin => "pin",
+        ResetReason::Software => "software",
+        ResetReason::Watchdog => "watchdog",
+        ResetReason::Panic => "panic",
+        ResetReason::Fault => "fault",
+        ResetReason::ClockLost => "clock_lost",
+        ResetReason::Unknown => "unknown",
+    }
+}
+
+/// Returns a word for what a device's time comes from.
+fn of_clock(clock: ClockSource) -> &'static str {
+    match clock {
+        ClockSource::Simulated => "simulated",
+        ClockSource::Crystal => "crystal",
+        ClockSource::Internal => "internal",
+        ClockSource::Slow => "slow",
+        ClockSource::Emulated => "emulated",
+    }
+}
+
+fn of_fault(fault: SensorFault) -> &'static str {
+    match fault {
+        SensorFault::Bus => "bus",
+        SensorFault::WrongId => "wrong_id",
+        SensorFault::Verify => "verify",
+        SensorFault::Check => "check",
+        SensorFault::Restarted => "restarted",
+        SensorFault::Rate => "rate",
+        SensorFault::Silent => "silent",
+    }
+}
+
+/// Returns the counters by name; those of channels by the channel's, as far as they are not zero.
+fn of_counters(counters: &CounterReport) -> Value {
+    let mut object = serde_json::to_value(counters).unwrap_or_default();
+    let by_channel = |names: &[&str], counts: &[u16]| {
+        let counted = names.iter().zip(counts).filter(|(_, count)| **count > 0);
+        Value::Object(counted.map(|(name, count)| ((*name).to_owned(), (*count).into())).collect())
+    };
+    object["rejected_by_channel"] = by_channel(&CHANNEL_NAMES, &counters.rejected_by_channel);
+    object["knocks"] = by_channel(&CHANNEL_NAMES, &counters.knocks);
+    object["last_rejection"] = match counters.last_rejection {
+        0 => Value::Null,
+        1 => "not_finite".into(),
+        2 => "saturated".into(),
+        3 => "frozen".into(),
+        other => other.into(),
+    };
+    let channel = CHANNEL_NAMES.get(usize::from(counters.last_rejected_channel));
+    object["last_rejected_channel"] =
+        if counters.last_rejection == 0 { Value::Null } else { channel.copied().into() };
+    let clipped = (0..8_u8).filter(|gauge| counters.clipped_gauges >> gauge & 1 == 1);
+    object["clipped_gauges"] = clipped.collect::<Vec<_>>().into();
+    object
+}
+
+/// Puts a value of JSON into words: `name: value` lines of an object, one level after the other.
+pub(super) fn in_words(value: &Value, name: &str, lines: &mut Vec<String>) {
+    let inner = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    match value {
+        Value::Object(map) if map.is_empty() => lines.push(format!("{name}: none")),
+        Value::Object(map) => map.iter().for_each(|(key, value)| in_words(value, &inner(key), lines)),
+        Value::Array(list) if list.is_empty() => lines.push(format!("{name}: none")),
+        Value::Null => lines.push(format!("{name}: none")),
+        Value::String(word) => lines.push(format!("{name}: {word}")),
+        Value::Array(list) if list.iter().any(Value::is_object) => {
+            list.iter().enumerate().for_each(|(k, value)| in_words(value, &inner(&k.to_string()), lines));
+        }
+        other => lines.push(format!("{name}: {other}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counters_are_named_by_channel_and_reasons_are_words() {
+        let mut counters =
+            CounterReport { last_rejection: 2, last_rejected_channel: 1, ..CounterReport::default() };
+        (counters.rejected_by_channel[1], counters.knocks[5], counters.clipped_gauges) = (7, 2, 0b101);
+        let object = of_counters(&counters);
+        assert_eq!(object["rejected_by_channel"], json!({ CHANNEL_NAMES[1]: 7 }));
+        assert_eq!(object["knocks"], json!({ CHANNEL_NAMES[5]: 2 }));
+        assert_eq!(
+            (&object["last_rejection"], &object["clipped_gauges"]),
+            (&json!("saturated"), &json!([0, 2]))
+        );
+        assert_eq!(of_reason(Reason::Imu(SensorFault::Silent)), ("imu", Some("silent")));
+    }
+
+    #[test]
+    fn nested_values_become_lines() {
+        let mut lines = Vec::new();
+        let value = json!({"imu": {"rate_hz": 1000.0, "range": null}, "empty": {}, "noise": [1, 2]});
+        in_words(&value, "", &mut lines);
+        assert_eq!(lines, ["empty: none", "imu.range: none", "imu.rate_hz: 1000.0", "noise: [1,2]"]);
+    }
+}

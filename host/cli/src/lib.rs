@@ -1,0 +1,355 @@
+//! The commands: arguments in, files and an answer out, an exit status.
+//!
+//! Lives here: what a user types and sees. May not live here: anything another program could use; that is in
+//! the rooms beside this one.
+
+#[macro_use]
+mod tell;
+
+mod adaptive;
+mod arguments;
+mod bare_platform;
+mod bench;
+mod body;
+mod body_arguments;
+mod body_device;
+mod body_page;
+mod body_plates;
+mod by_hand;
+mod calibrate;
+mod calibrate_imu;
+mod calibrate_joints;
+mod calibrate_joints_page;
+mod calibrate_joints_words;
+mod calibrate_masses;
+mod calibration_arguments;
+mod came;
+mod completions;
+mod configure;
+mod confirm;
+#[cfg(feature = "simulator")]
+mod demo;
+#[cfg(feature = "simulator")]
+mod demo_links;
+mod device_arguments;
+mod doctor;
+mod doctor_checks;
+mod drift;
+mod experiment;
+mod factor;
+mod factor_arguments;
+mod failure;
+mod folder;
+mod guards;
+mod identify;
+mod in_process;
+mod info;
+mod kept;
+mod link;
+mod links_on_device;
+mod live;
+mod live_streams;
+mod loaded;
+mod locked_joints;
+mod merge;
+mod model;
+mod monitor;
+#[cfg(feature = "simulator")]
+mod monitor_demo;
+mod monitor_sources;
+mod monitor_terminal;
+mod monitor_watch;
+#[cfg(feature = "simulator")]
+mod montecarlo;
+#[cfg(feature = "simulator")]
+mod montecarlo_motions;
+#[cfg(feature = "simulator")]
+mod montecarlo_poses;
+mod motion_plots;
+mod next_move;
+mod options;
+mod outcome;
+mod payload;
+mod plan_arguments;
+mod plan_excitation;
+mod plan_motion;
+mod plan_poses;
+mod ports;
+mod predict;
+mod predict_arguments;
+mod programme;
+mod progress;
+mod recorded;
+mod reference_runs;
+mod refused;
+mod replay;
+mod replay_links;
+mod replay_springs;
+mod run;
+mod run_report;
+#[cfg(feature = "simulator")]
+mod simulated;
+#[cfg(not(feature = "simulator"))]
+#[path = "no_simulator.rs"]
+mod simulated;
+mod statics;
+mod summary;
+mod tracking_error;
+mod verify;
+mod vibration;
+mod vibration_arguments;
+#[cfg(feature = "simulator")]
+mod vibration_demo;
+mod vibration_identify;
+mod vibration_postures;
+mod vibration_stiffness;
+mod watch;
+mod watch_arguments;
+mod workspace;
+mod zeroing;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use clap::CommandFactory;
+
+pub use arguments::Arguments;
+pub use failure::{ExitStatus, Failure, Place};
+pub use folder::Folder;
+pub use in_process::{Called, call};
+pub use progress::Progress;
+use progress::Stages;
+
+#[cfg(feature = "simulator")]
+use arguments::Repeated;
+use arguments::{Command, Convert, SchemaOf};
+use plan_arguments::Planned;
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    main_of(std::env::args_os().collect()).into()
+}
+
+/// Runs a command line whose first word is the program's name, as the whole of this process: it prints, takes over Ctrl-C, and
+/// where the words are none of ours it ends the process. A program that goes on afterwards wants [`call`].
+pub fn main_of(words: Vec<OsString>) -> ExitStatus {
+    let json = words.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json");
+    let arguments = match in_process::parse(words) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Help and the version are no failures.
+            if json && error.use_stderr() {
+                outcome::say_failed(&in_one_line(&error.to_string()));
+            }
+            error.exit()
+        }
+    };
+    // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
+    let handler = ctrlc::set_handler(move || {
+        if rigident::device::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
+            if json {
+                outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
+            }
+            std::process::exit(ExitStatus::Interrupted as i32);
+        }
+        tell!("\nstopping (Ctrl-C again ends at once)");
+    });
+    if let Err(error) = handler {
+        tell!("rigident: Ctrl-C will end the program at once: {error}");
+    }
+    let outcome = dispatch(arguments).and_then(|code| match outcome::unwritten() {
+        Some(error) => Err(Failure::input(format!(
+            "the answer cannot be written to standard output: {error}; make room there, or write it elsewhere"
+        ))),
+        None => Ok(code),
+    });
+    match outcome {
+        Ok(code) => in_process::status_of(code),
+        Err(failure) => {
+            tell!("rigident: {failure}");
+            if json {
+                outcome::say_failed(&failure.to_string());
+            }
+            folder::note_failure(&outcome::failed(&failure.to_string()));
+            failure.status()
+        }
+    }
+}
+
+/// The whole command line. A negative number is a value, which each command refuses in its own words, not an unknown option.
+fn command() -> clap::Command {
+    fn with_numbers(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|argument| {
+                let takes_a_value = argument.get_action().takes_values() && !argument.is_positional();
+                if takes_a_value { argument.allow_negative_numbers(true) } else { argument }
+            })
+            .mut_subcommands(with_numbers)
+    }
+    with_numbers(without_missing(Arguments::command()))
+}
+
+/// The command line as it is where nothing is left out.
+#[cfg(feature = "simulator")]
+fn without_missing(command: clap::Command) -> clap::Command {
+    command
+}
+
+/// Says in the help what this build cannot do.
+#[cfg(not(feature = "simulator"))]
+fn without_missing(command: clap::Command) -> clap::Command {
+    const MISSING: &str = "Not in this build: it needs the simulated rig (feature `simulator`)";
+    command
+        .mut_subcommand("demo", |demo| demo.about(MISSING))
+        .mut_subcommand("montecarlo", |montecarlo| montecarlo.about(MISSING))
+        .mut_subcommand("replay", |replay| {
+            replay.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
+        .mut_subcommand("watch", |watch| {
+            watch.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
+        .mut_subcommand("live", |live| {
+            live.mut_arg("mcu", |mcu| {
+                mcu.help("The port of a device; inproc and qemu need the feature `simulator`")
+            })
+        })
+}
+
+/// What the parser says, without its hints on usage.
+fn in_one_line(said: &str) -> String {
+    let first = said.split("\n\n").next().unwrap_or(said);
+    first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Refuses a folder that cannot be written into before anything is done, or moves.
+fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
+    let output = match command {
+        Some(Command::Demo(a)) => &a.output,
+        Some(Command::Identify(a)) => &a.output,
+        Some(Command::Replay(a)) => &a.output,
+        Some(Command::Run(a)) => &a.output,
+        Some(Command::Live(a)) => &a.output,
+        Some(Command::Solve(a)) => &a.output,
+        _ => return Ok(()),
+    };
+    output.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
+fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
+    check_folder(arguments.command.as_ref())?;
+    match arguments.command {
+        #[cfg(feature = "simulator")]
+        None => demo::run(&Arguments::default_demo()),
+        #[cfg(feature = "simulator")]
+        Some(Command::Demo(a)) => demo::run(&a),
+        #[cfg(not(feature = "simulator"))]
+        None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
+        Some(Command::Identify(mut a)) => {
+            a.recording = recorded::listed(a.recording);
+            identify::run(&a)
+        }
+        Some(Command::Replay(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            replay::run(&a)
+        }
+        Some(Command::Watch(mut a)) => {
+            a.recording = recorded::named(a.recording);
+            watch::run(&a)
+        }
+        Some(Command::Run(a)) => run::run(&a),
+        Some(Command::Live(a)) => live::run(&a),
+        Some(Command::Calibrate(a)) => calibrate::run(&a),
+        Some(Command::Verify(a)) => verify::run(&a),
+        Some(Command::Predict(a)) => predict::predict(&a),
+        Some(Command::Validate(a)) => predict::validate(&a),
+        Some(Command::Factor(a)) => factor::make(&a),
+        Some(Command::Merge(a)) => merge::merge(&a),
+        Some(Command::Solve(a)) => factor::solve(&a),
+        Some(Command::Ports(a)) => ports::run(&a),
+        Some(Command::Info(a)) => info::run(&a),
+        Some(Command::Configure(a)) => configure::run(&a),
+        Some(Command::Monitor(a)) => monitor::run(&a),
+        Some(Command::Doctor(a)) => doctor::run(&a),
+        Some(Command::Completions(a)) => completions::completions(&a),
+        Some(Command::Man(a)) => completions::man(&a),
+        Some(Command::Convert(a)) => convert(&a),
+        #[cfg(not(feature = "simulator"))]
+        Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),
+        #[cfg(feature = "simulator")]
+        Some(Command::Montecarlo(a)) => match &a.what {
+            Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
+            Some(Repeated::Motions(motions)) => montecarlo_motions::run(motions),
+            Some(Repeated::TwoSteps(motions)) => montecarlo_motions::in_two_steps(motions),
+            None => montecarlo::run(&a),
+        },
+        Some(Command::Statics(a)) => statics::run(&a),
+        Some(Command::Summary(a)) => summary::run(&a),
+        Some(Command::Workspace(a)) => workspace::run(&a),
+        Some(Command::Plan(a)) => match a.what {
+            Planned::Poses(a) => plan_poses::run(&a),
+            Planned::Motion(a) => plan_motion::run(&a),
+            Planned::Compare(a) => plan_motion::compare(&a),
+            Planned::Excitation(a) => plan_excitation::run(&a),
+        },
+        Some(Command::Schema(a)) => schema(&a),
+        Some(Command::Model(a)) => model::run(&a),
+        Some(Command::Body(a)) => body::run(&a),
+        Some(Command::Vibration(a)) => vibration::run(&a),
+        Some(Command::Bench(a)) => bench::run(&a),
+    }
+}
+
+/// `rigident schema`
+fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
+    let schema = rigident::schema::schema(&arguments.file)
+        .ok_or_else(|| Failure::input(format!("there is no schema of {:?}", arguments.file)))?;
+    outcome::say(format_args!("{schema:#}"));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `rigident convert`
+fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
+    let Convert { input, output, rig } = arguments;
+    recorded::refuse_streams(input, rig.as_deref(), "convert")?;
+    let done =
+        rigident_io::recording::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
+    for warning in done.warnings {
+        tell!("rigident: {warning}");
+    }
+    let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
+    outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_negative_number_is_a_value_and_a_parsers_complaint_is_one_line() {
+        for line in [
+            "rigident plan poses --n 3 --stroke-m -1 --hold-s -2",
+            "rigident plan motion --duration-s -5",
+            "rigident demo --duration-s -5",
+            "rigident workspace --yaw-deg -30 --step-deg -1",
+        ] {
+            command().try_get_matches_from(line.split(' ')).unwrap();
+        }
+        let error = command().try_get_matches_from("rigident plan poses --n -1".split(' ')).unwrap_err();
+        let said = in_one_line(&error.to_string());
+        assert!(
+            said.contains("'-1' for '--n <K>'") && !said.contains('\n') && !said.contains("--help"),
+            "{said}"
+        );
+        // The former name of `--keep-going`.
+        command().try_get_matches_from("rigident demo --until m=1 --go-on".split(' ')).unwrap();
+        // Nothing that was refused is taken now.
+        assert!(command().try_get_matches_from("rigident plan poses --n 3 -x".split(' ')).is_err());
+        command().debug_assert();
+    }
+}

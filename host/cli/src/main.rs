@@ -1,0 +1,5 @@
+//! `rigident`, the command line.
+
+fn main() -> std::process::ExitCode {
+    rigident_cli::main()
+}

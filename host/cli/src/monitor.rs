@@ -1,0 +1,157 @@
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+
+use super::Failure;
+use super::arguments::Monitor;
+use super::monitor_sources::{attach, follow, hear};
+use super::monitor_terminal as terminal;
+use super::monitor_watch::{NAP, Watch};
+use super::outcome::say;
+use rigident::monitor::View;
+use rigident::monitor::foxglove::Server;
+use rigident_io::rig::RigFile;
+
+/// `rigident monitor`
+pub(super) fn run(arguments: &Monitor) -> Result<ExitCode, Failure> {
+    let in_terminal = !arguments.once && !arguments.json;
+    if in_terminal {
+        terminal::check()?;
+    }
+    let server = arguments.foxglove.as_deref().map(listen).transpose()?;
+    let (watch, threads) = start(arguments)?;
+    let published = |view: &View| {
+        if let Some(server) = &server {
+            server.publish(view);
+        }
+    };
+    let shown = if in_terminal {
+        terminal::show(&watch, &mut |view| published(view))
+    } else {
+        print(arguments, &watch, &threads, &published)
+    };
+    watch.leave();
+    // One that still fits or moves ends with the program: nobody is kept waiting for it.
+    for thread in threads.into_iter().filter(JoinHandle::is_finished) {
+        thread.join().map_err(|_| Failure::input("the monitor broke down; what it watched goes on"))?;
+    }
+    shown?;
+    let view = watch.view();
+    match (view.answer, view.trouble) {
+        (None, Some(why)) if !in_terminal => Err(Failure::input(why)),
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Starts the threads that watch and fit.
+fn start(arguments: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
+    if let Some(path) = arguments.recording.clone() {
+        std::fs::metadata(&path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        let watch = Arc::new(Watch::new(path.display().to_string()));
+        let (rig, once) = (arguments.rig.clone(), arguments.once);
+        let thread = spawn(&watch, move |watch| follow(&path, rig.as_deref(), once, watch));
+        return Ok((watch, vec![thread]));
+    }
+    if arguments.demo {
+        return demonstration(arguments);
+    }
+    let attached = attach(arguments)?;
+    let watch = Arc::new(Watch::new(attached.port.clone()));
+    let fit = attached.rig.clone().map(|(rig, rate_hz)| fitting(&watch, rig, rate_hz));
+    let hearing = spawn(&watch, move |watch| hear(attached, watch));
+    Ok((watch, std::iter::once(hearing).chain(fit).collect()))
+}
+
+#[cfg(feature = "simulator")]
+fn demonstration(arguments: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
+    use super::{demo, monitor_demo};
+
+    let demonstration = monitor_demo::prepare()?;
+    let watch = Arc::new(Watch::new("the demonstration, firmware in this process".to_owned()));
+    let fit = fitting(&watch, demonstration.rig.clone(), demo::RATE_HZ);
+    let is_paced = !arguments.once;
+    let moving = spawn(&watch, move |watch| monitor_demo::follow(demonstration, is_paced, watch));
+    Ok((watch, vec![moving, fit]))
+}
+
+#[cfg(not(feature = "simulator"))]
+fn demonstration(_: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
+    Err(super::simulated::refused("`rigident monitor --demo`"))
+}
+
+fn fitting(watch: &Arc<Watch>, rig: RigFile, rate_hz: f64) -> JoinHandle<()> {
+    spawn(watch, move |watch| watch.fit_readings(&rig, rate_hz))
+}
+
+/// Starts a thread. If it breaks down, whoever looks is told by the view's end.
+fn spawn(watch: &Arc<Watch>, work: impl FnOnce(&Watch) + Send + 'static) -> JoinHandle<()> {
+    let shared = Arc::clone(watch);
+    thread::spawn(move || {
+        let _guard = LeavesOnPanic(&shared);
+        work(&shared);
+    })
+}
+
+/// Ends the watch if its thread panics.
+struct LeavesOnPanic<'a>(&'a Watch);
+
+impl Drop for LeavesOnPanic<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.leave();
+        }
+    }
+}
+
+/// Prints objects or the last picture.
+fn print(
+    arguments: &Monitor,
+    watch: &Watch,
+    threads: &[JoinHandle<()>],
+    published: &dyn Fn(&View),
+) -> Result<(), Failure> {
+    // A device has no end.
+    let is_device = arguments.recording.is_none() && !arguments.demo;
+    let mut said = None;
+    loop {
+        // Looked at first: what came before the end is printed.
+        let ended = threads.iter().all(JoinHandle::is_finished);
+        let view = watch.view();
+        published(&view);
+        let readings = view.answer.as_ref().map(|answer| answer.readings);
+        if arguments.json && !arguments.once && readings.is_some() && readings != said {
+            say(as_json(&view)?);
+            said = readings;
+        }
+        let enough = ended || (arguments.once && is_device && readings.is_some());
+        if enough || watch.is_left() {
+            break;
+        }
+        thread::sleep(NAP);
+    }
+    let view = watch.view();
+    match (arguments.once, arguments.json) {
+        (true, true) => say(as_json(&view)?),
+        (true, false) => say(terminal::text(&view)?),
+        _ => {}
+    }
+    Ok(())
+}
+
+fn as_json(view: &View) -> Result<String, Failure> {
+    serde_json::to_string(view).map_err(|e| Failure::input(format!("the view cannot be put into JSON: {e}")))
+}
+
+/// Waits for Foxglove.
+fn listen(text: &str) -> Result<Server, Failure> {
+    let local = text.parse().ok().map(|port: u16| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
+    let address = local.or_else(|| text.parse().ok()).ok_or_else(|| {
+        Failure::input(format!("--foxglove={text}: give a port, or an address with a port as 0.0.0.0:8765"))
+    })?;
+    let server = Server::listen(address).map_err(|e| {
+        Failure::input(format!("--foxglove={text}: {e}; is another monitor running? Give another port"))
+    })?;
+    tell!("Foxglove: open a connection to ws://{}", server.address());
+    Ok(server)
+}

@@ -1,0 +1,55 @@
+//! The demonstration as a monitor watches it: the simulated rig, the firmware in this process.
+
+use rigident_shared::wire::Source;
+use rigident_sim::rig::{Rig, RigConfig};
+
+use super::arguments::{Arguments, Mcu};
+use super::demo::RATE_HZ;
+use super::link::configured;
+use super::monitor_watch::{Listener, Watch, trouble};
+use super::{Failure, simulated};
+use rigident::device::link::Client;
+use rigident::device::session::{DeviceTiming, Session, settings};
+use rigident::platform::{LocalPlatform, Platform as _};
+use rigident_io::rig::RigFile;
+
+/// What is ready to move.
+pub(super) struct Demonstration {
+    session: Session,
+    platform: LocalPlatform,
+    program: hexapod::MotionProgram,
+    pub(super) rig: RigFile,
+}
+
+/// Makes the rig of `rigident demo`, its program loaded.
+pub(super) fn prepare() -> Result<Demonstration, Failure> {
+    let arguments = Arguments::default_demo();
+    let config = RigConfig::thesis_horizontal().with_seed(arguments.seed).with_rates(RATE_HZ, RATE_HZ);
+    let program = arguments.programme.program(&config.geometry)?;
+    let rig = Rig::new(config).map_err(Failure::input)?;
+    let file = simulated::rig_file(&rig, "test body with plates, horizontal");
+    let rig = rig.shared();
+    let mut session =
+        Session::open(Client::new(simulated::transport(Mcu::Inproc, &rig)?)).map_err(Failure::link)?;
+    let timing =
+        DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
+    configured(&mut session, &settings(&file, &timing, None, None).map_err(Failure::input)?)?;
+    let mut platform = LocalPlatform(rig);
+    platform.load(&program).map_err(Failure::link)?;
+    Ok(Demonstration { session, platform, program, rig: file })
+}
+
+/// Follows the program, in real time or as fast as it goes.
+pub(super) fn follow(demonstration: Demonstration, is_paced: bool, watch: &Watch) {
+    let Demonstration { mut session, mut platform, program, .. } = demonstration;
+    watch.change(|view| "running".clone_into(&mut view.phase));
+    let followed = session.follow(&mut platform, &program, &mut Listener::new(watch, is_paced));
+    watch.change(|view| match followed {
+        Ok(take) => {
+            view.sensors.trouble = trouble(&take.counters);
+            (view.phase, view.trouble) = ("the programme has ended".to_owned(), take.broken);
+        }
+        Err(why) => view.trouble = Some(why.to_string()),
+    });
+    watch.end();
+}

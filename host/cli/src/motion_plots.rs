@@ -1,0 +1,37 @@
+//! The recorded motion as plots over time.
+
+use rigident_shared::calibration::Reading;
+
+use rigident::present::TimePlot;
+use rigident::problem::body::Input;
+
+/// Returns angular rate and specific force of one body's IMU; times in s from the first reading, or the number of the
+/// still pose.
+pub(super) fn of_body(input: &Input, gravity_columns: bool) -> Vec<TimePlot> {
+    let start_ns = input.readings.first().map_or(0, |r| r.time_ns);
+    let time = |(row, r): (usize, &Reading<f64>)| match input.is_static {
+        true => row as f64 + 1.0,
+        false => r.time_ns.saturating_sub(start_ns) as f64 * 1e-9,
+    };
+    let times: Vec<f64> = input.readings.iter().enumerate().map(time).collect();
+    let plot = |title: &str, unit: &str, value: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
+        let axis = |k: usize| input.readings.iter().map(|r| value(r)[k]).collect();
+        let series = ["x", "y", "z"].into_iter().enumerate().map(|(k, name)| (name.to_owned(), axis(k)));
+        TimePlot {
+            title: title.to_owned(),
+            unit: unit.to_owned(),
+            time_s: times.clone(),
+            series: series.collect(),
+        }
+    };
+    let force = if gravity_columns {
+        // As it stands in the columns: what a sensor at rest would feel is its reverse.
+        plot("Gravity from its columns, axes of S", "m/s2", &|r| r.specific_force.array().map(|a| -a))
+    } else {
+        plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())
+    };
+    if input.is_static {
+        return vec![force];
+    }
+    vec![plot("Angular rate, IMU axes", "rad/s", &|r| r.angular_rate.array()), force]
+}

@@ -1,0 +1,95 @@
+//! What every command prints on standard output.
+
+use std::io::{self, Write};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::kept;
+use rigident_io::rig::RigFile;
+
+/// Whether anything has been printed on standard output.
+static SAID: AtomicBool = AtomicBool::new(false);
+
+/// Why standard output did not take everything, if it did not.
+static UNWRITTEN: OnceLock<String> = OnceLock::new();
+
+/// What `--json` prints of a command that ends without an answer; an object that is out already stays the only one.
+pub(super) fn say_failed(error: &str) {
+    if !SAID.load(Ordering::Relaxed) {
+        say(failed(error));
+    }
+}
+
+/// Returns the object of a command that ends without an answer.
+pub(super) fn failed(error: &str) -> serde_json::Value {
+    serde_json::json!({ "status": "failed", "error": error.trim_end() })
+}
+
+/// Prints a line on standard output, or keeps it for the program that called the command. What standard output does not take
+/// is in [`unwritten`].
+pub(super) fn say(text: impl std::fmt::Display) {
+    if kept::keep(&text) {
+        return;
+    }
+    SAID.store(true, Ordering::Relaxed);
+    if let Err(error) = print(&mut io::stdout().lock(), &text) {
+        let _ = UNWRITTEN.set(error.to_string());
+    }
+}
+
+/// Returns why an answer is not on standard output as a whole, if anything but a reader that went away kept it from there.
+pub(super) fn unwritten() -> Option<&'static str> {
+    UNWRITTEN.get().map(String::as_str)
+}
+
+/// Prints a line. A reader that has gone away is no failure: it has read as much as it wanted.
+fn print(to: &mut impl Write, text: &impl std::fmt::Display) -> io::Result<()> {
+    match writeln!(to, "{text}").and_then(|()| to.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}
+
+/// Serial numbers and calibration dates of the rig file.
+pub fn provenance(rig: &RigFile) -> Vec<(String, String)> {
+    let mut notes = Vec::new();
+    let mut add = |what: &str, value: &Option<String>| {
+        if let Some(value) = value {
+            notes.push((what.to_owned(), value.clone()));
+        }
+    };
+    add("Load cell, serial number", &rig.load_cell.serial);
+    add("Load cell, calibrated on", &rig.load_cell.calibrated_on);
+    if let Some(calibration) = rig.calibrated() {
+        add("Rig, calibrated on", &Some(format!("{} ({})", calibration.date, calibration.name)));
+    }
+    if let Some(imu) = rig.imu.first() {
+        add("IMU, serial number", &imu.serial);
+        add("IMU, calibrated on", &imu.calibrated_on);
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Broken(io::ErrorKind);
+
+    impl Write for Broken {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(self.0.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_an_error_and_a_reader_that_went_away_is_none() {
+        let full = print(&mut Broken(io::ErrorKind::StorageFull), &"answer").unwrap_err();
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+        print(&mut Broken(io::ErrorKind::BrokenPipe), &"answer").unwrap();
+    }
+}

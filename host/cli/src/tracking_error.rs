@@ -1,0 +1,151 @@
+//! The platform's motion: kept as it happens, compared at the end.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+use hexapod::Trajectory;
+
+use super::Failure;
+use rigident::platform::MotionSample;
+use rigident::platform::tracking::{Tracking, compare, difference};
+use rigident::present::TimePlot;
+
+/// Writes commanded and measured poses as a recording in CSV, line by line.
+pub(super) struct MotionLog {
+    file: BufWriter<File>,
+    path: PathBuf,
+    /// Whether the rows have measured poses, once there is one.
+    measured: Option<bool>,
+    samples: Vec<MotionSample>,
+    last_s: f64,
+}
+
+const POSE: [&str; 7] = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
+
+impl MotionLog {
+    /// A new file.
+    pub(super) fn create(path: PathBuf, address: &str) -> Result<Self, Failure> {
+        let said = |e: std::io::Error| Failure::input(format!("{}: {e}", path.display()));
+        let mut file = BufWriter::new(File::create_new(&path).map_err(said)?);
+        writeln!(file, "# platform = {address:?}").map_err(said)?;
+        Ok(Self { file, path, measured: None, samples: Vec::new(), last_s: f64::NEG_INFINITY })
+    }
+
+    /// Writes one row; a killed program keeps the rows before.
+    pub(super) fn append(&mut self, sample: &MotionSample) -> Result<(), String> {
+        // Time goes on from row to row.
+        if sample.time_s <= self.last_s {
+            return Ok(());
+        }
+        self.last_s = sample.time_s;
+        self.row(sample).map_err(|e| format!("{}: {e}", self.path.display()))?;
+        self.samples.push(*sample);
+        Ok(())
+    }
+
+    fn row(&mut self, sample: &MotionSample) -> std::io::Result<()> {
+        let measured = match self.measured {
+            Some(measured) => measured,
+            None => {
+                let names = POSE.iter().map(|name| format!(",cmd_{name}")).collect::<String>();
+                let seen = POSE.iter().map(|name| format!(",{name}")).collect::<String>();
+                let has = sample.measured.is_some();
+                writeln!(self.file, "t_s{names}{}", if has { &seen } else { "" })?;
+                *self.measured.insert(has)
+            }
+        };
+        let mut line = format!("{:.6}", sample.time_s);
+        for pose in [Some(sample.commanded), sample.measured.filter(|_| measured)].into_iter().flatten() {
+            for value in pose.position_m.into_iter().chain(pose.quaternion_wxyz()) {
+                line.push_str(&format!(",{value:.9}"));
+            }
+        }
+        writeln!(self.file, "{line}")?;
+        self.file.flush()
+    }
+
+    pub(super) fn samples(&self) -> &[MotionSample] {
+        &self.samples
+    }
+}
+
+/// How the platform followed.
+pub struct TrackingError {
+    tracking: Tracking,
+    time_s: Vec<f64>,
+    differences: Vec<[f64; 6]>,
+    commanded: Vec<[f64; 6]>,
+    measured: Vec<[f64; 6]>,
+}
+
+impl TrackingError {
+    /// `None` if nothing was measured.
+    pub(super) fn of(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Self> {
+        let tracking = compare(trajectory, samples)?;
+        let both: Vec<_> =
+            samples.iter().filter_map(|s| s.measured.map(|m| (s.time_s, s.commanded, m))).collect();
+        let six = |p: &hexapod::Pose| {
+            let ([x, y, z], [roll, pitch, yaw]) = (p.position_m, p.rpy_rad);
+            [x, y, z, roll, pitch, yaw]
+        };
+        Some(Self {
+            tracking,
+            time_s: both.iter().map(|b| b.0).collect(),
+            differences: both.iter().map(|(_, c, m)| difference(c, m)).collect(),
+            commanded: both.iter().map(|(_, c, _)| six(c)).collect(),
+            measured: both.iter().map(|(_, _, m)| six(m)).collect(),
+        })
+    }
+
+    /// Returns the tracking error for the answer.
+    pub(super) fn tracking(&self) -> rigident::answer::Tracking {
+        let t = &self.tracking;
+        rigident::answer::Tracking {
+            samples: t.samples as u64,
+            rms_m: t.rms_m,
+            rms_rad: t.rms_rad,
+            largest_m: t.largest_m,
+            largest_rad: t.largest_rad,
+            delay_s: t.delay_s,
+            rms_without_delay_m: t.rms_without_delay_m,
+            rms_without_delay_rad: t.rms_without_delay_rad,
+        }
+    }
+
+    /// Commanded and measured coordinates, where they change, and what is between them.
+    pub(super) fn plots(&self) -> Vec<TimePlot> {
+        let line = |values: &[[f64; 6]], i: usize, scale: f64| values.iter().map(|v| scale * v[i]).collect();
+        let mut plots = Vec::new();
+        for (i, name) in ["x", "y", "z", "roll", "pitch", "yaw"].into_iter().enumerate() {
+            let (low, high) = self
+                .commanded
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v[i]), hi.max(v[i])));
+            if high - low > 1e-6 {
+                plots.push(TimePlot {
+                    title: format!("Platform's {name}"),
+                    unit: if i < 3 { "m" } else { "rad" }.to_owned(),
+                    time_s: self.time_s.clone(),
+                    series: vec![
+                        ("commanded".to_owned(), line(&self.commanded, i, 1.0)),
+                        ("measured".to_owned(), line(&self.measured, i, 1.0)),
+                    ],
+                });
+            }
+        }
+        for (what, unit, first, scale) in [("position", "mm", 0, 1e3), ("attitude", "mrad", 3, 1e3)] {
+            plots.push(TimePlot {
+                title: format!("Platform's {what}, measured less commanded"),
+                unit: unit.to_owned(),
+                time_s: self.time_s.clone(),
+                series: ["x", "y", "z"]
+                    .iter()
+                    .enumerate()
+                    .map(|(k, axis)| ((*axis).to_owned(), line(&self.differences, first + k, scale)))
+                    .collect(),
+            });
+        }
+        plots
+    }
+}

@@ -1,0 +1,170 @@
+//! `rigident predict` and `rigident validate`: arms with friction, rest and encoder noise, by the commands.
+
+use crate::program::python;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rigident::model::{Model, human::Person};
+use rigident::simulated::arm::{ArmRun, csv};
+use serde_json::Value;
+
+fn robot(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/urdf").join(file)
+}
+
+fn open(path: &Path) -> Model {
+    rigident::named_model::open(path.to_str().unwrap(), &Person::default()).unwrap().0
+}
+
+/// Runs the program in a folder; standard output.
+fn rigident(folder: &Path, line: &[&str]) -> String {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_rigident")).current_dir(folder).args(line).output().unwrap();
+    let code = output.status.code();
+    assert!(matches!(code, Some(0 | 1)), "{line:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Writes two recordings of different motions.
+fn record(folder: &Path, model: &Model, run: &ArmRun) {
+    let other = ArmRun { motion: run.motion + 1, seed: run.seed + 7, ..run.clone() };
+    for (name, run) in [("first.csv", run.clone()), ("second.csv", other)] {
+        std::fs::write(folder.join(name), csv(&run.recording(model))).unwrap();
+        // No error of sensors is simulated.
+        std::fs::write(folder.join(name.replace("csv", "rig.toml")), "[tree]\nclass = \"exact\"\n").unwrap();
+    }
+}
+
+/// NRMSE by channel of a model.
+fn nrmse(found: &Value, model: &str) -> Vec<f64> {
+    let channels = found["channels"].as_array().unwrap().iter();
+    let own = |channel: &Value| {
+        let mut models = channel["models"].as_array().unwrap().iter();
+        models.find(|own| own["model"] == model).and_then(|own| own["nrmse"].as_f64())
+    };
+    channels.map(|channel| own(channel).unwrap()).collect()
+}
+
+fn compare(file: &str, locked: &str, run: &ArmRun) -> (Value, tempfile::TempDir) {
+    let folder_of = tempfile::tempdir().unwrap();
+    let folder = folder_of.path();
+    let path = robot(file);
+    let mut model = open(&path);
+    if !locked.is_empty() {
+        let joints = locked.split(',').map(str::to_owned);
+        for joint in joints {
+            let at = model.joint(&joint).unwrap();
+            model.links[at].link.joint = rigident_shared::tree::Joint::Fixed;
+        }
+    }
+    record(folder, &model, run);
+    let path = path.to_str().unwrap();
+    let mut line = vec![
+        "identify",
+        "first.csv",
+        "--model",
+        path,
+        "--friction",
+        "viscous,coulomb,offset,rotor",
+        "--out",
+        "first",
+    ];
+    let mut other = vec![
+        "validate",
+        "first/result.json",
+        "second.csv",
+        "--model",
+        path,
+        "--train",
+        "first.csv",
+        "--json",
+    ];
+    if !locked.is_empty() {
+        line.extend(["--lock", locked]);
+        other.extend(["--lock", locked]);
+    }
+    rigident(folder, &line);
+    // Without efforts the motion is enough to predict them.
+    let text = std::fs::read_to_string(folder.join("second.csv")).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let kept: Vec<usize> = (0..header.len()).filter(|k| !header[*k].ends_with("_nm")).collect();
+    let without: String = text
+        .lines()
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            kept.iter().map(|k| cells[*k]).collect::<Vec<_>>().join(",") + "\n"
+        })
+        .collect();
+    std::fs::write(folder.join("motion.csv"), without).unwrap();
+    std::fs::write(folder.join("motion.rig.toml"), "[tree]\nclass = \"exact\"\n").unwrap();
+    let locked: &[&str] = if locked.is_empty() { &[] } else { &["--lock", locked] };
+    let predict = |recording, out| {
+        let line = ["predict", "first/result.json", recording, "--model", path, "--out", out];
+        rigident(folder, &[&line, locked].concat());
+        let text = std::fs::read_to_string(folder.join(out).join("prediction.csv")).unwrap();
+        assert!(folder.join(out).join("report.html").is_file());
+        let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let header = lines.next().unwrap();
+        let at: Vec<usize> = (0..header.len()).filter(|k| header[*k].ends_with("_identified")).collect();
+        lines.map(|cells| at.iter().map(|k| cells[*k].clone()).collect::<Vec<_>>()).collect::<Vec<_>>()
+    };
+    let (with, without) = (predict("second.csv", "with"), predict("motion.csv", "without"));
+    assert!(with.len() > 1000 && with == without);
+    let found = serde_json::from_str(&rigident(folder, &other)).unwrap();
+    (found, folder_of)
+}
+
+const ARMS: [(&str, &str); 2] =
+    [("ur5_robot.urdf", ""), ("panda.urdf", "panda_finger_joint1,panda_finger_joint2")];
+
+fn noisy() -> ArmRun {
+    ArmRun { position_noise: 1e-5, rate_noise: 2e-3, rotor: 0.2, ..ArmRun::default() }
+}
+
+/// Six and seven axes at rest, in motion and at rest again, by noisy encoders: what is identified predicts another motion as well as
+/// plain least squares, in every joint.
+#[test]
+#[ignore = "needs ../shared/data"]
+fn arms_of_shared_data_are_predicted_as_well_as_by_plain_least_squares() {
+    for (file, locked) in ARMS {
+        let (found, _) = compare(file, locked, &noisy());
+        let (own, plain) = (nrmse(&found, "identified"), nrmse(&found, "least squares"));
+        assert_eq!(own.len(), if locked.is_empty() { 6 } else { 7 });
+        for (k, (own, plain)) in own.iter().zip(&plain).enumerate() {
+            // What is left is the noise that both have; half a per cent of it is chance.
+            assert!(*own < 1.005 * plain, "{file}, joint {}: {own} {plain}", k + 1);
+        }
+    }
+}
+
+/// An arm that never rests, and noise that central differences bear.
+fn moving() -> ArmRun {
+    ArmRun { rest_s: 0.0, position_noise: 1e-5, rate_noise: 1e-4, rotor: 0.2, ..ArmRun::default() }
+}
+
+/// Plain least squares are what they are called: Pinocchio's rows with accelerations and numpy's solution leave as much.
+#[test]
+#[ignore = "needs ../shared/data and Pinocchio in Python"]
+fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
+    for (file, locked) in ARMS {
+        let (found, folder) = compare(file, locked, &moving());
+        let script =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/pinocchio/least_squares.py");
+        let python = python();
+        let output = Command::new(python)
+            .current_dir(folder.path())
+            .arg(script)
+            .arg(robot(file))
+            .args([if locked.is_empty() { "-" } else { locked }, "first.csv", "second.csv"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let theirs: Vec<f64> = serde_json::from_slice(&output.stdout).unwrap();
+        let own = nrmse(&found, "least squares");
+        assert_eq!(theirs.len(), own.len());
+        for (own, theirs) in own.iter().zip(&theirs) {
+            // The same window, central differences in place of its slope.
+            assert!((own / theirs - 1.0).abs() < 0.02, "{file}: {own} {theirs}");
+        }
+    }
+}

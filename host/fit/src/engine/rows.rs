@@ -1,0 +1,116 @@
+//! Rows absorbed and solved.
+
+use nalgebra::DMatrix;
+
+use super::{Engine, Pass, Solved};
+use crate::compensation::{Compensated, NoiseGram, compensate, spread};
+use crate::linearised::Linearised;
+use crate::outliers::Weights;
+use crate::residuals::{raw_sigma, residuals};
+use crate::signal_noise::RowNoise;
+use crate::weighing::Weighing;
+use crate::{BlockResidual, Estimate, Factor, FitError, Noise, RowBlocks, parallel};
+
+impl Engine<'_> {
+    /// Returns the weighing by σ of the channels alone.
+    pub(super) fn diagonal(&self, sigma: Vec<f64>) -> Weighing {
+        Weighing::diagonal(sigma, f64::from(self.blocks.filter().every))
+    }
+
+    /// Absorbs all rows, with the columns of nuisance parameters if they are linearised.
+    pub(super) fn absorb<'e>(
+        &'e self,
+        weighing: Weighing,
+        weights: Weights,
+        linearised: Option<Linearised<'e>>,
+    ) -> Result<Pass<'e>, FitError> {
+        let all = linearised.as_ref().map_or(self.parameters, |_| self.columns.all());
+        let blocks = linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks);
+        let parts = parallel::map(parallel::threads(), blocks.parts().len(), |k| {
+            let part = blocks.parts().get(k).cloned().unwrap_or_default();
+            blocks.absorb(part, all, &weighing.whitening, weights.as_slice())
+        });
+        let mut factor = Factor::new(all);
+        let several = parts.len() > 1;
+        for part in parts {
+            if several { factor.merge(&part) } else { factor = part }
+        }
+        let noise = self.noise.as_ref().filter(|_| weighing.is_compensated());
+        let gram = match (noise, &linearised) {
+            (Some(noise), None) => Some(noise.gram(&weighing)),
+            (Some(noise), Some(linearised)) => {
+                Some(noise.joint_gram(&weighing, &self.columns, linearised)?)
+            }
+            (None, _) => None,
+        };
+        Ok(Pass { weighing, factor, gram, linearised, weights })
+    }
+
+    pub(super) fn linearise(&self, phi: &[f64]) -> Result<Option<Linearised<'_>>, FitError> {
+        let some = !self.columns.is_empty();
+        some.then(|| Linearised::new(self.source, &*self.blocks, &self.columns, phi)).transpose()
+    }
+
+    /// Returns the row blocks of a pass.
+    pub(super) fn rows_of<'p>(&'p self, pass: &'p Pass) -> &'p dyn RowBlocks {
+        pass.linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks)
+    }
+
+    /// Returns what noise of the signals adds to the rows, so many times; its square may be wrong by `doubt`.
+    pub(super) fn noise_gram<'g>(&self, expected: &'g DMatrix<f64>, times: f64, doubt: f64) -> NoiseGram<'g> {
+        let blocks = self.noise.as_ref().map_or(0.0, RowNoise::independent_blocks);
+        let correlated = self.noise.as_ref().map_or(0.0, RowNoise::correlated);
+        let coloured = (2.0 * (1.0 + correlated) / blocks.max(1.0)).sqrt();
+        let spread = spread(self.blocks.filter(), blocks).max(coloured);
+        NoiseGram { expected, times, spread: spread.hypot(doubt) }
+    }
+
+    /// Solves a pass whose noise has `scale` times the variance, beside what is known beforehand.
+    pub(super) fn solve(&self, pass: &Pass, scale: f64) -> Solved {
+        let rounding = self.source.rounding();
+        let scaled = if scale == 1.0 { pass.factor.clone() } else { pass.factor.discount(scale) };
+        let noise = pass.gram.as_ref().map(|gram| self.noise_gram(gram, 1.0 / scale, pass.weighing.doubt));
+        let compensated = noise.and_then(|noise| compensate(&scaled, &noise, rounding));
+        let known =
+            |rows: Factor| if pass.linearised.is_some() { self.columns.with_prior(&rows) } else { rows };
+        let estimate = |known: &Factor| self.estimate(known, 1.0, Noise::Given);
+        let leading = |known: Factor| {
+            if pass.linearised.is_some() { known.leading(self.parameters) } else { known }
+        };
+        let least_squares = estimate(&known(scaled.clone()));
+        let Some(Compensated { factor, fitted }) = compensated else {
+            let all = known(scaled);
+            let joint = estimate(&all);
+            let factor = leading(all);
+            return Solved { about: joint.clone(), least_squares, own: estimate(&factor), factor, joint };
+        };
+        let [all, fitted] = [factor, fitted].map(known);
+        Solved {
+            joint: estimate(&all),
+            about: estimate(&fitted),
+            least_squares,
+            own: estimate(&leading(fitted)),
+            factor: leading(all),
+        }
+    }
+
+    pub(super) fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {
+        Estimate::new(factor, self.source.rounding(), scale, noise)
+    }
+
+    pub(super) fn residuals(
+        &self,
+        blocks: &dyn RowBlocks,
+        values: &[f64],
+        weights: &Weights,
+    ) -> Vec<BlockResidual> {
+        residuals(blocks, self.source.channels().len(), values, weights)
+    }
+
+    /// Returns σ of the channels from what a pass leaves.
+    pub(super) fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
+        let Solved { about, own, .. } = self.solve(pass, 1.0);
+        let residuals = self.residuals(self.rows_of(pass), &about.values, &pass.weights);
+        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &own, &residuals)
+    }
+}

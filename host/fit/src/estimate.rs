@@ -1,0 +1,161 @@
+//! Estimate, covariance and interval of the parameters of a factor.
+
+use nalgebra::DMatrix;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::Factor;
+
+/// An estimate with its 95 % expanded uncertainty, SI.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct Measured {
+    /// Value.
+    pub value: f64,
+    /// 95 % expanded uncertainty.
+    pub u95: f64,
+}
+
+/// How the noise that scales the covariance is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Noise {
+    /// σ of every channel was given: the coverage factor is the normal distribution's.
+    Given,
+    /// σ was estimated from residuals: the coverage factor is Student's.
+    Estimated {
+        /// Degrees of freedom of the residuals.
+        degrees_of_freedom: f64,
+    },
+}
+
+impl Noise {
+    /// Returns the two-sided 95 % coverage factor.
+    pub fn coverage_factor(self) -> f64 {
+        match self {
+            Self::Given => COVERAGE_95,
+            // t − z ≈ z (z² + 1) / 4ν: 2e-4 here, and the inverse loses its digits far above.
+            Self::Estimated { degrees_of_freedom } if degrees_of_freedom > 1e4 => COVERAGE_95,
+            Self::Estimated { degrees_of_freedom } => StudentsT::new(0.0, 1.0, degrees_of_freedom.max(1.0))
+                .map_or(COVERAGE_95, |t| t.inverse_cdf(0.975)),
+        }
+    }
+
+    /// Returns the one of two that knows less of the noise.
+    #[must_use]
+    pub fn less_certain(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Given, other) | (other, Self::Given) => other,
+            (Self::Estimated { degrees_of_freedom: a }, Self::Estimated { degrees_of_freedom: b }) => {
+                Self::Estimated { degrees_of_freedom: a.min(b) }
+            }
+        }
+    }
+}
+
+/// Two-sided 95 % coverage factor of the normal distribution.
+pub const COVERAGE_95: f64 = 1.959_963_984_540_054;
+
+/// Estimate and covariance of N parameters, with what the rows determine.
+///
+/// Its numbers leave the crate through [`crate::answer`] only, which withholds what is not identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// N values, SI; meaningless where not determined.
+    pub values: Vec<f64>,
+    /// Covariance, N × N; rows of parameters that are not determined are meaningless.
+    pub covariance: DMatrix<f64>,
+    /// True where the rows alone determine the parameter.
+    pub determined: Vec<bool>,
+    /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
+    pub null_directions: Vec<Vec<(usize, f64)>>,
+    /// 2-norm condition number of the column-scaled, whitened rows over what is determined.
+    pub condition_number: f64,
+    /// How the noise is known.
+    pub noise: Noise,
+}
+
+impl Estimate {
+    /// Solves a factor of whitened rows; `variance_scale` multiplies the covariance (1 if the σ were right), `rounding` is
+    /// the source's ([`super::RowSource::rounding`]).
+    pub fn new(factor: &Factor, rounding: f64, variance_scale: f64, noise: Noise) -> Self {
+        let solution = factor.solve(rounding);
+        Self {
+            values: solution.estimate,
+            covariance: solution.covariance * variance_scale,
+            determined: solution.determined,
+            null_directions: solution.null_directions,
+            condition_number: solution.condition_number,
+            noise,
+        }
+    }
+
+    /// Builds the estimate that a bound or a design gives: no rows stand behind it, and everything is determined.
+    pub fn of_bound(values: Vec<f64>, covariance: DMatrix<f64>) -> Self {
+        let determined = vec![true; values.len()];
+        let null_directions = Vec::new();
+        Self { values, covariance, determined, null_directions, condition_number: 1.0, noise: Noise::Given }
+    }
+
+    /// Returns the number of parameters.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Returns true if there are no parameters.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// Returns the coverage factor of a 95 % interval.
+    pub fn coverage_factor(&self) -> f64 {
+        self.noise.coverage_factor()
+    }
+
+    /// Returns the number of parameters that the rows determine.
+    pub fn rank(&self) -> usize {
+        self.determined.iter().filter(|d| **d).count()
+    }
+
+    /// Returns true if the rows determine parameter `j`.
+    pub fn is_determined(&self, j: usize) -> bool {
+        self.determined.get(j) == Some(&true)
+    }
+
+    /// Returns parameter `j` if the rows determine it, however coarsely: an [answer](crate::answer) withholds what is too
+    /// coarse to be called identified.
+    pub fn measured(&self, j: usize) -> Option<Measured> {
+        let value = self.values.get(j).filter(|_| self.is_determined(j))?;
+        Some(Measured { value: *value, u95: self.u95(j) })
+    }
+
+    /// Returns the 95 % expanded uncertainty of parameter `j`; infinite if it is not determined.
+    pub fn u95(&self, j: usize) -> f64 {
+        if self.is_determined(j) {
+            self.coverage_factor() * self.covariance[(j, j)].max(0.0).sqrt()
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Returns the covariance of parameters `i` and `j`, SI; `None` unless the rows determine both.
+    pub fn covariance(&self, i: usize, j: usize) -> Option<f64> {
+        (self.is_determined(i) && self.is_determined(j)).then(|| self.covariance[(i, j)])
+    }
+
+    /// Returns the largest difference of the parameters from another estimate's, in standard deviations.
+    pub fn largest_step(&self, other: &Self) -> f64 {
+        let step = |j: usize| {
+            let sd = self.covariance[(j, j)].max(0.0).sqrt();
+            let step = (self.values[j] - other.values[j]).abs();
+            if step == 0.0 { 0.0 } else { step / sd }
+        };
+        (0..self.len()).filter(|j| self.is_determined(*j)).map(step).fold(0.0, f64::max)
+    }
+
+    /// Returns the same estimate with standard deviations `by` times as large, correlations kept.
+    #[must_use]
+    pub fn inflate(&self, by: &[f64]) -> Self {
+        let by = |j: usize| by.get(j).copied().unwrap_or(1.0);
+        let n = self.len();
+        let covariance = DMatrix::from_fn(n, n, |i, j| self.covariance[(i, j)] * by(i) * by(j));
+        Self { covariance, ..self.clone() }
+    }
+}

@@ -1,0 +1,301 @@
+//! A change at one time: something loosened, added or lost while the recording was made.
+//!
+//! The supremum over time of the score test of a step in the parameters (D. W. K. Andrews, Tests for parameter instability
+//! and structural change with unknown change point, Econometrica 61, 1993), on means of whitened rows over bins of time
+//! (`bins`). A first look takes the bins' noise as white; what it suspects is looked at again with white, flicker and
+//! walking noise as the residuals beside the step show them (`noise`), a line and a curve in time of every channel
+//! eliminated. A step of the body counts only beside a step of the channels' offsets: what a load cell does by itself is no
+//! change of the body. Nothing here knows of bodies: columns say themselves whose they are.
+
+use nalgebra::DMatrix;
+
+use super::bins::Bins;
+use super::noise::{self, PowerLaw};
+use super::score::{Common, Metric, PER_COLUMN, Score, Step, drift};
+use super::{Role, Rows, tail};
+use crate::Whitener;
+use crate::left_of_rows::dot;
+
+/// A change by chance in one honest recording of so many, at most.
+pub const FALSE_ALARM: f64 = 1e-7;
+/// A first look at white noise lets so many honest recordings pass to the second.
+const SUSPICION: f64 = 1e-2;
+/// Share of the bins at either end in which no change is looked for, and least number of them.
+const ENDS: f64 = 0.05;
+const LEAST_END: usize = 5;
+/// Fewer bins than this say nothing.
+const LEAST_BINS: usize = 40;
+/// Rounds of the noise beside the step.
+const ROUNDS: usize = 4;
+/// Bins about the change in which its time is looked for row by row.
+const NEAR: usize = 3;
+/// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
+/// (J. Bai, Estimation of a change point in multiple regression models, Review of Economics and Statistics 79, 1997).
+const BAI_95: f64 = 11.0;
+
+/// What changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Changed {
+    /// What is identified.
+    Body,
+    /// Offsets of channels.
+    Offset,
+    /// Either: the motion does not tell.
+    Either,
+}
+
+/// A step of one column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnStep {
+    /// Number of the column.
+    pub column: usize,
+    /// After less before.
+    pub value: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+}
+
+/// A change at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Time, s, as the samples count it.
+    pub time_s: f64,
+    /// Its 95 % uncertainty, s.
+    pub time_u95_s: f64,
+    /// What changed.
+    pub changed: Changed,
+    /// Probability, at most, that an honest recording shows as much somewhere.
+    pub probability: f64,
+    /// Decrease of χ², less what columns explain by chance.
+    pub explained: f64,
+    /// Steps of the columns that changed, as far as they are determined.
+    pub steps: Vec<ColumnStep>,
+}
+
+/// Returns the change that rows show; `None` where there is none beyond chance, or rows are too few to tell.
+pub(super) fn find(rows: &Rows, bins: &Bins) -> Option<Change> {
+    let offset = rows.columns(|role| role == Role::Offset);
+    let body = rows.columns(Role::is_body);
+    if bins.len() < LEAST_BINS || body.is_empty() {
+        return None;
+    }
+    let columns: Vec<usize> = offset.iter().chain(&body).copied().collect();
+    Search { bins, columns: &columns, offsets: offset.len() }.find(rows)
+}
+
+pub(super) struct Search<'a> {
+    pub(super) bins: &'a Bins,
+    /// Columns that may step, offsets first.
+    pub(super) columns: &'a [usize],
+    pub(super) offsets: usize,
+}
+
+/// The largest step of all, at one bin.
+struct Largest {
+    bin: usize,
+    square: f64,
+    rank: usize,
+}
+
+impl Search<'_> {
+    fn others(&self) -> f64 {
+        let per_channel = (self.bins.columns + self.columns.len()).div_ceil(self.bins.channels.max(1)) + 2;
+        (self.bins.len() as f64 - per_channel as f64).max(1.0)
+    }
+
+    /// Returns the probability of a step of so much at one of the times that were looked at, by the sum of all.
+    fn probability(&self, square: f64, rank: usize) -> f64 {
+        (tail(square, rank, self.others()) * self.range().len() as f64).min(1.0)
+    }
+
+    fn range(&self) -> std::ops::Range<usize> {
+        let end = LEAST_END.max((ENDS * self.bins.len() as f64).ceil() as usize);
+        end..self.bins.len().saturating_sub(end)
+    }
+
+    fn body(&self) -> Vec<usize> {
+        (self.offsets..self.columns.len()).collect()
+    }
+
+    fn offset(&self) -> Vec<usize> {
+        (0..self.offsets).collect()
+    }
+
+    fn largest(&self, common: &Common) -> Option<Largest> {
+        let (offset, body) = (self.offset(), self.body());
+        let mut largest: Option<(f64, Largest)> = None;
+        common.each(self.range(), |score| {
+            let [_, (square, rank)] = common.explained(&score, [&offset, &body]);
+            let chance = tail(square, rank, self.others());
+            // Beyond the smallest number that there is, the square decides.
+            let better = |(least, best): &(f64, Largest)| {
+                chance < *least || (chance == *least && square > best.square)
+            };
+            if largest.as_ref().is_none_or(better) {
+                largest = Some((chance, Largest { bin: score.bin, square, rank }));
+            }
+        });
+        largest.map(|(_, found)| found)
+    }
+
+    fn find(&self, rows: &Rows) -> Option<Change> {
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(successive).collect();
+        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
+        if self.probability(first.square, first.rank) > SUSPICION {
+            return None;
+        }
+        let (noise, found) = self.second_look(first)?;
+        let probability = self.probability(found.square, found.rank);
+        if probability > FALSE_ALARM {
+            return None;
+        }
+        let metrics = self.metrics(&noise);
+        let common = Common::new(self.bins, &metrics, self.columns);
+        let score = common.at(found.bin)?;
+        Some(self.conclude(rows, &common, &score, probability, &noise))
+    }
+
+    /// Returns the noise of every channel as it is beside the largest step, and the largest step beside that noise.
+    fn second_look(&self, first: Largest) -> Option<(Vec<PowerLaw>, Largest)> {
+        let (mut noise, mut found) = (Vec::new(), first);
+        for _ in 0..ROUNDS {
+            let before = found.bin;
+            noise = (0..self.bins.channels).map(|c| self.noise_beside(c, before)).collect();
+            found = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
+            if found.bin == before {
+                break;
+            }
+        }
+        Some((noise, found))
+    }
+
+    /// Returns the probability of the largest step, however small it is.
+    #[cfg(test)]
+    pub(super) fn chance(&self) -> Option<f64> {
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(successive).collect();
+        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
+        let (_, found) = self.second_look(first)?;
+        Some(self.probability(found.square, found.rank))
+    }
+
+    fn metrics(&self, noise: &[PowerLaw]) -> Vec<Metric> {
+        noise.iter().map(|noise| Metric::new(noise, self.bins.len())).collect()
+    }
+
+    /// Returns the noise of a channel beside everything that its rows explain, a step from a bin on too.
+    fn noise_beside(&self, channel: usize, bin: usize) -> PowerLaw {
+        let rows = &self.bins.rows[channel];
+        let (count, n) = rows.shape();
+        let drift = drift(count);
+        let after = |b: usize| f64::from(u8::from(b >= bin));
+        let all = DMatrix::from_fn(count, 1 + 2 + n + self.columns.len(), |b, j| match j {
+            0 => 1.0,
+            1 | 2 => drift[(b, j - 1)],
+            _ if j < 3 + n => rows[(b, j - 3)],
+            _ => rows[(b, self.columns[j - 3 - n])] * after(b),
+        });
+        PowerLaw::of(&self.bins.residuals[channel], &noise::basis(&all, noise::ROUNDING))
+    }
+
+    /// Tells what changed, by how much, and when.
+    fn conclude(
+        &self,
+        rows: &Rows,
+        common: &Common,
+        score: &Score,
+        probability: f64,
+        noise: &[PowerLaw],
+    ) -> Change {
+        let (offset, body) = (self.offset(), self.body());
+        let beside = |[first, both]: [(f64, usize); 2]| self.probability(both.0 - first.0, both.1 - first.1);
+        let of_body = beside(common.explained(score, [&offset, &body]));
+        let of_offset = beside(common.explained(score, [&body, &offset]));
+        let changed = if of_body < FALSE_ALARM {
+            Changed::Body
+        } else if of_offset < FALSE_ALARM {
+            Changed::Offset
+        } else {
+            Changed::Either
+        };
+        let all: Vec<usize> = (0..self.columns.len()).collect();
+        let set = match changed {
+            Changed::Body if of_offset < FALSE_ALARM => &all,
+            Changed::Body | Changed::Either => &body,
+            Changed::Offset => &offset,
+        };
+        let step = common.step(score, set);
+        let (time_s, time_u95_s) = self.time(rows, &step, score.bin, noise);
+        let steps = step.columns.iter().enumerate().filter(|(k, _)| step.determined[*k]);
+        let steps = steps.map(|(k, column)| ColumnStep {
+            column: *column,
+            value: step.value[k],
+            deviation: step.covariance[(k, k)].max(0.0).sqrt(),
+        });
+        let steps = steps.collect();
+        let probability = if changed == Changed::Body { of_body } else { probability };
+        let [_, (square, rank)] = common.explained(score, [&offset, &body]);
+        let explained = square - PER_COLUMN * rank as f64;
+        Change { time_s, time_u95_s, changed, probability, explained, steps }
+    }
+
+    /// Returns what the drift of a channel is in a row near a bin, beside a step from there on: the common fit leaves it, as it says
+    /// nothing of a step.
+    fn level(&self, channel: usize, step: &Step, bin: usize) -> f64 {
+        let rows = &self.bins.rows[channel];
+        let mut left = &self.bins.residuals[channel] - rows * &step.fitted;
+        for (column, value) in step.columns.iter().zip(step.value.iter()) {
+            let own = rows.column(*column);
+            left.iter_mut().zip(own.iter()).skip(bin).for_each(|(left, row)| *left -= row * value);
+        }
+        let drift = drift(left.len()).insert_column(0, 1.0);
+        let of_bin = drift.row(bin.min(left.len().saturating_sub(1))).into_owned();
+        let fitted = drift.svd(true, true).solve(&left, f64::EPSILON);
+        fitted.map_or(0.0, |fitted| (of_bin * fitted)[0]) / (self.bins.several as f64).sqrt()
+    }
+
+    /// Returns the time of a step near a bin, row by row, and its 95 % uncertainty.
+    fn time(&self, rows: &Rows, step: &Step, bin: usize, noise: &[PowerLaw]) -> (f64, f64) {
+        let (n, channels) = (self.bins.columns, self.bins.channels);
+        let filter = rows.blocks.filter();
+        let first = self.bins.first[bin.saturating_sub(NEAR)];
+        let last = self.bins.first[(bin + NEAR).min(self.bins.len() - 1)];
+        let mut whitener = Whitener::new(rows.whitening, n);
+        let (mut own, mut values) = (vec![0.0; channels * n], vec![0.0; channels]);
+        let levels: Vec<f64> = (0..channels).map(|c| self.level(c, step, bin)).collect();
+        // Squares of the step and of the residuals beside it, row by row: after less before.
+        let (mut gain, mut size) = (Vec::new(), 0.0);
+        for block in first.saturating_sub(rows.whitening.lead())..last {
+            rows.blocks.write(block, &mut own, &mut values);
+            for (row, value) in own.chunks_exact(n.max(1)).zip(&mut values) {
+                *value -= dot(row, rows.values);
+            }
+            whitener.apply(rows.blocks.time_s(block), &mut own, &mut values, None);
+            if block < first {
+                continue;
+            }
+            let lines = own.chunks_exact(n.max(1)).zip(&values).zip(noise).zip(&levels);
+            let sums = lines.map(|(((row, value), noise), level)| {
+                let left = value - dot(row, step.fitted.as_slice()) - level;
+                let moved: f64 = step.columns.iter().zip(step.value.iter()).map(|(j, v)| row[*j] * v).sum();
+                let variance = noise.white;
+                (((left - moved).powi(2) - left * left) / variance, moved * moved / variance)
+            });
+            let (difference, square) = sums.fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
+            gain.push(difference);
+            size += square;
+        }
+        // The step begins where all rows after it are better explained with it.
+        let mut best = (0.0, gain.len());
+        let mut sum = 0.0;
+        for (k, difference) in gain.iter().enumerate().rev() {
+            sum += difference;
+            if sum < best.0 {
+                best = (sum, k);
+            }
+        }
+        let period_s = filter.row_period_s();
+        let time_s = rows.blocks.time_s(first + best.1) - 0.5 * (filter.width_s + period_s);
+        let per_row = size / gain.len().max(1) as f64;
+        (time_s, period_s * (1.0 + BAI_95 / per_row.max(f64::MIN_POSITIVE)))
+    }
+}

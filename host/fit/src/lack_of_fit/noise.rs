@@ -1,0 +1,234 @@
+//! Noise of a channel over bins of time: white, flicker (1/f) and a random walk (1/f²), and the inverse of its covariance.
+//!
+//! These are the slopes −½, 0 and +½ of an Allan deviation. Flicker noise is a sum of exponentially correlated noise of time
+//! constants an octave apart (A. van der Ziel, On the noise spectra of semi-conductor noise and of flicker effect, Physica
+//! 16, 1950). Their variances are those of the most likelihood for the periodogram of residuals: with the rows of the model
+//! projected out, a cosine coefficient has the variance `μ_j = Σ_k v_k M_jk`, M exactly that of the projected noise, and
+//! `v_k ← v_k √(Σ_j (I_j/μ_j) M_jk/μ_j / Σ_j M_jk/μ_j)` never loses likelihood (C. Févotte, J. Idier, Neural Computation
+//! 23, 2011).
+
+use nalgebra::{DMatrix, DVector};
+
+/// Coefficients that are looked at one by one; above, so many to an octave.
+const LOWEST: usize = 64;
+const PER_OCTAVE: f64 = 32.0;
+/// Steps of the likelihood.
+const STEPS: usize = 200;
+/// A coefficient of which the model leaves less than this says nothing.
+const LEAST_LEFT: f64 = 0.05;
+/// Slow noise is taken as so many standard deviations larger than found: few coefficients show it, and a step explains some.
+const UPPER_SD: f64 = 2.0;
+/// Of a column less than this is rounding.
+pub(super) const ROUNDING: f64 = 1e-8;
+/// Least variance of white noise, of that which the residuals have, and of that which was stated: residuals that are smaller by
+/// far are none of a sensor's.
+const LEAST_WHITE: f64 = 1e-3;
+
+/// Variances of white, flicker and walking noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PowerLaw {
+    pub(super) white: f64,
+    pub(super) flicker: f64,
+    pub(super) walk: f64,
+}
+
+/// Returns the factors from bin to bin of exponentially correlated noise that makes up flicker noise in so many bins.
+fn octaves(count: usize) -> Vec<f64> {
+    let most = (4.0 * count as f64).log2().ceil() as i32;
+    (0..=most).map(|k| (-1.0 / 2f64.powi(k)).exp()).collect()
+}
+
+/// Returns the factor of what is a walk in so many bins.
+fn walk(count: usize) -> f64 {
+    (-1.0 / (4.0 * count as f64)).exp()
+}
+
+/// Returns `xᵀ Γ x` with `Γ_bc = ρ^|b − c|`.
+fn quadratic(x: &DVector<f64>, rho: f64) -> f64 {
+    let (mut behind, mut sum) = (0.0, 0.0);
+    for value in x {
+        sum += value * (value + 2.0 * behind);
+        behind = rho * (behind + value);
+    }
+    sum
+}
+
+/// Returns the cosine of number j over so many bins, of unit length.
+fn cosine(count: usize, j: usize) -> DVector<f64> {
+    let scale = if j == 0 { 1.0 / count as f64 } else { 2.0 / count as f64 }.sqrt();
+    let step = std::f64::consts::PI * j as f64 / count as f64;
+    DVector::from_fn(count, |b, _| scale * (step * (b as f64 + 0.5)).cos())
+}
+
+/// Returns an orthonormal basis of the columns of a matrix; of a column at least the share `least` must be new.
+pub(super) fn basis(columns: &DMatrix<f64>, least: f64) -> DMatrix<f64> {
+    let mut kept: Vec<DVector<f64>> = Vec::new();
+    for column in columns.column_iter() {
+        let length = column.norm();
+        if length == 0.0 {
+            continue;
+        }
+        let mut rest = column / length;
+        // Twice is enough (Kahan, Parlett).
+        for _ in 0..2 {
+            for unit in &kept {
+                let along = unit.dot(&rest);
+                rest.axpy(-along, unit, 1.0);
+            }
+        }
+        let left = rest.norm();
+        if left > least {
+            kept.push(rest / left);
+        }
+    }
+    if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
+}
+
+/// The mean power of some coefficients, their number, and the shares of white noise, flicker noise and a walk.
+type Line = (f64, f64, [f64; 3]);
+
+impl PowerLaw {
+    /// Returns white noise.
+    pub(super) fn white(variance: f64) -> Self {
+        Self { white: variance, flicker: 0.0, walk: 0.0 }
+    }
+
+    /// Returns the noise of values that are explained by the columns of an orthonormal basis but for it.
+    pub(super) fn of(values: &DVector<f64>, basis: &DMatrix<f64>) -> Self {
+        let count = values.len();
+        let left = values - basis * basis.tr_mul(values);
+        let mut coefficients: Vec<usize> = (0..count.min(LOWEST)).collect();
+        let mut next = LOWEST as f64;
+        while (next as usize) < count {
+            coefficients.push(next as usize);
+            next = (next + 1.0).max(next * 2f64.powf(1.0 / PER_OCTAVE)).floor();
+        }
+        let octaves = octaves(count);
+        let mut lines: Vec<Line> = Vec::new();
+        for (k, j) in coefficients.iter().enumerate() {
+            let own = cosine(count, *j);
+            let projected = &own - basis * basis.tr_mul(&own);
+            let white = projected.norm_squared();
+            if white < LEAST_LEFT {
+                continue;
+            }
+            let flicker =
+                octaves.iter().map(|rho| quadratic(&projected, *rho)).sum::<f64>() / octaves.len() as f64;
+            let to = coefficients.get(k + 1).copied().unwrap_or(count).max(j + 1);
+            let power = (*j..to).map(|j| cosine(count, j).dot(&left).powi(2)).sum::<f64>();
+            let several = (to - j) as f64;
+            lines.push((power / several, several, [white, flicker, quadratic(&projected, walk(count))]));
+        }
+        Self::most_likely(&lines)
+    }
+
+    /// Returns the variances of the most likelihood.
+    fn most_likely(lines: &[Line]) -> Self {
+        let mean = |of: &dyn Fn(&Line) -> f64| {
+            let count: f64 = lines.iter().map(|l| l.1).sum();
+            lines.iter().map(|l| l.1 * of(l)).sum::<f64>() / count.max(1.0)
+        };
+        let power = mean(&|l| l.0);
+        let mut v: [f64; 3] = std::array::from_fn(|k| {
+            let share = mean(&|l| l.2[k]);
+            if share > 0.0 { power / (3.0 * share) } else { 0.0 }
+        });
+        let least = LEAST_WHITE * power.max(1.0);
+        for _ in 0..STEPS {
+            let (mut more, mut less) = ([0.0; 3], [0.0; 3]);
+            for (power, several, shares) in lines {
+                let expected: f64 = shares.iter().zip(v).map(|(m, v)| m * v).sum();
+                for (k, m) in shares.iter().enumerate() {
+                    more[k] += several * power * m / (expected * expected);
+                    less[k] += several * m / expected;
+                }
+            }
+            for k in 0..3 {
+                if less[k] > 0.0 {
+                    v[k] *= (more[k] / less[k]).sqrt();
+                }
+            }
+            v[0] = v[0].max(least);
+        }
+        // Fisher's information of each variance alone.
+        let deviation = |k: usize| {
+            let information: f64 = lines
+                .iter()
+                .map(|(_, several, shares)| {
+                    let expected: f64 = shares.iter().zip(v).map(|(m, v)| m * v).sum();
+                    0.5 * several * (shares[k] / expected).powi(2)
+                })
+                .sum();
+            if information > 0.0 { information.sqrt().recip() } else { 0.0 }
+        };
+        Self { white: v[0], flicker: v[1] + UPPER_SD * deviation(1), walk: v[2] + UPPER_SD * deviation(2) }
+    }
+
+    /// Returns the autocovariance at lags of 0, 1, … bins.
+    fn autocovariance(&self, count: usize) -> Vec<f64> {
+        let octaves = octaves(count);
+        let mut powers = vec![1.0; octaves.len()];
+        let (walk, mut walked) = (walk(count), 1.0);
+        (0..count)
+            .map(|lag| {
+                let flicker = powers.iter().sum::<f64>() / octaves.len() as f64;
+                let own = self.flicker * flicker + self.walk * walked;
+                powers.iter_mut().zip(&octaves).for_each(|(p, rho)| *p *= rho);
+                walked *= walk;
+                if lag == 0 { self.white + own } else { own }
+            })
+            .collect()
+    }
+
+    /// Returns true if there is no slow noise.
+    pub(super) fn is_white(&self) -> bool {
+        self.flicker == 0.0 && self.walk == 0.0
+    }
+
+    /// Returns the inverse of the covariance of so many bins (W. F. Trench, An algorithm for the inversion of finite Toeplitz
+    /// matrices, J. SIAM 12, 1964).
+    pub(super) fn inverse(&self, count: usize) -> DMatrix<f64> {
+        let gamma = self.autocovariance(count);
+        let (filter, variance) = prediction(&gamma);
+        let mut inverse = DMatrix::<f64>::zeros(count, count);
+        let back = |i: usize| filter[count - i];
+        for i in 0..count {
+            inverse[(i, 0)] = filter[i] / variance;
+            inverse[(0, i)] = inverse[(i, 0)];
+        }
+        for j in 1..count {
+            for i in j..count {
+                let value = inverse[(i - 1, j - 1)] + (filter[i] * filter[j] - back(i) * back(j)) / variance;
+                inverse[(i, j)] = value;
+                inverse[(j, i)] = value;
+            }
+        }
+        inverse
+    }
+}
+
+/// Returns the filter that leaves the error of prediction from all values before, its own first, and the error's variance
+/// (Levinson and Durbin).
+fn prediction(gamma: &[f64]) -> (Vec<f64>, f64) {
+    let mut filter = vec![1.0];
+    let mut variance = gamma.first().copied().unwrap_or(1.0);
+    for n in 1..gamma.len() {
+        let sum: f64 = filter.iter().enumerate().map(|(k, a)| a * gamma[n - k]).sum();
+        let reflection = -sum / variance;
+        let before = filter.clone();
+        filter.push(0.0);
+        for (k, a) in filter.iter_mut().enumerate().skip(1) {
+            *a += reflection * before[n - k];
+        }
+        variance *= 1.0 - reflection * reflection;
+    }
+    (filter, variance)
+}
+
+/// Returns white noise of half the mean square of successive differences, in which neither steps nor drift have a part (J.
+/// von Neumann, Distribution of the ratio of the mean square successive difference to the variance, 1941).
+pub(super) fn successive(residuals: &nalgebra::DVector<f64>) -> PowerLaw {
+    let pairs = residuals.len().saturating_sub(1).max(1) as f64;
+    let squares = residuals.iter().zip(residuals.iter().skip(1)).map(|(a, b)| (b - a).powi(2)).sum::<f64>();
+    PowerLaw::white((0.5 * squares / pairs).max(LEAST_WHITE))
+}

@@ -1,0 +1,418 @@
+//! Bodies that are not rigid, told by what their residuals look like.
+//!
+//! - *Resonance* (an elastic mount, liquid, a load that swings): a part of the body on a spring of the frequency ω₀ and the
+//!   damping ζ moves against the rest by z, `z̈ + 2ζω₀ ż + ω₀² z = −u`, u being what moves the body. The wrench has `z̈` times the
+//!   part's mass too much: the rows of the body through the filter `−s²/(s² + 2ζω₀ s + ω₀²)`, whatever the source. Frequencies and
+//!   dampings are tried one after the other.
+//!   The part makes no larger a wrench than the whole.
+//! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that angular accelerations stand in.
+//! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
+//!
+//! Where efforts of drives are measured, friction that is left out looks like all of these, and of many parameters something
+//! always does: nothing is named there.
+//!
+//! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
+//! named, less 7 for each of its columns.
+
+use nalgebra::DMatrix;
+
+use super::Rows;
+use super::bins::Bins;
+use super::noise::{self, PowerLaw};
+use super::score::{Added, Candidate, Common, Further, Metric, PER_COLUMN, drift};
+use super::tail;
+
+/// A candidate counts if noise explains as much once in so many recordings. What a load cell does by itself is no more than nearly
+/// noise, and a cable or a resonance that matters is far beyond.
+pub const FALSE_ALARM: f64 = 1e-12;
+/// Row blocks that are looked at, the middle ones.
+const MOST_BLOCKS: usize = 12_000;
+/// Frequencies that are tried: from the lowest on, so many to an octave, up to this share of the rate of the rows.
+const LOWEST_HZ: f64 = 0.4;
+const PER_OCTAVE: f64 = 2.5;
+const HIGHEST: f64 = 0.2;
+const DAMPINGS: [f64; 2] = [0.02, 0.15];
+/// Columns that belong to what is identified, at most.
+const MOST_COLUMNS: usize = 16;
+/// Below this frequency the integrals forget, Hz.
+const FORGET_HZ: f64 = 0.01;
+/// An angle counts if this share of it is in no other.
+const NEW_ANGLE: f64 = 0.5;
+/// Frequencies that explain this share of what the best does are as good.
+const AS_GOOD: f64 = 0.8;
+/// Energy of a burst over the mean of the quieter half, and bursts that are no single knocks.
+const LOUD: f64 = 4.0;
+const LEAST_BURSTS: usize = 8;
+/// Bins that may be loud without being bursts of something: beyond, all is loud.
+const MOST_LOUD: f64 = 0.6;
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// A part swings at a frequency, Hz.
+    Resonance {
+        /// Lowest and highest frequency that explain as much, Hz.
+        frequency_hz: [f64; 2],
+    },
+    /// Something pulls as the body turns.
+    Spring,
+    /// Something rattles, so many times.
+    Bursts {
+        /// Number of bursts.
+        count: usize,
+    },
+}
+
+/// What explains the residuals of a body that is not rigid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NotRigid {
+    /// What moves.
+    pub motion: Motion,
+    /// Probability that an honest recording shows as much.
+    pub probability: f64,
+    /// Decrease of χ², less what columns explain by chance.
+    pub explained: f64,
+}
+
+/// Returns the second integral over time with its sign turned, `1/(ω² + ω_f²)` at the frequency ω: one that forgets, forwards and
+/// then backwards, so that no phase is lost; each without its mean, as where it began is not known.
+fn second_integral(input: impl Iterator<Item = f64>, rate_hz: f64) -> Vec<f64> {
+    let step = 0.5 / rate_hz;
+    let forget = std::f64::consts::TAU * FORGET_HZ * step;
+    let once = |input: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        let (mut sum, mut before) = (0.0, 0.0);
+        let integral = input.map(|x| {
+            sum = (sum * (1.0 - forget) + step * (x + before)) / (1.0 + forget);
+            before = x;
+            sum
+        });
+        let integral: Vec<f64> = integral.collect();
+        let mean = integral.iter().sum::<f64>() / integral.len().max(1) as f64;
+        integral.into_iter().map(|v| v - mean).collect()
+    };
+    let forwards = once(&mut { input });
+    let mut twice = once(&mut forwards.into_iter().rev());
+    twice.reverse();
+    twice
+}
+
+/// A filter of second order over rows.
+#[derive(Clone, Copy)]
+struct Section {
+    b: [f64; 3],
+    a: [f64; 2],
+}
+
+impl Section {
+    /// Returns `(b₂ s² + b₀)/(s² + 2ζω₀ s + ω₀²)` at a frequency in Hz by the bilinear transform, right at that frequency.
+    fn new(frequency_hz: f64, damping: f64, squared: f64, constant: f64, rate_hz: f64) -> Self {
+        let omega = std::f64::consts::TAU * frequency_hz;
+        let k = omega / (0.5 * omega / rate_hz).tan();
+        let (k2, o2) = (k * k, omega * omega);
+        let a0 = k2 + 2.0 * damping * omega * k + o2;
+        let b = [squared * k2 + constant, 2.0 * (constant - squared * k2), squared * k2 + constant];
+        let a = [2.0 * (o2 - k2), k2 - 2.0 * damping * omega * k + o2];
+        Self { b: b.map(|v| v / a0), a: a.map(|v| v / a0) }
+    }
+
+    /// Returns what a resonance of this frequency and damping adds.
+    fn resonance(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
+        Self::new(frequency_hz, damping, -1.0, 0.0, rate_hz)
+    }
+
+    /// Returns the output over time, settled on the first input.
+    fn apply(&self, input: impl Iterator<Item = f64>) -> Vec<f64> {
+        let mut states: Option<[f64; 4]> = None;
+        let gain = self.b.iter().sum::<f64>() / (1.0 + self.a.iter().sum::<f64>());
+        input
+            .map(|x| {
+                let [x1, x2, y1, y2] = states.unwrap_or([x, x, gain * x, gain * x]);
+                let y = self.b[0] * x + self.b[1] * x1 + self.b[2] * x2 - self.a[0] * y1 - self.a[1] * y2;
+                states = Some([x, x1, y, y1]);
+                y
+            })
+            .collect()
+    }
+}
+
+/// Whitened rows over time, by channels and columns.
+type Series = Vec<Vec<Vec<f64>>>;
+
+/// Whitened rows of a stretch, kept.
+struct Stretch<'a> {
+    rows: &'a Rows<'a>,
+    /// Bins of all columns.
+    bins: Bins,
+    columns: Series,
+    /// Residuals by channels.
+    residuals: Vec<Vec<f64>>,
+    first: usize,
+    rate_hz: f64,
+    /// Noise of the signals in the rows.
+    noise: Vec<NoiseSeries>,
+}
+
+/// Noise of the signals in whitened rows, once.
+struct NoiseSeries {
+    columns: Series,
+    /// The same in bins, by channels.
+    binned: Vec<DMatrix<f64>>,
+    /// First row block of each bin.
+    first: Vec<usize>,
+    /// What its squares count.
+    weight: f64,
+}
+
+impl NoiseSeries {
+    /// Returns all series that rows know of.
+    fn all(rows: &Rows, several: usize) -> Vec<Self> {
+        let Some(noise) = rows.noise else { return Vec::new() };
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
+        let of = |k: usize| {
+            let mut columns: Series = vec![vec![Vec::new(); n + 1]; channels];
+            let mut count = 0;
+            noise.each(k, &mut |_, own| {
+                if count < MOST_BLOCKS {
+                    append(&mut columns, own);
+                    count += 1;
+                }
+            });
+            let first: Vec<usize> = (0..count / several).map(|b| b * several).collect();
+            let binned = columns.iter().map(|own| binned(own, &first, several)).collect();
+            Self { columns, binned, first, weight: noise.weight(k) }
+        };
+        (0..noise.series()).map(of).filter(|series| !series.first.is_empty()).collect()
+    }
+}
+
+/// Appends C rows.
+fn append(columns: &mut Series, rows: &[f64]) {
+    let n = (rows.len() / columns.len().max(1)).max(1);
+    for (own, row) in columns.iter_mut().zip(rows.chunks_exact(n)) {
+        own.iter_mut().zip(row).for_each(|(column, a)| column.push(*a));
+    }
+}
+
+/// Returns columns over time in bins of `several` blocks from each `first` on, as [`Bins`] has them.
+fn binned(columns: &[Vec<f64>], first: &[usize], several: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(first.len(), columns.len(), |b, j| {
+        columns[j][first[b]..first[b] + several].iter().sum::<f64>() / (several as f64).sqrt()
+    })
+}
+
+impl Motion {
+    /// Returns true if what moves makes the estimate wrong; bursts of noise make it no more than uncertain.
+    pub fn spoils(&self) -> bool {
+        !matches!(self, Self::Bursts { .. })
+    }
+}
+
+impl<'a> Stretch<'a> {
+    fn new(rows: &'a Rows<'a>) -> Self {
+        let count = rows.blocks.len();
+        let first = count.saturating_sub(MOST_BLOCKS) / 2;
+        let last = count.min(first + MOST_BLOCKS);
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
+        let mut columns: Series = vec![vec![Vec::with_capacity(last - first); n]; channels];
+        let mut residuals = vec![Vec::with_capacity(last - first); channels];
+        let bins = Bins::with(rows, first..last, n, |_, own, left| {
+            append(&mut columns, own);
+            residuals.iter_mut().zip(left).for_each(|(all, e)| all.push(*e));
+        });
+        let rate_hz = 1.0 / rows.blocks.filter().row_period_s();
+        let noise = NoiseSeries::all(rows, bins.several);
+        Self { rows, bins, columns, residuals, first, rate_hz, noise }
+    }
+
+    /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that with all columns as
+    /// noise of the signals makes it.
+    fn candidate(&self, of: impl Fn(&Series, usize) -> Vec<Vec<f64>>) -> Candidate {
+        let Bins { channels, columns: p, several, .. } = self.bins;
+        let first: Vec<usize> = self.bins.first.iter().map(|b| b - self.first).collect();
+        let of_channel = |c: usize| {
+            let columns = binned(&of(&self.columns, c), &first, several);
+            let mut expected = DMatrix::zeros(columns.ncols(), p + 1);
+            for series in &self.noise {
+                let own = binned(&of(&series.columns, c), &series.first, several);
+                let weight = series.weight / series.first.len() as f64;
+                expected += own.tr_mul(&series.binned[c]) * weight;
+            }
+            Further { columns, expected }
+        };
+        (0..channels).map(of_channel).collect()
+    }
+
+    /// Returns the rows of the body as a resonance has them.
+    fn resonance(&self, frequency_hz: f64, damping: f64) -> Candidate {
+        let section = Section::resonance(frequency_hz, damping, self.rate_hz);
+        let body = self.rows.columns(super::Role::is_body);
+        self.candidate(|series, c| {
+            body.iter().map(|j| section.apply(series[c][*j].iter().copied())).collect()
+        })
+    }
+
+    /// Returns the angles, each in every channel; where they are many each in its own.
+    fn spring(&self) -> Candidate {
+        let turning = self.rows.columns(|role| role == super::Role::Turning);
+        let channels = self.columns.len();
+        let square = |v: &Vec<f64>| v.iter().map(|a| a * a).sum::<f64>();
+        let strongest = |j: &usize| {
+            (0..channels)
+                .max_by(|c, d| square(&self.columns[*c][*j]).total_cmp(&square(&self.columns[*d][*j])))
+                .map(|c| (c, *j))
+        };
+        let angles: Vec<(usize, usize)> = turning.iter().filter_map(strongest).collect();
+        let angle = |series: &Series, (c, j): (usize, usize)| {
+            second_integral(series[c][j].iter().copied(), self.rate_hz)
+        };
+        let all = self.candidate(|series, _| angles.iter().map(|at| angle(series, *at)).collect());
+        let of_first = all.first().map_or(DMatrix::zeros(0, 0), |own| own.columns.clone());
+        let unit = noise::basis(&of_first, NEW_ANGLE);
+        let wide = unit.ncols();
+        if wide * channels <= 2 * MOST_COLUMNS {
+            // The basis is the angles times this.
+            let map = of_first.svd(true, true).solve(&unit, f64::EPSILON);
+            let map = map.unwrap_or_else(|_| DMatrix::zeros(angles.len(), wide));
+            let of = |(c, own): (usize, &Further)| {
+                let mut further = Further {
+                    columns: DMatrix::zeros(unit.nrows(), wide * channels),
+                    expected: DMatrix::zeros(wide * channels, self.bins.columns + 1),
+                };
+                further.columns.columns_mut(c * wide, wide).copy_from(&unit);
+                further.expected.rows_mut(c * wide, wide).copy_from(&map.tr_mul(&own.expected));
+                further
+            };
+            return all.iter().enumerate().map(of).collect();
+        }
+        let own = |(c, mut further): (usize, Further)| {
+            for (k, _) in angles.iter().enumerate().filter(|(_, at)| at.0 != c) {
+                further.columns.column_mut(k).fill(0.0);
+                further.expected.row_mut(k).fill(0.0);
+            }
+            further
+        };
+        all.into_iter().enumerate().map(own).collect()
+    }
+
+    /// Returns what a candidate explains beside the common fit, with noise as it is beside both, and its probability.
+    fn judge(&self, candidate: &Candidate, tried: f64) -> (f64, f64) {
+        let bins = &self.bins;
+        let (count, n) = (bins.len(), bins.columns);
+        let drift = drift(count);
+        let metrics: Vec<Metric> = (0..bins.channels)
+            .map(|c| {
+                let k = candidate[c].columns.ncols();
+                let all = DMatrix::from_fn(count, 3 + n + k, |b, j| match j {
+                    0 => 1.0,
+                    1 | 2 => drift[(b, j - 1)],
+                    _ if j < 3 + n => bins.rows[c][(b, j - 3)],
+                    _ => candidate[c].columns[(b, j - 3 - n)],
+                });
+                Metric::new(&PowerLaw::of(&bins.residuals[c], &noise::basis(&all, noise::ROUNDING)), count)
+            })
+            .collect();
+        let Added { square, rank, .. } = Common::new(bins, &metrics, &[]).added(candidate);
+        let others = (count as f64 - ((n + rank) as f64 / bins.channels as f64) - 3.0).max(1.0);
+        (square - PER_COLUMN * rank as f64, (tail(square, rank, others) * tried).min(1.0))
+    }
+
+    /// Returns true if parameters of a part make no larger a wrench than those of the whole.
+    fn is_part(&self, factors: &[f64]) -> bool {
+        let body = self.rows.columns(super::Role::is_body);
+        let whole: Vec<f64> = body.iter().map(|j| self.rows.values[*j]).collect();
+        let size = |parameters: &[f64]| -> f64 {
+            let of = |rows: &DMatrix<f64>| {
+                let terms = body.iter().zip(parameters);
+                let wrench =
+                    (0..rows.nrows()).map(|b| terms.clone().map(|(j, v)| rows[(b, *j)] * v).sum::<f64>());
+                wrench.map(|w| w * w).sum::<f64>()
+            };
+            self.bins.rows.iter().map(of).sum()
+        };
+        size(factors) <= size(&whole)
+    }
+
+    /// Returns the resonance that explains most.
+    fn best_resonance(&self) -> Option<NotRigid> {
+        let highest = HIGHEST * self.rate_hz;
+        let count = ((highest / LOWEST_HZ).log2() * PER_OCTAVE).floor().max(0.0) as usize;
+        let frequencies = (0..=count).map(|k| LOWEST_HZ * 2f64.powf(k as f64 / PER_OCTAVE));
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
+        let metrics: Vec<Metric> = noise.iter().map(|noise| Metric::new(noise, self.bins.len())).collect();
+        let common = Common::new(&self.bins, &metrics, &[]);
+        let mut tried: Vec<(f64, f64, f64)> = Vec::new();
+        for frequency_hz in frequencies {
+            for damping in DAMPINGS {
+                let found = common.added(&self.resonance(frequency_hz, damping));
+                let square = if self.is_part(found.factors.as_slice()) { found.square } else { 0.0 };
+                tried.push((square, frequency_hz, damping));
+            }
+        }
+        let most = tried.iter().map(|t| t.0).fold(0.0, f64::max);
+        let good = || tried.iter().filter(|t| t.0 >= AS_GOOD * most);
+        // The stiffest of those that are as good: far above the motion all are alike.
+        let (_, highest, damping) = good().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let lowest = good().map(|t| t.1).fold(*highest, f64::min);
+        let candidate = self.resonance(*highest, *damping);
+        let (explained, probability) = self.judge(&candidate, tried.len() as f64);
+        Some(NotRigid {
+            motion: Motion::Resonance { frequency_hz: [lowest, *highest] },
+            probability,
+            explained,
+        })
+    }
+
+    /// Returns the bursts, if there are many.
+    fn bursts(&self) -> Option<NotRigid> {
+        let several = self.bins.several;
+        let energies: Vec<f64> = self
+            .bins
+            .first
+            .iter()
+            .map(|first| {
+                let from = first - self.first;
+                // Second differences: of what is slow nothing is left.
+                let of = |all: &Vec<f64>| {
+                    let own = &all[from..from + several];
+                    own.windows(3).map(|e| (e[0] - 2.0 * e[1] + e[2]).powi(2)).sum::<f64>()
+                };
+                self.residuals.iter().map(of).sum()
+            })
+            .collect();
+        let mut sorted = energies.clone();
+        sorted.sort_by(f64::total_cmp);
+        let quiet = sorted.get(sorted.len() / 4)?;
+        let loud: Vec<bool> = energies.iter().map(|e| *e > LOUD * quiet).collect();
+        let count = loud.windows(2).filter(|w| !w[0] && w[1]).count();
+        let share = loud.iter().filter(|l| **l).count() as f64 / loud.len().max(1) as f64;
+        if several < 4 || count < LEAST_BURSTS || share > MOST_LOUD {
+            return None;
+        }
+        let filter = self.rows.blocks.filter();
+        let free = (several * self.residuals.len()) as f64 * filter.row_noise_gain().min(1.0);
+        // So many of all bins as loud by chance.
+        let one = tail(LOUD * free, free as usize, free * energies.len() as f64) * energies.len() as f64;
+        let probability = one.powi(LEAST_BURSTS as i32);
+        // What the loud bins have beyond the quiet ones.
+        let beyond = energies.iter().zip(&loud).filter(|(_, l)| **l).map(|(e, _)| e / quiet - 1.0);
+        let explained = free * beyond.sum::<f64>();
+        Some(NotRigid { motion: Motion::Bursts { count }, probability: probability.min(1.0), explained })
+    }
+}
+
+/// Returns what explains the residuals best; `None` if nothing does beyond chance.
+pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
+    if rows.has_drives || !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
+        return None;
+    }
+    let stretch = Stretch::new(rows);
+    if stretch.bins.len() < 2 * stretch.bins.columns {
+        return None;
+    }
+    let (explained, probability) = stretch.judge(&stretch.spring(), 1.0);
+    let spring = NotRigid { motion: Motion::Spring, probability, explained };
+    let candidates = stretch.best_resonance().into_iter().chain([spring]).chain(stretch.bursts());
+    candidates
+        .filter(|found| found.probability < FALSE_ALARM)
+        .max_by(|a, b| a.explained.total_cmp(&b.explained))
+}

@@ -1,0 +1,605 @@
+//! Factors of several runs as one, and what their residuals say of it.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::Write as _;
+use std::path::Path;
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, SourceChannel};
+use super::lack_of_fit::LackOfFit;
+use super::{
+    Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind,
+    NoiseCheck, Owner, Parameter, RowSet, judge,
+};
+
+/// A disagreement less likely than this among runs of one body is told and scales the covariance.
+const SURPRISING: f64 = 1e-4;
+/// Weights of a sum that differ by less are rounding.
+const SAME_WEIGHT: f64 = 1e-9;
+/// So many names stand in a message.
+const NAMES_TOLD: usize = 4;
+
+/// Why factors are not read, merged or written.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PoolError {
+    /// The file cannot be opened, read or written.
+    #[error("{name}: {reason}")]
+    Access {
+        /// Its name.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+    /// The bytes are not a usable factor file.
+    #[error("{name}: {error}")]
+    File {
+        /// Its name.
+        name: String,
+        /// Why.
+        error: FactorFileError,
+    },
+    /// The same readings stand in two factors.
+    #[error(
+        "the recording {recording} is in it twice ({first} and {second}): counting the same noise twice would halve \
+         the variance without knowing more; leave one of them out"
+    )]
+    Repeated {
+        /// The recording.
+        recording: String,
+        /// Name of the first factor that holds it.
+        first: String,
+        /// Name of the second.
+        second: String,
+    },
+    /// A factor has other parameters than the first one.
+    #[error("{name} is of another model than {first}: {difference}")]
+    Model {
+        /// The factor that differs.
+        name: String,
+        /// The first one.
+        first: String,
+        /// Its parameters against those of the first.
+        difference: ModelDifference,
+    },
+    /// Numbers too large.
+    #[error("{name}: merged with the others its numbers overflow: it is no factor of a real recording")]
+    Overflow {
+        /// The factor.
+        name: String,
+    },
+    /// Its runs have no value, or several, of a label that factors are told apart by.
+    #[error(
+        "{name} cannot be sorted by the label {key}: {reason}; `rigident factor --label {key}=…` gives runs one"
+    )]
+    Label {
+        /// The factor.
+        name: String,
+        /// The key of the label.
+        key: String,
+        /// What its runs have.
+        reason: String,
+    },
+    /// Nothing was given.
+    #[error("there is nothing to merge: give at least one factor")]
+    Nothing,
+}
+
+/// The parameters of one model against those of another.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ModelDifference {
+    /// Names that only the first has.
+    pub missing: Vec<String>,
+    /// Names that only the other has.
+    pub foreign: Vec<String>,
+    /// Names that both have with another unit, kind or frame, or made of other standard parameters.
+    pub changed: Vec<String>,
+}
+
+impl std::fmt::Display for ModelDifference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut said = Vec::new();
+        for (what, names) in [
+            ("it lacks", &self.missing),
+            ("it has besides", &self.foreign),
+            ("of another unit, frame or geometry are its", &self.changed),
+        ] {
+            if !names.is_empty() {
+                said.push(format!("{what} {}", names_in_words(names, ", ")));
+            }
+        }
+        if said.is_empty() {
+            said.push(
+                "its parameters have the same names, the links' geometry differs: use the same model file for all".to_owned(),
+            );
+        }
+        f.write_str(&said.join("; "))
+    }
+}
+
+/// The first few names, and how many more there are.
+fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
+    let told: Vec<&str> = names.iter().take(NAMES_TOLD).map(AsRef::as_ref).collect();
+    match names.len() - told.len() {
+        0 => told.join(between),
+        more => format!("{}{between}{more} more", told.join(between)),
+    }
+}
+
+/// A factor with its parameters and the runs that are in it.
+///
+/// ```no_run
+/// use std::path::Path;
+///
+/// use rigident_fit::pool::PooledFactor;
+///
+/// let files = ["monday.factor", "tuesday.factor"].map(|file| PooledFactor::read(Path::new(file)));
+/// let both = PooledFactor::merged(files.into_iter().collect::<Result<_, _>>()?, false)?;
+/// println!("{} rows of {}", both.factor.rows(), both.recordings());
+/// both.write(Path::new("both.factor"))?;
+/// # Ok::<(), rigident_fit::pool::PoolError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct PooledFactor {
+    /// Name of the file or of the recording, for messages.
+    pub name: String,
+    /// The unknowns, in the order of the columns.
+    pub parameters: Vec<Parameter>,
+    /// The model's ([`super::RowSource::model_fingerprint`]).
+    pub model_fingerprint: u64,
+    /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
+    pub rounding: f64,
+    /// All rows, whitened.
+    pub factor: Factor,
+    /// The runs that they came from.
+    pub sources: Vec<FactorSource>,
+    /// Parameters that the rows determined and that were eliminated.
+    pub eliminated: u64,
+    /// χ² of the disagreement of what was merged, whitened.
+    pub disagreement: f64,
+    /// Its degrees of freedom.
+    pub comparisons: u64,
+}
+
+impl PooledFactor {
+    /// Returns the factor of one run; its date is not known.
+    pub fn of(fit: &Fit, recording: &str) -> Self {
+        let source = FactorSource {
+            recording: recording.to_owned(),
+            recorded_unix_s: None,
+            fingerprint: fit.fingerprints.first().copied().unwrap_or(0),
+            samples: fit.counts.samples,
+            rejected: fit.counts.rejected,
+            rows: fit.factor.rows(),
+            noise_gain: fit.noise.noise_gain,
+            sigma_given: fit.noise.sigma_given,
+            spurious_information: fit.spurious_information,
+            channels: fit
+                .channels
+                .iter()
+                .enumerate()
+                .map(|(k, c)| SourceChannel {
+                    name: c.channel.name.clone(),
+                    unit: c.channel.unit.clone(),
+                    sigma: c.sigma,
+                    gain_sigma: fit.gain(k).map_or(0.0, |gain| gain.nuisance.sigma),
+                    measured_rms: c.measured_rms,
+                })
+                .collect(),
+            checks: None,
+            labels: BTreeMap::new(),
+        };
+        Self {
+            name: recording.to_owned(),
+            parameters: fit.parameters.clone(),
+            model_fingerprint: fit.model_fingerprint,
+            rounding: fit.rounding,
+            factor: fit.factor.clone(),
+            sources: vec![source],
+            eliminated: 0,
+            disagreement: 0.0,
+            comparisons: 0,
+        }
+    }
+
+    /// Returns the same with the date of its runs, s since 1970-01-01 UTC.
+    #[must_use]
+    pub fn recorded_at(mut self, unix_s: i64) -> Self {
+        self.sources.iter_mut().for_each(|source| source.recorded_unix_s = Some(unix_s));
+        self
+    }
+
+    /// Returns the same with what the checks of its runs found.
+    #[must_use]
+    pub fn checked(mut self, checks: &Checks) -> Self {
+        self.sources.iter_mut().for_each(|source| source.checks = Some(checks.clone()));
+        self
+    }
+
+    /// Returns the same with labels of its runs beside those that they have; a label that is given anew takes the place of the old one.
+    #[must_use]
+    pub fn labelled(mut self, labels: &BTreeMap<String, String>) -> Self {
+        for source in &mut self.sources {
+            source.labels.extend(labels.iter().map(|(key, value)| (key.clone(), value.clone())));
+        }
+        self
+    }
+
+    /// Reads the bytes of a factor file called `name`.
+    ///
+    /// # Errors
+    /// [`PoolError::File`] says what is wrong with it.
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, PoolError> {
+        factor_file::from_bytes(bytes, name).map_err(|error| PoolError::File { name: name.to_owned(), error })
+    }
+
+    /// Returns the bytes of the factor file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        factor_file::to_bytes(self)
+    }
+
+    /// Reads a factor file.
+    ///
+    /// # Errors
+    /// [`PoolError::Access`] if it cannot be read, [`PoolError::File`] if it is no usable factor.
+    pub fn read(path: &Path) -> Result<Self, PoolError> {
+        let name = path.display().to_string();
+        let refuse = |e: std::io::Error| PoolError::Access {
+            name: name.clone(),
+            reason: format!("cannot be read: {e}"),
+        };
+        let length = std::fs::metadata(path).map_err(refuse)?.len();
+        if length > MOST_BYTES {
+            let error = FactorFileError::TooLarge { what: "bytes", got: length, most: MOST_BYTES };
+            return Err(PoolError::File { name, error });
+        }
+        Self::from_bytes(&std::fs::read(path).map_err(refuse)?, &name)
+    }
+
+    /// Writes a factor file, which must not exist.
+    ///
+    /// # Errors
+    /// [`PoolError::Access`] if it is there already or cannot be written; nothing is left of it then.
+    pub fn write(&self, path: &Path) -> Result<(), PoolError> {
+        let refuse = |e: std::io::Error| PoolError::Access {
+            name: path.display().to_string(),
+            reason: match e.kind() {
+                std::io::ErrorKind::AlreadyExists => "is there already and is not overwritten".to_owned(),
+                _ => format!("cannot be written: {e}"),
+            },
+        };
+        let mut file = std::fs::File::create_new(path).map_err(refuse)?;
+        file.write_all(&self.to_bytes()).map_err(|error| {
+            let _ = std::fs::remove_file(path);
+            refuse(error)
+        })
+    }
+
+    /// Returns what is known of the parameters that `keep` selects, whatever the others are.
+    #[must_use]
+    pub fn only(mut self, keep: impl Fn(&Parameter) -> bool) -> Self {
+        let kept: Vec<usize> =
+            (0..self.parameters.len()).filter(|j| self.parameters.get(*j).is_some_and(&keep)).collect();
+        if kept.len() < self.parameters.len() {
+            let before = self.rank();
+            self.factor = self.factor.eliminate_others(&kept);
+            self.eliminated = self.eliminated.saturating_add(before.saturating_sub(self.rank()));
+            self.parameters.retain(keep);
+        }
+        self
+    }
+
+    /// Returns the same with the channels' constant offsets, if they are in it, eliminated.
+    #[must_use]
+    pub fn without_offsets(self) -> Self {
+        self.only(|parameter| parameter.kind != Kind::Offset)
+    }
+
+    /// Returns all of them as one. Unless the offsets are shared those of each factor are eliminated first; the order of
+    /// the factors does not matter but for rounding.
+    ///
+    /// # Errors
+    /// [`PoolError`]: the same recording twice, or factors that do not fit.
+    pub fn merged(factors: Vec<Self>, shared_offsets: bool) -> Result<Self, PoolError> {
+        let several = factors.len() > 1;
+        let mut factors = factors.into_iter();
+        let prepare = |f: Self| if shared_offsets || !several { f } else { f.without_offsets() };
+        let mut whole = prepare(factors.next().ok_or(PoolError::Nothing)?);
+        let mut names = vec![whole.name.clone()];
+        let mut seen: HashMap<u64, usize> = whole.sources.iter().map(|s| (s.fingerprint, 0)).collect();
+        let mut ranks = whole.rank();
+        for other in factors.map(prepare) {
+            for source in &other.sources {
+                if let Some(first) = seen.insert(source.fingerprint, names.len()) {
+                    return Err(PoolError::Repeated {
+                        recording: source.recording.clone(),
+                        first: names.get(first).unwrap_or(&other.name).clone(),
+                        second: other.name,
+                    });
+                }
+            }
+            let factor = other.in_order_of(&whole)?;
+            ranks += rank(&factor, other.rounding);
+            let apart = whole.factor.residual_sum_of_squares() + factor.residual_sum_of_squares();
+            whole.factor.merge(&factor);
+            if !whole.factor.is_finite() {
+                return Err(PoolError::Overflow { name: other.name });
+            }
+            // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
+            whole.disagreement +=
+                other.disagreement + (whole.factor.residual_sum_of_squares() - apart).max(0.0);
+            whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
+            whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
+            whole.rounding = whole.rounding.max(other.rounding);
+            whole.sources.extend(other.sources);
+            names.push(other.name);
+        }
+        whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
+        Ok(whole)
+    }
+
+    /// Returns its factor with the columns in the order of another's parameters.
+    fn in_order_of(&self, first: &Self) -> Result<Factor, PoolError> {
+        let difference = || PoolError::Model {
+            name: self.name.clone(),
+            first: first.name.clone(),
+            difference: difference(&first.parameters, &self.parameters),
+        };
+        let at: Option<Vec<usize>> = if self.parameters.len() == first.parameters.len() {
+            first
+                .parameters
+                .iter()
+                .enumerate()
+                .map(|(k, wanted)| {
+                    let is = |j: &usize| self.parameters.get(*j).is_some_and(|own| is_same(wanted, own));
+                    Some(k).filter(is).or_else(|| (0..self.parameters.len()).find(is))
+                })
+                .collect()
+        } else {
+            None
+        };
+        let order =
+            at.filter(|_| self.model_fingerprint == first.model_fingerprint).ok_or_else(difference)?;
+        Ok(if order.is_sorted() { self.factor.clone() } else { self.factor.eliminate_others(&order) })
+    }
+
+    /// Judges the residuals; `determined` of the parameters are determined by the rows.
+    fn judged(&self, determined: u64) -> (Judgement, Option<f64>) {
+        let fitted = determined.saturating_add(self.eliminated).saturating_add(self.comparisons) as f64;
+        // What only shows between the runs is judged between the runs.
+        let within = (self.factor.residual_sum_of_squares() - self.disagreement).max(0.0);
+        let sets: Vec<RowSet> = self
+            .sources
+            .iter()
+            .map(|s| RowSet {
+                rows: s.rows,
+                channels: s.channels.len(),
+                noise_gain: s.noise_gain,
+                sigma_given: s.sigma_given,
+            })
+            .collect();
+        let mut judgement = judge(&sets, within, fitted);
+        let dof = self.comparisons as f64;
+        let chi2 = self.disagreement / judgement.variance_scale;
+        // Below its mean it is no surprise; beyond the range of f64 it comes of no recording.
+        let surprising = chi2 > dof
+            && chi2.is_finite()
+            && ChiSquared::new(dof).is_ok_and(|distribution| distribution.sf(chi2) < SURPRISING);
+        if surprising {
+            judgement.variance_scale *= chi2 / dof;
+        }
+        (judgement, surprising.then_some(chi2 / dof))
+    }
+
+    /// Returns χ² per degree of freedom of the runs' disagreement, where their noise does not explain it.
+    pub fn unexplained_disagreement(&self) -> Option<f64> {
+        self.judged(self.determined()).1
+    }
+
+    fn rank(&self) -> u64 {
+        rank(&self.factor, self.rounding)
+    }
+
+    fn determined(&self) -> u64 {
+        self.factor.solve(self.rounding).determined.iter().filter(|d| **d).count() as u64
+    }
+
+    /// Returns the fit that the factor alone gives: no residuals over time, no counts of single channels.
+    pub fn fit(&self) -> Fit {
+        let (judgement, disagreement) = self.judged(self.determined());
+        let Judgement { noise, variance_ratio, variance_scale } = judgement;
+        let sum = |count: &dyn Fn(&FactorSource) -> u64| {
+            self.sources.iter().map(count).fold(0, u64::saturating_add)
+        };
+        let rows: f64 = self.sources.iter().map(|s| s.rows as f64).sum();
+        let expected: f64 = self.sources.iter().map(|s| s.rows as f64 * s.noise_gain).sum();
+        Fit {
+            signals: Vec::new(),
+            stated_noise: Vec::new(),
+            nuisances: Vec::new(),
+            agreement: None,
+            error_scores: None,
+            joint: None,
+            added: Vec::new(),
+            device: None,
+            parameters: self.parameters.clone(),
+            channels: self.channels(),
+            factor: self.factor.clone(),
+            estimate: Estimate::new(&self.factor, self.rounding, variance_scale, noise),
+            solved: None,
+            rounding: self.rounding,
+            model_fingerprint: self.model_fingerprint,
+            fingerprints: self.sources.iter().map(|s| s.fingerprint).collect(),
+            prior: None,
+            noise: NoiseCheck {
+                sigma_given: self.sources.iter().any(|s| s.sigma_given),
+                noise_gain: expected / rows.max(1.0),
+                variance_ratio,
+                variance_scale,
+                disagreement,
+            },
+            inflation: Vec::new(),
+            widened: Vec::new(),
+            signal_bias: Vec::new(),
+            spurious_information: self.sources.iter().map(|s| s.spurious_information).sum(),
+            residuals: Vec::new(),
+            filter: Filter::default(),
+            counts: Counts {
+                samples: sum(&|s| s.samples),
+                rejected: sum(&|s| s.rejected),
+                rejected_by_signal: Vec::new(),
+                gaps: 0,
+                blocks: sum(&|s| s.rows / (s.channels.len() as u64).max(1)),
+            },
+            lack_of_fit: LackOfFit::default(),
+            runs: self
+                .sources
+                .iter()
+                .map(|source| CheckedRun {
+                    recording: source.recording.clone(),
+                    checks: source.checks.clone(),
+                })
+                .collect(),
+            forgotten: None,
+            convergence: Vec::new(),
+        }
+    }
+
+    /// The channels of all runs by their names; σ is that of the first run that has the channel.
+    fn channels(&self) -> Vec<ChannelFit> {
+        let mut channels: Vec<ChannelFit> = Vec::new();
+        let mut seen = std::collections::HashSet::new();
+        for channel in self.sources.iter().flat_map(|s| &s.channels) {
+            if !seen.insert(channel.name.as_str()) {
+                continue;
+            }
+            let owner = Owner::Channel(channel.name.clone());
+            let offset = self.parameters.iter().position(|p| p.kind == Kind::Offset && p.owner == owner);
+            channels.push(ChannelFit {
+                channel: Channel {
+                    name: channel.name.clone(),
+                    unit: channel.unit.clone(),
+                    sigma: Some(channel.sigma),
+                    offset,
+                    group: 0,
+                },
+                sigma: channel.sigma,
+                residual_rms: 0.0,
+                measured_rms: channel.measured_rms,
+                measured_sd: 0.0,
+                noise_floor: 0.0,
+                outliers: 0,
+                rejected: 0,
+                residual_sigma: channel.sigma,
+                autocorrelation: None,
+            });
+        }
+        channels
+    }
+
+    /// Returns a warning where runs have gain errors: these are eliminated run by run; those of one instrument are the same
+    /// in all of them, and do not average out as noise does.
+    pub fn gain_warning(&self) -> Option<String> {
+        let has_gain = |s: &&FactorSource| s.channels.iter().any(|c| c.gain_sigma > 0.0);
+        let uncertain = self.sources.iter().filter(has_gain).count();
+        (uncertain > 1).then(|| {
+            format!(
+                "the gain errors of the load cell were taken to differ from run to run: if all {uncertain} runs were \
+                 taken with one load cell, the part of the intervals that comes from its gains is too small by up to \
+                 a factor of {:.1}",
+                (uncertain as f64).sqrt()
+            )
+        })
+    }
+
+    /// Returns why no offset is a parameter of it; `None` if one is.
+    pub fn without_offset_in_words(&self) -> Option<String> {
+        if self.parameters.iter().any(|p| p.kind == Kind::Offset) {
+            return None;
+        }
+        let said = if self.sources.len() > 1 {
+            "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the factors of \
+             the single runs for theirs, or merge with --shared-offset if they have one between them"
+        } else {
+            "the factor has no wrench offset: it was known by the rig file (offset_n_nm) and not estimated"
+        };
+        Some(said.to_owned())
+    }
+
+    /// Returns the names of the recordings, joined; of many the first few and their number.
+    pub fn recordings(&self) -> String {
+        let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();
+        names_in_words(&names, " + ")
+    }
+}
+
+/// Returns true if two parameters are the same quantity.
+fn is_same(a: &Parameter, b: &Parameter) -> bool {
+    let sorted = |p: &Parameter| {
+        let mut terms = p.made_of.clone();
+        terms.sort_by(|x, y| x.0.cmp(&y.0));
+        terms
+    };
+    let alike =
+        a.name == b.name && a.owner == b.owner && a.kind == b.kind && a.unit == b.unit && a.frame == b.frame;
+    if !alike || a.made_of == b.made_of {
+        return alike;
+    }
+    let (x, y) = (sorted(a), sorted(b));
+    let largest = x.iter().map(|t| t.1.abs()).fold(1.0, f64::max);
+    x.len() == y.len()
+        && x.iter().zip(&y).all(|(x, y)| x.0 == y.0 && (x.1 - y.1).abs() <= SAME_WEIGHT * largest)
+}
+
+/// The parameters `other` against those of `first`.
+pub(super) fn difference(first: &[Parameter], other: &[Parameter]) -> ModelDifference {
+    let by_name = |all: &'_ [Parameter], name: &str| all.iter().position(|p| p.name == name);
+    let mut difference = ModelDifference::default();
+    for wanted in first {
+        match by_name(other, &wanted.name).and_then(|j| other.get(j)) {
+            None => difference.missing.push(wanted.name.clone()),
+            Some(own) if !is_same(wanted, own) => difference.changed.push(wanted.name.clone()),
+            Some(_) => {}
+        }
+    }
+    let foreign = other.iter().filter(|p| by_name(first, &p.name).is_none());
+    difference.foreign = foreign.map(|p| p.name.clone()).collect();
+    difference
+}
+
+/// Returns the rank of the triangle, columns scaled to unit length; less than `rounding` is nothing.
+fn rank(factor: &Factor, rounding: f64) -> u64 {
+    let n = factor.parameters();
+    let r = factor.r_of_unit_columns();
+    let rounding = rounding.max(n as f64 * f64::EPSILON);
+    if is_well_conditioned(&r, rounding) {
+        return n as u64;
+    }
+    // Bounded: a factor may hold numbers whose squares overflow.
+    let Some(svd) = r.try_svd(false, false, f64::EPSILON, 1000) else { return 0 };
+    let floor = rounding * svd.singular_values.max();
+    svd.singular_values.iter().filter(|v| **v > floor).count() as u64
+}
+
+/// Returns true if `‖R‖ ‖R⁻¹‖`, which bounds the ratio of the singular values, is far below that of a singular R.
+fn is_well_conditioned(r: &nalgebra::DMatrix<f64>, rounding: f64) -> bool {
+    let n = r.nrows();
+    if (0..n).any(|j| r[(j, j)] == 0.0) {
+        return false;
+    }
+    let mut inverse = nalgebra::DMatrix::identity(n, n);
+    r.solve_upper_triangular_mut(&mut inverse) && r.norm() * inverse.norm() < 0.1 / rounding
+}
+
+/// Returns a warning for runs that disagree; `ratio` is χ² per degree of freedom.
+pub fn disagreement_in_words(what: &str, ratio: f64) -> String {
+    format!(
+        "{what} disagree {:.1} times as much as their noise explains, and the intervals were widened: was the body \
+         mounted differently, or does a sensor drift?",
+        ratio.sqrt()
+    )
+}
+
+#[cfg(test)]
+#[path = "pool_tests.rs"]
+mod tests;

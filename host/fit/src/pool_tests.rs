@@ -1,0 +1,221 @@
+use nalgebra::{DMatrix, DVector};
+
+use super::*;
+use crate::examples::{Run, apart, body, dense, tree, truth};
+
+fn is_offset(p: &Parameter) -> bool {
+    p.kind == Kind::Offset
+}
+
+/// Runs of one model, each with offsets of its own.
+fn runs(parameters: &[Parameter], count: u64) -> Vec<Run> {
+    let phi = truth(parameters.len());
+    (0..count)
+        .map(|seed| {
+            let own = |(j, v): (usize, &f64)| if is_offset(&parameters[j]) { v + seed as f64 } else { *v };
+            let phi: Vec<f64> = phi.iter().enumerate().map(own).collect();
+            Run::new(parameters, &phi, 180, 3.0, seed)
+        })
+        .collect()
+}
+
+fn pooled(runs: &[Run]) -> Vec<PooledFactor> {
+    runs.iter().map(|run| run.pooled.clone()).collect()
+}
+
+/// Oracle: the normal equations of all rows, with columns of its own for each run's offsets.
+#[test]
+fn merged_runs_are_the_dense_problem_with_offsets_of_each_run() {
+    for parameters in [body(), tree(1), tree(6)] {
+        let count = parameters.len();
+        assert!([16, 25, 60].contains(&count));
+        let runs = runs(&parameters, 3);
+        let kept: Vec<usize> = (0..count).filter(|j| !is_offset(&parameters[*j])).collect();
+        let own: Vec<usize> = (0..count).filter(|j| is_offset(&parameters[*j])).collect();
+        let rows = runs[0].a.nrows();
+        let mut a = DMatrix::zeros(3 * rows, kept.len() + 18);
+        let mut y = DVector::zeros(3 * rows);
+        let mut apart_squares = 0.0;
+        for (k, run) in runs.iter().enumerate() {
+            for i in 0..rows {
+                kept.iter().enumerate().for_each(|(c, j)| a[(k * rows + i, c)] = run.a[(i, *j)]);
+                own.iter()
+                    .enumerate()
+                    .for_each(|(c, j)| a[(k * rows + i, kept.len() + 6 * k + c)] = run.a[(i, *j)]);
+                y[k * rows + i] = run.y[i];
+            }
+            apart_squares += dense(&run.a, &run.y).2;
+        }
+        let (estimate, covariance, squares) = dense(&a, &y);
+        let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
+        assert_eq!((merged.eliminated, merged.comparisons), (18, 2 * kept.len() as u64));
+        assert!((merged.factor.residual_sum_of_squares() / squares - 1.0).abs() < 1e-9);
+        assert!((merged.disagreement / (squares - apart_squares) - 1.0).abs() < 1e-8);
+        let fit = merged.fit();
+        // The condition number, below 1e2, squared, times ε.
+        let all: Vec<usize> = (0..kept.len()).collect();
+        assert!(apart(&fit, &all, &estimate, &covariance) < 1e-9);
+        assert_eq!((fit.noise.variance_scale, fit.noise.disagreement), (1.0, None));
+        assert_eq!((fit.channels.len(), fit.counts.samples, fit.counts.blocks), (6, 90, 90));
+        assert_eq!(fit.fingerprints, [0, 1, 2]);
+    }
+}
+
+#[test]
+fn shared_offsets_are_one() {
+    let parameters = tree(1);
+    let phi = truth(25);
+    let runs: Vec<Run> = (0..2).map(|seed| Run::new(&parameters, &phi, 120, 3.0, seed)).collect();
+    let a = DMatrix::from_fn(240, 25, |i, j| runs[i / 120].a[(i % 120, j)]);
+    let y = DVector::from_fn(240, |i, _| runs[i / 120].y[i % 120]);
+    let (estimate, covariance, _) = dense(&a, &y);
+    let merged = PooledFactor::merged(pooled(&runs), true).unwrap();
+    let fit = merged.fit();
+    assert!(apart(&fit, &(0..25).collect::<Vec<_>>(), &estimate, &covariance) < 1e-9);
+    assert_eq!((merged.eliminated, merged.comparisons), (0, 25));
+    assert_eq!(fit.channels[4].channel.offset, parameters.iter().position(|p| p.name == "offset_my"));
+}
+
+#[test]
+fn the_order_of_merging_and_of_columns_does_not_matter() {
+    for parameters in [tree(1), tree(6)] {
+        let runs = runs(&parameters, 4);
+        let one = PooledFactor::merged(pooled(&runs), false).unwrap();
+        // In pairs, the other way about, and the last with its columns in another order.
+        let mut files = pooled(&runs);
+        let last = files.pop().unwrap();
+        let order: Vec<usize> = (0..parameters.len()).rev().collect();
+        let turned = PooledFactor {
+            parameters: order.iter().map(|j| parameters[*j].clone()).collect(),
+            factor: last.factor.eliminate_others(&order),
+            ..last
+        };
+        let pair = PooledFactor::merged(vec![files.pop().unwrap(), turned], false).unwrap();
+        files.insert(0, pair);
+        let other = PooledFactor::merged(files, false).unwrap();
+        let (one, other) = (one.fit(), other.fit());
+        for (j, parameter) in one.parameters.iter().enumerate() {
+            let k = other.parameters.iter().position(|p| p.name == parameter.name).unwrap();
+            let (a, b) = (one.estimate.measured(j).unwrap(), other.estimate.measured(k).unwrap());
+            assert!((a.value - b.value).abs() < 1e-11 * a.u95 && (a.u95 / b.u95 - 1.0).abs() < 1e-11);
+        }
+        assert!((one.noise.variance_ratio - other.noise.variance_ratio).abs() < 1e-11);
+    }
+}
+
+/// Runs of bodies that differ by ten standard deviations: the intervals hold both.
+#[test]
+fn runs_that_disagree_are_told_and_widen_the_intervals() {
+    let parameters = body();
+    let (mut phi, mut runs) = (truth(16), Vec::new());
+    for seed in 0..2 {
+        runs.push(Run::new(&parameters, &phi, 180, 3.0, seed));
+        let sd = dense(&runs[0].a, &runs[0].y).1[(0, 0)].sqrt();
+        phi[0] += 40.0 * sd;
+    }
+    let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
+    let ratio = merged.unexplained_disagreement().unwrap();
+    let fit = merged.fit();
+    assert_eq!(fit.noise.disagreement, Some(ratio));
+    // Half of 40² sd² in one direction of ten, and what is expected.
+    assert!((60.0..110.0).contains(&ratio), "{ratio}");
+    assert!((fit.noise.variance_scale / ratio - 1.0).abs() < 0.2);
+    assert!(disagreement_in_words("the runs", ratio).contains("disagree 8."));
+}
+
+#[test]
+fn what_does_not_fit_is_refused_by_kind() {
+    let runs = runs(&tree(1), 2);
+    let [a, b] = [&runs[0].pooled, &runs[1].pooled];
+    let merge = |files: &[&PooledFactor], shared: bool| {
+        PooledFactor::merged(files.iter().map(|f| (*f).clone()).collect(), shared).unwrap_err()
+    };
+    assert_eq!(merge(&[], false), PoolError::Nothing);
+    let copy = PooledFactor { name: "copy".into(), ..a.clone() };
+    let repeated = merge(&[a, b, &copy], false);
+    assert!(
+        matches!(&repeated, PoolError::Repeated { first, second, .. } if first == "run 0" && second == "copy")
+    );
+    let differ = |change: &dyn Fn(&mut PooledFactor), shared: bool| {
+        let mut other = b.clone();
+        change(&mut other);
+        let PoolError::Model { difference, .. } = merge(&[a, &other], shared) else { panic!() };
+        difference
+    };
+    let pounds = differ(&|f| f.parameters[0].unit = "lb".into(), false);
+    assert_eq!((pounds.changed, pounds.missing.len()), (vec!["base.M".to_owned()], 0));
+    let longer = differ(&|f| f.parameters[3].made_of[1].1 = 0.3, false);
+    assert_eq!(longer.changed, ["base.MSz"]);
+    let renamed = differ(&|f| f.parameters[3].name = "base.MSw".into(), false);
+    assert_eq!(
+        (renamed.missing, renamed.foreign),
+        (vec!["base.MSz".to_owned()], vec!["base.MSw".to_owned()])
+    );
+    let geometry = differ(&|f| f.model_fingerprint = 78, false);
+    assert_eq!(geometry, ModelDifference::default());
+    assert!(geometry.to_string().contains("geometry"));
+    let without = b.clone().without_offsets();
+    let PoolError::Model { difference, .. } = merge(&[a, &without], true) else { panic!() };
+    assert_eq!(difference.missing.len(), 6);
+    // Merged with the offsets of each eliminated they fit.
+    assert!(PooledFactor::merged(vec![a.clone(), without], false).is_ok());
+    // A sum whose weights differ by rounding is the same sum.
+    let mut rounded = b.clone();
+    rounded.parameters[3].made_of[1].1 += 1e-15;
+    assert!(PooledFactor::merged(vec![a.clone(), rounded], false).is_ok());
+    let entries = vec![f64::MAX; a.factor.entries().len()];
+    let huge = PooledFactor { factor: Factor::from_entries(25, &entries, 9).unwrap(), ..b.clone() };
+    assert!(matches!(merge(&[a, &huge], true), PoolError::Overflow { name } if name == "run 1"));
+}
+
+#[test]
+fn ten_thousand_runs_merge_and_are_told_in_one_line() {
+    let run = Run::new(&body(), &truth(16), 60, 3.0, 0);
+    let files: Vec<PooledFactor> = (0..10_000)
+        .map(|seed| {
+            let mut file = run.pooled.clone();
+            file.sources[0].fingerprint = seed;
+            file.sources[0].recording = format!("recording {seed}");
+            file
+        })
+        .collect();
+    let started = std::time::Instant::now();
+    let merged = PooledFactor::merged(files.clone(), false).unwrap();
+    println!("10 000 factors in {:?}", started.elapsed());
+    assert_eq!((merged.sources.len(), merged.factor.rows()), (10_000, 600_000));
+    assert!(merged.recordings().ends_with("recording 3 + 9996 more"), "{}", merged.recordings());
+    // Ten thousand alike know what one knows, a hundred times better.
+    let (one, all) = (run.fit().estimate.u95(0), merged.fit().estimate.u95(0));
+    assert!((one / all / 100.0 - 1.0).abs() < 1e-9, "{one} {all}");
+    let again = [files, vec![run.pooled]].concat();
+    assert!(matches!(PooledFactor::merged(again, false), Err(PoolError::Repeated { .. })));
+}
+
+#[test]
+fn more_rows_than_a_word_of_32_bits_are_counted() {
+    let mut runs = runs(&body(), 2);
+    for run in &mut runs {
+        run.pooled.sources[0].rows = 3_000_000_000;
+        let factor = run.pooled.factor.clone();
+        let squares = factor.residual_sum_of_squares();
+        run.pooled.factor = factor.with_residual(squares, 3_000_000_000);
+    }
+    let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
+    assert_eq!(merged.factor.rows(), 6_000_000_000);
+    let read = PooledFactor::from_bytes(&merged.to_bytes(), &merged.name).unwrap();
+    assert_eq!(read, merged);
+}
+
+#[test]
+fn gain_errors_in_common_and_lacking_offsets_are_told() {
+    let mut runs = runs(&body(), 2);
+    let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
+    assert_eq!(merged.gain_warning(), None);
+    assert!(merged.without_offset_in_words().unwrap().contains("each run has its own"));
+    assert_eq!(runs[0].pooled.without_offset_in_words(), None);
+    for run in &mut runs {
+        run.pooled.sources[0].channels[2].gain_sigma = 0.01;
+    }
+    let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
+    assert!(merged.gain_warning().unwrap().contains("a factor of 1.4"));
+}

@@ -1,8 +1,0 @@
-use crate::answer::result::ExperimentSummary;
-
-/// How far an experiment that decides for itself came.
-pub(super) struct Came {
-    pub(super) summary: ExperimentSummary,
-    /// Why what was asked for is not reached, and what is; `None` if it is.
-    pub(super) why: Option<String>,
-}

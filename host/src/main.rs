@@ -1,5 +1,0 @@
-//! `rigident`, the command line.
-
-fn main() -> std::process::ExitCode {
-    rigident::cli::main()
-}
