@@ -139,7 +139,7 @@ impl Search<'_> {
     }
 
     fn find(&self, rows: &Rows) -> Option<Change> {
-        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(successive).collect();
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
         let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
         if self.probability(first.square, first.rank) > SUSPICION {
             return None;
@@ -172,7 +172,7 @@ impl Search<'_> {
     /// Returns the probability of the largest step, however small it is.
     #[cfg(test)]
     pub(super) fn chance(&self) -> Option<f64> {
-        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(successive).collect();
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
         let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
         let (_, found) = self.second_look(first)?;
         Some(self.probability(found.square, found.rank))
