@@ -102,7 +102,7 @@ fn stopped(payload: Box<dyn Any + Send>) -> Failure {
 mod tests {
     use super::*;
 
-    const BRACKET: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+    const BRACKET: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
 
     fn called(words: &[&str], stop: bool) -> Called {
         call(words, None, Arc::new(AtomicBool::new(stop)))

@@ -9,20 +9,16 @@ use rigident::problem::body::Input;
 /// still pose.
 pub(super) fn of_body(input: &Input, gravity_columns: bool) -> Vec<TimePlot> {
     let start_ns = input.readings.first().map_or(0, |r| r.time_ns);
-    let time = |(row, r): (usize, &Reading<f64>)| match input.is_static {
+    let readings = &input.readings;
+    let time = |row: usize| match input.is_static {
         true => row as f64 + 1.0,
-        false => r.time_ns.saturating_sub(start_ns) as f64 * 1e-9,
+        false => readings[row].time_ns.saturating_sub(start_ns) as f64 * 1e-9,
     };
-    let times: Vec<f64> = input.readings.iter().enumerate().map(time).collect();
     let plot = |title: &str, unit: &str, value: &dyn Fn(&Reading<f64>) -> [f64; 3]| {
-        let axis = |k: usize| input.readings.iter().map(|r| value(r)[k]).collect();
-        let series = ["x", "y", "z"].into_iter().enumerate().map(|(k, name)| (name.to_owned(), axis(k)));
-        TimePlot {
-            title: title.to_owned(),
-            unit: unit.to_owned(),
-            time_s: times.clone(),
-            series: series.collect(),
-        }
+        let axes = ["x", "y", "z"].into_iter().enumerate();
+        axes.fold(TimePlot::new(title, unit), |plot, (axis, name)| {
+            plot.with(name, readings.len(), |row| (time(row), value(&readings[row])[axis]))
+        })
     };
     let force = if gravity_columns {
         // As it stands in the columns: what a sensor at rest would feel is its reverse.

@@ -115,7 +115,10 @@ impl TrackingError {
 
     /// Commanded and measured coordinates, where they change, and what is between them.
     pub(super) fn plots(&self) -> Vec<TimePlot> {
-        let line = |values: &[[f64; 6]], i: usize, scale: f64| values.iter().map(|v| scale * v[i]).collect();
+        let count = self.time_s.len();
+        let point = |values: &[[f64; 6]], i: usize, scale: f64, k: usize| {
+            (self.time_s[k], values.get(k).map_or(f64::NAN, |v| scale * v[i]))
+        };
         let mut plots = Vec::new();
         for (i, name) in ["x", "y", "z", "roll", "pitch", "yaw"].into_iter().enumerate() {
             let (low, high) = self
@@ -123,28 +126,19 @@ impl TrackingError {
                 .iter()
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v[i]), hi.max(v[i])));
             if high - low > 1e-6 {
-                plots.push(TimePlot {
-                    title: format!("Platform's {name}"),
-                    unit: if i < 3 { "m" } else { "rad" }.to_owned(),
-                    time_s: self.time_s.clone(),
-                    series: vec![
-                        ("commanded".to_owned(), line(&self.commanded, i, 1.0)),
-                        ("measured".to_owned(), line(&self.measured, i, 1.0)),
-                    ],
-                });
+                let plot = TimePlot::new(format!("Platform's {name}"), if i < 3 { "m" } else { "rad" })
+                    .with("commanded", count, |k| point(&self.commanded, i, 1.0, k))
+                    .with("measured", count, |k| point(&self.measured, i, 1.0, k));
+                plots.push(plot);
             }
         }
         for (what, unit, first, scale) in [("position", "mm", 0, 1e3), ("attitude", "mrad", 3, 1e3)] {
-            plots.push(TimePlot {
-                title: format!("Platform's {what}, measured less commanded"),
-                unit: unit.to_owned(),
-                time_s: self.time_s.clone(),
-                series: ["x", "y", "z"]
-                    .iter()
-                    .enumerate()
-                    .map(|(k, axis)| ((*axis).to_owned(), line(&self.differences, first + k, scale)))
-                    .collect(),
-            });
+            let plot = TimePlot::new(format!("Platform's {what}, measured less commanded"), unit);
+            let axes = ["x", "y", "z"].iter().enumerate();
+            let with = |plot: TimePlot, (axis, name): (usize, &&str)| {
+                plot.with(name, count, |k| point(&self.differences, first + axis, scale, k))
+            };
+            plots.push(axes.fold(plot, with));
         }
         plots
     }

@@ -28,6 +28,8 @@ pub const ESTIMATOR_TAPS: usize = 256;
 const GAP: f64 = 1.5;
 /// Samples between two reports of progress.
 const REPORTED_SAMPLES: usize = 256;
+/// Samples under the filter that are summed at a time.
+const AT_ONCE: usize = 4;
 /// Row blocks that are whitened before they are absorbed.
 const CHUNK: usize = 32;
 
@@ -530,16 +532,52 @@ impl Taps {
         self.out.measured.resize(channels, 0.0);
         self.out.untold.clear();
         self.out.untold.resize(channels, false);
-        for ((h, d), sample) in self.weights.iter().zip(&self.samples) {
-            let parts = sample.smoothed.iter().zip(&sample.differentiated);
-            for (sum, (smoothed, differentiated)) in self.out.smoothed.iter_mut().zip(parts) {
-                *sum += h * smoothed + d * differentiated;
+        let mut taps = self.weights.iter().zip(&self.samples);
+        loop {
+            // Several at a time, each sum in the order of the taps: fewer sums are stored.
+            let some: [_; AT_ONCE] = std::array::from_fn(|_| taps.next());
+            if let [Some(a), Some(b), Some(c), Some(d)] = some {
+                add_four(&mut self.out.smoothed, [a, b, c, d]);
+            } else {
+                for ((h, d), sample) in some.into_iter().flatten() {
+                    let parts = sample.smoothed.iter().zip(&sample.differentiated);
+                    for (sum, (smoothed, differentiated)) in self.out.smoothed.iter_mut().zip(parts) {
+                        *sum += h * smoothed + d * differentiated;
+                    }
+                }
             }
-            for (sum, value) in self.out.measured.iter_mut().zip(&sample.measured) {
-                *sum += h * value;
+            for ((h, _), sample) in some.into_iter().flatten() {
+                for (sum, value) in self.out.measured.iter_mut().zip(&sample.measured) {
+                    *sum += h * value;
+                }
+                self.out.untold.iter_mut().zip(&sample.untold).for_each(|(any, own)| *any |= own);
             }
-            self.out.untold.iter_mut().zip(&sample.untold).for_each(|(any, own)| *any |= own);
+            if some.iter().any(Option::is_none) {
+                break;
+            }
         }
         true
+    }
+}
+
+/// A sample with the weights of its smoothed and of its differentiated part.
+type Tap<'a> = (&'a (f64, f64), &'a SampleRows);
+
+/// Adds the weighted coefficients of samples to sums, one sample after the other.
+fn add_four(sums: &mut [f64], taps: [Tap<'_>; AT_ONCE]) {
+    let count = sums.len();
+    let [Some(s0), Some(s1), Some(s2), Some(s3)] = taps.map(|(_, rows)| rows.smoothed.get(..count)) else {
+        return;
+    };
+    let [Some(d0), Some(d1), Some(d2), Some(d3)] = taps.map(|(_, rows)| rows.differentiated.get(..count))
+    else {
+        return;
+    };
+    let [(h0, k0), (h1, k1), (h2, k2), (h3, k3)] = taps.map(|(weights, _)| *weights);
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let mut own = *sum + (h0 * s0[i] + k0 * d0[i]);
+        own += h1 * s1[i] + k1 * d1[i];
+        own += h2 * s2[i] + k2 * d2[i];
+        *sum = own + (h3 * s3[i] + k3 * d3[i]);
     }
 }

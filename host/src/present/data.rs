@@ -1,6 +1,10 @@
 //! The plain data of a report. SI units throughout; times in seconds on one axis for all plots.
 
+use super::envelope::{envelope_of, extremes};
 use crate::answer::result::{Measured, ParameterState};
+
+/// Buckets of the plots that are as wide as the page: about one per user unit.
+const FULL_BUCKETS: usize = 900;
 
 /// One number of the result, or the fact that the data do not identify it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -84,10 +88,29 @@ pub struct TimePlot {
     pub title: String,
     /// Unit of all series.
     pub unit: String,
-    /// Time, s.
-    pub time_s: Vec<f64>,
-    /// Label and values of each series, at most three; one value per time.
-    pub series: Vec<(String, Vec<f64>)>,
+    /// Smallest and largest time, s; `None` of no points.
+    pub range_s: Option<(f64, f64)>,
+    /// Label and points of each series, at most three, made short: time, s, and value.
+    pub series: Vec<(String, Vec<(f64, f64)>)>,
+}
+
+impl TimePlot {
+    /// Returns a plot without series.
+    pub fn new(title: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { title: title.into(), unit: unit.into(), ..Self::default() }
+    }
+
+    /// Adds a series of `count` points, `of(k)` being the time, s, and the value of one. Only what is drawn is kept.
+    #[must_use]
+    pub fn with(mut self, label: &str, count: usize, of: impl Fn(usize) -> (f64, f64)) -> Self {
+        let times = (0..count).map(|k| of(k).0);
+        let both = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.min(c), b.max(d));
+        if let Some(own) = extremes(times) {
+            self.range_s = Some(self.range_s.map_or(own, |range| both(range, own)));
+        }
+        self.series.push((label.to_owned(), envelope_of(count, of, FULL_BUCKETS)));
+        self
+    }
 }
 
 /// The first pose again at the end: change of the mean wrench.

@@ -4,26 +4,75 @@
 /// order in which they occur. A series that is short enough is returned as it is. Values that are not finite
 /// break the line: one point `(time, NaN)` stands for a bucket of them.
 pub fn envelope(time_s: &[f64], values: &[f64], buckets: usize) -> Vec<(f64, f64)> {
+    envelope_of(time_s.len().min(values.len()), |k| (time_s[k], values[k]), buckets)
+}
+
+/// Returns the [`envelope`] of `count` points, `of(k)` being the time and the value of one: a long series is held nowhere.
+pub fn envelope_of(count: usize, of: impl Fn(usize) -> (f64, f64), buckets: usize) -> Vec<(f64, f64)> {
     let buckets = buckets.max(1);
-    let points: Vec<(f64, f64)> =
-        time_s.iter().copied().zip(values.iter().copied()).filter(|(t, _)| t.is_finite()).collect();
-    let finite = |p: &(f64, f64)| if p.1.is_finite() { *p } else { (p.0, f64::NAN) };
-    if points.len() <= 2 * buckets {
-        return points.iter().map(finite).collect();
+    let points = || (0..count).map(&of).filter(|(t, _)| t.is_finite());
+    let finite = |p: (f64, f64)| if p.1.is_finite() { p } else { (p.0, f64::NAN) };
+    let (Some(first), Some(last)) = (points().next(), (0..count).rev().map(&of).find(|p| p.0.is_finite()))
+    else {
+        return Vec::new();
+    };
+    if points().nth(2 * buckets).is_none() {
+        return points().map(finite).collect();
     }
     let mut short = Vec::with_capacity(2 * buckets);
-    for group in by_time(&points, |p| p.0, buckets) {
-        let numbers = || group.iter().filter(|p| p.1.is_finite());
-        let low = numbers().min_by(|a, b| a.1.total_cmp(&b.1));
-        let high = numbers().max_by(|a, b| a.1.total_cmp(&b.1));
-        match (low, high) {
-            (Some(low), Some(high)) if low.1 == high.1 => short.push(*low),
-            (Some(low), Some(high)) if low.0 <= high.0 => short.extend([*low, *high]),
-            (Some(low), Some(high)) => short.extend([*high, *low]),
-            _ => short.extend(group.first().map(finite)),
+    let (mut bucket, mut own) = (bucket_of(first.0, (first.0, last.0), buckets), Extremes::of(first));
+    for point in points().skip(1) {
+        let next = bucket_of(point.0, (first.0, last.0), buckets);
+        if next > bucket {
+            own.put_into(&mut short);
+            (bucket, own) = (next, Extremes::of(point));
+        } else {
+            own.add(point);
         }
     }
+    own.put_into(&mut short);
     short
+}
+
+/// The first point of a bucket, its first smallest and its last largest finite value.
+struct Extremes {
+    first: (f64, f64),
+    range: Option<[(f64, f64); 2]>,
+}
+
+impl Extremes {
+    fn of(first: (f64, f64)) -> Self {
+        Self { first, range: Some([first; 2]).filter(|_| first.1.is_finite()) }
+    }
+
+    fn add(&mut self, point: (f64, f64)) {
+        if !point.1.is_finite() {
+            return;
+        }
+        let [low, high] = self.range.get_or_insert([point; 2]);
+        if point.1.total_cmp(&low.1).is_lt() {
+            *low = point;
+        }
+        if point.1.total_cmp(&high.1).is_ge() {
+            *high = point;
+        }
+    }
+
+    fn put_into(&self, short: &mut Vec<(f64, f64)>) {
+        match self.range {
+            Some([low, high]) if low.1 == high.1 => short.push(low),
+            Some([low, high]) if low.0 <= high.0 => short.extend([low, high]),
+            Some([low, high]) => short.extend([high, low]),
+            None => short.push((self.first.0, f64::NAN)),
+        }
+    }
+}
+
+/// Returns the bucket of a time within a range; a clock that runs backwards stays in the first one.
+fn bucket_of(time: f64, (start, end): (f64, f64), buckets: usize) -> usize {
+    let span = end - start;
+    let share = if span > 0.0 { (time - start) / span } else { 0.0 };
+    ((share * buckets as f64) as usize).min(buckets.saturating_sub(1))
 }
 
 /// The area that `value ± half_width` covers, as at most `buckets` points (time, low, high); not finite where
@@ -52,12 +101,8 @@ pub(super) fn band(
 /// Consecutive points cut at equal steps of time into at most `buckets` groups, none of them empty.
 fn by_time<P>(points: &[P], time: impl Fn(&P) -> f64, buckets: usize) -> Vec<&[P]> {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
-    let (start, span) = (time(first), time(last) - time(first));
-    let bucket_of = |p: &P| {
-        let share = if span > 0.0 { (time(p) - start) / span } else { 0.0 };
-        // The conversion saturates at zero; a clock that runs backwards stays in its bucket.
-        ((share * buckets as f64) as usize).min(buckets.saturating_sub(1))
-    };
+    let range = (time(first), time(last));
+    let bucket_of = |p: &P| bucket_of(time(p), range, buckets);
     let mut groups = Vec::new();
     let mut rest = points;
     while let Some(head) = rest.first() {

@@ -10,8 +10,6 @@ use super::text::{NOT_IDENTIFIED, Rounded, beside, three_digits, unit_symbol};
 
 /// Buckets of an envelope: about one per user unit of the plot's width.
 const BUCKETS: usize = 450;
-/// The same for the charts that are as wide as the page.
-const FULL_BUCKETS: usize = 900;
 /// Up to so many residuals are dots, more are a line.
 const FEW: usize = 150;
 /// Estimates move slowly: fewer will do.
@@ -21,8 +19,8 @@ const CONVERGENCE_BUCKETS: usize = 220;
 pub fn time_axis(data: &Series) -> Axis {
     let convergence = data.convergence.iter().map(|c| &c.time_s);
     let residuals = data.residuals.iter().map(|r| &r.time_s);
-    let motion = data.motion.iter().map(|m| &m.time_s);
-    let range = extremes(convergence.chain(residuals).chain(motion).flatten().copied());
+    let motion = data.motion.iter().filter_map(|m| m.range_s).flat_map(|(low, high)| [low, high]);
+    let range = extremes(convergence.chain(residuals).flatten().copied().chain(motion));
     let (low, high) = range.unwrap_or((0.0, 1.0));
     if data.along == Along::Poses {
         // No tick between two poses.
@@ -184,18 +182,18 @@ pub fn motion(data: &Series, time: &Axis) -> String {
 }
 
 fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &Series) -> String {
-    let (low, high) = extremes(plot.series.iter().flat_map(|s| s.1.iter().copied())).unwrap_or((-1.0, 1.0));
+    let (low, high) =
+        extremes(plot.series.iter().flat_map(|s| s.1.iter().map(|p| p.1))).unwrap_or((-1.0, 1.0));
     let margin = (0.06 * (high - low)).max(1e-12);
     let mut caption = format!("<b>{}</b>", escape(&plot.title));
     let mut layers = vec![Layer::Level("zero", 0.0)];
     let classes = [("s0", "s0 points"), ("s1", "s1 points"), ("s2", "s2 points")];
-    for ((label, values), (class, points)) in plot.series.iter().zip(classes) {
+    for ((label, envelope), (class, points)) in plot.series.iter().zip(classes) {
         caption.push_str(&format!(" <span class=\"key {class}\">{}</span>", escape(label)));
-        let envelope = envelope(&plot.time_s, values, FULL_BUCKETS);
         layers.push(match data.along {
-            Along::Time => Layer::Line(class, envelope),
+            Along::Time => Layer::Line(class, envelope.clone()),
             // Nothing is known of what lies between two poses.
-            Along::Poses => Layer::Dots(points, envelope),
+            Along::Poses => Layer::Dots(points, envelope.clone()),
         });
     }
     let along = if data.along == Along::Poses { "of each still pose" } else { "over time" };

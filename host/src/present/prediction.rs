@@ -156,18 +156,10 @@ fn plot(found: &Predictions, columns: &[(String, Prediction)], c: usize) -> Opti
     let channel = found.channels.get(c)?;
     let (name, shown) = columns.iter().rev().find(|(name, _)| name != "least squares")?;
     let told: Vec<_> = shown.blocks.iter().filter(|block| block.told.get(c) != Some(&false)).collect();
-    let values = |of: &dyn Fn(&rigident_fit::PredictedBlock) -> Option<f64>| {
-        told.iter().filter_map(|b| of(b)).collect()
-    };
-    let mut series = Vec::new();
+    let mut plot = TimePlot::new(channel.name.clone(), channel.unit.clone());
+    let value = |values: &[f64]| values.get(c).copied().unwrap_or(f64::NAN);
     if channel.measured_sd.is_some() {
-        series.push(("measured".to_owned(), values(&|block| block.measured.get(c).copied())));
+        plot = plot.with("measured", told.len(), |k| (told[k].time_s, value(&told[k].measured)));
     }
-    series.push((name.clone(), values(&|block| block.predicted.get(c).copied())));
-    Some(TimePlot {
-        title: channel.name.clone(),
-        unit: channel.unit.clone(),
-        time_s: told.iter().map(|block| block.time_s).collect(),
-        series,
-    })
+    Some(plot.with(name, told.len(), |k| (told[k].time_s, value(&told[k].predicted))))
 }

@@ -16,12 +16,12 @@ use crate::program::{json, rigident, said, status};
 /// Where `cargo xtask firmware --board stm32f405` leaves it.
 const IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
-    "/../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405"
+    "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405"
 );
 /// The same with the feature `watch`.
 const WATCH_IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
-    "/../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405-watch"
+    "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405-watch"
 );
 /// What the emulator says of its second serial port, before the port's name.
 const REDIRECTED: &str = "char device redirected to ";
@@ -117,7 +117,7 @@ fn it_replays_a_recording_with_the_bits_of_the_firmware_in_this_process() {
     let at = place.path();
     let board = Board::boot(at);
     // A thousand readings: the emulated port takes some hundred a second.
-    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
     let replay = |mcu: &str, out: &str| {
         let output = rigident(at, &["replay", recording, "--mcu", mcu, "--json", "--out", out]);
         assert!(status(&output) < 2, "{}", said(&output));
@@ -142,7 +142,7 @@ fn it_replays_a_recording_with_the_bits_of_the_firmware_in_this_process() {
 #[test]
 #[ignore = "needs the STM32F405's image"]
 fn it_watches_a_recording_with_the_bits_of_the_firmware_in_this_process() {
-    const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/");
+    const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/");
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     let files = ["picks-up.csv", "picks-up.urdf"].map(|name| format!("{EXAMPLES}{name}"));

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::program::{json, parameter, rigident, rigident_anywhere, said, status};
 
-const RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+const RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
 
 /// A copy of the example with its rig file, as far as its first rows; zero: all.
 fn part_of_example(place: &Path, name: &str, rows: usize) -> String {

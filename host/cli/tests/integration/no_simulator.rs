@@ -5,7 +5,7 @@ use crate::program::rigident_anywhere as rigident;
 
 #[test]
 fn what_needs_the_simulated_rig_is_refused_with_the_feature_that_brings_it() {
-    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/two-links.csv");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/two-links.csv");
     for arguments in [&["demo"][..], &[], &["montecarlo"], &["replay", recording, "--mcu", "inproc"]] {
         let out = rigident(arguments);
         let said = String::from_utf8_lossy(&out.stderr);
@@ -31,7 +31,7 @@ fn the_help_says_what_this_build_lacks() {
 
 #[test]
 fn identifying_and_planning_need_no_simulated_rig() {
-    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/two-links.csv");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/two-links.csv");
     let folder = tempfile::tempdir().unwrap();
     let out = rigident(&["identify", recording, "--out", folder.path().join("a").to_str().unwrap()]);
     assert_eq!(out.status.code(), Some(0), "{}", String::from_utf8_lossy(&out.stderr));

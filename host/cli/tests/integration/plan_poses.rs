@@ -235,7 +235,7 @@ fn a_recording_s_still_poses_are_judged_by_every_estimator() {
         assert_eq!(output.status.code(), Some(2));
         assert!(String::from_utf8_lossy(&output.stderr).contains(why));
     }
-    let moving = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+    let moving = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
     let output = rigident(&["statics", moving]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("0 still poses"));

@@ -165,7 +165,8 @@ fn any_data_make_a_page() {
             residual.values.truncate(100 * i);
         }
         for plot in &mut data.series.motion {
-            plot.time_s.fill(a);
+            plot.range_s = Some((a, b));
+            plot.series[1].1.iter_mut().step_by(3).for_each(|point| *point = (a, b));
             plot.series[0].1.clear();
         }
         data.series.stages[1].start_s = a;
@@ -260,12 +261,8 @@ fn still_poses_are_points_and_a_note_is_no_warning() {
     data.series.along = Along::Poses;
     data.answer.notes = vec!["the answer is that of the last 5 s".to_owned()];
     data.answer.warnings = Vec::new();
-    data.series.motion = vec![TimePlot {
-        title: "Gravity from its columns, axes of S".to_owned(),
-        unit: "m/s2".to_owned(),
-        time_s: vec![1.0, 2.0, 3.0],
-        series: vec![("x".to_owned(), vec![1.0, 5.0, 9.0])],
-    }];
+    let plot = TimePlot::new("Gravity from its columns, axes of S", "m/s2");
+    data.series.motion = vec![plot.with("x", 3, |k| (1.0 + k as f64, 1.0 + 4.0 * k as f64))];
     let page = data.page();
     let document = parse(&page);
     let svg = elements(&document, "svg")

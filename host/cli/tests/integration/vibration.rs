@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::factors::simulated::{rigident, said, status};
 
-const POSTURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/two-link-postures.toml");
+const POSTURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/two-link-postures.toml");
 
 fn object(place: &Path, arguments: &[&str]) -> Value {
     let output = rigident(place, arguments);

@@ -18,6 +18,7 @@ pub mod input_checks;
 mod instant;
 pub mod joints;
 pub mod limits;
+mod neighbours;
 pub mod polynomial;
 pub mod prepare;
 mod rotors;

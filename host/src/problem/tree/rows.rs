@@ -217,19 +217,9 @@ impl RowMaker {
         }
     }
 
-    /// Returns the effort of the drives of a freedom that parameters predict, the smoothed part or that which is differentiated.
-    pub(super) fn effort_of_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, phi: &[f64]) -> f64 {
-        let mut sum = 0.0;
-        for (drive, at) in &self.drives {
-            let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
-            let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
-            for (term, value) in drive.terms.iter().zip(phi.iter().skip(*at)) {
-                if !(drive.stands && term.is_dry()) {
-                    sum += factor * term.column(rate, load, drive.slides, smoothed) * value;
-                }
-            }
-        }
-        sum
+    /// Returns the drives, each with the place of its first parameter.
+    pub(super) fn drives(&self) -> &[(super::drive::Drive, usize)] {
+        &self.drives
     }
 
     /// Brings moments from the root's origin to the base's.
@@ -303,6 +293,28 @@ impl RowMaker {
             }
         }
     }
+}
+
+/// Returns the effort of drives, each with the place of its first parameter, that parameters predict for a freedom: the smoothed
+/// part or that which is differentiated.
+pub(super) fn effort_of_drives(
+    drives: &[(super::drive::Drive, usize)],
+    freedom: usize,
+    frame: &Frame,
+    smoothed: bool,
+    phi: &[f64],
+) -> f64 {
+    let mut sum = 0.0;
+    for (drive, at) in drives {
+        let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
+        let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
+        for (term, value) in drive.terms.iter().zip(phi.iter().skip(*at)) {
+            if !(drive.stands && term.is_dry()) {
+                sum += factor * term.column(rate, load, drive.slides, smoothed) * value;
+            }
+        }
+    }
+    sum
 }
 
 /// Returns which rows there are if the base's wrench or the joints' efforts are measured; `None` without either.

@@ -17,23 +17,20 @@ use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::contact::availability::Availability;
 use super::instant::{Direction, Instant, Three};
+use super::neighbours::{Neighbours, Predictor};
 use super::rows::{BASE, RowMaker};
 use super::{Frame, SignalError, SignalKind, TreeSource};
-use rigident_fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows, parallel};
-use rigident_model::rows::Moving;
+use rigident_fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
 
 /// Steps longer than this many sample periods are gaps.
 const GAP: f64 = 1.5;
-/// Frames that one thread predicts one after the other.
-const RUN: usize = 512;
 
 /// Columns of a source's errors.
 pub(super) struct ErrorRows<'a> {
     source: &'a TreeSource,
     /// By links of the tree: its own IMU shows its motion.
     is_seen: Vec<bool>,
-    /// Predictions of every frame, smoothed and differentiated parts; empty without a skew.
-    predicted: Vec<f64>,
+    predictor: Predictor,
     /// The tree at rest, of which rooms are copies.
     still: Instant,
     rooms: Mutex<Vec<Room>>,
@@ -41,7 +38,7 @@ pub(super) struct ErrorRows<'a> {
 
 /// Room for the numbers of one frame after the other.
 struct Room {
-    instant: Instant,
+    neighbours: Neighbours,
     /// Columns of directions, as they are asked for, and which of them are made.
     columns: Vec<f64>,
     is_made: Vec<bool>,
@@ -66,28 +63,27 @@ impl<'a> ErrorRows<'a> {
         let links = moving.links().len();
         let is_seen = (0..links).map(|i| input.signals.iter().any(|s| seen(s, i))).collect();
         let still = Instant::new(input, moving, maker.bodies(phi));
-        let rooms = Mutex::new(Vec::new());
-        let mut rows = Self { source, is_seen, predicted: Vec::new(), still, rooms };
-        if input.errors.contains(&SignalError::Skew) {
-            rows.predicted = rows.predictions(maker, phi)?;
-        }
-        Ok(rows)
+        let predictor = Predictor::new(maker.drives(), phi);
+        Ok(Self { source, is_seen, predictor, still, rooms: Mutex::new(Vec::new()) })
     }
 
-    /// Does something with a room that nobody else has meanwhile.
-    fn in_room<R>(&self, job: impl FnOnce(&mut Room) -> R) -> R {
+    /// Does something with a room that nobody else has meanwhile, one that has a frame at hand if there is one.
+    fn in_room<R>(&self, sample: usize, job: impl FnOnce(&mut Room) -> R) -> R {
         let rooms = || self.rooms.lock().unwrap_or_else(PoisonError::into_inner);
-        let free = rooms().pop();
+        let free = {
+            let mut rooms = rooms();
+            let near = rooms.iter().position(|room: &Room| room.neighbours.has(sample));
+            near.map(|at| rooms.swap_remove(at)).or_else(|| rooms.pop())
+        };
         let mut room = free.unwrap_or_else(|| {
-            let (instant, channels) = (self.still.clone(), self.source.channels().len());
-            let directions = instant.directions();
+            let (width, directions) = (2 * self.source.channels().len(), self.still.directions());
             Room {
-                columns: vec![0.0; directions * 2 * channels],
+                columns: vec![0.0; directions * width],
                 is_made: vec![false; directions],
-                moved: vec![None; instant.moving.links().len()],
+                moved: vec![None; self.still.moving.links().len()],
                 moves: Vec::new(),
-                sum: vec![0.0; 2 * channels],
-                instant,
+                sum: vec![0.0; width],
+                neighbours: Neighbours::new(&self.still, width),
             }
         });
         let done = job(&mut room);
@@ -95,63 +91,24 @@ impl<'a> ErrorRows<'a> {
         done
     }
 
-    /// Returns the predictions of every frame, one after the other, offsets of the wrench left out.
-    fn predictions(&self, maker: &RowMaker, phi: &[f64]) -> Result<Vec<f64>, TreeError> {
-        let (frames, channels) = (&self.source.input().frames, self.source.channels().len());
-        let runs = parallel::map(parallel::threads(), frames.len().div_ceil(RUN), |run| {
-            self.in_room(|room| {
-                let own = frames.iter().skip(run * RUN).take(RUN);
-                let mut out = vec![0.0; own.len() * 2 * channels];
-                for (frame, out) in own.zip(out.chunks_exact_mut((2 * channels).max(1))) {
-                    self.predict(&mut room.instant, maker, frame, phi, out)?;
-                }
-                Ok(out)
-            })
-        });
-        let runs: Result<Vec<Vec<f64>>, TreeError> = runs.into_iter().collect();
-        Ok(runs?.concat())
-    }
-
-    /// Writes the predictions of a frame.
-    fn predict(
-        &self,
-        instant: &mut Instant,
-        maker: &RowMaker,
-        frame: &Frame,
-        phi: &[f64],
-        out: &mut [f64],
-    ) -> Result<(), TreeError> {
-        let input = self.source.input();
-        instant.set(frame, input.contact.as_ref())?;
-        instant.predict(out);
-        if input.has_efforts() {
-            let channels = out.len() / 2;
-            let first = if input.has_wrench() { 6 } else { 0 };
-            for (c, smoothed) in (first..channels).flat_map(|c| [(c, true), (c, false)]) {
-                let drives = maker.effort_of_drives(c - first, frame, smoothed, phi);
-                out[c + if smoothed { 0 } else { channels }] += drives;
-            }
-        }
-        Ok(())
-    }
-
     /// Writes the derivative by time of the predictions of a frame.
-    fn slope(&self, sample: usize, out: &mut [f64]) {
+    fn slope(&self, sample: usize, neighbours: &mut Neighbours, out: &mut [f64]) -> Result<(), TreeError> {
         let input = self.source.input();
-        let width = out.len();
-        let count = self.predicted.len() / width.max(1);
-        let own = |k: usize| self.predicted.get(k * width..(k + 1) * width).unwrap_or_default();
         let time = |k: usize| input.frames.get(k).map_or(0.0, |frame| frame.time_ns as f64 * 1e-9);
         let near = |other: Option<usize>| {
             let is_near = |k: &usize| (time(*k) - time(sample)).abs() < GAP / input.rate_hz;
-            other.filter(|k| *k < count && is_near(k)).unwrap_or(sample)
+            other.filter(|k| *k < input.frames.len() && is_near(k)).unwrap_or(sample)
         };
         let (before, after) = (near(sample.checked_sub(1)), near(Some(sample + 1)));
         let span = time(after) - time(before);
+        // The frame itself will be a neighbour of the next one.
+        let [_, own_before, own_after] =
+            neighbours.predict([sample, before, after], &self.predictor, input)?;
         if span > 0.0 {
-            let pairs = own(after).iter().zip(own(before));
+            let pairs = own_after.iter().zip(own_before);
             out.iter_mut().zip(pairs).for_each(|(to, (a, b))| *to = (a - b) / span);
         }
+        Ok(())
     }
 
     /// Writes the weights of the directions that an error moves.
@@ -282,12 +239,12 @@ impl<'a> ErrorRows<'a> {
         self.source.mark_untold(sample, rows);
         let input = self.source.input();
         let frame = input.frames.get(sample).ok_or(refuse)?;
-        let available = self.in_room(|room| {
-            let available = self.available(&mut room.instant.moving, frame)?;
-            room.instant.set(frame, input.contact.as_ref())?;
+        let available = self.in_room(sample, |room| {
+            room.neighbours.bring(sample, input)?;
+            let available = self.available(frame)?;
             room.is_made.fill(false);
             for (k, error) in input.errors.iter().enumerate() {
-                self.write_error(sample, frame, error, available.as_ref(), room);
+                self.write_error(sample, frame, error, available.as_ref(), room)?;
                 let (smoothed, differentiated) = room.sum.split_at(room.sum.len() / 2);
                 put(&mut rows.smoothed, k, input.errors.len(), smoothed);
                 put(&mut rows.differentiated, k, input.errors.len(), differentiated);
@@ -311,11 +268,11 @@ impl<'a> ErrorRows<'a> {
         error: &SignalError,
         available: Option<&Availability>,
         room: &mut Room,
-    ) {
-        let Room { instant, columns, is_made, moved, moves, sum } = room;
+    ) -> Result<(), TreeError> {
+        let Room { neighbours, columns, is_made, moved, moves, sum } = room;
         sum.fill(0.0);
         match error {
-            SignalError::Skew => self.slope(sample, sum),
+            SignalError::Skew => self.slope(sample, neighbours, sum)?,
             SignalError::EffortOffset(channel) => {
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = 1.0)
             }
@@ -338,6 +295,7 @@ impl<'a> ErrorRows<'a> {
                 }
             }
             _ => {
+                let instant = neighbours.instant();
                 self.find_moves(instant, error, moved, moves);
                 let width = sum.len();
                 for (direction, weight) in moves.iter() {
@@ -352,14 +310,16 @@ impl<'a> ErrorRows<'a> {
                 }
             }
         }
+        Ok(())
     }
 
     /// Returns what is available of the rows of a frame; `None` where there are no feet.
-    fn available(&self, moving: &mut Moving, frame: &Frame) -> Result<Option<Availability>, TreeError> {
+    fn available(&self, frame: &Frame) -> Result<Option<Availability>, TreeError> {
         let Some(contact) = &self.source.input().contact else { return Ok(None) };
+        let mut moving = self.still.moving.clone();
         let zeros = vec![0.0; frame.rates.len()];
         moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
-        contact.availability(moving, frame).map(Some)
+        contact.availability(&mut moving, frame).map(Some)
     }
 
     /// Returns a Legendre polynomial at a frame, of the time that goes from −1 to 1.

@@ -6,7 +6,7 @@ use super::document;
 
 /// The documents, from the root of the repository.
 fn documents() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut found: Vec<_> =
         ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| root.join(name)).into();
     for folder in ["docs", "docs/examples"] {

@@ -244,25 +244,19 @@ fn motion(time_s: &[f64], noise: &mut Noise) -> Vec<TimePlot> {
     };
     let pose = |t: f64| if t < 20.0 { tilt[((t / 4.0) as usize).min(4)] } else { (0.0, 0.0) };
     let g = 9.80665;
+    let with = |plot: TimePlot, (label, values): (&str, Vec<f64>)| {
+        plot.with(label, values.len(), |k| (time_s[k], values[k]))
+    };
+    let rates = ["ω x", "ω y", "ω z"].into_iter().enumerate();
+    let rates: Vec<_> = rates.map(|(k, label)| (label, series(&|t| 0.6 * wave(t, k), 4.3e-4))).collect();
+    let forces = [
+        ("a x", series(&|t| -g * pose(t).1.sin() + wave(t, 0), 0.02)),
+        ("a y", series(&|t| g * pose(t).1.cos() * pose(t).0.sin() + wave(t, 1), 0.02)),
+        ("a z", series(&|t| g * pose(t).1.cos() * pose(t).0.cos() + wave(t, 2), 0.02)),
+    ];
     vec![
-        TimePlot {
-            title: "Angular rate at the IMU".to_owned(),
-            unit: "rad/s".to_owned(),
-            time_s: time_s.to_vec(),
-            series: (0..3)
-                .map(|k| (["ω x", "ω y", "ω z"][k].to_owned(), series(&|t| 0.6 * wave(t, k), 4.3e-4)))
-                .collect(),
-        },
-        TimePlot {
-            title: "Specific force at the IMU".to_owned(),
-            unit: "m/s2".to_owned(),
-            time_s: time_s.to_vec(),
-            series: vec![
-                ("a x".to_owned(), series(&|t| -g * pose(t).1.sin() + wave(t, 0), 0.02)),
-                ("a y".to_owned(), series(&|t| g * pose(t).1.cos() * pose(t).0.sin() + wave(t, 1), 0.02)),
-                ("a z".to_owned(), series(&|t| g * pose(t).1.cos() * pose(t).0.cos() + wave(t, 2), 0.02)),
-            ],
-        },
+        rates.into_iter().fold(TimePlot::new("Angular rate at the IMU", "rad/s"), with),
+        forces.into_iter().fold(TimePlot::new("Specific force at the IMU", "m/s2"), with),
     ]
 }
 

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-const RIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/endeffector-turn.rig.toml");
+const RIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/endeffector-turn.rig.toml");
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/endeffector_ati_gamma_imu");
 
