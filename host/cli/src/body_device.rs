@@ -39,9 +39,9 @@ pub(super) fn compared(
     result.largest_difference_sd = accuracy.largest_difference_sd;
     result.share_of_allowed = accuracy.share_of_allowed;
     result.parameter = answer.parameters.get(accuracy.parameter).map_or_else(String::new, |p| p.name.clone());
-    for (j, there) in device.values.iter().enumerate() {
-        let own_sd = answer.estimate.covariance[(j, j)].sqrt();
-        let from_answer = (there - answer.estimate.values[j]).abs() / own_sd;
+    for (j, there) in device.unjudged().values.iter().enumerate() {
+        let own_sd = answer.estimate.unjudged().covariance[(j, j)].sqrt();
+        let from_answer = (there - answer.estimate.unjudged().values[j]).abs() / own_sd;
         result.from_answer_sd = result.from_answer_sd.max(from_answer);
     }
     warnings.extend(accuracy.complaint(&result.parameter));

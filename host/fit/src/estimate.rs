@@ -55,21 +55,35 @@ pub const COVERAGE_95: f64 = 1.959_963_984_540_054;
 
 /// Estimate and covariance of N parameters, with what the rows determine.
 ///
-/// Its numbers leave the crate through [`crate::answer`] only, which withholds what is not identified.
+/// [`Estimate::measured`] gives a number where the rows determine it; all numbers are in [`Estimate::unjudged`], which an answer is
+/// judged from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// N values, SI; meaningless where not determined.
-    pub values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
     /// Covariance, N × N; rows of parameters that are not determined are meaningless.
-    pub covariance: DMatrix<f64>,
+    pub(crate) covariance: DMatrix<f64>,
     /// True where the rows alone determine the parameter.
-    pub determined: Vec<bool>,
+    pub(crate) determined: Vec<bool>,
     /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
-    pub null_directions: Vec<Vec<(usize, f64)>>,
+    pub(crate) null_directions: Vec<Vec<(usize, f64)>>,
     /// 2-norm condition number of the column-scaled, whitened rows over what is determined.
     pub condition_number: f64,
     /// How the noise is known.
     pub noise: Noise,
+}
+
+/// The numbers of an [`Estimate`] as the solution has them: nobody has judged whether they say anything.
+#[derive(Clone, Copy, Debug)]
+pub struct Unjudged<'a> {
+    /// N values, SI; meaningless where not determined.
+    pub values: &'a [f64],
+    /// Covariance, N × N; rows of parameters that are not determined are meaningless.
+    pub covariance: &'a DMatrix<f64>,
+    /// Whether the rows determine each parameter.
+    pub determined: &'a [bool],
+    /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
+    pub null_directions: &'a [Vec<(usize, f64)>],
 }
 
 impl Estimate {
@@ -92,6 +106,35 @@ impl Estimate {
         let determined = vec![true; values.len()];
         let null_directions = Vec::new();
         Self { values, covariance, determined, null_directions, condition_number: 1.0, noise: Noise::Given }
+    }
+
+    /// Returns all numbers, also of what the rows do not determine: for code that judges them.
+    pub fn unjudged(&self) -> Unjudged<'_> {
+        Unjudged {
+            values: &self.values,
+            covariance: &self.covariance,
+            determined: &self.determined,
+            null_directions: &self.null_directions,
+        }
+    }
+
+    /// Adds to the covariance by what else the values may be off; N × N.
+    pub fn widen(&mut self, by: &DMatrix<f64>) {
+        self.covariance += by;
+    }
+
+    /// Returns the same about other values.
+    #[must_use]
+    pub fn at(mut self, values: Vec<f64>) -> Self {
+        self.values = values;
+        self
+    }
+
+    /// Returns the same with parameter `j` as one that the rows do not determine.
+    #[must_use]
+    pub fn without(mut self, j: usize) -> Self {
+        self.determined.iter_mut().skip(j).take(1).for_each(|own| *own = false);
+        self
     }
 
     /// Returns the number of parameters.
@@ -119,7 +162,7 @@ impl Estimate {
         self.determined.get(j) == Some(&true)
     }
 
-    /// Returns parameter `j` if the rows determine it, however coarsely: an [answer](crate::answer) withholds what is too
+    /// Returns parameter `j` if the rows determine it, however coarsely: an answer withholds what is too
     /// coarse to be called identified.
     pub fn measured(&self, j: usize) -> Option<Measured> {
         let value = self.values.get(j).filter(|_| self.is_determined(j))?;

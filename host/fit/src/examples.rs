@@ -156,10 +156,11 @@ pub fn apart(fit: &Fit, at: &[usize], estimate: &DVector<f64>, covariance: &DMat
     let sd = |i: usize| covariance[(i, i)].sqrt();
     let mut worst = 0.0_f64;
     for (i, p) in at.iter().enumerate() {
-        worst = worst.max((fit.estimate.values[*p] - estimate[i]).abs() / sd(i));
+        worst = worst.max((fit.estimate.unjudged().values[*p] - estimate[i]).abs() / sd(i));
         for (j, q) in at.iter().enumerate() {
-            worst =
-                worst.max((fit.estimate.covariance[(*p, *q)] - covariance[(i, j)]).abs() / (sd(i) * sd(j)));
+            worst = worst.max(
+                (fit.estimate.unjudged().covariance[(*p, *q)] - covariance[(i, j)]).abs() / (sd(i) * sd(j)),
+            );
         }
     }
     worst

@@ -49,7 +49,7 @@ impl Waves {
         Self {
             filter: Filter { rate_hz: 200.0, every: 2, ..Filter::default() },
             counts: SampleCounts::default(),
-            parts: vec![0..BLOCKS],
+            parts: std::iter::once(0..BLOCKS).collect(),
             parameters: (0..PARAMETERS).map(own).collect(),
             channels: channels.collect(),
         }

@@ -61,7 +61,7 @@ pub use condition::{
     ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowBlocks, SampleCounts, filter_width_s, row_every,
 };
 pub use engine::{LEAST_EXCITATION, device_estimate, fit, fit_device};
-pub use estimate::{COVERAGE_95, Estimate, Measured, Noise};
+pub use estimate::{COVERAGE_95, Estimate, Measured, Noise, Unjudged};
 pub use factor::{Factor, Solution};
 pub use fingerprint::Fingerprint;
 pub use gaussian::Gaussian;

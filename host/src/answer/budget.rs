@@ -65,8 +65,8 @@ fn sources(fit: &Fit) -> Vec<Source> {
     let n = fit.parameters.len();
     // What is known of the body comes last.
     let shrink = fit.prior.as_ref().and_then(|prior| {
-        let before = prior.data_alone.covariance.clone().try_inverse()?;
-        Some(&fit.estimate.covariance * before)
+        let before = prior.data_alone.unjudged().covariance.clone().try_inverse()?;
+        Some(fit.estimate.unjudged().covariance * before)
     });
     let shrunk = |columns: DMatrix<f64>| shrink.as_ref().map_or(columns.clone(), |shrink| shrink * &columns);
     let mut all: Vec<Source> = Vec::new();
@@ -102,7 +102,7 @@ fn split(
     unit: &str,
     weights: &DVector<f64>,
 ) -> Option<Budget> {
-    let variance = weights.dot(&(&fit.estimate.covariance * weights));
+    let variance = weights.dot(&(fit.estimate.unjudged().covariance * weights));
     if !variance.is_finite() || variance <= 0.0 {
         return None;
     }

@@ -20,13 +20,13 @@ pub struct Derived<const K: usize> {
 
 /// Returns the first ten parameters, determined or not.
 pub fn ten(estimate: &Estimate) -> [f64; 10] {
-    std::array::from_fn(|j| estimate.values.get(j).copied().unwrap_or(0.0))
+    std::array::from_fn(|j| estimate.unjudged().values.get(j).copied().unwrap_or(0.0))
 }
 
 /// `f(φ)` and `J C Jᵀ`.
 fn propagate<const K: usize>(estimate: &Estimate, f: impl Fn(&[f64; 10]) -> [f64; K]) -> Derived<K> {
     let jacobian = jacobian(estimate, &f);
-    let c = &jacobian * estimate.covariance.view((0, 0), (10, 10)) * jacobian.transpose();
+    let c = &jacobian * estimate.unjudged().covariance.view((0, 0), (10, 10)) * jacobian.transpose();
     Derived {
         value: f(&ten(estimate)),
         sd: std::array::from_fn(|k| c[(k, k)].max(0.0).sqrt()),
@@ -39,7 +39,7 @@ fn jacobian<const K: usize>(estimate: &Estimate, f: &impl Fn(&[f64; 10]) -> [f64
     let phi = ten(estimate);
     let mut jacobian = DMatrix::zeros(K, 10);
     for j in 0..10 {
-        let sd = estimate.covariance[(j, j)].max(0.0).sqrt();
+        let sd = estimate.unjudged().covariance[(j, j)].max(0.0).sqrt();
         let step = (1e-3 * sd).max(1e-7 * phi[j].abs()).max(1e-9);
         let shifted = |by: f64| {
             let mut p = phi;
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn first_order_uncertainties_are_those_of_a_monte_carlo() {
         let estimate = estimate();
-        let lower = estimate.covariance.clone().cholesky().unwrap().l();
+        let lower = estimate.unjudged().covariance.clone().cholesky().unwrap().l();
         let mut state = 42_u64;
         let mut uniform = move || {
             state ^= state << 13;
@@ -198,10 +198,9 @@ mod tests {
             ([0.0; 3], [0.0; 9], [0.0; 3], [0.0; 3]);
         for _ in 0..draws {
             let normal = SVector::<f64, 10>::from_fn(|_, _| (0..12).map(|_| uniform()).sum::<f64>() - 6.0);
-            let mut drawn = estimate.clone();
-            for (v, d) in drawn.values.iter_mut().zip((&lower * normal).iter()) {
-                *v += d;
-            }
+            let moved =
+                estimate.unjudged().values.iter().zip((&lower * normal).iter()).map(|(v, d)| v + d).collect();
+            let drawn = estimate.clone().at(moved);
             let add = |sum: &mut [f64], a: &[f64], b: &[f64]| {
                 for ((s, x), y) in sum.iter_mut().zip(a).zip(b) {
                     *s += (x - y).powi(2) / f64::from(draws);

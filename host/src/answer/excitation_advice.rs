@@ -279,14 +279,15 @@ pub(super) fn of_links(fit: &Fit, links: Option<&Links>, states: &[ParameterStat
     let list =
         |all: &[usize]| all.iter().map(|j| fit.parameters[*j].name.as_str()).collect::<Vec<_>>().join(", ");
     let open = || (0..states.len()).filter(|j| states[*j] == ParameterState::NotIdentified);
-    let together: BTreeSet<usize> = data.null_directions.iter().flatten().map(|part| part.0).collect();
+    let together: BTreeSet<usize> =
+        data.unjudged().null_directions.iter().flatten().map(|part| part.0).collect();
     let (shared, alone): (Vec<usize>, Vec<usize>) =
         open().filter(|j| !data.is_determined(*j)).partition(|j| together.contains(j));
     if !alone.is_empty() {
         said.push(format!("not excited at all: {}; nothing in this motion depends on them", list(&alone)));
     }
     if !shared.is_empty() {
-        let count = data.null_directions.len();
+        let count = data.unjudged().null_directions.len();
         let seen = match shared.len().checked_sub(count) {
             None | Some(0) => "nothing".to_owned(),
             Some(more) => format!("{more} combinations"),

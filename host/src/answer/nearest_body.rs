@@ -28,7 +28,7 @@ pub struct NearestBody {
 ///
 /// The metric is the covariance of the ten with everything else estimated, so it holds what the intervals hold.
 pub fn nearest_body(estimate: &Estimate) -> Option<NearestBody> {
-    if estimate.values.len() < 10 || !estimate.determined.iter().take(10).all(|d| *d) {
+    if estimate.unjudged().values.len() < 10 || !estimate.unjudged().determined.iter().take(10).all(|d| *d) {
         return None;
     }
     let phi = ten(estimate);
@@ -45,8 +45,9 @@ pub fn nearest_body(estimate: &Estimate) -> Option<NearestBody> {
 
 /// `RᵀR = C⁻¹` of the ten, in units of their standard deviations until the last step.
 fn factor(estimate: &Estimate) -> Option<InformationFactor<f64, 10>> {
-    let sd: [f64; 10] = std::array::from_fn(|j| estimate.covariance[(j, j)].sqrt());
-    let correlation = DMatrix::from_fn(10, 10, |i, j| estimate.covariance[(i, j)] / (sd[i] * sd[j]));
+    let sd: [f64; 10] = std::array::from_fn(|j| estimate.unjudged().covariance[(j, j)].sqrt());
+    let correlation =
+        DMatrix::from_fn(10, 10, |i, j| estimate.unjudged().covariance[(i, j)] / (sd[i] * sd[j]));
     let lower = correlation.cholesky()?.inverse().cholesky()?.l();
     let r = |i: usize, j: usize| lower[(j, i)] / sd[j];
     let phi = ten(estimate);
@@ -109,26 +110,25 @@ mod tests {
         let found = nearest_body(&estimate).unwrap();
         assert!(found.body.is_physically_consistent());
         let phi = found.body.to_vector();
-        let change = nalgebra::DVector::from_fn(10, |j, _| phi[j] - estimate.values[j]);
-        let covariance = estimate.covariance.view((0, 0), (10, 10)).into_owned();
+        let change = nalgebra::DVector::from_fn(10, |j, _| phi[j] - estimate.unjudged().values[j]);
+        let covariance = estimate.unjudged().covariance.view((0, 0), (10, 10)).into_owned();
         let mahalanobis = (covariance.try_inverse().unwrap() * &change).dot(&change).sqrt();
         assert!((found.distance_sd / mahalanobis - 1.0).abs() < 1e-6);
         // Any other body is further: the true rod among them.
-        let other = rod(0.0).values.clone();
-        let other = nalgebra::DVector::from_fn(10, |j, _| other[j] - estimate.values[j]);
-        let further = (estimate.covariance.view((0, 0), (10, 10)).into_owned().try_inverse().unwrap()
-            * &other)
-            .dot(&other)
-            .sqrt();
+        let other = rod(0.0).unjudged().values.to_vec();
+        let other = nalgebra::DVector::from_fn(10, |j, _| other[j] - estimate.unjudged().values[j]);
+        let further =
+            (estimate.unjudged().covariance.view((0, 0), (10, 10)).into_owned().try_inverse().unwrap()
+                * &other)
+                .dot(&other)
+                .sqrt();
         assert!(further > found.distance_sd);
     }
 
     #[test]
     fn a_body_has_no_nearest_one_and_what_is_not_determined_neither() {
         assert_eq!(nearest_body(&rod(0.0)), None);
-        let mut estimate = rod(0.05);
-        estimate.determined[7] = false;
-        assert_eq!(nearest_body(&estimate), None);
+        assert_eq!(nearest_body(&rod(0.05).without(7)), None);
     }
 
     #[test]

@@ -140,8 +140,9 @@ impl Answer {
         let estimate = &judged.fit.estimate;
         let k = estimate.coverage_factor();
         let u95 = |sd: f64| k * sd;
-        self.mass_kg = judged.has(0..1).then(|| estimate.values[0]);
-        self.inertia_origin_kgm2 = judged.has(4..10).then(|| std::array::from_fn(|i| estimate.values[4 + i]));
+        self.mass_kg = judged.has(0..1).then(|| estimate.unjudged().values[0]);
+        self.inertia_origin_kgm2 =
+            judged.has(4..10).then(|| std::array::from_fn(|i| estimate.unjudged().values[4 + i]));
         if !judged.has(0..4) {
             self.prior_dominated = self.resting_on_prior(judged);
             return;

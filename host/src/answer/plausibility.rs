@@ -40,7 +40,7 @@ fn negative(fit: &Fit) -> Option<String> {
         .filter(|(_, p)| cannot(p.kind) && matches!(p.owner, Owner::Drive(_)))
         .filter_map(|(j, p)| {
             let sd = data.covariance(j, j)?.sqrt();
-            let value = *data.values.get(j)?;
+            let value = *data.unjudged().values.get(j)?;
             (data.is_determined(j) && value < -CERTAIN_SD * sd)
                 .then(|| format!("{} {}", p.name, with_u95(value, data.u95(j), &p.unit)))
         })
@@ -105,7 +105,7 @@ pub(super) fn scaled(fit: &Fit, links: &Links) -> Option<String> {
     let count = nominal.len().min(fit.parameters.len());
     let marginal = factor.leading(count);
     let image = |values: &[f64]| marginal.r() * DVector::from_column_slice(&values[..count]);
-    let (expected, found) = (image(&nominal), image(&data.values));
+    let (expected, found) = (image(&nominal), image(data.unjudged().values));
     let both = expected.dot(&found);
     let (scale, cosine) = (both / expected.norm_squared(), both / (expected.norm() * found.norm()));
     let far = !(1.0 / SCALE..=SCALE).contains(&scale.abs());

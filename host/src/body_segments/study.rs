@@ -300,9 +300,9 @@ impl Study {
                 continue;
             }
             let square = &moved * moved.transpose();
-            fit.estimate.covariance += &square;
+            fit.estimate.widen(&square);
             if let Some(prior) = &mut fit.prior {
-                prior.data_alone.covariance += &square;
+                prior.data_alone.widen(&square);
             }
             fit.added.push((name.to_owned(), square));
         }

@@ -388,8 +388,9 @@ impl Prepared {
         let truth = true_parameters(&self.readings.truth(seed));
         let (values, of_derived) = derived(&estimate);
         let (values, truth) =
-            (joined(estimate.values.iter().copied(), values), joined(truth, self.true_derived()));
-        let own: [f64; PARAMETERS] = std::array::from_fn(|j| estimate.covariance[(j, j)].max(0.0).sqrt());
+            (joined(estimate.unjudged().values.iter().copied(), values), joined(truth, self.true_derived()));
+        let own: [f64; PARAMETERS] =
+            std::array::from_fn(|j| estimate.unjudged().covariance[(j, j)].max(0.0).sqrt());
         Ok(Outcome {
             error: std::array::from_fn(|j| values[j] - truth[j]),
             sd: joined(own, of_derived),

@@ -120,9 +120,9 @@ impl Prepared {
             sd: std::array::from_fn(|j| covariance[(j, j)].max(0.0).sqrt()),
         };
         let parts = |estimate: &Estimate| {
-            let at = |from: usize, n: usize| DVector::from_fn(n, |i, _| estimate.values[from + i]);
+            let at = |from: usize, n: usize| DVector::from_fn(n, |i, _| estimate.unjudged().values[from + i]);
             let block = |i: usize, j: usize, n: usize, m: usize| {
-                estimate.covariance.view((i, j), (n, m)).into_owned()
+                estimate.unjudged().covariance.view((i, j), (n, m)).into_owned()
             };
             (
                 [at(0, HELD), at(HELD, TENSOR)],

@@ -168,10 +168,10 @@ fn disagreement(fit: &Fit, reference: &Mounted) -> (f64, f64) {
     let known = reference.covariance();
     let at: Vec<usize> = (0..10).filter(|j| estimate.is_determined(*j)).collect();
     let off = DVector::from_fn(at.len(), |k, _| {
-        estimate.values.get(at[k]).copied().unwrap_or(0.0) - reference.parameters[at[k]]
+        estimate.unjudged().values.get(at[k]).copied().unwrap_or(0.0) - reference.parameters[at[k]]
     });
     let both = DMatrix::from_fn(at.len(), at.len(), |i, j| {
-        estimate.covariance[(at[i], at[j])] + known[(at[i], at[j])]
+        estimate.unjudged().covariance[(at[i], at[j])] + known[(at[i], at[j])]
     });
     let sd = both.diagonal().map(f64::sqrt);
     let scaled = DMatrix::from_fn(at.len(), at.len(), |i, j| both[(i, j)] / (sd[i] * sd[j]));

@@ -473,7 +473,7 @@ pub fn worst(truth: &[f64], found: &Fit) -> f64 {
     for (j, wanted) in truth.iter().enumerate() {
         let alike = truth.iter().zip(&found.parameters).filter(|(_, p)| p.unit == found.parameters[j].unit);
         let scale = alike.map(|(v, _)| v.abs()).fold(0.0, f64::max);
-        worst = worst.max((found.estimate.values[j] - wanted).abs() / scale);
+        worst = worst.max((found.estimate.unjudged().values[j] - wanted).abs() / scale);
     }
     worst
 }

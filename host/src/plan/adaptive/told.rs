@@ -62,8 +62,8 @@ impl RigModel {
         let identified = identified_of_body(&estimate, self.spurious_information(factor));
         Told {
             information: self.of_factor(factor),
-            estimate: estimate.values.first_chunk::<10>().filter(|_| identified >= 10).copied(),
-            first: estimate.values.first_chunk::<4>().filter(|_| identified >= 4).copied(),
+            estimate: estimate.unjudged().values.first_chunk::<10>().filter(|_| identified >= 10).copied(),
+            first: estimate.unjudged().values.first_chunk::<4>().filter(|_| identified >= 4).copied(),
             variance_scale: judged.variance_scale,
         }
     }

@@ -96,7 +96,7 @@ pub fn predict(
     let factor = Factor::from(&estimator.factor());
     let estimate = Estimate::new(&factor, factor.rounding(), 1.0, Noise::Given);
     let alone = factor.leading(BODY);
-    let sd: [f64; 10] = std::array::from_fn(|j| estimate.covariance[(j, j)].sqrt());
+    let sd: [f64; 10] = std::array::from_fn(|j| estimate.unjudged().covariance[(j, j)].sqrt());
     Ok(Prediction {
         parameters: sd.map(|s| K95 * s),
         com_m: derived::centre_of_mass(&estimate).sd.map(|s| K95 * s),

@@ -28,7 +28,7 @@ pub fn moves(set: &StreamSet, aligned: &Aligned, pose: &Pose<'_>) -> Result<Vec<
             let source = pose(&grid.recording(set, &instants, &streams))?;
             // Nothing to compare where nothing could be identified.
             Ok(fit(&*source, &FitOptions::default(), &Silent)
-                .map_or_else(|_| Vec::new(), |f| f.estimate.values))
+                .map_or_else(|_| Vec::new(), |f| f.estimate.unjudged().values.to_vec()))
         };
         let (before, after) = (values(-step_ns)?, values(step_ns)?);
         let pairs = before.into_iter().zip(after);

@@ -61,7 +61,7 @@ impl RecordedPosture {
         let mut own = fit(&source, &FitOptions::default(), &Silent).map_err(|e| refuse(e.to_string()))?;
         let whole = own.estimate.clone();
         take_platform_off(recording, &mut own)?;
-        if !own.estimate.determined.iter().all(|told| *told) {
+        if !own.estimate.unjudged().determined.iter().all(|told| *told) {
             return Err(refuse(
                 "its modes do not tell all ten parameters of a body: strike the platform so that it moves in all directions".to_owned(),
             ));
@@ -96,9 +96,9 @@ impl RecordedPosture {
     /// Returns the ten parameters of everything about O, axes of P, and their covariance.
     pub(super) fn about_o(&self, support: &Support) -> (SVector<f64, TEN>, DMatrix<f64>) {
         let map = support.mount.map();
-        let ten = map * SVector::<f64, TEN>::from_fn(|k, _| self.whole.values[k]);
+        let ten = map * SVector::<f64, TEN>::from_fn(|k, _| self.whole.unjudged().values[k]);
         let wide = DMatrix::from_fn(TEN, TEN, |i, j| map[(i, j)]);
-        (ten, &wide * &self.whole.covariance * wide.transpose())
+        (ten, &wide * self.whole.unjudged().covariance * wide.transpose())
     }
 }
 

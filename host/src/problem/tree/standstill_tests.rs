@@ -13,13 +13,13 @@ fn identified(recording: &Recording, lists: &[&str]) -> (Problem, Fit) {
 }
 
 fn u95(fit: &Fit, j: usize) -> f64 {
-    fit.estimate.coverage_factor() * fit.estimate.covariance[(j, j)].sqrt()
+    fit.estimate.coverage_factor() * fit.estimate.unjudged().covariance[(j, j)].sqrt()
 }
 
 /// Value and U95 of the Coulomb friction of every joint.
 fn coulomb(fit: &Fit) -> Vec<(f64, f64)> {
     let own = fit.parameters.iter().enumerate().filter(|(_, p)| p.name.ends_with(".coulomb"));
-    own.map(|(j, _)| (fit.estimate.values[j], u95(fit, j))).collect()
+    own.map(|(j, _)| (fit.estimate.unjudged().values[j], u95(fit, j))).collect()
 }
 
 const ALL: [&str; 1] = ["viscous,coulomb,offset"];
@@ -81,8 +81,9 @@ fn one_joint_that_rests_takes_nothing_from_the_others() {
         let wanted = truth(&model, problem.tree().unwrap().base());
         let told = wanted.iter().enumerate().filter(|(j, _)| fit.estimate.is_determined(*j));
         let (inside, all): (Vec<bool>, usize) = {
-            let all: Vec<bool> =
-                told.map(|(j, wanted)| (fit.estimate.values[j] - wanted).abs() < u95(&fit, j)).collect();
+            let all: Vec<bool> = told
+                .map(|(j, wanted)| (fit.estimate.unjudged().values[j] - wanted).abs() < u95(&fit, j))
+                .collect();
             let count = all.len();
             (all.into_iter().filter(|inside| *inside).collect(), count)
         };
