@@ -276,7 +276,7 @@ fn contradictions(
     for (k, own) in others {
         let name = study.motions.get(k).map_or("", |motion| &motion.name);
         answer.warnings.push(format!(
-            "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify such              trials by themselves",
+            "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify such trials by themselves",
             present::text::with_u95(own.value, own.u95, "kg")
         ));
         answer.status = Status::Implausible;

@@ -22,7 +22,7 @@ use super::xml::Language;
 use shapes::Shape;
 
 /// Of osmium, kg/m³: nothing is denser.
-const DENSEST: f64 = 22_590.0;
+pub const DENSEST: f64 = 22_590.0;
 /// Less than of anything that a link is made of, its hollows counted, kg/m³.
 const LIGHTEST: f64 = 2.0;
 
@@ -84,9 +84,11 @@ fn radii(phi: &[f64; 10]) -> [f64; 3] {
     radii
 }
 
-/// The density, kg/m³, that some of a body must at least have: of all bodies of a mass and a volume the solid ellipsoid has
-/// the least `det Σ`, Σ the second moments over the mass about the centre of mass, `V = 4/3 π √(5³ det Σ)`.
-fn density(phi: &[f64; 10]) -> f64 {
+/// Returns the density, kg/m³, that some part of a body must at least have, from its ten parameters in SI: of all bodies of a mass
+/// and a volume the solid ellipsoid has the least `det Σ`, Σ the second moments over the mass about the centre of mass,
+/// `V = 4/3 π √(5³ det Σ)`.
+#[must_use]
+pub fn least_density(phi: &[f64; 10]) -> f64 {
     let own = body(phi);
     let tensor = own.inertia_com();
     let second = (Matrix3::identity() * (0.5 * tensor.trace()) - tensor) / own.mass;
@@ -116,7 +118,7 @@ fn sizes(model: &Model) -> Vec<Finding> {
             say("has a kilogram of unit moments of inertia: a placeholder?".to_owned());
             continue;
         }
-        let density = density(phi);
+        let density = least_density(phi);
         let [_, _, largest] = radii(phi);
         if density > DENSEST {
             say(format!(

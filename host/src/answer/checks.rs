@@ -33,6 +33,8 @@ impl Answer {
         let others: Vec<String> = cause.alternatives.iter().map(|what| format!(", or {what}")).collect();
         let effect = if cause.confirmed {
             "without it the recording can be true".to_owned()
+        } else if cause.ambiguous {
+            "without any one of these the recording can be true".to_owned()
         } else {
             format!(
                 "without it residuals are {} of what they are, and something is left",
@@ -40,7 +42,7 @@ impl Answer {
             )
         };
         let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
-        if cause.confirmed {
+        if cause.confirmed || cause.ambiguous {
             self.notes.extend(self.warnings.drain(kept.min(self.warnings.len())..));
         }
         self.warnings.insert(0, said);

@@ -4,7 +4,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use super::Answer;
-use super::result::{Measured, Parameter, ParameterState, SCHEMA, Status};
+use super::result::{DriftChange, Measured, Parameter, ParameterState, ParameterStep, SCHEMA, Status};
 
 /// Why a text is no answer that this program reads.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +64,39 @@ impl<'de> Deserialize<'de> for Parameter {
     }
 }
 
+/// A step of a parameter as it stands in a file.
+#[derive(Deserialize)]
+struct WrittenStep {
+    name: String,
+    unit: String,
+    value: f64,
+    u95: f64,
+}
+
+impl<'de> Deserialize<'de> for ParameterStep {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let WrittenStep { name, unit, value, u95 } = WrittenStep::deserialize(from)?;
+        Ok(Self { name, unit, step: Measured { value, u95 } })
+    }
+}
+
+/// A channel's drift as it stands in a file.
+#[derive(Deserialize)]
+struct WrittenDrift {
+    channel: String,
+    unit: String,
+    value: Option<f64>,
+    u95: Option<f64>,
+}
+
+impl<'de> Deserialize<'de> for DriftChange {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let WrittenDrift { channel, unit, value, u95 } = WrittenDrift::deserialize(from)?;
+        let change = value.zip(u95).map(|(value, u95)| Measured { value, u95 });
+        Ok(Self { channel, unit, change })
+    }
+}
+
 impl Answer {
     /// Reads the text of `result.json`.
     ///
@@ -98,6 +131,7 @@ impl Answer {
 
 #[cfg(test)]
 mod tests {
+    use super::super::result::{Change, Changed, Drift};
     use super::*;
 
     #[test]
@@ -134,6 +168,27 @@ mod tests {
         assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
         let bare = r#"{"name": "m", "unit": "kg", "state": "identified"}"#;
         assert!(serde_json::from_str::<Parameter>(bare).is_err());
+    }
+
+    /// Numbers that stand beside a name, not in an object of their own.
+    #[test]
+    fn steps_and_drifts_are_read_back() {
+        let measured = Measured { value: -1.234_567_890_123e-7, u95: 2e-9 };
+        let step =
+            |name: &str| ParameterStep { name: name.to_owned(), unit: "kg m2".to_owned(), step: measured };
+        let drift = |change| DriftChange { channel: "fx".to_owned(), unit: "N".to_owned(), change };
+        let answer = Answer {
+            schema: SCHEMA.to_owned(),
+            change: Some(Change {
+                time_s: measured,
+                changed: Changed::Body,
+                probability: 1e-9,
+                steps: vec![step("a.Jxx"), step("b.Jzz")],
+            }),
+            drift: Some(Drift { elapsed_s: 12.5, changes: vec![drift(Some(measured)), drift(None)] }),
+            ..Answer::default()
+        };
+        assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
     }
 
     #[test]

@@ -251,8 +251,12 @@ pub struct Cause {
     pub what: String,
     /// What to do about it.
     pub mend: String,
-    /// True if the recording can be true without it; else it only leaves much less unexplained.
+    /// True if the recording can be true without it, and without no other fault; else it only leaves much less unexplained, or is
+    /// one of several.
     pub confirmed: bool,
+    /// True if the recording can be true without any one of several faults, this and `alternatives`: it does not tell which.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ambiguous: bool,
     /// Residuals without it over those with it, geometric mean of the channels.
     pub residuals_left: f64,
     /// Other faults that explain as much.
@@ -745,7 +749,7 @@ pub struct Drift {
 }
 
 /// Change of one channel.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct DriftChange {
     /// Name of the channel.
     pub channel: String,
@@ -782,7 +786,7 @@ pub enum Changed {
 }
 
 /// Change of one parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ParameterStep {
     /// Name of the parameter.
     pub name: String,

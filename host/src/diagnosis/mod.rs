@@ -16,6 +16,7 @@ use rigident_fit::explained::explained;
 use rigident_fit::{FitOptions, Progress, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
+use rigident_model::check::{DENSEST, least_density};
 
 /// Rows that faults are tried on at first, from the middle of the recording; at least so many seconds.
 const QUICK_ROWS: usize = 2000;
@@ -28,6 +29,9 @@ const FULL: usize = 8;
 const ALIKE: f64 = 0.05;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
 const EXPLAINS: f64 = 0.7;
+/// What to do where several faults explain a recording alike.
+const WHICH: &str = "the recording does not tell which: weigh the body, or look at the units, signs and axes in the settings of each \
+                     sensor, before anything is changed";
 /// Causes that are named beside one another.
 const NAMED: usize = 3;
 
@@ -122,16 +126,18 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
             plausible.push(Tried { fault: tried.fault, left: tried.left });
         }
     }
-    let confirmed = !plausible.is_empty();
-    if !confirmed {
+    // Faults that explain the recording alike are told apart by no data: none of them is confirmed.
+    let (confirmed, ambiguous) = (plausible.len() == 1, plausible.len() > 1);
+    if plausible.is_empty() {
         let enough = |tried: &Tried| tried.left < least + ALIKE && tried.left < before + EXPLAINS.ln();
         plausible = best.into_iter().filter(enough).take(NAMED).collect();
     }
     let first = plausible.first()?;
     Some(Cause {
         what: first.fault.what.clone(),
-        mend: first.fault.mend.clone(),
+        mend: if ambiguous { WHICH.to_owned() } else { first.fault.mend.clone() },
         confirmed,
+        ambiguous,
         residuals_left: (first.left - before).exp(),
         alternatives: plausible.iter().skip(1).map(|tried| tried.fault.what.clone()).collect(),
     })
@@ -163,7 +169,7 @@ fn left(case: &Case) -> Option<f64> {
     Some(found.unexplained()).filter(|left| left.is_finite())
 }
 
-/// Returns true if the recording can be true, and tells something.
+/// Returns true if the recording can be true, tells something, and is of a body that there may be.
 fn is_plausible(case: &Case) -> bool {
     let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
     let answer = || {
@@ -173,7 +179,19 @@ fn is_plausible(case: &Case) -> bool {
         let context = Context { links: problem.links(standard), ..Context::default() };
         Answer::new(&fit, context).ok()
     };
-    answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))
+    answer().is_some_and(|answer| {
+        matches!(answer.status, Status::Identified | Status::PartlyIdentified) && !is_too_dense(&answer)
+    })
+}
+
+/// Returns true if one body is identified that would have to be denser than any matter.
+fn is_too_dense(answer: &Answer) -> bool {
+    let (Some(mass), Some([xx, yy, zz, yz, zx, xy])) = (answer.mass_kg, answer.inertia_com_kgm2) else {
+        return false;
+    };
+    // About the centre of mass the first moment is zero.
+    let ten = [mass, 0.0, 0.0, 0.0, xx, yy, zz, yz, zx, xy];
+    answer.physically_consistent == Some(true) && least_density(&ten) > DENSEST
 }
 
 /// Returns the rows that faults are tried on at first, and those that the best are fitted to.

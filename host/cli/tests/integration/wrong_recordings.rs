@@ -109,6 +109,33 @@ fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
     assert_eq!(json(&output)["status"], "identified", "{}", said(&output));
 }
 
+/// Moments in N mm: as moments in N m would be of forces in kN, but no matter is as dense as that body.
+#[test]
+fn of_two_units_that_explain_alike_the_possible_body_decides() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples");
+    let rig = fs::read_to_string(examples.join("bracket.rig.toml")).unwrap();
+    let text = fs::read_to_string(examples.join("bracket.csv")).unwrap();
+    let thousand = |cell: &str| format!("{:e}", 1000.0 * cell.parse::<f64>().unwrap());
+    let moments = ["mx_nm", "my_nm", "mz_nm"];
+    let changed = moments.iter().fold(text, |text, name| with_column(&text, name, |_, cell| thousand(cell)));
+    fs::write(at.join("mm.csv"), changed).unwrap();
+    fs::write(at.join("mm.rig.toml"), &rig).unwrap();
+    let result = json(&rigident(at, &["identify", "mm.csv", "--json", "--out", "mm.out"]));
+    let cause = &result["cause"];
+    assert_eq!((&result["status"], &cause["confirmed"]), (&"implausible".into(), &true.into()), "{cause}");
+    assert!(cause["what"].as_str().unwrap().contains("the moment is in N mm"), "{cause}");
+    let scale = moments.map(|name| format!("{name} = {{ name = \"{name}\", scale = 0.001 }}"));
+    let mended = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
+    assert_ne!(mended, rig);
+    fs::write(at.join("mm.rig.toml"), mended).unwrap();
+    let found = json(&rigident(at, &["identify", "mm.csv", "--json", "--out", "mended"]));
+    assert_eq!(found["status"], "identified", "{found}");
+    // The bracket's own moment, which 1 N mm in place of 1 N m would make a thousand times as large.
+    assert!(found["inertia_com_kgm2"][0].as_f64().unwrap() < 0.1, "{found}");
+}
+
 const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\
                       imu_gy_radps,imu_gz_radps\n";
 
