@@ -2,7 +2,7 @@
 //!
 //! Lives here: the experiments and what they are judged by, the bound ([`bound`]). May not live here: the
 //! estimator (that is [`rigident_fit`], used as it ships), printing. Before this: `rigident_sim`; after
-//! it: [`crate::cli`].
+//! it: the crate `rigident_cli`.
 
 mod banded;
 mod bound;

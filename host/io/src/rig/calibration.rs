@@ -1,7 +1,7 @@
 //! The calibration of a rig: what a body of known properties told of the errors of its sensors and of their mounting.
 //!
 //! Lives here: the file and the `[calibration]` table of a rig file, and whether the one belongs to the other. How a calibration
-//! is made is in [`crate::reference`]; what it is to a fit, a prior, in [`crate::problem::body::errors`].
+//! is made is in `rigident::reference`; what it is to a fit, a prior, in `rigident::problem::body::errors`.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
