@@ -1,10 +1,11 @@
 //! Library of the command line and of Python.
 //!
-//! One way leads from a recording to an answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are what comes in, [`fit`] holds the
-//! information factor, [`answer`] reads it, [`present`] shows it, [`monitor`] while it grows; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the firmware make the factor while
-//! [`platform`] moves as [`plan`] found best; `montecarlo` tests the intervals; the crate `rigident_cli` joins all into commands. The
-//! pipeline of a sample is in `rigident_shared`, mechanics of the platform in `hexapod`, the simulated rig in
-//! `rigident_sim`.
+//! One way leads from a recording to an answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are
+//! what comes in, [`fit`] holds the information factor, [`answer`] reads it, [`present`] shows it,
+//! [`monitor`] while it grows; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the
+//! firmware make the factor while [`platform`] moves as [`plan`] found best; `montecarlo` tests the
+//! intervals; the crate `rigident_cli` joins all into commands. The pipeline of a sample is in
+//! `rigident_shared`, mechanics of the platform in `hexapod`, the simulated rig in `rigident_sim`.
 //!
 //! Features: `simulator` (default) brings the simulated rig and what needs one: `demo`, `montecarlo`, and `replay` through
 //! firmware in this process. `emulator` (default) adds the emulated board, `--mcu qemu`, on Unix. Everything else, down to the

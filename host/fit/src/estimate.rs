@@ -55,8 +55,8 @@ pub const COVERAGE_95: f64 = 1.959_963_984_540_054;
 
 /// Estimate and covariance of N parameters, with what the rows determine.
 ///
-/// [`Estimate::measured`] gives a number where the rows determine it; all numbers are in [`Estimate::unjudged`], which an answer is
-/// judged from.
+/// [`Estimate::measured`] gives a number where the rows determine it; all numbers are in
+/// [`Estimate::unjudged`], which an answer is judged from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// N values, SI; meaningless where not determined.
@@ -80,7 +80,7 @@ pub struct Unjudged<'a> {
     pub values: &'a [f64],
     /// Covariance, N × N; rows of parameters that are not determined are meaningless.
     pub covariance: &'a DMatrix<f64>,
-    /// Whether the rows determine each parameter.
+    /// True where the rows alone determine the parameter.
     pub determined: &'a [bool],
     /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
     pub null_directions: &'a [Vec<(usize, f64)>],

@@ -1,7 +1,8 @@
 //! The information factor on the host, and the fit that fills it.
 //!
-//! Every method ends in rows `A φ = y ± σ` ([`RowSource`]). Rows are filtered to blocks ([`RowBlocks`]) and absorbed into a
-//! [`Factor`] by [`fit()`]; every question is a function of the factor. This crate knows nothing of files, bodies or screens.
+//! Every method ends in rows `A φ = y ± σ` ([`RowSource`]). Rows are filtered to blocks ([`RowBlocks`]) and
+//! absorbed into a [`Factor`] by [`fit()`]; every question is a function of the factor. This crate knows
+//! nothing of files, bodies or screens.
 
 pub mod autocorrelation;
 mod blocked;

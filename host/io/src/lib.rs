@@ -1,8 +1,10 @@
-//! Recordings, rig files, motion capture, live sources and tables of factors: all that is read from files and sockets.
+//! Recordings, rig files, motion capture, live sources and tables of factors: all that is read from files and
+//! sockets.
 //!
-//! [`recording`] holds the numbers of one rig in the notation, [`mod@rig`] what it was taken with, [`motion_capture`] the trials of
-//! people, [`sources`] samples while they come, [`factor_table`] factors of many recordings in one file, of which [`mod@union`]
-//! makes one. What the numbers mean for a body is decided elsewhere.
+//! [`recording`] holds the numbers of one rig in the notation, [`mod@rig`] what it was taken with,
+//! [`motion_capture`] the trials of people, [`sources`] samples while they come, [`factor_table`] factors of
+//! many recordings in one file, of which [`mod@union`] makes one. What the numbers mean for a body is decided
+//! elsewhere.
 //!
 //! ```
 //! use rigident_io::recording::Recording;

@@ -39,8 +39,8 @@ pub struct Checked {
     pub findings: Vec<Finding>,
 }
 
-/// Looks at a model; `text` is that of its URDF, MJCF or SDF, if it has one, and `path` the place that its meshes are looked for
-/// from.
+/// Looks at a model; `text` is that of its URDF, MJCF or SDF, if it has one, and `path` the place that its
+/// meshes are looked for from.
 #[must_use]
 pub fn check(model: &Model, text: Option<&str>, path: &Path) -> Checked {
     // What is not read says nothing against what is.
@@ -84,9 +84,9 @@ fn radii(phi: &[f64; 10]) -> [f64; 3] {
     radii
 }
 
-/// Returns the density, kg/m³, that some part of a body must at least have, from its ten parameters in SI: of all bodies of a mass
-/// and a volume the solid ellipsoid has the least `det Σ`, Σ the second moments over the mass about the centre of mass,
-/// `V = 4/3 π √(5³ det Σ)`.
+/// Returns the density, kg/m³, that some part of a body must at least have, from its ten parameters in SI: of
+/// all bodies of a mass and a volume the solid ellipsoid has the least `det Σ`, Σ the second moments over the
+/// mass about the centre of mass, `V = 4/3 π √(5³ det Σ)`.
 #[must_use]
 pub fn least_density(phi: &[f64; 10]) -> f64 {
     let own = body(phi);

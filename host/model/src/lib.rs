@@ -1,8 +1,12 @@
 //! Models of trees of links: where they come from, and what of them can be identified.
 //!
-//! Lives here: the model itself ([`tree`], what joints do by themselves in [`passive`]) and its findings, readers ([`urdf`], [`mjcf`], [`sdf`]) and the writer ([`mod@write`], [`remarks`]), loads for controllers ([`load`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters
-//! ([`base`]) the rows of a model in motion ([`rows`]) and how fast they come ([`speed`]). May not live here: the formulas of the rows, which
-//! firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then [`base`].
+//! Lives here: the model itself ([`tree`], what joints do by themselves in [`passive`]) and its findings,
+//! readers ([`urdf`], [`mjcf`], [`sdf`]) and the writer ([`mod@write`], [`remarks`]), loads for controllers
+//! ([`load`]), what is strange in other people's files ([`check`]), the built-in people ([`human`]), changes
+//! by option ([`edit`]), what a motion leaves out ([`idle`]), the base parameters ([`base`]) the rows of a
+//! model in motion ([`rows`]) and how fast they come ([`speed`]). May not live here: the formulas of the
+//! rows, which firmware and host share (`rigident_shared::tree`), and recordings. Next: [`tree`], then
+//! [`base`].
 
 pub mod base;
 pub mod check;

@@ -99,25 +99,8 @@ impl Moving {
         {
             return Err(TreeError::Lengths);
         }
+        let (mut q, mut v, mut dv) = (positions, rates, accelerations);
         self.base = *base;
-        #[cfg(target_arch = "x86_64")]
-        if std::is_x86_feature_detected!("avx2") {
-            // SAFETY: this processor has AVX2.
-            return unsafe { self.move_by_avx2(positions, rates, accelerations) };
-        }
-        self.move_by_any(positions, rates, accelerations)
-    }
-
-    /// Moves the links as [`Moving::move_by_any`] does, by the same operations on four numbers at once: the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn move_by_avx2(&mut self, q: &[f64], v: &[f64], dv: &[f64]) -> Result<(), TreeError> {
-        self.move_by_any(q, v, dv)
-    }
-
-    #[inline(always)]
-    fn move_by_any(&mut self, mut q: &[f64], mut v: &[f64], mut dv: &[f64]) -> Result<(), TreeError> {
-        let base = self.base;
         if let Some(root) = self.states.first_mut() {
             *root = LinkState {
                 rate: base.rate,

@@ -251,10 +251,11 @@ pub struct Cause {
     pub what: String,
     /// What to do about it.
     pub mend: String,
-    /// True if the recording can be true without it, and without no other fault; else it only leaves much less unexplained, or is
-    /// one of several.
+    /// True if the recording can be true without this fault, and without no other one. Else it only leaves
+    /// much less unexplained, or is one of several.
     pub confirmed: bool,
-    /// True if the recording can be true without any one of several faults, this and `alternatives`: it does not tell which.
+    /// True if the recording can be true without any one of several faults, this and `alternatives`: it does
+    /// not tell which.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub ambiguous: bool,
     /// Residuals without it over those with it, geometric mean of the channels.

@@ -1,10 +1,10 @@
 //! Why a recording cannot be true: the usual faults are undone one by one, and the one that makes it true is named.
 //!
-//! A recording that the answer refuses is changed as if it had one fault, of a unit, a sign, an axis, a swapped pair, a delay, a
-//! key of the rig file, and is fitted again. First quickly: what least squares leave of each channel
-//! ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the best are fitted in full, and judged as
-//! any recording is. Lives here: the list of faults ([`sensors`], [`joints`]), and the choice. May not live here: whether a
-//! recording can be true ([`crate::answer`]).
+//! A recording that the answer refuses is changed as if it had one fault, of a unit, a sign, an axis, a
+//! swapped pair, a delay, a key of the rig file, and is fitted again. First quickly: what least squares leave
+//! of each channel ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the
+//! best are fitted in full, and judged as any recording is. Lives here: the list of faults ([`sensors`],
+//! [`joints`]), and the choice. May not live here: whether a recording can be true ([`crate::answer`]).
 
 pub mod joints;
 pub mod sensors;
@@ -29,9 +29,9 @@ const FULL: usize = 8;
 const ALIKE: f64 = 0.05;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
 const EXPLAINS: f64 = 0.7;
-/// What to do where several faults explain a recording alike.
-const WHICH: &str = "the recording does not tell which: weigh the body, or look at the units, signs and axes in the settings of each \
-                     sensor, before anything is changed";
+/// Says what to do where several faults explain a recording alike.
+const WHICH: &str = "the recording does not tell which: weigh the body, or look at the units, signs and \
+                     axes in the settings of each sensor, before anything is changed";
 /// Causes that are named beside one another.
 const NAMED: usize = 3;
 
@@ -126,7 +126,7 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
             plausible.push(Tried { fault: tried.fault, left: tried.left });
         }
     }
-    // Faults that explain the recording alike are told apart by no data: none of them is confirmed.
+    // The recording cannot decide among faults that explain it alike: none of them is confirmed.
     let (confirmed, ambiguous) = (plausible.len() == 1, plausible.len() > 1);
     if plausible.is_empty() {
         let enough = |tried: &Tried| tried.left < least + ALIKE && tried.left < before + EXPLAINS.ln();

@@ -100,7 +100,8 @@ impl TimePlot {
         Self { title: title.into(), unit: unit.into(), ..Self::default() }
     }
 
-    /// Adds a series of `count` points, `of(k)` being the time, s, and the value of one. Only what is drawn is kept.
+    /// Adds a series of `count` points, `of(k)` being the time, s, and the value of one. Only what is drawn
+    /// is kept.
     #[must_use]
     pub fn with(mut self, label: &str, count: usize, of: impl Fn(usize) -> (f64, f64)) -> Self {
         let times = (0..count).map(|k| of(k).0);

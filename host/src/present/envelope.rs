@@ -7,7 +7,8 @@ pub fn envelope(time_s: &[f64], values: &[f64], buckets: usize) -> Vec<(f64, f64
     envelope_of(time_s.len().min(values.len()), |k| (time_s[k], values[k]), buckets)
 }
 
-/// Returns the [`envelope`] of `count` points, `of(k)` being the time and the value of one: a long series is held nowhere.
+/// Returns the [`envelope`] of `count` points, `of(k)` being the time and the value of one: a long series is
+/// held nowhere.
 pub fn envelope_of(count: usize, of: impl Fn(usize) -> (f64, f64), buckets: usize) -> Vec<(f64, f64)> {
     let buckets = buckets.max(1);
     let points = || (0..count).map(&of).filter(|(t, _)| t.is_finite());

@@ -225,8 +225,9 @@ fn prediction(gamma: &[f64]) -> (Vec<f64>, f64) {
     (filter, variance)
 }
 
-/// Returns white noise of half the mean square of successive differences, in which neither steps nor drift have a part (J.
-/// von Neumann, Distribution of the ratio of the mean square successive difference to the variance, 1941).
+/// Returns white noise of half the mean square of successive differences, in which neither steps nor drift
+/// have a part (J. von Neumann, Distribution of the ratio of the mean square successive difference to the
+/// variance, 1941).
 pub(super) fn successive(residuals: &nalgebra::DVector<f64>) -> PowerLaw {
     let pairs = residuals.len().saturating_sub(1).max(1) as f64;
     let squares = residuals.iter().zip(residuals.iter().skip(1)).map(|(a, b)| (b - a).powi(2)).sum::<f64>();

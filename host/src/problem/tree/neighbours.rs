@@ -1,5 +1,5 @@
-//! Instants of neighbouring frames: each frame of a run is brought about once, for its own columns and for the slopes of what is
-//! predicted about it.
+//! Instants of neighbouring frames: each frame of a run is brought about once, for its own columns and for
+//! the slopes of what is predicted about it.
 
 use rigident_shared::tree::TreeError;
 

@@ -295,8 +295,8 @@ impl RowMaker {
     }
 }
 
-/// Returns the effort of drives, each with the place of its first parameter, that parameters predict for a freedom: the smoothed
-/// part or that which is differentiated.
+/// Returns the effort of drives, each with the place of its first parameter, that parameters predict for a
+/// freedom: the smoothed part or that which is differentiated.
 pub(super) fn effort_of_drives(
     drives: &[(super::drive::Drive, usize)],
     freedom: usize,

@@ -21,6 +21,7 @@ use super::neighbours::{Neighbours, Predictor};
 use super::rows::{BASE, RowMaker};
 use super::{Frame, SignalError, SignalKind, TreeSource};
 use rigident_fit::{Kind, OtherColumns, Owner, Parameter, RowSource as _, SampleRows};
+use rigident_model::rows::Moving;
 
 /// Steps longer than this many sample periods are gaps.
 const GAP: f64 = 1.5;
@@ -39,6 +40,8 @@ pub(super) struct ErrorRows<'a> {
 /// Room for the numbers of one frame after the other.
 struct Room {
     neighbours: Neighbours,
+    /// The tree, for what is available where there are feet.
+    moving: Moving,
     /// Columns of directions, as they are asked for, and which of them are made.
     columns: Vec<f64>,
     is_made: Vec<bool>,
@@ -67,7 +70,8 @@ impl<'a> ErrorRows<'a> {
         Ok(Self { source, is_seen, predictor, still, rooms: Mutex::new(Vec::new()) })
     }
 
-    /// Does something with a room that nobody else has meanwhile, one that has a frame at hand if there is one.
+    /// Does something with a room that nobody else has meanwhile, one that has a frame at hand if there is
+    /// one.
     fn in_room<R>(&self, sample: usize, job: impl FnOnce(&mut Room) -> R) -> R {
         let rooms = || self.rooms.lock().unwrap_or_else(PoisonError::into_inner);
         let free = {
@@ -84,6 +88,7 @@ impl<'a> ErrorRows<'a> {
                 moves: Vec::new(),
                 sum: vec![0.0; width],
                 neighbours: Neighbours::new(&self.still, width),
+                moving: self.still.moving.clone(),
             }
         });
         let done = job(&mut room);
@@ -241,7 +246,7 @@ impl<'a> ErrorRows<'a> {
         let frame = input.frames.get(sample).ok_or(refuse)?;
         let available = self.in_room(sample, |room| {
             room.neighbours.bring(sample, input)?;
-            let available = self.available(frame)?;
+            let available = self.available(&mut room.moving, frame)?;
             room.is_made.fill(false);
             for (k, error) in input.errors.iter().enumerate() {
                 self.write_error(sample, frame, error, available.as_ref(), room)?;
@@ -269,7 +274,7 @@ impl<'a> ErrorRows<'a> {
         available: Option<&Availability>,
         room: &mut Room,
     ) -> Result<(), TreeError> {
-        let Room { neighbours, columns, is_made, moved, moves, sum } = room;
+        let Room { neighbours, columns, is_made, moved, moves, sum, .. } = room;
         sum.fill(0.0);
         match error {
             SignalError::Skew => self.slope(sample, neighbours, sum)?,
@@ -314,12 +319,11 @@ impl<'a> ErrorRows<'a> {
     }
 
     /// Returns what is available of the rows of a frame; `None` where there are no feet.
-    fn available(&self, frame: &Frame) -> Result<Option<Availability>, TreeError> {
+    fn available(&self, moving: &mut Moving, frame: &Frame) -> Result<Option<Availability>, TreeError> {
         let Some(contact) = &self.source.input().contact else { return Ok(None) };
-        let mut moving = self.still.moving.clone();
         let zeros = vec![0.0; frame.rates.len()];
         moving.set(&frame.positions, &frame.rates, &zeros, &frame.base)?;
-        contact.availability(&mut moving, frame).map(Some)
+        contact.availability(moving, frame).map(Some)
     }
 
     /// Returns a Legendre polynomial at a frame, of the time that goes from −1 to 1.

@@ -1,5 +1,4 @@
 use nalgebra::{Rotation3, UnitQuaternion};
-use rigident_model::rows::Moving;
 use rigident_shared::tree::{BaseMotion, Link};
 
 use super::*;
