@@ -13,6 +13,7 @@ use super::{Failure, Folder, Stages};
 use rigident::answer::Source;
 use rigident::present;
 use rigident::problem::ProblemOptions;
+use rigident::problem::instruments::named_by_label;
 use rigident_fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use rigident_fit::tare::Tare;
 use rigident_fit::{Fit, Kind, Parameter};
@@ -40,7 +41,7 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
             of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default())?;
         drop(stages);
         tell_of(path, &factor, &notes);
-        factors.push(factor.labelled(&labels));
+        factors.push(named_by_label(factor.labelled(&labels)));
     }
     if is_table(&arguments.output) {
         return write_table(&factors, &arguments.output);
@@ -59,7 +60,7 @@ pub(super) fn make_of(arguments: &MakeFactor, recording: Recording) -> Result<Ex
     let (factor, notes, _) = fitted(loaded, Path::new(&name), &stages)?;
     drop(stages);
     tell_of(Path::new(&name), &factor, &notes);
-    let factor = factor.labelled(&arguments.label.iter().cloned().collect());
+    let factor = named_by_label(factor.labelled(&arguments.label.iter().cloned().collect()));
     write(vec![factor], arguments.shared_offset, arguments.force, &arguments.output)
 }
 
@@ -93,7 +94,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let mut report = RunReport::of_factor(started, &arguments.output, &rig, source);
     let disagreement = pooled.unexplained_disagreement();
     report.warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
-    report.warnings.extend(pooled.gain_warning());
+    report.notes.extend(present::merged::assumptions(&pooled));
     if arguments.output.estimate.iter().any(|word| word.trim().starts_with("offset"))
         && let Some(why) = pooled.without_offset_in_words()
     {
@@ -305,9 +306,9 @@ pub(super) fn write_pooled(
     }
     say(format_args!(
         "{} rows of {}, {} parameters, in {}",
-        pooled.factor.rows(),
+        pooled.rows(),
         pooled.recordings(),
-        pooled.factor.parameters(),
+        pooled.parameters.len(),
         output.display()
     ));
     Ok(ExitCode::SUCCESS)
@@ -335,8 +336,8 @@ pub(super) fn check_agreement(
         }
         tell!("rigident: {}", disagreement_in_words("the runs", ratio));
     }
-    if let Some(warning) = pooled.gain_warning() {
-        tell!("rigident: {warning}");
+    for said in present::merged::assumptions(pooled) {
+        tell!("rigident: {said}");
     }
     Ok(())
 }

@@ -186,9 +186,8 @@ impl Found {
 
 /// The factor of the body alone: other rigs have no such platform.
 fn of_body(fit: &Fit, name: &str) -> Option<PooledFactor> {
-    let alone = fit.solved.clone()?;
-    let with_platform = PooledFactor::of(fit, name);
-    Some(PooledFactor { factor: alone, ..with_platform }.only(|parameter| parameter.kind.is_inertial()))
+    fit.solved.as_ref()?;
+    Some(PooledFactor::of(fit, name).only(|parameter| parameter.kind.is_inertial()))
 }
 
 /// The answer of a fit with the bare platform taken off.

@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use rigident_fit::factor_file::{FactorSource, SourceChannel};
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{Factor, Fit, Kind, Owner, Parameter};
+use rigident_fit::{Factor, Fit, Kind, Owner, Parameter, RigRows};
 
 const TEN: [(&str, Kind, &str); 10] = [
     ("m", Kind::Mass, "kg"),
@@ -111,6 +111,8 @@ impl Run {
             rejected: 0,
             rows: a.nrows() as u64,
             noise_gain: 1.0,
+            variance_scale: 1.0,
+            fitted: None,
             sigma_given: true,
             spurious_information: 0.0,
             channels: channels.to_vec(),
@@ -122,7 +124,9 @@ impl Run {
             parameters: parameters.to_vec(),
             model_fingerprint: 77,
             rounding: 1e-12,
-            factor: factor(&a, &y),
+            rigs: vec![RigRows::plain(factor(&a, &y))],
+            errors_inside: false,
+            differing: Vec::new(),
             sources: vec![source],
             eliminated: 0,
             disagreement: 0.0,

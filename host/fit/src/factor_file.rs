@@ -6,16 +6,19 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::DMatrix;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::pool::PooledFactor;
-use super::{Checks, Factor, Parameter};
+use super::{Basis, Checks, Factor, Parameter, RigError, RigRows};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
-/// Version 5 holds the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
+/// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
-pub const VERSION: u16 = 5;
+pub const VERSION: u16 = 6;
+/// Holds what is known of errors in its rows.
+const ERRORS_INSIDE: u16 = 5;
 /// Has checks, and no labels.
 const WITHOUT_LABELS: u16 = 4;
 /// The oldest version that is read: without checks.
@@ -26,6 +29,12 @@ const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 pub const MOST_PARAMETERS: usize = 2048;
 /// The most runs in a factor.
 pub const MOST_SOURCES: usize = 1 << 20;
+/// The most errors that the runs of a rig share.
+pub const MOST_ERRORS: usize = 1024;
+/// The most texts that errors are told apart by.
+const MOST_TEXTS: usize = 1 << 16;
+/// The most rigs in a factor.
+pub const MOST_RIGS: usize = 1 << 14;
 /// The most channels of a run.
 pub const MOST_CHANNELS: usize = 4096;
 /// The most standard parameters that a parameter is made of.
@@ -132,6 +141,12 @@ pub struct FactorSource {
     pub sigma_given: bool,
     /// Information that noise of the rates alone brings to a moment of inertia: 1/(kg m²)².
     pub spurious_information: f64,
+    /// Variance of its rows relative to that of the σ that are stated: they are whitened by it.
+    #[serde(skip, default = "one")]
+    pub variance_scale: f64,
+    /// Degrees of freedom that parameters and errors took of its rows; `None`: not known, by an older program.
+    #[serde(skip)]
+    pub fitted: Option<f64>,
     /// Its channels.
     #[serde(deserialize_with = "at_most::<_, _, MOST_CHANNELS>")]
     pub channels: Vec<SourceChannel>,
@@ -168,6 +183,46 @@ struct Header {
     eliminated: u64,
     disagreement: f64,
     comparisons: u64,
+}
+
+/// The variance of a run's rows, and the degrees of freedom taken of them.
+type Scale = (f64, Option<f64>);
+
+fn one() -> f64 {
+    1.0
+}
+
+/// An error of a rig; its texts are among those of all.
+#[derive(Serialize, Deserialize)]
+struct StoredError {
+    name: String,
+    instrument: u32,
+    group: u32,
+    unit: u32,
+    basis: u32,
+    expected: f64,
+    sigma: f64,
+}
+
+/// The errors of a rig, and their correlations.
+#[derive(Serialize, Deserialize)]
+struct StoredRig {
+    #[serde(deserialize_with = "at_most::<_, _, MOST_ERRORS>")]
+    errors: Vec<StoredError>,
+    /// True if the lower triangle of the covariance beforehand follows the numbers of the rows.
+    is_correlated: bool,
+    rows: u64,
+}
+
+/// The rigs, in the order of their numbers, and what their errors are told apart by, each once.
+#[derive(Default, Serialize, Deserialize)]
+struct Rigs {
+    #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
+    texts: Vec<String>,
+    #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
+    bases: Vec<Basis>,
+    #[serde(deserialize_with = "at_most::<_, _, MOST_RIGS>")]
+    rigs: Vec<StoredRig>,
 }
 
 /// Holds what each run has, in their order.
@@ -230,7 +285,7 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
         parameters: pooled.parameters.iter().map(StoredParameter::from).collect(),
         model_fingerprint: pooled.model_fingerprint,
         rounding: pooled.rounding,
-        rows: pooled.factor.rows(),
+        rows: pooled.rows(),
         sources: pooled.sources.clone(),
         eliminated: pooled.eliminated,
         disagreement: pooled.disagreement,
@@ -240,9 +295,109 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     // Serialising plain vectors and numbers into a growing buffer has no way to fail.
     let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
     let labels: Vec<&BTreeMap<String, String>> = pooled.sources.iter().map(|source| &source.labels).collect();
-    let mut body = postcard::to_allocvec(&(counts, header, checks, labels)).unwrap_or_default();
-    body.extend(pooled.factor.entries().iter().flat_map(|entry| entry.to_le_bytes()));
+    let scales: Vec<Scale> = pooled.sources.iter().map(|own| (own.variance_scale, own.fitted)).collect();
+    let (rigs, inside) = (Rigs::of(&pooled.rigs), pooled.errors_inside);
+    let mut body =
+        postcard::to_allocvec(&(counts, header, checks, labels, scales, inside, rigs)).unwrap_or_default();
+    for rig in &pooled.rigs {
+        let mut numbers = rig.factor().entries();
+        if !rig.is_independent() {
+            let covariance = rig.covariance();
+            let lower = (0..covariance.nrows()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            numbers.extend(lower.map(|at| covariance[at]));
+        }
+        body.extend(numbers.iter().flat_map(|entry| entry.to_le_bytes()));
+    }
     [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
+}
+
+/// Returns the place of a thing in a list, put there if it is not.
+fn place<T: PartialEq + Clone>(list: &mut Vec<T>, thing: &T) -> u32 {
+    let at = list.iter().position(|own| own == thing).unwrap_or_else(|| {
+        list.push(thing.clone());
+        list.len() - 1
+    });
+    u32::try_from(at).unwrap_or(u32::MAX)
+}
+
+impl Rigs {
+    fn of(rigs: &[RigRows]) -> Self {
+        let mut all = Self::default();
+        for rig in rigs {
+            let errors = rig.errors().iter().map(|error| StoredError {
+                name: error.name.clone(),
+                instrument: place(&mut all.texts, &error.instrument),
+                group: place(&mut all.texts, &error.group),
+                unit: place(&mut all.texts, &error.unit),
+                basis: place(&mut all.bases, &error.basis),
+                expected: error.expected,
+                sigma: error.sigma,
+            });
+            let errors = errors.collect();
+            let (is_correlated, rows) = (!rig.is_independent(), rig.factor().rows());
+            all.rigs.push(StoredRig { errors, is_correlated, rows });
+        }
+        all
+    }
+
+    /// Returns how many numbers follow, of this many parameters.
+    fn numbers(&self, parameters: usize) -> usize {
+        self.rigs.iter().flat_map(|rig| rig.numbers(parameters)).sum()
+    }
+
+    /// Returns the rows of the numbers; `None` if they are none.
+    fn rows_of(self, parameters: usize, numbers: &[u8]) -> Option<Vec<RigRows>> {
+        let Self { texts, bases, rigs } = self;
+        let text = |at: u32| texts.get(at as usize).cloned();
+        let mut rest = numbers;
+        let mut found = Vec::new();
+        for rig in rigs {
+            let own;
+            (own, rest) = rest.split_at_checked(8 * rig.numbers(parameters).iter().sum::<usize>())?;
+            let own: Vec<f64> = own
+                .chunks_exact(8)
+                .map(|word| word.try_into().map_or(f64::NAN, f64::from_le_bytes))
+                .collect();
+            let counts = rig.numbers(parameters);
+            let error = |stored: StoredError| {
+                Some(RigError {
+                    instrument: text(stored.instrument)?,
+                    name: stored.name,
+                    group: text(stored.group)?,
+                    unit: text(stored.unit)?,
+                    basis: bases.get(stored.basis as usize)?.clone(),
+                    expected: stored.expected,
+                    sigma: stored.sigma,
+                })
+            };
+            let (is_correlated, rows) = (rig.is_correlated, rig.rows);
+            let errors: Vec<RigError> = rig.errors.into_iter().map(error).collect::<Option<_>>()?;
+            let (entries, lower) = own.split_at_checked(counts[0])?;
+            let factor = Factor::from_entries(parameters + errors.len(), entries, rows).filter(in_range)?;
+            let covariance = beforehand(&errors, lower, is_correlated)?;
+            found.push(RigRows::new(parameters, factor, errors, covariance)?);
+        }
+        Some(found)
+    }
+}
+
+/// Returns the covariance of errors by its lower triangle, or by their standard deviations; `None` if these are out of range.
+fn beforehand(errors: &[RigError], lower: &[f64], is_correlated: bool) -> Option<DMatrix<f64>> {
+    let usual = |e: &RigError| (LARGEST.recip()..LARGEST).contains(&e.sigma) && e.expected.abs() < LARGEST;
+    let entry = |i: usize, j: usize| match is_correlated {
+        true => lower.get(i.max(j) * (i.max(j) + 1) / 2 + i.min(j)).copied().unwrap_or(f64::NAN),
+        false if i == j => errors.get(i).map_or(f64::NAN, |e| e.sigma.powi(2)),
+        false => 0.0,
+    };
+    errors.iter().all(usual).then(|| DMatrix::from_fn(errors.len(), errors.len(), entry))
+}
+
+impl StoredRig {
+    /// Returns how many numbers its rows and its errors have, of this many parameters.
+    fn numbers(&self, parameters: usize) -> [usize; 2] {
+        let (n, k) = (parameters + self.errors.len(), self.errors.len());
+        [n * (n + 3) / 2 + 1, if self.is_correlated { k * (k + 1) / 2 } else { 0 }]
+    }
 }
 
 /// Reads the bytes of a factor file called `name`.
@@ -278,35 +433,51 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         header.sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
         numbers = rest;
     }
+    let (mut errors_inside, mut rigs) = (true, Rigs::default());
+    if version > ERRORS_INSIDE {
+        let (scales, rest) = of_runs::<Scale>(numbers, runs)?;
+        let usual = |(scale, fitted): &Scale| {
+            let fitted = fitted.unwrap_or(0.0);
+            (LARGEST.recip()..LARGEST).contains(scale) && (0.0..LARGEST).contains(&fitted)
+        };
+        if !scales.iter().all(usual) {
+            return Err(FactorFileError::Header("a run without channels or with impossible noise"));
+        }
+        let scaled = header.sources.iter_mut().zip(scales);
+        scaled.for_each(|(source, own)| (source.variance_scale, source.fitted) = own);
+        let ((inside, stored), rest) = postcard::take_from_bytes(rest).map_err(damaged)?;
+        (errors_inside, rigs, numbers) = (inside, stored, rest);
+    } else {
+        rigs.rigs.push(StoredRig { errors: Vec::new(), is_correlated: false, rows: header.rows });
+    }
     let Header {
         parameters,
         model_fingerprint,
         rounding,
-        rows,
+        rows: _,
         sources,
         eliminated,
         disagreement,
         comparisons,
     } = header;
     let count = parameters.len();
-    let refuse = FactorFileError::Numbers { got: numbers.len() / 8, parameters: count };
-    // Not more than 2048 parameters: some 17 MB.
-    if numbers.len() != 8 * (count * (count + 3) / 2 + 1) {
-        return Err(refuse);
+    let refuse = || FactorFileError::Numbers { got: numbers.len() / 8, parameters: count };
+    if rigs.rigs.is_empty() || numbers.len() != 8 * rigs.numbers(count) {
+        return Err(refuse());
     }
-    let entries: Vec<f64> =
-        numbers.chunks_exact(8).map(|word| word.try_into().map_or(f64::NAN, f64::from_le_bytes)).collect();
-    let factor = Factor::from_entries(count, &entries, rows).filter(in_range).ok_or(refuse)?;
+    let found = rigs.rows_of(count, numbers).ok_or_else(refuse)?;
     Ok(PooledFactor {
         name: name.to_owned(),
         parameters: parameters.into_iter().map(Parameter::from).collect(),
         model_fingerprint,
         rounding,
-        factor,
+        rigs: found,
+        errors_inside,
         sources,
         eliminated,
         disagreement,
         comparisons,
+        differing: Vec::new(),
     })
 }
 

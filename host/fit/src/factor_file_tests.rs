@@ -39,7 +39,7 @@ fn a_file_is_written_once_and_read_from_its_path() {
     let file = file(&tree(1));
     file.write(&path).unwrap();
     let read = PooledFactor::read(&path).unwrap();
-    assert_eq!((read.factor, read.name), (file.factor.clone(), path.display().to_string()));
+    assert_eq!((read.rigs, read.name), (file.rigs.clone(), path.display().to_string()));
     assert!(matches!(file.write(&path), Err(PoolError::Access { .. })));
     assert!(matches!(PooledFactor::read(&place.path().join("none")), Err(PoolError::Access { .. })));
 }
@@ -117,13 +117,13 @@ fn what_cannot_be_reckoned_with_is_named() {
     assert!(header(&|f| f.sources[0].spurious_information = f64::NAN));
     assert_eq!(with(&|f| f.sources.clear()), FactorFileError::Empty);
     assert_eq!(with(&|f| f.sources[0].rows = 0), FactorFileError::Empty);
-    assert_eq!(with(&|f| f.factor = Factor::new(25)), FactorFileError::Empty);
+    assert_eq!(with(&|f| f.rigs = vec![RigRows::plain(Factor::new(25))]), FactorFileError::Empty);
     let numbers =
         |change: &dyn Fn(&mut PooledFactor)| matches!(with(change), FactorFileError::Numbers { .. });
     assert!(numbers(&|f| _ = f.parameters.pop()));
     let bytes = good.to_bytes();
     let body = &bytes[8..bytes.len() - 4];
-    let first = body.len() - 8 * good.factor.entries().len();
+    let first = body.len() - 8 * good.factor().entries().len();
     for bad in [f64::NAN, f64::INFINITY, 1e200, -1e61] {
         for place in [0, 24, 325, 350] {
             let mut body = body.to_vec();
@@ -144,7 +144,7 @@ fn what_cannot_be_reckoned_with_is_named() {
 #[test]
 fn the_committed_files_are_read() {
     let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/factor_file");
-    for (name, parameters) in [("body", body()), ("tree", tree(1))] {
+    for (name, parameters) in [("body", body()), ("tree", tree(1)), ("rig", body())] {
         let bytes = std::fs::read(corpus.join(name)).unwrap();
         let file = read(&bytes).unwrap();
         assert_eq!(file.parameters, parameters);
@@ -155,6 +155,17 @@ fn the_committed_files_are_read() {
     }
 }
 
+/// Files of version 5 are read, and say that what was known of errors is in their rows.
+#[test]
+fn a_file_with_errors_in_its_rows_is_read_and_says_so() {
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/factor_file");
+    let old = read(&std::fs::read(corpus.join("body-version-5")).unwrap()).unwrap();
+    let new = read(&std::fs::read(corpus.join("body")).unwrap()).unwrap();
+    assert!(old.errors_inside && !new.errors_inside);
+    assert_eq!(old.factor(), new.factor());
+    assert_eq!(old.fit().estimate, new.fit().estimate);
+}
+
 /// Files of version 3 are read, and carry no checks.
 #[test]
 fn a_file_without_checks_is_read_and_says_so() {
@@ -163,7 +174,7 @@ fn a_file_without_checks_is_read_and_says_so() {
     let new = read(&std::fs::read(corpus.join("body")).unwrap()).unwrap();
     assert_eq!(old.sources[0].checks, None);
     assert!(new.sources[0].checks.as_ref().is_some_and(|checks| checks.contradicted));
-    assert_eq!((&old.factor, &old.parameters), (&new.factor, &new.parameters));
+    assert_eq!((&old.factor(), &old.parameters), (&new.factor(), &new.parameters));
     assert!(old.fit().runs[0].checks.is_none() && new.fit().runs[0].is_contradicted());
 }
 

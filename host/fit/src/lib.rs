@@ -47,6 +47,7 @@ mod reduction;
 mod residual_spectrum;
 mod residuals;
 mod result;
+mod rig_rows;
 mod shifts;
 mod signal_noise;
 mod source;
@@ -78,6 +79,7 @@ pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
     PriorStatement, SignalFit,
 };
+pub use rig_rows::{RigError, RigRows, RowsBeyond};
 pub use source::{RowSource, SampleRows, SignalNoise, Timing};
 pub use whitening::{Whitener, Whitening};
 

@@ -14,8 +14,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, OtherColumns, RowBlocks, RowSource,
-    SampleCounts,
+    Channel, Effect, Factor, Filter, FitError, Gaussian, Nuisance, OtherColumns, RigError, RigRows,
+    RowBlocks, RowSource, SampleCounts, Scope,
 };
 use super::{SampleRows, Silent, Whitening, left_of_rows::dot};
 use super::{condition, features};
@@ -181,6 +181,51 @@ impl Columns {
                 }
             }
         }
+    }
+
+    /// Returns the degrees of freedom that what is known beforehand takes of a joint estimate with this covariance.
+    pub(super) fn known(&self, covariance: &DMatrix<f64>) -> f64 {
+        let of = |row: DVector<f64>| (covariance * &row).dot(&row).clamp(0.0, 1.0);
+        let prior: f64 = self.prior.whitening.row_iter().map(|row| of(row.transpose())).sum();
+        prior + self.observations.iter().map(|(row, _)| of(DVector::from_column_slice(row))).sum::<f64>()
+    }
+
+    /// Returns a joint factor over the parameters and the errors that other recordings share, those of this one eliminated with
+    /// what is known of them; `None` if what is known does not come apart like that.
+    pub(super) fn rig_rows(&self, joint: &Factor) -> Option<RigRows> {
+        let (n, count) = (self.parameters, self.nuisances.len());
+        let Prior { mean, whitening, covariance, .. } = &self.prior;
+        let shared: Vec<usize> = (0..count).filter(|k| self.nuisances[*k].scope == Scope::Rig).collect();
+        let is_own = |j: usize| j >= n && self.nuisances[j - n].scope == Scope::Recording;
+        let mut rows = joint.clone();
+        if self.told < count {
+            rows = rows.for_given_others(n + self.told);
+        }
+        let mut known = Vec::new();
+        for (k, row) in whitening.row_iter().enumerate() {
+            let mut others = (0..n + count).filter(|j| row[*j] != 0.0);
+            if is_own(k) {
+                let alone = others.all(is_own);
+                known.push((row.iter().copied().collect::<Vec<f64>>(), alone.then(|| (row * mean)[0])?));
+            } else if others.any(|j| j < n || is_own(j)) {
+                return None;
+            }
+        }
+        known.extend(self.observations.iter().cloned());
+        rows.absorb(known.iter().map(|(row, value)| (row.as_slice(), *value)));
+        let left = rows.residual_sum_of_squares();
+        let kept: Vec<usize> = (0..n).chain(shared.iter().map(|k| n + k)).collect();
+        let rows = rows.with_residual(left, joint.rows()).eliminate_others(&kept);
+        // The columns are those of what is left of an error that the signals are corrected for.
+        let about: Vec<f64> = (0..n).map(|_| 0.0).chain(shared.iter().map(|k| -self.corrected[*k])).collect();
+        let errors = shared.iter().map(|k| {
+            let Nuisance { name, group, unit, basis, .. } = self.nuisances[*k].clone();
+            let expected = mean[n + k] + self.corrected[*k];
+            let sigma = covariance[(*k, *k)].sqrt();
+            RigError { instrument: String::new(), name, group, unit, basis, expected, sigma }
+        });
+        let covariance = covariance.select_rows(&shared).select_columns(&shared);
+        RigRows::new(n, rows.about(&about), errors.collect(), covariance)
     }
 
     /// Returns a joint factor with what is known beforehand, and beside the rows, in it.

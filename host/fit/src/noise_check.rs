@@ -53,6 +53,13 @@ impl StatedNoise {
 }
 
 impl RowSet {
+    /// Returns how the noise is known where these residuals, to which `fitted` parameters were fitted, have shown its scale.
+    pub(super) fn noise_of_scale(&self, fitted: f64) -> Noise {
+        let channels = self.channels.max(1) as f64;
+        let left = (self.independent() - fitted / channels).max(1.0);
+        Noise::Estimated { degrees_of_freedom: channels * left }
+    }
+
     /// Returns the effective independent readings of each channel; filtered ones are worth `noise_gain` each.
     fn independent(&self) -> f64 {
         self.rows as f64 / self.channels.max(1) as f64 * self.noise_gain.min(1.0)
@@ -82,7 +89,11 @@ pub fn judge(sets: &[RowSet], residual_sum_of_squares: f64, fitted: f64) -> Judg
         1.0
     };
     let surprising = 1.0 + 4.0 * (2.0 / (channels * dof)).sqrt();
-    let variance_scale = if variance_ratio > surprising { variance_ratio } else { 1.0 };
+    let is_larger = variance_ratio > surprising;
+    let variance_scale = if is_larger { variance_ratio } else { 1.0 };
+    // A scale that the residuals have shown is as certain as these are many.
+    let of_scale = Noise::Estimated { degrees_of_freedom: channels * dof };
+    let noise = if is_larger { noise.less_certain(of_scale) } else { noise };
     Judgement { noise, variance_ratio, variance_scale }
 }
 
@@ -107,6 +118,11 @@ mod tests {
         // The residual variance of 10 000 rows has a standard deviation of 1.4 %; four of them are surprising.
         assert_eq!(judge(&[set], 10_000.0 * 1.05, 3.0).variance_scale, 1.0);
         let larger = judge(&[set], 10_000.0 * 1.07, 3.0);
-        assert!((larger.variance_scale - 1.07).abs() < 1e-3 && larger.noise == Noise::Given);
+        assert!((larger.variance_scale - 1.07).abs() < 1e-3);
+        assert_eq!(larger.noise, Noise::Estimated { degrees_of_freedom: 9_997.0 });
+        // Eight are few: t is 2.31.
+        let few = RowSet { rows: 11, ..set };
+        let scaled = judge(&[few], 110.0, 3.0);
+        assert!(scaled.variance_scale > 10.0 && (scaled.noise.coverage_factor() - 2.306).abs() < 1e-3);
     }
 }

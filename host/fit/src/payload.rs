@@ -4,19 +4,16 @@
 //! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).
 //!
 //! Errors of the rig that are the same in all runs ([`super::Scope::Rig`]) do not average out but cancel: the scale of a torque multiplies
-//! what the arm weighs in both. A run's estimate is `φ̂ = φ + ε + C e`, with C what one standard deviation of each error brings
-//! ([`super::NuisanceFit::contributions`]) and e the same in both runs, known to be 0 ± 1. So the covariance Σ of each run is taken
-//! apart into that of ε, `Σ − C Cᵀ`, and e, which is an unknown of both.
+//! what the arm weighs in both. They are columns of both runs' rows ([`super::RigRows`]), and one unknown each.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::difference::beyond;
 use super::own_errors::{OwnErrors, inertial};
 use super::standard::weights;
 use super::tare::{Tare, TareError};
-use super::{Estimate, Factor, Fit, Kind, Owner, Parameter};
+use super::{Estimate, Factor, Fit, Kind, Owner, Parameter, RigRows, RowsBeyond};
 
 /// Runs of an arm that differ by what is less likely than this differ by more than the payload.
 const SURPRISING: f64 = 1e-4;
@@ -42,7 +39,6 @@ impl Tare {
         self.refuse_repeated(total)?;
         let kept = inertial(total);
         let of_known = self.map_by_name(total)?.select_rows(&kept);
-        let own = OwnErrors::of(total);
         let parts: Vec<[f64; 10]> =
             kept.iter().filter_map(|j| total.parameters.get(*j)).map(|p| weights(p, &carrier.link)).collect();
         let parts = DMatrix::from_fn(parts.len(), 10, |i, k| parts[i][k]);
@@ -50,45 +46,38 @@ impl Tare {
             return Err(self.without_link(total, &carrier.link));
         }
         let of_sought = parts * &carrier.to_link;
-        let bare = self.own_errors();
         // In the order of the run's parameters.
-        let bare = OwnErrors {
-            factor: bare.factor.substitute(&of_known.transpose()),
-            errors: bare.errors.iter().map(|(n, s, e)| (n.clone(), *s, &of_known * e)).collect(),
-        };
-        Ok(self.told_apart(total, &own, &bare, &of_sought, carrier))
+        let bare = self.rows().substitute(&of_known.transpose());
+        Ok(self.apart(total, &total.rows().select(&kept), &bare, &of_sought, &of_known, carrier))
     }
 
-    fn told_apart(
+    /// Returns the body that `own` rows have and `bare` ones have not.
+    fn apart(
         &self,
         total: &Fit,
-        own: &OwnErrors,
-        bare: &OwnErrors,
+        own: &RigRows,
+        bare: &RigRows,
         of_sought: &DMatrix<f64>,
+        of_known: &DMatrix<f64>,
         carrier: &Carrier,
     ) -> Fit {
-        let n = own.factor.parameters();
-        let is_shared = |(name, sigma, _): &&(String, f64, DVector<f64>)| {
-            bare.errors.iter().any(|(other, own, _)| other == name && own == sigma)
-        };
-        let shared: Vec<String> =
-            own.errors.iter().filter(is_shared).map(|(name, ..)| name.clone()).collect();
-        let count = shared.len();
-        let mut known = bare.with_errors(&shared);
-        let beforehand = DMatrix::from_fn(count, n + count, |i, j| f64::from(u8::from(j == n + i)));
-        known.absorb_matrix(&beforehand, &vec![0.0; count]);
-        let sought = of_sought.clone().insert_rows(n, count, 0.0);
-        let found =
-            beyond(&own.with_errors(&shared), &known, &DMatrix::identity(n + count, n + count), &sought);
+        let n = own.parameters();
+        let RowsBeyond { rows, chi2 } = own.beyond(bare, &DMatrix::identity(n, n), of_sought);
         let rounding = total.rounding.max(self.fit().rounding);
-        let disagreement = disagreement(&found.factor, found.chi2, own, bare, of_sought, rounding);
-        let factor = found.factor.discount(disagreement.unwrap_or(1.0));
+        let sides = [own.own(), bare.own()];
+        let disagreement = disagreement(&rows.own(), chi2, &sides, of_sought, rounding);
+        let rows = rows.discount(disagreement.unwrap_or(1.0));
+        let factor = rows.own();
         let noise = total.estimate.noise.less_certain(self.fit().estimate.noise);
         let estimate = Estimate::new(&factor, rounding, 1.0, noise);
         let mut fit = of_body(total, factor, estimate, &carrier.frame);
+        fit.rig_rows = Some(rows);
         fit.noise.disagreement = disagreement;
         fit.rounding = rounding;
-        budget(&mut fit, own, bare, &shared, of_sought, total);
+        let without = self.own_errors();
+        let without =
+            OwnErrors { errors: without.errors.iter().map(|(n, e)| (n.clone(), of_known * e)).collect() };
+        budget(&mut fit, &OwnErrors::of(total), &without, &sides, of_sought, total);
         fit.fingerprints.extend(&self.fit().fingerprints);
         fit.runs.extend(self.fit().runs.iter().cloned());
         fit.spurious_information += self.fit().spurious_information;
@@ -101,16 +90,15 @@ impl Tare {
 fn disagreement(
     sought: &Factor,
     chi2: f64,
-    own: &OwnErrors,
-    bare: &OwnErrors,
+    [own, bare]: &[Factor; 2],
     of_sought: &DMatrix<f64>,
     rounding: f64,
 ) -> Option<f64> {
     let rank = |factor: &Factor| factor.solve(rounding).determined.iter().filter(|d| **d).count();
-    let mut both = own.factor.clone();
-    both.merge(&bare.factor);
+    let mut both = own.clone();
+    both.merge(bare);
     let told = rank(sought).min(of_sought.ncols());
-    let compared = (rank(&own.factor) + rank(&bare.factor)).saturating_sub(rank(&both) + told);
+    let compared = (rank(own) + rank(bare)).saturating_sub(rank(&both) + told);
     let dof = compared as f64;
     let surprising = chi2 > dof && ChiSquared::new(dof).is_ok_and(|d| d.sf(chi2) < SURPRISING);
     surprising.then(|| chi2 / dof)
@@ -146,13 +134,15 @@ fn budget(
     fit: &mut Fit,
     own: &OwnErrors,
     bare: &OwnErrors,
-    shared: &[String],
+    sides: &[Factor; 2],
     of_sought: &DMatrix<f64>,
     total: &Fit,
 ) {
     let kept = inertial(total);
-    let [with, without] = [own, bare].map(|side| side.factor.solve(fit.rounding));
-    let brought = [own.brought(shared), bare.brought(shared)];
+    let [with, without] = sides.each_ref().map(|side| side.solve(fit.rounding));
+    let is_shared = |name: &String| bare.errors.iter().any(|(other, _)| other == name);
+    let shared: Vec<String> = own.errors.iter().map(|e| e.0.clone()).filter(is_shared).collect();
+    let brought = [own, bare].map(|side| side.brought(&shared, kept.len()));
     let cross = &brought[0] * brought[1].transpose();
     let s = &with.covariance + &without.covariance - &cross - cross.transpose();
     let determined = with.determined.iter().chain(&without.determined).all(|d| *d);

@@ -1,9 +1,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::*;
-use crate::examples::{Run, body, dense, tree, truth};
+use crate::examples::{Run, body, dense, factor, tree, truth};
 use crate::pool::PooledFactor;
-use crate::{Basis, Effect, Nuisance, NuisanceFit, Scope};
+use crate::{Basis, RigError};
 
 const SEVEN: [usize; 7] = [0, 1, 2, 6, 7, 8, 9];
 
@@ -20,81 +20,92 @@ fn weights_of_eight(parameters: &[Parameter]) -> DMatrix<f64> {
     })
 }
 
-/// Runs with and without 0.7 kg on link1, whose errors a and b bring something to every parameter.
-fn runs(shared: bool) -> (Fit, Fit, PooledFactor, [DMatrix<f64>; 2], [Run; 2]) {
-    let parameters = tree(2);
-    let n = parameters.len();
-    let k = weights_of_eight(&parameters);
-    let payload = DVector::from_vec(vec![0.7, 0.05, -0.02, 0.01, 0.006, 1e-3, -2e-3, 5e-4]);
-    let mut phi = truth(n);
-    let bare = Run::new(&parameters, &phi, 300, 2.0, 2);
-    (&k * payload).iter().enumerate().for_each(|(i, v)| phi[i] += v);
-    let with = Run::new(&parameters, &phi, 240, 2.0, 1);
-    let inertial = k.nrows();
-    let brought = |run: &Run, factor: f64| {
-        let (_, covariance, _) = dense(&run.a, &run.y);
-        let lower = covariance.cholesky().unwrap().l();
-        // A part of what the covariance has: Σ − C Cᵀ stays positive.
-        lower * DMatrix::from_fn(n, 2, |i, j| factor * ((3 * i + 5 * j) as f64).sin() / (n as f64).sqrt())
-    };
-    let c = [brought(&with, 0.9), brought(&bare, 0.8)];
-    let fit = |run: &Run, c: &DMatrix<f64>, names: [&str; 2]| {
-        let mut fit = run.fit();
-        fit.nuisances = (0..2)
-            .map(|k| NuisanceFit {
-                nuisance: Nuisance {
-                    name: names[k].to_owned(),
-                    group: "effort gain".to_owned(),
-                    unit: String::new(),
-                    sigma: 0.02,
-                    basis: Basis::Class("usual".to_owned()),
-                    scope: Scope::Rig,
-                    effect: Effect::Gain { channel: k },
-                },
-                expected: 0.0,
-                value: 0.0,
-                sd: 0.02,
-                drawn: 0.0,
-                contributions: c.column(k).iter().copied().collect(),
-            })
-            .collect();
-        fit
-    };
-    let other = if shared { ["a", "b"] } else { ["c", "d"] };
-    let fits = (fit(&with, &c[0], ["a", "b"]), fit(&bare, &c[1], other));
-    let c = c.map(|c| c.rows(0, inertial).into_owned());
-    (fits.0, fits.1, bare.pooled.clone(), c, [with, bare])
+const SIGMA: f64 = 0.3;
+
+/// A run with the columns of two errors, and its fit.
+struct WithErrors {
+    run: Run,
+    errors: DMatrix<f64>,
+    fit: Fit,
 }
 
-/// Oracle: generalised least squares of the difference of two dense estimates, errors that both share correlating them.
+impl WithErrors {
+    fn new(parameters: &[Parameter], phi: &[f64], rows: usize, seed: u64, names: [&str; 2]) -> Self {
+        let run = Run::new(parameters, phi, rows, 2.0, seed);
+        // In proportion to what is measured, and to what a parameter makes.
+        let errors = DMatrix::from_fn(rows, 2, |i, k| {
+            if k == 0 { 0.2 * run.y[i] } else { 3.0 * run.a[(i, 0)] - run.a[(i, 4)] }
+        });
+        let error = |name: &str| RigError {
+            instrument: "arm".into(),
+            name: name.to_owned(),
+            group: "effort gain".to_owned(),
+            unit: String::new(),
+            basis: Basis::Class("usual".to_owned()),
+            expected: 0.0,
+            sigma: SIGMA,
+        };
+        let n = parameters.len();
+        let joint =
+            DMatrix::from_fn(rows, n + 2, |i, j| if j < n { run.a[(i, j)] } else { errors[(i, j - n)] });
+        let covariance = DMatrix::identity(2, 2) * SIGMA * SIGMA;
+        let all = RigRows::new(n, factor(&joint, &run.y), names.map(error).to_vec(), covariance).unwrap();
+        let fit = PooledFactor { rigs: vec![all], ..run.pooled.clone() }.fit();
+        Self { run, errors, fit }
+    }
+
+    fn tare(&self) -> Tare {
+        Tare::of_run(&self.fit, PooledFactor { rigs: vec![self.fit.rows()], ..self.run.pooled.clone() })
+            .unwrap()
+    }
+}
+
+/// Runs with and without 0.7 kg on link1, whose errors are the same or not.
+fn runs(shared: bool) -> [WithErrors; 2] {
+    let parameters = tree(2);
+    let k = weights_of_eight(&parameters);
+    let payload = DVector::from_vec(vec![0.7, 0.05, -0.02, 0.01, 0.006, 1e-3, -2e-3, 5e-4]);
+    let mut phi = truth(parameters.len());
+    let bare = WithErrors::new(&parameters, &phi, 300, 2, if shared { ["a", "b"] } else { ["c", "d"] });
+    (&k * payload).iter().enumerate().for_each(|(i, v)| phi[i] += v);
+    [WithErrors::new(&parameters, &phi, 240, 1, ["a", "b"]), bare]
+}
+
+/// Oracle: the normal equations of all rows, with columns for the arm, both runs' offsets, the payload and every error.
 #[test]
 fn a_payload_is_what_the_difference_of_both_runs_says() {
     for shared in [true, false] {
-        let (with, without, pooled, c, raw) = runs(shared);
-        let tare = Tare::of_run(&without, pooled).unwrap();
-        let found = tare.payload(&with, &carrier()).unwrap();
-        let k = weights_of_eight(&with.parameters);
-        let inertial = k.nrows();
-        let [a, b] = [&raw[0], &raw[1]].map(|run| {
-            let (estimate, covariance, _) = dense(&run.a, &run.y);
-            (
-                estimate.rows(0, inertial).into_owned(),
-                covariance.view((0, 0), (inertial, inertial)).into_owned(),
-            )
-        });
-        let cross = &c[0] * c[1].transpose() * f64::from(u8::from(shared));
-        let s = (a.1 + b.1 - &cross - cross.transpose()).cholesky().unwrap().inverse();
-        let covariance = (k.transpose() * &s * &k).cholesky().unwrap().inverse();
-        let expected = &covariance * k.transpose() * s * (a.0 - b.0);
+        let [with, without] = runs(shared);
+        let found = without.tare().payload(&with.fit, &carrier()).unwrap();
+        let k = weights_of_eight(&with.run.parameters);
+        let (n, inertial) = (with.run.parameters.len(), k.nrows());
+        let (own, kinds) = (n - inertial, if shared { 2 } else { 4 });
+        let payload = inertial + 2 * own;
+        let (rows, all) = (with.run.a.nrows() + without.run.a.nrows() + kinds, payload + 8 + kinds);
+        let mut a = DMatrix::zeros(rows, all);
+        let mut y = DVector::zeros(rows);
+        let mut at = 0;
+        for (r, run) in [&with, &without].into_iter().enumerate() {
+            for i in 0..run.run.a.nrows() {
+                for j in 0..n {
+                    a[(at, if j < inertial { j } else { j + r * own })] = run.run.a[(i, j)];
+                }
+                for c in (0..8).filter(|_| r == 0) {
+                    a[(at, payload + c)] = (0..inertial).map(|j| run.run.a[(i, j)] * k[(j, c)]).sum();
+                }
+                for e in 0..2 {
+                    a[(at, payload + 8 + if shared { e } else { 2 * r + e })] = run.errors[(i, e)];
+                }
+                y[at] = run.run.y[i];
+                at += 1;
+            }
+        }
+        (0..kinds).for_each(|e| a[(at + e, payload + 8 + e)] = 1.0 / SIGMA);
+        let (estimate, covariance, _) = dense(&a, &y);
         for (j, place) in [0, 1, 2, 4, 5, 6, 7].into_iter().zip(SEVEN) {
-            let sd = covariance[(j, j)].sqrt();
+            let (value, sd) = (estimate[payload + j], covariance[(payload + j, payload + j)].sqrt());
             let m = found.estimate.measured(place).unwrap();
-            assert!(
-                (m.value - expected[j]).abs() < 1e-6 * sd,
-                "{shared} {place}: {} {}",
-                m.value,
-                expected[j]
-            );
+            assert!((m.value - value).abs() < 1e-6 * sd, "{shared} {place}: {} {value}", m.value);
             let own = found.estimate.covariance(place, place).unwrap().sqrt();
             assert!((own / sd - 1.0).abs() < 1e-6, "{shared} {place}: {own} {sd}");
         }
@@ -108,8 +119,8 @@ fn a_payload_is_what_the_difference_of_both_runs_says() {
 #[test]
 fn what_both_runs_share_cancels() {
     let sd = |shared: bool| {
-        let (with, without, pooled, ..) = runs(shared);
-        let found = Tare::of_run(&without, pooled).unwrap().payload(&with, &carrier()).unwrap();
+        let [with, without] = runs(shared);
+        let found = without.tare().payload(&with.fit, &carrier()).unwrap();
         SEVEN.map(|j| found.estimate.covariance(j, j).unwrap().sqrt())
     };
     let (own, apart) = (sd(true), sd(false));

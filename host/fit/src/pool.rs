@@ -10,7 +10,7 @@ use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, Source
 use super::lack_of_fit::LackOfFit;
 use super::{
     Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind,
-    NoiseCheck, Owner, Parameter, RowSet, judge,
+    NoiseCheck, Owner, Parameter, RigError, RigRows, RowSet, judge,
 };
 
 /// A disagreement less likely than this among runs of one body is told and scales the covariance.
@@ -61,6 +61,15 @@ pub enum PoolError {
         first: String,
         /// Its parameters against those of the first.
         difference: ModelDifference,
+    },
+    /// A factor holds what is known of errors in its rows.
+    #[error(
+        "{name} was written by an older program: it does not hold the errors of its rig apart, and merged they would average \
+         out as noise does; write it anew from its recording"
+    )]
+    Old {
+        /// The factor.
+        name: String,
     },
     /// Numbers too large.
     #[error("{name}: merged with the others its numbers overflow: it is no factor of a real recording")]
@@ -118,7 +127,7 @@ impl std::fmt::Display for ModelDifference {
 }
 
 /// The first few names, and how many more there are.
-fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
+pub fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
     let told: Vec<&str> = names.iter().take(NAMES_TOLD).map(AsRef::as_ref).collect();
     match names.len() - told.len() {
         0 => told.join(between),
@@ -135,7 +144,7 @@ fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
 ///
 /// let files = ["monday.factor", "tuesday.factor"].map(|file| PooledFactor::read(Path::new(file)));
 /// let both = PooledFactor::merged(files.into_iter().collect::<Result<_, _>>()?, false)?;
-/// println!("{} rows of {}", both.factor.rows(), both.recordings());
+/// println!("{} rows of {}", both.rows(), both.recordings());
 /// both.write(Path::new("both.factor"))?;
 /// # Ok::<(), rigident_fit::pool::PoolError>(())
 /// ```
@@ -149,8 +158,10 @@ pub struct PooledFactor {
     pub model_fingerprint: u64,
     /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
     pub rounding: f64,
-    /// All rows, whitened.
-    pub factor: Factor,
+    /// All rows, whitened by the noise that they have, those of each rig with the errors that its runs share.
+    pub rigs: Vec<RigRows>,
+    /// True if what was known of errors is in the rows, once a run: an older program wrote them.
+    pub errors_inside: bool,
     /// The runs that they came from.
     pub sources: Vec<FactorSource>,
     /// Parameters that the rows determined and that were eliminated.
@@ -159,6 +170,9 @@ pub struct PooledFactor {
     pub disagreement: f64,
     /// Its degrees of freedom.
     pub comparisons: u64,
+    /// Errors of which runs of one rig stated different standard deviations when they were merged here: the largest was
+    /// taken. No file holds it.
+    pub differing: Vec<String>,
 }
 
 impl PooledFactor {
@@ -171,6 +185,8 @@ impl PooledFactor {
             samples: fit.counts.samples,
             rejected: fit.counts.rejected,
             rows: fit.factor.rows(),
+            variance_scale: fit.noise.variance_scale,
+            fitted: Some(fit.noise.fitted),
             noise_gain: fit.noise.noise_gain,
             sigma_given: fit.noise.sigma_given,
             spurious_information: fit.spurious_information,
@@ -194,12 +210,40 @@ impl PooledFactor {
             parameters: fit.parameters.clone(),
             model_fingerprint: fit.model_fingerprint,
             rounding: fit.rounding,
-            factor: fit.factor.clone(),
+            rigs: vec![fit.rows()],
+            errors_inside: false,
             sources: vec![source],
             eliminated: 0,
             disagreement: 0.0,
             comparisons: 0,
+            differing: Vec::new(),
         }
+    }
+
+    /// Returns the rows over the parameters alone, whatever the errors of the rigs are.
+    pub fn factor(&self) -> Factor {
+        let mut rigs = self.rigs.iter().map(RigRows::own);
+        let mut all = rigs.next().unwrap_or_else(|| Factor::new(self.parameters.len()));
+        rigs.for_each(|own| all.merge(&own));
+        all
+    }
+
+    /// Returns the same runs with other rows, which no errors of a rig are known apart of.
+    #[must_use]
+    pub fn with_factor(self, factor: Factor) -> Self {
+        Self { rigs: vec![RigRows::plain(factor)], ..self }
+    }
+
+    /// Returns the number of scalar rows absorbed.
+    pub fn rows(&self) -> u64 {
+        self.rigs.iter().map(|rig| rig.factor().rows()).fold(0, u64::saturating_add)
+    }
+
+    /// Returns the same with every error that of the instrument which `name` says.
+    #[must_use]
+    pub fn of_instruments(mut self, name: impl Fn(&RigError) -> String) -> Self {
+        self.rigs = self.rigs.into_iter().map(|rig| rig.of_instruments(&name)).collect();
+        self
     }
 
     /// Returns the same with the date of its runs, s since 1970-01-01 UTC.
@@ -282,7 +326,7 @@ impl PooledFactor {
             (0..self.parameters.len()).filter(|j| self.parameters.get(*j).is_some_and(&keep)).collect();
         if kept.len() < self.parameters.len() {
             let before = self.rank();
-            self.factor = self.factor.eliminate_others(&kept);
+            self.rigs = self.rigs.iter().map(|rig| rig.select(&kept)).collect();
             self.eliminated = self.eliminated.saturating_add(before.saturating_sub(self.rank()));
             self.parameters.retain(keep);
         }
@@ -296,18 +340,27 @@ impl PooledFactor {
     }
 
     /// Returns all of them as one. Unless the offsets are shared those of each factor are eliminated first; the order of
-    /// the factors does not matter but for rounding.
+    /// the factors does not matter but for rounding. An error that several runs of a rig share counts once.
     ///
     /// # Errors
     /// [`PoolError`]: the same recording twice, or factors that do not fit.
     pub fn merged(factors: Vec<Self>, shared_offsets: bool) -> Result<Self, PoolError> {
         let several = factors.len() > 1;
+        let old = factors.iter().find(|f| f.errors_inside).filter(|_| several);
+        if let Some(old) = old {
+            return Err(PoolError::Old { name: old.name.clone() });
+        }
         let mut factors = factors.into_iter();
         let prepare = |f: Self| if shared_offsets || !several { f } else { f.without_offsets() };
         let mut whole = prepare(factors.next().ok_or(PoolError::Nothing)?);
+        if !several {
+            return Ok(whole);
+        }
         let mut names = vec![whole.name.clone()];
         let mut seen: HashMap<u64, usize> = whole.sources.iter().map(|s| (s.fingerprint, 0)).collect();
         let mut ranks = whole.rank();
+        let mut apart = Apart::default();
+        apart.take(&whole.rigs);
         for other in factors.map(prepare) {
             for source in &other.sources {
                 if let Some(first) = seen.insert(source.fingerprint, names.len()) {
@@ -318,28 +371,33 @@ impl PooledFactor {
                     });
                 }
             }
-            let factor = other.in_order_of(&whole)?;
-            ranks += rank(&factor, other.rounding);
-            let apart = whole.factor.residual_sum_of_squares() + factor.residual_sum_of_squares();
-            whole.factor.merge(&factor);
-            if !whole.factor.is_finite() {
+            let rigs = other.in_order_of(&whole)?;
+            ranks += other.rank();
+            apart.take(&rigs);
+            for rig in &rigs {
+                whole.differing.extend(merge_into(&mut whole.rigs, rig));
+            }
+            if !whole.rigs.iter().all(|rig| rig.factor().is_finite()) {
                 return Err(PoolError::Overflow { name: other.name });
             }
-            // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
-            whole.disagreement +=
-                other.disagreement + (whole.factor.residual_sum_of_squares() - apart).max(0.0);
+            whole.disagreement += other.disagreement;
             whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
             whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
             whole.rounding = whole.rounding.max(other.rounding);
             whole.sources.extend(other.sources);
             names.push(other.name);
         }
+        // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
+        let left = whole.factor().residual_sum_of_squares();
+        whole.disagreement += (left - apart.residual_sum_of_squares()).max(0.0);
         whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
+        whole.differing.sort_unstable();
+        whole.differing.dedup();
         Ok(whole)
     }
 
-    /// Returns its factor with the columns in the order of another's parameters.
-    fn in_order_of(&self, first: &Self) -> Result<Factor, PoolError> {
+    /// Returns its rows with the columns in the order of another's parameters.
+    fn in_order_of(&self, first: &Self) -> Result<Vec<RigRows>, PoolError> {
         let difference = || PoolError::Model {
             name: self.name.clone(),
             first: first.name.clone(),
@@ -360,14 +418,18 @@ impl PooledFactor {
         };
         let order =
             at.filter(|_| self.model_fingerprint == first.model_fingerprint).ok_or_else(difference)?;
-        Ok(if order.is_sorted() { self.factor.clone() } else { self.factor.eliminate_others(&order) })
+        let in_order = |rig: &RigRows| if order.is_sorted() { rig.clone() } else { rig.select(&order) };
+        Ok(self.rigs.iter().map(in_order).collect())
     }
 
-    /// Judges the residuals; `determined` of the parameters are determined by the rows.
-    fn judged(&self, determined: u64) -> (Judgement, Option<f64>) {
-        let fitted = determined.saturating_add(self.eliminated).saturating_add(self.comparisons) as f64;
+    /// Judges the residuals, `factor` being the rows over the parameters alone.
+    fn judged(&self, factor: &Factor) -> (Judgement, Option<f64>) {
+        let determined = factor.solve(self.rounding).determined.iter().filter(|d| **d).count() as u64;
+        let together = determined.saturating_add(self.eliminated).saturating_add(self.comparisons) as f64;
+        let of_runs: Option<f64> = self.sources.iter().map(|source| source.fitted).sum();
+        let fitted = of_runs.unwrap_or(together);
         // What only shows between the runs is judged between the runs.
-        let within = (self.factor.residual_sum_of_squares() - self.disagreement).max(0.0);
+        let within = (factor.residual_sum_of_squares() - self.disagreement).max(0.0);
         let sets: Vec<RowSet> = self
             .sources
             .iter()
@@ -379,6 +441,10 @@ impl PooledFactor {
             })
             .collect();
         let mut judgement = judge(&sets, within, fitted);
+        for (set, source) in sets.iter().zip(&self.sources).filter(|(_, own)| own.variance_scale > 1.0) {
+            let of_scale = set.noise_of_scale(source.fitted.unwrap_or(0.0));
+            judgement.noise = judgement.noise.less_certain(of_scale);
+        }
         let dof = self.comparisons as f64;
         let chi2 = self.disagreement / judgement.variance_scale;
         // Below its mean it is no surprise; beyond the range of f64 it comes of no recording.
@@ -393,21 +459,41 @@ impl PooledFactor {
 
     /// Returns χ² per degree of freedom of the runs' disagreement, where their noise does not explain it.
     pub fn unexplained_disagreement(&self) -> Option<f64> {
-        self.judged(self.determined()).1
+        self.judged(&self.factor()).1
     }
 
+    /// Returns the rank of what the rows say of the parameters for given errors.
     fn rank(&self) -> u64 {
-        rank(&self.factor, self.rounding)
+        let n = self.parameters.len();
+        let mut own: Vec<Factor> = self.rigs.iter().map(|rig| rig.of_given_errors()).collect();
+        let mut all = own.pop().unwrap_or_else(|| Factor::new(n));
+        own.iter().for_each(|rig| all.merge(rig));
+        rank(&all, self.rounding)
     }
 
-    fn determined(&self) -> u64 {
-        self.factor.solve(self.rounding).determined.iter().filter(|d| **d).count() as u64
+    /// Returns the variance of the rows as the runs have it relative to the one stated: what their rows are whitened by.
+    fn scale_of_runs(&self) -> f64 {
+        let rows: f64 = self.sources.iter().map(|s| s.rows as f64).sum();
+        self.sources.iter().map(|s| s.rows as f64 * s.variance_scale).sum::<f64>() / rows.max(1.0)
     }
 
     /// Returns the fit that the factor alone gives: no residuals over time, no counts of single channels.
     pub fn fit(&self) -> Fit {
-        let (judgement, disagreement) = self.judged(self.determined());
+        let own = self.factor();
+        let (judgement, disagreement) = self.judged(&own);
+        let fitted = self.sources.iter().filter_map(|source| source.fitted).sum();
         let Judgement { noise, variance_ratio, variance_scale } = judgement;
+        let rig_rows = match self.rigs.as_slice() {
+            [rig] if !self.errors_inside => Some(rig.discount(variance_scale)),
+            _ => None,
+        };
+        let solved = if self.errors_inside || variance_scale == 1.0 {
+            own.discount(variance_scale)
+        } else {
+            // What is known beforehand is not the noise's to scale.
+            self.discounted(variance_scale).factor()
+        };
+        let of_runs = self.scale_of_runs();
         let sum = |count: &dyn Fn(&FactorSource) -> u64| {
             self.sources.iter().map(count).fold(0, u64::saturating_add)
         };
@@ -424,9 +510,10 @@ impl PooledFactor {
             device: None,
             parameters: self.parameters.clone(),
             channels: self.channels(),
-            factor: self.factor.clone(),
-            estimate: Estimate::new(&self.factor, self.rounding, variance_scale, noise),
-            solved: None,
+            factor: solved.discount(1.0 / (of_runs * variance_scale)),
+            estimate: Estimate::new(&solved, self.rounding, 1.0, noise),
+            solved: Some(solved),
+            rig_rows,
             rounding: self.rounding,
             model_fingerprint: self.model_fingerprint,
             fingerprints: self.sources.iter().map(|s| s.fingerprint).collect(),
@@ -434,9 +521,10 @@ impl PooledFactor {
             noise: NoiseCheck {
                 sigma_given: self.sources.iter().any(|s| s.sigma_given),
                 noise_gain: expected / rows.max(1.0),
-                variance_ratio,
-                variance_scale,
+                variance_ratio: variance_ratio * of_runs,
+                variance_scale: variance_scale * of_runs,
                 disagreement,
+                fitted,
             },
             inflation: Vec::new(),
             widened: Vec::new(),
@@ -463,6 +551,11 @@ impl PooledFactor {
             forgotten: None,
             convergence: Vec::new(),
         }
+    }
+
+    /// Returns the same with a variance of all rows `by` times as large.
+    fn discounted(&self, by: f64) -> Self {
+        Self { rigs: self.rigs.iter().map(|rig| rig.discount(by)).collect(), ..self.clone() }
     }
 
     /// The channels of all runs by their names; σ is that of the first run that has the channel.
@@ -497,21 +590,6 @@ impl PooledFactor {
         channels
     }
 
-    /// Returns a warning where runs have gain errors: these are eliminated run by run; those of one instrument are the same
-    /// in all of them, and do not average out as noise does.
-    pub fn gain_warning(&self) -> Option<String> {
-        let has_gain = |s: &&FactorSource| s.channels.iter().any(|c| c.gain_sigma > 0.0);
-        let uncertain = self.sources.iter().filter(has_gain).count();
-        (uncertain > 1).then(|| {
-            format!(
-                "the gain errors of the load cell were taken to differ from run to run: if all {uncertain} runs were \
-                 taken with one load cell, the part of the intervals that comes from its gains is too small by up to \
-                 a factor of {:.1}",
-                (uncertain as f64).sqrt()
-            )
-        })
-    }
-
     /// Returns why no offset is a parameter of it; `None` if one is.
     pub fn without_offset_in_words(&self) -> Option<String> {
         if self.parameters.iter().any(|p| p.kind == Kind::Offset) {
@@ -526,11 +604,69 @@ impl PooledFactor {
         Some(said.to_owned())
     }
 
+    /// Returns the instruments that more than one run may share, each once.
+    pub fn instruments(&self) -> Vec<&str> {
+        let errors = self.rigs.iter().flat_map(|rig| rig.errors());
+        let mut all: Vec<&str> = errors.map(|error| error.instrument.as_str()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Returns the names of the recordings, joined; of many the first few and their number.
     pub fn recordings(&self) -> String {
         let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();
         names_in_words(&names, " + ")
     }
+}
+
+/// Sums of squares of factors that are merged, if each had parameters of its own and only the errors of rigs were in common.
+#[derive(Default)]
+struct Apart {
+    rigs: Vec<RigRows>,
+    others: f64,
+}
+
+impl Apart {
+    fn take(&mut self, rigs: &[RigRows]) {
+        match rigs {
+            [rig] if !rig.errors().is_empty() => {
+                merge_into(&mut self.rigs, &rig.of_errors());
+            }
+            // Rows of several rigs have the parameters in common.
+            _ => {
+                let mut all = rigs.iter().map(RigRows::own);
+                let mut first = all.next().unwrap_or_else(|| Factor::new(0));
+                all.for_each(|own| first.merge(&own));
+                self.others += first.residual_sum_of_squares();
+            }
+        }
+    }
+
+    fn residual_sum_of_squares(&self) -> f64 {
+        let of_rigs = self.rigs.iter().map(|rig| rig.known().residual_sum_of_squares());
+        self.others + of_rigs.sum::<f64>()
+    }
+}
+
+/// Merges rows into those of the rigs that they share errors with, which are one from then on; returns the names of errors
+/// of which different things were known.
+fn merge_into(rigs: &mut Vec<RigRows>, rows: &RigRows) -> Vec<String> {
+    let mut own: Vec<RigRows> = Vec::new();
+    let mut others: Vec<RigRows> = Vec::new();
+    for rig in rigs.drain(..) {
+        if rig.shares_errors_with(rows) { own.push(rig) } else { others.push(rig) }
+    }
+    let mut own = own.into_iter();
+    let mut all = own.next();
+    let mut differing = Vec::new();
+    if let Some(all) = &mut all {
+        own.for_each(|rig| differing.extend(all.merge(&rig)));
+        differing.extend(all.merge(rows));
+    }
+    others.push(all.unwrap_or_else(|| rows.clone()));
+    *rigs = others;
+    differing
 }
 
 /// Returns true if two parameters are the same quantity.

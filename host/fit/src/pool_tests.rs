@@ -49,7 +49,7 @@ fn merged_runs_are_the_dense_problem_with_offsets_of_each_run() {
         let (estimate, covariance, squares) = dense(&a, &y);
         let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
         assert_eq!((merged.eliminated, merged.comparisons), (18, 2 * kept.len() as u64));
-        assert!((merged.factor.residual_sum_of_squares() / squares - 1.0).abs() < 1e-9);
+        assert!((merged.factor().residual_sum_of_squares() / squares - 1.0).abs() < 1e-9);
         assert!((merged.disagreement / (squares - apart_squares) - 1.0).abs() < 1e-8);
         let fit = merged.fit();
         // The condition number, below 1e2, squared, times ε.
@@ -87,7 +87,7 @@ fn the_order_of_merging_and_of_columns_does_not_matter() {
         let order: Vec<usize> = (0..parameters.len()).rev().collect();
         let turned = PooledFactor {
             parameters: order.iter().map(|j| parameters[*j].clone()).collect(),
-            factor: last.factor.eliminate_others(&order),
+            rigs: last.rigs.iter().map(|rig| rig.select(&order)).collect(),
             ..last
         };
         let pair = PooledFactor::merged(vec![files.pop().unwrap(), turned], false).unwrap();
@@ -163,8 +163,8 @@ fn what_does_not_fit_is_refused_by_kind() {
     let mut rounded = b.clone();
     rounded.parameters[3].made_of[1].1 += 1e-15;
     assert!(PooledFactor::merged(vec![a.clone(), rounded], false).is_ok());
-    let entries = vec![f64::MAX; a.factor.entries().len()];
-    let huge = PooledFactor { factor: Factor::from_entries(25, &entries, 9).unwrap(), ..b.clone() };
+    let entries = vec![f64::MAX; a.factor().entries().len()];
+    let huge = b.clone().with_factor(Factor::from_entries(25, &entries, 9).unwrap());
     assert!(matches!(merge(&[a, &huge], true), PoolError::Overflow { name } if name == "run 1"));
 }
 
@@ -182,7 +182,7 @@ fn ten_thousand_runs_merge_and_are_told_in_one_line() {
     let started = std::time::Instant::now();
     let merged = PooledFactor::merged(files.clone(), false).unwrap();
     println!("10 000 factors in {:?}", started.elapsed());
-    assert_eq!((merged.sources.len(), merged.factor.rows()), (10_000, 600_000));
+    assert_eq!((merged.sources.len(), merged.rows()), (10_000, 600_000));
     assert!(merged.recordings().ends_with("recording 3 + 9996 more"), "{}", merged.recordings());
     // Ten thousand alike know what one knows, a hundred times better.
     let (one, all) = (run.fit().estimate.u95(0), merged.fit().estimate.u95(0));
@@ -196,26 +196,152 @@ fn more_rows_than_a_word_of_32_bits_are_counted() {
     let mut runs = runs(&body(), 2);
     for run in &mut runs {
         run.pooled.sources[0].rows = 3_000_000_000;
-        let factor = run.pooled.factor.clone();
+        let factor = run.pooled.factor();
         let squares = factor.residual_sum_of_squares();
-        run.pooled.factor = factor.with_residual(squares, 3_000_000_000);
+        run.pooled = run.pooled.clone().with_factor(factor.with_residual(squares, 3_000_000_000));
     }
     let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
-    assert_eq!(merged.factor.rows(), 6_000_000_000);
+    assert_eq!(merged.rows(), 6_000_000_000);
     let read = PooledFactor::from_bytes(&merged.to_bytes(), &merged.name).unwrap();
     assert_eq!(read, merged);
 }
 
 #[test]
-fn gain_errors_in_common_and_lacking_offsets_are_told() {
-    let mut runs = runs(&body(), 2);
+fn lacking_offsets_are_told() {
+    let runs = runs(&body(), 2);
     let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
-    assert_eq!(merged.gain_warning(), None);
     assert!(merged.without_offset_in_words().unwrap().contains("each run has its own"));
     assert_eq!(runs[0].pooled.without_offset_in_words(), None);
-    for run in &mut runs {
-        run.pooled.sources[0].channels[2].gain_sigma = 0.01;
+}
+
+/// The columns of three errors of a run.
+fn of_errors(run: &Run) -> DMatrix<f64> {
+    DMatrix::from_fn(run.a.nrows(), 3, |i, k| match k {
+        0 => 0.3 * run.y[i],
+        1 => run.a[(i, 0)] + 2.0 * run.a[(i, 5)],
+        _ => (0.37 * i as f64).sin(),
+    })
+}
+
+const SIGMA: [f64; 3] = [0.05, 0.2, 1.5];
+const EXPECTED: [f64; 3] = [0.0, 0.3, -0.5];
+
+/// The same run with the errors of an instrument as columns.
+fn with_errors(run: &Run, instrument: &str, correlation: f64) -> PooledFactor {
+    let (n, errors) = (run.parameters.len(), of_errors(run));
+    let a =
+        DMatrix::from_fn(run.a.nrows(), n + 3, |i, j| if j < n { run.a[(i, j)] } else { errors[(i, j - n)] });
+    let error = |k: usize| crate::RigError {
+        instrument: instrument.to_owned(),
+        name: format!("error {k}"),
+        group: "errors".to_owned(),
+        unit: "1".to_owned(),
+        basis: crate::Basis::Class("usual".to_owned()),
+        expected: EXPECTED[k],
+        sigma: SIGMA[k],
+    };
+    let covariance = beforehand(correlation);
+    let all = crate::examples::factor(&a, &run.y);
+    let rows = RigRows::new(n, all, (0..3).map(error).collect(), covariance).unwrap();
+    PooledFactor { rigs: vec![rows], ..run.pooled.clone() }
+}
+
+fn beforehand(correlation: f64) -> DMatrix<f64> {
+    let own = |i: usize, k: usize| if i == k { 1.0 } else { correlation };
+    DMatrix::from_fn(3, 3, |i, k| own(i, k) * SIGMA[i] * SIGMA[k])
+}
+
+/// Oracle: the normal equations of all rows, with one column for an error that runs of one rig share and what is known of it
+/// in one row.
+#[test]
+fn an_error_of_a_rig_is_one_in_all_of_its_runs() {
+    let parameters = body();
+    let runs = runs(&parameters, 4);
+    let kept: Vec<usize> = (0..16).filter(|j| !is_offset(&parameters[*j])).collect();
+    for (of_runs, correlation) in
+        [([0, 0, 0, 0], 0.0), ([0, 1, 0, 1], 0.0), ([0, 1, 2, 3], 0.0), ([0, 0, 1, 0], 0.4)]
+    {
+        let rigs = 1 + of_runs.iter().max().unwrap();
+        let (rows, first) = (runs[0].a.nrows(), 10 + 6 * 4);
+        let mut a = DMatrix::zeros(4 * rows + 3 * rigs, first + 3 * rigs);
+        let mut y = DVector::zeros(4 * rows + 3 * rigs);
+        let mut files = Vec::new();
+        for (k, (run, rig)) in runs.iter().zip(of_runs).enumerate() {
+            let errors = of_errors(run);
+            for i in 0..rows {
+                kept.iter().enumerate().for_each(|(c, j)| a[(k * rows + i, c)] = run.a[(i, *j)]);
+                (0..6).for_each(|o| a[(k * rows + i, 10 + 6 * k + o)] = run.a[(i, 10 + o)]);
+                (0..3).for_each(|e| a[(k * rows + i, first + 3 * rig + e)] = errors[(i, e)]);
+                y[k * rows + i] = run.y[i];
+            }
+            files.push(with_errors(run, &format!("rig {rig}"), correlation));
+        }
+        let root = beforehand(correlation).cholesky().unwrap().inverse().cholesky().unwrap().l().transpose();
+        let mean = &root * DVector::from_column_slice(&EXPECTED);
+        for rig in 0..rigs {
+            a.view_mut((4 * rows + 3 * rig, first + 3 * rig), (3, 3)).copy_from(&root);
+            y.rows_mut(4 * rows + 3 * rig, 3).copy_from(&mean);
+        }
+        let (estimate, covariance, squares) = dense(&a, &y);
+        let all: Vec<usize> = (0..10).collect();
+        let check = |merged: &PooledFactor| {
+            let fit = merged.fit();
+            let off = apart(&fit, &all, &estimate, &covariance);
+            assert!(off < 1e-8, "{of_runs:?}: {off}");
+            assert_eq!(merged.rigs.len(), rigs);
+            assert!((merged.factor().residual_sum_of_squares() / squares - 1.0).abs() < 1e-9);
+            assert_eq!(fit.noise.disagreement, None);
+        };
+        let merged = PooledFactor::merged(files.clone(), false).unwrap();
+        check(&merged);
+        check(&PooledFactor::from_bytes(&merged.to_bytes(), &merged.name).unwrap());
+        // In pairs, the other way about.
+        let last = files.split_off(2);
+        let [first, last] = [files, last].map(|pair| PooledFactor::merged(pair, false).unwrap());
+        check(&PooledFactor::merged(vec![last, first], false).unwrap());
     }
-    let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
-    assert!(merged.gain_warning().unwrap().contains("a factor of 1.4"));
+}
+
+/// A thousand runs of one rig know of the body what its errors leave, and are no larger than two.
+#[test]
+fn runs_of_one_rig_do_not_average_its_errors_out() {
+    let run = with_errors(&Run::new(&body(), &truth(16), 60, 3.0, 0), "rig", 0.0);
+    let many = |count: u64| {
+        let files = (0..count).map(|seed| {
+            let mut file = run.clone();
+            file.sources[0].fingerprint = seed;
+            file
+        });
+        PooledFactor::merged(files.collect(), false).unwrap()
+    };
+    let [two, thousand] = [2, 1000].map(many);
+    assert_eq!(two.rigs[0].factor().parameters(), thousand.rigs[0].factor().parameters());
+    let systematic = thousand.fit().estimate.u95(0);
+    let averaged = run.fit().estimate.u95(0) / 1000_f64.sqrt();
+    assert!(systematic > 5.0 * averaged, "{systematic} {averaged}");
+}
+
+#[test]
+fn runs_of_one_rig_that_state_other_errors_are_told_and_old_ones_refused() {
+    let runs = runs(&body(), 2);
+    let first = with_errors(&runs[0], "rig", 0.0);
+    let mut second = with_errors(&runs[1], "rig", 0.0);
+    let rows = &second.rigs[0];
+    let errors: Vec<_> = rows
+        .errors()
+        .iter()
+        .map(|e| crate::RigError {
+            sigma: 2.0 * e.sigma,
+            basis: crate::Basis::Stated("gain".to_owned()),
+            ..e.clone()
+        })
+        .collect();
+    let wider = RigRows::new(16, rows.factor().clone(), errors, 4.0 * beforehand(0.0)).unwrap();
+    second.rigs = vec![wider];
+    let merged = PooledFactor::merged(vec![first.clone(), second.clone()], false).unwrap();
+    assert_eq!(merged.differing, ["error 0", "error 1", "error 2"]);
+    assert_eq!(merged.rigs[0].errors()[1].sigma, 2.0 * SIGMA[1]);
+    second.errors_inside = true;
+    let refused = PooledFactor::merged(vec![first, second], false).unwrap_err();
+    assert!(matches!(&refused, PoolError::Old { name } if name == "run 1"), "{refused}");
 }

@@ -2,7 +2,7 @@
 
 use super::left_of_rows::CHUNK;
 use super::outliers::Weights;
-use super::{BlockResidual, Channel, Estimate, RowBlocks, parallel};
+use super::{BlockResidual, Channel, RowBlocks, parallel};
 
 /// Returns the residuals of all row blocks against the values of all their columns, weighted as told.
 pub(super) fn residuals(
@@ -70,22 +70,22 @@ pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: 
     sums.into_iter().map(of).collect()
 }
 
-/// Returns σ of each channel per sample: the residuals' variance over `Σh²`, for the degrees of freedom that `estimate`
-/// leaves of so many blocks.
+/// Returns σ of each channel per sample: the residuals' variance over `Σh²`, for the degrees of freedom that are left of the
+/// blocks beside those `fitted` to each channel.
 pub(super) fn raw_sigma(
     blocks: &dyn RowBlocks,
     channels: &[Channel],
     measured_rms: &[f64],
-    estimate: &Estimate,
+    fitted: &[f64],
     residuals: &[BlockResidual],
 ) -> Vec<f64> {
-    let per_channel = estimate.rank() as f64 / channels.len().max(1) as f64;
     let filter = blocks.filter();
     // Filtered blocks are worth this many independent samples each.
     let left = |c: usize| {
         let blocks = told(residuals, c) as f64;
-        let dof = (blocks * filter.row_noise_gain().min(1.0) - per_channel).max(1.0);
-        dof / (dof + per_channel)
+        let fitted = fitted.get(c).copied().unwrap_or(0.0);
+        let dof = (blocks * filter.row_noise_gain().min(1.0) - fitted).max(1.0);
+        dof / (dof + fitted)
     };
     let raw = rms(residuals, channels.len()).into_iter().enumerate();
     let raw: Vec<f64> = raw.map(|(c, r)| r / (filter.noise_gain * left(c)).sqrt()).collect();

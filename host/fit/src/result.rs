@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::lack_of_fit::LackOfFit;
 use super::{
     Agreement, Channel, CheckedRun, Effect, ErrorScores, Estimate, Factor, Filter, Gaussian, Measured,
-    NuisanceFit, Parameter, SignalNoise, StatedNoise,
+    NuisanceFit, Parameter, RigError, RigRows, SignalNoise, StatedNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -89,6 +89,8 @@ pub struct NoiseCheck {
     pub variance_ratio: f64,
     /// The covariance was multiplied by this.
     pub variance_scale: f64,
+    /// Degrees of freedom that parameters and errors took of the rows.
+    pub fitted: f64,
     /// χ² per degree of freedom of merged runs' disagreement, where their noise does not explain it.
     pub disagreement: Option<f64>,
 }
@@ -187,6 +189,9 @@ pub struct Fit {
     /// The rows that `estimate` solves, whitened by their true σ, where these are not those of `factor` with their variance
     /// scaled: a fixture was taken off, or gain errors were fitted with the larger noise. Known values are not in it.
     pub solved: Option<Factor>,
+    /// The rows that `estimate` solves with the errors that other recordings of the rig share as columns; `None` where these
+    /// are not known apart. Known values are not in it.
+    pub rig_rows: Option<RigRows>,
     /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
     pub rounding: f64,
     /// The model's ([`super::RowSource::model_fingerprint`]).
@@ -236,6 +241,16 @@ impl Fit {
     /// Returns the rows that the estimate from the data alone solves, whitened by their true σ.
     pub fn scaled_factor(&self) -> Factor {
         self.solved.clone().unwrap_or_else(|| self.factor.discount(self.noise.variance_scale))
+    }
+
+    /// Says of which instrument each error is that other recordings share.
+    pub fn name_instruments(&mut self, name: impl Fn(&RigError) -> String) {
+        self.rig_rows = self.rig_rows.take().map(|rows| rows.of_instruments(name));
+    }
+
+    /// Returns the same rows with the errors that other recordings share as columns, as far as these are known apart.
+    pub fn rows(&self) -> RigRows {
+        self.rig_rows.clone().unwrap_or_else(|| RigRows::plain(self.scaled_factor()))
     }
 
     /// Returns the factor with all standard deviations as much larger as the most that one parameter is.

@@ -8,11 +8,10 @@
 
 use nalgebra::DMatrix;
 
-use super::difference::beyond;
 use super::own_errors::OwnErrors;
 use super::pool::{self, PooledFactor};
 use super::standard::{name, weights};
-use super::{Convergence, Estimate, Fit, Measured, Parameter};
+use super::{Convergence, Estimate, Fit, Measured, Parameter, RigRows};
 
 /// Why a fixture is not taken off.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -110,10 +109,14 @@ impl Tare {
         Ok(Self { errors: Some(OwnErrors::of(run)), ..Self::new(pooled)? })
     }
 
-    /// Returns the rows over the inertial parameters with the errors that they share with other runs, as far as these are known.
+    /// Returns the rows over the inertial parameters, with the errors that other runs share if they are of one rig.
+    pub(super) fn rows(&self) -> RigRows {
+        self.fit.rows()
+    }
+
+    /// Returns what errors bring to its one run, as far as that is known.
     pub(super) fn own_errors(&self) -> OwnErrors {
-        let unknown = || OwnErrors { factor: self.fit.scaled_factor(), errors: Vec::new() };
-        self.errors.clone().unwrap_or_else(unknown)
+        self.errors.clone().unwrap_or_default()
     }
 
     /// Returns the same fixture on a link of a tree; it is on the base link otherwise. The fixture's frame is the link's.
@@ -147,12 +150,14 @@ impl Tare {
         self.refuse_repeated(fit)?;
         let map = self.map(fit)?;
         let own = DMatrix::identity(fit.parameters.len(), fit.parameters.len());
-        let body = beyond(&fit.scaled_factor(), &self.fit.scaled_factor(), &map, &own).factor;
+        // An error that both have is one: what it brings to the fixture it takes off the sum.
+        let rows = fit.rows().beyond(&self.rows(), &map, &own).rows;
+        let body = rows.own();
         let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
         fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
         fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
-        fit.solved = Some(body);
+        (fit.solved, fit.rig_rows, fit.widened) = (Some(body), Some(rows), Vec::new());
         fit.runs.extend(self.fit.runs.iter().cloned());
         // A body's element has no more information than either run's, so this asks it of both.
         fit.spurious_information += self.fit.spurious_information;

@@ -212,7 +212,7 @@ fn write_group(
         texts(group.iter().map(of).collect(), rows)?;
     }
     let numbers: [&dyn Fn(&PooledFactor) -> u64; 4] =
-        [&|f| f.sources.len() as u64, &|f| f.factor.rows(), &|f| f.factor.parameters() as u64, &|f| {
+        [&|f| f.sources.len() as u64, &|f| f.rows(), &|f| f.parameters.len() as u64, &|f| {
             f.model_fingerprint
         }];
     for number in numbers {

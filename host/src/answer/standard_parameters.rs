@@ -69,8 +69,8 @@ impl<'a> BaseEstimate<'a> {
     /// Returns the same of rows whose standard deviations are all as much larger; see [`Fit::evenly_widened`].
     pub fn evenly_widened(&self, fit: &Fit) -> Self {
         match &fit.solved {
-            Some(solved) => Self::of_factor(solved, self.base, 1.0, self.noise),
-            None => Self::of_factor(&fit.evenly_widened(), self.base, fit.noise.variance_scale, self.noise),
+            Some(solved) if fit.widened.is_empty() => Self::of_factor(solved, self.base, 1.0, self.noise),
+            _ => Self::of_factor(&fit.evenly_widened(), self.base, fit.noise.variance_scale, self.noise),
         }
     }
 

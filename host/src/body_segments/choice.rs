@@ -56,11 +56,8 @@ impl Way {
 /// # Errors
 /// [`StudyError::Selection`] if there is nothing to choose from.
 pub fn choices(study: &Study, way: Way, count: usize) -> Result<(Vec<usize>, Vec<ChoiceResult>), StudyError> {
-    let candidates: Vec<Candidate> = study
-        .motions
-        .iter()
-        .map(|m| Candidate { name: m.name.clone(), factor: m.pooled.factor.clone() })
-        .collect();
+    let candidates: Vec<Candidate> =
+        study.motions.iter().map(|m| Candidate { name: m.name.clone(), factor: m.pooled.factor() }).collect();
     let groups = groups(&study.motions[0].pooled.parameters, &LIMBS);
     let made = |way: Way| -> Result<Vec<usize>, SelectionError> {
         match way {

@@ -218,9 +218,8 @@ impl Study {
     /// # Errors
     /// [`StudyError::Pool`] if there are none.
     pub fn together_by(&self, factors: Vec<(usize, Factor)>) -> Result<Fit, StudyError> {
-        let own = |(k, factor): (usize, Factor)| {
-            Some(PooledFactor { factor, ..self.motions.get(k)?.pooled.clone() })
-        };
+        let own =
+            |(k, factor): (usize, Factor)| Some(self.motions.get(k)?.pooled.clone().with_factor(factor));
         Self::merged(factors.into_iter().filter_map(own).collect(), &self.table)
     }
 

@@ -30,7 +30,7 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
     let weights = with.base().map().columns(10 * at, 10).into_owned();
     let all = |study: &Study| {
         let factors = study.motions.iter().map(|motion| motion.pooled.clone()).collect();
-        PooledFactor::merged(factors, false).map(|pooled| pooled.factor)
+        PooledFactor::merged(factors, false).map(|pooled| pooled.factor())
     };
     let mut others = all(without)?;
     others.merge(&known(&with.table));

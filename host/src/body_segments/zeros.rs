@@ -54,8 +54,9 @@ impl Zeros {
         for (motion, (first, columns)) in
             which.iter().filter_map(|k| Some((motions.get(*k)?, self.moved.get(*k)?)))
         {
-            let r = motion.pooled.factor.r();
-            all.merge(&motion.pooled.factor);
+            let rows = motion.pooled.factor();
+            let r = rows.r();
+            all.merge(&rows);
             let mut own = sum.columns_mut(*first, columns.ncols());
             own += r.transpose() * (&r * columns);
         }

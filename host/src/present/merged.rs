@@ -1,8 +1,9 @@
 //! What merging gains: the best run alone beside all of them.
 
 use super::text::{NOT_IDENTIFIED, with_u95};
+use crate::problem::instruments::is_unnamed;
 use rigident_fit::Measured;
-use rigident_fit::pool::PooledFactor;
+use rigident_fit::pool::{PooledFactor, names_in_words};
 
 /// Lines of a table at most.
 const MOST: usize = 16;
@@ -24,6 +25,34 @@ impl Line {
     fn share(&self) -> f64 {
         self.best.as_ref().map_or(0.0, |(best, _)| self.merged.u95 / best.u95)
     }
+}
+
+/// Returns what merging runs assumed of their rigs, in words; nothing of one run.
+pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
+    if pooled.sources.len() < 2 {
+        return Vec::new();
+    }
+    let mut said = Vec::new();
+    if pooled.instruments().iter().any(|name| is_unnamed(name)) {
+        said.push(
+            "the rig files name no serial numbers of load cell and IMU: runs whose files state the same of one count as \
+             taken with one, whose errors do not average out"
+                .to_owned(),
+        );
+    }
+    if pooled.rigs.len() > 1 {
+        said.push(format!(
+            "the runs count as those of {} rigs, whose errors are independent",
+            pooled.rigs.len()
+        ));
+    }
+    if !pooled.differing.is_empty() {
+        said.push(format!(
+            "runs of one rig state different standard deviations of {}: the largest was taken",
+            names_in_words(&pooled.differing, ", ")
+        ));
+    }
+    said
 }
 
 /// Returns true if a table is made of so many runs.

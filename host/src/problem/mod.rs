@@ -6,6 +6,7 @@
 pub mod body;
 pub mod clocks;
 pub mod imu;
+pub mod instruments;
 mod moved;
 pub mod person;
 pub mod smoothing;
@@ -16,6 +17,7 @@ mod white_noise;
 use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare, prepare_owned};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
+use self::instruments::instrument;
 use self::suspension::{SuspendedSource, SuspensionError};
 use self::tree::drive::Friction;
 use self::tree::limits::beyond;
@@ -253,6 +255,7 @@ impl Problem {
             // The kernel smooths: on the grid differences show less noise than a stream has.
             found.stated_noise.retain(|noise| noise.far_off().is_some_and(|ratio| ratio > 1.0));
         }
+        found.name_instruments(|error| instrument(&self.rig, error));
         Ok(found)
     }
 
@@ -273,7 +276,8 @@ impl Problem {
             other @ (Subject::Body { .. } | Subject::Suspended { .. }) => other,
         };
         let problem = Self { subject, ..self };
-        let found = fit_device(problem.source(), device, options, progress)?;
+        let mut found = fit_device(problem.source(), device, options, progress)?;
+        found.name_instruments(|error| instrument(&problem.rig, error));
         Ok((problem, found))
     }
 }

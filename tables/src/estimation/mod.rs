@@ -11,6 +11,7 @@ mod f32_accuracy;
 mod faults;
 mod filter_response;
 mod honest_covariance;
+mod merging;
 mod montecarlo;
 mod problem;
 mod reference;
@@ -40,6 +41,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "rig-errors-all-long", make: rig_errors::all_table },
         Table { name: "change", make: change::table },
         Table { name: "not-rigid", make: change::not_rigid_table },
+        Table { name: "merging-long", make: merging::table },
     ],
 };
 

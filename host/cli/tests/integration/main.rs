@@ -30,6 +30,7 @@ mod known;
 mod legged;
 mod mcap_damage;
 mod mcap_independent;
+mod merging;
 mod model_commands;
 mod monitor;
 mod montecarlo;

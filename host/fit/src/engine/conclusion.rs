@@ -12,7 +12,7 @@ use crate::{BlockResidual, Convergence, Effect, Estimate, Noise, NoiseCheck, Row
 impl Engine<'_> {
     /// Draws the conclusions from a factor.
     pub(super) fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
-        let Solved { factor, mut joint, mut about, .. } = self.solve(pass, 1.0);
+        let Solved { factor, mut rows, mut joint, mut about, .. } = self.solve(pass, 1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
             rows: factor.rows(),
@@ -20,7 +20,8 @@ impl Engine<'_> {
             noise_gain: self.row_noise_gain,
             sigma_given,
         };
-        let judged = judge(&[set], factor.residual_sum_of_squares(), unscaled.rank() as f64);
+        let fitted = self.fitted(pass, &joint);
+        let judged = judge(&[set], factor.residual_sum_of_squares(), fitted);
         let (noise, scale) = (judged.noise, judged.variance_scale);
         let check = NoiseCheck {
             sigma_given,
@@ -28,6 +29,7 @@ impl Engine<'_> {
             variance_ratio: judged.variance_ratio,
             variance_scale: scale,
             disagreement: None,
+            fitted,
         };
         // What is known beforehand is not the noise's to scale.
         let mut solved = None;
@@ -36,7 +38,9 @@ impl Engine<'_> {
             let estimate = self.estimate(&beside.factor, 1.0, Noise::Given);
             unscaled = Estimate { covariance: &estimate.covariance / scale, ..estimate };
             (solved, joint, about) = (Some(beside.factor), beside.joint, beside.about);
+            rows = beside.rows;
         } else {
+            rows = rows.discount(scale);
             joint.covariance *= scale;
             about.covariance *= scale;
         }
@@ -46,6 +50,7 @@ impl Engine<'_> {
         let mut conclusion = Conclusion {
             factor,
             solved,
+            rows,
             estimate,
             unscaled,
             noise,

@@ -5,6 +5,7 @@ use rigident_shared::forgetting::Span;
 
 use super::{Conclusion, Engine, Pass};
 use crate::lack_of_fit::LackOfFit;
+use crate::rig_rows::{noisier, shifted};
 use crate::{
     ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, autocorrelation, convergence,
 };
@@ -25,7 +26,8 @@ impl Engine<'_> {
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
         let rows = self.rows_of(&pass);
-        let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, .. } = conclusion;
+        let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, rows: mut joint, .. } =
+            conclusion;
         if known.iter().any(|v| *v != 0.0) {
             factor = factor.about(known.as_slice());
             estimate.values.iter_mut().zip(&known).for_each(|(value, by)| *value -= by);
@@ -79,10 +81,23 @@ impl Engine<'_> {
         let mut widened = Vec::new();
         if by.iter().any(|by| *by > 1.0) {
             factor = factor.inflate(&estimate.values, &by);
-            solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
-            estimate = estimate.inflate(&by);
+            if forgetting.is_none() {
+                joint = noisier(&joint, self.parameters, &inflation);
+                let change: Vec<f64> = (0..self.parameters).map(|j| lack_of_fit.shift(j)).collect();
+                joint = shifted(&shifted(&joint, &bias), &change);
+                let own = self.without_errors(&joint, pass.linearised.is_some());
+                estimate = self.estimate(&own, 1.0, estimate.noise);
+                solved = Some(own);
+            } else {
+                solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
+                estimate = estimate.inflate(&by);
+            }
             widened.clone_from(&by);
         }
+        let rig_rows = match (forgetting, &pass.linearised) {
+            (None, Some(_)) => self.columns.rig_rows(&joint),
+            _ => None,
+        };
         for point in &mut convergence {
             for (measured, by) in point.parameters.iter_mut().zip(&by) {
                 if let Some(measured) = measured {
@@ -125,6 +140,7 @@ impl Engine<'_> {
             added: Vec::new(),
             device: None,
             solved,
+            rig_rows,
             rounding: self.source.rounding(),
             model_fingerprint: self.source.model_fingerprint(),
             fingerprints: vec![self.source.fingerprint()],

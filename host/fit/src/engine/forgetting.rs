@@ -86,7 +86,8 @@ impl Engine<'_> {
             Weights::of(&*self.blocks, &Reference::of(&estimate, 1.0, self.limit), &pass.weighing.total);
         let residuals = self.residuals(&*self.blocks, &estimate.values, &weights);
         let channels = self.source.channels();
-        raw_sigma(&*self.blocks, channels, &self.measured_rms, &estimate, recent(&residuals, span))
+        let fitted = vec![estimate.rank() as f64 / channels.len().max(1) as f64; channels.len()];
+        raw_sigma(&*self.blocks, channels, &self.measured_rms, &fitted, recent(&residuals, span))
     }
 
     /// Returns the root mean square, per whitened row, of what noise of the signals brings to the coefficients.

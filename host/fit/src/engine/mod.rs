@@ -112,6 +112,8 @@ struct Pass<'a> {
 struct Solved {
     /// Nuisance parameters eliminated.
     factor: Factor,
+    /// The rows over all columns, without what is known beforehand.
+    rows: Factor,
     /// Of all columns.
     joint: Estimate,
     /// The same with directions that noise fills as least squares find them: residuals are looked at about it.
@@ -128,6 +130,8 @@ struct Conclusion {
     factor: Factor,
     /// The same beside the noise as it is, where it is larger than stated.
     solved: Option<Factor>,
+    /// The rows over all columns beside the noise as it is, without what is known beforehand.
+    rows: Factor,
     estimate: Estimate,
     /// The same, variance not scaled by the residuals.
     unscaled: Estimate,

@@ -9,7 +9,10 @@ use crate::outliers::Weights;
 use crate::residuals::{raw_sigma, residuals};
 use crate::signal_noise::RowNoise;
 use crate::weighing::Weighing;
-use crate::{BlockResidual, Estimate, Factor, FitError, Noise, RowBlocks, parallel};
+use crate::{BlockResidual, Estimate, Factor, FitError, Noise, RowBlocks, Whitener, parallel};
+
+/// Row blocks of which each one's share of the degrees of freedom is reckoned.
+const MOST_LEVERAGES: usize = 500;
 
 impl Engine<'_> {
     /// Returns the weighing by σ of the channels alone.
@@ -79,19 +82,27 @@ impl Engine<'_> {
         };
         let least_squares = estimate(&known(scaled.clone()));
         let Some(Compensated { factor, fitted }) = compensated else {
-            let all = known(scaled);
+            let all = known(scaled.clone());
             let joint = estimate(&all);
             let factor = leading(all);
-            return Solved { about: joint.clone(), least_squares, own: estimate(&factor), factor, joint };
+            let own = estimate(&factor);
+            return Solved { about: joint.clone(), least_squares, own, factor, joint, rows: scaled };
         };
+        let rows = factor.clone();
         let [all, fitted] = [factor, fitted].map(known);
         Solved {
+            rows,
             joint: estimate(&all),
             about: estimate(&fitted),
             least_squares,
             own: estimate(&leading(fitted)),
             factor: leading(all),
         }
+    }
+
+    /// Returns rows over all columns as rows over the parameters alone, with what is known of errors.
+    pub(super) fn without_errors(&self, rows: &Factor, with_errors: bool) -> Factor {
+        if with_errors { self.columns.with_prior(rows).leading(self.parameters) } else { rows.clone() }
     }
 
     pub(super) fn estimate(&self, factor: &Factor, scale: f64, noise: Noise) -> Estimate {
@@ -109,8 +120,42 @@ impl Engine<'_> {
 
     /// Returns σ of the channels from what a pass leaves.
     pub(super) fn sigma_from_residuals(&self, pass: &Pass) -> Vec<f64> {
-        let Solved { about, own, .. } = self.solve(pass, 1.0);
+        let Solved { about, joint, .. } = self.solve(pass, 1.0);
         let residuals = self.residuals(self.rows_of(pass), &about.values, &pass.weights);
-        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &own, &residuals)
+        let fitted = self.fitted_by_channel(pass, &joint);
+        raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &fitted, &residuals)
+    }
+
+    /// Returns how many degrees of freedom parameters and errors take of the rows: `tr(H⁻¹ AᵀWA)` with H the information of rows
+    /// and prior. An error that rows tell nothing of takes none.
+    pub(super) fn fitted(&self, pass: &Pass, joint: &Estimate) -> f64 {
+        let known = if pass.linearised.is_some() { self.columns.known(&joint.covariance) } else { 0.0 };
+        (joint.rank() as f64 - known).max(0.0)
+    }
+
+    /// Returns the same of each channel's rows; of many rows, where it hardly counts, as much of each.
+    fn fitted_by_channel(&self, pass: &Pass, joint: &Estimate) -> Vec<f64> {
+        let (rows, channels) = (self.rows_of(pass), self.source.channels().len());
+        if rows.len() > MOST_LEVERAGES {
+            return vec![self.fitted(pass, joint) / channels.max(1) as f64; channels];
+        }
+        let n = joint.len();
+        let mut covariance = joint.covariance.clone();
+        for j in (0..n).filter(|j| !joint.is_determined(*j)) {
+            covariance.row_mut(j).fill(0.0);
+            covariance.column_mut(j).fill(0.0);
+        }
+        let mut fitted = vec![0.0; channels];
+        let mut whitener = Whitener::new(&pass.weighing.whitening, n);
+        let (mut own, mut measured) = (DMatrix::zeros(n, channels), vec![0.0; channels]);
+        for block in 0..rows.len() {
+            rows.write(block, own.as_mut_slice(), &mut measured);
+            let weights = Some(pass.weights.of_block(block)).filter(|own| !own.is_empty());
+            whitener.apply(rows.time_s(block), own.as_mut_slice(), &mut measured, weights);
+            for (fitted, row) in fitted.iter_mut().zip(own.column_iter()) {
+                *fitted += (&covariance * row).dot(&row);
+            }
+        }
+        fitted
     }
 }

@@ -2,7 +2,7 @@
 
 use rigident_fit::factor_file::{FactorSource, SourceChannel};
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{Checks, Factor, Fingerprint, Parameter};
+use rigident_fit::{Checks, Factor, Fingerprint, Parameter, RigRows};
 
 /// Returns the factor as that of a run called `name`, made of these numbers.
 pub(super) fn pooled(
@@ -22,6 +22,8 @@ pub(super) fn pooled(
         rejected: 0,
         rows: factor.rows(),
         noise_gain: 1.0,
+        variance_scale: 1.0,
+        fitted: None,
         sigma_given,
         spurious_information: 0.0,
         channels: vec![SourceChannel {
@@ -39,7 +41,9 @@ pub(super) fn pooled(
         rounding: f64::EPSILON * parameters.len() as f64,
         parameters,
         model_fingerprint: 0,
-        factor,
+        rigs: vec![RigRows::plain(factor)],
+        errors_inside: false,
+        differing: Vec::new(),
         sources: vec![source],
         eliminated: 0,
         disagreement: 0.0,

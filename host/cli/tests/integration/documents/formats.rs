@@ -311,6 +311,8 @@ fn every_part_of_a_factor_file_is_described() {
         rejected: 0,
         rows: 6,
         noise_gain: 1.0,
+        variance_scale: 1.0,
+        fitted: None,
         sigma_given: true,
         spurious_information: 0.0,
         channels: vec![channel],

@@ -274,7 +274,7 @@ fn offsets_asked_of_merged_runs_are_told_to_be_eliminated() {
 }
 
 #[test]
-fn gain_errors_that_runs_have_in_common_are_told() {
+fn runs_of_one_rig_share_its_errors_and_say_so() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     for (name, seed) in [("a", 1), ("b", 2)] {
@@ -282,9 +282,22 @@ fn gain_errors_that_runs_have_in_common_are_told() {
     }
     let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
-    assert!(said(&output).contains("gain errors"), "{}", said(&output));
-    let result = json(at, &["solve", "ab.factor", "--json"]);
-    assert!(result["warnings"].to_string().contains("gain errors"), "{}", result["warnings"]);
+    assert!(said(&output).contains("serial numbers"), "{}", said(&output));
     let alone = rigident(at, &["factor", "a.csv", "-o", "a.factor"]);
-    assert!(!said(&alone).contains("gain errors"), "{}", said(&alone));
+    assert!(!said(&alone).contains("serial numbers"), "{}", said(&alone));
+    let u95 = |result: &serde_json::Value| values(result)[0].1;
+    let one = u95(&json(at, &["solve", "a.factor", "--json"]));
+    let both = json(at, &["solve", "ab.factor", "--json"]);
+    assert!(both["notes"].to_string().contains("serial numbers"), "{}", both["notes"]);
+    // Gains are most of the mass's interval, and of one load cell.
+    assert!(u95(&both) > 0.9 * one, "{} {one}", u95(&both));
+    for (name, label) in [("a", "rig=north"), ("b", "rig=south")] {
+        let [csv, out] = [format!("{name}.csv"), format!("{name}-of.factor")];
+        let output = rigident(at, &["factor", &csv, "--label", label, "-o", &out]);
+        assert_eq!(status(&output), 0, "{}", said(&output));
+    }
+    let output = rigident(at, &["merge", "a-of.factor", "b-of.factor", "-o", "two.factor"]);
+    assert!(said(&output).contains("2 rigs"), "{}", said(&output));
+    let two = u95(&json(at, &["solve", "two.factor", "--json"]));
+    assert!((two / one - 0.5_f64.sqrt()).abs() < 0.05, "{two} {one}");
 }

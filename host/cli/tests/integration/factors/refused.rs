@@ -39,11 +39,11 @@ fn bad_input_is_named_and_nothing_is_written() {
     change("pounds.factor", &|f| f.parameters[0].unit = "lb".into());
     change("renamed.factor", &|f| f.parameters[3].name = "mz".into());
     change("geometry.factor", &|f| f.model_fingerprint = 1);
-    change("rows.factor", &|f| f.factor = f.factor.clone().with_residual(1.0, 0));
+    change("rows.factor", &|f| f.sources[0].rows = 0);
     change("weights.factor", &|f| f.sources[0].channels[0].sigma = 0.0);
     change("noisier.factor", &|f| f.sources[0].channels[0].sigma *= 2.0);
     change("empty.factor", &|f| {
-        f.factor = Factor::new(16);
+        *f = f.clone().with_factor(Factor::new(16));
         f.sources.clear();
     });
     fs::copy(at.join("a.factor"), at.join("copy.factor")).unwrap();

@@ -1,0 +1,63 @@
+//! Recordings of the laboratory, what is made of them, and how far off it is.
+
+use std::collections::BTreeMap;
+
+use rigident::fit::pool::PooledFactor;
+use rigident::fit::{Fit, FitOptions, Parameter, Silent};
+use rigident::problem::body::{BodySource, prepare};
+use rigident::problem::{Problem, Subject};
+
+#[path = "laboratory.rs"]
+mod laboratory;
+
+pub use laboratory::Body;
+use laboratory::{RATE_HZ, Rig, rig_file};
+
+/// Errors in U95 of the ten parameters, and U95.
+pub type Errors = Vec<(f64, f64)>;
+
+const TEN: [&str; 10] = ["m", "mcx", "mcy", "mcz", "Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
+
+/// Returns what a recording alone says.
+pub fn fit(rig: u64, body: &Body, seed: u64, noisier: f64) -> Fit {
+    let file = rig_file(&format!("rig {rig}"));
+    let input = prepare::input(&file, Rig::new(rig).record(body, seed, noisier), false, RATE_HZ);
+    let source = Box::new(BodySource::new(input, file.imu.first()));
+    let subject = Subject::Body { source, gravity_columns: false };
+    let problem = Problem::new(&format!("{rig} {seed}"), file, subject);
+    problem.fit(&FitOptions::default(), &Silent).unwrap()
+}
+
+/// Returns its factor.
+pub fn factor(rig: u64, body: &Body, seed: u64, noisier: f64) -> PooledFactor {
+    PooledFactor::of(&fit(rig, body, seed, noisier), &format!("{rig} {seed}"))
+}
+
+/// Returns how far a fit is off.
+pub fn off(fit: &Fit, body: &Body) -> Errors {
+    let truth: BTreeMap<&str, f64> = TEN.into_iter().zip(body.parameters()).collect();
+    let own = |(j, p): (usize, &Parameter)| {
+        let measured = fit.estimate.measured(j)?;
+        Some(((measured.value - truth.get(p.name.as_str())?) / measured.u95, measured.u95))
+    };
+    fit.parameters.iter().enumerate().filter_map(own).collect()
+}
+
+/// Returns the share of truths outside U95.
+pub fn outside(all: &[Errors]) -> f64 {
+    let of: Vec<f64> = all.iter().flatten().map(|(off, _)| off.abs()).collect();
+    of.iter().filter(|off| **off > 1.0).count() as f64 / of.len() as f64
+}
+
+/// The root of the mean square of all errors, in standard deviations.
+pub fn rms(all: &[Errors]) -> f64 {
+    let of: Vec<f64> = all.iter().flatten().map(|(off, _)| (1.96 * off).powi(2)).collect();
+    (of.iter().sum::<f64>() / of.len() as f64).sqrt()
+}
+
+/// How large U95 is by that of others, on the geometric mean of all parameters.
+pub fn larger(all: &[Errors], others: &[Errors]) -> f64 {
+    let of = all.iter().flatten().zip(others.iter().flatten()).map(|(a, b)| (a.1 / b.1).ln());
+    let of: Vec<f64> = of.collect();
+    (of.iter().sum::<f64>() / of.len() as f64).exp()
+}

@@ -1,0 +1,387 @@
+//! Rows over parameters and over the errors of a rig, which outlive a recording.
+//!
+//! `R [φ; θ] = z`: errors of one recording alone are eliminated with what is known of them. Those that other recordings of
+//! the rig share are columns θ, and what is known of them beforehand, `θ = μ ± Σ`, stays beside the rows. So it counts once,
+//! however many recordings are merged: an error in common does not average out.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::{Basis, Factor, Gaussian};
+
+/// Standard deviations beforehand that differ by less, relative, are the same.
+const SAME_SIGMA: f64 = 1e-6;
+
+/// An error that all recordings with one instrument share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RigError {
+    /// The instrument whose error it is, by a serial number or by what is stated of it; empty: there is but one.
+    pub instrument: String,
+    /// Its name: `gain_fz`.
+    pub name: String,
+    /// The errors that it is one of: `load-cell gain`.
+    pub group: String,
+    /// Its SI unit in ASCII.
+    pub unit: String,
+    /// The knowledge that its standard deviation rests on.
+    pub basis: Basis,
+    /// Its value beforehand.
+    pub expected: f64,
+    /// Its standard deviation beforehand.
+    pub sigma: f64,
+}
+
+impl RigError {
+    /// Returns true if two are one error.
+    pub fn is(&self, other: &Self) -> bool {
+        self.name == other.name && self.instrument == other.instrument
+    }
+}
+
+/// Rows over parameters, then errors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigRows {
+    parameters: usize,
+    factor: Factor,
+    errors: Vec<RigError>,
+    covariance: DMatrix<f64>,
+}
+
+/// What is known of the parameters that rows have beyond others, and how far the two contradict each other.
+#[derive(Clone, Debug)]
+pub struct RowsBeyond {
+    /// The rows over these parameters and the errors of both.
+    pub rows: RigRows,
+    /// The sum of squares by which the rest of the two differs beyond what these parameters and the errors explain: χ² if
+    /// both are whitened by their true σ.
+    pub chi2: f64,
+}
+
+impl RigRows {
+    /// Returns the rows of a factor that has a column for each of `parameters` parameters and then for each error, whose
+    /// covariance beforehand is given.
+    ///
+    /// Returns `None` if the sizes differ or the covariance is none.
+    pub fn new(
+        parameters: usize,
+        factor: Factor,
+        errors: Vec<RigError>,
+        covariance: DMatrix<f64>,
+    ) -> Option<Self> {
+        let k = errors.len();
+        let fits = factor.parameters() == parameters + k && covariance.shape() == (k, k);
+        let rows = Self { parameters, factor, errors, covariance };
+        (fits && (k == 0 || rows.is_known())).then_some(rows)
+    }
+
+    /// Returns rows without errors in common.
+    pub fn plain(factor: Factor) -> Self {
+        let parameters = factor.parameters();
+        Self { parameters, factor, errors: Vec::new(), covariance: DMatrix::zeros(0, 0) }
+    }
+
+    /// Returns the number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.parameters
+    }
+
+    /// Returns the rows: parameters, then errors, without what is known of these beforehand.
+    pub fn factor(&self) -> &Factor {
+        &self.factor
+    }
+
+    /// Returns the errors, in the order of their columns.
+    pub fn errors(&self) -> &[RigError] {
+        &self.errors
+    }
+
+    /// Returns the covariance of the errors beforehand, in their units.
+    pub fn covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
+    }
+
+    /// Returns true if the errors are known independently of each other.
+    pub fn is_independent(&self) -> bool {
+        let k = self.errors.len();
+        (0..k).all(|i| (0..i).all(|j| self.covariance[(i, j)] == 0.0))
+    }
+
+    /// Returns the same with every error that of the instrument which `name` says.
+    #[must_use]
+    pub fn of_instruments(mut self, name: impl Fn(&RigError) -> String) -> Self {
+        for error in &mut self.errors {
+            error.instrument = name(error);
+        }
+        self
+    }
+
+    /// Returns true if every error is there once, and what is known of them beforehand is a normal distribution.
+    fn is_known(&self) -> bool {
+        let mut names: Vec<_> = self.errors.iter().map(|e| (&e.instrument, &e.name)).collect();
+        names.sort_unstable();
+        let own = |(k, e): (usize, &RigError)| {
+            let variance = self.covariance[(k, k)];
+            e.expected.is_finite() && variance.is_finite() && variance > 0.0 && e.sigma > 0.0
+        };
+        names.windows(2).all(|pair| pair[0] != pair[1])
+            && self.errors.iter().enumerate().all(own)
+            && (self.is_independent() || self.beforehand().is_some())
+    }
+
+    /// Returns the distribution of the errors beforehand; `None` if there is none.
+    fn beforehand(&self) -> Option<Gaussian> {
+        let names = self.errors.iter().map(|e| format!("{} {}", e.instrument, e.name)).collect();
+        let mean = DVector::from_iterator(self.errors.len(), self.errors.iter().map(|e| e.expected));
+        Gaussian::new(names, mean, self.covariance.clone())
+    }
+
+    /// Returns the rows with what is known of the errors beforehand.
+    pub fn known(&self) -> Factor {
+        let (n, k) = (self.parameters, self.errors.len());
+        let mut known = self.factor.clone();
+        if k == 0 {
+            return known;
+        }
+        let rows: Vec<(Vec<f64>, f64)> = if self.is_independent() {
+            let row = |(i, error): (usize, &RigError)| {
+                let mut row = vec![0.0; n + k];
+                row[n + i] = 1.0 / error.sigma;
+                (row, error.expected / error.sigma)
+            };
+            self.errors.iter().enumerate().map(row).collect()
+        } else {
+            let Some(beforehand) = self.beforehand() else { return known };
+            let whitening = beforehand.whitening();
+            let row = |row: nalgebra::MatrixView<'_, f64, nalgebra::U1, nalgebra::Dyn, _, _>| {
+                let mut all = vec![0.0; n];
+                all.extend(row.iter());
+                (all, (row * beforehand.mean())[0])
+            };
+            whitening.row_iter().map(row).collect()
+        };
+        known.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
+        // What is known beforehand are no measurements.
+        let left = known.residual_sum_of_squares();
+        known.with_residual(left, self.factor.rows())
+    }
+
+    /// Returns the rows over the parameters alone, whatever the errors are, with what is known of these.
+    pub fn own(&self) -> Factor {
+        if self.errors.is_empty() { self.factor.clone() } else { self.known().leading(self.parameters) }
+    }
+
+    /// Returns the rows over the parameters for given errors.
+    pub fn of_given_errors(&self) -> Factor {
+        let n = self.parameters;
+        let r = self.factor.r();
+        let mut own = Factor::new(n);
+        own.absorb_matrix(&r.view((0, 0), (n, n)).into_owned(), &self.factor.z()[..n]);
+        own
+    }
+
+    /// Returns the rows over the errors alone, whatever the parameters are.
+    #[must_use]
+    pub fn of_errors(&self) -> Self {
+        self.select(&[])
+    }
+
+    /// Returns the rows over some of the parameters, in this order, whatever the others are.
+    #[must_use]
+    pub fn select(&self, parameters: &[usize]) -> Self {
+        let n = self.parameters;
+        let kept: Vec<usize> = parameters.iter().copied().chain(n..n + self.errors.len()).collect();
+        Self {
+            parameters: parameters.len(),
+            factor: self.factor.eliminate_others(&kept),
+            errors: self.errors.clone(),
+            covariance: self.covariance.clone(),
+        }
+    }
+
+    /// Returns the rows over ψ, where `φ = map ψ`.
+    #[must_use]
+    pub fn substitute(&self, map: &DMatrix<f64>) -> Self {
+        let k = self.errors.len();
+        let (n, m) = map.shape();
+        let all = DMatrix::from_fn(n + k, m + k, |i, j| match (i.checked_sub(n), j.checked_sub(m)) {
+            (None, None) => map[(i, j)],
+            (Some(i), Some(j)) => f64::from(u8::from(i == j)),
+            _ => 0.0,
+        });
+        Self { parameters: m, factor: self.factor.substitute(&all), ..self.clone() }
+    }
+
+    /// Returns the same rows with a variance `by` times as large; what is known of the errors stays.
+    #[must_use]
+    pub fn discount(&self, by: f64) -> Self {
+        Self { factor: self.factor.discount(by), ..self.clone() }
+    }
+
+    /// Returns true if an error is in both.
+    pub fn shares_errors_with(&self, other: &Self) -> bool {
+        self.errors.is_empty() && other.errors.is_empty()
+            || other.errors.iter().any(|error| self.errors.iter().any(|own| own.is(error)))
+    }
+
+    /// Merges rows over the same parameters: an error that both have is one. Returns the names of the errors of which
+    /// different standard deviations were stated; the larger is taken, also of those of a class, which goes by the load.
+    pub fn merge(&mut self, other: &Self) -> Vec<String> {
+        if self.errors.len() == other.errors.len() && self.errors == other.errors {
+            self.factor.merge(&other.factor);
+            return Vec::new();
+        }
+        let (at, differing) = self.take_errors(other);
+        let (n, all) = (self.parameters, self.parameters + self.errors.len());
+        let place = |i: usize| if i < n { Some(i) } else { at.get(i - n).map(|k| n + k) };
+        let map =
+            DMatrix::from_fn(other.factor.parameters(), all, |i, j| f64::from(u8::from(place(i) == Some(j))));
+        self.factor.merge(&other.factor.substitute(&map));
+        differing
+    }
+
+    /// Takes the errors of another among its own, and returns their places and the names of those that differ.
+    fn take_errors(&mut self, other: &Self) -> (Vec<usize>, Vec<String>) {
+        let before = self.errors.len();
+        let mut differing = Vec::new();
+        let mut at = Vec::new();
+        for error in &other.errors {
+            match self.errors.iter().position(|own| own.is(error)) {
+                Some(k) => at.push(k),
+                None => {
+                    at.push(self.errors.len());
+                    self.errors.push(error.clone());
+                }
+            }
+        }
+        let count = self.errors.len();
+        if count > before {
+            self.factor = self.factor.append(count - before);
+            self.covariance = self.covariance.clone().resize(count, count, 0.0);
+        }
+        for (i, k) in at.iter().enumerate() {
+            let theirs = other.covariance[(i, i)];
+            if *k >= before {
+                for (j, l) in at.iter().enumerate().filter(|(_, l)| **l >= before) {
+                    self.covariance[(*k, *l)] = other.covariance[(i, j)];
+                }
+                continue;
+            }
+            let own = self.covariance[(*k, *k)];
+            let is_class = |error: &RigError| matches!(error.basis, Basis::Class(_));
+            let of_classes = is_class(&self.errors[*k]) && is_class(&other.errors[i]);
+            if !of_classes && (theirs / own - 1.0).abs() > SAME_SIGMA {
+                differing.push(self.errors[*k].name.clone());
+            }
+            if theirs > own {
+                self.covariance[(*k, *k)] = theirs;
+                let expected = other.errors[i].expected;
+                self.errors[*k] = RigError { expected, sigma: theirs.sqrt(), ..self.errors[*k].clone() };
+            }
+        }
+        (at, differing)
+    }
+
+    /// Returns the rows with standard deviations of the noise `by` times as large, one a parameter, and of all that the rows
+    /// say of errors as many times as the most: what an error brings to a parameter stays as it is.
+    ///
+    /// `R (φ + T θ)` with `R_φφ T = R_φθ` has no column of θ: there noise alone is left.
+    #[must_use]
+    pub fn noisier(&self, by: &[f64]) -> Self {
+        let (n, k) = (self.parameters, self.errors.len());
+        let factor = noisier(&self.factor, n, by);
+        debug_assert_eq!(factor.parameters(), n + k);
+        Self { factor, ..self.clone() }
+    }
+
+    /// Returns the rows with an error of this recording alone, known to be 0 ± 1, that moves the estimate by `column`.
+    #[must_use]
+    pub fn shifted(&self, column: &[f64]) -> Self {
+        Self { factor: shifted(&self.factor, column), ..self.clone() }
+    }
+
+    /// Returns what is known of τ from these rows over `of_known κ + of_sought τ` and the rows `known` over κ, errors of the
+    /// same instrument being the same in both.
+    ///
+    /// What neither tells of τ is zero in the answer, not the rounding of the elimination.
+    pub fn beyond(&self, known: &Self, of_known: &DMatrix<f64>, of_sought: &DMatrix<f64>) -> RowsBeyond {
+        let (k, m) = (of_known.ncols(), of_sought.ncols());
+        let both = DMatrix::from_fn(self.parameters, k + m, |i, j| match j.checked_sub(k) {
+            None => of_known[(i, j)],
+            Some(j) => of_sought[(i, j)],
+        });
+        let mut joint = self.substitute(&both);
+        let mut errors = self.of_errors();
+        joint.merge(&known.substitute(&DMatrix::identity(k, k + m)));
+        errors.merge(&known.of_errors());
+        let apart = errors.known().residual_sum_of_squares();
+        let chi2 = (joint.known().residual_sum_of_squares() - apart).max(0.0);
+        let rounding = 4.0 * (k + m) as f64 * f64::EPSILON;
+        let own = self.factor.r().columns(0, self.parameters) * of_sought;
+        let mut least: Vec<f64> = own.column_iter().map(|column| rounding * column.norm()).collect();
+        least.resize(m + joint.errors.len(), 0.0);
+        let sought = joint.select(&(k..k + m).collect::<Vec<_>>());
+        let factor = sought.factor.clone().without_columns_below(&least);
+        RowsBeyond { rows: Self { factor, ..sought }, chi2 }
+    }
+}
+
+/// See [`RigRows::noisier`]; the first `n` columns are parameters.
+pub(super) fn noisier(factor: &Factor, n: usize, by: &[f64]) -> Factor {
+    let most = by.iter().copied().fold(1.0, f64::max);
+    if most <= 1.0 {
+        return factor.clone();
+    }
+    let k = factor.parameters() - n;
+    let spread = |sign: f64, moved: &DMatrix<f64>| {
+        DMatrix::from_fn(n + k, n + k, |i, j| match j.checked_sub(n) {
+            Some(j) if i < n => sign * moved[(i, j)],
+            _ => f64::from(u8::from(i == j)),
+        })
+    };
+    let moved = brought(factor, n);
+    let apart = factor.substitute(&spread(-1.0, &moved));
+    let mut all = by.to_vec();
+    all.resize(n + k, most);
+    let estimate = apart.solve(apart.rounding()).estimate;
+    apart.inflate(&estimate, &all).substitute(&spread(1.0, &moved))
+}
+
+/// Returns T with `R_φφ T = R_φθ`: what an error of one moves the parameters by, where the rows tell of these.
+fn brought(factor: &Factor, n: usize) -> DMatrix<f64> {
+    let k = factor.parameters() - n;
+    if k == 0 || n == 0 {
+        return DMatrix::zeros(n, k);
+    }
+    let r = factor.r();
+    let norms: Vec<f64> = (0..n).map(|j| r.column(j).norm()).collect();
+    let scale = DVector::from_iterator(n, norms.iter().map(|v| if *v > 0.0 { 1.0 / v } else { 0.0 }));
+    let own = r.view((0, 0), (n, n)) * DMatrix::from_diagonal(&scale);
+    let svd = own.svd(true, true);
+    let least = svd.singular_values.max() * n as f64 * 16.0 * f64::EPSILON;
+    let found = svd.solve(&r.view((0, n), (n, k)).into_owned(), least);
+    DMatrix::from_diagonal(&scale) * found.unwrap_or_else(|_| DMatrix::zeros(n, k))
+}
+
+/// See [`RigRows::shifted`]; the column may be shorter than the columns are many.
+pub(super) fn shifted(factor: &Factor, column: &[f64]) -> Factor {
+    if column.iter().all(|v| *v == 0.0) {
+        return factor.clone();
+    }
+    let n = factor.parameters();
+    let map = DMatrix::from_fn(n, n + 1, |i, j| match j {
+        0 => column.get(i).map_or(0.0, |v| -v),
+        _ => f64::from(u8::from(j == i + 1)),
+    });
+    let mut joint = factor.substitute(&map);
+    let mut beforehand = vec![0.0; n + 1];
+    beforehand[0] = 1.0;
+    joint.absorb([(beforehand.as_slice(), 0.0)]);
+    let marginal = joint.eliminate_others(&(1..=n).collect::<Vec<_>>());
+    // What is known beforehand is none of the data's.
+    let left = marginal.residual_sum_of_squares();
+    marginal.with_residual(left, factor.rows())
+}
+
+#[cfg(test)]
+#[path = "rig_rows_tests.rs"]
+mod tests;
