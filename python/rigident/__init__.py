@@ -18,20 +18,24 @@ if TYPE_CHECKING:
     from rigident import plan
     from rigident._arrays import Arrays
     from rigident._call import Called, Known, Rig, command
-    from rigident._errors import Place, RigidentError
+    from rigident._errors import Contradicted, NoNumber, NotIdentified, Place, RigidentError
     from rigident._factor import Factor
     from rigident._identify import identify
     from rigident._model import BaseMotion, BaseParameters, Model
-    from rigident._results import Parameter, Result
+    from rigident._results import FitParameter, Parameter, Result
 
 __all__ = [
     "Arrays",
     "BaseMotion",
     "BaseParameters",
     "Called",
+    "Contradicted",
     "Factor",
+    "FitParameter",
     "Known",
     "Model",
+    "NoNumber",
+    "NotIdentified",
     "Parameter",
     "Place",
     "Result",
@@ -46,11 +50,11 @@ __all__ = [
 _MODULES = {
     "_arrays": ("Arrays",),
     "_call": ("Called", "Known", "Rig", "command"),
-    "_errors": ("Place", "RigidentError"),
+    "_errors": ("Contradicted", "NoNumber", "NotIdentified", "Place", "RigidentError"),
     "_factor": ("Factor",),
     "_identify": ("identify",),
     "_model": ("BaseMotion", "BaseParameters", "Model"),
-    "_results": ("Parameter", "Result"),
+    "_results": ("FitParameter", "Parameter", "Result"),
 }
 
 

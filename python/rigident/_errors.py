@@ -53,3 +53,24 @@ class RigidentError(Exception):
     def __reduce__(self) -> tuple[type[RigidentError], tuple[object, ...]]:
         # Workers send it to the process that started them.
         return type(self), (str(self), self.status, self.place, self.told)
+
+
+class NoNumber(RigidentError, ValueError):
+    """Says that a quantity has no number that may be used."""
+
+    def __init__(
+        self,
+        message: str,
+        status: int = 1,
+        place: Place | tuple[str | None, int | None, int | None, str | None] | None = None,
+        told: Iterable[str] = (),
+    ) -> None:
+        super().__init__(message, status, place, told)
+
+
+class NotIdentified(NoNumber):
+    """Says that the data do not determine a parameter."""
+
+
+class Contradicted(NoNumber):
+    """Says that the recording cannot be true: the numbers of its fit, in ``Result.fit``, must not be used."""

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigident._errors import Contradicted, NotIdentified
+
 if TYPE_CHECKING:
     from rigident._factor import Factor
 
@@ -26,17 +28,32 @@ class Parameter:
     unit: str
     """Its SI unit."""
     state: str
-    """``identified``, ``prior_dominated`` (only together with what was known before) or ``not_identified``."""
+    """``identified``, ``prior_dominated`` (only together with what was known before), ``not_identified``, or
+    ``contradicted`` if the recording cannot be true."""
     value: float | None
-    """Its value in that unit; ``None`` if it is not identified."""
+    """Its value in that unit; ``None`` if it is not identified or contradicted."""
     u95: float | None
-    """Its 95 % expanded uncertainty in that unit; ``None`` if it is not identified."""
+    """Its 95 % expanded uncertainty in that unit; ``None`` if it is not identified or contradicted."""
     frame: str | None
     """The frame that it is expressed in: ``S``, or a link's; ``None`` where there is none."""
     truth: float | None
     """Its true value where it is known; never used for the answer."""
     object: Mapping[str, Any] = field(repr=False, compare=False)
     """All that the command says of it."""
+
+
+@dataclass(frozen=True)
+class FitParameter:
+    """A number of the fit of a recording that cannot be true. It must not be used; it helps to find the fault."""
+
+    name: str
+    """Its name, that of the parameter."""
+    unit: str
+    """Its SI unit."""
+    value: float
+    """The value that the fit has."""
+    u95: float
+    """The 95 % expanded uncertainty that the fit has; it does not hold."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +69,8 @@ class Result:
     """What the command line would end with: 0 if all that was asked for is identified, else 1."""
     parameters: tuple[Parameter, ...]
     """Every unknown, in the order of the factor's columns."""
+    fit: Mapping[str, FitParameter] = field(repr=False)
+    """By name, what the fit found where ``status`` is ``implausible``, else nothing: numbers that must not be used."""
     mass_kg: float | None
     """Mass of the one body, kg."""
     com_m: NDArray[np.float64] | None
@@ -96,11 +115,22 @@ class Result:
                 return parameter
         raise KeyError(f"{name}: the parameters are {', '.join(p.name for p in self.parameters)}")
 
+    def value(self, name: str) -> float:
+        """Returns the value of a parameter in its unit.
+
+        Raises:
+            Contradicted: The recording cannot be true.
+            NotIdentified: The data do not determine it.
+            KeyError: There is no such parameter.
+        """
+        return float(self.values([name])[0])
+
     def values(self, names: Iterable[str] | None = None) -> NDArray[np.float64]:
         """Returns the values of these parameters in their units, or of all.
 
         Raises:
-            ValueError: One of them is not identified and has no number.
+            Contradicted: The recording cannot be true.
+            NotIdentified: The data do not determine one of them.
         """
         return self._numbers("value", names)
 
@@ -108,15 +138,21 @@ class Result:
         """Returns the 95 % expanded uncertainties of these parameters in their units, or of all.
 
         Raises:
-            ValueError: One of them is not identified and has no number.
+            Contradicted: The recording cannot be true.
+            NotIdentified: The data do not determine one of them.
         """
         return self._numbers("u95", names)
 
     def _numbers(self, which: str, names: Iterable[str] | None) -> NDArray[np.float64]:
         chosen = self.parameters if names is None else tuple(self[name] for name in names)
+        contradicted = [p.name for p in chosen if p.state == "contradicted"]
+        if contradicted:
+            raise Contradicted(
+                f"the recording cannot be true, so without a number: {', '.join(contradicted)}; the warnings say why"
+            )
         missing = [p.name for p in chosen if getattr(p, which) is None]
         if missing:
-            raise ValueError(f"not identified, so without a number: {', '.join(missing)}")
+            raise NotIdentified(f"not identified, so without a number: {', '.join(missing)}")
         return np.array([getattr(p, which) for p in chosen], dtype=np.float64)
 
     def _repr_html_(self) -> str:
@@ -161,6 +197,10 @@ def result_of(text: str, exit_status: int, told: tuple[str, ...], page: str, fac
             )
             for p in whole.get("parameters", [])
         ),
+        fit={
+            p["name"]: FitParameter(name=p["name"], unit=p["unit"], value=p["value"], u95=p["u95"])
+            for p in whole.get("fit", {}).get("parameters", [])
+        },
         mass_kg=whole.get("mass_kg"),
         com_m=vector("com_m"),
         com_u95_m=vector("com_u95_m"),

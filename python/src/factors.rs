@@ -20,14 +20,15 @@ pub fn contents<'py>(py: Python<'py>, bytes: &[u8], name: &str) -> PyResult<Boun
     let (names, units): (Vec<&str>, Vec<&str>) =
         pooled.parameters.iter().map(|p| (p.name.as_str(), p.unit.as_str())).unzip();
     let recordings: Vec<&str> = pooled.sources.iter().map(|source| source.recording.as_str()).collect();
-    let r = pooled.factor.r();
+    let factor = pooled.factor();
+    let r = factor.r();
     let rows: Vec<Vec<f64>> = r.row_iter().map(|row| row.iter().copied().collect()).collect();
     let dict = PyDict::new(py);
     dict.set_item("parameters", names)?;
     dict.set_item("units", units)?;
     dict.set_item("recordings", recordings)?;
-    dict.set_item("rows", pooled.factor.rows())?;
+    dict.set_item("rows", pooled.rows())?;
     dict.set_item("r", PyArray2::from_vec2(py, &rows)?)?;
-    dict.set_item("z", PyArray1::from_slice(py, pooled.factor.z()))?;
+    dict.set_item("z", PyArray1::from_slice(py, factor.z()))?;
     Ok(dict)
 }

@@ -140,7 +140,32 @@ def test_what_is_not_identified_has_no_number(tmp_path: Path) -> None:
     path.write_text("\n".join(lines[:40]), encoding="utf-8")
     result = rigident.identify(path)
     assert result.exit_status == 1
-    with pytest.raises(ValueError, match="not identified"):
+    with pytest.raises(rigident.NotIdentified, match="not identified"):
         result.values()
+    with pytest.raises(ValueError):
+        result.value("Ixx")
+    assert not result.fit
     with pytest.raises(KeyError, match="the parameters are m"):
         result["mass"]
+
+
+def test_moments_in_newton_millimetres_give_no_number(tmp_path: Path) -> None:
+    header, *rows = (EXAMPLES / "bracket.csv").read_text(encoding="utf-8").splitlines()
+    names = header.split(",")
+    scaled = [
+        ",".join(repr(1e3 * float(c)) if n.endswith("_nm") else c for n, c in zip(names, row.split(","), strict=True))
+        for row in rows
+    ]
+    path = tmp_path / "mm.csv"
+    path.write_text("\n".join([header, *scaled]) + "\n", encoding="utf-8")
+    result = rigident.identify(path, rig=EXAMPLES / "bracket.rig.toml")
+    assert result.status == "implausible" and result["Ixx"].state == "contradicted"
+    assert all(p.value is None and p.u95 is None for p in result.parameters)
+    derived = (result.mass_kg, result.com_m, result.com_u95_m, result.inertia_com_kgm2, result.inertia_com_u95_kgm2)
+    assert all(one is None for one in derived)
+    for ask in (lambda: result.value("Ixx"), lambda: result.values(["m"]), result.u95):
+        with pytest.raises(rigident.Contradicted):
+            ask()
+    assert issubclass(rigident.Contradicted, rigident.RigidentError)
+    # The numbers of the fit help to find the fault.
+    assert result.fit["Ixx"].value > 10 and result.fit["Ixx"].unit == "kg m2"

@@ -1,9 +1,11 @@
 //! The verb `structure`: what must hold of the sources as a whole.
 //!
-//! No circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in one file of the
-//! host. What is not so yet stands in lists here, each entry with its reason; an entry that is no longer needed fails too.
+//! No circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in
+//! one file of the host, answers judged in one room. What is not so yet stands in lists here, each entry with
+//! its reason; an entry that is no longer needed fails too.
 
 mod circles;
+mod judgements;
 mod modules;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -71,6 +73,9 @@ const KNOWN_ARROWS: [KnownArrow; 25] = [
 /// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
 const KNOWN_SIZES: [(&str, &str); 0] = [];
 
+/// The room that judges answers: nothing else sets a status or a state of a parameter.
+const JUDGE: (&str, &str) = ("host", "answer");
+
 /// Runs every check.
 pub fn run() -> Result<()> {
     let mut complaints = Vec::new();
@@ -88,6 +93,7 @@ pub fn run() -> Result<()> {
         if folder.starts_with("host") {
             complaints.extend(size_complaints(folder, &parsed.files_naming(&SIZES), &KNOWN_SIZES));
         }
+        complaints.extend(judgement_complaints(folder, &parsed.files_with(judgements::sets_judgement)));
     }
     complaints.extend(package_complaints()?);
     if complaints.is_empty() {
@@ -171,6 +177,19 @@ fn size_complaints(folder: &str, files: &BTreeSet<PathBuf>, known: &[(&str, &str
     new.chain(gone).collect()
 }
 
+/// Returns files that judge answers and are not in the room that does.
+fn judgement_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
+    let elsewhere = files.iter().filter(|file| folder != JUDGE.0 || !file.starts_with(JUDGE.1));
+    let words = |file: &PathBuf| {
+        format!(
+            "{folder}/src/{}: sets the status of an answer or the state of a parameter: give what was found \
+             to `Context`",
+            file.display()
+        )
+    };
+    elsewhere.map(words).collect()
+}
+
 /// Returns packages for Unix alone that are not optional.
 fn package_complaints() -> Result<Vec<String>> {
     let mut command = process::cargo(places::root());
@@ -208,6 +227,14 @@ mod tests {
         ("b.rs", "use super::c; pub struct B;"),
         ("c.rs", "pub struct C; #[cfg(test)] mod tests { use crate::a; }"),
     ];
+
+    #[test]
+    fn an_answer_is_judged_in_its_room_alone() {
+        let files = BTreeSet::from(["answer/new.rs", "cli.rs"].map(PathBuf::from));
+        let said = judgement_complaints("host", &files);
+        assert!(said.len() == 1 && said[0].starts_with("host/src/cli.rs"), "{said:?}");
+        assert_eq!(judgement_complaints("host/cli", &files).len(), 2);
+    }
 
     #[test]
     fn a_planted_circle_is_found_and_a_test_closes_none() {

@@ -8,11 +8,11 @@ use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
 use super::body_page::pages;
 use super::body_plates::doubtful_plates;
-use super::outcome::say;
+use super::outcome::{say, say_not_written};
 use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::person::PersonResult;
 use rigident::answer::standard_parameters::Full;
-use rigident::answer::{Answer, Context, Links, Source, StandardRequest, Status};
+use rigident::answer::{Answer, Context, Finding, Links, Source, StandardRequest, Status};
 use rigident::body_segments::choice::choices;
 use rigident::body_segments::left_out::left_out;
 use rigident::body_segments::opensim::in_opensim;
@@ -105,17 +105,18 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let fit = study.together(&chosen).map_err(Failure::input)?;
     let full = study.segments(&person, &fit).map_err(Failure::input)?;
     let fit = study.with_calibration(fit, &chosen);
-    let mut answer = answer(arguments, &person, &study, &fit)?;
-    stages.at("left-out motions", 0.0);
-    let left_out = left_out(&study, &person, SHOWN_S).map_err(Failure::input)?;
-    let result = person_result(&study, &person, (&fit, &chosen), &full, &answer, &left_out.channels);
     let device =
         arguments.mcu.map(|mcu| compared(mcu, (&person, &study), &chosen, &fit, &stages)).transpose()?;
     let (device, warnings) = device.unzip();
-    answer.person = Some(PersonResult { choices, device, tool, ..result.map_err(Failure::input)? });
-    answer.warnings.extend(warnings.into_iter().flatten());
-    contradictions(arguments, (&person, &study), &mut answer)?;
-    doubtful_plates(&person, &study, &mut answer)?;
+    let mut findings: Vec<Finding> = warnings.into_iter().flatten().map(Finding::warning).collect();
+    findings.extend(contradictions(arguments, (&person, &study))?);
+    findings.extend(doubtful_plates(&person, &study)?);
+    let answer = answer(arguments, &person, &study, &fit, findings)?;
+    stages.at("left-out motions", 0.0);
+    let left_out = left_out(&study, &person, SHOWN_S).map_err(Failure::input)?;
+    let result = person_result(&study, &person, (&fit, &chosen), &full, &answer, &left_out.channels);
+    let result = PersonResult { choices, device, tool, ..result.map_err(Failure::input)? };
+    let mut answer = answer.with_person(result);
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     drop(stages);
@@ -208,7 +209,13 @@ fn trials(arguments: &IdentifyBody) -> Result<Vec<Trial>, Failure> {
     Ok(trials)
 }
 
-fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -> Result<Answer, Failure> {
+fn answer(
+    arguments: &IdentifyBody,
+    person: &Person,
+    study: &Study,
+    fit: &Fit,
+    findings: Vec<Finding>,
+) -> Result<Answer, Failure> {
     let links = Links {
         model: &study.model,
         base: study.base(),
@@ -241,6 +248,7 @@ fn answer(arguments: &IdentifyBody, person: &Person, study: &Study, fit: &Fit) -
         },
         notes,
         warnings: study.left.iter().chain(&person.warnings).cloned().collect(),
+        findings,
         ..Context::default()
     };
     Answer::new(fit, context).map_err(Failure::input)
@@ -253,46 +261,44 @@ fn unknown_markers(person: &Person) -> Option<String> {
         .then(|| format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8)))
 }
 
-/// Warns of a mass that the plates contradict, and of motions that differ in their mass.
+/// Returns a mass that the plates contradict, and motions that differ in their mass.
 fn contradictions(
     arguments: &IdentifyBody,
     (person, study): (&Person, &Study),
-    answer: &mut Answer,
-) -> Result<(), Failure> {
+) -> Result<Vec<Finding>, Failure> {
+    let mut findings = Vec::new();
     let others = study.other_masses().map_err(Failure::input)?;
     for pair in study.contradicting_trials().map_err(Failure::input)? {
-        let told = |(trial, mass): &(usize, Measured)| {
+        let of = |(trial, mass): &(usize, Measured)| {
             let name = person.trials.get(*trial).map_or("", |tracked| &tracked.name);
             format!("{name} says {}", present::text::with_u95(mass.value, mass.u95, "kg"))
         };
-        answer.warnings.push(format!(
+        findings.push(Finding::contradiction(format!(
             "the whole masses of two trials contradict each other: {}, {}: is a plate's zero or scale wrong in one of them, or was \
              something carried?",
-            told(&pair[0]),
-            told(&pair[1])
-        ));
-        answer.status = Status::Implausible;
+            of(&pair[0]),
+            of(&pair[1])
+        )));
     }
     for (k, own) in others {
         let name = study.motions.get(k).map_or("", |motion| &motion.name);
-        answer.warnings.push(format!(
-            "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify such trials by themselves",
+        findings.push(Finding::contradiction(format!(
+            "{name}: the whole mass is {}, other than in all motions together: something was carried, put \
+             down or leaned on; identify such trials by themselves",
             present::text::with_u95(own.value, own.u95, "kg")
-        ));
-        answer.status = Status::Implausible;
+        )));
     }
-    let Some(given) = arguments.mass_kg else { return Ok(()) };
+    let Some(given) = arguments.mass_kg else { return Ok(findings) };
     if let Some(found) = study.mass_by_plates().map_err(Failure::input)? {
         let off = (given - found.value).abs();
         if off > found.u95 && off > LARGEST_DIFFERENCE * found.value {
-            answer.warnings.push(format!(
+            findings.push(Finding::contradiction(format!(
                 "--mass-kg {given} contradicts the plates, which say {}: weigh again, or leave it out",
                 present::text::with_u95(found.value, found.u95, "kg")
-            ));
-            answer.status = Status::Implausible;
+            )));
         }
     }
-    Ok(())
+    Ok(findings)
 }
 
 fn finish(
@@ -321,8 +327,12 @@ fn finish(
     for (name, page) in pages {
         folder.write(name, page.as_bytes())?;
     }
-    let written =
-        arguments.write_model.as_deref().map(|path| write_model(person, full, osim, path)).transpose()?;
+    let asked = arguments.write_model.as_deref();
+    if let Some(path) = asked.filter(|_| answer.is_contradicted()) {
+        say_not_written(path);
+    }
+    let usable = asked.filter(|_| !answer.is_contradicted());
+    let written = usable.map(|path| write_model(person, full, osim, path)).transpose()?;
     if !arguments.json {
         let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));
         say(format_args!(

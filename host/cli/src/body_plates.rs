@@ -1,25 +1,22 @@
 //! What is told of force plates that contradict a person's motion, or one another.
 
 use super::Failure;
-use rigident::answer::{Answer, Status};
+use rigident::answer::Finding;
 use rigident::body_segments::Study;
 use rigident::body_segments::plates::{PlateErrors, plate_errors};
 use rigident::problem::person::Person;
 use rigident_fit::COVERAGE_95;
 
-/// Warns of plates that are not where the file has them, and of plates with different scales.
-pub(super) fn doubtful_plates(person: &Person, study: &Study, answer: &mut Answer) -> Result<(), Failure> {
+/// Returns plates that are not where the file has them, and plates with different scales. Of such a scale no
+/// interval counts anything: the trials contradict each other.
+pub(super) fn doubtful_plates(person: &Person, study: &Study) -> Result<Vec<Finding>, Failure> {
+    let mut findings = Vec::new();
     for found in plate_errors(study, person).map_err(Failure::input)? {
         let name = person.trials.get(found.trial).map_or("", |tracked| &tracked.name);
-        answer.warnings.extend(shifts(name, &found));
-        let scales = scales(name, &found);
-        if !scales.is_empty() {
-            // No interval counts such a scale.
-            answer.status = Status::Implausible;
-        }
-        answer.warnings.extend(scales);
+        findings.extend(shifts(name, &found).into_iter().map(Finding::warning));
+        findings.extend(scales(name, &found).into_iter().map(Finding::contradiction));
     }
-    Ok(())
+    Ok(findings)
 }
 
 fn shifts(name: &str, found: &PlateErrors) -> Vec<String> {

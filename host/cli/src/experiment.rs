@@ -414,14 +414,15 @@ impl Experiment<'_> {
         }
         let named: u64 = found.counts.rejected_by_signal.iter().map(|(_, count)| count).sum();
         found.counts.rejected = found.counts.rejected.max(named);
-        let factor = loaded.factor(&found);
+        let keeps_factor = self.tare.is_none() && self.known.is_empty();
+        let factor = (!keeps_factor).then(|| loaded.factor(&found));
         if let Some(tare) = &self.tare {
             tare.take_off(&mut found).map_err(|e| kept(&e))?;
         }
         self.known.apply(&mut found).map_err(|e| kept(&e))?;
         let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);
         report.asked = self.stop.asked(&self.output.estimate);
-        report.factor = Some(factor);
+        (report.factor, report.keeps_factor) = (factor, keeps_factor);
         report.parameter_truth = self.parameter_truth;
         report.drift = self.same_pose.and_then(|spans| loaded.drift(spans, &found));
         report.tracking = self.tracking_error.as_ref().map(TrackingError::tracking);

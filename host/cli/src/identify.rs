@@ -58,7 +58,11 @@ fn identify(arguments: &Identify, memory: Option<Recording>) -> Result<ExitCode,
     report.warnings.extend(tare.as_ref().and_then(Tare::warning));
     let span = arguments.forgetting.span(&RowsOf::source(loaded.source()))?;
     let mut found = loaded.fit(span, PLOT_POINTS, &stages)?;
-    report.factor = Some(loaded.factor(&found));
+    if tare.is_none() && known.is_empty() && loaded.problem.rig.suspension.is_none() {
+        report.keeps_factor = true;
+    } else {
+        report.factor = Some(loaded.factor(&found));
+    }
     if let Some(suspension) = &loaded.problem.rig.suspension {
         super::bare_platform::take_platform_off(suspension, &mut found)?;
     }

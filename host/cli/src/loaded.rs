@@ -8,7 +8,7 @@ use super::options::trees::{ModelChanges, TreeModel};
 use super::recorded::{is_rig_file, left_out_columns, listed, stream_set};
 use super::{Failure, Stages, locked_joints};
 use rigident::answer::result::Cause;
-use rigident::answer::{self, Drift, Links, Source, StandardRequest, TimeBase};
+use rigident::answer::{self, Answer, Context, Drift, Links, Source, StandardRequest, TimeBase};
 use rigident::diagnosis::{self, Case};
 use rigident::present::TimePlot;
 use rigident::problem::body::BodySource;
@@ -16,7 +16,7 @@ use rigident::problem::body::{input_checks, prepare};
 use rigident::problem::clocks::{StreamSet, as_stamped};
 use rigident::problem::{Problem, ProblemError, ProblemOptions, Subject};
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{DeviceFactor, Fit, FitError, FitOptions, RowSource, Timing};
+use rigident_fit::{Checks, DeviceFactor, Fit, FitError, FitOptions, RowSource, Timing};
 use rigident_io::recording::{Recording, extension, rig_path};
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
@@ -355,10 +355,23 @@ impl Loaded {
 
     /// Returns the factor of a fit, named after the recording, with what the checks of that found.
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
-        let of_links = self.problem.links(None).is_some();
-        let checks = answer::checks(found, &self.warnings, of_links);
+        let context = Context { links: self.links(&StandardOptions::DEFAULT), ..Context::default() };
+        match Answer::new(found, context) {
+            Ok(answer) => self.factor_of(found, &answer, 0),
+            Err(_) => self
+                .checked(found, &answer::checks(found, &self.warnings, self.problem.links(None).is_some())),
+        }
+    }
+
+    /// Returns the same where the answer of the fit is at hand, of which the first `skipped` warnings are not
+    /// of the fit.
+    pub(super) fn factor_of(&self, found: &Fit, answer: &Answer, skipped: usize) -> PooledFactor {
+        self.checked(found, &answer.checks(found, &self.warnings, skipped))
+    }
+
+    fn checked(&self, found: &Fit, checks: &Checks) -> PooledFactor {
         let labels = &self.problem.rig.recording.labels;
-        let factor = PooledFactor::of(found, &self.problem.name).checked(&checks).labelled(labels);
+        let factor = PooledFactor::of(found, &self.problem.name).checked(checks).labelled(labels);
         let recorded = self.recorded.as_deref().and_then(|date| humantime::parse_rfc3339(date).ok());
         let unix = recorded.and_then(|at| at.duration_since(std::time::UNIX_EPOCH).ok());
         match unix.and_then(|unix| i64::try_from(unix.as_secs()).ok()) {

@@ -37,6 +37,11 @@ pub(super) fn say(text: impl std::fmt::Display) {
     }
 }
 
+/// Says that no model is written, because the recording cannot be true.
+pub(super) fn say_not_written(path: &std::path::Path) {
+    tell!("rigident: --write-model {}: not written: the recording cannot be true", path.display());
+}
+
 /// Returns why an answer is not on standard output as a whole, if anything but a reader that went away kept it from there.
 pub(super) fn unwritten() -> Option<&'static str> {
     UNWRITTEN.get().map(String::as_str)

@@ -239,6 +239,11 @@ fn read(path: &Path) -> Result<Given, Failure> {
         let answer = answer_in(path)?;
         return match &answer.error {
             Some(error) => Err(Failure::input(format!("{}: this run failed: {error}", path.display()))),
+            None if answer.is_contradicted() => Err(Failure::input(format!(
+                "{}: its recording cannot be true, so nothing of it is identified and nothing can be \
+                 predicted: the warnings in it say why",
+                path.display()
+            ))),
             None => Ok(Given::Answer(Box::new(answer))),
         };
     }

@@ -3,7 +3,7 @@ use std::time::Instant;
 
 use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
-use super::outcome::say;
+use super::outcome::{say, say_not_written};
 use super::payload::Payload;
 use super::{ExitStatus, Failure, Folder};
 use rigident::answer::result::{CompleteDrive, ExperimentSummary};
@@ -31,6 +31,8 @@ pub(super) struct RunReport<'a> {
     pub(super) asked: Vec<String>,
     /// The factor to keep: with the fixture in it and without what was known beforehand.
     pub(super) factor: Option<PooledFactor>,
+    /// True if the factor to keep is that of the fit that is answered: it is made with the answer.
+    pub(super) keeps_factor: bool,
     pub(super) parameter_truth: Option<&'a [f64]>,
     pub(super) stages: Vec<Stage>,
     pub(super) decisions: Vec<Decided>,
@@ -72,6 +74,7 @@ impl<'a> RunReport<'a> {
             payload: None,
             source,
             factor: None,
+            keeps_factor: false,
             parameter_truth: None,
             stages: Vec::new(),
             decisions: Vec::new(),
@@ -146,6 +149,9 @@ impl<'a> RunReport<'a> {
             ..Context::default()
         };
         let mut answer = Answer::new(fit, context).map_err(Failure::input)?;
+        if self.keeps_factor {
+            self.factor = self.loaded.map(|loaded| loaded.factor_of(fit, &answer, read));
+        }
         if answer.status == Status::Implausible {
             answer.explain(self.loaded.and_then(Loaded::diagnose), read);
         }
@@ -189,6 +195,9 @@ impl<'a> RunReport<'a> {
 
     /// Writes the model with the standard parameters where that is asked for; returns what to say of it.
     fn write_model(&self, answer: &Answer) -> Result<String, Failure> {
+        if let Some(path) = self.standard.write_model.filter(|_| answer.is_contradicted()) {
+            say_not_written(path);
+        }
         let (Some(path), Some(found), Some((model, file))) =
             (self.standard.write_model, &answer.standard_parameters, self.loaded.and_then(Loaded::nominal))
         else {

@@ -86,7 +86,10 @@ fn verified(read: &Read, reference: &str) -> Result<Verified, Failure> {
     let mut warnings = read.warnings.clone();
     warnings.extend(comparison.mismatch().map(|mismatch| mismatch.to_string()));
     let contradicted = contradictions(&fit);
-    let mut consistent = contradicted.is_empty() && !fit.lack_of_fit.contradicts();
+    let mut consistent = !answer.is_contradicted();
+    if !consistent && contradicted.is_empty() && !fit.lack_of_fit.contradicts() {
+        warnings.extend(answer.warnings.iter().cloned());
+    }
     warnings.extend(contradicted);
     // A calibration is asked for by its own prior; without one, what `calibrate rig` would refuse is no reference either.
     if comparison.passed() && consistent && read.problem.rig.calibrated().is_none() {

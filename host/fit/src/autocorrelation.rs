@@ -34,6 +34,9 @@ const MOST_PIECES: usize = 64;
 /// Factors on an interval below this are not worth a word.
 const NOTICEABLE: f64 = 1.1;
 
+/// The share of slow noise at most that parameters are taken to have explained.
+const MOST_TAKEN: f64 = 0.75;
+
 /// Autocorrelated noise of a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coloured {
@@ -108,9 +111,10 @@ fn chance(white: &[f64], lags: usize) -> f64 {
 
 /// Returns the channels whose residuals show more than the filter explains, the worst first.
 ///
-/// `variance` is the one that the covariance assumes, per channel and sample before the filter. Empty too where there is
+/// `variance` is the one that the covariance assumes, per channel and sample before the filter; `fitted` are the degrees of
+/// freedom that parameters took of each channel. Empty too where there is
 /// no filter, or too few rows to tell.
-pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64]) -> Vec<Coloured> {
+pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fitted: f64) -> Vec<Coloured> {
     let white = &filter.white_autocovariance();
     let reach = white.len();
     let (from, to) = (reach.div_ceil(2).max(1), (3 * reach).div_ceil(2));
@@ -155,7 +159,13 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64]) ->
             tail += sum;
             told.extend(pair);
         }
-        let factor = (f64::from(filter.every) * (gamma[0] + 2.0 * tail) / scale).max(0.0).sqrt();
+        let sum = gamma[0] + 2.0 * tail;
+        // What is fitted is as slow as the noise: at every lag it has taken a share `p/n` of the sum (Bartlett 1946).
+        let taken = (fitted * (2 * told.len() - 1) as f64 / series.count).min(MOST_TAKEN);
+        let sum = sum / (1.0 - taken);
+        let back = fitted * sum / series.count;
+        told.iter_mut().for_each(|gamma| *gamma += back);
+        let factor = (f64::from(filter.every) * sum / scale).max(0.0).sqrt();
         Some(Coloured { channel, found: Autocorrelation { mean, chance, factor }, autocovariance: told })
     });
     let mut found: Vec<Coloured> = found.filter(|c| c.found.factor > NOTICEABLE).collect();
@@ -385,6 +395,47 @@ fn products(stretches: &[&[f64]], channels: usize, parameters: usize, channel: u
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Slow noise of which a mean, a line and a curve were taken: the sum over its lags is that of the noise on the mean, and
+    /// too small by a third where that is not counted.
+    #[test]
+    fn what_was_fitted_to_slow_noise_is_counted_back() {
+        use rand_chacha::ChaCha8Rng;
+        use rand_chacha::rand_core::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+
+        let (rows, kept) = (240_usize, 0.9_f64);
+        let response = vec![0.25; 4];
+        let filter = Filter { rate_hz: 10.0, response, noise_gain: 0.25, ..Filter::default() };
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut sums = [0.0; 2];
+        for _ in 0..300 {
+            let mut slow = 0.0;
+            let mut noise = DMatrix::zeros(rows, 1);
+            for row in noise.iter_mut() {
+                let z: f64 = StandardNormal.sample(&mut random);
+                slow = kept * slow + (1.0 - kept * kept).sqrt() * z;
+                *row = slow;
+            }
+            let t = |i: usize| 2.0 * i as f64 / (rows - 1) as f64 - 1.0;
+            let taken = DMatrix::from_fn(rows, 3, |i, k| [1.0, t(i), t(i) * t(i)][k]);
+            let q = taken.qr().q();
+            let left = &noise - &q * q.tr_mul(&noise);
+            let residuals: Vec<BlockResidual> = left
+                .iter()
+                .enumerate()
+                .map(|(i, v)| BlockResidual { time_s: i as f64 * 0.1, values: vec![*v], weights: Vec::new() })
+                .collect();
+            for (sum, fitted) in sums.iter_mut().zip([0.0, 3.0]) {
+                let found = detect(&residuals, &filter, &[1.0], fitted);
+                *sum += found.first().map_or(1.0, |own| own.found.factor.powi(2)) / 300.0;
+            }
+        }
+        // `(1 + k)/(1 − k)`, of unit variance.
+        let truth = (1.0 + kept) / (1.0 - kept);
+        let [plain, counted] = sums.map(|sum| sum / truth);
+        assert!(plain < 0.75 && (counted - 1.0).abs() < 0.1, "{plain} {counted}");
+    }
 
     /// The sum of the covariances of all pairs of rows is that of all pairs of sums.
     #[test]

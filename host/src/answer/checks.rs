@@ -1,31 +1,38 @@
 //! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
 
+use super::judgement::Findings;
 use super::result::{Answer, Cause, Run, RunVerdict};
 use super::{contradictions, plausibility, remarks};
 use crate::present::text::significant;
-use rigident_fit::{CheckedRun, Checks, Fit};
+use rigident_fit::{Checks, Fit};
 
-/// Returns what the checks of a recording find, for its factor to keep. `warnings` are those of its reading; `of_links`: a
-/// model of links stands behind the rows.
+/// Returns what the checks of a recording find by its fit alone, for its factor to keep. `warnings` are those
+/// of its reading; `of_links` is true if a model of links is behind the rows. [`Answer::checks`] has the
+/// verdict of the model, too.
 pub fn checks(fit: &Fit, warnings: &[String], of_links: bool) -> Checks {
     let mut all = Answer { warnings: warnings.to_vec(), ..Answer::default() };
     all.warnings.extend(contradictions::contradictions(fit));
     all.warnings.extend(plausibility::of_the_fit(fit));
     all.warnings.extend(remarks::of_the_fit(fit, of_links, 0.0).1);
     all.add_lack_of_fit(fit);
-    Checks { contradicted: is_contradicted(fit), warnings: all.warnings }
-}
-
-/// Returns true if the recording, or one of those that only a factor is left of, contradicts what is stated of the rig, or is
-/// not that of an unchanging rigid body.
-pub(super) fn is_contradicted(fit: &Fit) -> bool {
-    contradictions::is_contradicted(fit)
-        || !plausibility::of_the_fit(fit).is_empty()
-        || fit.lack_of_fit.contradicts()
-        || fit.runs.iter().any(CheckedRun::is_contradicted)
+    Checks { contradicted: Findings::of(fit, None).contradict(), warnings: all.warnings }
 }
 
 impl Answer {
+    /// Returns the verdict of this answer for the factor of its fit to keep, which holds no model: what no
+    /// bodies have, a motion beyond the limits, another unit. `warnings` are those of reading the recording,
+    /// and the answer's first `skipped` ones are not of the fit.
+    pub fn checks(&self, fit: &Fit, warnings: &[String], skipped: usize) -> Checks {
+        let mut all = checks(fit, warnings, self.model.is_some());
+        if self.is_contradicted() {
+            all.contradicted = true;
+            let own = self.warnings.iter().skip(skipped);
+            let own = own.filter(|own| !all.warnings.contains(own)).cloned().collect::<Vec<_>>();
+            all.warnings.extend(own);
+        }
+        all
+    }
+
     /// Adds the fault that explains why the recording cannot be true. What else was said follows from it, and is information: all
     /// but the first `kept` warnings, those of reading the recording.
     pub fn explain(&mut self, cause: Option<Cause>, kept: usize) {

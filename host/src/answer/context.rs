@@ -34,6 +34,8 @@ pub struct Context<'a> {
     pub notes: Vec<String>,
     /// What a user should act on, beyond what the fit says itself.
     pub warnings: Vec<String>,
+    /// What was found outside of the fit, to be judged with it; said after all other warnings.
+    pub findings: Vec<Finding>,
     /// Standard deviation (1 σ) of the rates in the rows, rad/s, for the note on its effect; zero: not known.
     pub rate_sigma: f64,
     /// How a platform followed.
@@ -60,12 +62,34 @@ impl Default for Context<'_> {
             error: None,
             notes: Vec::new(),
             warnings: Vec::new(),
+            findings: Vec::new(),
             rate_sigma: 0.0,
             tracking: None,
             experiment: None,
             drift: None,
             date: now(),
         }
+    }
+}
+
+/// What was found of a recording outside of its fit.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Finding {
+    /// It in words, with what to do about it.
+    pub text: String,
+    /// True if the recording cannot be true with it, so that the answer is implausible.
+    pub contradicts: bool,
+}
+
+impl Finding {
+    /// Returns something to act on, with which the recording may be true.
+    pub fn warning(text: impl Into<String>) -> Self {
+        Self { text: text.into(), contradicts: false }
+    }
+
+    /// Returns something with which the recording cannot be true.
+    pub fn contradiction(text: impl Into<String>) -> Self {
+        Self { text: text.into(), contradicts: true }
     }
 }
 

@@ -9,7 +9,7 @@ impl ControllerLoad {
     /// # Errors
     /// Says why no controller should be told one.
     fn of(answer: &Answer) -> Result<Self, String> {
-        if matches!(answer.status, Status::Implausible | Status::Failed) {
+        if answer.status == Status::Failed || answer.is_contradicted() {
             return Err("the numbers are not to be used: the warnings say why".to_owned());
         }
         let mass_kg = answer.mass_kg.ok_or("the mass is not identified")?;

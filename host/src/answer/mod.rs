@@ -1,11 +1,12 @@
 //! From a fit to the answer: one object for one body, two links and trees, of which text, JSON and page are made.
 //!
-//! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), states of parameters ([`states`]), what must be
-//! identified ([`selection`]), quantities derived from the ten parameters of a body ([`derived`]), physical consistency
-//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), a value for every
-//! column (`complete`) and what these predict ([`predictor`]), and what the motion
-//! lacks ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`rigident_fit`]; after it:
-//! [`crate::present`].
+//! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), the one judgement of all that was
+//! found (`judgement`), states of parameters ([`states`]), what must be identified ([`selection`]),
+//! quantities derived from the ten parameters of a body ([`derived`]), physical consistency
+//! ([`physical_consistency`], [`nearest_body`]), standard parameters of links ([`standard_parameters`]), a
+//! value for every column (`complete`) and what these predict ([`predictor`]), and what the motion lacks
+//! ([`excitation_advice`]). May not live here: raw data, files, screens. Before this: [`rigident_fit`]; after
+//! it: [`crate::present`].
 
 mod budget;
 mod checks;
@@ -14,6 +15,7 @@ mod context;
 mod contradictions;
 pub mod derived;
 pub mod excitation_advice;
+mod judgement;
 pub mod lack_of_fit;
 mod load;
 pub mod nearest_body;
@@ -36,7 +38,7 @@ pub(crate) mod tests;
 
 pub use checks::checks;
 pub use context::now;
-pub use context::{Context, Links, StandardRequest};
+pub use context::{Context, Finding, Links, StandardRequest};
 pub use contradictions::contradictions;
 pub use new::AnswerError;
 pub use read::ReadError;

@@ -3,10 +3,10 @@
 use rigident_shared::inertia::{InertialParameters, PARAMETER_NAMES, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
-use super::checks::is_contradicted;
 use super::complete::complete;
 use super::context::{Context, Links, StandardRequest};
 use super::derived::{self, Derived, ten};
+use super::judgement::Findings;
 use super::nearest_body::{self, nearest_body};
 use super::physical_consistency::{PhysicalConsistency, SURPRISING, of_base_parameters, probability};
 use super::result::{
@@ -85,7 +85,7 @@ impl Answer {
         let judged = Judged { fit, states: states(fit, links, reversed), is_body, reversed };
         let mut answer = Self {
             schema: SCHEMA.to_owned(),
-            status: status(&judged, &asked, context.error.is_some()),
+            error: context.error.clone(),
             errors: errors(fit),
             errors_agreement: fit.agreement.map(agreement),
             signals: signals(fit),
@@ -114,13 +114,15 @@ impl Answer {
         let impossible = impossible.filter(|_| !answer.has_near_bodies(base.as_ref().map(|(_, base)| base)));
         let scaled = links.filter(|_| !is_body).and_then(|links| plausibility::scaled(fit, links));
         let inconsistent = answer.consistency.as_ref().is_some_and(|c| c.probability < SURPRISING);
+        let findings = Findings {
+            reversed,
+            no_bodies: inconsistent,
+            scaled: scaled.is_some(),
+            others: &context.findings,
+            ..Findings::of(fit, links)
+        };
+        answer.judge(&findings, &asked);
         let beyond = links.map_or(&[][..], |links| &links.beyond);
-        let impossible_motion = beyond.iter().any(|(_, impossible)| *impossible);
-        if answer.status != Status::Failed
-            && (reversed || inconsistent || impossible_motion || scaled.is_some())
-        {
-            answer.status = Status::Implausible;
-        }
         answer.warnings.extend(beyond.iter().map(|(text, _)| text.clone()));
         answer.warnings.extend(scaled);
         if of_base.is_none() && base.as_ref().is_some_and(|(_, base)| base.rank > 0) {
@@ -130,9 +132,9 @@ impl Answer {
             );
         }
         answer.add_remarks(&judged, &context, impossible);
-        let Context { source, time_base, error, tracking, experiment, drift, date, payload, .. } = context;
+        let Context { source, time_base, tracking, experiment, drift, date, payload, .. } = context;
         answer.payload = payload.map(|payload| payload.with_load(&answer));
-        Ok(Self { source, time_base, error, tracking, experiment, drift, date, ..answer })
+        Ok(Self { source, time_base, tracking, experiment, drift, date, ..answer })
     }
 
     /// Adds what follows from the ten parameters of one body, as far as they are identified.
@@ -303,6 +305,7 @@ impl Answer {
         } else {
             self.warnings.extend(impossible);
         }
+        self.warnings.extend(context.findings.iter().map(|finding| finding.text.clone()));
         let all = judged.states.iter().all(ParameterState::is_identified);
         self.advice = match links {
             // No motion helps.
@@ -311,17 +314,6 @@ impl Answer {
             _ if judged.is_body => excitation_advice::of_body(fit),
             links => excitation_advice::of_links(fit, links, &judged.states),
         };
-    }
-}
-
-fn status(judged: &Judged, asked: &[usize], broken: bool) -> Status {
-    let missing = asked.iter().filter(|j| !judged.at(**j).is_identified()).count();
-    match missing {
-        _ if broken => Status::Failed,
-        _ if is_contradicted(judged.fit) => Status::Implausible,
-        0 => Status::Identified,
-        m if m == asked.len() => Status::NotIdentified,
-        _ => Status::PartlyIdentified,
     }
 }
 

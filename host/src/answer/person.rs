@@ -45,6 +45,15 @@ pub struct PersonResult {
     pub device: Option<DeviceResult>,
 }
 
+impl PersonResult {
+    /// Takes out what must not be used because the trials cannot be true; what became of the trials stays.
+    pub(super) fn withhold(&mut self) {
+        (self.mass_kg, self.mass_with_table_kg, self.centre_of_mass_m) = (None, None, None);
+        self.segments.clear();
+        self.tool = None;
+    }
+}
+
 /// What a person holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ToolResult {

@@ -4,7 +4,9 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use super::Answer;
-use super::result::{DriftChange, Measured, Parameter, ParameterState, ParameterStep, SCHEMA, Status};
+use super::result::{
+    DriftChange, EARLIER_SCHEMA, Measured, Parameter, ParameterState, ParameterStep, SCHEMA, Status,
+};
 
 /// Why a text is no answer that this program reads.
 #[derive(Debug, thiserror::Error)]
@@ -14,8 +16,8 @@ pub enum ReadError {
     Json(#[from] serde_json::Error),
     /// It is a result of another version.
     #[error(
-        "this is a result of schema {found:?}, and this program reads {SCHEMA:?}: identify the recording again with this \
-         version (`rigident identify RECORDING`)"
+        "this is a result of schema {found:?}, and this program reads {SCHEMA:?} and {EARLIER_SCHEMA:?}: \
+         identify the recording again with this version (`rigident identify RECORDING`)"
     )]
     Schema {
         /// The schema that it names; empty if it names none.
@@ -57,6 +59,7 @@ impl<'de> Deserialize<'de> for Parameter {
         let state = match state.as_str() {
             "identified" => ParameterState::Identified(measured()?),
             "prior_dominated" => ParameterState::PriorDominated(measured()?),
+            "contradicted" => ParameterState::Contradicted,
             "not_identified" => ParameterState::NotIdentified,
             other => return Err(D::Error::custom(format!("{name} is {other:?}, which is no state"))),
         };
@@ -98,7 +101,8 @@ impl<'de> Deserialize<'de> for DriftChange {
 }
 
 impl Answer {
-    /// Reads the text of `result.json`.
+    /// Reads the text of `result.json`. One of the schema before this one is brought into this one: an
+    /// implausible answer loses its numbers to [`fit`](Self::fit), as it would today.
     ///
     /// # Errors
     /// [`ReadError`] if it is none, or of another schema.
@@ -111,10 +115,11 @@ impl Answer {
     /// ```
     pub fn read(text: &str) -> Result<Self, ReadError> {
         let Named { schema } = serde_json::from_str(text)?;
-        if schema != SCHEMA {
-            return Err(ReadError::Schema { found: schema });
+        match schema.as_str() {
+            SCHEMA => Ok(serde_json::from_str::<Self>(text)?.of_file()),
+            EARLIER_SCHEMA => Ok(serde_json::from_str::<Self>(text)?.of_earlier_schema()),
+            _ => Err(ReadError::Schema { found: schema }),
         }
-        Ok(serde_json::from_str(text)?)
     }
 
     /// Returns the answer of a command that ended without one, with the reason.
@@ -158,6 +163,7 @@ mod tests {
             parameters: vec![
                 with(ParameterState::Identified(measured), Some(1.0)),
                 with(ParameterState::PriorDominated(measured), None),
+                with(ParameterState::Contradicted, None),
                 Parameter {
                     terms: vec![("a.m".to_owned(), 0.5)],
                     ..with(ParameterState::NotIdentified, None)
@@ -191,10 +197,44 @@ mod tests {
         assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
     }
 
+    /// What was written before the state `contradicted` came is read as if it were written today.
+    #[test]
+    fn an_earlier_implausible_answer_loses_its_numbers() {
+        let earlier = |status: &str| {
+            serde_json::json!({
+                "schema": "rigident/result/2", "status": status,
+                "source": { "recording": "a", "rows": 9, "mcu": "host" },
+                "parameters": [
+                    { "name": "m", "unit": "kg", "state": "identified", "value": 3.2, "u95": 0.1 },
+                    { "name": "Ixx", "unit": "kg m2", "state": "not_identified" },
+                ],
+                "mass_kg": 3.2, "physically_consistent": true,
+                "consistency": { "distance_sd": 0.0, "probability": 1.0, "reversed": false },
+                "channels": [], "counts": { "samples": 9, "rejected": 0, "gaps": 0, "rows": 9 },
+                "rejected_rows": 0, "warnings": ["w"], "elapsed_s": 0.1,
+            })
+            .to_string()
+        };
+        let honest = Answer::read(&earlier("identified")).unwrap();
+        assert_eq!((honest.schema.as_str(), honest.mass_kg, honest.fit), (SCHEMA, Some(3.2), None));
+        let untrue = Answer::read(&earlier("implausible")).unwrap();
+        let states: Vec<ParameterState> = untrue.parameters.iter().map(|p| p.state).collect();
+        assert_eq!(states, [ParameterState::Contradicted, ParameterState::NotIdentified]);
+        assert_eq!(
+            (untrue.mass_kg, untrue.physically_consistent, untrue.consistency.as_ref()),
+            (None, None, None)
+        );
+        let fit = untrue.fit.as_ref().unwrap();
+        let numbers: Vec<(&str, f64, f64)> =
+            fit.parameters.iter().map(|p| (p.name.as_str(), p.value, p.u95)).collect();
+        assert_eq!((numbers, fit.consistency.is_some()), (vec![("m", 3.2, 0.1)], true));
+        assert_eq!(Answer::read(&serde_json::to_string(&untrue).unwrap()).unwrap(), untrue);
+    }
+
     #[test]
     fn what_is_no_answer_is_refused_by_its_kind() {
         assert!(matches!(Answer::read("t_s,fx_n"), Err(ReadError::Json(_))));
         assert!(matches!(Answer::read("{}"), Err(ReadError::Schema { found }) if found.is_empty()));
-        assert!(matches!(Answer::read("{\"schema\": \"rigident/result/2\"}"), Err(ReadError::Json(_))));
+        assert!(matches!(Answer::read("{\"schema\": \"rigident/result/3\"}"), Err(ReadError::Json(_))));
     }
 }

@@ -53,7 +53,7 @@ pub struct Summary {
 
 /// Returns true if the numbers of an answer may be used.
 pub fn is_usable(answer: &Answer) -> bool {
-    !matches!(answer.status, Status::Implausible | Status::Failed)
+    answer.status != Status::Failed && !answer.is_contradicted()
 }
 
 /// Sums up the answers of several runs of one body, or of one tree.

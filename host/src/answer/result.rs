@@ -12,7 +12,10 @@ use super::person::PersonResult;
 pub use rigident_fit::Measured;
 
 /// The schema's name.
-pub const SCHEMA: &str = "rigident/result/2";
+pub const SCHEMA: &str = "rigident/result/3";
+/// The schema before it, which is read too: its implausible answers had states and derived quantities like
+/// any other.
+pub const EARLIER_SCHEMA: &str = "rigident/result/2";
 
 /// The state of a parameter. One that is not identified has no number, here or anywhere.
 ///
@@ -22,7 +25,7 @@ pub const SCHEMA: &str = "rigident/result/2";
 /// fn value(state: ParameterState) -> Option<f64> {
 ///     match state {
 ///         ParameterState::Identified(m) | ParameterState::PriorDominated(m) => Some(m.value),
-///         ParameterState::NotIdentified => None,
+///         ParameterState::Contradicted | ParameterState::NotIdentified => None,
 ///     }
 /// }
 /// assert_eq!(value(ParameterState::default()), None);
@@ -50,6 +53,9 @@ pub enum ParameterState {
     Identified(Measured),
     /// The data determine it only together with what was known before.
     PriorDominated(Measured),
+    /// The fit has a number for it, and the recording cannot be true: that number is in `fit` and must not be
+    /// used.
+    Contradicted,
     /// The data say nothing about it.
     #[default]
     NotIdentified,
@@ -60,7 +66,7 @@ impl ParameterState {
     pub fn measured(&self) -> Option<Measured> {
         match *self {
             Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
-            Self::NotIdentified => None,
+            Self::Contradicted | Self::NotIdentified => None,
         }
     }
 
@@ -68,7 +74,7 @@ impl ParameterState {
     pub fn measured_mut(&mut self) -> Option<&mut Measured> {
         match self {
             Self::Identified(measured) | Self::PriorDominated(measured) => Some(measured),
-            Self::NotIdentified => None,
+            Self::Contradicted | Self::NotIdentified => None,
         }
     }
 
@@ -94,8 +100,8 @@ pub enum Status {
     /// Nothing of what was asked for.
     #[default]
     NotIdentified,
-    /// The recording contradicts what is stated of the rig, or is not that of an unchanging rigid body: the numbers are not to be
-    /// used. `warnings` say what does.
+    /// The recording contradicts what is stated of the rig, or is not that of an unchanging rigid body:
+    /// nothing is identified. `warnings` say why.
     Implausible,
     /// The experiment or the command broke off; `error` says why.
     Failed,
@@ -104,7 +110,7 @@ pub enum Status {
 /// The whole answer about one body, two links, a tree or any other model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Answer {
-    /// The name of this schema: `rigident/result/2`.
+    /// The name of this schema: `rigident/result/3`.
     #[schemars(extend("const" = SCHEMA))]
     pub schema: String,
     /// How much of what was asked for is identified.
@@ -134,6 +140,10 @@ pub struct Answer {
     pub forgotten: Option<Forgotten>,
     /// Every unknown with its state, in the order of the factor's columns.
     pub parameters: Vec<Parameter>,
+    /// What the fit of a recording that cannot be true found. It must not be used; it helps to find the
+    /// fault.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fit: Option<UnusableFit>,
     /// What was known beforehand and is in the estimate.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub known: Vec<KnownValue>,
@@ -419,6 +429,29 @@ pub struct Parameter {
     /// Standard parameters that a base parameter stands for and their constant weights, the one that names it first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<(String, f64)>,
+}
+
+/// What the fit of a recording that cannot be true found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnusableFit {
+    /// The parameters whose state is `contradicted`, with the numbers of the fit.
+    pub parameters: Vec<UnusableParameter>,
+    /// How far the fit is from the parameters that bodies can have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<Consistency>,
+}
+
+/// A parameter of a fit that must not be used.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnusableParameter {
+    /// Its name, as in `parameters` of the answer.
+    pub name: String,
+    /// Its SI unit in ASCII.
+    pub unit: String,
+    /// The value that the fit has.
+    pub value: f64,
+    /// The 95 % expanded uncertainty that the fit has; it does not hold.
+    pub u95: f64,
 }
 
 /// A quantity known beforehand.

@@ -9,7 +9,7 @@ use rigident_shared::spatial::{AngularRate, Position, Sensor, SpecificForce, Wre
 use super::new::AnswerError;
 use super::result::*;
 use super::selection::SelectionError;
-use super::{Answer, Context, Links, StandardRequest};
+use super::{Answer, Context, Finding, Links, StandardRequest};
 use crate::problem::body::{BodySource, Input};
 use crate::problem::{Problem, ProblemOptions};
 use crate::simulated::trees::{person_recording, two_link_recording, two_links};
@@ -243,7 +243,7 @@ fn a_reversed_wrench_identifies_nothing_and_says_why() {
         reading.wrench = Wrench::from_array(reading.wrench.array().map(|v| -v));
     }
     let new = answer(&of_body(&input(reversed, false, None)), &[]);
-    assert!(new.consistency.unwrap().reversed && new.status == Status::Implausible);
+    assert!(new.fit.unwrap().consistency.unwrap().reversed && new.status == Status::Implausible);
     assert!(new.parameters.iter().all(|p| p.state == ParameterState::NotIdentified));
 }
 
@@ -322,7 +322,8 @@ fn a_body_that_changed_is_told_with_time_and_size_and_is_not_identified() {
     near(change.time_s.value, 12.0, change.time_s.u95);
     let of_mass = change.steps.iter().find(|s| s.name == "m").unwrap().step;
     near(of_mass.value, -0.05 * 3.2, of_mass.u95);
-    let mass = answer.parameters[0].state.measured().unwrap();
+    let mass = &answer.fit.as_ref().unwrap().parameters[0];
+    assert_eq!((answer.parameters[0].state, mass.name.as_str()), (ParameterState::Contradicted, "m"));
     assert!((mass.value - 3.2).abs() < mass.u95 && (mass.value - 0.95 * 3.2).abs() < mass.u95, "{mass:?}");
     let told = answer.warnings.iter().find(|w| w.contains("after the beginning")).unwrap();
     assert!(told.contains(": m −1") && told.contains(" g, "), "{told}");
@@ -334,6 +335,58 @@ fn a_body_that_changed_is_told_with_time_and_size_and_is_not_identified() {
     assert_eq!(page.matches("V1").count(), unmarked.matches("V1").count() + 6);
     let back: Answer = serde_json::from_value(serde_json::to_value(&answer).unwrap()).unwrap();
     assert_eq!(back, answer);
+}
+
+/// The numbers of a fit that must not be used are in `fit` alone, also where the run broke off.
+#[test]
+fn of_a_recording_that_cannot_be_true_nothing_is_given() {
+    let fit = a_fit();
+    let rig = rig();
+    let with = |findings: &[Finding], error: Option<&str>| {
+        let context = Context {
+            body: rig.body.as_ref(),
+            findings: findings.to_vec(),
+            error: error.map(str::to_owned),
+            ..Context::default()
+        };
+        Answer::new(&fit, context).unwrap()
+    };
+    let honest = with(&[Finding::warning("the lamp is off")], None);
+    assert_eq!((honest.status, honest.fit.as_ref()), (Status::Identified, None));
+    assert_eq!(honest.warnings.last().unwrap(), "the lamp is off");
+    for (error, status) in [(None, Status::Implausible), (Some("the link was lost"), Status::Failed)] {
+        let untrue = with(&[Finding::contradiction("it was upside down")], error);
+        assert_eq!((untrue.status, untrue.is_contradicted()), (status, true));
+        assert!(untrue.parameters.iter().all(|p| p.state == ParameterState::Contradicted));
+        assert_eq!(untrue.warnings.last().unwrap(), "it was upside down");
+        let value = serde_json::to_value(&untrue).unwrap();
+        for absent in [
+            "mass_kg",
+            "com_m",
+            "com_u95_m",
+            "inertia_com_kgm2",
+            "inertia_com_u95_kgm2",
+            "inertia_origin_kgm2",
+            "principal",
+            "body_frame",
+            "physically_consistent",
+            "consistency",
+            "budget",
+            "improvement",
+            "prior_dominated",
+        ] {
+            assert!(value.get(absent).is_none(), "{absent}");
+        }
+        let numbers = untrue.fit.as_ref().unwrap();
+        for (own, kept) in honest.parameters.iter().zip(&numbers.parameters) {
+            let measured = own.state.measured().unwrap();
+            assert_eq!((&own.name, measured.value, measured.u95), (&kept.name, kept.value, kept.u95));
+        }
+        assert_eq!(numbers.consistency, honest.consistency);
+        assert!(crate::present::Series::new(&fit, &untrue, false, 0.0).convergence.is_empty());
+        let back: Answer = serde_json::from_value(value).unwrap();
+        assert_eq!(back, untrue);
+    }
 }
 
 #[test]

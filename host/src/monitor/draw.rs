@@ -9,7 +9,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph, Wrap};
 
 use super::{Answered, Band, Counted, ParameterView, View};
 use crate::answer::Status;
-use crate::present::text::{significant, with_u95};
+use crate::present::text::{CONTRADICTED, NOT_IDENTIFIED, significant, with_u95};
 
 /// Terminals smaller than this show a word alone.
 const LEAST: [u16; 2] = [40, 8];
@@ -127,16 +127,24 @@ fn rows(answer: &Answered, look: Look, area: Rect) -> Vec<Line<'static>> {
     let skipped = (chosen + 1).saturating_sub(room).min(count.saturating_sub(room));
     let shown = answer.parameters.iter().enumerate().skip(skipped).take(room);
     let width = usize::from(area.width).saturating_sub(NAME + VALUE + COURSE + 3);
-    shown.map(|(j, parameter)| row(parameter, width, look, j == chosen)).collect()
+    let missing = if answer.status == Status::Implausible { CONTRADICTED } else { NOT_IDENTIFIED };
+    shown.map(|(j, parameter)| row(parameter, missing, width, look, j == chosen)).collect()
 }
 
-fn row(parameter: &ParameterView, width: usize, look: Look, chosen: bool) -> Line<'static> {
+/// Returns the row of a parameter; `missing` are the words in place of its number, where there is none.
+fn row(
+    parameter: &ParameterView,
+    missing: &'static str,
+    width: usize,
+    look: Look,
+    chosen: bool,
+) -> Line<'static> {
     let mark = if chosen { '>' } else { ' ' };
     let name = cut(&format!("{mark}{}", parameter.name), NAME);
     let Some(now) = parameter.now else {
         return Line::from(vec![
             Span::raw(format!("{name:NAME$} ")),
-            Span::styled("not identified", look.tint(Color::Yellow)),
+            Span::styled(missing, look.tint(Color::Yellow)),
         ]);
     };
     let value = cut(&with_u95(now.value, now.u95, &parameter.unit), VALUE);
@@ -196,7 +204,7 @@ fn below(view: &View, look: Look, width: u16) -> Vec<Line<'static>> {
         }
     };
     if let Some(answer) = &view.answer {
-        if let Some((name, ratio)) = answer.worst() {
+        if let Some((name, ratio)) = answer.worst().filter(|_| answer.status != Status::Implausible) {
             let how = if ratio.is_finite() {
                 format!("{name}, U95 {} % of the largest of its kind", significant(100.0 * ratio, 2))
             } else {

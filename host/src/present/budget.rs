@@ -18,7 +18,11 @@ pub(super) fn text(out: &mut String, answer: &Answer) {
     let mut found: Vec<&RigError> = answer.errors.iter().filter(|e| e.value.abs() > e.u95).collect();
     found.sort_by(|a, b| (b.value / b.sigma).abs().total_cmp(&(a.value / a.sigma).abs()));
     if !found.is_empty() {
-        out.push_str("\nErrors of the rig found with it\n");
+        out.push_str(if answer.is_contradicted() {
+            "\nErrors of the rig found with it, no calibration\n"
+        } else {
+            "\nErrors of the rig found with it\n"
+        });
         let width = found.iter().take(SHOWN_ERRORS).map(|e| e.name.len()).max().unwrap_or(0);
         for error in found.iter().take(SHOWN_ERRORS) {
             let Some(rounded) = Rounded::new(error.value, error.u95) else { continue };
@@ -134,9 +138,12 @@ fn errors(answer: &Answer) -> String {
         )
     };
     let rows: String = answer.errors.iter().map(row).collect();
+    let unusable =
+        if answer.is_contradicted() { " The recording cannot be true: they are no calibration." } else { "" };
     format!(
-        "<h2>Errors of the rig</h2>\n<p class=\"soft\">Estimated with the body and eliminated: each is zero beforehand, give or \
-         take σ, and the recording has told the share of that variance.</p>\n<div class=\"scroll\"><table class=\"tight\">\
+        "<h2>Errors of the rig</h2>\n<p class=\"soft\">Estimated with the body and eliminated: each is zero \
+         beforehand, give or take σ, and the recording has told the share of that variance.{unusable}</p>\n\
+         <div class=\"scroll\"><table class=\"tight\">\
          <thead><tr><th scope=\"col\">error</th><th class=\"right\" scope=\"col\">estimate</th><th scope=\"col\">± U95</th>\
          <th class=\"right\" scope=\"col\">σ beforehand</th><th class=\"right\" scope=\"col\">in σ</th>\
          <th class=\"right\" scope=\"col\">told, %</th><th scope=\"col\">from</th></tr></thead>\n<tbody>{rows}</tbody>\

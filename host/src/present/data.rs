@@ -1,6 +1,7 @@
 //! The plain data of a report. SI units throughout; times in seconds on one axis for all plots.
 
 use super::envelope::{envelope_of, extremes};
+use super::text::{CONTRADICTED, NOT_IDENTIFIED};
 use crate::answer::result::{Measured, ParameterState};
 
 /// Buckets of the plots that are as wide as the page: about one per user unit.
@@ -25,12 +26,22 @@ impl Quantity {
         self.state.measured().filter(|m| m.value.is_finite() && m.u95.is_finite() && m.u95 >= 0.0)
     }
 
+    /// The words in place of the number, where there is none.
+    pub fn missing(&self) -> &'static str {
+        missing(self.state)
+    }
+
     /// Estimate minus truth in standard deviations, σ = U95 / 1.96; `None` without truth or without σ.
     pub fn deviation_sd(&self) -> Option<f64> {
         let m = self.known()?;
         let truth = self.truth.filter(|t| t.is_finite())?;
         Some(1.96 * (m.value - truth) / m.u95).filter(|sd| sd.is_finite())
     }
+}
+
+/// Returns the words in place of the number of a state without one.
+pub(super) fn missing(state: ParameterState) -> &'static str {
+    if state == ParameterState::Contradicted { CONTRADICTED } else { NOT_IDENTIFIED }
 }
 
 /// A principal moment of inertia about the centre of mass and its axis in S.

@@ -6,7 +6,7 @@ use super::page::{describe, escape, measured_markup, number, symbol};
 use super::plot::axis::Axis;
 use super::plot::{Chart, FULL_WIDTH, Layer, WIDTH, line, open_svg, text};
 use super::series::Series;
-use super::text::{NOT_IDENTIFIED, Rounded, beside, three_digits, unit_symbol};
+use super::text::{Rounded, beside, three_digits, unit_symbol};
 
 /// Buckets of an envelope: about one per user unit of the plot's width.
 const BUCKETS: usize = 450;
@@ -41,7 +41,11 @@ pub fn convergence(quantities: &[Quantity], data: &Series, time: &Axis) -> Strin
         let history = data.convergence.iter().find(|c| c.name == quantity.name);
         if quantity.known().is_none() {
             let caption = format!("<b>{}</b> {}", symbol(&quantity.name), describe(&quantity.name));
-            html.push_str(&figure("", &caption, &format!("<p class=\"nothing\">{NOT_IDENTIFIED}</p>\n")));
+            html.push_str(&figure(
+                "",
+                &caption,
+                &format!("<p class=\"nothing\">{}</p>\n", quantity.missing()),
+            ));
         } else if let Some(history) = history {
             html.push_str(&converging(quantity, history, time, data));
         }

@@ -6,7 +6,7 @@ use super::page::{
     CONVERGENCE_NOTE, END, beginning, beside_words, decisions, escape, fact, notes, number, parts, principal,
     section, symbol, table_or_nothing, tensor_rows, truth_cells, value_cells,
 };
-use super::plain::{consistency, drive_words, nearest};
+use super::plain::{UNUSABLE, consistency, drive_words, nearest};
 use super::quantities::{self, Group, headline, is_body};
 use super::series::Series;
 use super::text::{
@@ -119,6 +119,7 @@ fn boxed(class: &str, title: &str, lines: &[String]) -> String {
 }
 
 fn cards(answer: &Answer) -> String {
+    let missing = quantities::missing(answer);
     let mass = quantities::parameters(answer).into_iter().next().and_then(|q| q.known().map(|m| (q, m)));
     let mass = match mass {
         Some((quantity, m)) => {
@@ -127,7 +128,7 @@ fn cards(answer: &Answer) -> String {
             let beside = if beside.is_empty() { beside } else { format!("<p class=\"soft\">{beside}</p>\n") };
             format!("<p class=\"big\">{value} <small>± {u95} kg</small></p>\n{beside}")
         }
-        None => format!("<p class=\"big none\">{NOT_IDENTIFIED}</p>\n"),
+        None => format!("<p class=\"big none\">{missing}</p>\n"),
     };
     let centre: String = quantities::centre_of_mass(answer)
         .iter()
@@ -146,8 +147,8 @@ fn cards(answer: &Answer) -> String {
     format!(
         "<div class=\"cards\">\n{}{}{}</div>\n",
         card("Mass", &mass),
-        card("Centre of mass in S, m", &table_or_nothing("xyz", &centre)),
-        card("Inertia about the centre of mass, kg m²", &table_or_nothing("tensor", &tensor))
+        card("Centre of mass in S, m", &table_or_nothing("xyz", &centre, missing)),
+        card("Inertia about the centre of mass, kg m²", &table_or_nothing("tensor", &tensor, missing))
     )
 }
 
@@ -158,6 +159,7 @@ fn results(answer: &Answer, series: &Series) -> String {
     if is_body(answer) {
         let (own, rest) = groups.split_at(groups.len().min(1));
         let (about, there) = quantities::of_the_body(answer);
+        let about = about.filter(|_| !answer.is_contradicted());
         let all = own.iter().chain(&about).chain(&there).chain(rest);
         tables.extend(all.map(|g| table(g, false)));
         tables.push_str(&principal(&quantities::principal(answer)));
@@ -170,6 +172,9 @@ fn results(answer: &Answer, series: &Series) -> String {
         }
     }
     tables.push_str(&quality(answer, series));
+    if answer.fit.is_some() {
+        note.push_str(&format!("<p>{UNUSABLE}</p>\n"));
+    }
     format!("<h2>Results</h2>\n{note}<div class=\"tables\">\n{tables}</div>\n")
 }
 
@@ -200,8 +205,9 @@ fn table(group: &Group, with_made_of: bool) -> String {
         let quantity = &group.quantities[k];
         let mut cells = match quantity.known() {
             None => format!(
-                "<td class=\"none\" colspan=\"{}\">{NOT_IDENTIFIED}</td>",
-                if with_truth { 6 } else { 3 }
+                "<td class=\"none\" colspan=\"{}\">{}</td>",
+                if with_truth { 6 } else { 3 },
+                quantity.missing()
             ),
             Some(m) => {
                 let truth = if with_truth { truth_cells(quantity, m.u95) } else { String::new() };
@@ -248,7 +254,9 @@ fn quality(answer: &Answer, series: &Series) -> String {
         Some(false) => format!("<span class=\"none\">{}</span>", escape(&words)),
         _ => escape(&words),
     };
-    rows.push_str(&fact("physically consistent", &words));
+    if !answer.is_contradicted() {
+        rows.push_str(&fact("physically consistent", &words));
+    }
     if let Some((distance, body)) = nearest(answer) {
         rows.push_str(&fact("nearest body", &escape(&nearest_words(&body, distance))));
     }

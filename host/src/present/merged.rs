@@ -2,8 +2,8 @@
 
 use super::text::{NOT_IDENTIFIED, with_u95};
 use crate::problem::instruments::is_unnamed;
-use rigident_fit::Measured;
 use rigident_fit::pool::{PooledFactor, names_in_words};
+use rigident_fit::{CheckedRun, Measured};
 
 /// Lines of a table at most.
 const MOST: usize = 16;
@@ -60,13 +60,16 @@ pub fn is_shown(runs: usize) -> bool {
     (2..=MOST_RUNS).contains(&runs)
 }
 
-/// Returns a table of the inertial parameters by the best run alone and by all, those first that gain most; `None` of one run, or of
-/// more than can be looked at.
+/// Returns a table of the inertial parameters by the best run alone and by all, those first that gain most;
+/// `None` of one run, of more than can be looked at, or if a recording of them cannot be true.
 pub fn table(runs: &[PooledFactor], all: &PooledFactor) -> Option<String> {
     if !is_shown(runs.len()) {
         return None;
     }
     let merged = all.fit();
+    if merged.runs.iter().any(CheckedRun::is_contradicted) {
+        return None;
+    }
     let name = |run: &PooledFactor| -> String {
         run.name.rsplit(['/', '\\']).next().unwrap_or_default().chars().take(NAME).collect()
     };

@@ -82,9 +82,9 @@ fn deviation(sd: f64) -> String {
     format!("{} σ", number(&if sd.abs() < 1e4 { signed(sd, 1) } else { format!("{sd:+.1e}") }))
 }
 
-pub(super) fn table_or_nothing(class: &str, rows: &str) -> String {
+pub(super) fn table_or_nothing(class: &str, rows: &str, missing: &str) -> String {
     if rows.is_empty() {
-        return format!("<p class=\"none\">{NOT_IDENTIFIED}</p>\n");
+        return format!("<p class=\"none\">{missing}</p>\n");
     }
     format!("<table class=\"{class}\"><tbody>\n{rows}</tbody></table>\n")
 }
@@ -117,7 +117,7 @@ pub(super) fn notes(title: &str, notes: &[String]) -> String {
 /// Value and uncertainty, or the words in place of both.
 pub(super) fn value_cells(quantity: &Quantity) -> String {
     let Some(m) = quantity.known() else {
-        return format!("<td class=\"none\" colspan=\"2\">{NOT_IDENTIFIED}</td>");
+        return format!("<td class=\"none\" colspan=\"2\">{}</td>", quantity.missing());
     };
     let (value, u95) = parts(m.value, m.u95);
     let tag = if quantity.state.is_prior_dominated() { " <span class=\"tag\">prior</span>" } else { "" };
@@ -202,7 +202,7 @@ pub(super) fn parts(value: f64, u95: f64) -> (String, String) {
 
 /// `20.013 ± 0.021 kg`, or the words.
 pub(super) fn measured_markup(quantity: &Quantity) -> String {
-    quantity.known().map_or(NOT_IDENTIFIED.to_owned(), |m| {
+    quantity.known().map_or(quantity.missing().to_owned(), |m| {
         let (value, u95) = parts(m.value, m.u95);
         format!("{value} ± {u95} {}", escape(&unit_symbol(&quantity.unit)))
     })

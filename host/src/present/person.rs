@@ -1,8 +1,10 @@
 //! One person's segments for a terminal.
 
 use super::page::{escape, notes};
+use super::plain::UNUSABLE;
+use super::quantities::headline;
 use super::table::printable;
-use super::text::{significant, with_u95};
+use super::text::{NOT_IDENTIFIED, significant, with_u95};
 use crate::answer::Answer;
 use crate::answer::person::{DeviceResult, PersonResult, ToolResult, TrialResult};
 use rigident_fit::Measured;
@@ -10,6 +12,9 @@ use rigident_fit::Measured;
 /// Returns an answer about a person: her tables, then warnings and notes.
 pub fn whole_text(answer: &Answer) -> String {
     let mut out = format!("{}\n", printable(&answer.source.recording));
+    if answer.is_contradicted() {
+        out.push_str(&format!("{}\n{UNUSABLE}\n", printable(&headline(answer))));
+    }
     out.push_str(&answer.person.as_ref().map_or_else(String::new, text));
     for (word, all) in [("warning", &answer.warnings), ("note", &answer.notes)] {
         for said in all {
@@ -27,13 +32,14 @@ pub fn text(found: &PersonResult) -> String {
         significant(found.height_m, 3),
         significant(found.table_mass_kg, 4)
     );
-    let mass =
-        |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
-    out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
-    out.push_str(&format!("  with the table      {}\n", mass(found.mass_with_table_kg)));
-    out.push_str(&format!("  its centre          {}\n\n", centre(found)));
-    out.push_str(&columns(&segments(found)));
-    out.push_str(&format!("\n{SEGMENTS_NOTE}\n\n"));
+    // Trials that cannot be true say nothing of her.
+    if !found.segments.is_empty() {
+        out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
+        out.push_str(&format!("  with the table      {}\n", mass(found.mass_with_table_kg)));
+        out.push_str(&format!("  its centre          {}\n\n", centre(found)));
+        out.push_str(&columns(&segments(found)));
+        out.push_str(&format!("\n{SEGMENTS_NOTE}\n\n"));
+    }
     let what = how_left_out(found);
     out.push_str(&format!("{what}: root mean square of what is left\n"));
     out.push_str(&columns(&left_out(found)));
@@ -52,6 +58,28 @@ pub fn text(found: &PersonResult) -> String {
         out.push_str(&format!("{}\n", on_device(device)));
     }
     out
+}
+
+fn mass(measured: Option<Measured>) -> String {
+    measured.map_or_else(|| NOT_IDENTIFIED.to_owned(), |m| with_u95(m.value, m.u95, "kg"))
+}
+
+/// Returns the whole mass and the segments for a page; nothing of trials that cannot be true.
+fn masses(found: &PersonResult) -> String {
+    if found.segments.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table is \
+         scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}",
+        escape(&mass(found.mass_kg)),
+        escape(&mass(found.mass_with_table_kg)),
+        escape(&centre(found)),
+        significant(found.table_mass_kg, 4),
+        significant(found.height_m, 3),
+        SEGMENTS_NOTE,
+        table(&segments(found)),
+    )
 }
 
 fn centre(found: &PersonResult) -> String {
@@ -88,8 +116,6 @@ fn on_device(device: &DeviceResult) -> String {
 
 /// Returns the tables of a person for a page.
 pub(super) fn html(found: &PersonResult) -> String {
-    let mass =
-        |m: Option<Measured>| m.map_or("not identified".to_owned(), |m| with_u95(m.value, m.u95, "kg"));
     let trials: Vec<String> = found
         .trials
         .iter()
@@ -98,17 +124,10 @@ pub(super) fn html(found: &PersonResult) -> String {
         .chain(found.device.as_ref().map(on_device))
         .collect();
     format!(
-        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table is \
-         scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
+        "{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
          what is left, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
          stature.</p>\n{}{}",
-        escape(&mass(found.mass_kg)),
-        escape(&mass(found.mass_with_table_kg)),
-        escape(&centre(found)),
-        significant(found.table_mass_kg, 4),
-        significant(found.height_m, 3),
-        SEGMENTS_NOTE,
-        table(&segments(found)),
+        masses(found),
         escape(&how_left_out(found)),
         table(&left_out(found)),
         if found.choices.is_empty() {

@@ -10,6 +10,11 @@ use crate::answer::result::{
 };
 use rigident_model::base::names::legend;
 
+/// Where the numbers are that must not be used.
+pub(super) const UNUSABLE: &str = "The recording cannot be true, so nothing of it is identified. \
+                                   `fit` of the JSON object has the numbers of the fit, which must \
+                                   not be used but help to find the fault.";
+
 /// Returns the answer as lines of text, one group after another, columns aligned, with a final newline.
 pub fn text(answer: &Answer) -> String {
     let mut text = format!("{}\n", printable(&headline(answer)));
@@ -22,7 +27,7 @@ pub fn text(answer: &Answer) -> String {
         let (own, offsets) = groups.split_at(groups.len().min(1));
         own.iter().for_each(|g| group(&mut text, g));
         let (about, there) = quantities::of_the_body(answer);
-        about.iter().for_each(|g| group(&mut text, g));
+        about.iter().filter(|_| !answer.is_contradicted()).for_each(|g| group(&mut text, g));
         principal(&mut text, &quantities::principal(answer));
         there.iter().for_each(|g| group(&mut text, g));
         offsets.iter().for_each(|g| group(&mut text, g));
@@ -41,6 +46,9 @@ pub fn text(answer: &Answer) -> String {
     answer.complete.iter().for_each(|found| drives(&mut text, found));
     super::budget::text(&mut text, answer);
     text.push('\n');
+    if answer.fit.is_some() {
+        text.push_str(&format!("{UNUSABLE}\n"));
+    }
     quality(&mut text, answer);
     for base in answer.time_base.iter().flat_map(time_base_words) {
         line(&mut text, "time base: ", [&base]);
@@ -145,7 +153,9 @@ fn quality(text: &mut String, answer: &Answer) {
     if let Some(condition) = answer.condition_number {
         text.push_str(&format!("condition number       {}\n", significant(condition, 3)));
     }
-    text.push_str(&format!("physically consistent  {}\n", consistency(answer)));
+    if !answer.is_contradicted() {
+        text.push_str(&format!("physically consistent  {}\n", consistency(answer)));
+    }
     if let Some((distance, body)) = nearest(answer) {
         text.push_str(&format!("nearest body           {}\n", nearest_words(&body, distance)));
     }

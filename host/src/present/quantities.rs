@@ -2,7 +2,7 @@
 
 use rigident_shared::inertia::PARAMETER_NAMES;
 
-use super::data::{Drift, PrincipalAxis, Quantity};
+use super::data::{self, Drift, PrincipalAxis, Quantity};
 use super::text::shortened;
 use crate::answer::Answer;
 use crate::answer::result::{Measured, Parameter, ParameterState, RunVerdict, Status};
@@ -91,19 +91,13 @@ pub(super) fn of_the_body(answer: &Answer) -> (Option<Group>, Option<Group>) {
     };
     let there = answer.body_frame.as_ref().map(|frame| {
         let truth = answer.truth.as_ref();
-        let prior = rests_on_prior(answer, "com_m");
         let com = Some((frame.com_m, frame.com_u95_m));
-        let mut quantities = list(&AXES, "m", prior, com, truth.and_then(|t| t.body_frame_com_m));
+        let mut quantities =
+            list(&AXES, "m", states(answer, "com_m"), com, truth.and_then(|t| t.body_frame_com_m));
         let tensor = frame.inertia_origin_kgm2.zip(frame.inertia_origin_u95_kgm2);
         if tensor.is_some() {
             let truth = truth.and_then(|t| t.body_frame_inertia_origin_kgm2);
-            quantities.extend(list(
-                &TENSOR,
-                "kg m2",
-                rests_on_prior(answer, "inertia_com_kgm2"),
-                tensor,
-                truth,
-            ));
+            quantities.extend(list(&TENSOR, "kg m2", states(answer, "inertia_com_kgm2"), tensor, truth));
         }
         Group { title: format!("In the body's frame, {}", frame.name), quantities, made_of: Vec::new() }
     });
@@ -113,14 +107,14 @@ pub(super) fn of_the_body(answer: &Answer) -> (Option<Group>, Option<Group>) {
 /// Returns the centre of mass of one body in S.
 pub(super) fn centre_of_mass(answer: &Answer) -> Vec<Quantity> {
     let values = answer.com_m.zip(answer.com_u95_m);
-    list(&AXES, "m", rests_on_prior(answer, "com_m"), values, answer.truth.as_ref().map(|t| t.com_m))
+    list(&AXES, "m", states(answer, "com_m"), values, answer.truth.as_ref().map(|t| t.com_m))
 }
 
 /// Returns the tensor of one body about its centre of mass, axes of S.
 pub(super) fn inertia_com(answer: &Answer) -> Vec<Quantity> {
     let values = answer.inertia_com_kgm2.zip(answer.inertia_com_u95_kgm2);
     let truth = answer.truth.as_ref().map(|t| t.inertia_com_kgm2);
-    list(&TENSOR, "kg m2", rests_on_prior(answer, "inertia_com_kgm2"), values, truth)
+    list(&TENSOR, "kg m2", states(answer, "inertia_com_kgm2"), values, truth)
 }
 
 /// Returns principal moments and axes.
@@ -162,6 +156,19 @@ fn rests_on_prior(answer: &Answer, field: &str) -> bool {
     answer.prior_dominated.iter().any(|f| f == field)
 }
 
+/// Returns the state of a derived quantity that has no number, and whether one that has rests on what was
+/// known beforehand.
+fn states(answer: &Answer, field: &str) -> (ParameterState, bool) {
+    let missing =
+        if answer.is_contradicted() { ParameterState::Contradicted } else { ParameterState::NotIdentified };
+    (missing, rests_on_prior(answer, field))
+}
+
+/// Returns the words in place of the numbers of one body, where there are none.
+pub(super) fn missing(answer: &Answer) -> &'static str {
+    data::missing(states(answer, "").0)
+}
+
 fn state(value: f64, u95: f64, prior: bool) -> ParameterState {
     let measured = Measured { value, u95 };
     if prior { ParameterState::PriorDominated(measured) } else { ParameterState::Identified(measured) }
@@ -170,7 +177,7 @@ fn state(value: f64, u95: f64, prior: bool) -> ParameterState {
 fn list<const K: usize>(
     names: &[&str; K],
     unit: &str,
-    prior: bool,
+    (missing, prior): (ParameterState, bool),
     values: Option<([f64; K], [f64; K])>,
     truth: Option<[f64; K]>,
 ) -> Vec<Quantity> {
@@ -178,7 +185,7 @@ fn list<const K: usize>(
         .map(|k| Quantity {
             name: names[k].to_owned(),
             unit: unit.to_owned(),
-            state: values.map_or(ParameterState::NotIdentified, |(v, u)| state(v[k], u[k], prior)),
+            state: values.map_or(missing, |(v, u)| state(v[k], u[k], prior)),
             truth: truth.map(|t| t[k]),
         })
         .collect()

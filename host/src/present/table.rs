@@ -1,7 +1,7 @@
 //! The result as a plain table for a terminal.
 
 use super::data::{PrincipalAxis, Quantity};
-use super::text::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
+use super::text::{CONTRADICTED, NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
 
 /// Cells of one row; numbers are right-aligned, everything else left.
 pub(super) type Row = [String; 6];
@@ -15,7 +15,14 @@ pub(super) fn row(quantity: &Quantity) -> Row {
     let name = printable(&quantity.name);
     let known = quantity.known().and_then(|m| Rounded::new(m.value, m.u95).map(|r| (m, r)));
     let Some((m, rounded)) = known else {
-        return [name, NOT_IDENTIFIED.to_owned(), String::new(), String::new(), String::new(), String::new()];
+        return [
+            name,
+            quantity.missing().to_owned(),
+            String::new(),
+            String::new(),
+            String::new(),
+            String::new(),
+        ];
     };
     let prior = if quantity.state.is_prior_dominated() { " (prior)" } else { "" };
     let truth = quantity.truth.map_or(String::new(), |t| beside(t, m.u95));
@@ -30,12 +37,17 @@ pub(super) fn row(quantity: &Quantity) -> Row {
     ]
 }
 
+/// Returns true of words in place of a number: they are wider than numbers.
+fn is_missing(cell: &str) -> bool {
+    cell == NOT_IDENTIFIED || cell == CONTRADICTED
+}
+
 /// Columns as wide as their widest cell; names, uncertainties and units start, numbers end together.
 pub(super) fn aligned(rows: &[Row]) -> String {
     let width = |column: usize| {
         rows.iter()
             .filter_map(|r| r.get(column))
-            .filter(|cell| *cell != NOT_IDENTIFIED)
+            .filter(|cell| !is_missing(cell))
             .map(|cell| cell.chars().count())
             .max()
             .unwrap_or(0)
@@ -48,7 +60,7 @@ pub(super) fn aligned(rows: &[Row]) -> String {
             let width = *width;
             match column {
                 0 | 2 | 3 => line.push_str(&format!(" {cell:<width$} ")),
-                _ if cell == NOT_IDENTIFIED => line.push_str(&format!("  {cell}")),
+                _ if is_missing(cell) => line.push_str(&format!("  {cell}")),
                 _ => line.push_str(&format!(" {cell:>width$}")),
             }
         }

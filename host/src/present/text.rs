@@ -82,6 +82,9 @@ pub fn with_u95(value: f64, u95: f64, unit: &str) -> String {
 /// What stands in place of a number that the data do not give.
 pub const NOT_IDENTIFIED: &str = "not identified";
 
+/// Replaces the number of a fit that must not be used.
+pub const CONTRADICTED: &str = "contradicted";
+
 /// A reference value to stand beside `value ± u95`: one decimal more than the estimate's, no trailing zeros.
 pub fn beside(reference: f64, u95: f64) -> String {
     if !reference.is_finite() {

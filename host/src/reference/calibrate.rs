@@ -198,6 +198,10 @@ fn check(run: &Run) -> Result<(), CalibrateError> {
             .to_owned();
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said });
     }
+    if answer.is_contradicted() {
+        let said = answer.warnings.join("; ");
+        return Err(CalibrateError::Contradicted { run: run.name.clone(), said });
+    }
     Ok(())
 }
 

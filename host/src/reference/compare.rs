@@ -10,7 +10,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use super::body::Mounted;
 use super::cause;
 use super::quantity::Quantity;
-use crate::answer::Answer;
+use crate::answer::result::UnusableFit;
+use crate::answer::{Answer, derived};
 use crate::present::text::with_u95;
 use rigident_fit::{COVERAGE_95, Fit};
 
@@ -89,7 +90,7 @@ impl Comparison {
         let expected = quantities(&reference.parameters);
         let slopes = slopes(&reference.parameters);
         let known = &slopes * reference.covariance() * slopes.transpose();
-        let measured = measured(answer);
+        let measured = measured(fit, answer);
         let e_n_limit = limit(measured.iter().flatten().count());
         let quantities = NAMES.iter().zip(measured).enumerate().map(|(k, (name, measured))| {
             let reference_u95 = COVERAGE_95 * known[(k, k)].max(0.0).sqrt();
@@ -188,6 +189,23 @@ fn quantities(phi: &[f64; 10]) -> [f64; COUNT] {
     [phi[0], x, y, z, xx, yy, zz, yz, zx, xy]
 }
 
+/// Returns value and U95 of each quantity that a fit determines, though it must not be used.
+fn fitted(fit: &Fit, unusable: &UnusableFit) -> [Option<[f64; 2]>; COUNT] {
+    let has = |j: usize| {
+        let name = fit.parameters.get(j).map(|p| p.name.as_str());
+        unusable.parameters.iter().any(|p| Some(p.name.as_str()) == name)
+    };
+    let mass = unusable.parameters.first().filter(|_| has(0)).map(|m| [m.value, m.u95]);
+    let coverage = fit.estimate.coverage_factor();
+    let com = (0..4).all(has).then(|| derived::centre_of_mass(&fit.estimate));
+    let tensor = (0..10).all(has).then(|| derived::inertia_com(&fit.estimate));
+    std::array::from_fn(|k| match k {
+        0 => mass,
+        1..4 => com.as_ref().map(|com| [com.value[k - 1], coverage * com.sd[k - 1]]),
+        _ => tensor.as_ref().map(|tensor| [tensor.value[k - 4], coverage * tensor.sd[k - 4]]),
+    })
+}
+
 /// Returns the derivatives of the quantities by the parameters, by central differences.
 fn slopes(phi: &[f64; 10]) -> DMatrix<f64> {
     let mut slopes = DMatrix::zeros(COUNT, 10);
@@ -204,8 +222,12 @@ fn slopes(phi: &[f64; 10]) -> DMatrix<f64> {
     slopes
 }
 
-/// Returns value and U95 of each quantity that an answer holds.
-fn measured(answer: &Answer) -> [Option<[f64; 2]>; COUNT] {
+/// Returns value and U95 of each quantity that an answer holds. Of a recording that cannot be true they are
+/// those of its fit: the comparison says what is wrong with it.
+fn measured(fit: &Fit, answer: &Answer) -> [Option<[f64; 2]>; COUNT] {
+    if let Some(unusable) = &answer.fit {
+        return fitted(fit, unusable);
+    }
     let mass = answer.parameters.first().and_then(|p| p.state.measured());
     std::array::from_fn(|k| match k {
         0 => mass.map(|m| [m.value, m.u95]),

@@ -9,7 +9,7 @@ use super::report::{Job, in_parallel};
 #[path = "../../../host/cli/tests/integration/merging/runs.rs"]
 mod runs;
 
-use runs::{Body, Errors, factor, fit, larger, off, outside, rms};
+use runs::{Body, Conditions, Errors, factor, fit, larger, off, outside, rms};
 
 /// Rigs that each row draws.
 const RIGS: u64 = 500;
@@ -38,19 +38,24 @@ impl Case {
             off(&pooled.fit(), &body)
         };
         match self {
-            Self::One(count) => merged((0..count).map(|k| factor(rig, &body, 1000 * rig + k, 1.0)).collect()),
+            Self::One(count) => {
+                merged((0..count).map(|k| factor(rig, &body, 1000 * rig + k, &Conditions::STATED)).collect())
+            }
             Self::Rigs { rigs, each } => {
-                let of = |k: u64| factor(10_000 + rig * rigs + k / each, &body, 1000 * rig + k, 1.0);
+                let of = |k: u64| {
+                    factor(10_000 + rig * rigs + k / each, &body, 1000 * rig + k, &Conditions::STATED)
+                };
                 merged((0..rigs * each).map(of).collect())
             }
             Self::Noisy => {
-                let noisier = |k: u64| if k == 0 { 5.0 } else { 1.0 };
-                merged((0..4).map(|k| factor(rig, &body, 1000 * rig + k, noisier(k))).collect())
+                let noisier =
+                    |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
+                merged((0..4).map(|k| factor(rig, &body, 1000 * rig + k, &noisier(k))).collect())
             }
             Self::Tare => {
                 let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
-                let mut total = fit(rig, &both, 1000 * rig, 1.0);
-                let tare = Tare::new(factor(rig, &bare, 1000 * rig + 1, 1.0));
+                let mut total = fit(rig, &both, 1000 * rig, &Conditions::STATED);
+                let tare = Tare::new(factor(rig, &bare, 1000 * rig + 1, &Conditions::STATED));
                 let taken = tare.map(|tare| tare.take_off(&mut total));
                 assert!(matches!(taken, Ok(Ok(()))), "both are runs of one body");
                 off(&total, &small)

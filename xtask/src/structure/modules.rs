@@ -136,6 +136,12 @@ impl Crate {
             .collect()
     }
 
+    /// Returns files whose items are as asked.
+    pub fn files_with(&self, is_so: impl Fn(&[Item]) -> bool) -> BTreeSet<PathBuf> {
+        let found = self.modules.iter().filter(|module| is_so(&module.items));
+        found.map(|module| module.file.clone()).collect()
+    }
+
     /// Returns files in which a path ends with one of these names.
     pub fn files_naming(&self, last: &[&str]) -> BTreeSet<PathBuf> {
         let names = |module: &&Module| {
@@ -303,7 +309,7 @@ impl<'a> Visit<'a> for Paths {
     }
 }
 
-fn item_attributes(item: &Item) -> &[Attribute] {
+pub(super) fn item_attributes(item: &Item) -> &[Attribute] {
     match item {
         Item::Const(i) => &i.attrs,
         Item::Enum(i) => &i.attrs,
@@ -343,7 +349,7 @@ fn conditions(attributes: &[Attribute]) -> impl Iterator<Item = String> + '_ {
 }
 
 /// Tells whether something is there for tests alone.
-fn is_test(attributes: &[Attribute]) -> bool {
+pub(super) fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|a| a.path().is_ident("test"))
         || conditions(attributes).any(|c| c == "test" || c.starts_with("all (test"))
 }

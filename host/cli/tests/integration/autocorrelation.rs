@@ -71,7 +71,7 @@ fn residuals(rate_hz: f64, rho: f64, readings: usize, seed: u64) -> Vec<BlockRes
 
 fn found(rate_hz: f64, rho: f64, seconds: f64, seed: u64) -> Vec<Coloured> {
     let rows = residuals(rate_hz, rho, (seconds * rate_hz) as usize, seed);
-    detect(&rows, &filter(rate_hz), &[1.0; 6])
+    detect(&rows, &filter(rate_hz), &[1.0; 6], 0.0)
 }
 
 #[test]

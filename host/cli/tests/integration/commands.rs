@@ -107,7 +107,7 @@ fn the_demonstration_finds_the_body_and_its_recording_replays_to_the_same_bits()
     let output = rigident(at, &["demo", "--duration-s", "20", "--json", "--out", "d"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
     let result = json(&output);
-    assert_eq!(result["schema"], "rigident/result/2");
+    assert_eq!(result["schema"], "rigident/result/3");
     assert_eq!(result["status"], "identified");
     assert_eq!(result["source"]["mcu"], "inproc");
     assert_eq!(

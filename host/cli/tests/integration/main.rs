@@ -55,6 +55,7 @@ mod trajectory_independent;
 mod tree_commands;
 mod tree_pinocchio;
 mod trees;
+mod verdicts;
 mod vibration;
 mod weakest;
 mod workspace;

@@ -7,7 +7,7 @@ use rigident::fit::tare::Tare;
 #[path = "merging/runs.rs"]
 mod runs;
 
-use runs::{Body, factor, fit, larger, off, outside, rms};
+use runs::{Body, Conditions, factor, fit, larger, off, outside, rms};
 
 /// Nine recordings of a rig know hardly more than one, and nine rigs three times as much; if the rig's errors were averaged as
 /// noise is, two of three truths would lie outside.
@@ -16,13 +16,14 @@ fn errors_of_a_rig_do_not_average_out_and_those_of_several_do() {
     let body = Body::of_mass(3.2);
     let [mut single, mut nine, mut rigs] = [const { Vec::new() }; 3];
     for r in 0..6 {
-        let runs: Vec<PooledFactor> = (0..9).map(|k| factor(r, &body, 1000 * r + k, 1.0)).collect();
+        let runs: Vec<PooledFactor> =
+            (0..9).map(|k| factor(r, &body, 1000 * r + k, &Conditions::STATED)).collect();
         single.push(off(&runs[0].fit(), &body));
         let all = PooledFactor::merged(runs.clone(), false).unwrap();
         assert_eq!((all.rigs.len(), all.unexplained_disagreement()), (1, None));
         nine.push(off(&all.fit(), &body));
         let first = runs.into_iter().next().unwrap();
-        let others = (1..9).map(|k| factor(100 * r + k + 5000, &body, 2000 * r + k, 1.0));
+        let others = (1..9).map(|k| factor(100 * r + k + 5000, &body, 2000 * r + k, &Conditions::STATED));
         let all = PooledFactor::merged(std::iter::once(first).chain(others).collect(), false).unwrap();
         assert_eq!((all.rigs.len(), all.unexplained_disagreement()), (9, None));
         rigs.push(off(&all.fit(), &body));
@@ -41,9 +42,9 @@ fn a_noisy_recording_widens_itself_alone() {
     let body = Body::of_mass(3.2);
     let [mut merged, mut quiet] = [const { Vec::new() }; 2];
     for r in 0..4 {
-        let noisier = |k: u64| if k == 0 { 5.0 } else { 1.0 };
+        let noisier = |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
         let mut runs: Vec<PooledFactor> =
-            (0..4).map(|k| factor(r, &body, 3000 * r + k, noisier(k))).collect();
+            (0..4).map(|k| factor(r, &body, 3000 * r + k, &noisier(k))).collect();
         assert!(runs[0].sources[0].variance_scale > 15.0);
         merged.push(off(&PooledFactor::merged(runs.clone(), false).unwrap().fit(), &body));
         runs.remove(0);
@@ -60,8 +61,8 @@ fn errors_of_a_rig_cancel_where_a_fixture_is_taken_off() {
     let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
     let mut all = Vec::new();
     for r in 0..8 {
-        let mut total = fit(r, &both, 4000 * r, 1.0);
-        Tare::new(factor(r, &bare, 4000 * r + 1, 1.0)).unwrap().take_off(&mut total).unwrap();
+        let mut total = fit(r, &both, 4000 * r, &Conditions::STATED);
+        Tare::new(factor(r, &bare, 4000 * r + 1, &Conditions::STATED)).unwrap().take_off(&mut total).unwrap();
         let own = off(&total, &small);
         // As if each had a load cell of its own: some 0.5 % of 10 kg.
         assert!(own[0].1 < 0.01, "{}", own[0].1);
@@ -82,11 +83,12 @@ fn one_answer_whatever_way_it_is_asked() {
         }
     };
     for noisier in [1.0, 4.0] {
-        let alone = fit(1, &body, 7, noisier);
+        let alone = fit(1, &body, 7, &Conditions { noisier, ..Conditions::STATED });
         let read = PooledFactor::from_bytes(&PooledFactor::of(&alone, "a").to_bytes(), "a").unwrap();
         same(&alone, &read.fit());
     }
-    let files: Vec<PooledFactor> = (0..3).map(|k| factor(k % 2, &body, 70 + k, 1.0)).collect();
+    let files: Vec<PooledFactor> =
+        (0..3).map(|k| factor(k % 2, &body, 70 + k, &Conditions::STATED)).collect();
     let all = PooledFactor::merged(files.clone(), false).unwrap();
     let pair = PooledFactor::merged(files[1..].to_vec(), false).unwrap();
     let grouped = PooledFactor::merged(vec![pair, files[0].clone()], false).unwrap();

@@ -74,7 +74,7 @@ fn a_pendulum_has_a_factor_file_runs_that_merge_and_a_report() {
     assert!(!runs[0].convergence.is_empty());
     let answer = Answer::new(&runs[0], Context::default()).unwrap();
     let object = serde_json::to_value(&answer).unwrap();
-    assert_eq!(object["schema"], "rigident/result/2");
+    assert_eq!(object["schema"], "rigident/result/3");
     assert!(present::plain::text(&answer).contains("ml"));
     let series = present::Series::new(&runs[0], &answer, false, 0.0);
     assert!(present::report(&answer, &series).contains("ml"));

@@ -18,8 +18,10 @@ use simulated::{FORCE_NOISE, RATE_HZ, ROWS, Subject, Table, sigma};
 struct Found(Value);
 
 impl Found {
+    /// Value and U95 of a parameter; of a recording that cannot be true, those of its fit.
     fn of(&self, name: &str) -> (f64, f64) {
-        let all = self.0["parameters"].as_array().unwrap();
+        let place = if self.0["status"] == "implausible" { &self.0["fit"] } else { &self.0 };
+        let all = place["parameters"].as_array().unwrap();
         let p = all.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}: {all:?}"));
         (p["value"].as_f64().unwrap(), p["u95"].as_f64().unwrap())
     }

@@ -75,7 +75,12 @@ impl Engine<'_> {
         check: &NoiseCheck,
     ) -> Vec<Coloured> {
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
-        autocorrelation::detect(residuals, self.blocks.filter(), &variance)
+        autocorrelation::detect(
+            residuals,
+            self.blocks.filter(),
+            &variance,
+            check.fitted / variance.len() as f64,
+        )
     }
 
     pub(super) fn convergence(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<Convergence> {

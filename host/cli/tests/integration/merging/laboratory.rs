@@ -15,33 +15,30 @@ const G: f64 = 9.80665;
 const LEVER: [f64; 3] = [0.05, -0.02, 0.03];
 /// Full scale of the load cell, N and N m.
 const RANGE: [f64; 6] = [200.0, 200.0, 200.0, 10.0, 10.0, 10.0];
-/// 1 σ of the errors of a rig: gains, cross-talk, place and attitude of the IMU, scales and axes.
-const GAIN: f64 = 0.005;
-const CROSSTALK: f64 = 0.002;
-const PLACE_M: f64 = 0.0015;
-const ANGLE_RAD: f64 = 0.003;
-const SCALE: f64 = 0.002;
-/// Of a recording: drift as a share of the range, biases, delay.
-const DRIFT: f64 = 2e-4;
-const GYRO_BIAS: f64 = 0.003;
-const ACCEL_BIAS: f64 = 0.02;
-const SKEW_S: f64 = 3e-4;
+/// 1 σ of the errors of a rig: gains; cross-talk as a share of the range; place of the IMU, m; its attitude and angles between
+/// axes, rad; scales of its axes.
+const OF_RIG: [f64; 5] = [0.005, 0.002, 0.0015, 0.003, 0.002];
+/// Of a recording: drift as a share of the range; biases of gyro and accelerometer, rad/s and m/s²; delay, s.
+const OF_RECORDING: [f64; 4] = [2e-4, 0.003, 0.02, 3e-4];
 /// Noise of a reading: N, N m, m/s², rad/s.
 const NOISE: [f64; 4] = [0.1, 0.004, 0.02, 1e-3];
 
 /// Returns the rig file: what is drawn is what is stated.
-pub fn rig_file(serial: &str) -> RigFile {
+pub fn rig_file(serial: &str, errors: f64) -> RigFile {
     let [force, moment, accel, gyro] = NOISE;
-    let drift = RANGE.map(|range| range * DRIFT);
+    let [gain, crosstalk, place, angle, scale] = OF_RIG.map(|sigma| sigma * errors);
+    let [drift, gyro_bias, accel_bias, skew] = OF_RECORDING.map(|sigma| sigma * errors);
+    let drift = RANGE.map(|range| range * drift);
+    let gain = [gain; 6];
     let text = format!(
         "[recording]\ngravity_std_mps2 = 1e-6\n[[imu]]\nserial = {serial:?}\nposition_m = {LEVER:?}\n\
-         accel_noise_mps2 = {accel}\ngyro_noise_radps = {gyro}\nposition_std_m = {PLACE_M}\n\
-         rotation_std_rad = {ANGLE_RAD}\nskew_std_s = {SKEW_S}\naccel_bias_std_mps2 = {ACCEL_BIAS}\n\
-         accel_gain_std = {SCALE}\naccel_misalignment_std_rad = {ANGLE_RAD}\n\
-         gyro_bias_std_radps = {GYRO_BIAS}\ngyro_gain_std = {SCALE}\ngyro_rotation_std_rad = {ANGLE_RAD}\n\
+         accel_noise_mps2 = {accel}\ngyro_noise_radps = {gyro}\nposition_std_m = {place}\n\
+         rotation_std_rad = {angle}\nskew_std_s = {skew}\naccel_bias_std_mps2 = {accel_bias}\n\
+         accel_gain_std = {scale}\naccel_misalignment_std_rad = {angle}\n\
+         gyro_bias_std_radps = {gyro_bias}\ngyro_gain_std = {scale}\ngyro_rotation_std_rad = {angle}\n\
          [load_cell]\nserial = {serial:?}\n\
          noise_n_nm = [{force}, {force}, {force}, {moment}, {moment}, {moment}]\n\
-         gain_uncertainty = [{GAIN}, {GAIN}, {GAIN}, {GAIN}, {GAIN}, {GAIN}]\ncrosstalk_std = {CROSSTALK}\n\
+         gain_uncertainty = {gain:?}\ncrosstalk_std = {crosstalk}\n\
          drift_std_n_nm = {drift:?}\nrange_n_nm = {RANGE:?}\n"
     );
     RigFile::parse(&text).unwrap()
@@ -93,6 +90,24 @@ fn vector(random: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| sigma * draw(random))
 }
 
+/// The conditions of a recording.
+#[derive(Clone, Copy)]
+pub struct Conditions {
+    /// How many times the noise that is stated.
+    pub noisier: f64,
+    /// Noise of this time constant, s, as large as the white one; none if it is zero.
+    pub slow_s: f64,
+    /// What the motion's frequencies are divided by.
+    pub slower: f64,
+    /// What errors of rig and recording are multiplied by, as drawn and as stated.
+    pub errors: f64,
+}
+
+impl Conditions {
+    /// White noise and errors as they are stated.
+    pub const STATED: Self = Self { noisier: 1.0, slow_s: 0.0, slower: 1.0, errors: 1.0 };
+}
+
 /// Errors that all recordings of a rig share.
 pub struct Rig {
     /// The wrench read by the wrench that is there.
@@ -105,40 +120,43 @@ pub struct Rig {
 
 impl Rig {
     /// Draws a rig.
-    pub fn new(seed: u64) -> Self {
+    pub fn new(seed: u64, errors: f64) -> Self {
+        let [gain, crosstalk, place, angle, scale] = OF_RIG.map(|sigma| sigma * errors);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut cell = [[0.0; 6]; 6];
         for (to, row) in cell.iter_mut().enumerate() {
             for (from, entry) in row.iter_mut().enumerate() {
                 let z = draw(&mut random);
-                *entry = if to == from { 1.0 + GAIN * z } else { CROSSTALK * RANGE[to] / RANGE[from] * z };
+                *entry = if to == from { 1.0 + gain * z } else { crosstalk * RANGE[to] / RANGE[from] * z };
             }
         }
-        let accel = Matrix3::from_diagonal(&vector(&mut random, SCALE));
+        let accel = Matrix3::from_diagonal(&vector(&mut random, scale));
         // Axes that are not square: x leans towards y and z, y towards z.
-        let lean = vector(&mut random, ANGLE_RAD);
+        let lean = vector(&mut random, angle);
         let lean = Matrix3::new(0.0, lean.x, lean.y, 0.0, 0.0, lean.z, 0.0, 0.0, 0.0);
-        let gyro = Matrix3::from_diagonal(&vector(&mut random, SCALE));
-        let turned = Rotation3::new(vector(&mut random, ANGLE_RAD)).into_inner();
+        let gyro = Matrix3::from_diagonal(&vector(&mut random, scale));
+        let turned = Rotation3::new(vector(&mut random, angle)).into_inner();
         Self {
             cell,
-            place: Vector3::from(LEVER) + vector(&mut random, PLACE_M),
-            attitude: Rotation3::new(vector(&mut random, ANGLE_RAD)),
+            place: Vector3::from(LEVER) + vector(&mut random, place),
+            attitude: Rotation3::new(vector(&mut random, angle)),
             accel: Matrix3::identity() + accel + lean,
             gyro: (Matrix3::identity() + gyro) * turned,
         }
     }
 
-    /// Returns the readings of a recording: what is its own, and its motion, are drawn by the seed; noise is `noisier` times
-    /// what is stated.
-    pub fn record(&self, body: &Body, seed: u64, noisier: f64) -> Vec<Reading<f64>> {
+    /// Returns the readings of a recording: what is its own, and its motion, are drawn by the seed.
+    pub fn record(&self, body: &Body, seed: u64, conditions: &Conditions) -> Vec<Reading<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let motion = Motion::new(&mut random);
-        let skew = SKEW_S * draw(&mut random);
-        let (gyro_bias, accel_bias) = (vector(&mut random, GYRO_BIAS), vector(&mut random, ACCEL_BIAS));
+        let motion = Motion::new(&mut random, conditions.slower);
+        let [drifting, gyro_bias, accel_bias, skew] = OF_RECORDING.map(|sigma| sigma * conditions.errors);
+        let mut slow = [0.0; 6];
+        let kept = (-1.0 / (RATE_HZ * conditions.slow_s.max(1e-6))).exp();
+        let skew = skew * draw(&mut random);
+        let (gyro_bias, accel_bias) = (vector(&mut random, gyro_bias), vector(&mut random, accel_bias));
         let offsets: [[f64; 3]; 6] = std::array::from_fn(|c| {
             let own = |share: f64, random: &mut ChaCha8Rng| share * RANGE[c] * draw(random);
-            [own(0.01, &mut random), own(DRIFT, &mut random), own(DRIFT, &mut random)]
+            [own(0.01, &mut random), own(drifting, &mut random), own(drifting, &mut random)]
         });
         let last = (SECONDS * RATE_HZ) as u64;
         (0..last)
@@ -155,9 +173,12 @@ impl Rig {
                 let wrench = std::array::from_fn(|c| {
                     let sum: f64 = self.cell[c].iter().zip(&exact).map(|(a, b)| a * b).sum();
                     let [constant, line, curve] = offsets[c];
-                    let sigma = noisier * NOISE[usize::from(c > 2)];
+                    let sigma = conditions.noisier * NOISE[usize::from(c > 2)];
                     let drift = constant + line * s + curve * (1.5 * s * s - 0.5);
-                    sum + drift + sigma * draw(&mut random)
+                    if conditions.slow_s > 0.0 {
+                        slow[c] = kept * slow[c] + (1.0 - kept * kept).sqrt() * sigma * draw(&mut random);
+                    }
+                    sum + drift + slow[c] + sigma * draw(&mut random)
                 });
                 let accel = std::array::from_fn(|k| read[k] + NOISE[2] * draw(&mut random));
                 let gyro = std::array::from_fn(|k| turned[k] + NOISE[3] * draw(&mut random));
@@ -186,12 +207,12 @@ struct There {
 }
 
 impl Motion {
-    fn new(random: &mut ChaCha8Rng) -> Self {
+    fn new(random: &mut ChaCha8Rng, slower: f64) -> Self {
         let mut sines = [[[0.0; 3]; 3]; 6];
         for (axis, sums) in sines.iter_mut().enumerate() {
             for (k, [amplitude, frequency, phase]) in sums.iter_mut().enumerate() {
                 let hz = 0.2 + 0.45 * k as f64 + 0.07 * axis as f64 + 0.02 * draw(random);
-                *frequency = std::f64::consts::TAU * hz;
+                *frequency = std::f64::consts::TAU * hz / slower;
                 *amplitude = if axis < 3 { 0.12 } else { 0.02 } * (1.0 + 0.2 * draw(random));
                 *phase = draw(random) * 3.0;
             }

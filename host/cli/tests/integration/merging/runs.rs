@@ -10,7 +10,7 @@ use rigident::problem::{Problem, Subject};
 #[path = "laboratory.rs"]
 mod laboratory;
 
-pub use laboratory::Body;
+pub use laboratory::{Body, Conditions};
 use laboratory::{RATE_HZ, Rig, rig_file};
 
 /// Errors in U95 of the ten parameters, and U95.
@@ -19,9 +19,14 @@ pub type Errors = Vec<(f64, f64)>;
 const TEN: [&str; 10] = ["m", "mcx", "mcy", "mcz", "Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
 
 /// Returns what a recording alone says.
-pub fn fit(rig: u64, body: &Body, seed: u64, noisier: f64) -> Fit {
-    let file = rig_file(&format!("rig {rig}"));
-    let input = prepare::input(&file, Rig::new(rig).record(body, seed, noisier), false, RATE_HZ);
+pub fn fit(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Fit {
+    let file = rig_file(&format!("rig {rig}"), conditions.errors);
+    let input = prepare::input(
+        &file,
+        Rig::new(rig, conditions.errors).record(body, seed, conditions),
+        false,
+        RATE_HZ,
+    );
     let source = Box::new(BodySource::new(input, file.imu.first()));
     let subject = Subject::Body { source, gravity_columns: false };
     let problem = Problem::new(&format!("{rig} {seed}"), file, subject);
@@ -29,8 +34,8 @@ pub fn fit(rig: u64, body: &Body, seed: u64, noisier: f64) -> Fit {
 }
 
 /// Returns its factor.
-pub fn factor(rig: u64, body: &Body, seed: u64, noisier: f64) -> PooledFactor {
-    PooledFactor::of(&fit(rig, body, seed, noisier), &format!("{rig} {seed}"))
+pub fn factor(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> PooledFactor {
+    PooledFactor::of(&fit(rig, body, seed, conditions), &format!("{rig} {seed}"))
 }
 
 /// Returns how far a fit is off.

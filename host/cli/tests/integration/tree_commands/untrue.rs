@@ -105,6 +105,12 @@ fn friction_that_is_left_out_and_friction_that_pushes_are_told() {
         warnings.contains("friction and rotors take energy") && warnings.contains("elbow.viscous"),
         "{warnings}"
     );
+    // `changed` has left the recording: what it says must not become a model.
+    let words = ["identify", "bad.csv", "--model", "arm.urdf", "--write-model", "x.urdf", "--out", "w"];
+    let output = rigident(place, &[&words[..], &FRICTION].concat());
+    let said = crate::program::said(&output);
+    assert!(said.contains("--write-model x.urdf: not written"), "{said}");
+    assert!(!place.join("x.urdf").exists() && place.join("w/result.json").exists());
 }
 
 #[test]

@@ -1,0 +1,244 @@
+//! One recording, one verdict, whichever way it comes in; and one that cannot be true gives no number.
+#![cfg(feature = "simulator")]
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rigident::present::text::with_u95;
+use rigident::recording::Recording;
+use rigident::recording::arrays::Numbers;
+use rigident::rig::RigFile;
+use serde_json::Value;
+
+use crate::program::{json, parameter, rigident, said, status};
+
+/// Rows that are used of a recording.
+const ROWS: usize = 300;
+
+/// A file of `docs/examples`.
+fn example(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples").join(name);
+    fs::read_to_string(path).unwrap()
+}
+
+/// Returns the first three seconds of a recording, with some of its columns multiplied.
+fn scaled(text: &str, names: &[&str], by: f64) -> String {
+    let mut header: Option<Vec<&str>> = None;
+    let lines = text.lines().filter(|line| !line.starts_with('#')).map(|line| match &header {
+        None => {
+            header = Some(line.split(',').collect());
+            line.to_owned()
+        }
+        Some(columns) => {
+            let cells = line.split(',').zip(columns).map(|(cell, column)| match names.contains(column) {
+                true => format!("{:e}", by * cell.parse::<f64>().unwrap()),
+                false => cell.to_owned(),
+            });
+            cells.collect::<Vec<_>>().join(",")
+        }
+    });
+    lines.take(1 + ROWS).collect::<Vec<_>>().join("\n") + "\n"
+}
+
+/// Ways from a recording to an answer: each gets the folder and the name of the recording, and returns the
+/// answer.
+type Way = fn(&Path, &str) -> Value;
+
+fn of_file(at: &Path, name: &str) -> Value {
+    json(&rigident(at, &["identify", &format!("{name}.csv"), "--json", "--out", &format!("{name}.file")]))
+}
+
+/// By way of a factor, which has the rows and the verdict of the recording, but neither the recording nor a
+/// model.
+fn of_factor(at: &Path, name: &str) -> Value {
+    let file = format!("{name}.factor");
+    let made = rigident(at, &["factor", &format!("{name}.csv"), "-o", &file]);
+    assert_eq!(status(&made), 0, "{}", said(&made));
+    json(&rigident(at, &["solve", &file, "--json"]))
+}
+
+/// Streamed to the device.
+fn of_replay(at: &Path, name: &str) -> Value {
+    let out = format!("{name}.replay");
+    json(&rigident(at, &["replay", &format!("{name}.csv"), "--json", "--out", &out]))
+}
+
+/// From columns in memory, as Python calls it.
+fn of_arrays(at: &Path, name: &str) -> Value {
+    let text = fs::read_to_string(at.join(format!("{name}.csv"))).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let rows: Vec<Vec<f64>> =
+        rows.lines().map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let columns: Vec<Vec<f64>> =
+        (0..header.split(',').count()).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+    let arrays: Vec<(String, Numbers<'_>)> =
+        header.split(',').zip(&columns).map(|(name, own)| (name.to_owned(), Numbers::Floats(own))).collect();
+    let rig = at.join(format!("{name}.rig.toml"));
+    let (file, text) = RigFile::load_with_text(&rig).unwrap();
+    let recording = Recording::from_arrays(name, &arrays, &file, Some(&text)).unwrap();
+    let out = at.join(format!("{name}.arrays"));
+    let words = ["identify", name, "--json", "--rig", rig.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let called = rigident_cli::call(words, Some(recording), Arc::new(AtomicBool::new(false)));
+    serde_json::from_str(&called.output).unwrap_or_else(|e| panic!("{e}: {:?}", called.failure))
+}
+
+const WAYS: [(&str, Way); 4] =
+    [("file", of_file), ("factor", of_factor), ("arrays", of_arrays), ("replay", of_replay)];
+
+/// Requires the verdict of an answer, and that its numbers go with it.
+#[track_caller]
+fn assert_verdict(answer: &Value, verdict: &str, of: &str) {
+    assert_eq!(answer["status"], verdict, "{of}: {}", answer["warnings"]);
+    let parameters = answer["parameters"].as_array().unwrap();
+    let with = |key: &str| parameters.iter().filter(|p| p.get(key).is_some()).count();
+    if verdict == "identified" {
+        assert_eq!((with("value"), with("u95")), (parameters.len(), parameters.len()), "{of}");
+        assert!(answer.get("fit").is_none(), "{of}");
+        return;
+    }
+    assert_eq!((with("value"), with("u95")), (0, 0), "{of}");
+    for state in parameters.iter().map(|p| &p["state"]) {
+        assert!(state == "contradicted" || state == "not_identified", "{of}: {state}");
+    }
+    for derived in [
+        "mass_kg",
+        "com_m",
+        "com_u95_m",
+        "inertia_com_kgm2",
+        "inertia_com_u95_kgm2",
+        "inertia_origin_kgm2",
+        "principal",
+        "body_frame",
+        "physically_consistent",
+        "consistency",
+        "standard_parameters",
+        "complete",
+        "budget",
+    ] {
+        assert!(answer.get(derived).is_none(), "{of}: {derived}");
+    }
+    assert!(!answer["warnings"].as_array().unwrap().is_empty(), "{of}");
+}
+
+/// Requires the verdict of a recording by these ways in.
+fn assert_verdicts(ways: &[(&str, Way)], name: &str, csv: &str, rig: &str, verdict: &str) {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join(format!("{name}.csv")), csv).unwrap();
+    fs::write(place.path().join(format!("{name}.rig.toml")), rig).unwrap();
+    std::thread::scope(|scope| {
+        for (way, answer) in ways {
+            let at = place.path();
+            scope.spawn(move || assert_verdict(&answer(at, name), verdict, &format!("{name} by {way}")));
+        }
+    });
+}
+
+const MOMENTS: [&str; 3] = ["mx_nm", "my_nm", "mz_nm"];
+
+#[test]
+fn every_way_in_comes_to_one_verdict_of_a_body() {
+    let (honest, rig) = (scaled(&example("bracket.csv"), &[], 1.0), example("bracket.rig.toml"));
+    for (name, csv, verdict) in [
+        ("honest", honest.clone(), "identified"),
+        ("gyro", scaled(&honest, &["imu_gx_radps"], -1.0), "implausible"),
+    ] {
+        assert_verdicts(&WAYS, name, &csv, &rig, verdict);
+    }
+}
+
+/// Of a tree only its model can say what no bodies have: the factor, which does not hold the model, keeps the
+/// verdict.
+#[test]
+fn every_way_in_comes_to_one_verdict_of_a_tree() {
+    let (honest, rig) = (scaled(&example("two-links.csv"), &[], 1.0), example("two-links.rig.toml"));
+    let wrench = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
+    for (name, csv, verdict) in [
+        ("honest", honest.clone(), "identified"),
+        ("reversed", scaled(&honest, &wrench, -1.0), "implausible"),
+    ] {
+        // The device would need the accelerometer of the second link.
+        assert_verdicts(&WAYS[..3], name, &csv, &rig, verdict);
+    }
+}
+
+/// Returns a text or a page without marks, words apart by one space each.
+fn without_marks(shown: &str) -> String {
+    let mut plain = String::new();
+    let mut inside = false;
+    for c in shown.chars() {
+        match c {
+            '<' => inside = true,
+            '>' => {
+                inside = false;
+                plain.push(' ');
+            }
+            _ if inside => {}
+            '\u{2212}' => plain.push('-'),
+            c => plain.push(c),
+        }
+    }
+    plain.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The numbers of the fit are in `fit` of the JSON object, and nowhere else.
+#[test]
+fn moments_in_newton_millimetres_give_no_number_anywhere() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    fs::write(at.join("mm.csv"), scaled(&example("bracket.csv"), &MOMENTS, 1e3)).unwrap();
+    fs::write(at.join("mm.rig.toml"), example("bracket.rig.toml")).unwrap();
+    let output = rigident(at, &["identify", "mm.csv", "--out", "o"]);
+    assert_eq!(status(&output), 1);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let result: Value = serde_json::from_slice(&fs::read(at.join("o/result.json")).unwrap()).unwrap();
+    assert_verdict(&result, "implausible", "result.json");
+    assert_eq!(result["schema"], "rigident/result/3");
+    assert_eq!(parameter(&result, "Ixx")["state"], "contradicted");
+    let numbers = result["fit"]["parameters"].as_array().unwrap();
+    let ixx = numbers.iter().find(|p| p["name"] == "Ixx").unwrap();
+    assert!(ixx["value"].as_f64().unwrap() > 10.0, "{ixx}");
+
+    let page = fs::read_to_string(at.join("o/report.html")).unwrap();
+    for shown in [&text, &page] {
+        assert!(shown.contains("Not to be used") && shown.contains("contradicted"), "{shown}");
+        assert!(!shown.contains("Convergence") && !shown.contains("hysically consistent"), "{shown}");
+        // Nothing of the fit with its uncertainty, whatever stands between the two.
+        let plain = without_marks(shown);
+        for number in numbers {
+            let [value, u95] = ["value", "u95"].map(|key| number[key].as_f64().unwrap());
+            // A small one may look like an error of the rig.
+            let words = with_u95(value, u95, "");
+            assert!(value.abs() < 1.0 || !plain.contains(&words), "{} {words}", number["name"]);
+        }
+    }
+    // A file as it was written before the state `contradicted`: what is read of it is the same.
+    let mut earlier = result.clone();
+    earlier["schema"] = "rigident/result/2".into();
+    for parameter in earlier["parameters"].as_array_mut().unwrap() {
+        let Some(own) = numbers.iter().find(|number| number["name"] == parameter["name"]) else { continue };
+        parameter["state"] = "identified".into();
+        (parameter["value"], parameter["u95"]) = (own["value"].clone(), own["u95"].clone());
+    }
+    earlier.as_object_mut().unwrap().remove("fit");
+    fs::write(at.join("earlier.json"), earlier.to_string()).unwrap();
+    for file in ["o/result.json", "earlier.json"] {
+        let predicted = rigident(at, &["predict", file, "mm.csv", "--json"]);
+        assert_eq!(status(&predicted), 2, "{file}");
+        assert!(said(&predicted).contains("cannot be true"), "{}", said(&predicted));
+        let summed = rigident(at, &["summary", file, file]);
+        assert!(said(&summed).contains("left out") && status(&summed) == 1, "{}", said(&summed));
+    }
+    // The factor has the verdict, too. Merging shows what runs say alone and together: not of such a one.
+    for (name, by) in [("mm", 1e3), ("honest", 1.0)] {
+        fs::write(at.join(format!("{name}.csv")), scaled(&example("bracket.csv"), &MOMENTS, by)).unwrap();
+        fs::write(at.join(format!("{name}.rig.toml")), example("bracket.rig.toml")).unwrap();
+        let made = rigident(at, &["factor", &format!("{name}.csv"), "-o", &format!("{name}.factor")]);
+        assert_eq!(status(&made), 0, "{}", said(&made));
+    }
+    assert_verdict(&json(&rigident(at, &["solve", "mm.factor", "--json"])), "implausible", "mm.factor");
+    let merged = rigident(at, &["merge", "mm.factor", "honest.factor", "-o", "both.factor", "--force"]);
+    let text = String::from_utf8(merged.stdout).unwrap();
+    assert!(text.contains("both.factor") && !text.contains("all merged"), "{text}");
+}
