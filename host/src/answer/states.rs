@@ -8,7 +8,9 @@
 //!
 //! One scale per owner and kind:
 //! - One whole body, of which all ten parameters are columns: its mass m, its first moment m ℓ and its largest principal
-//!   moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be known, or there is no scale.
+//!   moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be known, or there is no scale. Its tensor
+//!   is identified only if that about its centre of mass is, too, by its own largest principal moment: so it does not
+//!   depend on where the origin is.
 //! - A link of which there are base parameters: of each kind the largest, as estimated less its uncertainty, or as the
 //!   nominal model has it; where first moments vanish, the moments of inertia over the link's length take their place. The
 //!   rule for one body cannot be used, because a base parameter sums several links' and no mass may be among them.
@@ -21,7 +23,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use super::context::Links;
-use super::derived::ten;
+use super::derived::{inertia_com, ten};
 use super::result::ParameterState;
 pub use rigident_fit::LEAST_EXCITATION;
 use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
@@ -122,13 +124,34 @@ fn sphere_radius(mass: f64) -> f64 {
 pub fn identified_of_body(estimate: &Estimate, spurious: f64) -> usize {
     let Some(scale) = BodyScale::of(estimate, spurious) else { return 0 };
     let resolved = |j: &usize| estimate.is_determined(*j) && resolves_element(estimate, spurious, &scale, *j);
-    (0..10).take_while(resolved).count()
+    let count = (0..10).take_while(resolved).count();
+    let central = resolves_central(estimate);
+    let of_tensor = central.iter().take_while(|resolved| **resolved).count();
+    count.min(4 + of_tensor)
 }
 
 /// Returns true if an estimate resolves parameter `j` of one whole body.
 fn resolves_element(estimate: &Estimate, spurious: f64, scale: &BodyScale, j: usize) -> bool {
     let informed = j < 4 || tensor_informed(estimate, spurious, j);
     informed && estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j)
+}
+
+/// Returns which elements of the tensor about the centre of mass are resolved by its own largest principal moment: that about a
+/// far origin is mostly the mass times a distance squared. All, where a parameter is not determined and there is no such tensor.
+fn resolves_central(estimate: &Estimate) -> [bool; 6] {
+    if !(0..10).all(|j| estimate.is_determined(j)) {
+        return [true; 6];
+    }
+    let central = inertia_com(estimate);
+    let u95 = central.sd.map(|sd| estimate.coverage_factor() * sd);
+    let within = |largest: f64| u95.map(|u95| u95 <= LARGEST_SHARE * largest);
+    let tensor = rigident_shared::inertia::tensor_from_elements(central.value);
+    let all = within(tensor.symmetric_eigenvalues().max());
+    if all == [true; 6] {
+        return all;
+    }
+    // The largest principal moment is no smaller than any about an axis.
+    within((0..3).map(|k| central.value[k] - u95[k]).fold(0.0, f64::max))
 }
 
 /// Returns true if a tensor element has more information than the gyro's noise brings.
@@ -168,13 +191,21 @@ pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<Parameter
     }
     let scales = scales(fit, links);
     let (all, data) = (&fit.estimate, fit.data_alone());
-    let resolves = |estimate: &Estimate, j: usize, scale: f64| {
-        is_informed(fit, estimate, j) && estimate.u95(j) <= LARGEST_SHARE * scale
+    let is_whole = is_whole_body(fit);
+    let central = [data, all].map(|own| if is_whole { resolves_central(own) } else { [true; 6] });
+    let resolves = |of_all: bool, j: usize, scale: f64| {
+        let estimate = if of_all { all } else { data };
+        let of_tensor = j.checked_sub(4).and_then(|k| central[usize::from(of_all)].get(k));
+        is_informed(fit, estimate, j)
+            && estimate.u95(j) <= LARGEST_SHARE * scale
+            && of_tensor.is_none_or(|resolved| *resolved)
     };
     (0..fit.parameters.len())
         .map(|j| match (scales.get(j).copied().flatten(), all.measured(j)) {
-            (Some(scale), Some(measured)) if resolves(data, j, scale) => ParameterState::Identified(measured),
-            (Some(scale), Some(measured)) if resolves(all, j, scale) => {
+            (Some(scale), Some(measured)) if resolves(false, j, scale) => {
+                ParameterState::Identified(measured)
+            }
+            (Some(scale), Some(measured)) if resolves(true, j, scale) => {
                 ParameterState::PriorDominated(measured)
             }
             _ => ParameterState::NotIdentified,
@@ -315,6 +346,53 @@ mod tests {
     use rigident_shared::spatial::{Position, Sensor};
 
     use super::*;
+
+    /// The same knowledge about another origin says the same of the tensor.
+    #[test]
+    fn a_tensor_is_identified_wherever_the_origin_is() {
+        let central = tensor_from_elements([0.02, 0.018, 0.012, 0.0, 0.0, 0.0]);
+        let known = |away: f64, u95_of_central: f64| {
+            let at = |arm: f64| {
+                InertialParameters::<Sensor, f64>::from_centre_of_mass(
+                    3.2,
+                    Position::new(arm, 0.0, 0.0),
+                    central,
+                )
+                .to_vector()
+            };
+            // Mass, place and tensor about the centre of mass, each with its own uncertainty.
+            let of = |q: &[f64]| {
+                let i = tensor_from_elements(std::array::from_fn(|k| q[4 + k]));
+                let c = nalgebra::Vector3::new(q[1], q[2], q[3]);
+                let about = i + q[0] * (nalgebra::Matrix3::identity() * c.norm_squared() - c * c.transpose());
+                let e = [about.m11, about.m22, about.m33, about.m23, about.m31, about.m12];
+                DVector::from_fn(10, |k, _| match k {
+                    0 => q[0],
+                    1..4 => q[0] * q[k],
+                    _ => e[k - 4],
+                })
+            };
+            let q = [3.2, away, 0.0, 0.0, 0.02, 0.018, 0.012, 0.0, 0.0, 0.0];
+            let sd = [1e-3, 1e-5, 1e-5, 1e-5];
+            let j = DMatrix::from_fn(10, 10, |i, k| {
+                let h = 1e-6;
+                let (mut up, mut down) = (q, q);
+                up[k] += h;
+                down[k] -= h;
+                (of(&up)[i] - of(&down)[i]) / (2.0 * h)
+            });
+            let variances =
+                DVector::from_fn(
+                    10,
+                    |k, _| if k < 4 { sd[k] * sd[k] } else { (u95_of_central / 1.96).powi(2) },
+                );
+            Estimate::of_bound(at(away).to_vec(), &j * DMatrix::from_diagonal(&variances) * j.transpose())
+        };
+        for away in [0.0, 0.05, 0.7] {
+            assert_eq!(identified_of_body(&known(away, 0.0015), 0.0), 10, "{away}");
+            assert_eq!(identified_of_body(&known(away, 0.0030), 0.0), 4, "{away}");
+        }
+    }
 
     fn estimate(u95: [f64; 10]) -> Estimate {
         let body = InertialParameters::<Sensor, f64>::from_centre_of_mass(
