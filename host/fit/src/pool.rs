@@ -1,6 +1,9 @@
 //! Factors of several runs as one, and what their residuals say of it.
 
-use std::collections::{BTreeMap, HashMap};
+mod error;
+mod merging;
+
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -13,127 +16,11 @@ use super::{
     NoiseCheck, Owner, Parameter, RigError, RigRows, RowSet, judge,
 };
 
+pub use error::{ModelDifference, PoolError, names_in_words};
+pub(super) use merging::difference;
+
 /// A disagreement less likely than this among runs of one body is told and scales the covariance.
 const SURPRISING: f64 = 1e-4;
-/// Weights of a sum that differ by less are rounding.
-const SAME_WEIGHT: f64 = 1e-9;
-/// So many names stand in a message.
-const NAMES_TOLD: usize = 4;
-
-/// Why factors are not read, merged or written.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PoolError {
-    /// The file cannot be opened, read or written.
-    #[error("{name}: {reason}")]
-    Access {
-        /// Its name.
-        name: String,
-        /// Why.
-        reason: String,
-    },
-    /// The bytes are not a usable factor file.
-    #[error("{name}: {error}")]
-    File {
-        /// Its name.
-        name: String,
-        /// Why.
-        error: FactorFileError,
-    },
-    /// The same readings stand in two factors.
-    #[error(
-        "the recording {recording} is in it twice ({first} and {second}): counting the same noise twice would halve \
-         the variance without knowing more; leave one of them out"
-    )]
-    Repeated {
-        /// The recording.
-        recording: String,
-        /// Name of the first factor that holds it.
-        first: String,
-        /// Name of the second.
-        second: String,
-    },
-    /// A factor has other parameters than the first one.
-    #[error("{name} is of another model than {first}: {difference}")]
-    Model {
-        /// The factor that differs.
-        name: String,
-        /// The first one.
-        first: String,
-        /// Its parameters against those of the first.
-        difference: ModelDifference,
-    },
-    /// A factor holds what is known of errors in its rows.
-    #[error(
-        "{name} was written by an older program: it does not hold the errors of its rig apart, and merged they would average \
-         out as noise does; write it anew from its recording"
-    )]
-    Old {
-        /// The factor.
-        name: String,
-    },
-    /// Numbers too large.
-    #[error("{name}: merged with the others its numbers overflow: it is no factor of a real recording")]
-    Overflow {
-        /// The factor.
-        name: String,
-    },
-    /// Its runs have no value, or several, of a label that factors are told apart by.
-    #[error(
-        "{name} cannot be sorted by the label {key}: {reason}; `rigident factor --label {key}=…` gives runs one"
-    )]
-    Label {
-        /// The factor.
-        name: String,
-        /// The key of the label.
-        key: String,
-        /// What its runs have.
-        reason: String,
-    },
-    /// Nothing was given.
-    #[error("there is nothing to merge: give at least one factor")]
-    Nothing,
-}
-
-/// The parameters of one model against those of another.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ModelDifference {
-    /// Names that only the first has.
-    pub missing: Vec<String>,
-    /// Names that only the other has.
-    pub foreign: Vec<String>,
-    /// Names that both have with another unit, kind or frame, or made of other standard parameters.
-    pub changed: Vec<String>,
-}
-
-impl std::fmt::Display for ModelDifference {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut said = Vec::new();
-        for (what, names) in [
-            ("it lacks", &self.missing),
-            ("it has besides", &self.foreign),
-            ("of another unit, frame or geometry are its", &self.changed),
-        ] {
-            if !names.is_empty() {
-                said.push(format!("{what} {}", names_in_words(names, ", ")));
-            }
-        }
-        if said.is_empty() {
-            said.push(
-                "its parameters have the same names, the links' geometry differs: use the same model file for all".to_owned(),
-            );
-        }
-        f.write_str(&said.join("; "))
-    }
-}
-
-/// The first few names, and how many more there are.
-pub fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
-    let told: Vec<&str> = names.iter().take(NAMES_TOLD).map(AsRef::as_ref).collect();
-    match names.len() - told.len() {
-        0 => told.join(between),
-        more => format!("{}{between}{more} more", told.join(between)),
-    }
-}
 
 /// A factor with its parameters and the runs that are in it.
 ///
@@ -339,89 +226,6 @@ impl PooledFactor {
         self.only(|parameter| parameter.kind != Kind::Offset)
     }
 
-    /// Returns all of them as one. Unless the offsets are shared those of each factor are eliminated first; the order of
-    /// the factors does not matter but for rounding. An error that several runs of a rig share counts once.
-    ///
-    /// # Errors
-    /// [`PoolError`]: the same recording twice, or factors that do not fit.
-    pub fn merged(factors: Vec<Self>, shared_offsets: bool) -> Result<Self, PoolError> {
-        let several = factors.len() > 1;
-        let old = factors.iter().find(|f| f.errors_inside).filter(|_| several);
-        if let Some(old) = old {
-            return Err(PoolError::Old { name: old.name.clone() });
-        }
-        let mut factors = factors.into_iter();
-        let prepare = |f: Self| if shared_offsets || !several { f } else { f.without_offsets() };
-        let mut whole = prepare(factors.next().ok_or(PoolError::Nothing)?);
-        if !several {
-            return Ok(whole);
-        }
-        let mut names = vec![whole.name.clone()];
-        let mut seen: HashMap<u64, usize> = whole.sources.iter().map(|s| (s.fingerprint, 0)).collect();
-        let mut ranks = whole.rank();
-        let mut apart = Apart::default();
-        apart.take(&whole.rigs);
-        for other in factors.map(prepare) {
-            for source in &other.sources {
-                if let Some(first) = seen.insert(source.fingerprint, names.len()) {
-                    return Err(PoolError::Repeated {
-                        recording: source.recording.clone(),
-                        first: names.get(first).unwrap_or(&other.name).clone(),
-                        second: other.name,
-                    });
-                }
-            }
-            let rigs = other.in_order_of(&whole)?;
-            ranks += other.rank();
-            apart.take(&rigs);
-            for rig in &rigs {
-                whole.differing.extend(merge_into(&mut whole.rigs, rig));
-            }
-            if !whole.rigs.iter().all(|rig| rig.factor().is_finite()) {
-                return Err(PoolError::Overflow { name: other.name });
-            }
-            whole.disagreement += other.disagreement;
-            whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
-            whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
-            whole.rounding = whole.rounding.max(other.rounding);
-            whole.sources.extend(other.sources);
-            names.push(other.name);
-        }
-        // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
-        let left = whole.factor().residual_sum_of_squares();
-        whole.disagreement += (left - apart.residual_sum_of_squares()).max(0.0);
-        whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
-        whole.differing.sort_unstable();
-        whole.differing.dedup();
-        Ok(whole)
-    }
-
-    /// Returns its rows with the columns in the order of another's parameters.
-    fn in_order_of(&self, first: &Self) -> Result<Vec<RigRows>, PoolError> {
-        let difference = || PoolError::Model {
-            name: self.name.clone(),
-            first: first.name.clone(),
-            difference: difference(&first.parameters, &self.parameters),
-        };
-        let at: Option<Vec<usize>> = if self.parameters.len() == first.parameters.len() {
-            first
-                .parameters
-                .iter()
-                .enumerate()
-                .map(|(k, wanted)| {
-                    let is = |j: &usize| self.parameters.get(*j).is_some_and(|own| is_same(wanted, own));
-                    Some(k).filter(is).or_else(|| (0..self.parameters.len()).find(is))
-                })
-                .collect()
-        } else {
-            None
-        };
-        let order =
-            at.filter(|_| self.model_fingerprint == first.model_fingerprint).ok_or_else(difference)?;
-        let in_order = |rig: &RigRows| if order.is_sorted() { rig.clone() } else { rig.select(&order) };
-        Ok(self.rigs.iter().map(in_order).collect())
-    }
-
     /// Judges the residuals, `factor` being the rows over the parameters alone.
     fn judged(&self, factor: &Factor) -> (Judgement, Option<f64>) {
         let determined = factor.solve(self.rounding).determined.iter().filter(|d| **d).count() as u64;
@@ -460,15 +264,6 @@ impl PooledFactor {
     /// Returns χ² per degree of freedom of the runs' disagreement, where their noise does not explain it.
     pub fn unexplained_disagreement(&self) -> Option<f64> {
         self.judged(&self.factor()).1
-    }
-
-    /// Returns the rank of what the rows say of the parameters for given errors.
-    fn rank(&self) -> u64 {
-        let n = self.parameters.len();
-        let mut own: Vec<Factor> = self.rigs.iter().map(|rig| rig.of_given_errors()).collect();
-        let mut all = own.pop().unwrap_or_else(|| Factor::new(n));
-        own.iter().for_each(|rig| all.merge(rig));
-        rank(&all, self.rounding)
     }
 
     /// Returns the variance of the rows as the runs have it relative to the one stated: what their rows are whitened by.
@@ -618,113 +413,6 @@ impl PooledFactor {
         let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();
         names_in_words(&names, " + ")
     }
-}
-
-/// Sums of squares of factors that are merged, if each had parameters of its own and only the errors of rigs were in common.
-#[derive(Default)]
-struct Apart {
-    rigs: Vec<RigRows>,
-    others: f64,
-}
-
-impl Apart {
-    fn take(&mut self, rigs: &[RigRows]) {
-        match rigs {
-            [rig] if !rig.errors().is_empty() => {
-                merge_into(&mut self.rigs, &rig.of_errors());
-            }
-            // Rows of several rigs have the parameters in common.
-            _ => {
-                let mut all = rigs.iter().map(RigRows::own);
-                let mut first = all.next().unwrap_or_else(|| Factor::new(0));
-                all.for_each(|own| first.merge(&own));
-                self.others += first.residual_sum_of_squares();
-            }
-        }
-    }
-
-    fn residual_sum_of_squares(&self) -> f64 {
-        let of_rigs = self.rigs.iter().map(|rig| rig.known().residual_sum_of_squares());
-        self.others + of_rigs.sum::<f64>()
-    }
-}
-
-/// Merges rows into those of the rigs that they share errors with, which are one from then on; returns the names of errors
-/// of which different things were known.
-fn merge_into(rigs: &mut Vec<RigRows>, rows: &RigRows) -> Vec<String> {
-    let mut own: Vec<RigRows> = Vec::new();
-    let mut others: Vec<RigRows> = Vec::new();
-    for rig in rigs.drain(..) {
-        if rig.shares_errors_with(rows) { own.push(rig) } else { others.push(rig) }
-    }
-    let mut own = own.into_iter();
-    let mut all = own.next();
-    let mut differing = Vec::new();
-    if let Some(all) = &mut all {
-        own.for_each(|rig| differing.extend(all.merge(&rig)));
-        differing.extend(all.merge(rows));
-    }
-    others.push(all.unwrap_or_else(|| rows.clone()));
-    *rigs = others;
-    differing
-}
-
-/// Returns true if two parameters are the same quantity.
-fn is_same(a: &Parameter, b: &Parameter) -> bool {
-    let sorted = |p: &Parameter| {
-        let mut terms = p.made_of.clone();
-        terms.sort_by(|x, y| x.0.cmp(&y.0));
-        terms
-    };
-    let alike =
-        a.name == b.name && a.owner == b.owner && a.kind == b.kind && a.unit == b.unit && a.frame == b.frame;
-    if !alike || a.made_of == b.made_of {
-        return alike;
-    }
-    let (x, y) = (sorted(a), sorted(b));
-    let largest = x.iter().map(|t| t.1.abs()).fold(1.0, f64::max);
-    x.len() == y.len()
-        && x.iter().zip(&y).all(|(x, y)| x.0 == y.0 && (x.1 - y.1).abs() <= SAME_WEIGHT * largest)
-}
-
-/// The parameters `other` against those of `first`.
-pub(super) fn difference(first: &[Parameter], other: &[Parameter]) -> ModelDifference {
-    let by_name = |all: &'_ [Parameter], name: &str| all.iter().position(|p| p.name == name);
-    let mut difference = ModelDifference::default();
-    for wanted in first {
-        match by_name(other, &wanted.name).and_then(|j| other.get(j)) {
-            None => difference.missing.push(wanted.name.clone()),
-            Some(own) if !is_same(wanted, own) => difference.changed.push(wanted.name.clone()),
-            Some(_) => {}
-        }
-    }
-    let foreign = other.iter().filter(|p| by_name(first, &p.name).is_none());
-    difference.foreign = foreign.map(|p| p.name.clone()).collect();
-    difference
-}
-
-/// Returns the rank of the triangle, columns scaled to unit length; less than `rounding` is nothing.
-fn rank(factor: &Factor, rounding: f64) -> u64 {
-    let n = factor.parameters();
-    let r = factor.r_of_unit_columns();
-    let rounding = rounding.max(n as f64 * f64::EPSILON);
-    if is_well_conditioned(&r, rounding) {
-        return n as u64;
-    }
-    // Bounded: a factor may hold numbers whose squares overflow.
-    let Some(svd) = r.try_svd(false, false, f64::EPSILON, 1000) else { return 0 };
-    let floor = rounding * svd.singular_values.max();
-    svd.singular_values.iter().filter(|v| **v > floor).count() as u64
-}
-
-/// Returns true if `‖R‖ ‖R⁻¹‖`, which bounds the ratio of the singular values, is far below that of a singular R.
-fn is_well_conditioned(r: &nalgebra::DMatrix<f64>, rounding: f64) -> bool {
-    let n = r.nrows();
-    if (0..n).any(|j| r[(j, j)] == 0.0) {
-        return false;
-    }
-    let mut inverse = nalgebra::DMatrix::identity(n, n);
-    r.solve_upper_triangular_mut(&mut inverse) && r.norm() * inverse.norm() < 0.1 / rounding
 }
 
 /// Returns a warning for runs that disagree; `ratio` is χ² per degree of freedom.
