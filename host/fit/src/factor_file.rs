@@ -291,12 +291,13 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
         disagreement: pooled.disagreement,
         comparisons: pooled.comparisons,
     };
-    let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64);
     // Serialising plain vectors and numbers into a growing buffer has no way to fail.
     let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
     let labels: Vec<&BTreeMap<String, String>> = pooled.sources.iter().map(|source| &source.labels).collect();
     let scales: Vec<Scale> = pooled.sources.iter().map(|own| (own.variance_scale, own.fitted)).collect();
     let (rigs, inside) = (Rigs::of(&pooled.rigs), pooled.errors_inside);
+    let numbers = rigs.numbers(header.parameters.len()) as u64;
+    let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64, numbers);
     let mut body =
         postcard::to_allocvec(&(counts, header, checks, labels, scales, inside, rigs)).unwrap_or_default();
     for rig in &pooled.rigs {
@@ -420,6 +421,11 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(rest).map_err(damaged)?;
     too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
     too_large("runs", sources, MOST_SOURCES as u64)?;
+    // Of a version before that the number of parameters says it.
+    let rest = match version {
+        ..=ERRORS_INSIDE => rest,
+        _ => postcard::take_from_bytes::<u64>(rest).map_err(damaged)?.1,
+    };
     let (mut header, mut numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
     check(&header)?;
     let runs = header.sources.len();
@@ -433,23 +439,13 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         header.sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
         numbers = rest;
     }
-    let (mut errors_inside, mut rigs) = (true, Rigs::default());
-    if version > ERRORS_INSIDE {
-        let (scales, rest) = of_runs::<Scale>(numbers, runs)?;
-        let usual = |(scale, fitted): &Scale| {
-            let fitted = fitted.unwrap_or(0.0);
-            (LARGEST.recip()..LARGEST).contains(scale) && (0.0..LARGEST).contains(&fitted)
-        };
-        if !scales.iter().all(usual) {
-            return Err(FactorFileError::Header("a run without channels or with impossible noise"));
+    let (errors_inside, rigs, numbers) = match version {
+        ..=ERRORS_INSIDE => {
+            let stored = StoredRig { errors: Vec::new(), is_correlated: false, rows: header.rows };
+            (true, Rigs { rigs: vec![stored], ..Rigs::default() }, numbers)
         }
-        let scaled = header.sources.iter_mut().zip(scales);
-        scaled.for_each(|(source, own)| (source.variance_scale, source.fitted) = own);
-        let ((inside, stored), rest) = postcard::take_from_bytes(rest).map_err(damaged)?;
-        (errors_inside, rigs, numbers) = (inside, stored, rest);
-    } else {
-        rigs.rigs.push(StoredRig { errors: Vec::new(), is_correlated: false, rows: header.rows });
-    }
+        _ => rigs_of(numbers, &mut header.sources)?,
+    };
     let Header {
         parameters,
         model_fingerprint,
@@ -479,6 +475,24 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         comparisons,
         differing: Vec::new(),
     })
+}
+
+/// Takes the noise of runs, and the rigs, off the bytes: whether errors are in the rows, the rigs, and the bytes of their numbers.
+fn rigs_of<'a>(
+    bytes: &'a [u8],
+    sources: &mut [FactorSource],
+) -> Result<(bool, Rigs, &'a [u8]), FactorFileError> {
+    let (scales, rest) = of_runs::<Scale>(bytes, sources.len())?;
+    let usual = |(scale, fitted): &Scale| {
+        (LARGEST.recip()..LARGEST).contains(scale) && (0.0..LARGEST).contains(&fitted.unwrap_or(0.0))
+    };
+    if !scales.iter().all(usual) {
+        return Err(FactorFileError::Header("a run with impossible noise"));
+    }
+    let scaled = sources.iter_mut().zip(scales);
+    scaled.for_each(|(source, own)| (source.variance_scale, source.fitted) = own);
+    let ((inside, rigs), rest) = postcard::take_from_bytes(rest).map_err(|_| FactorFileError::Damaged)?;
+    Ok((inside, rigs, rest))
 }
 
 fn too_large(what: &'static str, got: u64, most: u64) -> Result<(), FactorFileError> {

@@ -57,9 +57,12 @@ impl Information {
             mean_force = Some(Vector3::new(alike[(0, 0)], alike[(1, 0)], alike[(2, 0)]));
         }
         let scale = BodyScale::rough(estimate, spurious);
+        let moment = scale.central_moment(estimate);
         let unit = Body::from_fn(|j, _| {
-            let size = LARGEST_SHARE * scale.of_parameter(j) / coverage_factor;
-            let faked = if (4..10).contains(&j) { LEAST_EXCITATION * spurious } else { 0.0 };
+            let is_tensor = (4..10).contains(&j);
+            let size = if is_tensor { moment } else { scale.of_parameter(j) };
+            let size = LARGEST_SHARE * size / coverage_factor;
+            let faked = if is_tensor { LEAST_EXCITATION * spurious } else { 0.0 };
             1.0 / (1.0 / (size * size)).max(faked).sqrt()
         });
         let needed = SMatrix::from_fn(|i, j| body[(i, j)] * unit[i] * unit[j]);

@@ -94,6 +94,17 @@ impl BodyScale {
         }
     }
 
+    /// Returns the quantity that the uncertainty of a tensor about the centre of mass is judged against, as far as it is known:
+    /// its largest principal moment, no smaller than that of a sphere, kg m².
+    pub(super) fn central_moment(&self, estimate: &Estimate) -> f64 {
+        if !(0..10).all(|j| estimate.is_determined(j)) {
+            return self.moment;
+        }
+        let central = rigident_shared::inertia::tensor_from_elements(inertia_com(estimate).value);
+        let sphere = sphere_radius(self.mass);
+        central.symmetric_eigenvalues().max().max(0.4 * self.mass * sphere * sphere).min(self.moment)
+    }
+
     /// Returns the weight for an offset in N, its moment for one in N m.
     fn of_offset(&self, unit: &str) -> f64 {
         self.of_parameter(if unit == "N" { 10 } else { 13 })

@@ -171,14 +171,14 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers of a triangle, its right-hand side and residual sum at the end of a factor file of version 3 to 5, before its
-/// check sum. The version and the number of parameters follow the magic, in bytes of seven bits.
+/// The numbers at the end of a factor file of version 6, before its check sum. The version, the numbers of parameters and of runs and
+/// that of these numbers follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
     let mut at = 0;
     let mut varint = || {
         let mut value = 0_usize;
-        for shift in (0..28).step_by(7) {
+        for shift in (0..35).step_by(7) {
             let byte = *body.get(at)?;
             at += 1;
             value |= usize::from(byte & 127) << shift;
@@ -188,10 +188,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
         }
         None
     };
-    let (version, n) = (varint()?, varint()?);
-    let begin = body.len().checked_sub(8 * (n * (n + 3) / 2 + 1))?;
-    let numbers = body.get(begin..)?.chunks_exact(8);
-    (3..=5)
-        .contains(&version)
-        .then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
+    let (version, _parameters, _runs, count) = (varint()?, varint()?, varint()?, varint()?);
+    let numbers = body.get(body.len().checked_sub(8 * count)?..)?.chunks_exact(8);
+    (version == 6).then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
 }
