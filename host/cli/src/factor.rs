@@ -13,10 +13,9 @@ use super::{Failure, Folder, Stages};
 use rigident::answer::Source;
 use rigident::present;
 use rigident::problem::ProblemOptions;
-use rigident::problem::instruments::named_by_label;
 use rigident_fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use rigident_fit::tare::Tare;
-use rigident_fit::{Fit, Kind, Parameter};
+use rigident_fit::{CheckedRun, Fit, Kind, Parameter};
 use rigident_io::factor_table::{is_table, to_bytes};
 use rigident_io::recording::error::RecordingError;
 use rigident_io::recording::new_file::write_new_bytes;
@@ -38,10 +37,10 @@ pub(super) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
         let stages = Stages::new(&format!("factor of {}", path.display()));
         let calibration = arguments.calibration.calibration.as_deref();
         let (factor, notes, _) =
-            of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default())?;
+            of_recording(path, rig, calibration, &arguments.tree, &ProblemOptions::default(), &labels)?;
         drop(stages);
         tell_of(path, &factor, &notes);
-        factors.push(named_by_label(factor.labelled(&labels)));
+        factors.push(factor);
     }
     if is_table(&arguments.output) {
         return write_table(&factors, &arguments.output);
@@ -56,11 +55,11 @@ pub(super) fn make_of(arguments: &MakeFactor, recording: Recording) -> Result<Ex
     let stages = Stages::new(&format!("factor of {name}"));
     let calibration = arguments.calibration.calibration.as_deref();
     let options = ProblemOptions::default();
-    let loaded = Loaded::of_recording(recording, calibration, &arguments.tree, &options, &stages)?;
+    let mut loaded = Loaded::of_recording(recording, calibration, &arguments.tree, &options, &stages)?;
+    loaded.problem.rig.recording.labels.extend(arguments.label.iter().cloned());
     let (factor, notes, _) = fitted(loaded, Path::new(&name), &stages)?;
     drop(stages);
     tell_of(Path::new(&name), &factor, &notes);
-    let factor = named_by_label(factor.labelled(&arguments.label.iter().cloned().collect()));
     write(vec![factor], arguments.shared_offset, arguments.force, &arguments.output)
 }
 
@@ -104,6 +103,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let tree = TreeModel::default();
     if let Some(tare) = tare(&arguments.tare, rig_path, None, &tree, &mut report.notes, &mut report.warnings)?
     {
+        report.notes.extend(present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
         tare.take_off(&mut found).map_err(Failure::input)?;
     }
     if arguments.without_platform {
@@ -173,6 +173,14 @@ pub(super) fn tare(
 
 /// Tells that a fixture is taken off.
 pub(super) fn say_taken_off(tare: &Tare, notes: &mut Vec<String>) {
+    let contradicted = tare.fit().runs.iter().any(CheckedRun::is_contradicted);
+    if contradicted {
+        notes.push(format!(
+            "tare: {} cannot be true, and nothing is left of the difference",
+            tare.recordings()
+        ));
+        return;
+    }
     let mass = match tare.fit().parameters.iter().position(|p| p.kind == Kind::Mass) {
         Some(j) => tare.fit().estimate.measured(j),
         None => None,
@@ -201,7 +209,9 @@ pub(super) fn bare(
         let factor = if is_recording(path) {
             // Its own rig file if it has one: the fixture's run may have been taken with another IMU.
             let own = is_rig_file(path) || rig_path(path).exists();
-            let (factor, said, run) = of_recording(path, rig.filter(|_| !own), calibration, tree, options)?;
+            let none = BTreeMap::new();
+            let rig = rig.filter(|_| !own);
+            let (factor, said, run) = of_recording(path, rig, calibration, tree, options, &none)?;
             runs.push(run);
             notes.extend(said.into_iter().map(|said| format!("tare {}: {said}", path.display())));
             factor
@@ -249,16 +259,20 @@ pub(super) fn write_table(factors: &[PooledFactor], output: &Path) -> Result<Exi
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit.
+/// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit; `labels` count beside
+/// those of its rig file, and before them.
 fn of_recording(
     path: &Path,
     rig: Option<&Path>,
     calibration: Option<&Path>,
     tree: &TreeModel,
     options: &ProblemOptions,
+    labels: &BTreeMap<String, String>,
 ) -> Result<(PooledFactor, Vec<String>, Fit), Failure> {
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig, calibration, tree, options, &stages)?;
+    let mut loaded = Loaded::read(path, rig, calibration, tree, options, &stages)?;
+    let own = &mut loaded.problem.rig.recording.labels;
+    own.extend(labels.iter().map(|(key, value)| (key.clone(), value.clone())));
     fitted(loaded, path, &stages)
 }
 

@@ -223,6 +223,9 @@ struct Rigs {
     bases: Vec<Basis>,
     #[serde(deserialize_with = "at_most::<_, _, MOST_RIGS>")]
     rigs: Vec<StoredRig>,
+    /// Errors of which its runs stated different standard deviations.
+    #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
+    differing: Vec<String>,
 }
 
 /// Holds what each run has, in their order.
@@ -295,7 +298,8 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
     let labels: Vec<&BTreeMap<String, String>> = pooled.sources.iter().map(|source| &source.labels).collect();
     let scales: Vec<Scale> = pooled.sources.iter().map(|own| (own.variance_scale, own.fitted)).collect();
-    let (rigs, inside) = (Rigs::of(&pooled.rigs), pooled.errors_inside);
+    let rigs = Rigs { differing: pooled.differing.clone(), ..Rigs::of(&pooled.rigs) };
+    let inside = pooled.errors_inside;
     let numbers = rigs.numbers(header.parameters.len()) as u64;
     let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64, numbers);
     let mut body =
@@ -348,7 +352,7 @@ impl Rigs {
 
     /// Returns the rows of the numbers; `None` if they are none.
     fn rows_of(self, parameters: usize, numbers: &[u8]) -> Option<Vec<RigRows>> {
-        let Self { texts, bases, rigs } = self;
+        let Self { texts, bases, rigs, .. } = self;
         let text = |at: u32| texts.get(at as usize).cloned();
         let mut rest = numbers;
         let mut found = Vec::new();
@@ -461,6 +465,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     if rigs.rigs.is_empty() || numbers.len() != 8 * rigs.numbers(count) {
         return Err(refuse());
     }
+    let differing = rigs.differing.clone();
     let found = rigs.rows_of(count, numbers).ok_or_else(refuse)?;
     Ok(PooledFactor {
         name: name.to_owned(),
@@ -473,7 +478,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         eliminated,
         disagreement,
         comparisons,
-        differing: Vec::new(),
+        differing,
     })
 }
 

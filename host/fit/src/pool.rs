@@ -57,8 +57,7 @@ pub struct PooledFactor {
     pub disagreement: f64,
     /// Its degrees of freedom.
     pub comparisons: u64,
-    /// Errors of which runs of one rig stated different standard deviations when they were merged here: the largest was
-    /// taken. No file holds it.
+    /// Errors of which runs of one rig stated different standard deviations: the largest was taken.
     pub differing: Vec<String>,
 }
 
@@ -109,10 +108,7 @@ impl PooledFactor {
 
     /// Returns the rows over the parameters alone, whatever the errors of the rigs are.
     pub fn factor(&self) -> Factor {
-        let mut rigs = self.rigs.iter().map(RigRows::own);
-        let mut all = rigs.next().unwrap_or_else(|| Factor::new(self.parameters.len()));
-        rigs.for_each(|own| all.merge(&own));
-        all
+        merging::own(&self.rigs)
     }
 
     /// Returns the same runs with other rows, which no errors of a rig are known apart of.
@@ -266,12 +262,6 @@ impl PooledFactor {
         self.judged(&self.factor()).1
     }
 
-    /// Returns the variance of the rows as the runs have it relative to the one stated: what their rows are whitened by.
-    fn scale_of_runs(&self) -> f64 {
-        let rows: f64 = self.sources.iter().map(|s| s.rows as f64).sum();
-        self.sources.iter().map(|s| s.rows as f64 * s.variance_scale).sum::<f64>() / rows.max(1.0)
-    }
-
     /// Returns the fit that the factor alone gives: no residuals over time, no counts of single channels.
     pub fn fit(&self) -> Fit {
         let own = self.factor();
@@ -288,7 +278,11 @@ impl PooledFactor {
             // What is known beforehand is not the noise's to scale.
             self.discounted(variance_scale).factor()
         };
-        let of_runs = self.scale_of_runs();
+        // Of a single run what its residuals show; of several each has its own.
+        let of_run = match self.sources.as_slice() {
+            [run] => run.variance_scale,
+            _ => 1.0,
+        };
         let sum = |count: &dyn Fn(&FactorSource) -> u64| {
             self.sources.iter().map(count).fold(0, u64::saturating_add)
         };
@@ -305,7 +299,7 @@ impl PooledFactor {
             device: None,
             parameters: self.parameters.clone(),
             channels: self.channels(),
-            factor: solved.discount(1.0 / (of_runs * variance_scale)),
+            factor: solved.discount(1.0 / (of_run * variance_scale)),
             estimate: Estimate::new(&solved, self.rounding, 1.0, noise),
             solved: Some(solved),
             rig_rows,
@@ -316,8 +310,8 @@ impl PooledFactor {
             noise: NoiseCheck {
                 sigma_given: self.sources.iter().any(|s| s.sigma_given),
                 noise_gain: expected / rows.max(1.0),
-                variance_ratio: variance_ratio * of_runs,
-                variance_scale: variance_scale * of_runs,
+                variance_ratio: if of_run > 1.0 { of_run } else { variance_ratio },
+                variance_scale: variance_scale * of_run,
                 disagreement,
                 fitted,
             },
@@ -397,15 +391,6 @@ impl PooledFactor {
             "the factor has no wrench offset: it was known by the rig file (offset_n_nm) and not estimated"
         };
         Some(said.to_owned())
-    }
-
-    /// Returns the instruments that more than one run may share, each once.
-    pub fn instruments(&self) -> Vec<&str> {
-        let errors = self.rigs.iter().flat_map(|rig| rig.errors());
-        let mut all: Vec<&str> = errors.map(|error| error.instrument.as_str()).collect();
-        all.sort_unstable();
-        all.dedup();
-        all
     }
 
     /// Returns the names of the recordings, joined; of many the first few and their number.

@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Basis, Factor, Gaussian};
 
+/// The least singular value of unit columns that rows tell of, by the largest.
+const LEAST_TOLD: f64 = 1e-12;
 /// Standard deviations beforehand that differ by less, relative, are the same.
 const SAME_SIGMA: f64 = 1e-6;
 
@@ -32,6 +34,11 @@ pub struct RigError {
 }
 
 impl RigError {
+    /// Returns true if the instrument has no name: what is stated of it stands for one, after a `#`.
+    pub fn is_unnamed(&self) -> bool {
+        self.instrument.contains('#')
+    }
+
     /// Returns true if two are one error.
     pub fn is(&self, other: &Self) -> bool {
         self.name == other.name && self.instrument == other.instrument
@@ -223,20 +230,66 @@ impl RigRows {
             || other.errors.iter().any(|error| self.errors.iter().any(|own| own.is(error)))
     }
 
-    /// Merges rows over the same parameters: an error that both have is one. Returns the names of the errors of which
-    /// different standard deviations were stated; the larger is taken, also of those of a class, which goes by the load.
-    pub fn merge(&mut self, other: &Self) -> Vec<String> {
-        if self.errors.len() == other.errors.len() && self.errors == other.errors {
-            self.factor.merge(&other.factor);
-            return Vec::new();
+    /// Merges rows over the same parameters: an error that both have is one, and where they differ tells of it.
+    pub fn merge(&mut self, other: &Self) {
+        let (rows, _) = self.aligned(other);
+        self.factor.merge(&rows);
+    }
+
+    /// Merges rows over the same parameters that each run was linearised for about its own estimate. Returns the names of the errors
+    /// of which different standard deviations were stated; the larger is taken, also of those of a class, which goes by the load.
+    ///
+    /// With `R_φφ (φ + T θ) = z` the sum has the mean of T, weighed as the parameters are, and what each run says of θ by
+    /// itself. That T differs from run to run tells nothing of θ: it has the noise of the run's estimate in it, which is that
+    /// of its z, and of thousands of runs this alone would seem to tell a gain.
+    pub fn merge_run(&mut self, other: &Self) -> Vec<String> {
+        let (rows, differing) = self.aligned(other);
+        let n = self.parameters;
+        let mut sum = Factor::new(self.factor.parameters());
+        let mut tops = Vec::new();
+        for factor in [&self.factor, &rows] {
+            let count = factor.parameters();
+            let mut all = factor.r().insert_column(count, 0.0);
+            all.column_mut(count).copy_from_slice(factor.z());
+            let (top, others) = of_parameters(&all.rows(0, n).into_owned(), n);
+            absorb(&mut sum, &all.rows(n, all.nrows() - n).into_owned());
+            absorb(&mut sum, &others);
+            tops.push(top);
+        }
+        let both = DMatrix::from_fn(tops[0].nrows() + tops[1].nrows(), tops[0].ncols(), |i, j| {
+            match i.checked_sub(tops[0].nrows()) {
+                None => tops[0][(i, j)],
+                Some(i) => tops[1][(i, j)],
+            }
+        });
+        absorb(&mut sum, &of_parameters(&both, n).0);
+        let squares = self.factor.residual_sum_of_squares() + rows.residual_sum_of_squares();
+        // Lower rows alone may leave something, too.
+        let left = squares + sum.residual_sum_of_squares();
+        self.factor = sum.with_residual(left, self.factor.rows().saturating_add(rows.rows()));
+        differing
+    }
+
+    /// Returns the same rows with another sum of squares that no parameters explain.
+    #[must_use]
+    pub fn with_residual(mut self, squares: f64) -> Self {
+        let rows = self.factor.rows();
+        self.factor = self.factor.with_residual(squares, rows);
+        self
+    }
+
+    /// Takes the errors of another among its own, and returns its rows over the columns of both, with the names of errors of
+    /// which different standard deviations were stated.
+    fn aligned(&mut self, other: &Self) -> (Factor, Vec<String>) {
+        if self.errors == other.errors {
+            return (other.factor.clone(), Vec::new());
         }
         let (at, differing) = self.take_errors(other);
         let (n, all) = (self.parameters, self.parameters + self.errors.len());
         let place = |i: usize| if i < n { Some(i) } else { at.get(i - n).map(|k| n + k) };
         let map =
             DMatrix::from_fn(other.factor.parameters(), all, |i, j| f64::from(u8::from(place(i) == Some(j))));
-        self.factor.merge(&other.factor.substitute(&map));
-        differing
+        (other.factor.substitute(&map), differing)
     }
 
     /// Takes the errors of another among its own, and returns their places and the names of those that differ.
@@ -323,6 +376,32 @@ impl RigRows {
         let factor = sought.factor.clone().without_columns_below(&least);
         RowsBeyond { rows: Self { factor, ..sought }, chi2 }
     }
+}
+
+/// Absorbs rows whose last column is the value.
+fn absorb(factor: &mut Factor, rows: &DMatrix<f64>) {
+    let n = rows.ncols() - 1;
+    let values: Vec<f64> = rows.column(n).iter().copied().collect();
+    factor.absorb_matrix(&rows.columns(0, n).into_owned(), &values);
+}
+
+/// Turns rows so that the first tell of the first `n` columns, as many as these have directions, and the others of none; of
+/// more rows than columns those are left out that tell of none.
+fn of_parameters(rows: &DMatrix<f64>, n: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+    let own = rows.columns(0, n);
+    let scaled = DMatrix::from_fn(rows.nrows(), n, |i, j| {
+        let norm = own.column(j).norm();
+        if norm > 0.0 { own[(i, j)] / norm } else { 0.0 }
+    });
+    let svd = scaled.svd(true, false);
+    let Some(u) = svd.u else { return (rows.clone(), DMatrix::zeros(0, rows.ncols())) };
+    let most = svd.singular_values.max();
+    let tells = |k: &usize| svd.singular_values[*k] > LEAST_TOLD * most;
+    let (first, others): (Vec<usize>, Vec<usize>) = (0..u.ncols()).partition(tells);
+    let turned = |chosen: &[usize]| u.select_columns(chosen).tr_mul(rows);
+    let mut others = turned(&others);
+    others.columns_mut(0, n).fill(0.0);
+    (turned(&first), others)
 }
 
 /// See [`RigRows::noisier`]; the first `n` columns are parameters.

@@ -1,9 +1,8 @@
 //! What merging gains: the best run alone beside all of them.
 
 use super::text::{NOT_IDENTIFIED, with_u95};
-use crate::problem::instruments::is_unnamed;
 use rigident_fit::pool::{PooledFactor, names_in_words};
-use rigident_fit::{CheckedRun, Measured};
+use rigident_fit::{CheckedRun, Measured, RigRows};
 
 /// Lines of a table at most.
 const MOST: usize = 16;
@@ -27,24 +26,40 @@ impl Line {
     }
 }
 
-/// Returns what merging runs assumed of their rigs, in words; nothing of one run.
+/// What to do where instruments have no names.
+const NAME_THEM: &str = "state `serial` of each in the rig file, or the label `rig`, where that is not so";
+
+/// Returns the kinds of instruments that have no name: load cell, IMU.
+fn unnamed<'a>(rigs: impl Iterator<Item = &'a RigRows>) -> String {
+    let errors = rigs.flat_map(|rig| rig.errors()).filter(|error| error.is_unnamed());
+    let mut words: Vec<&str> =
+        errors.filter_map(|e| e.instrument.split_once(" #").map(|own| own.0)).collect();
+    words.sort_unstable();
+    words.dedup();
+    words.join(" and ")
+}
+
+/// Returns what merging runs assumed of their rigs and noise, in words; nothing of one run.
 pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
     if pooled.sources.len() < 2 {
         return Vec::new();
     }
     let mut said = Vec::new();
-    if pooled.instruments().iter().any(|name| is_unnamed(name)) {
-        said.push(
-            "the rig files name no serial numbers of load cell and IMU: runs whose files state the same of one count as \
-             taken with one, whose errors do not average out"
-                .to_owned(),
-        );
-    }
-    if pooled.rigs.len() > 1 {
+    let unnamed = unnamed(pooled.rigs.iter());
+    let (rigs, runs) = (pooled.rigs.len(), pooled.sources.len());
+    if rigs > 1 {
+        let how = if unnamed.is_empty() { "" } else { ", as their rig files state different things" };
         said.push(format!(
-            "the runs count as those of {} rigs, whose errors are independent",
-            pooled.rigs.len()
+            "the {runs} runs count as those of {rigs} rigs, whose errors are independent{how}"
         ));
+    }
+    if !unnamed.is_empty() && rigs < runs {
+        said.push(format!(
+            "no serial number names the {unnamed}: runs whose rig files state the same count as taken with one, whose \
+             errors do not average out; {NAME_THEM}"
+        ));
+    } else if !unnamed.is_empty() {
+        said.push(format!("no serial number names the {unnamed}; {NAME_THEM}"));
     }
     if !pooled.differing.is_empty() {
         said.push(format!(
@@ -52,7 +67,48 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
             names_in_words(&pooled.differing, ", ")
         ));
     }
+    let noisy = pooled.sources.iter().filter(|run| run.variance_scale > 1.0);
+    let noisy: Vec<String> =
+        noisy.map(|run| format!("{} ({:.1} times)", run.recording, run.variance_scale.sqrt())).collect();
+    if !noisy.is_empty() {
+        said.push(format!(
+            "residuals are larger than the noise stated in {}: each of these counts by what it shows, and widens no other",
+            names_in_words(&noisy, ", ")
+        ));
+    }
+    let contradicted =
+        pooled.sources.iter().filter(|run| run.checks.as_ref().is_some_and(|c| c.contradicted));
+    let contradicted: Vec<&str> = contradicted.map(|run| run.recording.as_str()).collect();
+    if !contradicted.is_empty() {
+        said.push(format!(
+            "{} cannot be true, so nothing of all is identified: leave it out",
+            names_in_words(&contradicted, ", ")
+        ));
+    }
     said
+}
+
+/// Returns what taking a fixture off assumed of the rigs of both runs, in words.
+pub fn rigs_of_tare(total: &RigRows, fixture: &RigRows) -> Option<String> {
+    let (own, other) = (total.errors(), fixture.errors());
+    if own.is_empty() || other.is_empty() {
+        return None;
+    }
+    let shared = other.iter().filter(|error| own.iter().any(|own| own.is(error))).count();
+    let differ =
+        own.iter().find(|e| other.iter().any(|o| o.name == e.name) && !other.iter().any(|o| e.is(o)));
+    let unnamed = unnamed([total, fixture].into_iter());
+    match differ {
+        Some(error) if shared == 0 || error.group.contains("load-cell") => Some(format!(
+            "tare: by their rig files the fixture was recorded with another rig ({}): its errors count as independent, and \
+             do not cancel; state the same of both where it was one",
+            error.instrument
+        )),
+        _ if !unnamed.is_empty() => Some(format!(
+            "tare: no serial number names the {unnamed}: both runs count as taken with one, whose errors cancel; {NAME_THEM}"
+        )),
+        _ => None,
+    }
 }
 
 /// Returns true if a table is made of so many runs.

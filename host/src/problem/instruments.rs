@@ -1,6 +1,5 @@
 //! The instrument that an error is of: recordings that were taken with one share it.
 
-use rigident_fit::pool::PooledFactor;
 use rigident_fit::{Basis, Fingerprint, RigError};
 use rigident_io::rig::{ImuTable, LoadCellTable, RigFile};
 
@@ -58,32 +57,6 @@ pub fn instrument(rig: &RigFile, error: &RigError) -> String {
         (Basis::Calibration(_), Some(own)) => format!("{word} {name}, calibrated {}", own.checksum),
         _ => format!("{word} {name}"),
     }
-}
-
-/// Returns the factor with its instruments named by the label `rig`, if its runs have one, where they have no numbers of
-/// their own.
-#[must_use]
-pub fn named_by_label(factor: PooledFactor) -> PooledFactor {
-    let mut labels = factor.sources.iter().map(|source| source.labels.get(RIG));
-    let Some(Some(label)) = labels.next().map(|own| own.cloned()) else { return factor };
-    if labels.any(|other| other != Some(&label)) {
-        return factor;
-    }
-    factor.of_instruments(|error| match error.instrument.split_once('#') {
-        Some((word, mounting)) if Part::of(error) == Part::Mounting => {
-            format!("{word}{label} as mounted {mounting}")
-        }
-        Some((word, stated)) => {
-            let calibrated = stated.split_once(',').map_or(String::new(), |(_, own)| format!(",{own}"));
-            format!("{word}{label}{calibrated}")
-        }
-        None => error.instrument.clone(),
-    })
-}
-
-/// Returns true if it is only by what its rig file states that an instrument is known.
-pub fn is_unnamed(instrument: &str) -> bool {
-    instrument.contains('#')
 }
 
 /// A fingerprint of what a rig file states of a part, noise and offsets left out: these are of a recording.
@@ -155,7 +128,7 @@ mod tests {
         for group in ["load-cell gain", "cross-talk", "gyro scale", "lever arm", "joint zero", "gravity"] {
             assert_eq!(of(&plain, group), of(&other, group), "noise makes no other instrument");
         }
-        assert!(is_unnamed(&of(&plain, "cross-talk")) && !is_unnamed(&of(&plain, "gravity")));
+        assert!(of(&plain, "cross-talk").contains('#') && !of(&plain, "gravity").contains('#'));
         other.load_cell.gain_uncertainty = Some([1e-3; 6]);
         assert_ne!(of(&plain, "load-cell gain"), of(&other, "load-cell gain"));
         assert_eq!(of(&plain, "gyro scale"), of(&other, "gyro scale"));

@@ -32,6 +32,8 @@ impl PooledFactor {
         let mut ranks = whole.rank();
         let mut apart = Apart::default();
         apart.take(&whole.rigs);
+        // The same with all that a difference between runs says of errors: to compare the runs.
+        let mut compared = whole.rigs.clone();
         for other in factors.map(prepare) {
             for source in &other.sources {
                 if let Some(first) = seen.insert(source.fingerprint, names.len()) {
@@ -46,11 +48,13 @@ impl PooledFactor {
             ranks += other.rank();
             apart.take(&rigs);
             for rig in &rigs {
-                whole.differing.extend(merge_into(&mut whole.rigs, rig));
+                whole.differing.extend(merge_into(&mut whole.rigs, rig, RigRows::merge_run));
+                merge_into(&mut compared, rig, merge_all);
             }
             if !whole.rigs.iter().all(|rig| rig.factor().is_finite()) {
                 return Err(PoolError::Overflow { name: other.name });
             }
+            whole.differing.extend(other.differing.iter().cloned());
             whole.disagreement += other.disagreement;
             whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
             whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
@@ -59,8 +63,13 @@ impl PooledFactor {
             names.push(other.name);
         }
         // `(RᵀR)⁻¹` already counts what the filter takes, so the sum is a χ² as it is.
-        let left = whole.factor().residual_sum_of_squares();
-        whole.disagreement += (left - apart.residual_sum_of_squares()).max(0.0);
+        let left = own(&compared).residual_sum_of_squares();
+        let between = (left - apart.residual_sum_of_squares()).max(0.0);
+        whole.disagreement += between;
+        if let Some(first) = whole.rigs.first_mut() {
+            let squares = first.factor().residual_sum_of_squares();
+            *first = first.clone().with_residual(squares + between);
+        }
         whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
         whole.differing.sort_unstable();
         whole.differing.dedup();
@@ -114,14 +123,11 @@ impl Apart {
     fn take(&mut self, rigs: &[RigRows]) {
         match rigs {
             [rig] if !rig.errors().is_empty() => {
-                merge_into(&mut self.rigs, &rig.of_errors());
+                merge_into(&mut self.rigs, &rig.of_errors(), merge_all);
             }
             // Rows of several rigs have the parameters in common.
             _ => {
-                let mut all = rigs.iter().map(RigRows::own);
-                let mut first = all.next().unwrap_or_else(|| Factor::new(0));
-                all.for_each(|own| first.merge(&own));
-                self.others += first.residual_sum_of_squares();
+                self.others += own(rigs).residual_sum_of_squares();
             }
         }
     }
@@ -132,22 +138,36 @@ impl Apart {
     }
 }
 
+/// Returns the rows of all rigs over the parameters alone.
+pub(super) fn own(rigs: &[RigRows]) -> Factor {
+    let mut own = rigs.iter().map(RigRows::own);
+    let mut all = own.next().unwrap_or_else(|| Factor::new(0));
+    own.for_each(|rig| all.merge(&rig));
+    all
+}
+
+/// Merges all that rows say, also by their differences.
+fn merge_all(rows: &mut RigRows, other: &RigRows) -> Vec<String> {
+    rows.merge(other);
+    Vec::new()
+}
+
 /// Merges rows into those of the rigs that they share errors with, which are one from then on; returns the names of errors
 /// of which different things were known.
-fn merge_into(rigs: &mut Vec<RigRows>, rows: &RigRows) -> Vec<String> {
-    let mut own: Vec<RigRows> = Vec::new();
-    let mut others: Vec<RigRows> = Vec::new();
-    for rig in rigs.drain(..) {
-        if rig.shares_errors_with(rows) { own.push(rig) } else { others.push(rig) }
-    }
+fn merge_into(
+    rigs: &mut Vec<RigRows>,
+    rows: &RigRows,
+    merge: impl Fn(&mut RigRows, &RigRows) -> Vec<String>,
+) -> Vec<String> {
+    let (mut own, mut others): (Vec<_>, Vec<_>) =
+        rigs.drain(..).partition(|rig| rig.shares_errors_with(rows));
+    own.push(rows.clone());
     let mut own = own.into_iter();
-    let mut all = own.next();
     let mut differing = Vec::new();
-    if let Some(all) = &mut all {
-        own.for_each(|rig| differing.extend(all.merge(&rig)));
-        differing.extend(all.merge(rows));
+    if let Some(mut all) = own.next() {
+        own.for_each(|rig| differing.extend(merge(&mut all, &rig)));
+        others.push(all);
     }
-    others.push(all.unwrap_or_else(|| rows.clone()));
     *rigs = others;
     differing
 }
