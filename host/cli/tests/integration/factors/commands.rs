@@ -282,13 +282,13 @@ fn runs_of_one_rig_share_its_errors_and_say_so() {
     }
     let output = rigident(at, &["factor", "a.csv", "b.csv", "-o", "ab.factor"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
-    assert!(said(&output).contains("serial numbers"), "{}", said(&output));
+    assert!(said(&output).contains("serial number"), "{}", said(&output));
     let alone = rigident(at, &["factor", "a.csv", "-o", "a.factor"]);
-    assert!(!said(&alone).contains("serial numbers"), "{}", said(&alone));
+    assert!(!said(&alone).contains("serial number"), "{}", said(&alone));
     let u95 = |result: &serde_json::Value| values(result)[0].1;
     let one = u95(&json(at, &["solve", "a.factor", "--json"]));
     let both = json(at, &["solve", "ab.factor", "--json"]);
-    assert!(both["notes"].to_string().contains("serial numbers"), "{}", both["notes"]);
+    assert!(both["notes"].to_string().contains("serial number"), "{}", both["notes"]);
     // Gains are most of the mass's interval, and of one load cell.
     assert!(u95(&both) > 0.9 * one, "{} {one}", u95(&both));
     for (name, label) in [("a", "rig=north"), ("b", "rig=south")] {
