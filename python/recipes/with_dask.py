@@ -1,7 +1,7 @@
 """Reduces a collection of recordings to one factor a body, on the workers of Dask.
 
 Dask shares recordings out, does again what a worker that died had done, and merges what comes back. Nothing else is needed: merging
-is associative, a factor has a fixed size, and a recording counts once, however often it is reduced.
+is associative, a factor grows by some 200 bytes a recording, and a recording counts once, however often it is reduced.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def _named(text: str, paths: list[Path], factors: tuple[Factor, ...]) -> str:
 
 @dataclass(frozen=True)
 class Factor:
-    """The information factor of one or of many recordings: it has a fixed size, and factors merge in any order.
+    """The information factor of one or of many recordings: its triangle grows with the rigs alone; factors merge in any order.
 
     >>> import rigident
     >>> factor = rigident.Factor.of("docs/examples/bracket.csv")

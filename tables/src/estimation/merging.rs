@@ -12,9 +12,9 @@ mod runs;
 use runs::{Body, Conditions, Errors, factor, fit, larger, off, outside, rms};
 
 /// Rigs that each row draws.
-const RIGS: u64 = 40;
+const RIGS: u64 = 24;
 /// Rigs of the row of a hundred recordings.
-const FEW: u64 = 4;
+const FEW: u64 = 3;
 const MASS_KG: f64 = 3.2;
 
 /// What is merged.
