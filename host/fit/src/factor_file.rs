@@ -390,8 +390,8 @@ impl Rigs {
 fn beforehand(errors: &[RigError], lower: &[f64], is_correlated: bool) -> Option<DMatrix<f64>> {
     let usual = |e: &RigError| (LARGEST.recip()..LARGEST).contains(&e.sigma) && e.expected.abs() < LARGEST;
     let entry = |i: usize, j: usize| match is_correlated {
+        _ if i == j => errors.get(i).map_or(f64::NAN, |e| e.sigma.powi(2)),
         true => lower.get(i.max(j) * (i.max(j) + 1) / 2 + i.min(j)).copied().unwrap_or(f64::NAN),
-        false if i == j => errors.get(i).map_or(f64::NAN, |e| e.sigma.powi(2)),
         false => 0.0,
     };
     errors.iter().all(usual).then(|| DMatrix::from_fn(errors.len(), errors.len(), entry))
