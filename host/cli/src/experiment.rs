@@ -356,7 +356,7 @@ impl Experiment<'_> {
     /// The readings make no rows, what is known contradicts them, a file cannot be written, or the experiment broke off.
     pub(super) fn conclude(self, mut take: Take, folder: &Folder) -> Result<ExitCode, Failure> {
         let mut warnings = self.warnings;
-        let notes = self.notes;
+        let mut notes = self.notes;
         if let Some(stalled) = stalled(&take) {
             take.broken.get_or_insert(stalled);
         }
@@ -417,7 +417,7 @@ impl Experiment<'_> {
         let keeps_factor = self.tare.is_none() && self.known.is_empty();
         let factor = (!keeps_factor).then(|| loaded.factor(&found));
         if let Some(tare) = &self.tare {
-            tare.take_off(&mut found).map_err(|e| kept(&e))?;
+            super::factor::take_off(tare, &mut found, &mut notes).map_err(|e| kept(&e))?;
         }
         self.known.apply(&mut found).map_err(|e| kept(&e))?;
         let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);

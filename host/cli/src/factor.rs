@@ -14,7 +14,7 @@ use rigident::answer::Source;
 use rigident::present;
 use rigident::problem::ProblemOptions;
 use rigident_fit::pool::{PoolError, PooledFactor, disagreement_in_words};
-use rigident_fit::tare::Tare;
+use rigident_fit::tare::{Tare, TareError};
 use rigident_fit::{CheckedRun, Fit, Kind, Parameter};
 use rigident_io::factor_table::{is_table, to_bytes};
 use rigident_io::recording::error::RecordingError;
@@ -103,8 +103,7 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let tree = TreeModel::default();
     if let Some(tare) = tare(&arguments.tare, rig_path, None, &tree, &mut report.notes, &mut report.warnings)?
     {
-        report.notes.extend(present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
-        tare.take_off(&mut found).map_err(Failure::input)?;
+        take_off(&tare, &mut found, &mut report.notes).map_err(Failure::input)?;
     }
     if arguments.without_platform {
         let table = rig.suspension.as_ref().filter(|table| table.platform.is_some());
@@ -169,6 +168,15 @@ pub(super) fn tare(
     say_taken_off(&tare, notes);
     warnings.extend(tare.warning());
     Ok(Some(tare))
+}
+
+/// Takes a fixture off a fit; what that assumes of the rigs of both goes to the notes.
+///
+/// # Errors
+/// As [`Tare::take_off`].
+pub(super) fn take_off(tare: &Tare, found: &mut Fit, notes: &mut Vec<String>) -> Result<(), TareError> {
+    notes.extend(present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
+    tare.take_off(found)
 }
 
 /// Tells that a fixture is taken off.
@@ -259,8 +267,8 @@ pub(super) fn write_table(factors: &[PooledFactor], output: &Path) -> Result<Exi
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit; `labels` count beside
-/// those of its rig file, and before them.
+/// Returns the factor of a recording, which keeps what its checks found, notes on the way, and the fit;
+/// `labels` count beside those of its rig file, and before them.
 fn of_recording(
     path: &Path,
     rig: Option<&Path>,

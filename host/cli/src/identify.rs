@@ -7,7 +7,6 @@ use super::loaded::{Loaded, PLOT_POINTS, StandardOptions, tree_in, tree_of};
 use super::options::forgetting::RowsOf;
 use super::run_report::RunReport;
 use super::{Failure, Folder, Stages, factor, payload};
-use rigident::present::merged::rigs_of_tare;
 use rigident::problem::ProblemOptions;
 use rigident::problem::tree::drive::Friction;
 use rigident_fit::Fit;
@@ -71,8 +70,7 @@ fn identify(arguments: &Identify, memory: Option<Recording>) -> Result<ExitCode,
         (Some(tare), Some(words)) => carried(arguments, words, (&loaded, tare), &mut found, &mut report)?,
         (Some(tare), None) => {
             factor::say_taken_off(tare, &mut report.notes);
-            report.notes.extend(rigs_of_tare(&found.rows(), &tare.fit().rows()));
-            tare.take_off(&mut found).map_err(Failure::input)?;
+            factor::take_off(tare, &mut found, &mut report.notes).map_err(Failure::input)?;
         }
         (None, _) => {}
     }

@@ -111,9 +111,9 @@ fn chance(white: &[f64], lags: usize) -> f64 {
 
 /// Returns the channels whose residuals show more than the filter explains, the worst first.
 ///
-/// `variance` is the one that the covariance assumes, per channel and sample before the filter; `fitted` are the degrees of
-/// freedom that parameters took of each channel. Empty too where there is
-/// no filter, or too few rows to tell.
+/// `variance` is the one that the covariance assumes, per channel and sample before the filter; `fitted` are
+/// the degrees of freedom that parameters took of all channels. Empty too where there is no filter, or too
+/// few rows to tell.
 pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fitted: f64) -> Vec<Coloured> {
     let white = &filter.white_autocovariance();
     let reach = white.len();
@@ -135,6 +135,7 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
         gamma[0] + 2.0 * tail.map(|(m, g)| g * (1.0 - m as f64 / (2 * reach) as f64)).sum::<f64>()
     };
     let longest = (residuals.len() / 4).min(LONGEST);
+    let fitted = fitted / variance.len().max(1) as f64;
     let found = variance.iter().enumerate().filter_map(|(channel, scale)| {
         let mut series = Series::new(&stretches, channel);
         let gamma: Vec<f64> = (0..=2 * reach).map(|lag| series.autocovariance(lag)).collect();
@@ -160,7 +161,8 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
             told.extend(pair);
         }
         let sum = gamma[0] + 2.0 * tail;
-        // What is fitted is as slow as the noise: at every lag it has taken a share `p/n` of the sum (Bartlett 1946).
+        // What is fitted is as slow as the noise: at every lag it has taken a share `p/n` of the sum
+        // (Bartlett 1946).
         let taken = (fitted * (2 * told.len() - 1) as f64 / series.count).min(MOST_TAKEN);
         let sum = sum / (1.0 - taken);
         let back = fitted * sum / series.count;
@@ -396,8 +398,8 @@ fn products(stretches: &[&[f64]], channels: usize, parameters: usize, channel: u
 mod tests {
     use super::*;
 
-    /// Slow noise of which a mean, a line and a curve were taken: the sum over its lags is that of the noise on the mean, and
-    /// too small by a third where that is not counted.
+    /// Slow noise of which a mean, a line and a curve were taken: the sum over its lags is that of the noise
+    /// on the mean, and too small by a third where that is not counted.
     #[test]
     fn what_was_fitted_to_slow_noise_is_counted_back() {
         use rand_chacha::ChaCha8Rng;

@@ -1,39 +1,45 @@
 //! What some runs see beyond others.
 //!
-//! Runs with something more are rows over `φ = M κ + N τ`, runs without it are rows over κ: a bare fixture, an arm that
-//! carries nothing, a person with empty hands. The trailing triangle of both together is what is known of τ when κ is known as
-//! well as its runs tell, and no better.
+//! Runs with something more are rows over `φ = M κ + N τ`, runs without it are rows over κ: a bare fixture,
+//! an arm that carries nothing, a person with empty hands. What is left of both together where κ is
+//! eliminated is what is known of τ when κ is known as well as its runs tell, and no better.
 
 use nalgebra::DMatrix;
 
-use super::Factor;
+use super::RigRows;
 
 /// What is known of τ, and how far the runs contradict each other.
 #[derive(Clone, Debug)]
 pub struct Beyond {
-    /// The factor of τ, whitened as the runs are.
-    pub factor: Factor,
-    /// The sum of squares by which κ of the two differs beyond what τ explains: χ² if both are whitened by their true σ.
+    /// The rows over τ and the errors of both, whitened as the runs are.
+    pub rows: RigRows,
+    /// The sum of squares by which κ of the two differs beyond what τ and the errors explain: χ² if both are
+    /// whitened by their true σ.
     pub chi2: f64,
 }
 
-/// Returns what is known of τ from the rows `total` over `of_known κ + of_sought τ` and the rows `known` over κ.
-///
-/// What neither tells of τ is zero in the answer, not the rounding of the elimination: rounding alone has a direction of its own,
-/// and a column of it would look like one that depends on another.
-pub fn beyond(total: &Factor, known: &Factor, of_known: &DMatrix<f64>, of_sought: &DMatrix<f64>) -> Beyond {
-    let (k, m) = (of_known.ncols(), of_sought.ncols());
-    let map = DMatrix::from_fn(total.parameters(), k + m, |i, j| match j.checked_sub(k) {
-        None => of_known[(i, j)],
-        Some(j) => of_sought[(i, j)],
-    });
-    let mut joint = total.substitute(&map);
-    joint.merge(&known.append(m));
-    let apart = total.residual_sum_of_squares() + known.residual_sum_of_squares();
-    let chi2 = (joint.residual_sum_of_squares() - apart).max(0.0);
-    let sought = joint.eliminate_others(&(k..k + m).collect::<Vec<_>>());
-    let rounding = 4.0 * (k + m) as f64 * f64::EPSILON;
-    let least: Vec<f64> =
-        (total.r() * of_sought).column_iter().map(|column| rounding * column.norm()).collect();
-    Beyond { factor: sought.without_columns_below(&least), chi2 }
+impl RigRows {
+    /// Returns what is known of τ from these rows over `of_known κ + of_sought τ` and the rows `known` over
+    /// κ, errors of the same instrument being the same in both.
+    ///
+    /// What neither tells of τ is zero in the answer, not the rounding of the elimination.
+    pub fn beyond(&self, known: &Self, of_known: &DMatrix<f64>, of_sought: &DMatrix<f64>) -> Beyond {
+        let (k, m) = (of_known.ncols(), of_sought.ncols());
+        let both = DMatrix::from_fn(self.parameters(), k + m, |i, j| match j.checked_sub(k) {
+            None => of_known[(i, j)],
+            Some(j) => of_sought[(i, j)],
+        });
+        let mut joint = self.substitute(&both);
+        let mut errors = self.of_errors();
+        joint.merge(&known.substitute(&DMatrix::identity(k, k + m)));
+        errors.merge(&known.of_errors());
+        let apart = errors.known().residual_sum_of_squares();
+        let chi2 = (joint.known().residual_sum_of_squares() - apart).max(0.0);
+        let rounding = 4.0 * (k + m) as f64 * f64::EPSILON;
+        let own = self.factor().r().columns(0, self.parameters()) * of_sought;
+        let mut least: Vec<f64> = own.column_iter().map(|column| rounding * column.norm()).collect();
+        least.resize(m + joint.errors().len(), 0.0);
+        let sought = joint.select(&(k..k + m).collect::<Vec<_>>());
+        Beyond { rows: sought.without_columns_below(&least), chi2 }
+    }
 }

@@ -14,7 +14,8 @@ use super::pool::PooledFactor;
 use super::{Basis, Checks, Factor, Parameter, RigError, RigRows};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
-/// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
+/// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds
+/// the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
 pub const VERSION: u16 = 6;
 /// Holds what is known of errors in its rows.
@@ -144,7 +145,8 @@ pub struct FactorSource {
     /// Variance of its rows relative to that of the σ that are stated: they are whitened by it.
     #[serde(skip, default = "one")]
     pub variance_scale: f64,
-    /// Degrees of freedom that parameters and errors took of its rows; `None`: not known, by an older program.
+    /// Degrees of freedom that parameters and errors took of its rows; `None`: not known, by an older
+    /// program.
     #[serde(skip)]
     pub fitted: Option<f64>,
     /// Its channels.
@@ -357,13 +359,13 @@ impl Rigs {
         let mut rest = numbers;
         let mut found = Vec::new();
         for rig in rigs {
+            let [entries, others] = rig.numbers(parameters);
             let own;
-            (own, rest) = rest.split_at_checked(8 * rig.numbers(parameters).iter().sum::<usize>())?;
+            (own, rest) = rest.split_at_checked(8 * (entries + others))?;
             let own: Vec<f64> = own
                 .chunks_exact(8)
                 .map(|word| word.try_into().map_or(f64::NAN, f64::from_le_bytes))
                 .collect();
-            let counts = rig.numbers(parameters);
             let error = |stored: StoredError| {
                 Some(RigError {
                     instrument: text(stored.instrument)?,
@@ -377,7 +379,7 @@ impl Rigs {
             };
             let (is_correlated, rows) = (rig.is_correlated, rig.rows);
             let errors: Vec<RigError> = rig.errors.into_iter().map(error).collect::<Option<_>>()?;
-            let (entries, lower) = own.split_at_checked(counts[0])?;
+            let (entries, lower) = own.split_at_checked(entries)?;
             let factor = Factor::from_entries(parameters + errors.len(), entries, rows).filter(in_range)?;
             let covariance = beforehand(&errors, lower, is_correlated)?;
             found.push(RigRows::new(parameters, factor, errors, covariance)?);
@@ -386,7 +388,8 @@ impl Rigs {
     }
 }
 
-/// Returns the covariance of errors by its lower triangle, or by their standard deviations; `None` if these are out of range.
+/// Returns the covariance of errors by its lower triangle, or by their standard deviations; `None` if these
+/// are out of range.
 fn beforehand(errors: &[RigError], lower: &[f64], is_correlated: bool) -> Option<DMatrix<f64>> {
     let usual = |e: &RigError| (LARGEST.recip()..LARGEST).contains(&e.sigma) && e.expected.abs() < LARGEST;
     let entry = |i: usize, j: usize| match is_correlated {
@@ -394,7 +397,11 @@ fn beforehand(errors: &[RigError], lower: &[f64], is_correlated: bool) -> Option
         true => lower.get(i.max(j) * (i.max(j) + 1) / 2 + i.min(j)).copied().unwrap_or(f64::NAN),
         false => 0.0,
     };
-    errors.iter().all(usual).then(|| DMatrix::from_fn(errors.len(), errors.len(), entry))
+    let covariance = DMatrix::from_fn(errors.len(), errors.len(), entry);
+    // No covariance is larger than the product of its standard deviations.
+    let within = |i: usize, j: usize| covariance[(i, j)].abs() <= errors[i].sigma * errors[j].sigma;
+    let bounded = (0..errors.len()).all(|i| (0..i).all(|j| within(i, j)));
+    (errors.iter().all(usual) && bounded).then_some(covariance)
 }
 
 impl StoredRig {
@@ -425,7 +432,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(rest).map_err(damaged)?;
     too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
     too_large("runs", sources, MOST_SOURCES as u64)?;
-    // Of a version before that the number of parameters says it.
+    // How many numbers follow is for programs that read these alone: the rigs say it, too.
     let rest = match version {
         ..=ERRORS_INSIDE => rest,
         _ => postcard::take_from_bytes::<u64>(rest).map_err(damaged)?.1,
@@ -482,7 +489,8 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
     })
 }
 
-/// Takes the noise of runs, and the rigs, off the bytes: whether errors are in the rows, the rigs, and the bytes of their numbers.
+/// Takes the noise of runs, and the rigs, off the bytes: whether errors are in the rows, the rigs, and the
+/// bytes of their numbers.
 fn rigs_of<'a>(
     bytes: &'a [u8],
     sources: &mut [FactorSource],

@@ -155,6 +155,21 @@ fn the_committed_files_are_read() {
     }
 }
 
+/// A covariance that is larger than its standard deviations allow is none.
+#[test]
+fn impossible_correlations_of_errors_are_refused() {
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/factor_file");
+    let bytes = std::fs::read(corpus.join("rig")).unwrap();
+    let body = &bytes[8..bytes.len() - 4];
+    // The lower triangle of two: the second number of the last three.
+    let at = body.len() - 16;
+    for bad in [1e-3, 1e300, f64::NAN] {
+        let mut body = body.to_vec();
+        body[at..at + 8].copy_from_slice(&f64::to_le_bytes(bad));
+        assert!(matches!(read(&sealed(&body)), Err(FactorFileError::Numbers { .. })), "{bad}");
+    }
+}
+
 /// Files of version 5 are read, and say that what was known of errors is in their rows.
 #[test]
 fn a_file_with_errors_in_its_rows_is_read_and_says_so() {

@@ -120,6 +120,18 @@ impl Gaussian {
         self.correlations_to(-0.5) * DMatrix::from_diagonal(&sd.map(|sd| 1.0 / sd))
     }
 
+    /// Returns the distribution as rows of unit σ with their values, over `columns` columns of which quantity
+    /// k is `at[k]`.
+    pub fn rows(&self, columns: usize, at: &[usize]) -> Vec<(Vec<f64>, f64)> {
+        let whitening = self.whitening();
+        let row = |row: nalgebra::DVector<f64>| {
+            let mut all = vec![0.0; columns];
+            at.iter().zip(row.iter()).for_each(|(to, value)| all[*to] = *value);
+            (all, row.dot(&self.mean))
+        };
+        whitening.row_iter().map(|own| row(own.transpose())).collect()
+    }
+
     /// Returns the inverse of [`Gaussian::whitening`].
     pub fn colouring(&self) -> DMatrix<f64> {
         let sd = self.covariance.diagonal().map(f64::sqrt);

@@ -79,7 +79,7 @@ pub use result::{
     Autocorrelation, BlockResidual, ChannelFit, Convergence, Counts, Fit, Forgotten, NoiseCheck, Prior,
     PriorStatement, SignalFit,
 };
-pub use rig_rows::{RigError, RigRows, RowsBeyond};
+pub use rig_rows::{RigError, RigRows};
 pub use source::{RowSource, SampleRows, SignalNoise, Timing};
 pub use whitening::{Whitener, Whitening};
 

@@ -183,15 +183,16 @@ impl Columns {
         }
     }
 
-    /// Returns the degrees of freedom that what is known beforehand takes of a joint estimate with this covariance.
+    /// Returns the degrees of freedom that what is known beforehand takes of a joint estimate with this
+    /// covariance.
     pub(super) fn known(&self, covariance: &DMatrix<f64>) -> f64 {
         let of = |row: DVector<f64>| (covariance * &row).dot(&row).clamp(0.0, 1.0);
         let prior: f64 = self.prior.whitening.row_iter().map(|row| of(row.transpose())).sum();
         prior + self.observations.iter().map(|(row, _)| of(DVector::from_column_slice(row))).sum::<f64>()
     }
 
-    /// Returns a joint factor over the parameters and the errors that other recordings share, those of this one eliminated with
-    /// what is known of them; `None` if what is known does not come apart like that.
+    /// Returns a joint factor over the parameters and the errors that other recordings share, those of this
+    /// one eliminated with what is known of them; `None` if what is known does not come apart like that.
     pub(super) fn rig_rows(&self, joint: &Factor) -> Option<RigRows> {
         let (n, count) = (self.parameters, self.nuisances.len());
         let Prior { mean, whitening, covariance, .. } = &self.prior;

@@ -53,7 +53,8 @@ impl StatedNoise {
 }
 
 impl RowSet {
-    /// Returns how the noise is known where these residuals, to which `fitted` parameters were fitted, have shown its scale.
+    /// Returns how the noise is known where these residuals, to which `fitted` parameters were fitted, have
+    /// shown its scale.
     pub(super) fn noise_of_scale(&self, fitted: f64) -> Noise {
         let channels = self.channels.max(1) as f64;
         let left = (self.independent() - fitted / channels).max(1.0);

@@ -1,10 +1,10 @@
-//! What errors that all runs of a rig share bring to the inertial parameters of one run.
+//! The part of errors that all runs of a rig share in the inertial parameters of one run.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::{Fit, NuisanceFit, Scope};
 
-/// What errors bring to the inertial parameters of a run.
+/// Holds how far errors move the inertial parameters of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OwnErrors {
     /// The name of each error that all runs of the rig share, with what one standard deviation of it brings.
@@ -22,8 +22,8 @@ impl OwnErrors {
         Self { errors: shared.map(|found| (found.nuisance.name.clone(), part(found))).collect() }
     }
 
-    /// Returns what the errors bring to `n` parameters, those of `names` in their order; zero of one that the run does not
-    /// have.
+    /// Returns what the errors bring to `n` parameters, those of `names` in their order; zero of one that the
+    /// run does not have.
     pub(super) fn brought(&self, names: &[String], n: usize) -> DMatrix<f64> {
         let own = |name: &String| self.errors.iter().find(|(own, _)| own == name);
         let columns: Vec<DVector<f64>> =

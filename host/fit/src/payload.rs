@@ -3,17 +3,19 @@
 //! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is rows over
 //! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).
 //!
-//! Errors of the rig that are the same in all runs ([`super::Scope::Rig`]) do not average out but cancel: the scale of a torque multiplies
-//! what the arm weighs in both. They are columns of both runs' rows ([`super::RigRows`]), and one unknown each.
+//! Errors of the rig that are the same in all runs ([`super::Scope::Rig`]) do not average out but cancel: the
+//! scale of a torque multiplies what the arm weighs in both. They are columns of both runs' rows
+//! ([`super::RigRows`]), and one unknown each.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::difference::Beyond;
 use super::own_errors::{OwnErrors, inertial};
 use super::standard::weights;
 use super::tare::{Tare, TareError};
-use super::{Estimate, Factor, Fit, Kind, Owner, Parameter, RigRows, RowsBeyond};
+use super::{Estimate, Factor, Fit, Kind, Owner, Parameter, RigRows};
 
 /// Runs of an arm that differ by what is less likely than this differ by more than the payload.
 const SURPRISING: f64 = 1e-4;
@@ -62,7 +64,7 @@ impl Tare {
         carrier: &Carrier,
     ) -> Fit {
         let n = own.parameters();
-        let RowsBeyond { rows, chi2 } = own.beyond(bare, &DMatrix::identity(n, n), of_sought);
+        let Beyond { rows, chi2 } = own.beyond(bare, &DMatrix::identity(n, n), of_sought);
         let rounding = total.rounding.max(self.fit().rounding);
         let sides = [own.own(), bare.own()];
         let disagreement = disagreement(&rows.own(), chi2, &sides, of_sought, rounding);

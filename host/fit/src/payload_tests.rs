@@ -71,7 +71,8 @@ fn runs(shared: bool) -> [WithErrors; 2] {
     [WithErrors::new(&parameters, &phi, 240, 1, ["a", "b"]), bare]
 }
 
-/// Oracle: the normal equations of all rows, with columns for the arm, both runs' offsets, the payload and every error.
+/// Oracle: the normal equations of all rows, with columns for the arm, both runs' offsets, the payload and
+/// every error.
 #[test]
 fn a_payload_is_what_the_difference_of_both_runs_says() {
     for shared in [true, false] {

@@ -13,7 +13,7 @@ use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, Source
 use super::lack_of_fit::LackOfFit;
 use super::{
     Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind,
-    NoiseCheck, Owner, Parameter, RigError, RigRows, RowSet, judge,
+    NoiseCheck, Owner, Parameter, RigRows, RowSet, judge,
 };
 
 pub use error::{ModelDifference, PoolError, names_in_words};
@@ -120,13 +120,6 @@ impl PooledFactor {
     /// Returns the number of scalar rows absorbed.
     pub fn rows(&self) -> u64 {
         self.rigs.iter().map(|rig| rig.factor().rows()).fold(0, u64::saturating_add)
-    }
-
-    /// Returns the same with every error that of the instrument which `name` says.
-    #[must_use]
-    pub fn of_instruments(mut self, name: impl Fn(&RigError) -> String) -> Self {
-        self.rigs = self.rigs.into_iter().map(|rig| rig.of_instruments(&name)).collect();
-        self
     }
 
     /// Returns the same with the date of its runs, s since 1970-01-01 UTC.
@@ -268,15 +261,12 @@ impl PooledFactor {
         let (judgement, disagreement) = self.judged(&own);
         let fitted = self.sources.iter().filter_map(|source| source.fitted).sum();
         let Judgement { noise, variance_ratio, variance_scale } = judgement;
-        let rig_rows = match self.rigs.as_slice() {
-            [rig] if !self.errors_inside => Some(rig.discount(variance_scale)),
+        // What is known beforehand is not the noise's to scale.
+        let scaled = self.discounted(variance_scale);
+        let solved = if variance_scale == 1.0 { own } else { scaled.factor() };
+        let rig_rows = match scaled.rigs.as_slice() {
+            [rig] => Some(rig.clone()),
             _ => None,
-        };
-        let solved = if self.errors_inside || variance_scale == 1.0 {
-            own.discount(variance_scale)
-        } else {
-            // What is known beforehand is not the noise's to scale.
-            self.discounted(variance_scale).factor()
         };
         // Of a single run what its residuals show; of several each has its own.
         let of_run = match self.sources.as_slice() {
@@ -345,6 +335,15 @@ impl PooledFactor {
     /// Returns the same with a variance of all rows `by` times as large.
     fn discounted(&self, by: f64) -> Self {
         Self { rigs: self.rigs.iter().map(|rig| rig.discount(by)).collect(), ..self.clone() }
+    }
+
+    /// Returns the same runs with σ of every channel `by` times as large.
+    #[must_use]
+    pub fn with_noise_times(&self, by: f64) -> Self {
+        let mut louder = self.discounted(by * by);
+        let channels = louder.sources.iter_mut().flat_map(|source| &mut source.channels);
+        channels.for_each(|channel| channel.sigma *= by);
+        louder
     }
 
     /// The channels of all runs by their names; σ is that of the first run that has the channel.

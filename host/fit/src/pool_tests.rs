@@ -251,9 +251,9 @@ fn beforehand(correlation: f64) -> DMatrix<f64> {
     DMatrix::from_fn(3, 3, |i, k| own(i, k) * SIGMA[i] * SIGMA[k])
 }
 
-/// What a run says by normal equations, its offsets eliminated: the information N on the ten parameters for given errors, these
-/// as they are without errors, what each error moves them by, and what the run by itself says of errors: information and
-/// right-hand side.
+/// What a run says by normal equations, its offsets eliminated: the information N on the ten parameters for
+/// given errors, these as they are without errors, what each error moves them by, and what the run by itself
+/// says of errors: information and right-hand side.
 struct Dense {
     n: DMatrix<f64>,
     psi: DVector<f64>,
@@ -282,8 +282,8 @@ impl Dense {
     }
 }
 
-/// Oracle: of each rig the weighted means of what its runs say, and of what errors move; errors as each run by itself and what
-/// is known of them say. Rigs are then independent.
+/// Oracle: of each rig the weighted means of what its runs say, and of what errors move; errors as each run
+/// by itself and what is known of them say. Rigs are then independent.
 #[test]
 fn an_error_of_a_rig_is_one_in_all_of_its_runs() {
     let parameters = body();
@@ -332,8 +332,8 @@ fn an_error_of_a_rig_is_one_in_all_of_its_runs() {
     }
 }
 
-/// Columns of gains are made of each run's own estimate, whose noise is that of its values: two thousand noisy runs
-/// do not tell the gain by that, and leave the body where it is.
+/// Columns of gains are made of each run's own estimate, whose noise is that of its values: two thousand
+/// noisy runs do not tell the gain by that, and leave the body where it is.
 #[test]
 fn noise_of_the_estimates_that_columns_are_made_of_tells_no_gain() {
     let (parameters, phi) = (body(), truth(16));
@@ -410,4 +410,13 @@ fn runs_of_one_rig_that_state_other_errors_are_told_and_old_ones_refused() {
     second.errors_inside = true;
     let refused = PooledFactor::merged(vec![first, second], false).unwrap_err();
     assert!(matches!(&refused, PoolError::Old { name } if name == "run 1"), "{refused}");
+}
+
+/// Offsets are each run's own: of runs of nothing else nothing is left, and that is no reason to break.
+#[test]
+fn runs_of_offsets_alone_merge_to_nothing() {
+    let files: Vec<PooledFactor> =
+        runs(&body(), 2).into_iter().map(|run| run.pooled.only(is_offset)).collect();
+    let merged = PooledFactor::merged(files, false).unwrap();
+    assert_eq!((merged.parameters.len(), merged.fit().estimate.len()), (0, 0));
 }

@@ -70,8 +70,8 @@ pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: 
     sums.into_iter().map(of).collect()
 }
 
-/// Returns σ of each channel per sample: the residuals' variance over `Σh²`, for the degrees of freedom that are left of the
-/// blocks beside those `fitted` to each channel.
+/// Returns σ of each channel per sample: the residuals' variance over `Σh²`, for the degrees of freedom that
+/// are left of the blocks beside those `fitted` to each channel.
 pub(super) fn raw_sigma(
     blocks: &dyn RowBlocks,
     channels: &[Channel],

@@ -189,8 +189,8 @@ pub struct Fit {
     /// The rows that `estimate` solves, whitened by their true σ, where these are not those of `factor` with their variance
     /// scaled: a fixture was taken off, or gain errors were fitted with the larger noise. Known values are not in it.
     pub solved: Option<Factor>,
-    /// The rows that `estimate` solves with the errors that other recordings of the rig share as columns; `None` where these
-    /// are not known apart. Known values are not in it.
+    /// The rows that `estimate` solves with the errors that other recordings of the rig share as columns;
+    /// `None` where these are not known apart. Known values are not in it.
     pub rig_rows: Option<RigRows>,
     /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
     pub rounding: f64,
@@ -248,7 +248,8 @@ impl Fit {
         self.rig_rows = self.rig_rows.take().map(|rows| rows.of_instruments(name));
     }
 
-    /// Returns the same rows with the errors that other recordings share as columns, as far as these are known apart.
+    /// Returns the same rows with the errors that other recordings share as columns, as far as these are
+    /// known apart.
     pub fn rows(&self) -> RigRows {
         self.rig_rows.clone().unwrap_or_else(|| RigRows::plain(self.scaled_factor()))
     }

@@ -1,23 +1,26 @@
 //! Rows over parameters and over the errors of a rig, which outlive a recording.
 //!
-//! `R [φ; θ] = z`: errors of one recording alone are eliminated with what is known of them. Those that other recordings of
-//! the rig share are columns θ, and what is known of them beforehand, `θ = μ ± Σ`, stays beside the rows. So it counts once,
-//! however many recordings are merged: an error in common does not average out.
+//! `R [φ; θ] = z`: errors of one recording alone are eliminated with what is known of them. Those that other
+//! recordings of the rig share are columns θ, and what is known of them beforehand, `θ = μ ± Σ`, stays beside
+//! the rows. So it counts once, however many recordings are merged: an error in common does not average out.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::{Basis, Factor, Gaussian};
 
-/// The least singular value of unit columns that rows tell of, by the largest.
-const LEAST_TOLD: f64 = 1e-12;
+/// The least singular value, by the largest, of a direction of unit columns that rows determine.
+const LEAST_DIRECTION: f64 = 1e-12;
+/// Iterations for each parameter after which singular values are given up; two or three do.
+const MOST_SWEEPS: usize = 100;
 /// Standard deviations beforehand that differ by less, relative, are the same.
 const SAME_SIGMA: f64 = 1e-6;
 
 /// An error that all recordings with one instrument share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigError {
-    /// The instrument whose error it is, by a serial number or by what is stated of it; empty: there is but one.
+    /// The instrument whose error it is, by a serial number or by what is stated of it; empty: there is but
+    /// one.
     pub instrument: String,
     /// Its name: `gain_fz`.
     pub name: String,
@@ -54,19 +57,9 @@ pub struct RigRows {
     covariance: DMatrix<f64>,
 }
 
-/// What is known of the parameters that rows have beyond others, and how far the two contradict each other.
-#[derive(Clone, Debug)]
-pub struct RowsBeyond {
-    /// The rows over these parameters and the errors of both.
-    pub rows: RigRows,
-    /// The sum of squares by which the rest of the two differs beyond what these parameters and the errors explain: χ² if
-    /// both are whitened by their true σ.
-    pub chi2: f64,
-}
-
 impl RigRows {
-    /// Returns the rows of a factor that has a column for each of `parameters` parameters and then for each error, whose
-    /// covariance beforehand is given.
+    /// Returns the rows of a factor that has a column for each of `parameters` parameters and then for each
+    /// error, whose covariance beforehand is given.
     ///
     /// Returns `None` if the sizes differ or the covariance is none.
     pub fn new(
@@ -122,7 +115,8 @@ impl RigRows {
         self
     }
 
-    /// Returns true if every error is there once, and what is known of them beforehand is a normal distribution.
+    /// Returns true if every error is there once, and what is known of them beforehand is a normal
+    /// distribution.
     fn is_known(&self) -> bool {
         let mut names: Vec<_> = self.errors.iter().map(|e| (&e.instrument, &e.name)).collect();
         names.sort_unstable();
@@ -158,13 +152,7 @@ impl RigRows {
             self.errors.iter().enumerate().map(row).collect()
         } else {
             let Some(beforehand) = self.beforehand() else { return known };
-            let whitening = beforehand.whitening();
-            let row = |row: nalgebra::MatrixView<'_, f64, nalgebra::U1, nalgebra::Dyn, _, _>| {
-                let mut all = vec![0.0; n];
-                all.extend(row.iter());
-                (all, (row * beforehand.mean())[0])
-            };
-            whitening.row_iter().map(row).collect()
+            beforehand.rows(n + k, &(n..n + k).collect::<Vec<_>>())
         };
         known.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
         // What is known beforehand are no measurements.
@@ -224,24 +212,33 @@ impl RigRows {
         Self { factor: self.factor.discount(by), ..self.clone() }
     }
 
+    /// Returns the same with the columns that are no longer than their `least` set to zero; see
+    /// [`Factor::without_columns_below`].
+    #[must_use]
+    pub fn without_columns_below(self, least: &[f64]) -> Self {
+        Self { factor: self.factor.without_columns_below(least), ..self }
+    }
+
     /// Returns true if an error is in both.
     pub fn shares_errors_with(&self, other: &Self) -> bool {
         self.errors.is_empty() && other.errors.is_empty()
             || other.errors.iter().any(|error| self.errors.iter().any(|own| own.is(error)))
     }
 
-    /// Merges rows over the same parameters: an error that both have is one, and where they differ tells of it.
+    /// Merges rows over the same parameters: an error that both have is one, and where they differ tells of
+    /// it.
     pub fn merge(&mut self, other: &Self) {
         let (rows, _) = self.aligned(other);
         self.factor.merge(&rows);
     }
 
-    /// Merges rows over the same parameters that each run was linearised for about its own estimate. Returns the names of the errors
-    /// of which different standard deviations were stated; the larger is taken, also of those of a class, which goes by the load.
+    /// Merges rows over the same parameters that each run was linearised for about its own estimate. Returns
+    /// the names of the errors of which different standard deviations were stated; the larger is taken, also
+    /// of those of a class, which goes by the load.
     ///
-    /// With `R_φφ (φ + T θ) = z` the sum has the mean of T, weighed as the parameters are, and what each run says of θ by
-    /// itself. That T differs from run to run tells nothing of θ: it has the noise of the run's estimate in it, which is that
-    /// of its z, and of thousands of runs this alone would seem to tell a gain.
+    /// With `R_φφ (φ + T θ) = z` the sum has the mean of T, weighed as the parameters are, and what each run
+    /// says of θ by itself. That T differs from run to run tells nothing of θ: it has the noise of the run's
+    /// estimate in it, which is that of its z, and of thousands of runs this alone would seem to tell a gain.
     pub fn merge_run(&mut self, other: &Self) -> Vec<String> {
         let (rows, differing) = self.aligned(other);
         let n = self.parameters;
@@ -256,13 +253,7 @@ impl RigRows {
             absorb(&mut sum, &others);
             tops.push(top);
         }
-        let both = DMatrix::from_fn(tops[0].nrows() + tops[1].nrows(), tops[0].ncols(), |i, j| {
-            match i.checked_sub(tops[0].nrows()) {
-                None => tops[0][(i, j)],
-                Some(i) => tops[1][(i, j)],
-            }
-        });
-        absorb(&mut sum, &of_parameters(&both, n).0);
+        absorb(&mut sum, &of_parameters(&stacked(&tops), n).0);
         let squares = self.factor.residual_sum_of_squares() + rows.residual_sum_of_squares();
         // Lower rows alone may leave something, too.
         let left = squares + sum.residual_sum_of_squares();
@@ -278,8 +269,8 @@ impl RigRows {
         self
     }
 
-    /// Takes the errors of another among its own, and returns its rows over the columns of both, with the names of errors of
-    /// which different standard deviations were stated.
+    /// Takes the errors of another among its own, and returns its rows over the columns of both, with the
+    /// names of errors of which different standard deviations were stated.
     fn aligned(&mut self, other: &Self) -> (Factor, Vec<String>) {
         if self.errors == other.errors {
             return (other.factor.clone(), Vec::new());
@@ -292,7 +283,8 @@ impl RigRows {
         (other.factor.substitute(&map), differing)
     }
 
-    /// Takes the errors of another among its own, and returns their places and the names of those that differ.
+    /// Takes the errors of another among its own, and returns their places and the names of those that
+    /// differ.
     fn take_errors(&mut self, other: &Self) -> (Vec<usize>, Vec<String>) {
         let before = self.errors.len();
         let mut differing = Vec::new();
@@ -334,48 +326,20 @@ impl RigRows {
         (at, differing)
     }
 
-    /// Returns the rows with standard deviations of the noise `by` times as large, one a parameter, and of all that the rows
-    /// say of errors as many times as the most: what an error brings to a parameter stays as it is.
-    ///
-    /// `R (φ + T θ)` with `R_φφ T = R_φθ` has no column of θ: there noise alone is left.
-    #[must_use]
-    pub fn noisier(&self, by: &[f64]) -> Self {
-        let (n, k) = (self.parameters, self.errors.len());
-        let factor = noisier(&self.factor, n, by);
-        debug_assert_eq!(factor.parameters(), n + k);
-        Self { factor, ..self.clone() }
-    }
-
-    /// Returns the rows with an error of this recording alone, known to be 0 ± 1, that moves the estimate by `column`.
+    /// Returns the rows with an error of this recording alone, known to be 0 ± 1, that moves the estimate by
+    /// `column`.
     #[must_use]
     pub fn shifted(&self, column: &[f64]) -> Self {
         Self { factor: shifted(&self.factor, column), ..self.clone() }
     }
+}
 
-    /// Returns what is known of τ from these rows over `of_known κ + of_sought τ` and the rows `known` over κ, errors of the
-    /// same instrument being the same in both.
-    ///
-    /// What neither tells of τ is zero in the answer, not the rounding of the elimination.
-    pub fn beyond(&self, known: &Self, of_known: &DMatrix<f64>, of_sought: &DMatrix<f64>) -> RowsBeyond {
-        let (k, m) = (of_known.ncols(), of_sought.ncols());
-        let both = DMatrix::from_fn(self.parameters, k + m, |i, j| match j.checked_sub(k) {
-            None => of_known[(i, j)],
-            Some(j) => of_sought[(i, j)],
-        });
-        let mut joint = self.substitute(&both);
-        let mut errors = self.of_errors();
-        joint.merge(&known.substitute(&DMatrix::identity(k, k + m)));
-        errors.merge(&known.of_errors());
-        let apart = errors.known().residual_sum_of_squares();
-        let chi2 = (joint.known().residual_sum_of_squares() - apart).max(0.0);
-        let rounding = 4.0 * (k + m) as f64 * f64::EPSILON;
-        let own = self.factor.r().columns(0, self.parameters) * of_sought;
-        let mut least: Vec<f64> = own.column_iter().map(|column| rounding * column.norm()).collect();
-        least.resize(m + joint.errors.len(), 0.0);
-        let sought = joint.select(&(k..k + m).collect::<Vec<_>>());
-        let factor = sought.factor.clone().without_columns_below(&least);
-        RowsBeyond { rows: Self { factor, ..sought }, chi2 }
-    }
+/// Returns the rows of matrices of as many columns, one matrix after the other.
+fn stacked(all: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let columns = all.first().map_or(0, DMatrix::ncols);
+    let rows: Vec<f64> =
+        all.iter().flat_map(|own| own.transpose().iter().copied().collect::<Vec<_>>()).collect();
+    DMatrix::from_row_slice(all.iter().map(DMatrix::nrows).sum(), columns, &rows)
 }
 
 /// Absorbs rows whose last column is the value.
@@ -385,18 +349,23 @@ fn absorb(factor: &mut Factor, rows: &DMatrix<f64>) {
     factor.absorb_matrix(&rows.columns(0, n).into_owned(), &values);
 }
 
-/// Turns rows so that the first tell of the first `n` columns, as many as these have directions, and the others of none; of
-/// more rows than columns those are left out that tell of none.
+/// Turns rows so that the first tell of the first `n` columns, as many as these have directions, and the
+/// others of none; of more rows than columns those are left out that tell of none.
 fn of_parameters(rows: &DMatrix<f64>, n: usize) -> (DMatrix<f64>, DMatrix<f64>) {
     let own = rows.columns(0, n);
     let scaled = DMatrix::from_fn(rows.nrows(), n, |i, j| {
         let norm = own.column(j).norm();
         if norm > 0.0 { own[(i, j)] / norm } else { 0.0 }
     });
-    let svd = scaled.svd(true, false);
-    let Some(u) = svd.u else { return (rows.clone(), DMatrix::zeros(0, rows.ncols())) };
+    let none = || (rows.clone(), DMatrix::zeros(0, rows.ncols()));
+    if scaled.is_empty() {
+        return none();
+    }
+    // Bounded: the numbers of a file may be any.
+    let Some(svd) = scaled.try_svd(true, false, f64::EPSILON, MOST_SWEEPS * n) else { return none() };
+    let Some(u) = svd.u else { return none() };
     let most = svd.singular_values.max();
-    let tells = |k: &usize| svd.singular_values[*k] > LEAST_TOLD * most;
+    let tells = |k: &usize| svd.singular_values[*k] > LEAST_DIRECTION * most;
     let (first, others): (Vec<usize>, Vec<usize>) = (0..u.ncols()).partition(tells);
     let turned = |chosen: &[usize]| u.select_columns(chosen).tr_mul(rows);
     let mut others = turned(&others);
@@ -404,7 +373,11 @@ fn of_parameters(rows: &DMatrix<f64>, n: usize) -> (DMatrix<f64>, DMatrix<f64>) 
     (turned(&first), others)
 }
 
-/// See [`RigRows::noisier`]; the first `n` columns are parameters.
+/// Returns rows over `n` parameters, then errors, with standard deviations of the noise `by` times as large,
+/// one a parameter, and of all that the rows say of errors as many times as the most: what an error brings to
+/// a parameter stays.
+///
+/// `R (φ + T θ)` with `R_φφ T = R_φθ` has no column of θ: there noise alone is left.
 pub(super) fn noisier(factor: &Factor, n: usize, by: &[f64]) -> Factor {
     let most = by.iter().copied().fold(1.0, f64::max);
     if most <= 1.0 {
@@ -425,7 +398,8 @@ pub(super) fn noisier(factor: &Factor, n: usize, by: &[f64]) -> Factor {
     apart.inflate(&estimate, &all).substitute(&spread(1.0, &moved))
 }
 
-/// Returns T with `R_φφ T = R_φθ`: what an error of one moves the parameters by, where the rows tell of these.
+/// Returns T with `R_φφ T = R_φθ`: what an error of one moves the parameters by, where the rows tell of
+/// these.
 fn brought(factor: &Factor, n: usize) -> DMatrix<f64> {
     let k = factor.parameters() - n;
     if k == 0 || n == 0 {

@@ -40,7 +40,8 @@ fn covariance(rows: &Factor) -> DMatrix<f64> {
 #[test]
 fn noise_grows_and_what_errors_bring_stays() {
     let by = [1.0, 3.0, 1.5, 2.0];
-    let noisier = joint().noisier(&by);
+    let wider = |by: &[f64]| RigRows { factor: noisier(&joint().factor, N, by), ..joint() };
+    let noisier = wider(&by);
     let given = [&joint(), &noisier].map(|rows| covariance(&rows.of_given_errors()));
     for i in 0..N {
         for j in 0..N {
@@ -53,7 +54,7 @@ fn noise_grows_and_what_errors_bring_stays() {
     // The rows by themselves still say the same.
     let [before, after] = [&joint(), &noisier].map(|rows| rows.factor().solve(1e-12).estimate);
     assert!(before.iter().zip(&after).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + a.abs())));
-    assert_eq!(joint().noisier(&[1.0; N]), joint());
+    assert_eq!(wider(&[1.0; N]), joint());
 }
 
 /// `Σ + s sᵀ`, and the estimate stays.

@@ -109,7 +109,8 @@ impl Tare {
         Ok(Self { errors: Some(OwnErrors::of(run)), ..Self::new(pooled)? })
     }
 
-    /// Returns the rows over the inertial parameters, with the errors that other runs share if they are of one rig.
+    /// Returns the rows over the inertial parameters, with the errors that other runs share if they are of
+    /// one rig.
     pub(super) fn rows(&self) -> RigRows {
         self.fit.rows()
     }

@@ -12,7 +12,26 @@ use super::result::{Answer, ParameterState, SCHEMA, Status, UnusableParameter};
 use super::{contradictions, plausibility};
 use rigident_fit::{CheckedRun, Fit};
 
-/// What is found of a recording, for its answer to be judged by.
+/// Names the fields that an answer that cannot be true does not have.
+pub const WITHHELD: [&str; 15] = [
+    "mass_kg",
+    "com_m",
+    "com_u95_m",
+    "inertia_com_kgm2",
+    "inertia_com_u95_kgm2",
+    "inertia_origin_kgm2",
+    "principal",
+    "body_frame",
+    "physically_consistent",
+    "consistency",
+    "standard_parameters",
+    "complete",
+    "budget",
+    "improvement",
+    "prior_dominated",
+];
+
+/// Holds the findings of a recording, for its answer to be judged by.
 pub(super) struct Findings<'a> {
     /// The fit, with what contradicts the rig's errors, the lack of fit, and the checks of runs that only a
     /// factor is left of.
@@ -104,7 +123,8 @@ impl Answer {
         self.status == Status::Implausible || self.fit.is_some()
     }
 
-    /// Makes every number of the fit one that must not be used, and takes out what derives from them.
+    /// Makes every number of the fit one that must not be used, and takes out what derives from them:
+    /// [`WITHHELD`].
     fn contradict(&mut self) {
         let mut fit = self.fit.take().unwrap_or_default();
         fit.consistency = self.consistency.take().or(fit.consistency);

@@ -40,6 +40,7 @@ pub use checks::checks;
 pub use context::now;
 pub use context::{Context, Finding, Links, StandardRequest};
 pub use contradictions::contradictions;
+pub use judgement::WITHHELD;
 pub use new::AnswerError;
 pub use read::ReadError;
 pub use result::{Answer, Drift, DriftChange, Source, Status, TimeBase, Tracking};

@@ -94,8 +94,8 @@ impl BodyScale {
         }
     }
 
-    /// Returns the quantity that the uncertainty of a tensor about the centre of mass is judged against, as far as it is known:
-    /// its largest principal moment, no smaller than that of a sphere, kg m².
+    /// Returns the quantity that the uncertainty of a tensor about the centre of mass is judged against, as
+    /// far as it is known: its largest principal moment, no smaller than that of a sphere, kg m².
     pub(super) fn central_moment(&self, estimate: &Estimate) -> f64 {
         if !(0..10).all(|j| estimate.is_determined(j)) {
             return self.moment;
@@ -147,8 +147,9 @@ fn resolves_element(estimate: &Estimate, spurious: f64, scale: &BodyScale, j: us
     informed && estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j)
 }
 
-/// Returns which elements of the tensor about the centre of mass are resolved by its own largest principal moment: that about a
-/// far origin is mostly the mass times a distance squared. All, where a parameter is not determined and there is no such tensor.
+/// Returns which elements of the tensor about the centre of mass are resolved by its own largest principal
+/// moment: that about a far origin is mostly the mass times a distance squared. All, where a parameter is not
+/// determined and there is no such tensor.
 fn resolves_central(estimate: &Estimate) -> [bool; 6] {
     if !(0..10).all(|j| estimate.is_determined(j)) {
         return [true; 6];

@@ -9,9 +9,8 @@ use super::error::StudyError;
 use super::segments::centre_of_mass;
 use super::study::{Study, known};
 use crate::answer::person::ToolResult;
-use rigident_fit::difference::beyond;
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{COVERAGE_95, Measured};
+use rigident_fit::{COVERAGE_95, Measured, RigRows};
 
 /// Returns what a link holds in the motions of one study and not in those of another of the same person.
 ///
@@ -34,7 +33,8 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
     };
     let mut others = all(without)?;
     others.merge(&known(&with.table));
-    let own = beyond(&all(with)?, &others, &DMatrix::identity(n, n), &weights).factor;
+    let [with, others] = [all(with)?, others].map(RigRows::plain);
+    let own = with.beyond(&others, &DMatrix::identity(n, n), &weights).rows.own();
     let solved = own.solve(f64::EPSILON * n as f64);
     let value = |k: usize| Measured {
         value: solved.estimate[k],

@@ -30,8 +30,9 @@ impl Part {
     }
 }
 
-/// Returns the instrument that an error is of: by its serial number, by the label `rig` of the recording, or by what the rig
-/// file states of it, which begins with `#` then. A calibration makes it another one: what is left of its errors is.
+/// Returns the instrument that an error is of: by its serial number, by the label `rig` of the recording, or
+/// by what the rig file states of it, which begins with `#` then. A calibration makes it another one: what is
+/// left of its errors is.
 pub fn instrument(rig: &RigFile, error: &RigError) -> String {
     let part = Part::of(error);
     let label = rig.recording.labels.get(RIG).cloned();

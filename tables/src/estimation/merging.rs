@@ -1,15 +1,14 @@
-//! Recordings of one rig and of several, merged: the share of truths in the intervals, and how much wider these are for the errors
-//! that do not average out.
+//! Recordings of one rig and of several, merged: the share of truths in the intervals, and how much wider
+//! these are for the errors that do not average out.
 
 use rigident::fit::pool::PooledFactor;
-use rigident::fit::tare::Tare;
 
 use super::report::{Job, in_parallel};
 
 #[path = "../../../host/cli/tests/integration/merging/runs.rs"]
 mod runs;
 
-use runs::{Body, Conditions, Errors, factor, fit, larger, off, outside, rms};
+use runs::{Body, Conditions, Errors, factor, larger, noisy_first, off, outside, rms, tared};
 
 /// Rigs that each row draws.
 const RIGS: u64 = 24;
@@ -22,7 +21,7 @@ const MASS_KG: f64 = 3.2;
 enum Case {
     /// Recordings of one rig.
     One(u64),
-    /// Three recordings of each of so many rigs, or one.
+    /// As many recordings of each of several rigs.
     Rigs { rigs: u64, each: u64 },
     /// Four of one rig, the first with five times its noise.
     Noisy,
@@ -47,19 +46,8 @@ impl Case {
                 };
                 merged((0..rigs * each).map(of).collect())
             }
-            Self::Noisy => {
-                let noisier =
-                    |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
-                merged((0..4).map(|k| factor(rig, &body, 1000 * rig + k, &noisier(k))).collect())
-            }
-            Self::Tare => {
-                let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
-                let mut total = fit(rig, &both, 1000 * rig, &Conditions::STATED);
-                let tare = Tare::new(factor(rig, &bare, 1000 * rig + 1, &Conditions::STATED));
-                let taken = tare.map(|tare| tare.take_off(&mut total));
-                assert!(matches!(taken, Ok(Ok(()))), "both are runs of one body");
-                off(&total, &small)
-            }
+            Self::Noisy => merged(noisy_first(rig, &body, 1000 * rig)),
+            Self::Tare => tared(rig, 1000 * rig),
         }
     }
 }

@@ -171,8 +171,8 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers at the end of a factor file of version 6, before its check sum. The version, the numbers of parameters and of runs and
-/// that of these numbers follow the magic, in bytes of seven bits.
+/// The numbers at the end of a factor file of version 6, before its check sum. The version, the numbers of
+/// parameters and of runs and that of these numbers follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
     let mut at = 0;

@@ -1,16 +1,16 @@
-//! Several recordings of one rig: its errors do not average out, of several rigs they do, and of a fixture they cancel.
+//! Several recordings of one rig: its errors do not average out, of several rigs they do, and of a fixture
+//! they cancel.
 
 use rigident::fit::Fit;
 use rigident::fit::pool::PooledFactor;
-use rigident::fit::tare::Tare;
 
 #[path = "merging/runs.rs"]
 mod runs;
 
-use runs::{Body, Conditions, factor, fit, larger, off, outside, rms};
+use runs::{Body, Conditions, factor, fit, larger, noisy_first, off, outside, rms, tared};
 
-/// Nine recordings of a rig know hardly more than one, and nine rigs three times as much; if the rig's errors were averaged as
-/// noise is, two of three truths would lie outside.
+/// Nine recordings of a rig know hardly more than one, and nine rigs three times as much; if the rig's errors
+/// were averaged as noise is, two of three truths would lie outside.
 #[test]
 fn errors_of_a_rig_do_not_average_out_and_those_of_several_do() {
     let body = Body::of_mass(3.2);
@@ -42,9 +42,7 @@ fn a_noisy_recording_widens_itself_alone() {
     let body = Body::of_mass(3.2);
     let [mut merged, mut quiet] = [const { Vec::new() }; 2];
     for r in 0..4 {
-        let noisier = |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
-        let mut runs: Vec<PooledFactor> =
-            (0..4).map(|k| factor(r, &body, 3000 * r + k, &noisier(k))).collect();
+        let mut runs = noisy_first(r, &body, 3000 * r);
         assert!(runs[0].sources[0].variance_scale > 15.0);
         merged.push(off(&PooledFactor::merged(runs.clone(), false).unwrap().fit(), &body));
         runs.remove(0);
@@ -55,15 +53,13 @@ fn a_noisy_recording_widens_itself_alone() {
     assert!((0.9..1.0).contains(&wider), "{wider}");
 }
 
-/// The gain of a load cell multiplies fixture and body alike: of a fixture of ten times the body its own share is left.
+/// The gain of a load cell multiplies fixture and body alike: of a fixture of ten times the body its own
+/// share is left.
 #[test]
 fn errors_of_a_rig_cancel_where_a_fixture_is_taken_off() {
-    let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
     let mut all = Vec::new();
     for r in 0..8 {
-        let mut total = fit(r, &both, 4000 * r, &Conditions::STATED);
-        Tare::new(factor(r, &bare, 4000 * r + 1, &Conditions::STATED)).unwrap().take_off(&mut total).unwrap();
-        let own = off(&total, &small);
+        let own = tared(r, 4000 * r);
         // As if each had a load cell of its own: some 0.5 % of 10 kg.
         assert!(own[0].1 < 0.01, "{}", own[0].1);
         all.push(own);
@@ -71,7 +67,8 @@ fn errors_of_a_rig_cancel_where_a_fixture_is_taken_off() {
     assert!((0.7..1.4).contains(&rms(&all)) && outside(&all) < 0.15, "{}", rms(&all));
 }
 
-/// One recording says the same by itself and by its factor, whatever its noise is; two the same in any grouping.
+/// One recording says the same by itself and by its factor, whatever its noise is; two the same in any
+/// grouping.
 #[test]
 fn one_answer_whatever_way_it_is_asked() {
     let body = Body::of_mass(3.2);

@@ -75,12 +75,7 @@ impl Engine<'_> {
         check: &NoiseCheck,
     ) -> Vec<Coloured> {
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
-        autocorrelation::detect(
-            residuals,
-            self.blocks.filter(),
-            &variance,
-            check.fitted / variance.len() as f64,
-        )
+        autocorrelation::detect(residuals, self.blocks.filter(), &variance, check.fitted)
     }
 
     pub(super) fn convergence(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<Convergence> {

@@ -41,8 +41,7 @@ impl Engine<'_> {
         let mut inflation = Vec::new();
         let whitened = autocorrelation::whitened(&conclusion.residuals, &weighing.whitening);
         let unit = vec![f64::from(self.blocks.filter().every) * check.variance_scale; weighing.sigma.len()];
-        let coloured =
-            autocorrelation::detect(&whitened, self.blocks.filter(), &unit, check.fitted / unit.len() as f64);
+        let coloured = autocorrelation::detect(&whitened, self.blocks.filter(), &unit, check.fitted);
         if !coloured.is_empty() && forgetting.is_none() {
             inflation = autocorrelation::inflation(
                 rows,

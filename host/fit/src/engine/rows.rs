@@ -126,8 +126,8 @@ impl Engine<'_> {
         raw_sigma(&*self.blocks, self.source.channels(), &self.measured_rms, &fitted, &residuals)
     }
 
-    /// Returns how many degrees of freedom parameters and errors take of the rows: `tr(H⁻¹ AᵀWA)` with H the information of rows
-    /// and prior. An error that rows tell nothing of takes none.
+    /// Returns how many degrees of freedom parameters and errors take of the rows: `tr(H⁻¹ AᵀWA)` with H the
+    /// information of rows and prior. An error that rows tell nothing of takes none.
     pub(super) fn fitted(&self, pass: &Pass, joint: &Estimate) -> f64 {
         let known = if pass.linearised.is_some() { self.columns.known(&joint.covariance) } else { 0.0 };
         (joint.rank() as f64 - known).max(0.0)

@@ -113,9 +113,9 @@ impl std::fmt::Display for ModelDifference {
 
 /// The first few names, and how many more there are.
 pub fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
-    let told: Vec<&str> = names.iter().take(NAMES_LISTED).map(AsRef::as_ref).collect();
-    match names.len() - told.len() {
-        0 => told.join(between),
-        more => format!("{}{between}{more} more", told.join(between)),
+    let first: Vec<&str> = names.iter().take(NAMES_LISTED).map(AsRef::as_ref).collect();
+    match names.len() - first.len() {
+        0 => first.join(between),
+        more => format!("{}{between}{more} more", first.join(between)),
     }
 }

@@ -10,8 +10,9 @@ use crate::{Factor, Parameter, RigRows};
 const SAME_WEIGHT: f64 = 1e-9;
 
 impl PooledFactor {
-    /// Returns all of them as one. Unless the offsets are shared those of each factor are eliminated first; the order of
-    /// the factors does not matter but for rounding. An error that several runs of a rig share counts once.
+    /// Returns all of them as one. Unless the offsets are shared those of each factor are eliminated first;
+    /// the order of the factors does not matter but for rounding. An error that several runs of a rig share
+    /// counts once.
     ///
     /// # Errors
     /// [`PoolError`]: the same recording twice, or factors that do not fit.
@@ -112,7 +113,8 @@ impl PooledFactor {
     }
 }
 
-/// Sums of squares of factors that are merged, if each had parameters of its own and only the errors of rigs were in common.
+/// Sums of squares of factors that are merged, if each had parameters of its own and only the errors of rigs
+/// were in common.
 #[derive(Default)]
 struct Apart {
     rigs: Vec<RigRows>,
@@ -152,8 +154,8 @@ fn merge_all(rows: &mut RigRows, other: &RigRows) -> Vec<String> {
     Vec::new()
 }
 
-/// Merges rows into those of the rigs that they share errors with, which are one from then on; returns the names of errors
-/// of which different things were known.
+/// Merges rows into those of the rigs that they share errors with, which are one from then on; returns the
+/// names of errors of which different things were known.
 fn merge_into(
     rigs: &mut Vec<RigRows>,
     rows: &RigRows,
@@ -220,7 +222,8 @@ fn rank(factor: &Factor, rounding: f64) -> u64 {
     svd.singular_values.iter().filter(|v| **v > floor).count() as u64
 }
 
-/// Returns true if `‖R‖ ‖R⁻¹‖`, which bounds the ratio of the singular values, is far below that of a singular R.
+/// Returns true if `‖R‖ ‖R⁻¹‖`, which bounds the ratio of the singular values, is far below that of a
+/// singular R.
 fn is_well_conditioned(r: &nalgebra::DMatrix<f64>, rounding: f64) -> bool {
     let n = r.nrows();
     if (0..n).any(|j| r[(j, j)] == 0.0) {

@@ -133,13 +133,7 @@ pub fn apply_distribution(fit: &mut Fit, known: &Gaussian) {
     let place = |name: &str| fit.parameters.iter().position(|p| p.name == name);
     let known = known.only(|name| place(name).is_some());
     let at: Vec<usize> = known.names().iter().filter_map(|name| place(name)).collect();
-    let whitening = known.whitening();
-    let rows = whitening.row_iter().map(|row| {
-        let mut all = vec![0.0; fit.parameters.len()];
-        at.iter().zip(row.iter()).for_each(|(to, value)| all[*to] = *value);
-        (all, (row * known.mean())[0])
-    });
-    let rows: Vec<(Vec<f64>, f64)> = rows.collect();
+    let rows = known.rows(fit.parameters.len(), &at);
     let data = fit.data_alone().clone();
     let mut factor = fit.scaled_factor();
     factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));

@@ -1,4 +1,5 @@
-//! A laboratory with rigs whose errors outlive a recording, by Newton and Euler: nothing of it is the estimator's.
+//! A laboratory with rigs whose errors outlive a recording, by Newton and Euler: nothing of it is the
+//! estimator's.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -15,10 +16,11 @@ const G: f64 = 9.80665;
 const LEVER: [f64; 3] = [0.05, -0.02, 0.03];
 /// Full scale of the load cell, N and N m.
 const RANGE: [f64; 6] = [200.0, 200.0, 200.0, 10.0, 10.0, 10.0];
-/// 1 σ of the errors of a rig: gains; cross-talk as a share of the range; place of the IMU, m; its attitude and angles between
-/// axes, rad; scales of its axes.
+/// 1 σ of the errors of a rig: gains; cross-talk as a share of the range; place of the IMU, m; its attitude
+/// and angles between axes, rad; scales of its axes.
 const OF_RIG: [f64; 5] = [0.005, 0.002, 0.0015, 0.003, 0.002];
-/// Of a recording: drift as a share of the range; biases of gyro and accelerometer, rad/s and m/s²; delay, s.
+/// 1 σ of the errors of a recording: drift as a share of the range; biases of gyro and accelerometer, rad/s
+/// and m/s²; delay, s.
 const OF_RECORDING: [f64; 4] = [2e-4, 0.003, 0.02, 3e-4];
 /// Noise of a reading: N, N m, m/s², rad/s.
 const NOISE: [f64; 4] = [0.1, 0.004, 0.02, 1e-3];
@@ -71,8 +73,8 @@ impl Body {
         [self.mass, mc.x, mc.y, mc.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]]
     }
 
-    /// Returns force and moment about the origin that move it: angular rate and acceleration, and the specific force at the
-    /// origin.
+    /// Returns force and moment about the origin that move it: angular rate and acceleration, and the
+    /// specific force at the origin.
     fn wrench(&self, rate: Vector3<f64>, gained: Vector3<f64>, specific: Vector3<f64>) -> [f64; 6] {
         let c = self.com;
         let push = self.mass * (specific + gained.cross(&c) + rate.cross(&rate.cross(&c)));
@@ -93,13 +95,13 @@ fn vector(random: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
 /// The conditions of a recording.
 #[derive(Clone, Copy)]
 pub struct Conditions {
-    /// How many times the noise that is stated.
+    /// The noise by that which is stated.
     pub noisier: f64,
     /// Noise of this time constant, s, as large as the white one; none if it is zero.
     pub slow_s: f64,
-    /// What the motion's frequencies are divided by.
+    /// The number that the motion's frequencies are divided by.
     pub slower: f64,
-    /// What errors of rig and recording are multiplied by, as drawn and as stated.
+    /// The factor on errors of rig and recording, as drawn and as stated.
     pub errors: f64,
 }
 

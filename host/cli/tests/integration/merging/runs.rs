@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rigident::fit::pool::PooledFactor;
+use rigident::fit::tare::Tare;
 use rigident::fit::{Fit, FitOptions, Parameter, Silent};
 use rigident::problem::body::{BodySource, prepare};
 use rigident::problem::{Problem, Subject};
@@ -38,6 +39,21 @@ pub fn factor(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Pool
     PooledFactor::of(&fit(rig, body, seed, conditions), &format!("{rig} {seed}"))
 }
 
+/// Returns the factors of four recordings of a rig, the first with five times the noise that is stated.
+pub fn noisy_first(rig: u64, body: &Body, seed: u64) -> Vec<PooledFactor> {
+    let conditions = |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
+    (0..4).map(|k| factor(rig, body, seed + k, &conditions(k))).collect()
+}
+
+/// Returns how far 0.64 kg on a fixture of 6.4 kg are off, whose own recording is taken off.
+pub fn tared(rig: u64, seed: u64) -> Errors {
+    let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
+    let mut total = fit(rig, &both, seed, &Conditions::STATED);
+    let tare = Tare::new(factor(rig, &bare, seed + 1, &Conditions::STATED)).unwrap();
+    tare.take_off(&mut total).unwrap();
+    off(&total, &small)
+}
+
 /// Returns how far a fit is off.
 pub fn off(fit: &Fit, body: &Body) -> Errors {
     let truth: BTreeMap<&str, f64> = TEN.into_iter().zip(body.parameters()).collect();
@@ -54,13 +70,13 @@ pub fn outside(all: &[Errors]) -> f64 {
     of.iter().filter(|off| **off > 1.0).count() as f64 / of.len() as f64
 }
 
-/// The root of the mean square of all errors, in standard deviations.
+/// Returns the root of the mean square of all errors, in standard deviations.
 pub fn rms(all: &[Errors]) -> f64 {
     let of: Vec<f64> = all.iter().flatten().map(|(off, _)| (1.96 * off).powi(2)).collect();
     (of.iter().sum::<f64>() / of.len() as f64).sqrt()
 }
 
-/// How large U95 is by that of others, on the geometric mean of all parameters.
+/// Returns the geometric mean, over all parameters, of U95 by that of others.
 pub fn larger(all: &[Errors], others: &[Errors]) -> f64 {
     let of = all.iter().flatten().zip(others.iter().flatten()).map(|(a, b)| (a.1 / b.1).ln());
     let of: Vec<f64> = of.collect();
