@@ -8,7 +8,7 @@ use super::body_arguments::{Body, BodyCommand, IdentifyBody};
 use super::body_device::compared;
 use super::body_page::pages;
 use super::body_plates::doubtful_plates;
-use super::outcome::{say, say_not_written};
+use super::outcome::{CANNOT_BE_TRUE, say, say_not_written};
 use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::person::PersonResult;
 use rigident::answer::standard_parameters::Full;
@@ -247,7 +247,7 @@ fn answer(
             ..Source::default()
         },
         notes,
-        warnings: study.left.iter().chain(&person.warnings).cloned().collect(),
+        warnings: study.left.iter().chain(&person.warnings).cloned().chain(study.misfit()).collect(),
         findings,
         ..Context::default()
     };
@@ -328,10 +328,15 @@ fn finish(
         folder.write(name, page.as_bytes())?;
     }
     let asked = arguments.write_model.as_deref();
-    if let Some(path) = asked.filter(|_| answer.is_contradicted()) {
-        say_not_written(path);
+    let why_not = match (answer.is_contradicted(), study.misfit().is_some()) {
+        (true, _) => Some(CANNOT_BE_TRUE),
+        (_, true) => Some("the motion identifies no segments"),
+        _ => None,
+    };
+    if let (Some(path), Some(why)) = (asked, why_not) {
+        say_not_written(path, why);
     }
-    let usable = asked.filter(|_| !answer.is_contradicted());
+    let usable = asked.filter(|_| why_not.is_none());
     let written = usable.map(|path| write_model(person, full, osim, path)).transpose()?;
     if !arguments.json {
         let model = written.map_or_else(String::new, |path| format!("; the model is {path}"));

@@ -37,10 +37,13 @@ pub(super) fn say(text: impl std::fmt::Display) {
     }
 }
 
-/// Says that no model is written, because the recording cannot be true.
-pub(super) fn say_not_written(path: &std::path::Path) {
-    tell!("rigident: --write-model {}: not written: the recording cannot be true", path.display());
+/// Says that no model is written, and why.
+pub(super) fn say_not_written(path: &std::path::Path, why: &str) {
+    tell!("rigident: --write-model {}: not written: {why}", path.display());
 }
+
+/// Why no model is written of a contradicted answer.
+pub(super) const CANNOT_BE_TRUE: &str = "the recording cannot be true";
 
 /// Returns why an answer is not on standard output as a whole, if anything but a reader that went away kept it from there.
 pub(super) fn unwritten() -> Option<&'static str> {

@@ -3,7 +3,7 @@ use std::time::Instant;
 
 use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
-use super::outcome::{say, say_not_written};
+use super::outcome::{CANNOT_BE_TRUE, say, say_not_written};
 use super::payload::Payload;
 use super::{ExitStatus, Failure, Folder};
 use rigident::answer::result::{CompleteDrive, ExperimentSummary};
@@ -196,7 +196,7 @@ impl<'a> RunReport<'a> {
     /// Writes the model with the standard parameters where that is asked for; returns what to say of it.
     fn write_model(&self, answer: &Answer) -> Result<String, Failure> {
         if let Some(path) = self.standard.write_model.filter(|_| answer.is_contradicted()) {
-            say_not_written(path);
+            say_not_written(path, CANNOT_BE_TRUE);
         }
         let (Some(path), Some(found), Some((model, file))) =
             (self.standard.write_model, &answer.standard_parameters, self.loaded.and_then(Loaded::nominal))

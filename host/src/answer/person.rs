@@ -26,7 +26,7 @@ pub struct PersonResult {
     /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from midway between the hips, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_of_mass_m: Option<[Measured; 3]>,
-    /// The segments, physically consistent and nearest to the table.
+    /// The segments, physically consistent and nearest to the table; empty if the motions tell of none.
     pub segments: Vec<SegmentResult>,
     /// How motions that were left out are predicted by what the others say, channel by channel.
     pub left_out: Vec<LeftOut>,

@@ -13,6 +13,7 @@ mod motion;
 pub mod opensim;
 pub mod plates;
 pub mod report;
+mod rigidity;
 pub mod segments;
 mod study;
 pub mod tool;

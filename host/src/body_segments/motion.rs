@@ -43,6 +43,12 @@ impl Motion {
         Ok(source(person, self.trial, &self.frames)?.with_channel_sigma(self.sigma.clone()))
     }
 
+    /// Takes σ of every channel `by` times as large.
+    pub(super) fn widen(&mut self, by: f64) {
+        self.sigma.iter_mut().for_each(|sigma| *sigma *= by);
+        self.pooled = self.pooled.with_noise_times(by);
+    }
+
     pub(super) fn of(part: &Part, sigma: &[f64], fit: &Fit) -> Self {
         let found = Checks { warnings: Vec::new(), ..checks(fit, &[], true) };
         Self {

@@ -30,7 +30,11 @@ pub fn person_result(
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
     let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
-    let (segments, centre) = segments(study, person, (fit, motions), full)?;
+    // Whoever is not of rigid segments in these motions shows none.
+    let (segments, centre) = match study.misfit() {
+        Some(_) => (Vec::new(), None),
+        None => segments(study, person, (fit, motions), full).map(|(all, centre)| (all, Some(centre)))?,
+    };
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         height_m: person.subject.person.height_m,
@@ -39,7 +43,7 @@ pub fn person_result(
         mass_with_table_kg: state.and_then(|state| state.measured()),
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
         segments,
-        centre_of_mass_m: Some(centre),
+        centre_of_mass_m: centre,
         left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,
         choices: Vec::new(),

@@ -119,6 +119,8 @@ pub struct Study {
     /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
     pub draws: DMatrix<f64>,
     zeros: Zeros,
+    /// σ is this many times what rows and table leave, so that bodies explain them.
+    pub(super) noise_by_bodies: f64,
     base: BaseParameters,
     /// The model that the rows are of, without fixed joints.
     pub model: Model,
@@ -176,6 +178,7 @@ impl Study {
             table: options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass)),
             draws: DMatrix::zeros(open.names().len(), 0),
             zeros: Zeros::default(),
+            noise_by_bodies: 1.0,
             open,
             options: *options,
             left,
@@ -186,8 +189,8 @@ impl Study {
         })
     }
 
-    /// Finds how joint centres, marker places and zeros of plates that are not known move the parameters; `trials` are those that the
-    /// person was made of.
+    /// Finds how joint centres, marker places and zeros of plates that are not known move the parameters, and widens
+    /// the noise to what bodies explain; `trials` are those that the person was made of.
     ///
     /// # Errors
     /// [`StudyError`] if a person with other joints, or a motion, has no rows.
@@ -197,11 +200,15 @@ impl Study {
         trials: &[Trial],
         progress: &(dyn Progress + Sync),
     ) -> Result<(), StudyError> {
-        self.draws = draws(person, trials, &self.motions, &known(&self.table), &|share| {
-            progress.stage("joint centres' uncertainty", share);
-        })?;
-        self.zeros = Zeros::of(person, &self.motions, self.parameters())?;
-        Ok(())
+        let redraw = |study: &mut Self| -> Result<(), StudyError> {
+            study.draws = draws(person, trials, &study.motions, &known(&study.table), &|share| {
+                progress.stage("joint centres' uncertainty", share);
+            })?;
+            study.zeros = Zeros::of(person, &study.motions, study.parameters())?;
+            Ok(())
+        };
+        redraw(self)?;
+        self.widen_to_bodies(redraw)
     }
 
     /// Returns what some motions say together, with the table in the estimate.
@@ -294,16 +301,9 @@ impl Study {
     /// are those that predict best with joints as they were found and zeros as they were recorded.
     #[must_use]
     pub fn with_calibration(&self, mut fit: Fit, motions: &[usize]) -> Fit {
+        let known = known(&self.table);
         for (name, moved) in ["joint centres", "zeros of plates"].into_iter().zip(self.moved(motions)) {
-            if moved.ncols() == 0 {
-                continue;
-            }
-            let square = &moved * moved.transpose();
-            fit.estimate.widen(&square);
-            if let Some(prior) = &mut fit.prior {
-                prior.data_alone.widen(&square);
-            }
-            fit.added.push((name.to_owned(), square));
+            fit.count_shifts_beside(name, &moved, &known);
         }
         fit
     }
@@ -341,11 +341,10 @@ fn apart(a: &Measured, b: &Measured) -> bool {
 
 /// Returns the table as rows.
 pub fn known(table: &Gaussian) -> Factor {
-    let whitening = table.whitening();
-    let right = &whitening * table.mean();
-    let rows: Vec<Vec<f64>> = whitening.row_iter().map(|row| row.iter().copied().collect()).collect();
-    let mut factor = Factor::new(table.names().len());
-    factor.absorb(rows.iter().map(Vec::as_slice).zip(right.iter().copied()));
+    let n = table.names().len();
+    let rows = table.rows(n, &(0..n).collect::<Vec<_>>());
+    let mut factor = Factor::new(n);
+    factor.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
     factor
 }
 

@@ -33,10 +33,12 @@ pub fn text(found: &PersonResult) -> String {
         significant(found.table_mass_kg, 4)
     );
     // Trials that cannot be true say nothing of her.
-    if !found.segments.is_empty() {
+    if says_of_her(found) {
         out.push_str(&format!("Whole mass            {}\n", mass(found.mass_kg)));
         out.push_str(&format!("  with the table      {}\n", mass(found.mass_with_table_kg)));
         out.push_str(&format!("  its centre          {}\n\n", centre(found)));
+    }
+    if !found.segments.is_empty() {
         out.push_str(&columns(&segments(found)));
         out.push_str(&format!("\n{SEGMENTS_NOTE}\n\n"));
     }
@@ -60,30 +62,39 @@ pub fn text(found: &PersonResult) -> String {
     out
 }
 
+fn says_of_her(found: &PersonResult) -> bool {
+    !found.segments.is_empty() || found.mass_with_table_kg.is_some()
+}
+
 fn mass(measured: Option<Measured>) -> String {
     measured.map_or_else(|| NOT_IDENTIFIED.to_owned(), |m| with_u95(m.value, m.u95, "kg"))
 }
 
 /// Returns the whole mass and the segments for a page; nothing of trials that cannot be true.
 fn masses(found: &PersonResult) -> String {
-    if found.segments.is_empty() {
+    if !says_of_her(found) {
         return String::new();
     }
+    let segments = match found.segments.as_slice() {
+        [] => String::new(),
+        _ => {
+            let all = table(&segments(found));
+            format!("\n<h2>Segments</h2>\n<p class=\"soft\">{SEGMENTS_NOTE}</p>\n{all}")
+        }
+    };
     format!(
         "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table is \
-         scaled to {} kg and {} m.</p>\n<h2>Segments</h2>\n<p class=\"soft\">{}</p>\n{}",
+         scaled to {} kg and {} m.</p>{segments}",
         escape(&mass(found.mass_kg)),
         escape(&mass(found.mass_with_table_kg)),
         escape(&centre(found)),
         significant(found.table_mass_kg, 4),
         significant(found.height_m, 3),
-        SEGMENTS_NOTE,
-        table(&segments(found)),
     )
 }
 
 fn centre(found: &PersonResult) -> String {
-    let Some(centre) = &found.centre_of_mass_m else { return "not told".to_owned() };
+    let Some(centre) = &found.centre_of_mass_m else { return NOT_IDENTIFIED.to_owned() };
     let [x, y, z] = centre.each_ref().map(|m| with_u95(m.value, m.u95, "m"));
     format!("{x} forward, {y} to the left, {z} above the hips, standing upright")
 }

@@ -119,6 +119,9 @@ fn standing_alone_shared_data_tell_the_mass_and_little_else() {
     let (value, u95) = mass(&found, "mass_kg");
     // Two plates that were always loaded, each with a zero known to 5 N: 1.96 · √2 · 5 N / g = 1.41 kg.
     assert!((value - 60.75).abs() < 0.05 && (1.38..1.45).contains(&u95), "{value} ± {u95}");
+    // Breathing and skin move as much as the segments do: of these nothing is said, and no model is made.
+    assert_eq!(found["person"]["segments"].as_array().unwrap().len(), 0);
+    assert!(found["warnings"].to_string().contains("no rigid segments explain the forces"));
     // With the walk, in which both plates have time without load, their zeros are known. Standing, they read 595.72 N together;
     // without load in the walk 0.80 N and −2.77 N (medians): 597.69 N, 60.95 kg.
     let files = [files[0], ("", "human_btk_pig_60kg_functional/FunctionalWalk.c3d")];
