@@ -7,10 +7,11 @@
 //! eliminated. A step of the body counts only beside a step of the channels' offsets: what a load cell does by itself is no
 //! change of the body. Nothing here knows of bodies: columns say themselves whose they are.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::bins::Bins;
 use super::noise::{self, PowerLaw};
+use super::noise_filled::NoiseFilled;
 use super::score::{Common, Metric, PER_COLUMN, Score, Step, drift};
 use super::{Role, Rows, tail};
 use crate::Whitener;
@@ -25,8 +26,9 @@ const ENDS: f64 = 0.05;
 const LEAST_END: usize = 5;
 /// Fewer bins than this say nothing.
 const LEAST_BINS: usize = 40;
-/// Rounds of the noise beside the step.
+/// Rounds of the noise beside the step, and of the directions that noise could fill.
 const ROUNDS: usize = 4;
+const MOST_FILLED: usize = 16;
 /// Bins about the change in which its time is looked for row by row.
 const NEAR: usize = 3;
 /// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
@@ -80,7 +82,8 @@ pub(super) fn find(rows: &Rows, bins: &Bins) -> Option<Change> {
         return None;
     }
     let columns: Vec<usize> = offset.iter().chain(&body).copied().collect();
-    Search { bins, columns: &columns, offsets: offset.len() }.find(rows)
+    let bin_s = bins.several as f64 * rows.blocks.filter().row_period_s();
+    Search { bins, columns: &columns, offsets: offset.len(), bin_s }.find(rows)
 }
 
 pub(super) struct Search<'a> {
@@ -88,6 +91,8 @@ pub(super) struct Search<'a> {
     /// Columns that may step, offsets first.
     pub(super) columns: &'a [usize],
     pub(super) offsets: usize,
+    /// Length of a bin, s.
+    pub(super) bin_s: f64,
 }
 
 /// The largest step of all, at one bin.
@@ -121,10 +126,11 @@ impl Search<'_> {
         (0..self.offsets).collect()
     }
 
-    fn largest(&self, common: &Common) -> Option<Largest> {
+    fn largest(&self, common: &Common, filled: &[DVector<f64>]) -> Option<Largest> {
         let (offset, body) = (self.offset(), self.body());
         let mut largest: Option<(f64, Largest)> = None;
         common.each(self.range(), |score| {
+            let score = score.beside(filled);
             let [_, (square, rank)] = common.explained(&score, [&offset, &body]);
             let chance = tail(square, rank, self.others());
             // Beyond the smallest number that there is, the square decides.
@@ -139,29 +145,50 @@ impl Search<'_> {
     }
 
     fn find(&self, rows: &Rows) -> Option<Change> {
-        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
-        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
-        if self.probability(first.square, first.rank) > SUSPICION {
-            return None;
-        }
-        let (noise, found) = self.second_look(first)?;
+        let (noise, filled, found) = self.search()?;
         let probability = self.probability(found.square, found.rank);
-        if probability > FALSE_ALARM {
-            return None;
-        }
         let metrics = self.metrics(&noise);
         let common = Common::new(self.bins, &metrics, self.columns);
         let score = common.at(found.bin)?;
-        Some(self.conclude(rows, &common, &score, probability, &noise))
+        Some(self.conclude(rows, &common, &score, &filled, probability, &noise))
+    }
+
+    /// Returns the noise of every channel, the directions that noise of the signals could fill, and the largest step
+    /// beside both; `None` where there is none beyond chance.
+    fn search(&self) -> Option<(Vec<PowerLaw>, Vec<DVector<f64>>, Largest)> {
+        let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
+        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns), &[])?;
+        if self.probability(first.square, first.rank) > SUSPICION {
+            return None;
+        }
+        let could = NoiseFilled::new(self.bins, self.columns, self.offsets, self.bin_s);
+        let (mut filled, mut found): (Vec<DVector<f64>>, _) = (Vec::new(), first);
+        for _ in 0..MOST_FILLED {
+            let (noise, largest) = self.second_look(found, &filled)?;
+            if self.probability(largest.square, largest.rank) > FALSE_ALARM {
+                return None;
+            }
+            let metrics = self.metrics(&noise);
+            let more = could.at(largest.bin, &metrics, &noise);
+            let common = Common::new(self.bins, &metrics, self.columns);
+            let beside = common.at(largest.bin)?.beside(&filled).beside(&more);
+            let [_, (_, rank)] = common.explained(&beside, [&self.offset(), &self.body()]);
+            if rank == largest.rank {
+                return Some((noise, filled, largest));
+            }
+            filled.extend(more);
+            found = largest;
+        }
+        None
     }
 
     /// Returns the noise of every channel as it is beside the largest step, and the largest step beside that noise.
-    fn second_look(&self, first: Largest) -> Option<(Vec<PowerLaw>, Largest)> {
+    fn second_look(&self, first: Largest, filled: &[DVector<f64>]) -> Option<(Vec<PowerLaw>, Largest)> {
         let (mut noise, mut found) = (Vec::new(), first);
         for _ in 0..ROUNDS {
             let before = found.bin;
             noise = (0..self.bins.channels).map(|c| self.noise_beside(c, before)).collect();
-            found = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
+            found = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns), filled)?;
             if found.bin == before {
                 break;
             }
@@ -173,8 +200,8 @@ impl Search<'_> {
     #[cfg(test)]
     pub(super) fn chance(&self) -> Option<f64> {
         let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
-        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns))?;
-        let (_, found) = self.second_look(first)?;
+        let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns), &[])?;
+        let (_, found) = self.second_look(first, &[])?;
         Some(self.probability(found.square, found.rank))
     }
 
@@ -203,13 +230,15 @@ impl Search<'_> {
         rows: &Rows,
         common: &Common,
         score: &Score,
+        filled: &[DVector<f64>],
         probability: f64,
         noise: &[PowerLaw],
     ) -> Change {
         let (offset, body) = (self.offset(), self.body());
+        let evidence = score.clone().beside(filled);
         let beside = |[first, both]: [(f64, usize); 2]| self.probability(both.0 - first.0, both.1 - first.1);
-        let of_body = beside(common.explained(score, [&offset, &body]));
-        let of_offset = beside(common.explained(score, [&body, &offset]));
+        let of_body = beside(common.explained(&evidence, [&offset, &body]));
+        let of_offset = beside(common.explained(&evidence, [&body, &offset]));
         let changed = if of_body < FALSE_ALARM {
             Changed::Body
         } else if of_offset < FALSE_ALARM {
@@ -223,7 +252,7 @@ impl Search<'_> {
             Changed::Body | Changed::Either => &body,
             Changed::Offset => &offset,
         };
-        let step = common.step(score, set);
+        let step = common.step(score, set, filled);
         let (time_s, time_u95_s) = self.time(rows, &step, score.bin, noise);
         let steps = step.columns.iter().enumerate().filter(|(k, _)| step.determined[*k]);
         let steps = steps.map(|(k, column)| ColumnStep {
@@ -233,7 +262,7 @@ impl Search<'_> {
         });
         let steps = steps.collect();
         let probability = if changed == Changed::Body { of_body } else { probability };
-        let [_, (square, rank)] = common.explained(score, [&offset, &body]);
+        let [_, (square, rank)] = common.explained(&evidence, [&offset, &body]);
         let explained = square - PER_COLUMN * rank as f64;
         Change { time_s, time_u95_s, changed, probability, explained, steps }
     }

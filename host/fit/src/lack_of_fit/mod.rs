@@ -7,6 +7,7 @@
 mod bins;
 pub mod change;
 mod noise;
+mod noise_filled;
 pub mod pose_drift;
 pub mod rigidity;
 mod score;

@@ -44,7 +44,7 @@ pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
         let columns = (0..bins.channels)
             .map(|c| if c == channel { drift.clone() } else { DMatrix::zeros(poses, 2) })
             .map(|columns| Further { columns, expected: DMatrix::zeros(2, bins.columns + 1) });
-        let Added { square, rank, .. } = common.added(&columns.collect());
+        let Added { square, rank, .. } = common.added(&columns.collect(), None);
         // The variance is that of the channel itself, as what is left of it shows.
         let own = noise::basis(&bins.rows[channel], noise::ROUNDING);
         let free = poses.saturating_sub(own.ncols() + rank) as f64;

@@ -19,6 +19,7 @@ use nalgebra::DMatrix;
 use super::Rows;
 use super::bins::Bins;
 use super::noise::{self, PowerLaw};
+use super::noise_filled::Quiet;
 use super::score::{Added, Candidate, Common, Further, Metric, PER_COLUMN, drift};
 use super::tail;
 
@@ -150,6 +151,8 @@ struct Stretch<'a> {
     rate_hz: f64,
     /// Noise of the signals in the rows.
     noise: Vec<NoiseSeries>,
+    /// Their quietest time.
+    quiet: Quiet,
 }
 
 /// Noise of the signals in whitened rows, once.
@@ -221,7 +224,8 @@ impl<'a> Stretch<'a> {
         });
         let rate_hz = 1.0 / rows.blocks.filter().row_period_s();
         let noise = NoiseSeries::all(rows, bins.several);
-        Self { rows, bins, columns, residuals, first, rate_hz, noise }
+        let quiet = Quiet::new(&bins, bins.several as f64 / rate_hz);
+        Self { rows, bins, columns, residuals, first, rate_hz, noise, quiet }
     }
 
     /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that with all columns as
@@ -299,7 +303,7 @@ impl<'a> Stretch<'a> {
         let bins = &self.bins;
         let (count, n) = (bins.len(), bins.columns);
         let drift = drift(count);
-        let metrics: Vec<Metric> = (0..bins.channels)
+        let noise: Vec<PowerLaw> = (0..bins.channels)
             .map(|c| {
                 let k = candidate[c].columns.ncols();
                 let all = DMatrix::from_fn(count, 3 + n + k, |b, j| match j {
@@ -308,10 +312,12 @@ impl<'a> Stretch<'a> {
                     _ if j < 3 + n => bins.rows[c][(b, j - 3)],
                     _ => candidate[c].columns[(b, j - 3 - n)],
                 });
-                Metric::new(&PowerLaw::of(&bins.residuals[c], &noise::basis(&all, noise::ROUNDING)), count)
+                PowerLaw::of(&bins.residuals[c], &noise::basis(&all, noise::ROUNDING))
             })
             .collect();
-        let Added { square, rank, .. } = Common::new(bins, &metrics, &[]).added(candidate);
+        let metrics: Vec<Metric> = noise.iter().map(|noise| Metric::new(noise, count)).collect();
+        let quiet = Some((&self.quiet, noise.as_slice()));
+        let Added { square, rank, .. } = Common::new(bins, &metrics, &[]).added(candidate, quiet);
         let others = (count as f64 - ((n + rank) as f64 / bins.channels as f64) - 3.0).max(1.0);
         (square - PER_COLUMN * rank as f64, (tail(square, rank, others) * tried).min(1.0))
     }
@@ -343,7 +349,7 @@ impl<'a> Stretch<'a> {
         let mut tried: Vec<(f64, f64, f64)> = Vec::new();
         for frequency_hz in frequencies {
             for damping in DAMPINGS {
-                let found = common.added(&self.resonance(frequency_hz, damping));
+                let found = common.added(&self.resonance(frequency_hz, damping), None);
                 let square = if self.is_part(found.factors.as_slice()) { found.square } else { 0.0 };
                 tried.push((square, frequency_hz, damping));
             }

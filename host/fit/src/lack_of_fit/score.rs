@@ -13,10 +13,13 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bins::Bins;
 use super::noise::PowerLaw;
+use super::noise_filled::{Quiet, filled};
 use crate::compensation::{MOST_UNCERTAIN, possible, uncertainty};
 
 /// A direction with less than this of its column's information is not seen.
 const LEAST: f64 = 1e-9;
+/// A column with less than this part in a direction, of that of the largest, that noise could fill has its step by itself.
+const MOST_PART: f64 = 0.5;
 /// What a column has to explain by itself.
 pub(super) const PER_COLUMN: f64 = 7.0;
 
@@ -58,7 +61,7 @@ impl Metric {
     }
 
     /// Returns the weight of a bin in its own score.
-    fn of_bin(&self, bin: usize) -> f64 {
+    pub(super) fn of_bin(&self, bin: usize) -> f64 {
         let own = match &self.inverse {
             Inverse::White(weight) => *weight,
             Inverse::Full(matrix) => matrix[(bin, bin)],
@@ -86,12 +89,35 @@ pub(super) fn drift(count: usize) -> DMatrix<f64> {
 }
 
 /// The score of a step from a bin on, and its covariance.
+#[derive(Clone)]
 pub(super) struct Score {
     pub(super) bin: usize,
     score: DVector<f64>,
     information: DMatrix<f64>,
     /// `G⁺ H_tᵀ`: what the common fit gives of a step.
     taken: DMatrix<f64>,
+}
+
+impl Score {
+    /// Returns the score beside steps in some directions, which explain what they can and are no evidence.
+    pub(super) fn beside(mut self, directions: &[DVector<f64>]) -> Self {
+        take_out(&mut self.score, &mut self.information, directions);
+        self
+    }
+}
+
+/// Takes out of a score and its covariance what some directions explain.
+fn take_out(score: &mut DVector<f64>, information: &mut DMatrix<f64>, directions: &[DVector<f64>]) {
+    let whole = information.diagonal();
+    for direction in directions {
+        let along = &*information * direction;
+        let own = direction.dot(&along);
+        let scale = whole.dot(&direction.component_mul(direction));
+        if own > LEAST * scale {
+            score.axpy(-direction.dot(score) / own, &along, 1.0);
+            information.ger(-1.0 / own, &along, &along, 1.0);
+        }
+    }
 }
 
 /// Further columns in the bins of a channel.
@@ -258,13 +284,14 @@ impl<'a> Common<'a> {
     }
 
     /// Returns the decrease of χ² and its degrees of freedom by further columns, given by channels, and what they are
-    /// multiplied by.
-    pub(super) fn added(&self, candidate: &Candidate) -> Added {
+    /// multiplied by. What noise of the signals could fill of them, with residuals of some `noise`, is no evidence.
+    pub(super) fn added(&self, candidate: &Candidate, quiet: Option<(&Quiet, &[PowerLaw])>) -> Added {
         let k = candidate.first().map_or(0, |own| own.columns.ncols());
         let (mut score, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
         let (mut shared, mut less) =
             (DMatrix::zeros(k, self.bins.columns), DMatrix::zeros(k, self.bins.columns));
         let about = &self.bins.about + self.fitted.push(0.0);
+        let mut could = DMatrix::zeros(k, k);
         for (c, Further { columns, expected }) in candidate.iter().enumerate() {
             score += columns.tr_mul(&self.left[c]);
             information += columns.tr_mul(&self.metrics[c].apply(columns));
@@ -277,9 +304,14 @@ impl<'a> Common<'a> {
             let more = self.bins.noise[c].uncertain * squares;
             information.ger(more, &drawn, &drawn, 1.0);
             shared.ger(more, &drawn, &self.drawn[c], 1.0);
+            if let Some((quiet, noise)) = quiet {
+                could += quiet.scatter(columns) * (weight * quiet.room(c, noise));
+            }
         }
+        let filled = filled(&information, &could);
         let whole: Vec<f64> = information.diagonal().iter().copied().collect();
-        let information = information + self.eliminated(&shared, &(&shared - &less)).1;
+        let mut information = information + self.eliminated(&shared, &(&shared - &less)).1;
+        take_out(&mut score, &mut information, &filled);
         let all: Vec<usize> = (0..k).collect();
         let [(square, rank), _] = explained(&score, &information, &whole, [&all, &[]]);
         Added { square, rank, factors: pseudo_inverse(&information).0 * score }
@@ -298,11 +330,18 @@ impl<'a> Common<'a> {
         explained(&score.score, &score.information, &self.whole, sets)
     }
 
-    /// Returns the steps in some columns that explain most, their covariance, and true where they are determined.
-    pub(super) fn step(&self, score: &Score, set: &[usize]) -> Step {
+    /// Returns the steps in some columns that explain most, their covariance, and true where they are determined and have
+    /// no part in directions that noise could fill.
+    pub(super) fn step(&self, score: &Score, set: &[usize], filled: &[DVector<f64>]) -> Step {
         let own = score.information.select_rows(set).select_columns(set);
         let right = score.score.select_rows(set);
-        let (covariance, determined) = pseudo_inverse(&own);
+        let (covariance, mut determined) = pseudo_inverse(&own);
+        for direction in filled {
+            let part = |k: usize| direction[k] * score.information[(k, k)].max(0.0).sqrt();
+            let most = (0..direction.len()).map(|k| part(k).abs()).fold(0.0, f64::max);
+            let known = determined.iter_mut().zip(set);
+            known.for_each(|(known, k)| *known &= part(*k).abs() < MOST_PART * most);
+        }
         let value = &covariance * right;
         // What the common fit is beside that step.
         let mut fitted = self.fitted.clone();
