@@ -26,9 +26,15 @@ pub enum LoadCellClass {
     /// 1 %
     #[serde(rename = "1%")]
     One,
+    /// 0.25 %
+    #[serde(rename = "0.25%")]
+    Quarter,
     /// 0.2 %
     #[serde(rename = "0.2%")]
     Fifth,
+    /// 0.1 %
+    #[serde(rename = "0.1%")]
+    Tenth,
     /// 0.05 %
     #[serde(rename = "0.05%")]
     Twentieth,
@@ -170,7 +176,9 @@ impl LoadCellClass {
     pub fn name(self) -> &'static str {
         match self {
             Self::One => "1%",
+            Self::Quarter => "0.25%",
             Self::Fifth => "0.2%",
+            Self::Tenth => "0.1%",
             Self::Twentieth => "0.05%",
             Self::Exact => "exact",
         }
@@ -180,7 +188,9 @@ impl LoadCellClass {
     pub fn limit(self) -> f64 {
         match self {
             Self::One => 1e-2,
+            Self::Quarter => 2.5e-3,
             Self::Fifth => 2e-3,
+            Self::Tenth => 1e-3,
             Self::Twentieth => 5e-4,
             Self::Exact => 0.0,
         }
