@@ -3,7 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Case, Fault};
-use rigident_io::rig::RigFile;
+use crate::problem::Problem;
+use rigident_fit::{FitOptions, Silent};
+use rigident_io::rig::{ImuTable, RigFile};
 
 /// Three readings of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,6 +82,24 @@ impl Triple {
         .is_some()
     }
 
+    /// Returns true if the readings are as large as gravity, as those of an accelerometer in m/s² are.
+    fn is_gravity(self, case: &Case) -> bool {
+        let recording = &case.recording;
+        let rows = match self {
+            Self::Accel => recording.imus.first().and_then(|imu| imu.accel.as_ref()),
+            Self::Gravity => recording.gravity.as_ref(),
+            _ => None,
+        };
+        let mut sizes: Vec<f64> = rows
+            .into_iter()
+            .flatten()
+            .map(|row| Vector3::from(*row).norm())
+            .filter(|v| v.is_finite())
+            .collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes.get(sizes.len() / 2).is_some_and(|size| (0.5..2.0).contains(&(size / GRAVITY_MPS2)))
+    }
+
     fn is_in(self, case: &Case) -> bool {
         let imu = case.recording.imus.first();
         match self {
@@ -89,6 +109,44 @@ impl Triple {
             Self::Gravity => case.recording.gravity.is_some(),
         }
     }
+}
+
+const GRAVITY_MPS2: f64 = 9.80665;
+/// An IMU that is this many standard deviations, and further than a ruler errs, from where it is said to be sits elsewhere; m.
+const ELSEWHERE_SD: f64 = 4.42;
+const RULER_M: f64 = 5e-3;
+/// 1 σ of its place where nothing is known of it, m.
+const ANYWHERE_M: f64 = 0.2;
+
+/// Returns that the IMU sits where the fit finds it, if that is far from where the rig file has it.
+fn of_place(case: &Case) -> Option<Fault> {
+    if case.model.is_some() || case.recording.is_static {
+        return None;
+    }
+    // As if nobody had said where it sits.
+    let mut open = case.clone();
+    own_table(&mut open.recording.rig).position_std_m = Some(ANYWHERE_M);
+    let problem = Problem::from_recording(&open.recording, None, &open.options).ok()?;
+    let fit = problem.fit(&FitOptions { convergence_points: 0, ..FitOptions::default() }, &Silent).ok()?;
+    let own: Vec<_> = fit.nuisances.iter().filter(|found| found.nuisance.group == "lever arm").collect();
+    let [x, y, z] = own.as_slice() else { return None };
+    let moved = [x, y, z].map(|found| found.value);
+    let far = [x, y, z].iter().any(|found| found.value.abs() > (ELSEWHERE_SD * found.sd).max(RULER_M));
+    let stated =
+        case.recording.rig.imu.iter().find(|imu| imu.link == 0).map_or([0.0; 3], |imu| imu.position_m);
+    let place: [f64; 3] = std::array::from_fn(|k| stated[k] + moved[k]);
+    let [px, py, pz] = place.map(|v| format!("{v:.3}"));
+    let what = format!(
+        "the IMU does not sit where it is said to, but about {px}, {py}, {pz} m from the load cell's origin"
+    );
+    let mend =
+        format!("measure it, and give position_m = [{px}, {py}, {pz}] or better in [[imu]] of the rig file");
+    far.then(|| {
+        Fault::new("place of the IMU", what, mend, move |case| {
+            own_table(&mut case.recording.rig).position_m = place;
+            true
+        })
+    })
 }
 
 /// A matrix of one ±1 in each row and column.
@@ -186,7 +244,8 @@ pub(super) fn late(what: &str, s: f64) -> String {
 pub(super) fn faults(case: &Case) -> Vec<Fault> {
     let mut all = Vec::new();
     let there: Vec<Triple> = Triple::ALL.into_iter().filter(|triple| triple.is_in(case)).collect();
-    for triple in &there {
+    all.extend(of_place(case));
+    for triple in there.iter().filter(|triple| !triple.is_gravity(case)) {
         all.extend(of_units(*triple));
     }
     all.extend(of_wrench_sign(case));
@@ -234,6 +293,15 @@ fn table(rig: &mut RigFile, change: impl FnOnce(&mut rigident_io::rig::ImuTable)
     let Some(table) = rig.imu.iter_mut().find(|imu| imu.link == 0) else { return false };
     change(table);
     true
+}
+
+/// Returns the rig file's table of the base's IMU, which it gets if it has none.
+fn own_table(rig: &mut RigFile) -> &mut ImuTable {
+    let at = rig.imu.iter().position(|imu| imu.link == 0).unwrap_or_else(|| {
+        rig.imu.push(ImuTable::default());
+        rig.imu.len() - 1
+    });
+    &mut rig.imu[at]
 }
 
 fn of_mounting(case: &Case) -> Vec<Fault> {

@@ -110,6 +110,23 @@ fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
 }
 
 /// Moments in N mm: as moments in N m would be of forces in kN, but no matter is as dense as that body.
+/// Nobody measured where the IMU sits, and the rig file takes it to be at the origin.
+#[test]
+fn an_imu_that_sits_elsewhere_is_named_with_its_place() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let rig = recording(at);
+    let line = rig.lines().find(|line| line.starts_with("position_m")).unwrap();
+    let stated: Vec<f64> = line.split(['[', ']', ',']).filter_map(|cell| cell.trim().parse().ok()).collect();
+    fs::write(at.join("o.toml"), rig.replace(line, "position_m = [0.0, 0.0, 0.0]")).unwrap();
+    let output = rigident(at, &["identify", "a.csv", "--rig", "o.toml", "--json", "--out", "o"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let cause = json(&output)["cause"]["mend"].as_str().unwrap().to_owned();
+    let found: Vec<f64> = cause.split(['[', ']', ',']).filter_map(|cell| cell.trim().parse().ok()).collect();
+    assert_eq!(found.len(), 3, "{cause}");
+    assert!(found.iter().zip(&stated).all(|(a, b)| (a - b).abs() < 0.003), "{cause} {stated:?}");
+}
+
 #[test]
 fn of_two_units_that_explain_alike_the_possible_body_decides() {
     let place = tempfile::tempdir().unwrap();
