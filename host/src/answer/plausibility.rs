@@ -16,6 +16,11 @@ use rigident_fit::{ChannelFit, Fit, Kind, Owner};
 const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
 const UNEXPLAINED: f64 = 0.3;
+/// Of still poses without a stated noise: a channel whose residuals follow gravity along other axes leaves less than this
+/// by cross-talk and tilt.
+const CROSSED: f64 = 0.15;
+/// No body on a load cell has its centre of mass further away, m.
+const FURTHEST_M: f64 = 10.0;
 /// Where a channel varies by fewer than so many σ of its noise, noise alone may leave that much: a tenth more of it than stated
 /// leaves √0.21 σ, 23 % of two σ.
 const STILL: f64 = 2.0;
@@ -26,7 +31,25 @@ const ALIKE: f64 = 0.9;
 
 /// Returns in words what of a fit cannot be true, beside what contradicts the rig file.
 pub(super) fn of_the_fit(fit: &Fit) -> Vec<String> {
-    negative(fit).into_iter().chain(unexplained(fit)).collect()
+    negative(fit).into_iter().chain(unexplained(fit)).chain(far_away(fit)).collect()
+}
+
+/// Tells of a body whose centre of mass is further from the load cell than any that one carries.
+fn far_away(fit: &Fit) -> Option<String> {
+    let names = ["m", "mcx", "mcy", "mcz"];
+    let is_body = fit.parameters.iter().zip(names).all(|(p, name)| p.name == name);
+    let data = fit.data_alone();
+    if !is_body || !(0..names.len()).all(|j| data.is_determined(j)) {
+        return None;
+    }
+    let [m, x, y, z, ..] = *data.unjudged().values else { return None };
+    let far_m = (x * x + y * y + z * z).sqrt() / m.abs();
+    (far_m > FURTHEST_M).then(|| {
+        format!(
+            "the centre of mass would be {} m from the load cell's origin: are the moments in N m, and the forces in N?",
+            significant(far_m, 3)
+        )
+    })
 }
 
 /// Tells of friction and rotors that would push.
@@ -54,8 +77,9 @@ fn negative(fit: &Fit) -> Option<String> {
     })
 }
 
-/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies.
-fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
+/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies, where that
+/// is too much.
+fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<f64> {
     // Of a force or moment along one axis what the largest of the three varies by.
     let group = fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
     let varies = group.map(|other| other.measured_sd).fold(0.0, f64::max);
@@ -66,7 +90,10 @@ fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
         (_, Some(stated)) => stated.max(channel.noise_floor),
         (floor, None) if floor > 0.0 => floor,
         // Still poses, of which no differences tell the noise.
-        _ if fit.filter.width_s == 0.0 => return None,
+        _ if fit.filter.width_s == 0.0 => {
+            let left = channel.residual_rms / varies;
+            return Some(left).filter(|left| *left > CROSSED && fit.lack_of_fit.crossed.contains(&number));
+        }
         _ => 0.0,
     };
     let gain = fit.filter.noise_gain;
@@ -75,7 +102,7 @@ fn share(fit: &Fit, channel: &ChannelFit) -> Option<f64> {
     }
     let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
     let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
-    Some(beyond.max(0.0).sqrt() / varies)
+    Some(beyond.max(0.0).sqrt() / varies).filter(|share| *share > UNEXPLAINED)
 }
 
 /// Tells of channels that the model explains little of, where that is no noise.
@@ -83,15 +110,15 @@ fn unexplained(fit: &Fit) -> Option<String> {
     let poor: Vec<String> = fit
         .channels
         .iter()
-        .filter_map(|channel| Some((channel, share(fit, channel)?)))
-        .filter(|(_, share)| *share > UNEXPLAINED)
+        .enumerate()
+        .filter_map(|(number, channel)| Some((channel, share(fit, number, channel)?)))
         .map(|(channel, share)| format!("{} {:.0} %", channel.channel.name, 100.0 * share))
         .collect();
     (!poor.is_empty()).then(|| {
         format!(
             "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what is left beyond the \
              noise, over the standard deviation of what is measured, of a wrench the largest of three axes): {}",
-            100.0 * UNEXPLAINED,
+            100.0 * if fit.filter.width_s == 0.0 { CROSSED } else { UNEXPLAINED },
             poor.join(", ")
         )
     })

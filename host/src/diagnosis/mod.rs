@@ -143,6 +143,9 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
     })
 }
 
+/// Two faults of one kind leave the same if they differ by a common sign.
+const REVERSE: f64 = 1e-6;
+
 /// Faults between two reports of progress.
 const CHUNK: usize = 16;
 
@@ -152,6 +155,8 @@ fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
     let mut best: Vec<Tried> = Vec::new();
     for tried in tried {
         match best.iter_mut().find(|other| other.fault.kind == tried.fault.kind) {
+            // The reverse of what explains all explains as much: which of the two is judged by the body.
+            Some(other) if (tried.left - other.left).abs() < REVERSE => best.push(tried),
             Some(other) if tried.left < other.left => *other = tried,
             Some(_) => {}
             None => best.push(tried),

@@ -48,6 +48,7 @@ mod published_robots;
 mod rates;
 mod report;
 mod rig_errors;
+mod still_poses_faults;
 mod streams;
 mod study_length;
 mod support;

@@ -17,6 +17,7 @@ const KNOCKS: f64 = 0.1;
 const GAP: f64 = 1.5;
 
 /// Bins of a recording.
+#[derive(Clone)]
 pub(super) struct Bins {
     pub(super) channels: usize,
     pub(super) columns: usize,

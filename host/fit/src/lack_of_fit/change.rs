@@ -10,9 +10,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::bins::Bins;
+use super::metric::{Metric, drift};
 use super::noise::{self, PowerLaw};
 use super::noise_filled::NoiseFilled;
-use super::score::{Common, Metric, PER_COLUMN, Score, Step, drift};
+use super::score::{Common, PER_COLUMN, Score, Step};
 use super::{Role, Rows, tail};
 use crate::Whitener;
 use crate::left_of_rows::dot;

@@ -6,8 +6,10 @@
 
 mod bins;
 pub mod change;
+mod metric;
 mod noise;
 mod noise_filled;
+mod pose_axes;
 pub mod pose_drift;
 pub mod rigidity;
 mod score;
@@ -116,6 +118,8 @@ pub struct LackOfFit {
     pub not_rigid: Option<NotRigid>,
     /// Channels that drift from still pose to still pose.
     pub pose_drift: Vec<PoseDrift>,
+    /// Numbers of channels of still poses that follow the columns of other channels.
+    pub crossed: Vec<usize>,
 }
 
 impl LackOfFit {
@@ -138,9 +142,14 @@ pub fn look(rows: &Rows) -> LackOfFit {
         return LackOfFit::default();
     }
     if rows.blocks.filter().row_period_s() <= 0.0 {
+        // Cross-talk as large as anything would explain all axes.
+        let of_model = rows.columns(|role| role.is_body() || role == Role::Offset);
+        let first = of_model.iter().position(|k| rows.roles[*k].is_body());
+        let crossed = first.map(|column| pose_axes::find(&bins.clone().only(&of_model), column));
         // Drift as large as is known beforehand is in the estimate already: what it leaves is more.
         let others = rows.columns(|role| role != Role::Drift);
-        return LackOfFit { pose_drift: pose_drift::find(&bins.only(&others)), ..LackOfFit::default() };
+        let pose_drift = pose_drift::find(&bins.only(&others));
+        return LackOfFit { pose_drift, crossed: crossed.unwrap_or_default(), ..LackOfFit::default() };
     }
     let change = change::find(rows, &bins);
     // What explains the residuals better than a step is no step.

@@ -12,8 +12,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bins::Bins;
+use super::metric::Metric;
 use super::noise::PowerLaw;
-use super::score::Metric;
 
 /// The time in which rows are quietest, s, and the least number of its bins.
 const QUIET_S: f64 = 1.0;

@@ -4,18 +4,22 @@
 //! has. And the residuals of a channel follow one another: their correlation from pose to pose is nearly normal about zero
 //! with the variance 1/n (T. W. Anderson, Distribution of the serial correlation coefficient, 1942).
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use statrs::function::erf::erfc;
 
 use super::bins::Bins;
+use super::metric::{Metric, drift};
 use super::noise::{self, PowerLaw};
-use super::score::{Added, Common, Further, Metric, drift};
+use super::score::{Added, Common, Further};
 use super::tail;
 
 /// A channel of an honest recording is accused once in so many, by either test.
 pub const FALSE_ALARM: f64 = 1e-4;
 /// Fewer poses than this say nothing.
 const LEAST_POSES: usize = 8;
+
+/// Columns explain all but this share at most, as far as rounding tells.
+const LEAST_REST: f64 = 1e-9;
 
 /// A channel that drifts.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,33 +34,57 @@ pub struct PoseDrift {
     pub correlation_probability: f64,
 }
 
-/// Returns the channels that drift.
-pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
-    let poses = bins.len();
-    if poses < LEAST_POSES {
-        return Vec::new();
+/// The F-test of columns in one channel of poses, beside the common fit of all channels.
+pub(super) struct Poses<'a> {
+    bins: &'a Bins,
+    metrics: Vec<Metric>,
+}
+
+/// What columns explain of one channel.
+pub(super) struct Explained {
+    /// What the common fit leaves of the channel.
+    pub(super) left: DVector<f64>,
+    /// Probability that noise explains as much.
+    pub(super) probability: f64,
+}
+
+impl<'a> Poses<'a> {
+    pub(super) fn new(bins: &'a Bins) -> Self {
+        let metric = |_| Metric::without_drift(&PowerLaw::white(1.0), bins.len());
+        Self { bins, metrics: (0..bins.channels).map(metric).collect() }
     }
-    let noise: Vec<PowerLaw> = (0..bins.channels).map(|_| PowerLaw::white(1.0)).collect();
-    let metrics: Vec<Metric> = noise.iter().map(|noise| Metric::without_drift(noise, poses)).collect();
-    let common = Common::new(bins, &metrics, &[]);
-    let drift = drift(poses);
-    let of_channel = |channel: usize| {
-        let columns = (0..bins.channels)
-            .map(|c| if c == channel { drift.clone() } else { DMatrix::zeros(poses, 2) })
-            .map(|columns| Further { columns, expected: DMatrix::zeros(2, bins.columns + 1) });
-        let Added { square, rank, .. } = common.added(&columns.collect(), None);
+
+    /// Returns what columns explain of a channel; `None` if there are too few poses.
+    pub(super) fn explained(&self, channel: usize, columns: &DMatrix<f64>) -> Option<Explained> {
+        let (poses, k) = (self.bins.len(), columns.ncols());
+        let common = Common::new(self.bins, &self.metrics, &[]);
+        let candidate = (0..self.bins.channels)
+            .map(|c| if c == channel { columns.clone() } else { DMatrix::zeros(poses, k) })
+            .map(|columns| Further { columns, expected: DMatrix::zeros(k, self.bins.columns + 1) });
+        let Added { square, rank, .. } = common.added(&candidate.collect(), None);
         // The variance is that of the channel itself, as what is left of it shows.
-        let own = noise::basis(&bins.rows[channel], noise::ROUNDING);
+        let own = noise::basis(&self.bins.rows[channel], noise::ROUNDING);
         let free = poses.saturating_sub(own.ncols() + rank) as f64;
         let left = common.residual(channel);
-        let rest = (left.norm_squared() - square).max(0.0);
-        if free < 2.0 || rest <= 0.0 {
-            return None;
-        }
+        let whole = left.norm_squared();
+        let rest = (whole - square).max(LEAST_REST * whole);
         let probability = tail(square * free / rest, rank, free);
+        (free >= 2.0 && rest > 0.0).then_some(Explained { left, probability })
+    }
+}
+
+/// Returns the channels that drift.
+pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
+    let count = bins.len();
+    if count < LEAST_POSES {
+        return Vec::new();
+    }
+    let (poses, drift) = (Poses::new(bins), drift(count));
+    let of_channel = |channel: usize| {
+        let Explained { left, probability } = poses.explained(channel, &drift)?;
         let pairs = left.iter().zip(left.iter().skip(1)).map(|(a, b)| a * b).sum::<f64>();
         let correlation = pairs / left.norm_squared();
-        let correlation_probability = erfc(correlation * (poses as f64).sqrt() / 2f64.sqrt()) * 0.5;
+        let correlation_probability = erfc(correlation * (count as f64).sqrt() / 2f64.sqrt()) * 0.5;
         let is_told = probability < FALSE_ALARM || correlation_probability < FALSE_ALARM;
         is_told.then_some(PoseDrift { channel, probability, correlation, correlation_probability })
     };

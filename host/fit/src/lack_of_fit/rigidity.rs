@@ -18,9 +18,10 @@ use nalgebra::DMatrix;
 
 use super::Rows;
 use super::bins::Bins;
+use super::metric::{Metric, drift};
 use super::noise::{self, PowerLaw};
 use super::noise_filled::Quiet;
-use super::score::{Added, Candidate, Common, Further, Metric, PER_COLUMN, drift};
+use super::score::{Added, Candidate, Common, Further, PER_COLUMN};
 use super::tail;
 
 /// A candidate counts if noise explains as much once in so many recordings. What a load cell does by itself is no more than nearly

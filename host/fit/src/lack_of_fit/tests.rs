@@ -5,8 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::metric::{Metric, drift};
 use super::noise::{PowerLaw, ROUNDING, basis};
-use super::score::{Common, Metric, drift};
+use super::score::Common;
 use super::*;
 use crate::study_length::runs;
 use crate::{Filter, SampleCounts};
