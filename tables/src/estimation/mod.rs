@@ -58,5 +58,6 @@ pub const DIAGNOSIS: Document = Document {
         Table { name: "faults-body-long", make: faults::body_table },
         Table { name: "faults-tree-long", make: faults::tree_table },
         Table { name: "honest-long", make: faults::honest_table },
+        Table { name: "honest-noise-long", make: faults::noise_table },
     ],
 };

@@ -13,10 +13,10 @@ const SEEDS: u64 = 2;
 /// Honest recordings of each kind.
 const HONEST: u64 = 150;
 
-type Row<'a> = (&'a mut [f64; 6], &'a mut [f64; 3], &'a mut [f64; 3]);
+pub(super) type Row<'a> = (&'a mut [f64; 6], &'a mut [f64; 3], &'a mut [f64; 3]);
 
 /// Changes wrench, accelerometer and gyro of every row.
-fn each(case: &mut Case, mut change: impl FnMut(usize, Row)) {
+pub(super) fn each(case: &mut Case, mut change: impl FnMut(usize, Row)) {
     let recording = &mut case.recording;
     let imu = recording.imus.first_mut().expect("an IMU");
     let wrench = recording.wrench.iter_mut().flatten();
@@ -161,7 +161,7 @@ fn honest_case(seed: u64, stated: bool) -> Case {
     Case { recording, model: None, options: ProblemOptions::default() }
 }
 
-fn truth(_: &Problem) -> Vec<Option<f64>> {
+pub(super) fn truth(_: &Problem) -> Vec<Option<f64>> {
     let body = Rig::lab().body;
     let (c, m) = (body.com, body.mass);
     let i = body.inertia + (nalgebra::Matrix3::identity() * c.norm_squared() - c * c.transpose()) * m;

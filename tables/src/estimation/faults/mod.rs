@@ -4,6 +4,7 @@
 //! Faults are put into simulated recordings by code of their own, column by column; nothing of the search for faults is used.
 
 mod body;
+mod noise;
 mod trees;
 
 use rigident::answer::{Answer, Context, StandardRequest, Status};
@@ -12,6 +13,7 @@ use rigident::fit::{FitOptions, Silent, parallel};
 use rigident::problem::Problem;
 
 pub use body::table as body_table;
+pub use noise::table as noise_table;
 pub use trees::table as tree_table;
 
 /// What the program made of a recording.

@@ -90,12 +90,19 @@ impl State {
 
 /// Roll, pitch and yaw as sums of sines: axis, amplitude (rad), frequency (Hz), phase (rad).
 #[derive(Clone, Debug)]
-pub struct Motion(Vec<(usize, f64, f64, f64)>);
+pub struct Motion {
+    sines: Vec<(usize, f64, f64, f64)>,
+    /// A time at which all of it stands still, from and to, s.
+    rest: Option<[f64; 2]>,
+}
+
+/// Time in which a motion stops, and in which it goes on, s.
+const STOPS_S: f64 = 1.0;
 
 impl Motion {
     /// ±0.5 rad about all axes, 0.2 to 1.6 Hz.
     pub fn lab() -> Self {
-        Self(vec![
+        Self::of(vec![
             (0, 0.25, 0.2, 0.1),
             (0, 0.15, 0.7, 1.0),
             (0, 0.1, 1.6, 1.3),
@@ -108,10 +115,47 @@ impl Motion {
         ])
     }
 
+    fn of(sines: Vec<(usize, f64, f64, f64)>) -> Self {
+        Self { sines, rest: None }
+    }
+
+    /// The same motion, which stops before a rest and goes on after it.
+    pub fn with_rest(self, from_s: f64, to_s: f64) -> Self {
+        Self { rest: Some([from_s, to_s]), ..self }
+    }
+
+    /// How far the motion is at a time, s, how fast it goes, and how that changes: the speed goes from 1 to 0 and back as
+    /// `1 − 3x² + 2x³`.
+    fn progress(&self, t: f64) -> [f64; 3] {
+        let Some([from, to]) = self.rest else { return [t, 1.0, 0.0] };
+        let stopping = |x: f64| {
+            [
+                STOPS_S * (x - x.powi(3) + 0.5 * x.powi(4)),
+                1.0 - x * x * (3.0 - 2.0 * x),
+                6.0 * x * (x - 1.0) / STOPS_S,
+            ]
+        };
+        let stands = from - STOPS_S + 0.5 * STOPS_S;
+        if t < from - STOPS_S {
+            [t, 1.0, 0.0]
+        } else if t < from {
+            let [on, speed, change] = stopping((t - from) / STOPS_S + 1.0);
+            [from - STOPS_S + on, speed, change]
+        } else if t < to {
+            [stands, 0.0, 0.0]
+        } else if t < to + STOPS_S {
+            // The stop backwards.
+            let [on, speed, change] = stopping(1.0 - (t - to) / STOPS_S);
+            [stands + 0.5 * STOPS_S - on, speed, -change]
+        } else {
+            [stands + 0.5 * STOPS_S + t - to - STOPS_S, 1.0, 0.0]
+        }
+    }
+
     /// ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s², of which a tensor is known twice as well.
     pub fn brisk() -> Self {
         let of = |axis: usize, all: [(f64, f64); 4]| all.map(|(hz, phase)| (axis, 0.25, hz, phase));
-        Self(
+        Self::of(
             [
                 of(0, [(0.31, 0.4), (0.83, 5.1), (1.07, 2.2), (1.45, 3.6)]),
                 of(1, [(0.45, 1.9), (0.66, 0.2), (1.19, 4.4), (1.31, 0.9)]),
@@ -123,12 +167,14 @@ impl Motion {
 
     /// The state at a time, by the kinematics of the angles' rates.
     pub fn state(&self, t: f64) -> State {
+        let [s, speed, change] = self.progress(t);
         let (mut e, mut d, mut dd) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-        for (axis, amplitude, hz, phase) in &self.0 {
-            let (sin, cos) = (TAU * hz * t + phase).sin_cos();
+        for (axis, amplitude, hz, phase) in &self.sines {
+            let (sin, cos) = (TAU * hz * s + phase).sin_cos();
+            let slope = amplitude * TAU * hz * cos;
             e[*axis] += amplitude * sin;
-            d[*axis] += amplitude * TAU * hz * cos;
-            dd[*axis] -= amplitude * (TAU * hz).powi(2) * sin;
+            d[*axis] += slope * speed;
+            dd[*axis] += slope * change - amplitude * (TAU * hz * speed).powi(2) * sin;
         }
         let ((sa, ca), (sb, cb)) = (e[0].sin_cos(), e[1].sin_cos());
         let rate = Vector3::new(d[0] - d[2] * sb, d[1] * ca + d[2] * sa * cb, -d[1] * sa + d[2] * ca * cb);
@@ -150,7 +196,16 @@ mod tests {
     #[test]
     fn rates_are_derivatives() {
         let h = 1e-5;
-        for (motion, t) in [(Motion::lab(), 0.3), (Motion::lab(), 11.1), (Motion::brisk(), 2.7)] {
+        let stops = || Motion::lab().with_rest(4.0, 6.0);
+        for (motion, t) in [
+            (Motion::lab(), 0.3),
+            (Motion::lab(), 11.1),
+            (Motion::brisk(), 2.7),
+            (stops(), 3.4),
+            (stops(), 5.0),
+            (stops(), 6.3),
+            (stops(), 9.0),
+        ] {
             let (now, before, after) = (motion.state(t), motion.state(t - h), motion.state(t + h));
             let spin = now.attitude.transpose() * (after.attitude - before.attitude) / (2.0 * h);
             // Third derivatives are below 1e3 and 1e4.

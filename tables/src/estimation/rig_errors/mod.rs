@@ -11,7 +11,7 @@ mod study;
 
 pub use all::table as all_table;
 pub use calibration::table as calibration_table;
-pub use errors::Errors;
+pub use errors::{Errors, Noise};
 pub use mechanics::Motion;
 pub use recording::{Rig, rig_file};
 pub use single::table;
