@@ -112,15 +112,16 @@ impl Triple {
 }
 
 const GRAVITY_MPS2: f64 = 9.80665;
-/// An IMU that is this many standard deviations, and further than a ruler errs, from where it is said to be sits elsewhere; m.
+/// An IMU that is this many standard deviations, and further than a ruler errs, from the origin sits elsewhere; m.
 const ELSEWHERE_SD: f64 = 4.42;
 const RULER_M: f64 = 5e-3;
 /// 1 σ of its place where nothing is known of it, m.
 const ANYWHERE_M: f64 = 0.2;
 
-/// Returns that the IMU sits where the fit finds it, if that is far from where the rig file has it.
+/// Returns that the IMU sits where the fit finds it, if that is far from the origin and nobody has said where it sits.
 fn of_place(case: &Case) -> Option<Fault> {
-    if case.model.is_some() || case.recording.is_static {
+    let said = case.recording.rig.imu.iter().any(|imu| imu.link == 0 && imu.position_m != [0.0; 3]);
+    if said || case.model.is_some() || case.recording.is_static {
         return None;
     }
     // As if nobody had said where it sits.
@@ -130,15 +131,11 @@ fn of_place(case: &Case) -> Option<Fault> {
     let fit = problem.fit(&FitOptions { convergence_points: 0, ..FitOptions::default() }, &Silent).ok()?;
     let own: Vec<_> = fit.nuisances.iter().filter(|found| found.nuisance.group == "lever arm").collect();
     let [x, y, z] = own.as_slice() else { return None };
-    let moved = [x, y, z].map(|found| found.value);
+    let place = [x, y, z].map(|found| found.value);
     let far = [x, y, z].iter().any(|found| found.value.abs() > (ELSEWHERE_SD * found.sd).max(RULER_M));
-    let stated =
-        case.recording.rig.imu.iter().find(|imu| imu.link == 0).map_or([0.0; 3], |imu| imu.position_m);
-    let place: [f64; 3] = std::array::from_fn(|k| stated[k] + moved[k]);
     let [px, py, pz] = place.map(|v| format!("{v:.3}"));
-    let what = format!(
-        "the IMU does not sit where it is said to, but about {px}, {py}, {pz} m from the load cell's origin"
-    );
+    let what =
+        format!("the IMU does not sit at the load cell's origin, but at about {px}, {py}, {pz} m from it");
     let mend =
         format!("measure it, and give position_m = [{px}, {py}, {pz}] or better in [[imu]] of the rig file");
     far.then(|| {
