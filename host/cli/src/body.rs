@@ -328,9 +328,9 @@ fn finish(
         folder.write(name, page.as_bytes())?;
     }
     let asked = arguments.write_model.as_deref();
-    let why_not = match (answer.is_contradicted(), study.misfit().is_some()) {
+    let why_not = match (answer.is_contradicted(), study.tells_segments()) {
         (true, _) => Some(CANNOT_BE_TRUE),
-        (_, true) => Some("the motion identifies no segments"),
+        (_, false) => Some("the motion identifies no segments"),
         _ => None,
     };
     if let (Some(path), Some(why)) = (asked, why_not) {

@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 
 use super::context::Links;
-use super::states::nominal_base;
+use super::states::{is_whole_body, nominal_base};
 use crate::present::text::{significant, with_u95};
 use rigident_fit::{ChannelFit, Fit, Kind, Owner};
 
@@ -16,8 +16,7 @@ use rigident_fit::{ChannelFit, Fit, Kind, Owner};
 const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
 const UNEXPLAINED: f64 = 0.3;
-/// Of still poses without a stated noise: a channel whose residuals follow gravity along other axes leaves less than this
-/// by cross-talk and tilt.
+/// Cross-talk and tilt leave less than this of a channel of still poses whose residuals follow gravity along other axes.
 const CROSSED: f64 = 0.15;
 /// No body on a load cell has its centre of mass further away, m.
 const FURTHEST_M: f64 = 10.0;
@@ -36,10 +35,8 @@ pub(super) fn of_the_fit(fit: &Fit) -> Vec<String> {
 
 /// Tells of a body whose centre of mass is further from the load cell than any that one carries.
 fn far_away(fit: &Fit) -> Option<String> {
-    let names = ["m", "mcx", "mcy", "mcz"];
-    let is_body = fit.parameters.iter().zip(names).all(|(p, name)| p.name == name);
     let data = fit.data_alone();
-    if !is_body || !(0..names.len()).all(|j| data.is_determined(j)) {
+    if !is_whole_body(fit) || !(0..4).all(|j| data.is_determined(j)) {
         return None;
     }
     let [m, x, y, z, ..] = *data.unjudged().values else { return None };
@@ -77,9 +74,9 @@ fn negative(fit: &Fit) -> Option<String> {
     })
 }
 
-/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies, where that
-/// is too much.
-fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<f64> {
+/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies, and the
+/// share that it stays below in an honest recording.
+fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
     // Of a force or moment along one axis what the largest of the three varies by.
     let group = fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
     let varies = group.map(|other| other.measured_sd).fold(0.0, f64::max);
@@ -91,8 +88,8 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<f64> {
         (floor, None) if floor > 0.0 => floor,
         // Still poses, of which no differences tell the noise.
         _ if fit.filter.width_s == 0.0 => {
-            let left = channel.residual_rms / varies;
-            return Some(left).filter(|left| *left > CROSSED && fit.lack_of_fit.crossed.contains(&number));
+            let is_crossed = fit.lack_of_fit.crossed.contains(&number);
+            return is_crossed.then_some([channel.residual_rms / varies, CROSSED]);
         }
         _ => 0.0,
     };
@@ -102,23 +99,25 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<f64> {
     }
     let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
     let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
-    Some(beyond.max(0.0).sqrt() / varies).filter(|share| *share > UNEXPLAINED)
+    Some([beyond.max(0.0).sqrt() / varies, UNEXPLAINED])
 }
 
 /// Tells of channels that the model explains little of, where that is no noise.
 fn unexplained(fit: &Fit) -> Option<String> {
-    let poor: Vec<String> = fit
-        .channels
-        .iter()
-        .enumerate()
-        .filter_map(|(number, channel)| Some((channel, share(fit, number, channel)?)))
-        .map(|(channel, share)| format!("{} {:.0} %", channel.channel.name, 100.0 * share))
-        .collect();
+    let mut limit = UNEXPLAINED;
+    let mut poor = Vec::new();
+    for (number, channel) in fit.channels.iter().enumerate() {
+        let Some([share, most]) = share(fit, number, channel).filter(|[share, most]| share > most) else {
+            continue;
+        };
+        limit = most.min(limit);
+        poor.push(format!("{} {:.0} %", channel.channel.name, 100.0 * share));
+    }
     (!poor.is_empty()).then(|| {
         format!(
             "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what is left beyond the \
              noise, over the standard deviation of what is measured, of a wrench the largest of three axes): {}",
-            100.0 * if fit.filter.width_s == 0.0 { CROSSED } else { UNEXPLAINED },
+            100.0 * limit,
             poor.join(", ")
         )
     })

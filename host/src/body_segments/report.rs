@@ -31,10 +31,8 @@ pub fn person_result(
     let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
     // Whoever is not of rigid segments in these motions shows none.
-    let (segments, centre) = match study.misfit() {
-        Some(_) => (Vec::new(), None),
-        None => segments(study, person, (fit, motions), full).map(|(all, centre)| (all, Some(centre)))?,
-    };
+    let found = study.tells_segments().then(|| segments(study, person, (fit, motions), full)).transpose()?;
+    let (segments, centre) = found.unzip();
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         height_m: person.subject.person.height_m,
@@ -42,7 +40,7 @@ pub fn person_result(
         mass_kg: state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?)),
         mass_with_table_kg: state.and_then(|state| state.measured()),
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
-        segments,
+        segments: segments.unwrap_or_default(),
         centre_of_mass_m: centre,
         left_out: left_out.to_vec(),
         motions: study.motions.len() as u64,

@@ -41,9 +41,14 @@ impl Study {
         Ok(wrong.map(|judged| judged.distance_sd / (found.rank as f64).sqrt()).filter(|by| *by > 1.0))
     }
 
+    /// Returns true if rigid segments explain the rows as they are, so that these tell of segments.
+    pub fn tells_segments(&self) -> bool {
+        self.noise_by_bodies == 1.0
+    }
+
     /// Returns what to say of noise that was widened; `None` if it was not.
     pub fn misfit(&self) -> Option<String> {
-        (self.noise_by_bodies > 1.0).then(|| {
+        (!self.tells_segments()).then(|| {
             format!(
                 "no rigid segments explain the forces: breathing, skin or what the model lacks is as large as what moves \
                  the segments, so these are not identified, and the intervals are {:.1} times wider. Record a motion in which \

@@ -1,4 +1,4 @@
-//! Still poses by gravity columns with one wrong axis or unit: nothing of them gets a number, and the fault is named.
+//! Still poses by gravity columns with one wrong axis or unit: nothing gets a number, and the fault is named.
 //!
 //! The poses are made here, from weight and lever alone.
 

@@ -145,18 +145,9 @@ impl Search<'_> {
         largest.map(|(_, found)| found)
     }
 
+    /// Returns the largest step beside noise of the channels as it is beside that step, and beside directions that
+    /// noise of the signals could fill; `None` where there is none beyond chance.
     fn find(&self, rows: &Rows) -> Option<Change> {
-        let (noise, filled, found) = self.search()?;
-        let probability = self.probability(found.square, found.rank);
-        let metrics = self.metrics(&noise);
-        let common = Common::new(self.bins, &metrics, self.columns);
-        let score = common.at(found.bin)?;
-        Some(self.conclude(rows, &common, &score, &filled, probability, &noise))
-    }
-
-    /// Returns the noise of every channel, the directions that noise of the signals could fill, and the largest step
-    /// beside both; `None` where there is none beyond chance.
-    fn search(&self) -> Option<(Vec<PowerLaw>, Vec<DVector<f64>>, Largest)> {
         let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
         let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns), &[])?;
         if self.probability(first.square, first.rank) > SUSPICION {
@@ -172,10 +163,12 @@ impl Search<'_> {
             let metrics = self.metrics(&noise);
             let more = could.at(largest.bin, &metrics, &noise);
             let common = Common::new(self.bins, &metrics, self.columns);
-            let beside = common.at(largest.bin)?.beside(&filled).beside(&more);
+            let score = common.at(largest.bin)?;
+            let evidence = score.clone().beside(&filled);
+            let beside = evidence.clone().beside(&more);
             let [_, (_, rank)] = common.explained(&beside, [&self.offset(), &self.body()]);
             if rank == largest.rank {
-                return Some((noise, filled, largest));
+                return Some(self.conclude(rows, &common, [&score, &evidence], &filled, &noise));
             }
             filled.extend(more);
             found = largest;
@@ -225,21 +218,21 @@ impl Search<'_> {
         PowerLaw::of(&self.bins.residuals[channel], &noise::basis(&all, noise::ROUNDING))
     }
 
-    /// Tells what changed, by how much, and when.
+    /// Tells what changed, by how much, and when: by a score, and by that beside `filled` directions.
     fn conclude(
         &self,
         rows: &Rows,
         common: &Common,
-        score: &Score,
+        [score, evidence]: [&Score; 2],
         filled: &[DVector<f64>],
-        probability: f64,
         noise: &[PowerLaw],
     ) -> Change {
         let (offset, body) = (self.offset(), self.body());
-        let evidence = score.clone().beside(filled);
         let beside = |[first, both]: [(f64, usize); 2]| self.probability(both.0 - first.0, both.1 - first.1);
-        let of_body = beside(common.explained(&evidence, [&offset, &body]));
-        let of_offset = beside(common.explained(&evidence, [&body, &offset]));
+        let explained = common.explained(evidence, [&offset, &body]);
+        let [_, (square, rank)] = explained;
+        let of_body = beside(explained);
+        let of_offset = beside(common.explained(evidence, [&body, &offset]));
         let changed = if of_body < FALSE_ALARM {
             Changed::Body
         } else if of_offset < FALSE_ALARM {
@@ -262,8 +255,7 @@ impl Search<'_> {
             deviation: step.covariance[(k, k)].max(0.0).sqrt(),
         });
         let steps = steps.collect();
-        let probability = if changed == Changed::Body { of_body } else { probability };
-        let [_, (square, rank)] = common.explained(&evidence, [&offset, &body]);
+        let probability = if changed == Changed::Body { of_body } else { self.probability(square, rank) };
         let explained = square - PER_COLUMN * rank as f64;
         Change { time_s, time_u95_s, changed, probability, explained, steps }
     }

@@ -1,4 +1,5 @@
-//! The weight of a channel's residuals over bins: the inverse of the covariance of its noise, a line and a curve taken out.
+//! The weight of a channel's residuals over bins: the inverse of the covariance of its noise, a line and a
+//! curve taken out.
 
 use nalgebra::DMatrix;
 
@@ -16,7 +17,7 @@ pub(super) enum Inverse {
 }
 
 impl Metric {
-    /// Returns the metric of noise in so many bins, a line and a curve taken out.
+    /// Returns the metric of noise in `count` bins, a line and a curve taken out.
     pub(super) fn new(noise: &PowerLaw, count: usize) -> Self {
         let inverse = if noise.is_white() {
             Inverse::White(1.0 / noise.white)
@@ -60,7 +61,7 @@ impl Inverse {
     }
 }
 
-/// Returns a line and a curve over so many bins.
+/// Returns a line and a curve over `count` bins.
 pub(super) fn drift(count: usize) -> DMatrix<f64> {
     let middle = 0.5 * (count as f64 - 1.0);
     DMatrix::from_fn(count, 2, |b, k| {

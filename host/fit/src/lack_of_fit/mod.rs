@@ -6,6 +6,7 @@
 
 mod bins;
 pub mod change;
+mod directions;
 mod metric;
 mod noise;
 mod noise_filled;

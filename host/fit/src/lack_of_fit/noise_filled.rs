@@ -1,17 +1,19 @@
 //! Directions of a step that noise could fill.
 //!
-//! At rest an accelerometer shows gravity and noise, so that noise alone tells a mass from an offset there. What it says
-//! is wrong by as much as its size in the rows is, and that is not known to better than a factor where the noise is not
-//! white: filters, steps and repeated samples make it larger in the band of the rows than differences of samples show. So
-//! the noise is taken as the larger of what those differences say and of the scatter κ of the rows in a rest, of which no more
-//! counts than the residuals have room for, `φᵀ κ φ` of a bin: the rest may not be still. A direction in which noise could
-//! be more than a tenth of what is known on either side of a step, offsets given, is no evidence of a change.
+//! At rest an accelerometer shows gravity and noise, so that noise alone tells a mass from an offset there.
+//! This is wrong by as much as the size of the noise in the rows is, which is not known to better than a factor
+//! where the noise is not white: filters, steps and repeated samples make it larger in the band of the rows than
+//! differences of samples show. So the noise is taken as the larger of what those differences say and of the
+//! scatter κ of the rows in a rest, of which no more counts than the residuals have room for, `φᵀ κ φ` of a bin:
+//! the rest may not be still. A direction in which noise could be more than a tenth of what is known on either
+//! side of a step, offsets given, is no evidence of a change.
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 
 use super::bins::Bins;
+use super::directions::{LEAST, filled, seen};
 use super::metric::Metric;
 use super::noise::PowerLaw;
 
@@ -22,17 +24,13 @@ const LEAST_QUIET: usize = 8;
 const RESTS: f64 = 0.03;
 /// Noise that the scatter of a short time may have missed.
 const MISSED: f64 = 1.15;
-/// Noise that could be more than this share of what is known of a direction fills it.
-const FILLED: f64 = 0.1;
-/// A direction with less than this of its column's information is not seen.
-const LEAST: f64 = 1e-9;
 /// Sweeps of a singular value decomposition, for each column, at most.
 const MOST_SWEEPS: usize = 100;
 
 /// The time in which the rows scatter least.
 pub(super) struct Quiet {
     bins: Range<usize>,
-    /// What the scatter would leave in the residuals of each channel if it were noise.
+    /// Square that the scatter leaves in the residuals of each channel if it is noise.
     would_leave: Vec<f64>,
     is_rest: bool,
 }
@@ -84,7 +82,7 @@ impl Quiet {
     }
 }
 
-/// What noise there could be in the columns that may step.
+/// Holds the noise that could be in the columns that may step.
 pub(super) struct NoiseFilled<'a> {
     bins: &'a Bins,
     quiet: Quiet,
@@ -136,7 +134,8 @@ impl<'a> NoiseFilled<'a> {
         let shared = given(&known, self.offsets);
         let to = |matrix: &DMatrix<f64>| matrix.view((self.offsets, self.offsets), (n, n)).into_owned();
         let beside = to(&known) - known.view((self.offsets, 0), (n, self.offsets)) * &shared;
-        let found = could.iter().flat_map(|could| filled(&beside, &to(could)));
+        let unit = seen(&beside);
+        let found = could.iter().zip(unit.iter().cycle()).flat_map(|(could, unit)| filled(unit, &to(could)));
         let whole = |v: DVector<f64>| {
             let offsets = -(&shared * &v);
             DVector::from_iterator(q, offsets.iter().chain(v.iter()).copied())
@@ -156,25 +155,6 @@ fn given(known: &DMatrix<f64>, offsets: usize) -> DMatrix<f64> {
     }
     let svd = own.try_svd(true, true, f64::EPSILON, MOST_SWEEPS * offsets);
     svd.and_then(|svd| svd.solve(&across, LEAST).ok()).unwrap_or_else(none)
-}
-
-/// Returns the directions in which noise could be more than its share of what is known.
-pub(super) fn filled(known: &DMatrix<f64>, could: &DMatrix<f64>) -> Vec<DVector<f64>> {
-    let n = known.nrows();
-    let scale = known.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled = DMatrix::from_fn(n, n, |i, j| known[(i, j)] * scale[i] * scale[j]);
-    if n == 0 || !scaled.iter().chain(could.iter()).all(|v| v.is_finite()) {
-        return Vec::new();
-    }
-    let eigen = SymmetricEigen::new(scaled);
-    let most = eigen.eigenvalues.max();
-    let seen: Vec<usize> = (0..n).filter(|k| eigen.eigenvalues[*k] > LEAST * most).collect();
-    let unit = DMatrix::from_fn(n, seen.len(), |j, k| {
-        eigen.eigenvectors[(j, seen[k])] * scale[j] / eigen.eigenvalues[seen[k]].sqrt()
-    });
-    let shares = SymmetricEigen::new(unit.tr_mul(&(could * &unit)));
-    let with = shares.eigenvalues.iter().zip(shares.eigenvectors.column_iter());
-    with.filter(|(share, _)| **share > FILLED).map(|(_, v)| &unit * v).collect()
 }
 
 /// Returns the covariance of rows about a line in time.

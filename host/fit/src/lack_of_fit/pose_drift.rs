@@ -34,43 +34,41 @@ pub struct PoseDrift {
     pub correlation_probability: f64,
 }
 
-/// The F-test of columns in one channel of poses, beside the common fit of all channels.
-pub(super) struct Poses<'a> {
-    bins: &'a Bins,
-    metrics: Vec<Metric>,
-}
-
-/// What columns explain of one channel.
+/// Holds the part of one channel that columns explain.
 pub(super) struct Explained {
-    /// What the common fit leaves of the channel.
+    /// Residuals of the channel by the common fit.
     pub(super) left: DVector<f64>,
     /// Probability that noise explains as much.
     pub(super) probability: f64,
 }
 
-impl<'a> Poses<'a> {
-    pub(super) fn new(bins: &'a Bins) -> Self {
-        let metric = |_| Metric::without_drift(&PowerLaw::white(1.0), bins.len());
-        Self { bins, metrics: (0..bins.channels).map(metric).collect() }
-    }
+/// Returns the metrics of poses, of which there are no slow drifts to take out.
+pub(super) fn metrics(bins: &Bins) -> Vec<Metric> {
+    let metric = |_| Metric::without_drift(&PowerLaw::white(1.0), bins.len());
+    (0..bins.channels).map(metric).collect()
+}
 
-    /// Returns what columns explain of a channel; `None` if there are too few poses.
-    pub(super) fn explained(&self, channel: usize, columns: &DMatrix<f64>) -> Option<Explained> {
-        let (poses, k) = (self.bins.len(), columns.ncols());
-        let common = Common::new(self.bins, &self.metrics, &[]);
-        let candidate = (0..self.bins.channels)
-            .map(|c| if c == channel { columns.clone() } else { DMatrix::zeros(poses, k) })
-            .map(|columns| Further { columns, expected: DMatrix::zeros(k, self.bins.columns + 1) });
-        let Added { square, rank, .. } = common.added(&candidate.collect(), None);
-        // The variance is that of the channel itself, as what is left of it shows.
-        let own = noise::basis(&self.bins.rows[channel], noise::ROUNDING);
-        let free = poses.saturating_sub(own.ncols() + rank) as f64;
-        let left = common.residual(channel);
-        let whole = left.norm_squared();
-        let rest = (whole - square).max(LEAST_REST * whole);
-        let probability = tail(square * free / rest, rank, free);
-        (free >= 2.0 && rest > 0.0).then_some(Explained { left, probability })
-    }
+/// Returns what columns explain of one channel of poses beside the common fit of all, by an F-test; `None` if there
+/// are too few poses.
+pub(super) fn explained(
+    bins: &Bins,
+    common: &Common,
+    channel: usize,
+    columns: &DMatrix<f64>,
+) -> Option<Explained> {
+    let k = columns.ncols();
+    let candidate = (0..bins.channels)
+        .map(|c| if c == channel { columns.clone() } else { DMatrix::zeros(bins.len(), k) })
+        .map(|columns| Further { columns, expected: DMatrix::zeros(k, bins.columns + 1) });
+    let Added { square, rank, .. } = common.added(&candidate.collect(), None);
+    // The variance is that of the channel itself, as what is left of it shows.
+    let own = noise::basis(&bins.rows[channel], noise::ROUNDING);
+    let free = bins.len().saturating_sub(own.ncols() + rank) as f64;
+    let left = common.residual(channel);
+    let whole = left.norm_squared();
+    let rest = (whole - square).max(LEAST_REST * whole);
+    let probability = tail(square * free / rest, rank, free);
+    (free >= 2.0 && rest > 0.0).then_some(Explained { left, probability })
 }
 
 /// Returns the channels that drift.
@@ -79,9 +77,10 @@ pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
     if count < LEAST_POSES {
         return Vec::new();
     }
-    let (poses, drift) = (Poses::new(bins), drift(count));
+    let (metrics, drift) = (metrics(bins), drift(count));
+    let common = Common::new(bins, &metrics, &[]);
     let of_channel = |channel: usize| {
-        let Explained { left, probability } = poses.explained(channel, &drift)?;
+        let Explained { left, probability } = explained(bins, &common, channel, &drift)?;
         let pairs = left.iter().zip(left.iter().skip(1)).map(|(a, b)| a * b).sum::<f64>();
         let correlation = pairs / left.norm_squared();
         let correlation_probability = erfc(correlation * (count as f64).sqrt() / 2f64.sqrt()) * 0.5;

@@ -12,13 +12,12 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bins::Bins;
+use super::directions::{LEAST, filled, seen};
 use super::metric::{Inverse, Metric};
 use super::noise::PowerLaw;
-use super::noise_filled::{Quiet, filled};
+use super::noise_filled::Quiet;
 use crate::compensation::{MOST_UNCERTAIN, possible, uncertainty};
 
-/// A direction with less than this of its column's information is not seen.
-const LEAST: f64 = 1e-9;
 /// A column with less than this part in a direction, of that of the largest, that noise could fill has its step by itself.
 const MOST_PART: f64 = 0.5;
 /// What a column has to explain by itself.
@@ -244,7 +243,10 @@ impl<'a> Common<'a> {
                 could += quiet.scatter(columns) * (weight * quiet.room(c, noise));
             }
         }
-        let filled = filled(&information, &could);
+        let filled = match quiet.and_then(|_| seen(&information)) {
+            Some(unit) => filled(&unit, &could),
+            None => Vec::new(),
+        };
         let whole: Vec<f64> = information.diagonal().iter().copied().collect();
         let mut information = information + self.eliminated(&shared, &(&shared - &less)).1;
         take_out(&mut score, &mut information, &filled);
@@ -328,20 +330,12 @@ fn determined(
     spread: f64,
 ) -> (DMatrix<f64>, Vec<DVector<f64>>) {
     let n = gram.nrows();
-    let scale = gram.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled = DMatrix::from_fn(n, n, |i, j| gram[(i, j)] * scale[i] * scale[j]);
     let (mut inverse, mut loose) = (DMatrix::zeros(n, n), Vec::new());
-    if n == 0 || !scaled.iter().chain(noise.iter()).all(|v| v.is_finite()) {
+    let Some(unit) = seen(gram).filter(|_| noise.iter().all(|v| v.is_finite())) else {
         return (inverse, loose);
-    }
-    let eigen = SymmetricEigen::new(scaled);
-    let most = eigen.eigenvalues.max();
-    let seen: Vec<usize> = (0..n).filter(|k| eigen.eigenvalues[*k] > LEAST * most).collect();
-    let unit = DMatrix::from_fn(n, seen.len(), |j, k| {
-        eigen.eigenvectors[(j, seen[k])] * scale[j] / eigen.eigenvalues[seen[k]].sqrt()
-    });
-    let shares =
-        SymmetricEigen::new(DMatrix::identity(seen.len(), seen.len()) - unit.tr_mul(&(noise * &unit)));
+    };
+    let seen = unit.ncols();
+    let shares = SymmetricEigen::new(DMatrix::identity(seen, seen) - unit.tr_mul(&(noise * &unit)));
     for (share, v) in shares.eigenvalues.iter().zip(shares.eigenvectors.column_iter()) {
         let direction = &unit * v;
         if uncertainty(*share, spread) <= MOST_UNCERTAIN {

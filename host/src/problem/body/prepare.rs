@@ -12,9 +12,9 @@ use rigident_io::recording::Recording;
 use rigident_io::recording::columns::TIME;
 use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
-/// What still poses by gravity columns rest on.
-const STILL_POSES: &str = "still poses by the gravity columns; an IMU, if any, was not used. They rest on the sign of the moments and \
-                           on the unit of the wrench as a whole, which no pose can show";
+/// Names the knowledge that still poses by gravity columns rest on.
+const STILL_POSES: &str = "still poses by the gravity columns; an IMU, if any, was not used. They rest on the sign of \
+                           the moments and on the unit of the wrench as a whole, which no pose can show";
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
 const STILL: (f64, f64) = (0.02, 0.15);
