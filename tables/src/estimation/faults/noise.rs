@@ -11,7 +11,7 @@ use rigident::fit::parallel;
 use rigident::problem::ProblemOptions;
 
 use super::super::problem::Normal;
-use super::super::rig_errors::{Errors, Motion, Noise, Rig, rig_file};
+use super::super::rig_errors::{Errors, Flicker, Motion, Noise, Rig, rig_file};
 use super::body::{each, truth};
 use super::verdict;
 
@@ -40,7 +40,7 @@ pub(super) enum Spectrum {
     Mean,
     /// Three samples of ten repeat the one before.
     Held,
-    /// In steps of so many σ.
+    /// In steps of this size, σ.
     Stepped(f64),
     /// White, and as strong at this frequency, Hz, as 1/f.
     Flicker(f64),
@@ -118,19 +118,8 @@ impl Spectrum {
             Self::Stepped(step) => white(count).into_iter().map(|v| step * (v / step).round()).collect(),
             Self::Flicker(hz) => {
                 let own = white(count);
-                // A pole an octave, each of the same variance.
-                let octaves = (rate_hz * count as f64).log2().ceil().max(1.0) as usize;
-                let size = (2.0 * 2.0_f64.ln() * hz / rate_hz).sqrt();
-                (0..octaves).fold(own, |mut sum, k| {
-                    let decay = (-TAU * rate_hz / count as f64 * 2.0_f64.powi(k as i32) / rate_hz).exp();
-                    let drawn = white(count + 1);
-                    let mut value = size * drawn[count];
-                    for (sum, draw) in sum.iter_mut().zip(drawn) {
-                        value = decay * value + size * (1.0 - decay * decay).sqrt() * draw;
-                        *sum += value;
-                    }
-                    sum
-                })
+                let mut flicker = Flicker::new(1.0, hz, rate_hz, normal);
+                own.into_iter().map(|v| v + flicker.next(normal)).collect()
             }
             Self::Line(hz) => {
                 let (own, phase) = (white(count), TAU * white(1)[0]);
@@ -224,7 +213,7 @@ pub fn table() -> String {
 mod tests {
     use super::*;
 
-    /// Of spectra that differences of samples do not show, a recording that begins with a long rest.
+    /// A recording that begins with a long rest, for each spectrum that differences of samples do not show.
     #[test]
     fn an_honest_recording_with_a_rest_is_not_refused() {
         let hidden = [2, 4, 5, 6, 8, 11];

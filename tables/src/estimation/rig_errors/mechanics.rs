@@ -119,12 +119,12 @@ impl Motion {
         Self { sines, rest: None }
     }
 
-    /// The same motion, which stops before a rest and goes on after it.
+    /// Returns the same motion, which stops before a rest and goes on after it.
     pub fn with_rest(self, from_s: f64, to_s: f64) -> Self {
         Self { rest: Some([from_s, to_s]), ..self }
     }
 
-    /// How far the motion is at a time, s, how fast it goes, and how that changes: the speed goes from 1 to 0 and back as
+    /// Returns how far the motion is at a time, s, how fast it goes, and how that changes: the speed goes from 1 to 0 and back as
     /// `1 − 3x² + 2x³`.
     fn progress(&self, t: f64) -> [f64; 3] {
         let Some([from, to]) = self.rest else { return [t, 1.0, 0.0] };

@@ -13,5 +13,5 @@ pub use all::table as all_table;
 pub use calibration::table as calibration_table;
 pub use errors::{Errors, Noise};
 pub use mechanics::Motion;
-pub use recording::{Rig, rig_file};
+pub use recording::{Flicker, Rig, rig_file};
 pub use single::table;

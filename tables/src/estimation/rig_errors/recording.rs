@@ -211,7 +211,7 @@ impl Rig {
 }
 
 /// Flicker noise: a sum of first-order processes, an octave apart, of equal variance.
-struct Flicker {
+pub struct Flicker {
     /// Value and decay from sample to sample.
     parts: [(f64, f64); OCTAVES],
     sigma: f64,
@@ -220,14 +220,15 @@ struct Flicker {
 impl Flicker {
     /// As strong as white noise of `sigma` at `corner_hz`: with the variance v an octave its density is `v / (ln 2 f)`, that of
     /// the white noise `2 σ² / rate`.
-    fn new(sigma: f64, corner_hz: f64, rate_hz: f64, normal: &mut Normal) -> Self {
+    pub fn new(sigma: f64, corner_hz: f64, rate_hz: f64, normal: &mut Normal) -> Self {
         let sigma = sigma * (2.0 * 2.0_f64.ln() * corner_hz / rate_hz).sqrt();
         let part = |k: usize| (sigma * normal.draw(), (-TAU * 0.01 * 2.0_f64.powi(k as i32) / rate_hz).exp());
         let mut part = part;
         Self { parts: std::array::from_fn(&mut part), sigma }
     }
 
-    fn next(&mut self, normal: &mut Normal) -> f64 {
+    /// Returns the next sample.
+    pub fn next(&mut self, normal: &mut Normal) -> f64 {
         if self.sigma == 0.0 {
             return 0.0;
         }
