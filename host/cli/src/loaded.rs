@@ -249,7 +249,7 @@ impl Loaded {
         let found = self.problem.fit(&options, &progress).map_err(|error| {
             // Readings in another unit may all be beyond a sensor's range.
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
-            let cause = if no_rows { self.diagnose() } else { None };
+            let cause = if no_rows { self.diagnose(None) } else { None };
             Failure::input(match cause {
                 Some(Cause { what, mend, .. }) => format!("{error}. Most likely {what}: {mend}"),
                 None => error.to_string(),
@@ -258,10 +258,12 @@ impl Loaded {
         Ok(self.with_unused(found))
     }
 
-    /// Returns the fault that explains why the recording cannot be true; `None` if none is found.
-    pub(super) fn diagnose(&self) -> Option<Cause> {
+    /// Returns the fault that explains why the recording cannot be true, as its answer says if there is one; `None` if
+    /// none is found.
+    pub(super) fn diagnose(&self, refused: Option<&Answer>) -> Option<Cause> {
         let stages = Stages::new("looking for the cause");
-        diagnosis::diagnose(self.case.as_ref()?, &|stage: &str, share: f64| stages.at(stage, share))
+        let progress = |stage: &str, share: f64| stages.at(stage, share);
+        diagnosis::diagnose(self.case.as_ref()?, refused, &progress)
     }
 
     /// Counts rows that no sample was made of as rejected.

@@ -153,7 +153,8 @@ impl<'a> RunReport<'a> {
             self.factor = self.loaded.map(|loaded| loaded.factor_of(fit, &answer, read));
         }
         if answer.status == Status::Implausible {
-            answer.explain(self.loaded.and_then(Loaded::diagnose), read);
+            let cause = self.loaded.and_then(|loaded| loaded.diagnose(Some(&answer)));
+            answer.explain(cause, read);
         }
         Ok(answer)
     }
@@ -220,7 +221,7 @@ fn identified_passive<'a>(answer: &'a Answer, model: &Model) -> Vec<(&'a str, Pa
         for term in &drive.terms {
             // What descriptions have no negative values of is left as it was.
             let Some(value) = term.value.filter(|value| *value >= 0.0) else { continue };
-            match term.term.as_str() {
+            match term.term.split(':').next().unwrap_or_default() {
                 "viscous" => passive.damping = value,
                 "coulomb" => passive.friction = value,
                 "rotor" => passive.armature = value,

@@ -11,6 +11,7 @@ use super::context::Links;
 use super::states::{is_whole_body, nominal_base};
 use crate::present::text::{significant, with_u95};
 use rigident_fit::{ChannelFit, Fit, Kind, Owner};
+use rigident_model::check::{DENSEST, least_density};
 
 /// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
 const CERTAIN_SD: f64 = 4.42;
@@ -30,7 +31,8 @@ const ALIKE: f64 = 0.9;
 
 /// Returns in words what of a fit cannot be true, beside what contradicts the rig file.
 pub(super) fn of_the_fit(fit: &Fit) -> Vec<String> {
-    negative(fit).into_iter().chain(unexplained(fit)).chain(far_away(fit)).collect()
+    let of_body = far_away(fit).or_else(|| too_dense(fit));
+    negative(fit).into_iter().chain(unexplained(fit)).chain(of_body).collect()
 }
 
 /// Tells of a body whose centre of mass is further from the load cell than any that one carries.
@@ -45,6 +47,26 @@ fn far_away(fit: &Fit) -> Option<String> {
         format!(
             "the centre of mass would be {} m from the load cell's origin: are the moments in N m, and the forces in N?",
             significant(far_m, 3)
+        )
+    })
+}
+
+/// Tells of one body that would have to be denser than any matter, its moments of inertia larger by twice their uncertainty.
+fn too_dense(fit: &Fit) -> Option<String> {
+    let data = fit.data_alone();
+    if !is_whole_body(fit) || !(0..10).all(|j| data.is_determined(j)) {
+        return None;
+    }
+    let mut ten: [f64; 10] = data.unjudged().values.get(..10)?.try_into().ok()?;
+    let larger = 2.0 * (4..7).map(|j| data.u95(j)).fold(0.0, f64::max);
+    ten[4..7].iter_mut().for_each(|moment| *moment += larger);
+    let density = least_density(&ten);
+    (ten[0] > 0.0 && density.is_finite() && density > DENSEST).then(|| {
+        format!(
+            "a body of {} kg with these moments of inertia would have to be denser than osmium ({} kg/m³): are the forces in \
+             N, the moments in N m, the rates in rad/s?",
+            significant(ten[0], 4),
+            significant(density, 2)
         )
     })
 }

@@ -165,7 +165,7 @@ fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
     let mend = "identify it: --friction viscous,coulomb";
     (has_efforts && case.options.friction.is_empty()).then(|| {
         Fault::new("friction", what, mend, |case| {
-            case.options.friction = vec![Term::Viscous, Term::Coulomb].into();
+            case.options.friction = vec![Term::Viscous, Term::Coulomb(None)].into();
             true
         })
     })

@@ -16,7 +16,6 @@ use rigident_fit::explained::explained;
 use rigident_fit::{FitOptions, Progress, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
-use rigident_model::check::{DENSEST, least_density};
 
 /// Rows that faults are tried on at first, from the middle of the recording; at least so many seconds.
 const QUICK_ROWS: usize = 2000;
@@ -95,7 +94,9 @@ struct Tried<'a> {
 }
 
 /// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None` if none does.
-pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
+/// `refused` is its answer, if there is one: where residuals show a change or something that moves, only a fault without
+/// which they are smaller explains that.
+pub fn diagnose(case: &Case, refused: Option<&Answer>, progress: &dyn Progress) -> Option<Cause> {
     let (quick, full) = rows(&case.recording);
     let quick = shortened(case, quick);
     // Where no row is left nothing is explained.
@@ -112,7 +113,9 @@ pub fn diagnose(case: &Case, progress: &dyn Progress) -> Option<Cause> {
         tried.extend(found.into_iter().flatten());
     }
     let mut best = best_of_each_kind(tried);
-    best.retain(|tried| tried.left < before + ALIKE);
+    let lacks_fit = refused.is_some_and(|answer| answer.change.is_some() || answer.not_rigid.is_some());
+    let most = if lacks_fit { before + EXPLAINS.ln() / channels(&quick) } else { before + ALIKE };
+    best.retain(|tried| tried.left < most);
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     let full = shortened(case, full);
     let mut plausible: Vec<Tried> = Vec::new();
@@ -174,6 +177,12 @@ fn left(case: &Case) -> Option<f64> {
     Some(found.unexplained()).filter(|left| left.is_finite())
 }
 
+/// Returns the number of channels that are explained.
+fn channels(case: &Case) -> f64 {
+    let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options);
+    problem.map_or(1.0, |problem| problem.source().channels().len().max(1) as f64)
+}
+
 /// Returns true if the recording can be true, tells something, and is of a body that there may be.
 fn is_plausible(case: &Case) -> bool {
     let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
@@ -184,19 +193,7 @@ fn is_plausible(case: &Case) -> bool {
         let context = Context { links: problem.links(standard), ..Context::default() };
         Answer::new(&fit, context).ok()
     };
-    answer().is_some_and(|answer| {
-        matches!(answer.status, Status::Identified | Status::PartlyIdentified) && !is_too_dense(&answer)
-    })
-}
-
-/// Returns true if one body is identified that would have to be denser than any matter.
-fn is_too_dense(answer: &Answer) -> bool {
-    let (Some(mass), Some([xx, yy, zz, yz, zx, xy])) = (answer.mass_kg, answer.inertia_com_kgm2) else {
-        return false;
-    };
-    // About the centre of mass the first moment is zero.
-    let ten = [mass, 0.0, 0.0, 0.0, xx, yy, zz, yz, zx, xy];
-    answer.physically_consistent == Some(true) && least_density(&ten) > DENSEST
+    answer().is_some_and(|answer| matches!(answer.status, Status::Identified | Status::PartlyIdentified))
 }
 
 /// Returns the rows that faults are tried on at first, and those that the best are fitted to.

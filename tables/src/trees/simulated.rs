@@ -29,7 +29,7 @@ fn identified(recording: &Recording, model: &Model, options: &ProblemOptions) ->
 
 fn friction() -> ProblemOptions {
     ProblemOptions {
-        friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(),
+        friction: vec![Term::Viscous, Term::Coulomb(None), Term::Offset].into(),
         ..ProblemOptions::default()
     }
 }

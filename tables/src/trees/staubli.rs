@@ -83,7 +83,7 @@ fn recording(q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize
 /// The rows of a part of the recording.
 fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> TreeSource {
     let recording = recording(q, tau, rows);
-    let terms = vec![Term::Viscous, Term::Coulomb, Term::Offset, Term::Rotor];
+    let terms = vec![Term::Viscous, Term::Coulomb(None), Term::Offset, Term::Rotor];
     let options = ProblemOptions {
         friction: terms.into(),
         drives: vec!["m6=joint_5+joint_6".to_owned()],

@@ -23,7 +23,7 @@ use crate::fitting::{links, tree_states};
 
 fn friction() -> ProblemOptions {
     ProblemOptions {
-        friction: vec![Term::Viscous, Term::Coulomb, Term::Offset].into(),
+        friction: vec![Term::Viscous, Term::Coulomb(None), Term::Offset].into(),
         ..ProblemOptions::default()
     }
 }

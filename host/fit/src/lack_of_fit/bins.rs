@@ -158,6 +158,23 @@ impl Bins {
         Self { columns: columns.len(), rows, about: self.about.select_rows(&with_measured), noise, ..self }
     }
 
+    /// Returns the same with the columns `steps` once more, from a bin on; noise of the signals is left out.
+    pub(super) fn with_step(&self, steps: &[usize], from: usize) -> Self {
+        let rows =
+            self.rows.iter().map(|rows| {
+                let further = DMatrix::from_fn(rows.nrows(), steps.len(), |b, k| {
+                    if b < from { 0.0 } else { rows[(b, steps[k])] }
+                });
+                let columns = rows.column_iter().chain(further.column_iter());
+                DMatrix::from_columns(&columns.map(|column| column.into_owned()).collect::<Vec<_>>())
+            });
+        let rows = rows.collect();
+        let columns = self.columns + steps.len();
+        let noise = (0..self.channels).map(|_| BinNoise::none(columns)).collect();
+        let about = DVector::from_fn(columns + 1, |j, _| if j < columns { 0.0 } else { MEASURED });
+        Self { columns, rows, noise, about, ..self.clone() }
+    }
+
     /// Returns the number of bins.
     pub(super) fn len(&self) -> usize {
         self.first.len()

@@ -30,6 +30,8 @@ const LEAST_BINS: usize = 40;
 /// Rounds of the noise beside the step, and of the directions that noise could fill.
 const ROUNDS: usize = 4;
 const MOST_FILLED: usize = 16;
+/// Steps at all times are worth this many independent ones.
+const INDEPENDENT: f64 = 4.0;
 /// Bins about the change in which its time is looked for row by row.
 const NEAR: usize = 3;
 /// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
@@ -168,12 +170,32 @@ impl Search<'_> {
             let beside = evidence.clone().beside(&more);
             let [_, (_, rank)] = common.explained(&beside, [&self.offset(), &self.body()]);
             if rank == largest.rank {
+                if rows.has_drives && self.is_everywhere(&metrics, &largest) {
+                    return None;
+                }
                 return Some(self.conclude(rows, &common, [&score, &evidence], &filled, &noise));
             }
             filled.extend(more);
             found = largest;
         }
         None
+    }
+
+    /// Returns true if steps at other times, beside the largest, explain so much that it may be one of them: what a model
+    /// lacks of friction is everywhere, and a change is at one time.
+    fn is_everywhere(&self, metrics: &[Metric], largest: &Largest) -> bool {
+        let bins = self.bins.with_step(self.columns, largest.bin);
+        let beside = Common::new(&bins, metrics, self.columns);
+        let (offset, body) = (self.offset(), self.body());
+        let mut others = Vec::new();
+        beside.each(self.range(), |score| {
+            let [_, (square, rank)] = beside.explained(&score, [&offset, &body]);
+            others.push(square / rank.max(1) as f64);
+        });
+        let usual = (others.iter().sum::<f64>() / others.len().max(1) as f64).max(1.0);
+        let known = (INDEPENDENT * largest.rank as f64).min(self.others());
+        let chance = tail(largest.square / usual, largest.rank, known) * self.range().len() as f64;
+        chance > FALSE_ALARM
     }
 
     /// Returns the noise of every channel as it is beside the largest step, and the largest step beside that noise.

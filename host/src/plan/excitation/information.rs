@@ -294,7 +294,7 @@ impl Tree {
         match term {
             Term::Rotor => worth.accelerations[k] += slope,
             Term::Load => pulls[k] += slope * self.column(term, k, motion, 1.0) * effort.signum(),
-            Term::Viscous | Term::Stribeck(_) if rate.abs() > STEPS[1] => {
+            Term::Viscous | Term::Coulomb(Some(_)) | Term::Stribeck(_) if rate.abs() > STEPS[1] => {
                 let at = |by: f64| term.column(rate + by, effort, self.slides[k], true);
                 worth.rates[k] += slope * (at(STEPS[1]) - at(-STEPS[1])) / (2.0 * STEPS[1]);
             }

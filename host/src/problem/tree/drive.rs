@@ -14,8 +14,10 @@ const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
 pub enum Term {
     /// Proportional to the rate.
     Viscous,
-    /// Of one size, against the rate.
-    Coulomb,
+    /// Of one size, against the rate: `tanh(v/v_c)`, as contacts slip a little before they slide (C. Canudas de Wit and
+    /// others, IEEE Trans. Automatic Control 40 (3), 1995); 0 is the sign of the rate, `None` the speed v_c that the recording
+    /// shows (`friction_speed`).
+    Coulomb(Option<f64>),
     /// Against the rate, and less the faster it is: `sign(v) exp(−(v/v_s)²)`, with v_s where it is said (B. Armstrong-Hélouvry,
     /// P. Dupont, C. Canudas de Wit, Automatica 30 (7), 1994).
     Stribeck(Option<f64>),
@@ -38,21 +40,31 @@ impl Term {
         let word = word.trim();
         match word {
             "viscous" => return Ok(Self::Viscous),
-            "coulomb" => return Ok(Self::Coulomb),
+            "coulomb" => return Ok(Self::Coulomb(None)),
             "stribeck" => return Ok(Self::Stribeck(None)),
             "load" => return Ok(Self::Load),
             "offset" => return Ok(Self::Offset),
             "rotor" => return Ok(Self::Rotor),
             _ => {}
         }
-        let Some(rate) = word.strip_prefix("stribeck:") else {
+        let speed = |text: &str| text.trim().parse::<f64>().ok().filter(|speed| speed.is_finite());
+        if let Some(text) = word.strip_prefix("coulomb:") {
+            return match speed(text).filter(|speed| *speed >= 0.0) {
+                Some(speed) => Ok(Self::Coulomb(Some(speed))),
+                None => Err(format!(
+                    "--friction {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; coulomb:0 has \
+                     the sign of the rate"
+                )),
+            };
+        }
+        let Some(text) = word.strip_prefix("stribeck:") else {
             return Err(format!(
                 "--friction {word}: there are viscous, coulomb, stribeck, load, offset, rotor and none"
             ));
         };
-        match rate.trim().parse::<f64>() {
-            Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Self::Stribeck(Some(rate))),
-            _ => Err(format!(
+        match speed(text).filter(|speed| *speed > 0.0) {
+            Some(speed) => Ok(Self::Stribeck(Some(speed))),
+            None => Err(format!(
                 "--friction {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for example stribeck:0.05"
             )),
         }
@@ -62,7 +74,7 @@ impl Term {
     pub fn name(self) -> &'static str {
         match self {
             Self::Viscous => "viscous",
-            Self::Coulomb => "coulomb",
+            Self::Coulomb(_) => "coulomb",
             Self::Stribeck(_) => "stribeck",
             Self::Load => "load",
             Self::Offset => "offset",
@@ -74,6 +86,7 @@ impl Term {
     pub fn word(self) -> String {
         match self {
             Self::Stribeck(Some(rate)) => format!("stribeck:{rate}"),
+            Self::Coulomb(Some(speed)) => format!("coulomb:{speed}"),
             other => other.name().to_owned(),
         }
     }
@@ -83,8 +96,8 @@ impl Term {
         match (self, slides) {
             (Self::Viscous, false) => "N m s",
             (Self::Viscous, true) => "N s/m",
-            (Self::Coulomb | Self::Stribeck(_) | Self::Offset, false) => "N m",
-            (Self::Coulomb | Self::Stribeck(_) | Self::Offset, true) => "N",
+            (Self::Coulomb(_) | Self::Stribeck(_) | Self::Offset, false) => "N m",
+            (Self::Coulomb(_) | Self::Stribeck(_) | Self::Offset, true) => "N",
             (Self::Load, _) => "1",
             (Self::Rotor, false) => "kg m2",
             (Self::Rotor, true) => "kg",
@@ -93,7 +106,7 @@ impl Term {
 
     /// Returns true if it has the sign of the rate: where that is not known, it may be anything of its size.
     pub fn is_dry(self) -> bool {
-        matches!(self, Self::Coulomb | Self::Stribeck(_) | Self::Load)
+        matches!(self, Self::Coulomb(_) | Self::Stribeck(_) | Self::Load)
     }
 
     /// Returns its column at a rate, before the filter; `load` is the effort that the drive carries. What stands with
@@ -103,13 +116,25 @@ impl Term {
         let sign = if rate == 0.0 { 0.0 } else { rate.signum() };
         match (self, smoothed) {
             (Self::Viscous, true) | (Self::Rotor, false) => rate,
-            (Self::Coulomb, true) => sign,
+            (Self::Coulomb(Some(speed)), true) if speed > 0.0 => (rate / speed).tanh(),
+            (Self::Coulomb(_), true) => sign,
             (Self::Stribeck(given), true) => {
                 let usual = if slides { STRIBECK_RATE.1 } else { STRIBECK_RATE.0 };
                 sign * (-(rate / given.unwrap_or(usual)).powi(2)).exp()
             }
             (Self::Load, true) => sign * load.abs(),
             (Self::Offset, true) => 1.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Returns the derivative of its column by the logarithm of the speed at which it turns over.
+    pub fn slope_by_speed(self, rate: f64) -> f64 {
+        match self {
+            Self::Coulomb(Some(speed)) if speed > 0.0 => {
+                let x = rate / speed;
+                -x * (1.0 - x.tanh().powi(2))
+            }
             _ => 0.0,
         }
     }
@@ -319,7 +344,7 @@ mod tests {
     fn friction_is_said_for_all_and_by_joint() {
         let friction =
             Friction::parse(&["viscous,coulomb", "j2=none", "j3=viscous,stribeck:0.05", "j3=load"]).unwrap();
-        assert_eq!(friction.of("j1"), [Term::Viscous, Term::Coulomb]);
+        assert_eq!(friction.of("j1"), [Term::Viscous, Term::Coulomb(None)]);
         assert!(friction.of("j2").is_empty());
         assert_eq!(friction.of("j3"), [Term::Viscous, Term::Stribeck(Some(0.05)), Term::Load]);
         assert!(Friction::parse(&["none", "j=none"]).unwrap().is_empty());
@@ -340,7 +365,10 @@ mod tests {
     #[test]
     fn dry_friction_has_the_sign_of_the_rate_and_its_own_size() {
         for sign in [1.0, -1.0] {
-            assert_eq!(Term::Coulomb.column(sign * 0.3, 5.0, false, true), sign);
+            assert_eq!(Term::Coulomb(None).column(sign * 0.3, 5.0, false, true), sign);
+            assert_eq!(Term::Coulomb(Some(0.0)).column(sign * 0.3, 5.0, false, true), sign);
+            let smooth = Term::Coulomb(Some(0.2)).column(sign * 0.3, 5.0, false, true);
+            assert!((smooth * sign - 1.5_f64.tanh()).abs() < 1e-15);
             assert_eq!(Term::Load.column(sign * 0.3, -5.0, false, true), sign * 5.0);
             let at = |rate: f64| Term::Stribeck(Some(0.3)).column(sign * rate, 5.0, false, true);
             assert!((at(0.3) * sign - (-1.0_f64).exp()).abs() < 1e-15);

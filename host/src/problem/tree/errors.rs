@@ -79,6 +79,8 @@ pub enum SignalError {
         /// 1: a line; 2: a curve.
         degree: u8,
     },
+    /// Dry friction of a drive, by its number, turns over at a speed that is larger by this share.
+    FrictionSpeed(usize),
     /// A component of a foot's wrench reads too much.
     FootZero {
         /// The foot.

@@ -13,6 +13,7 @@ pub mod drive;
 mod error;
 mod errors;
 mod frames;
+mod friction_speed;
 mod ground_errors;
 pub mod input_checks;
 mod instant;

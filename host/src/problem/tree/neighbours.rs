@@ -3,10 +3,10 @@
 
 use rigident_shared::tree::TreeError;
 
-use super::Input;
 use super::drive::Drive;
 use super::instant::Instant;
 use super::rows;
+use super::{Frame, Input};
 
 /// Frames whose predictions are kept: one and its neighbours.
 const KEPT: usize = 3;
@@ -28,6 +28,18 @@ impl Predictor {
     /// Returns that of drives, each with the place of its first parameter, and all parameters.
     pub(super) fn new(drives: &[(Drive, usize)], phi: &[f64]) -> Self {
         Self { drives: drives.to_vec(), phi: phi.to_vec() }
+    }
+
+    /// Writes what the efforts that dry friction of a drive takes move by if it turns over at a larger speed, by its share.
+    pub(super) fn speed_moves(&self, drive: usize, input: &Input, frame: &Frame, out: &mut [f64]) {
+        let Some((drive, at)) = self.drives.get(drive).filter(|(drive, _)| !drive.stands) else { return };
+        let first = if input.has_wrench() { 6 } else { 0 };
+        let rate = drive.rate(&frame.rates);
+        let terms = drive.terms.iter().zip(self.phi.iter().skip(*at));
+        let slope: f64 = terms.map(|(term, phi)| phi * term.slope_by_speed(rate)).sum();
+        for (freedom, factor) in &drive.rates {
+            out.iter_mut().skip(first + freedom).take(1).for_each(|v| *v = factor * slope);
+        }
     }
 
     /// Writes the predictions of a frame, offsets of the wrench left out.

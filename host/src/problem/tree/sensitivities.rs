@@ -191,6 +191,7 @@ impl<'a> ErrorRows<'a> {
             | SignalError::EffortOffset(_)
             | SignalError::EffortGain(_)
             | SignalError::EffortDrift { .. }
+            | SignalError::FrictionSpeed(_)
             | SignalError::FootZero { .. }
             | SignalError::FootGain { .. } => return,
         }
@@ -288,6 +289,9 @@ impl<'a> ErrorRows<'a> {
             SignalError::EffortDrift { channel, degree } => {
                 let drift = self.drift(frame, *degree);
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
+            }
+            SignalError::FrictionSpeed(drive) => {
+                self.predictor.speed_moves(*drive, self.source.input(), frame, sum)
             }
             SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
                 let is_gain = matches!(error, SignalError::FootGain { .. });

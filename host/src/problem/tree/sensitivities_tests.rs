@@ -302,7 +302,7 @@ fn columns_of_an_arm_are_those_of_corrected_readings() {
         input.drives = Drive::of_joints(
             &input.freedom_names(),
             &input.model.tree(),
-            &vec![Term::Viscous, Term::Coulomb, Term::Rotor].into(),
+            &vec![Term::Viscous, Term::Coulomb(None), Term::Rotor].into(),
         );
         let zeros = (1..=7).map(SignalError::JointZero);
         input
@@ -382,7 +382,7 @@ fn what_is_predicted_is_what_the_rows_predict() {
     let model = model(&joints, &mut random);
     let frames = frames(&model, 5, true, &mut random);
     let mut input = input(model, frames, Situation { floating: true, rows: Rows::Both, mimic: false }, &[]);
-    let terms = vec![Term::Viscous, Term::Coulomb, Term::Rotor, Term::Offset].into();
+    let terms = vec![Term::Viscous, Term::Coulomb(None), Term::Rotor, Term::Offset].into();
     input.drives = Drive::of_joints(&input.freedom_names(), &input.model.tree(), &terms);
     input.known_offset = Some([0.0; 6]);
     input.errors = vec![SignalError::Skew];

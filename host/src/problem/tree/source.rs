@@ -9,7 +9,7 @@ use rigident_shared::tree::{Joint, LinkState, TreeError};
 use super::drive::Term;
 use super::rows::{RowMaker, names_and_units};
 use super::sensitivities::ErrorRows;
-use super::{BaseSensor, Frame, Input, TreeSourceError, rotors, signals};
+use super::{BaseSensor, Frame, Input, TreeSourceError, friction_speed, rotors, signals};
 use crate::problem::white_noise::sixth_differences;
 use rigident_fit::{
     Channel, DriveMotion, Fingerprint, Kind, Nuisance, Owner, Parameter, RowSource, SampleRows, SignalNoise,
@@ -40,6 +40,7 @@ impl TreeSource {
     pub fn new(mut input: Input) -> Result<Self, TreeSourceError> {
         let mut base = base_parameters(&input.model, &input.situation)?;
         rotors::regroup(&mut input, &mut base).map_err(TreeSourceError::Frames)?;
+        let input = friction_speed::found(input, &base).map_err(TreeSourceError::Frames)?;
         Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
@@ -198,7 +199,7 @@ fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
             let (drive, term) = terms.next().unwrap_or(("", Term::Offset));
             let kind = match term {
                 Term::Viscous => Kind::Viscous,
-                Term::Coulomb | Term::Stribeck(_) => Kind::Coulomb,
+                Term::Coulomb(_) | Term::Stribeck(_) => Kind::Coulomb,
                 Term::Load => Kind::Load,
                 Term::Offset => Kind::Offset,
                 Term::Rotor => Kind::Rotor,

@@ -48,7 +48,7 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
     let fit = match problem.fit(&FitOptions { convergence_points: 0, ..FitOptions::default() }, &Silent) {
         Ok(fit) => fit,
         Err(error) => {
-            let cause = diagnose(case, &Silent).map(|cause| cause.what);
+            let cause = diagnose(case, None, &Silent).map(|cause| cause.what);
             return refused(cause.unwrap_or_else(|| error.to_string()));
         }
     };
@@ -60,7 +60,8 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
     };
     let mut answer = Answer::new(&fit, context).expect("an answer");
     if answer.status == Status::Implausible {
-        answer.explain(diagnose(case, &Silent), case.recording.warnings.len());
+        let cause = diagnose(case, Some(&answer), &Silent);
+        answer.explain(cause, case.recording.warnings.len());
     }
     let errors = answer.parameters.iter().zip(truth(&problem)).filter_map(|(parameter, truth)| {
         let measured = parameter.state.measured()?;

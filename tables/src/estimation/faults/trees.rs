@@ -113,7 +113,7 @@ impl Arm {
         recording.extra = names.zip(columns).collect();
         recording.rig = RigFile::default();
         let options = ProblemOptions {
-            friction: vec![Term::Viscous, Term::Coulomb].into(),
+            friction: vec![Term::Viscous, Term::Coulomb(None)].into(),
             ..ProblemOptions::default()
         };
         Case { recording, model: Some(self.nominal.clone()), options }
