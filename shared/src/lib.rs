@@ -17,6 +17,7 @@ pub mod factor;
 pub mod forgetting;
 pub mod inertia;
 mod linear_algebra;
+pub mod printable;
 #[cfg(test)]
 mod random;
 pub mod regressor;
