@@ -27,7 +27,8 @@ use rigident::problem::person::{PeopleOptions, Person};
 use rigident_fit::{Fit, FitOptions, Measured};
 use rigident_io::motion_capture::opensim::model::OsimModel;
 use rigident_io::motion_capture::trial::Trial;
-use rigident_model::{ModelError, write};
+use rigident_io::recording::new_file::write_new_text;
+use rigident_model::write;
 
 /// How well a mass that is given is known, relative (1 σ): scales, clothes and markers.
 const SCALES: f64 = 0.005;
@@ -133,7 +134,7 @@ impl Osim {
     fn read(path: &Path) -> Result<Self, Failure> {
         let failed = |why: String| Failure::input(format!("--osim {}: {why}", path.display()));
         let text =
-            std::fs::read_to_string(path).map_err(|error| failed(format!("it cannot be read: {error}")))?;
+            rigident_files::read_text(path).map_err(|error| failed(format!("it cannot be read: {error}")))?;
         let model = OsimModel::parse(&text).map_err(|error| failed(error.to_string()))?;
         Ok(Self { text, model })
     }
@@ -178,7 +179,7 @@ fn is_osim(path: &Path) -> bool {
 /// Reads the file of markers whose names say nothing.
 fn own_markers(arguments: &IdentifyBody) -> Result<MarkerFile, Failure> {
     let Some(path) = &arguments.markers else { return Ok(MarkerFile::default()) };
-    let text = std::fs::read_to_string(path)
+    let text = rigident_files::read_text(path)
         .map_err(|error| Failure::input(format!("{} cannot be read: {error}", path.display())))?;
     MarkerFile::parse(&text).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
 }
@@ -360,8 +361,7 @@ fn write_model(person: &Person, full: &Full, osim: Option<&Osim>, path: &Path) -
             let bodies =
                 in_opensim(&osim.model, model, &found.collect::<Vec<_>>()).map_err(Failure::input)?;
             let text = osim.model.written(&osim.text, &bodies).map_err(Failure::input)?;
-            let failed = |source| ModelError::Write { path: path.to_owned(), source };
-            std::fs::write(path, text).map_err(failed).map_err(Failure::input)?;
+            write_new_text(path, &text).map_err(Failure::input)?;
         }
     }
     Ok(path.display().to_string())

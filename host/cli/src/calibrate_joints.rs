@@ -145,7 +145,7 @@ pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
 }
 
 fn text_of(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path)
+    rigident_files::read_text(path)
         .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))
 }
 

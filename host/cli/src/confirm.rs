@@ -4,13 +4,18 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use super::Failure;
+use super::tell::tell;
 use rigident::device::session::INTERRUPTED;
 use rigident::platform::check::Summary;
 
 /// Shows what is about to move and goes on by `--yes`, or by a yes at the terminal.
 pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(), Failure> {
     let input = io::stdin();
-    eprint!("{address}: {summary}");
+    if io::stderr().is_terminal() {
+        // Colours and concealment that something before has left on.
+        let _ = io::stderr().write_all(b"\x1b[0m");
+    }
+    tell(format_args!("{address}: {summary}"), "");
     if yes {
         return Ok(());
     }
@@ -19,9 +24,10 @@ pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(),
             "nothing was moved: there is no terminal to ask at, give --yes if nobody stands in the platform's way",
         ));
     }
-    eprint!("Is its way clear, and shall it move [y/N]? ");
+    forget_typed(&input);
+    tell(format_args!("Is its way clear, and shall it move [y/N]? "), "");
     // A terminal that cannot be written to cannot be read from either.
-    let _ = std::io::stderr().flush();
+    let _ = io::stderr().flush();
     let read = move || {
         let mut answer = String::new();
         input.read_line(&mut answer).map(|_| answer)
@@ -32,6 +38,16 @@ pub(super) fn confirm(summary: &Summary, address: &str, yes: bool) -> Result<(),
         None => Err(Failure::interrupted("stopped before the experiment began; nothing was moved")),
     }
 }
+
+/// Forgets what was typed before the question was there to be read.
+#[cfg(unix)]
+fn forget_typed(terminal: &impl std::os::fd::AsFd) {
+    // What is no terminal holds nothing typed.
+    let _ = rustix::termios::tcflush(terminal, rustix::termios::QueueSelector::IFlush);
+}
+
+#[cfg(not(unix))]
+fn forget_typed(_: &io::Stdin) {}
 
 /// What `read` gives, in a thread that is left behind if nobody answers before `interrupted`: `None` then.
 pub(super) fn answered(
@@ -69,6 +85,25 @@ mod tests {
         for answer in ["", "\n", "n\n", "yess\n", "ok\n", "y y\n"] {
             assert!(!agreed(answer), "{answer:?}");
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_was_typed_before_the_question_is_no_answer() {
+        use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+        let mut keyboard = std::fs::File::from(openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap());
+        grantpt(&keyboard).unwrap();
+        unlockpt(&keyboard).unwrap();
+        let name = ptsname(&keyboard, Vec::new()).unwrap().into_string().unwrap();
+        let terminal = std::fs::File::options().read(true).write(true).open(name).unwrap();
+        keyboard.write_all(b"y\n").unwrap();
+        // The line is there to be read as soon as the terminal has seen it.
+        let waiting = || rustix::io::ioctl_fionread(&terminal).unwrap();
+        while waiting() == 0 {
+            std::thread::yield_now();
+        }
+        forget_typed(&terminal);
+        assert_eq!(waiting(), 0);
     }
 
     #[test]

@@ -3,6 +3,7 @@ use std::process::ExitCode;
 
 use rigident_io::recording::RecordingError;
 use rigident_io::rig::RigFileError;
+use rigident_shared::printable;
 
 /// Why a command ends without an answer: its exit status and a message that says what happened, where, and
 /// what to do.
@@ -59,25 +60,31 @@ impl From<ExitStatus> for ExitCode {
 }
 
 impl Failure {
+    /// Names in the message are as strangers wrote them: nothing of them steers a terminal, a log or a notebook.
+    fn new(status: ExitStatus, message: impl fmt::Display) -> Self {
+        let message = printable::lines(&message.to_string()).to_string();
+        Self { status, message, place: None }
+    }
+
     /// Bad input or usage.
     pub fn input(message: impl fmt::Display) -> Self {
-        Self { status: ExitStatus::Input, message: message.to_string(), place: None }
+        Self::new(ExitStatus::Input, message)
     }
 
     /// Link or hardware failure.
     pub fn link(message: impl fmt::Display) -> Self {
-        Self { status: ExitStatus::Link, message: message.to_string(), place: None }
+        Self::new(ExitStatus::Link, message)
     }
 
     /// Ctrl-C before there was anything to keep.
     pub fn interrupted(message: impl fmt::Display) -> Self {
-        Self { status: ExitStatus::NotIdentified, message: message.to_string(), place: None }
+        Self::new(ExitStatus::NotIdentified, message)
     }
 
     /// The same failure, preceded by what was being done.
     #[must_use]
     pub fn context(mut self, doing: impl fmt::Display) -> Self {
-        self.message = format!("{doing}: {}", self.message);
+        self.message = printable::lines(&format!("{doing}: {}", self.message)).to_string();
         self
     }
 

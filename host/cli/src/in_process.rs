@@ -4,7 +4,7 @@
 //! same function as on the command line, so that the numbers are the same.
 
 use std::any::Any;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -16,6 +16,7 @@ use super::arguments::{Arguments, Command};
 use super::kept::{self, Stopped};
 use super::{ExitStatus, Failure, command, dispatch, factor, identify, in_one_line};
 use rigident_io::recording::Recording;
+use rigident_shared::printable;
 
 /// Holds what a command did that was called in this process.
 #[derive(Debug)]
@@ -69,8 +70,21 @@ pub fn call<W: Into<OsString>>(
 /// # Errors
 /// What clap says of them; help and the version are such, too.
 pub(super) fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
+    let words: Vec<OsString> = words.into_iter().collect();
+    if let Some((n, word)) = words.iter().enumerate().skip(1).find(|(_, word)| steers(word)) {
+        let shown = word.to_string_lossy();
+        let why = format!(
+            "argument {n}, '{}', has control characters: names of files go into messages and written files; rename it",
+            printable::name(&shown)
+        );
+        return Err(command().error(clap::error::ErrorKind::InvalidValue, why));
+    }
     let mut matches = command().try_get_matches_from(words)?;
     Arguments::from_arg_matches_mut(&mut matches)
+}
+
+fn steers(word: &OsStr) -> bool {
+    word.to_string_lossy().chars().any(printable::steers)
 }
 
 fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, Failure> {
@@ -106,6 +120,23 @@ mod tests {
 
     fn called(words: &[&str], stop: bool) -> Called {
         call(words, None, Arc::new(AtomicBool::new(stop)))
+    }
+
+    #[test]
+    fn a_name_that_steers_is_refused_on_every_way_in() {
+        for word in ["a\nmovej([0]).csv", "\u{1b}]0;x\u{7}.csv", "a\u{202e}vsc.exe", "a\u{9b}2J"] {
+            for words in [
+                vec!["identify", word],
+                vec!["identify", "a.csv", "--model", word],
+                vec!["merge", "a.factor", "-o", word],
+                vec!["model", "check", word],
+            ] {
+                let refused = called(&words, false);
+                let said = refused.failure.unwrap().to_string();
+                assert!(said.contains("has control characters"), "{said:?}");
+                assert!(!said.chars().any(printable::steers), "{said:?}");
+            }
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use rigident_shared::wire::{ErrorCode, Identity, SettingName, Settings, Source};
 
 use super::Failure;
 use super::confirm::answered;
+use super::tell::tell;
 use rigident::device::link::LinkError;
 use rigident::device::ports::{self, NotFound, Port};
 use rigident::device::session::two_links::{attitude_source, two_link_settings};
@@ -77,7 +78,7 @@ fn chosen(found: &[(Port, Identity)]) -> Result<String, Failure> {
     for (k, (port, identity)) in found.iter().enumerate() {
         tell!("  {}  {}  {}", k + 1, port.port, ports::board(identity));
     }
-    eprint!("Which one [1-{}]? ", found.len());
+    tell(format_args!("Which one [1-{}]? ", found.len()), "");
     let read = move || {
         let mut answer = String::new();
         input.read_line(&mut answer).map(|_| answer)

@@ -48,7 +48,8 @@ fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
     let text = if list.as_os_str() == "-" {
         std::io::read_to_string(std::io::stdin())
     } else {
-        std::fs::read_to_string(list)
+        let bytes = rigident_files::read_or_pipe(list, rigident_files::MOST_OF_TEXT);
+        bytes.and_then(|bytes| std::io::read_to_string(bytes.as_slice()))
     }
     .map_err(|error| refuse(&error))?;
     let files: Vec<PathBuf> =

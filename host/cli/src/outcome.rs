@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::kept;
 use rigident_io::rig::RigFile;
+use rigident_shared::printable;
 
 /// Whether anything has been printed on standard output.
 static SAID: AtomicBool = AtomicBool::new(false);
@@ -28,6 +29,7 @@ pub(super) fn failed(error: &str) -> serde_json::Value {
 /// Prints a line on standard output, or keeps it for the program that called the command. What standard output does not take
 /// is in [`unwritten`].
 pub(super) fn say(text: impl std::fmt::Display) {
+    let text = shown(&text.to_string());
     if kept::keep(&text) {
         return;
     }
@@ -35,6 +37,19 @@ pub(super) fn say(text: impl std::fmt::Display) {
     if let Err(error) = print(&mut io::stdout().lock(), &text) {
         let _ = UNWRITTEN.set(error.to_string());
     }
+}
+
+/// Returns a text as a terminal may have it. An object keeps all that its strings hold, written as JSON escapes it.
+fn shown(text: &str) -> String {
+    if !text.starts_with('{') {
+        return printable::page(text).to_string();
+    }
+    let escaped = |c: char| match c {
+        '\n' | '\t' => c.to_string(),
+        c if printable::steers(c) => format!("\\u{:04x}", u32::from(c)),
+        c => c.to_string(),
+    };
+    if text.chars().any(printable::steers) { text.chars().map(escaped).collect() } else { text.to_owned() }
 }
 
 /// Says that no model is written, and why.
@@ -91,6 +106,18 @@ mod tests {
 
         fn flush(&mut self) -> io::Result<()> {
             Ok(())
+        }
+    }
+
+    #[test]
+    fn no_answer_steers_a_terminal_and_an_object_keeps_its_strings() {
+        let name = "a\u{1b}[2J\u{9b}8m\u{202e}b";
+        assert_eq!(shown(&format!("{name}\n\tx")), "a\u{fffd}[2J\u{fffd}8m\u{fffd}b\n\tx");
+        let object = serde_json::json!({ "name": name });
+        for text in [object.to_string(), format!("{object:#}")] {
+            let said = shown(&text);
+            assert!(said.chars().all(|c| c == '\n' || !printable::steers(c)), "{said:?}");
+            assert_eq!(serde_json::from_str::<serde_json::Value>(&said).unwrap(), object);
         }
     }
 

@@ -10,6 +10,7 @@ use rigident::answer::{Answer, Context, Status};
 use rigident_fit::Fit;
 use rigident_fit::payload::{Carrier, disagreement_in_words};
 use rigident_fit::tare::Tare;
+use rigident_io::recording::new_file::write_new_text;
 use rigident_model::inertial::map_to_parent;
 use rigident_model::load::Language;
 
@@ -93,8 +94,7 @@ impl Payload<'_> {
             };
             match text {
                 Ok(text) => {
-                    std::fs::write(path, text)
-                        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+                    write_new_text(path, &text).map_err(Failure::input)?;
                     written.push(path.display().to_string());
                 }
                 Err(why) => {

@@ -20,6 +20,7 @@ use rigident::plan::excitation::limits::{GivenLimits, JointLimits, Shares, by_jo
 use rigident::plan::excitation::{Excitation, Stage, Task, movable, plan};
 use rigident::present::text::significant;
 use rigident::problem::tree::drive::{Drive, Friction};
+use rigident_files::MOST_OF_TEXT;
 use rigident_io::recording::new_file::write_new_text;
 use rigident_model::Model;
 use rigident_model::base::Rows;
@@ -188,7 +189,7 @@ fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
     let file = match &arguments.boxes {
         None => BoxFile::default(),
         Some(path) => {
-            let text = std::fs::read_to_string(path)
+            let text = rigident_files::read_text(path)
                 .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
             BoxFile::parse(&text, &path.display().to_string(), &robot).map_err(Failure::input)?
         }
@@ -291,7 +292,8 @@ fn shares(arguments: &PlanExcitation) -> Result<Shares, Failure> {
 /// Returns the boxes round the links.
 fn round(robot: &Model, arguments: &PlanExcitation, file: &BoxFile) -> Result<Boxes, Failure> {
     let path = Path::new(&arguments.model.model);
-    let text = std::fs::read(path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+    let text = rigident_files::read(path, MOST_OF_TEXT)
+        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
     let is_rig = path.extension().is_some_and(|ending| ending == "toml");
     let shapes = if is_rig { BTreeMap::new() } else { shapes::boxes(&String::from_utf8_lossy(&text), path) };
     Ok(boxes(robot, &shapes, file, arguments.box_radius_m))

@@ -228,7 +228,7 @@ fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
 
 /// Reads a result.json.
 pub(super) fn answer_in(path: &Path) -> Result<Answer, Failure> {
-    let text = std::fs::read_to_string(path)
+    let text = rigident_files::read_text(path)
         .map_err(|e| Failure::input(format!("{} cannot be read: {e}", path.display())))?;
     Answer::read(&text).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
 }

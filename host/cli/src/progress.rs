@@ -4,6 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use rigident_shared::printable;
+
 use super::kept;
 
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
@@ -46,7 +48,7 @@ impl Progress {
             return;
         }
         self.last = Some(Instant::now());
-        let line = line();
+        let line = printable::line(&line()).to_string();
         let mut out = stderr().lock();
         // Progress that cannot be written is no reason to stop the work.
         let _ = if self.terminal {

@@ -23,6 +23,7 @@ use rigident::problem::suspension::support::Support;
 use rigident_fit::Fit;
 use rigident_fit::pool::PooledFactor;
 use rigident_io::recording::Recording;
+use rigident_io::recording::new_file::write_new_text;
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -107,7 +108,7 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.plot {
         let bar = |set: &Set| Bar { name: set.postures.join(", "), rank: set.rank, condition: set.condition };
         let figure = figure(&object.sets.iter().map(bar).collect::<Vec<_>>());
-        std::fs::write(path, figure).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        write_new_text(path, &figure).map_err(Failure::input)?;
     }
     if arguments.json {
         let json = serde_json::to_string_pretty(&object)
@@ -127,8 +128,8 @@ fn of_file(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
         return Err(Failure::input("--rig: a file of postures has the links itself"));
     }
     let what = path.display().to_string();
-    let text =
-        std::fs::read_to_string(path).map_err(|e| Failure::input(format!("{what}: cannot be read: {e}")))?;
+    let text = rigident_files::read_text(path)
+        .map_err(|e| Failure::input(format!("{what}: cannot be read: {e}")))?;
     let file: PosturesFile = toml::from_str(&text).map_err(|e| Failure::input(format!("{what}: {e}")))?;
     let source = PostureSource::new(&file, &what).map_err(Failure::input)?;
     let pooled = source.pooled();

@@ -4,7 +4,32 @@ use std::fs::File;
 use std::io::{BufWriter, Error, ErrorKind, Write};
 use std::path::Path;
 
-use super::error::RecordingError;
+/// Why a new file is not written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NewFileError {
+    /// Something of that name is there: a file, a folder, or a link, wherever that leads.
+    #[error("{0} is there already, and nothing is overwritten: give another name, or move it away")]
+    Exists(String),
+    /// It cannot be written.
+    #[error("{path} cannot be written: {reason}; nothing was left half-written")]
+    Unwritable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+}
+
+/// Refuses a name that is taken, by a link that leads nowhere too.
+///
+/// # Errors
+/// [`NewFileError::Exists`].
+pub fn check_new(path: &Path) -> Result<(), NewFileError> {
+    match path.symlink_metadata() {
+        Ok(_) => Err(NewFileError::Exists(path.display().to_string())),
+        Err(_) => Ok(()),
+    }
+}
 
 /// Writes a new file: into a temporary one in the same folder, flushed to the disk, then given its name.
 ///
@@ -13,8 +38,8 @@ use super::error::RecordingError;
 pub fn write_new<E: Into<RefusedWrite>>(
     path: &Path,
     write: impl FnOnce(BufWriter<File>) -> Result<BufWriter<File>, E>,
-) -> Result<(), RecordingError> {
-    let refused = |e: &Error| RecordingError::Unwritable {
+) -> Result<(), NewFileError> {
+    let refused = |e: &Error| NewFileError::Unwritable {
         path: path.display().to_string(),
         reason: match e.kind() {
             ErrorKind::StorageFull => format!("the disk is full ({e}); make room or write elsewhere"),
@@ -22,9 +47,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
         },
     };
     // Found out now rather than after a long job; the rename below looks again.
-    if path.symlink_metadata().is_ok() {
-        return Err(RecordingError::Exists(path.display().to_string()));
-    }
+    check_new(path)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (file, temporary) = tempfile::Builder::new()
         .prefix(".rigident-")
@@ -36,7 +59,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
     let file = written.into_inner().map_err(|e| refused(e.error()))?;
     file.sync_all().map_err(|e| refused(&e))?;
     temporary.persist_noclobber(path).map_err(|e| match e.error.kind() {
-        ErrorKind::AlreadyExists => RecordingError::Exists(path.display().to_string()),
+        ErrorKind::AlreadyExists => NewFileError::Exists(path.display().to_string()),
         _ => refused(&e.error),
     })
 }
@@ -45,7 +68,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
 ///
 /// # Errors
 /// As [`write_new`].
-pub fn write_new_text(path: &Path, text: &str) -> Result<(), RecordingError> {
+pub fn write_new_text(path: &Path, text: &str) -> Result<(), NewFileError> {
     write_new_bytes(path, text.as_bytes())
 }
 
@@ -53,7 +76,7 @@ pub fn write_new_text(path: &Path, text: &str) -> Result<(), RecordingError> {
 ///
 /// # Errors
 /// As [`write_new`].
-pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
+pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), NewFileError> {
     write_new(path, |mut file| {
         file.write_all(bytes)?;
         Ok::<_, Error>(file)
@@ -102,7 +125,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         write_new_text(&path, "one").unwrap();
-        assert_eq!(write_new_text(&path, "two"), Err(RecordingError::Exists(path.display().to_string())));
+        assert_eq!(write_new_text(&path, "two"), Err(NewFileError::Exists(path.display().to_string())));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "one");
         let full = write_new(&folder.path().join("b.csv"), |mut file| {
             file.write_all(&[b'x'; 100_000])?;
@@ -111,6 +134,18 @@ mod tests {
         let message = full.unwrap_err().to_string();
         assert!(message.contains("disk is full") && message.contains("half-written"), "{message}");
         assert_eq!(names(folder.path()), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_nowhere_is_not_written_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let (link, target) = (folder.path().join("a.script"), folder.path().join("target"));
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        let exists = Err(NewFileError::Exists(link.display().to_string()));
+        assert_eq!(check_new(&link), exists);
+        assert_eq!(write_new_text(&link, "text"), exists);
+        assert!(!target.exists());
     }
 
     #[cfg(target_os = "linux")]

@@ -11,6 +11,8 @@ use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::pool::PooledFactor;
+use rigident_shared::printable;
+
 use super::{Basis, Checks, Factor, Parameter, RigError, RigRows};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
@@ -186,6 +188,9 @@ struct Header {
     disagreement: f64,
     comparisons: u64,
 }
+
+/// A name that could steer a terminal, or the program of a robot that it is written into.
+const UNFIT_NAME: &str = "a name with control characters, or of more than 1024 bytes";
 
 /// The variance of a run's rows, and the degrees of freedom taken of them.
 type Scale = (f64, Option<f64>);
@@ -467,6 +472,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         disagreement,
         comparisons,
     } = header;
+    check_names(&parameters, &sources, &rigs)?;
     let count = parameters.len();
     let refuse = || FactorFileError::Numbers { got: numbers.len() / 8, parameters: count };
     if rigs.rigs.is_empty() || numbers.len() != 8 * rigs.numbers(count) {
@@ -525,6 +531,34 @@ fn in_range(factor: &Factor) -> bool {
     r.column_iter().all(|column| usual(column.amax()))
         && factor.z().iter().all(|z| z.abs() < LARGEST)
         && factor.residual_sum_of_squares() < LARGEST * LARGEST
+}
+
+/// Refuses names that could steer what they are shown by, or end a comment in a program that they are written into.
+fn check_names(
+    parameters: &[StoredParameter],
+    sources: &[FactorSource],
+    rigs: &Rigs,
+) -> Result<(), FactorFileError> {
+    let of_parameter = |p: &StoredParameter| {
+        [&p.name, &p.unit, &p.frame, p.owner.name()].into_iter().all(|text| printable::is_name(text))
+            && p.made_of.iter().all(|(name, _)| printable::is_name(name))
+    };
+    let of_run = |s: &FactorSource| {
+        let warnings = s.checks.iter().flat_map(|checks| &checks.warnings);
+        printable::is_name(&s.recording)
+            && s.channels.iter().all(|c| printable::is_name(&c.name) && printable::is_name(&c.unit))
+            && s.labels.iter().flat_map(|(key, value)| [key, value]).all(|text| printable::is_name(text))
+            && warnings.flat_map(|text| text.chars()).all(|c| c == '\n' || !printable::steers(c))
+    };
+    let of_rigs = rigs.rigs.iter().flat_map(|rig| &rig.errors).map(|error| &error.name);
+    let bases = rigs.bases.iter().map(|basis| match basis {
+        Basis::Stated(text) | Basis::Class(text) | Basis::Calibration(text) => text,
+    });
+    let mut texts = rigs.texts.iter().chain(&rigs.differing).chain(of_rigs).chain(bases);
+    let fit = parameters.iter().all(of_parameter)
+        && sources.iter().all(of_run)
+        && texts.all(|text| printable::is_name(text));
+    if fit { Ok(()) } else { Err(FactorFileError::Header(UNFIT_NAME)) }
 }
 
 /// Refuses a header that cannot be reckoned with.

@@ -140,6 +140,46 @@ fn what_cannot_be_reckoned_with_is_named() {
     }
 }
 
+/// A name goes into a comment of a robot's program, onto a terminal, into a table: nothing of it may steer these.
+#[test]
+fn names_that_steer_are_refused_wherever_they_are() {
+    type Place = fn(&mut PooledFactor) -> &mut String;
+    let places: [(&str, Place); 9] = [
+        ("recording", |f| &mut f.sources[0].recording),
+        ("parameter", |f| &mut f.parameters[0].name),
+        ("unit", |f| &mut f.parameters[0].unit),
+        ("frame", |f| &mut f.parameters[0].frame),
+        ("made of", |f| &mut f.parameters[0].made_of[0].0),
+        ("channel", |f| &mut f.sources[0].channels[0].name),
+        ("channel's unit", |f| &mut f.sources[0].channels[0].unit),
+        ("label", |f| f.sources[0].labels.entry("body".to_owned()).or_default()),
+        ("error", |f| {
+            f.differing.push(String::new());
+            &mut f.differing[0]
+        }),
+    ];
+    let good = file(&tree(1));
+    let long = "x".repeat(1025);
+    for (what, place) in places {
+        for bad in ["x\nmovej([0])\n#", "\u{1b}[2J", "\u{9b}8m", "a\u{202e}b", "a\0", long.as_str()] {
+            let mut file = good.clone();
+            bad.clone_into(place(&mut file));
+            assert_eq!(read(&file.to_bytes()), Err(FactorFileError::Header(UNFIT_NAME)), "{what} {bad:?}");
+        }
+    }
+    let owner =
+        |name: &str| Parameter { owner: crate::Owner::Other(name.to_owned()), ..good.parameters[0].clone() };
+    let mut file = good.clone();
+    file.parameters[0] = owner("\u{7}");
+    assert_eq!(read(&file.to_bytes()), Err(FactorFileError::Header(UNFIT_NAME)));
+    let warned = |text: &str| {
+        read(
+            &good.clone().checked(&Checks { contradicted: true, warnings: vec![text.to_owned()] }).to_bytes(),
+        )
+    };
+    assert!(warned("two\nlines").is_ok() && warned("\u{1b}]0;x").is_err());
+}
+
 /// The files of the fuzzer's corpus are of the present version.
 #[test]
 fn the_committed_files_are_read() {

@@ -15,6 +15,15 @@ pub enum Owner {
     Other(String),
 }
 
+impl Owner {
+    /// Returns its name.
+    pub fn name(&self) -> &String {
+        match self {
+            Self::Link(name) | Self::Drive(name) | Self::Channel(name) | Self::Other(name) => name,
+        }
+    }
+}
+
 /// The kind of quantity, which decides what an uncertainty is judged against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Kind {

@@ -168,12 +168,12 @@ impl PooledFactor {
             name: name.clone(),
             reason: format!("cannot be read: {e}"),
         };
-        let length = std::fs::metadata(path).map_err(refuse)?.len();
+        let length = rigident_files::open(path).and_then(|file| file.metadata()).map_err(refuse)?.len();
         if length > MOST_BYTES {
             let error = FactorFileError::TooLarge { what: "bytes", got: length, most: MOST_BYTES };
             return Err(PoolError::File { name, error });
         }
-        Self::from_bytes(&std::fs::read(path).map_err(refuse)?, &name)
+        Self::from_bytes(&rigident_files::read(path, MOST_BYTES).map_err(refuse)?, &name)
     }
 
     /// Writes a factor file, which must not exist.

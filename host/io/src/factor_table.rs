@@ -125,7 +125,7 @@ fn refused(path: &Path, error: &dyn std::fmt::Display) -> PoolError {
 }
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, PoolError> {
-    let file = File::open(path).map_err(|e| refused(path, &e))?;
+    let file = rigident_files::open(path).map_err(|e| refused(path, &e))?;
     parquet_file::open(file).map_err(|e| refused(path, &e))
 }
 

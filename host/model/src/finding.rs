@@ -3,6 +3,9 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use rigident_files::new_file::NewFileError;
+use rigident_shared::printable;
+
 /// Why there is no model: what, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
@@ -14,16 +17,11 @@ pub enum ModelError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// A file cannot be written.
-    #[error("{}: cannot be written: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    /// A file cannot be written, or is there already.
+    #[error(transparent)]
+    Write(#[from] NewFileError),
     /// The text is no description of a robot.
-    #[error("{what} is no robot description that can be read: {reason}")]
+    #[error("{what} is no robot description that can be read: {}", printable::line(.reason))]
     Syntax {
         /// The file's name.
         what: String,
@@ -37,7 +35,7 @@ pub enum ModelError {
     #[error("{0}")]
     RigFile(String),
     /// The links make no tree.
-    #[error("{what}: {problem}")]
+    #[error("{what}: {}", printable::line(.problem))]
     Structure {
         /// The model's name.
         what: String,
@@ -60,6 +58,6 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.place, self.text)
+        write!(f, "{}: {}", printable::name(&self.place), printable::line(&self.text))
     }
 }

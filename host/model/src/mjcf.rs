@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rigident_shared::inertia::InertialParameters;
+use rigident_shared::printable;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 use roxmltree::Node;
@@ -105,7 +106,7 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
     }
     let mut model = Model::assemble(what, reader.raw, reader.findings)?;
     if let Some(name) = root.attribute("model") {
-        name.clone_into(&mut model.name);
+        model.name = printable::name(name).to_string();
     }
     Ok(Parsed { model, anchors: reader.anchors })
 }

@@ -31,7 +31,7 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
             ));
         }
     }
-    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
+    let text = source.and_then(|source| rigident_files::read_text(source).ok());
     if text.is_some_and(|text| Language::of_text(&text) == language) {
         // The rest of it is kept.
         return said;

@@ -381,3 +381,55 @@ fn a_urdf_that_is_no_xml_is_read_and_kept_as_it_is() {
         .unwrap();
     assert_eq!(urdf::read(&path).unwrap().links, wanted.links);
 }
+
+/// Elements within one another, as deep as the stack of a reader that calls itself for each would not be.
+#[test]
+fn nested_elements_and_many_links_end_in_words() {
+    let bodies = |n: usize| -> String { (0..n).map(|k| format!("<body name=\"b{k}\">")).collect() };
+    let mjcf =
+        |n: usize| format!("<mujoco><worldbody>{}{}</worldbody></mujoco>", bodies(n), "</body>".repeat(n));
+    let nested = |root: &str, tag: &str, n: usize| {
+        format!("<{root}>{}{}</{root}>", format!("<{tag}>").repeat(n), format!("</{tag}>").repeat(n))
+    };
+    for text in [
+        mjcf(4500),
+        nested("mujoco", "default", 4500),
+        nested("robot", "link", 100_000),
+        nested("sdf", "model", 100_000),
+    ] {
+        let said = crate::write::parse(&text, "deep").map(|_| ()).unwrap_err().to_string();
+        assert!(said.contains("within more than 256 elements"), "{said}");
+    }
+    assert!(crate::write::parse(&mjcf(200), "deep").is_ok());
+    let links = |n: usize| -> String {
+        let link = |k: usize| format!("<link name=\"l{k}\"/>");
+        let joint = |k: usize| {
+            format!(
+                "<joint name=\"j{k}\" type=\"fixed\"><parent link=\"l{}\"/><child link=\"l{k}\"/></joint>",
+                k - 1
+            )
+        };
+        let (links, joints): (String, String) = ((0..n).map(link).collect(), (1..n).map(joint).collect());
+        format!("<robot name=\"r\">{links}{joints}</robot>")
+    };
+    let said = crate::urdf::parse(&links(20_000), "long").unwrap_err().to_string();
+    assert!(said.contains("20000 links"), "{said}");
+    assert!(crate::urdf::parse(&links(crate::tree::MOST_LINKS), "long").is_ok());
+}
+
+#[test]
+fn names_with_control_characters_are_refused_in_every_language() {
+    for bad in ["a&#10;movej", "a&#x9b;8m", "a&#x202e;b", "a&#13;"] {
+        for text in [
+            format!("<robot name=\"r\"><link name=\"{bad}\"/></robot>"),
+            format!("<mujoco><worldbody><body name=\"{bad}\"/></worldbody></mujoco>"),
+            format!("<sdf version=\"1.9\"><model name=\"m\"><link name=\"{bad}\"/></model></sdf>"),
+        ] {
+            let said = crate::write::parse(&text, "x").map(|_| ()).unwrap_err().to_string();
+            assert!(said.contains("control characters"), "{said} {text}");
+            assert!(!said.chars().any(rigident_shared::printable::steers), "{said:?}");
+        }
+    }
+    let named = crate::urdf::parse("<robot name=\"a&#10;b\"><link name=\"x\"/></robot>", "x").unwrap();
+    assert_eq!(named.name, "a\u{fffd}b");
+}

@@ -3,12 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
+use rigident_shared::printable;
 use rigident_shared::tree::{Joint, Link};
 
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::limits::Limits;
 use super::passive::Passive;
+
+/// The most links of a model: a matrix of all their parameters takes some hundred megabytes.
+pub const MOST_LINKS: usize = 512;
 
 /// A joint that follows another: `q = multiplier · q_leader + offset`.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,6 +109,21 @@ impl Model {
         let refuse = |problem: String| ModelError::Structure { what: name.to_owned(), problem };
         let mut names = BTreeSet::new();
         let mut joints = BTreeSet::new();
+        for name in raw.iter().flat_map(|r| [&r.link.name, &r.link.joint_name]) {
+            if !printable::is_name(name) {
+                return Err(refuse(format!(
+                    "the name {:?} has control characters, or is longer than {} bytes: give another one",
+                    printable::name(name).to_string(),
+                    printable::LONGEST_NAME
+                )));
+            }
+        }
+        if raw.len() > MOST_LINKS {
+            return Err(refuse(format!(
+                "it has {} links, and models are read up to {MOST_LINKS}",
+                raw.len()
+            )));
+        }
         for (n, r) in raw.iter().enumerate() {
             if r.link.name.trim().is_empty() {
                 let held = match r.link.joint_name.as_str() {

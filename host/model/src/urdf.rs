@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
+use rigident_files::MOST_OF_TEXT;
 use rigident_shared::inertia::InertialParameters;
+use rigident_shared::printable;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 use roxmltree::Node;
@@ -28,7 +30,8 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
 
 /// Returns the text of a file; one that is not UTF-8 is taken for Latin-1.
 pub(super) fn text_of(path: &Path) -> Result<String, ModelError> {
-    let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    let bytes = rigident_files::read(path, MOST_OF_TEXT)
+        .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|other| other.into_bytes().into_iter().map(char::from).collect()))
 }
@@ -51,6 +54,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
         let hint = if text.contains("<robot") { "" } else { "; it has no <robot> element" };
         syntax(format!("{error}{hint}"))
     })?;
+    xml::check_depth(&document).map_err(syntax)?;
     let robot = document.root_element();
     if !robot.has_tag_name("robot") {
         return Err(syntax("it has no <robot> element".to_owned()));
@@ -75,7 +79,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     }
     let mut model = Model::assemble(what, raw, findings)?;
     if !name(&robot).is_empty() {
-        name(&robot).clone_into(&mut model.name);
+        model.name = printable::name(name(&robot)).to_string();
     }
     Ok(model)
 }

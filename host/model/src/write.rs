@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rigident_files::new_file::{self, write_new_text};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
@@ -67,7 +68,7 @@ pub fn check_target(path: &Path) -> Result<Language, ModelError> {
 /// # Errors
 /// [`ModelError::Option`] if it exists, or its folder does not.
 pub fn check_new(path: &Path) -> Result<(), ModelError> {
-    if path.exists() {
+    if new_file::check_new(path).is_err() {
         return Err(refused(path, "the file is there already, and nothing is overwritten"));
     }
     if path.parent().is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
@@ -98,7 +99,7 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
 /// [`ModelError`] if the file cannot be written, or what was written is not read as it was meant.
 pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), ModelError> {
     let language = check_target(path)?;
-    let text = source.and_then(|source| std::fs::read_to_string(source).ok());
+    let text = source.and_then(|source| rigident_files::read_text(source).ok());
     let text = text.filter(|text| Language::of_text(text) == Some(language));
     let kept = text.is_some();
     let text = match text {
@@ -110,7 +111,7 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
     if kept && language == Language::Urdf {
         joint_edits::check(model, &text, &path.display().to_string())?;
     }
-    std::fs::write(path, text).map_err(|source| ModelError::Write { path: path.to_owned(), source })
+    Ok(write_new_text(path, &text)?)
 }
 
 /// Reads again what is to be written.

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rigident_shared::printable;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::finding::ModelError;
@@ -43,7 +44,33 @@ impl Language {
 /// # Errors
 /// [`ModelError::Syntax`].
 pub(super) fn document<'a>(text: &'a str, what: &str) -> Result<Document<'a>, ModelError> {
-    parsed(text).map_err(|error| ModelError::Syntax { what: what.to_owned(), reason: error.to_string() })
+    let refuse = |reason: String| ModelError::Syntax { what: what.to_owned(), reason };
+    let document = parsed(text).map_err(|error| refuse(error.to_string()))?;
+    check_depth(&document).map_err(refuse)?;
+    Ok(document)
+}
+
+/// The deepest that elements are within one another. Readers call themselves for each.
+const DEEPEST: usize = 256;
+
+/// Refuses a document whose elements are deeper within one another than any robot's are.
+///
+/// # Errors
+/// Says at which element.
+pub(super) fn check_depth(document: &Document) -> Result<(), String> {
+    let mut depths: Vec<usize> = Vec::new();
+    // Parents come before their children.
+    for node in document.descendants() {
+        let above = node.parent().and_then(|parent| depths.get(parent.id().get_usize()).copied());
+        let depth = above.map_or(0, |above| above + 1);
+        if depth > DEEPEST {
+            return Err(format!("{} is within more than {DEEPEST} elements", describe(&node)));
+        }
+        let at = node.id().get_usize();
+        depths.resize(depths.len().max(at + 1), 0);
+        depths[at] = depth;
+    }
+    Ok(())
 }
 
 /// Parses a text, which may have a `<!DOCTYPE>`.
@@ -78,7 +105,7 @@ pub(super) fn exactly<const N: usize>(values: Vec<f64>, what: &str) -> Result<[f
 /// An element's tag and name, or its line.
 pub(super) fn describe(node: &Node) -> String {
     match node.attribute("name") {
-        Some(name) => format!("<{} name=\"{name}\">", node.tag_name().name()),
+        Some(name) => format!("<{} name=\"{}\">", node.tag_name().name(), printable::name(name)),
         None => format!("<{}> in line {}", node.tag_name().name(), line(node)),
     }
 }

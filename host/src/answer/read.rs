@@ -1,5 +1,6 @@
 //! Reading answers back from `result.json`.
 
+use rigident_shared::printable;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
@@ -14,6 +15,9 @@ pub enum ReadError {
     /// It is no JSON, or no object of this schema.
     #[error("this is no result of Rigident: {0}; give the result.json that a command of Rigident wrote")]
     Json(#[from] serde_json::Error),
+    /// A text in it is none that this program writes.
+    #[error("this is no result of Rigident: the text {0:?} in it has control characters, or is too long")]
+    Text(String),
     /// It is a result of another version.
     #[error(
         "this is a result of schema {found:?}, and this program reads {SCHEMA:?} and {EARLIER_SCHEMA:?}: \
@@ -53,7 +57,7 @@ impl<'de> Deserialize<'de> for Parameter {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let Written { name, owner, unit, state, value, u95, frame, truth, terms } =
             Written::deserialize(from)?;
-        let measured = value.zip(u95).map(|(value, u95)| Measured { value, u95 });
+        let measured = value.zip(u95).map(|both| usable(&name, both)).transpose()?;
         let measured =
             || measured.ok_or_else(|| D::Error::custom(format!("{name} is {state} and has no value")));
         let state = match state.as_str() {
@@ -67,6 +71,35 @@ impl<'de> Deserialize<'de> for Parameter {
     }
 }
 
+/// Larger than anything that is identified, in any unit.
+const LARGEST: f64 = 1e60;
+
+/// Returns a value with its U95, if they can be of a fit.
+fn usable<E: serde::de::Error>(name: &str, (value, u95): (f64, f64)) -> Result<Measured, E> {
+    if value.abs() < LARGEST && (0.0..LARGEST).contains(&u95) {
+        return Ok(Measured { value, u95 });
+    }
+    let name = printable::name(name);
+    Err(E::custom(format!("{name} has the value {value:e} and the u95 {u95:e}, which no fit has")))
+}
+
+/// Returns the first key or text that could steer what it is shown by. Warnings may have lines.
+fn unfit(value: &serde_json::Value) -> Option<&str> {
+    let is_fit =
+        |text: &str| text.len() <= LONGEST_TEXT && text.chars().all(|c| c == '\n' || !printable::steers(c));
+    match value {
+        serde_json::Value::String(text) => (!is_fit(text)).then_some(text),
+        serde_json::Value::Array(items) => items.iter().find_map(unfit),
+        serde_json::Value::Object(map) => {
+            map.iter().find_map(|(key, value)| if is_fit(key) { unfit(value) } else { Some(key) })
+        }
+        _ => None,
+    }
+}
+
+/// The longest text of a result, bytes.
+const LONGEST_TEXT: usize = 1 << 16;
+
 /// A step of a parameter as it stands in a file.
 #[derive(Deserialize)]
 struct WrittenStep {
@@ -79,7 +112,8 @@ struct WrittenStep {
 impl<'de> Deserialize<'de> for ParameterStep {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let WrittenStep { name, unit, value, u95 } = WrittenStep::deserialize(from)?;
-        Ok(Self { name, unit, step: Measured { value, u95 } })
+        let step = usable(&name, (value, u95))?;
+        Ok(Self { name, unit, step })
     }
 }
 
@@ -95,7 +129,7 @@ struct WrittenDrift {
 impl<'de> Deserialize<'de> for DriftChange {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let WrittenDrift { channel, unit, value, u95 } = WrittenDrift::deserialize(from)?;
-        let change = value.zip(u95).map(|(value, u95)| Measured { value, u95 });
+        let change = value.zip(u95).map(|both| usable(&channel, both)).transpose()?;
         Ok(Self { channel, unit, change })
     }
 }
@@ -115,6 +149,9 @@ impl Answer {
     /// ```
     pub fn read(text: &str) -> Result<Self, ReadError> {
         let Named { schema } = serde_json::from_str(text)?;
+        if let Some(text) = unfit(&serde_json::from_str(text)?) {
+            return Err(ReadError::Text(printable::name(text).to_string()));
+        }
         match schema.as_str() {
             SCHEMA => Ok(serde_json::from_str::<Self>(text)?.of_file()),
             EARLIER_SCHEMA => Ok(serde_json::from_str::<Self>(text)?.of_earlier_schema()),
@@ -195,6 +232,25 @@ mod tests {
             ..Answer::default()
         };
         assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
+    }
+
+    /// What a stranger wrote in place of an answer.
+    #[test]
+    fn impossible_numbers_and_steering_texts_are_refused() {
+        let with = |name: &str, value: f64, u95: f64| {
+            let measured = ParameterState::Identified(Measured { value, u95 });
+            let one = Parameter { name: name.to_owned(), state: measured, ..Parameter::default() };
+            let answer = Answer { schema: SCHEMA.to_owned(), parameters: vec![one], ..Answer::default() };
+            Answer::read(&serde_json::to_string(&answer).unwrap())
+        };
+        assert!(with("m", 1.0, 0.1).is_ok());
+        for (value, u95) in [(1.0, -1.0), (1e308, 0.1), (1.0, 1e308)] {
+            let said = with("m", value, u95).unwrap_err().to_string();
+            assert!(said.contains("which no fit has"), "{said}");
+        }
+        for name in ["a\u{1b}[2J", "a\u{9b}b", "\u{202e}", &"x".repeat(1 << 20)] {
+            assert!(matches!(with(name, 1.0, 0.1), Err(ReadError::Text(_))));
+        }
     }
 
     /// What was written before the state `contradicted` came is read as if it were written today.

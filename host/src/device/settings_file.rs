@@ -97,7 +97,7 @@ pub fn read(path: &Path) -> Result<Settings, SettingsFileError> {
         "toml" => false,
         _ => return Err(SettingsFileError::Kind(file)),
     };
-    let text = std::fs::read_to_string(path).map_err(|e| SettingsFileError::Unreadable(file.clone(), e))?;
+    let text = rigident_files::read_text(path).map_err(|e| SettingsFileError::Unreadable(file.clone(), e))?;
     parse(&file, &text, is_json)
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use rigident_io::recording::error::RecordingError;
 use rigident_io::recording::new_file::write_new_text;
+use rigident_shared::printable;
 
 /// Of the format.
 const SCHEMA: &str = "rigident/plan/1";
@@ -157,7 +158,7 @@ impl PlanFile {
     pub fn read(path: &Path, geometry: &Geometry) -> Result<Self, PlanFileError> {
         let name = || path.display().to_string();
         let unreadable = |reason: String| PlanFileError::Unreadable { path: name(), reason };
-        let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
+        let text = rigident_files::read_text(path).map_err(|e| unreadable(e.to_string()))?;
         let object: serde_json::Value = serde_json::from_str(&text).map_err(|e| unreadable(e.to_string()))?;
         match (&object, object.get("schema")) {
             (_, Some(serde_json::Value::String(schema))) if schema == SCHEMA => {}
@@ -173,7 +174,9 @@ impl PlanFile {
                 return Err(PlanFileError::Schema { path: name(), found });
             }
         }
-        let plan: Self = serde_json::from_value(object).map_err(|e| unreadable(e.to_string()))?;
+        let mut plan: Self = serde_json::from_value(object).map_err(|e| unreadable(e.to_string()))?;
+        // It is shown where somebody is asked whether the platform may move.
+        plan.title = printable::name(&plan.title).to_string();
         let joints = [plan.base_joints_m, plan.plate_joints_m];
         if joints.iter().any(|planned| planned.is_some() != geometry.has_joints()) {
             return Err(PlanFileError::OtherKnowledge { path: name(), planned: !geometry.has_joints() });

@@ -137,7 +137,7 @@ impl ReferenceBody {
     /// [`ReferenceError`] says why there is none.
     pub fn load(path: &Path) -> Result<Self, ReferenceError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = rigident_files::read_text(path)
             .map_err(|e| ReferenceError::Unreadable { path: name.clone(), reason: e.to_string() })?;
         Self::parse(&text, &name)
     }

@@ -1,6 +1,5 @@
 //! A trial: markers and the ground's wrenches, in axes whose z points up.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
@@ -183,8 +182,9 @@ impl Trial {
             path: path.display().to_string(),
             reason: error.to_string(),
         };
-        let open =
-            |path: &Path| File::open(path).map(BufReader::new).map_err(|error| unreadable(path, error));
+        let open = |path: &Path| {
+            rigident_files::open(path).map(BufReader::new).map_err(|error| unreadable(path, error))
+        };
         let shown = path.display().to_string();
         let mut trial = match extension(path).as_str() {
             "c3d" => Self::of_c3d(&shown, open(path)?)?,

@@ -1,5 +1,7 @@
 //! The columns of a recording: their names and units.
 
+use rigident_shared::printable;
+
 use crate::rig::spelling::nearest;
 
 /// More IMUs or attitudes than this are a slip of the pen.
@@ -7,6 +9,11 @@ pub const MOST_LINKS: usize = 64;
 
 /// A column: its name and its cells as text, empty where there is no value.
 pub type Cells = (String, Vec<String>);
+
+/// Returns true if a column can have this name; a tab is a separator elsewhere, and steers nothing.
+pub(super) fn is_printable(name: &str) -> bool {
+    name.split('\t').all(printable::is_name) && name.len() <= printable::LONGEST_NAME
+}
 
 const WRENCH: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 const ACCEL: [&str; 3] = ["ax_mps2", "ay_mps2", "az_mps2"];

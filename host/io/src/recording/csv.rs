@@ -10,12 +10,17 @@ mod quick;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{Read, Write};
 
+use rigident_shared::printable;
+
 use self::group_rows::GroupRows;
-use super::columns::{Group, Known, TIME, nearest_known, other_unit};
+use super::columns::{Group, Known, TIME, is_printable, nearest_known, other_unit};
 use super::time::{self, Time};
 use super::{Recording, RecordingError, stem};
 use crate::rig::spelling::nearest;
 use crate::rig::{RecordingTable, RigFile, WrenchSign};
+
+/// The longest line, bytes: a hundred thousand columns and more.
+const LONGEST_LINE: usize = 16 << 20;
 
 /// What becomes of a column's cells.
 enum Sink {
@@ -74,6 +79,12 @@ impl Recording {
             let line = bytes.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count() + 1;
             not(format!("it is not text (line {line})"))
         })?;
+        if let Some(line) = text.lines().position(|line| line.len() > LONGEST_LINE) {
+            return Err(not(format!(
+                "its line {} is longer than {LONGEST_LINE} bytes: a row of a recording takes a line of its own",
+                line + 1
+            )));
+        }
         if text.contains('\0') {
             return Err(not("it is not text (it holds zero bytes)".to_owned()));
         }
@@ -303,6 +314,17 @@ impl<'a> Reader<'a> {
                     "the rig file names column {name:?} for {other} and for {known}: it can be one of them"
                 )));
             }
+        }
+        if !printable::is_name(self.label) {
+            return Err(self.columns_error("its name has control characters: give it another one".to_owned()));
+        }
+        if let Some(n) = header.iter().position(|name| !is_printable(name)) {
+            return Err(self.columns_error(format!(
+                "the name of its column {} has control characters, or is longer than {} bytes: {:?}",
+                n + 1,
+                printable::LONGEST_NAME,
+                printable::name(&header[n]).to_string()
+            )));
         }
         let mut columns: Vec<Column> = Vec::new();
         let mut known_columns = Vec::new();

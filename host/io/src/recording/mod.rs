@@ -195,8 +195,9 @@ impl Recording {
         };
         // A file of rows is read piece by piece, and once more if that needs care; a stream is there once.
         let in_pieces = kind == "csv" && std::fs::metadata(path).is_ok_and(|m| m.is_file());
-        let file = in_pieces.then(|| std::fs::File::open(path)).transpose().map_err(unreadable)?;
-        let bytes = if in_pieces { Vec::new() } else { std::fs::read(path).map_err(unreadable)? };
+        let whole = || rigident_files::read_or_pipe(path, rigident_files::MOST_OF_RECORDING);
+        let file = in_pieces.then(|| rigident_files::open(path)).transpose().map_err(unreadable)?;
+        let bytes = if in_pieces { Vec::new() } else { whole().map_err(unreadable)? };
         let beside = rig_path(path);
         let rig = match rig {
             Some(rig) => Some(RigFile::load_with_text(rig)?),
@@ -208,9 +209,7 @@ impl Recording {
             let own = rig.clone().unwrap_or_default();
             let mut recording = match file.and_then(|file| Self::from_plain_csv(&name, file, &own)) {
                 Some(recording) => recording,
-                None if in_pieces => {
-                    Self::from_columns(&name, std::fs::read(path).map_err(unreadable)?, &own)?
-                }
+                None if in_pieces => Self::from_columns(&name, whole().map_err(unreadable)?, &own)?,
                 None => Self::from_columns(&name, bytes, &own)?,
             };
             recording.rig_text.clone_from(&text);

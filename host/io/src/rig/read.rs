@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use hexapod::BodyParameters;
+use rigident_shared::printable;
 use toml::de::DeTable;
 
 use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile, labels};
@@ -79,6 +80,9 @@ impl RigFile {
     /// # Errors
     /// [`RigFileError`] names key and line.
     pub fn parse(text: &str) -> Result<Self, RigFileError> {
+        if let Ok(table) = toml::from_str::<toml::Table>(text) {
+            check_texts(text, "", &table)?;
+        }
         let rig: Self = toml::from_str(text).map_err(|e| syntax(text, &e))?;
         let mut check = Check { text, rig: &rig };
         check.run()?;
@@ -99,12 +103,46 @@ impl RigFile {
     /// As [`RigFile::load`].
     pub fn load_with_text(path: &Path) -> Result<(Self, String), RigFileError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = rigident_files::read_text(path)
             .map_err(|e| RigFileError::Unreadable { path: name.clone(), reason: e.to_string() })?;
         let mut rig = Self::parse(&text).map_err(|e| e.of_file(&name))?;
         rig.read_calibration(path).map_err(|e| e.of_file(&name))?;
         Ok((rig, text))
     }
+}
+
+/// Refuses keys and texts that could steer what they are shown by or written into.
+fn check_texts(text: &str, place: &str, table: &toml::Table) -> Result<(), RigFileError> {
+    let refuse = |key: &str, shown: &str| RigFileError::Value {
+        file: None,
+        line: locate(text, key),
+        key: printable::name(key).to_string(),
+        value: format!("{:?}", printable::name(shown).to_string()),
+        advice: format!(
+            "no name or text may have control characters, or be longer than {} bytes",
+            printable::LONGEST_NAME
+        ),
+    };
+    for (key, value) in table {
+        let path = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
+        if !printable::is_name(key) {
+            return Err(refuse(&path, key));
+        }
+        let mut left = vec![(path, value)];
+        while let Some((path, value)) = left.pop() {
+            match value {
+                toml::Value::String(shown) if !printable::is_name(shown) => return Err(refuse(&path, shown)),
+                toml::Value::Table(inside) => check_texts(text, &path, inside)?,
+                toml::Value::Array(items) => {
+                    left.extend(
+                        items.iter().enumerate().rev().map(|(k, item)| (format!("{path}[{k}]"), item)),
+                    );
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The line on which a stretch of the text begins.

@@ -178,3 +178,19 @@ fn mutated_rig_files_never_panic() {
         }
     }
 }
+
+#[test]
+fn keys_and_texts_that_steer_are_refused_and_shown_harmless() {
+    for text in [
+        "[\"\\u001b[2J\"]\na = 1\n",
+        "[load_cell]\n\"a\\nplatform: safe\" = 1\n",
+        "[load_cell]\nserial = \"\\u009b8m\"\n",
+        "[recording]\nlabels = { body = \"a\\u202eb\" }\n",
+        "[[link]]\nname = \"a\\nmovej([0])\"\n",
+        "[recording]\ntopics = { wrench = \"\"\"a\nb\"\"\" }\n",
+    ] {
+        let said = RigFile::parse(text).unwrap_err().to_string();
+        assert!(said.contains("control characters"), "{said}");
+        assert!(!said.chars().any(rigident_shared::printable::steers), "{said:?}");
+    }
+}

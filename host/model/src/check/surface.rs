@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Unit, Vector3};
+use rigident_files::MOST_OF_MESH;
 use roxmltree::{Document, Node};
 
 use crate::xml::{child, parsed};
@@ -95,7 +96,7 @@ impl Surface {
 
 /// Returns the surface of a mesh's file; `None` if it cannot be read, or is of a kind not known here.
 pub(super) fn read(path: &Path, scale: &Vector3<f64>) -> Option<Surface> {
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = rigident_files::read(path, MOST_OF_MESH).ok()?;
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
     let triangles = if ending == "dae" {
         collada(std::str::from_utf8(&bytes).ok()?)?

@@ -13,10 +13,9 @@ use super::{Load, LoadError};
 const CALL: &str = "setLoad(";
 
 /// Returns the call of libfranka.
-pub fn write_call(load: &Load, remarks: &[String]) -> String {
-    let remarks: String = remarks.iter().map(|line| format!("// {line}\n")).collect();
+pub fn write_call(load: &Load) -> String {
     format!(
-        "{remarks}robot.{CALL}{}, {{{{{}}}}}, {{{{{}}}}});\n",
+        "robot.{CALL}{}, {{{{{}}}}}, {{{{{}}}}});\n",
         plain(load.mass_kg),
         list(&load.com_m),
         list(load.rows().as_flattened())

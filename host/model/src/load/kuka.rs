@@ -13,8 +13,7 @@ use super::{Load, LoadError};
 const START: &str = "LOAD_DATA[1]=";
 
 /// Returns the line of `$config.dat`.
-pub fn write(load: &Load, remarks: &[String]) -> String {
-    let remarks: String = remarks.iter().map(|line| format!("; {line}\n")).collect();
+pub fn write(load: &Load) -> String {
     let (moments, axes) = principal(&tensor_from_elements(load.inertia_com_kgm2));
     // R = Rz(A) Ry(B) Rx(C): nalgebra's roll, pitch, yaw.
     let (c, b, a) = axes.euler_angles();
@@ -25,7 +24,7 @@ pub fn write(load: &Load, remarks: &[String]) -> String {
     let [x, y, z] = load.com_m.map(|v| 1e3 * v);
     let place = [x, y, z, a.to_degrees(), b.to_degrees(), c.to_degrees()];
     format!(
-        "{remarks}{START}{{M {},CM {{{}}},J {{{}}}}}\n",
+        "{START}{{M {},CM {{{}}},J {{{}}}}}\n",
         plain(load.mass_kg),
         named("XYZABC", &place),
         named("XYZ", moments.as_slice())

@@ -15,6 +15,7 @@ pub mod urdf;
 use std::path::Path;
 
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
+use rigident_shared::printable;
 use rigident_shared::spatial::{Body, Position};
 
 use super::inertial::Parameters;
@@ -123,6 +124,11 @@ impl Load {
     }
 }
 
+/// Returns a remark as a line of comment holds it. A backslash at the end would make the next line of C++ a comment, too.
+fn in_comment(remark: &str) -> String {
+    printable::line(remark).to_string().trim_end_matches(['\\', '/', ' ']).to_owned()
+}
+
 impl Language {
     /// Returns the language of a file's ending; `None` if it has none of these.
     pub fn of_path(path: &Path) -> Option<Self> {
@@ -146,17 +152,43 @@ impl Language {
         if let Some(why) = load.impossibility() {
             return Err(LoadError::Impossible(why));
         }
-        let text = match self {
-            Self::UniversalRobots => universal_robots::write(load, remarks),
-            Self::FrankaCall => franka::write_call(load, remarks),
-            Self::FrankaFile => franka::write_file(load, link),
-            Self::Kuka => kuka::write(load, remarks),
-            Self::Urdf => urdf::write(load, link)?,
+        let link = printable::name(link).to_string();
+        let statement = match self {
+            Self::UniversalRobots => universal_robots::write(load),
+            Self::FrankaCall => franka::write_call(load),
+            Self::FrankaFile => franka::write_file(load, &link),
+            Self::Kuka => kuka::write(load),
+            Self::Urdf => urdf::write(load, &link)?,
         };
+        let remarks: String = match self.comment() {
+            Some(mark) => remarks.iter().map(|remark| format!("{mark}{}\n", in_comment(remark))).collect(),
+            None => String::new(),
+        };
+        let text = remarks + &statement;
         match self.read(&text) {
-            Ok(again) if again.is_near(load) => Ok(text),
+            Ok(again) if again.is_near(load) && self.says_only(&text, &statement) => Ok(text),
             _ => Err(LoadError::Read("what was written is not read back as it was meant".to_owned())),
         }
+    }
+
+    /// Returns what begins a line of comment; `None` where remarks have no place.
+    fn comment(self) -> Option<&'static str> {
+        match self {
+            Self::UniversalRobots => Some("# "),
+            Self::FrankaCall => Some("// "),
+            Self::Kuka => Some("; "),
+            Self::FrankaFile | Self::Urdf => None,
+        }
+    }
+
+    /// Returns true if every line of a text is a comment or one of the statement: a robot runs whatever else is there.
+    fn says_only(self, text: &str, statement: &str) -> bool {
+        let Some(mark) = self.comment() else { return text == statement };
+        let Some(remarks) = text.strip_suffix(statement) else { return false };
+        statement.matches('\n').count() == 1
+            && remarks.split_terminator('\n').all(|line| {
+                line.starts_with(mark) && !line.ends_with('\\') && !line.chars().any(printable::steers)
+            })
     }
 
     /// Returns the load that a text says.

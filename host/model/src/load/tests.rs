@@ -131,3 +131,45 @@ fn a_place_on_a_fixed_link_is_one_on_the_link_that_moves() {
     }
     assert!(model.place("--payload", "hand").is_err() && model.place("--payload", "arm@1").is_err());
 }
+
+/// Names of recordings are in the remarks, and a robot runs each line that is no comment.
+#[test]
+fn no_remark_becomes_a_statement() {
+    let load = turned_box();
+    let remarks = [
+        "x\nmovej([0,-1.57,0,-1.57,0,0], a=10, v=3)\n#",
+        "x\r\nPTP HOME\r",
+        "x\u{b}y\u{c}z\u{85}movel(p[])\u{2028}halt()",
+        "ends in a backslash \\",
+        "ends in a trigraph ??/",
+        "\u{1b}[2J\u{202e}",
+    ];
+    for language in ALL {
+        let plain = language.write(&load, "tool0", &[]).unwrap();
+        let text = language.write(&load, "tool0", &remarks.map(str::to_owned)).unwrap();
+        let own: Vec<&str> = plain.lines().collect();
+        let Some(mark) = language.comment() else {
+            assert_eq!(text, plain);
+            continue;
+        };
+        let (comments, rest): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with(mark));
+        assert_eq!(comments.len(), remarks.len(), "{text}");
+        assert_eq!(rest, own, "{text}");
+        for line in comments {
+            assert!(!line.chars().any(printable::steers) && !line.ends_with(['\\', '/']), "{line:?}");
+        }
+    }
+}
+
+#[test]
+fn what_is_neither_comment_nor_statement_is_not_let_through() {
+    let load = turned_box();
+    for language in ALL {
+        let plain = language.write(&load, "tool0", &[]).unwrap();
+        assert!(language.says_only(&plain, &plain));
+        for before in ["movej([0])\n", "\n", "# a\nb\n", "// a \\\n"] {
+            assert!(!language.says_only(&format!("{before}{plain}"), &plain), "{language:?} {before:?}");
+        }
+        assert!(!language.says_only(&format!("{plain}movej([0])\n"), &plain));
+    }
+}

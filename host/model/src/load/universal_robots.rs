@@ -10,12 +10,11 @@ use super::{Load, LoadError};
 const CALL: &str = "set_target_payload(";
 
 /// Returns the call.
-pub fn write(load: &Load, remarks: &[String]) -> String {
-    let remarks: String = remarks.iter().map(|line| format!("# {line}\n")).collect();
+pub fn write(load: &Load) -> String {
     let [xx, yy, zz, yz, zx, xy] = load.inertia_com_kgm2;
     let tensor =
         if load.is_point() { String::new() } else { format!(", [{}]", list(&[xx, yy, zz, xy, zx, yz])) };
-    format!("{remarks}{CALL}{}, [{}]{tensor})\n", plain(load.mass_kg), list(&load.com_m))
+    format!("{CALL}{}, [{}]{tensor})\n", plain(load.mass_kg), list(&load.com_m))
 }
 
 /// Returns the load of a call.

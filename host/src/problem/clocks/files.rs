@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::StreamError;
 use super::kernel::LEAST_SAMPLES;
+use rigident_files::MOST_OF_RECORDING;
 use rigident_io::recording::columns::{Group, Known};
 use rigident_io::recording::mcap::read::topic_columns;
 use rigident_io::recording::time::Time;
@@ -93,15 +94,17 @@ impl StreamSet {
             .stream
             .iter()
             .map(|table| {
-                std::fs::read(folder.join(&table.file)).map_err(|e| StreamError::Missing {
-                    rig: rig_name.clone(),
-                    file: table.file.clone(),
-                    folder: if folder.as_os_str().is_empty() {
-                        ".".into()
-                    } else {
-                        folder.display().to_string()
-                    },
-                    reason: e.to_string(),
+                rigident_files::read(&folder.join(&table.file), MOST_OF_RECORDING).map_err(|e| {
+                    StreamError::Missing {
+                        rig: rig_name.clone(),
+                        file: table.file.clone(),
+                        folder: if folder.as_os_str().is_empty() {
+                            ".".into()
+                        } else {
+                            folder.display().to_string()
+                        },
+                        reason: e.to_string(),
+                    }
                 })
             })
             .collect::<Result<Vec<_>, _>>()?;

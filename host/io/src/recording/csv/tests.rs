@@ -67,9 +67,7 @@ fn a_first_column_that_looks_like_a_comment_stays_a_column() {
 #[test]
 fn a_name_full_of_other_separators_is_read_again_as_one_column() {
     let tabs = "\t".repeat(40);
-    for (before, name) in
-        [("", format!("\"a{tabs}\"")), ("\n", format!("\"{tabs}\"")), ("", format!("\"a\n{tabs}b\""))]
-    {
+    for (before, name) in [("", format!("\"a{tabs}\"")), ("\n", format!("\"{tabs}\""))] {
         let first = read(&text(5).replacen("t_s", &format!("{before}t_s"), 1).replacen("lamp", &name, 1), "")
             .unwrap();
         assert_eq!(first.extra.len(), 1);
@@ -332,4 +330,19 @@ fn plain_files_are_read_to_the_same_bits_in_pieces() {
         let whole = Recording::from_csv_bytes("test.csv", wrong.as_bytes(), &RigFile::default());
         assert_eq!(whole, careful);
     }
+}
+
+#[test]
+fn a_column_whose_name_steers_and_a_line_without_end_are_refused() {
+    for name in ["\"a\nrigident: safe\"", "\u{1b}[2J", "a\u{202e}b", "\u{9b}8m"] {
+        let text = format!("t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,{name}\n0,1,2,3,4,5,6,7\n");
+        let said =
+            Recording::from_csv_bytes("a.csv", text.as_bytes(), &RigFile::default()).unwrap_err().to_string();
+        assert!(said.contains("column 8 has control characters"), "{said}");
+        assert!(!said.chars().any(rigident_shared::printable::steers), "{said:?}");
+    }
+    let long = format!("t_s,fx_n\n0,{}\n", "1".repeat(20 << 20));
+    let said =
+        Recording::from_csv_bytes("a.csv", long.as_bytes(), &RigFile::default()).unwrap_err().to_string();
+    assert!(said.contains("line 2 is longer than"), "{said}");
 }

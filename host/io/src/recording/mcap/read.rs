@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use rigident_shared::printable;
+
 use super::cdr::CdrError;
-use super::container::{Contents, Message, Unpacked};
+use super::container::{Channel, Contents, Message, Unpacked};
 use super::messages::{ImuValues, read_array, read_imu, read_numbers, read_pose, read_quaternion, read_text};
 use super::sqlite::{self, Stored};
 use super::{
@@ -11,7 +13,7 @@ use super::{
     WRENCH_TOPIC, topic_number,
 };
 use super::{bag, topic};
-use crate::recording::columns::{Cells, MOST_LINKS};
+use crate::recording::columns::{Cells, MOST_LINKS, is_printable};
 use crate::recording::time;
 use crate::recording::{Recording, RecordingError, stem};
 use crate::rig::RigFile;
@@ -31,7 +33,7 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
         let bag = Bag::open(label, bytes)?;
-        let contents = bag.contents();
+        let contents = bag.contents(label)?;
         let mut recording = Self { name: stem(label), ..Self::default() };
         let attached = contents
             .attachments
@@ -79,6 +81,10 @@ impl Recording {
         if recording.rows() == 0 {
             return Err(not("it holds no readings".to_owned()));
         }
+        if let Some(name) = recording.column_names().iter().find(|name| !is_printable(name)) {
+            let shown = printable::name(name).to_string();
+            return Err(not(format!("its column {shown:?} has control characters, or is too long")));
+        }
         recording.settle(label)
     }
 }
@@ -88,7 +94,7 @@ impl Recording {
 /// # Errors
 /// [`RecordingError`]: it is no bag, or the topic is not there or none that is read.
 pub fn topic_columns(label: &str, bytes: &[u8], topic: &str) -> Result<Vec<Cells>, RecordingError> {
-    topic::columns(label, &Bag::open(label, bytes)?.contents(), topic)
+    topic::columns(label, &Bag::open(label, bytes)?.contents(label)?, topic)
 }
 
 /// A bag of either kind.
@@ -107,10 +113,24 @@ impl<'a> Bag<'a> {
         Unpacked::new(bytes).map(Self::Mcap).map_err(|e| not(e.to_string()))
     }
 
-    fn contents(&self) -> Contents<'_> {
-        match self {
+    /// Returns what is in it; names of topics and types, which messages quote, are printable.
+    fn contents(&self, label: &str) -> Result<Contents<'_>, RecordingError> {
+        let contents = match self {
             Self::Mcap(unpacked) => unpacked.contents(),
             Self::Sqlite(stored) => stored.contents(),
+        };
+        let names =
+            |c: &Channel| [&c.topic, &c.schema, &c.encoding].into_iter().all(|t| printable::is_name(t));
+        match contents.channels.values().find(|channel| !names(channel)) {
+            None => Ok(contents),
+            Some(channel) => Err(RecordingError::Columns {
+                name: label.to_owned(),
+                reason: format!(
+                    "the topic {:?} has a name or a type with control characters, or of more than {} bytes",
+                    printable::name(&channel.topic).to_string(),
+                    printable::LONGEST_NAME
+                ),
+            }),
         }
     }
 }
