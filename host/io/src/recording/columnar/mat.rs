@@ -5,15 +5,15 @@
 
 use std::io::Read;
 
-use super::{MOST_CELLS, number};
+use super::{Room, number};
 use crate::recording::columns::Cells;
 
 /// Bytes before the first element.
 const HEADER: usize = 128;
 /// Structures inside structures.
 const DEEPEST: usize = 8;
-/// All that is packed unpacks to no more than this many bytes.
-const MOST_BYTES: u64 = 1 << 31;
+/// Memory of a number once it is unpacked: it is read as f64, whatever it is stored as.
+const NUMBER: usize = size_of::<f64>();
 
 mod kind {
     pub const MATRIX: u32 = 14;
@@ -68,16 +68,19 @@ pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
         _ => return Err("it is no MAT file of level 5: save it with `save(…, '-v7')`".to_owned()),
     };
     let mut elements = Elements { rest: bytes.get(HEADER..).ok_or(TORN)?, big_endian };
-    let (mut arrays, mut room) = (Vec::new(), MOST_BYTES);
+    let (mut arrays, mut room) = (Vec::new(), Room::of_file(bytes.len()));
+    let mut cells = Room::of_file(bytes.len());
     while !elements.rest.is_empty() {
         let (kind, data) = elements.next()?;
         match kind {
             kind::MATRIX => arrays.push(array(data, big_endian, 0)?),
             kind::COMPRESSED => {
                 let mut unpacked = Vec::new();
-                let mut decoder = flate2::read::ZlibDecoder::new(data).take(room + 1);
+                // Each byte may become a number.
+                let most = room.0 / NUMBER;
+                let mut decoder = flate2::read::ZlibDecoder::new(data).take(most as u64 + 1);
                 decoder.read_to_end(&mut unpacked).map_err(|e| format!("{TORN}: {e}"))?;
-                room = room.checked_sub(unpacked.len() as u64).ok_or("it unpacks to more than 2 GiB")?;
+                room.take(unpacked.len().saturating_mul(NUMBER))?;
                 let mut inside = Elements { rest: &unpacked, big_endian };
                 let (kind, data) = inside.next()?;
                 if kind == kind::MATRIX {
@@ -90,6 +93,7 @@ pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
     }
     let (mut columns, mut others, mut scalars) = (Vec::new(), Vec::new(), Vec::new());
     for array in arrays {
+        array.take_cells(&mut cells)?;
         flatten(array, &mut columns, &mut scalars, &mut others);
     }
     if columns.is_empty() {
@@ -98,10 +102,20 @@ pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
             if others.is_empty() { String::new() } else { format!("; there are {}", others.join(", ")) }
         ));
     }
-    if columns.iter().map(|(_, cells)| cells.len()).sum::<usize>() > MOST_CELLS {
-        return Err("there are more numbers in it than can be taken in".to_owned());
-    }
     Ok(columns)
+}
+
+impl Array {
+    /// Takes the room of the cells that it becomes.
+    fn take_cells(&self, room: &mut Room) -> Result<(), String> {
+        match &self.content {
+            Content::Numbers(values) => {
+                room.take_cells(values.len().saturating_add(self.columns), self.name.len())
+            }
+            Content::Fields(fields) => fields.iter().try_for_each(|field| field.take_cells(room)),
+            Content::Other(_) => Ok(()),
+        }
+    }
 }
 
 /// Makes columns of an array. Scalars beside vectors are settings, and no columns.

@@ -7,7 +7,7 @@ use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 
-use super::{MOST_CELLS, number};
+use super::{Room, number};
 use crate::parquet_file::{guarded, open_bytes};
 use crate::recording::columns::Cells;
 
@@ -16,11 +16,12 @@ const AT_ONCE: usize = 4096;
 
 /// Returns the columns of a file.
 pub(super) fn columns(bytes: Vec<u8>) -> Result<Vec<Cells>, String> {
+    let room = Room::of_file(bytes.len());
     let reader = open_bytes(bytes)?;
-    guarded(|| of_reader(&reader))
+    guarded(|| of_reader(&reader, room))
 }
 
-fn of_reader(reader: &SerializedFileReader<bytes::Bytes>) -> Result<Vec<Cells>, String> {
+fn of_reader(reader: &SerializedFileReader<bytes::Bytes>, mut room: Room) -> Result<Vec<Cells>, String> {
     let damaged = |e: ParquetError| format!("as a Parquet file it is damaged or cut off: {e}");
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut columns: Vec<Cells> = Vec::new();
@@ -31,7 +32,6 @@ fn of_reader(reader: &SerializedFileReader<bytes::Bytes>) -> Result<Vec<Cells>, 
         }
         columns.push((name, Vec::new()));
     }
-    let mut room = MOST_CELLS;
     for k in 0..reader.num_row_groups() {
         let group = reader.get_row_group(k).map_err(damaged)?;
         for (n, (name, cells)) in columns.iter_mut().enumerate() {
@@ -47,7 +47,7 @@ fn read(
     group: &dyn RowGroupReader,
     n: usize,
     column: &ColumnDescriptor,
-    room: &mut usize,
+    room: &mut Room,
 ) -> Result<Vec<String>, String> {
     let is_text = column.logical_type_ref() == Some(&LogicalType::String)
         || column.converted_type() == ConvertedType::UTF8;
@@ -79,7 +79,7 @@ fn told(error: ParquetError) -> String {
 
 fn cells<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
-    room: &mut usize,
+    room: &mut Room,
     text: impl Fn(&T::T) -> Result<String, String>,
 ) -> Result<Vec<String>, String> {
     let mut cells = Vec::new();
@@ -90,13 +90,14 @@ fn cells<T: DataType>(
         if records == 0 {
             return Ok(cells);
         }
-        *room = room.checked_sub(records).ok_or("there are more numbers in the file than can be taken in")?;
         // A column that may not be null has no levels.
         levels.resize(records, 1);
         let mut values = values.iter();
         for level in levels {
             let value = if level > 0 { values.next() } else { None };
-            cells.push(value.map_or_else(|| Ok(String::new()), &text)?);
+            let cell = value.map_or_else(|| Ok(String::new()), &text)?;
+            room.take_cells(1, cell.len())?;
+            cells.push(cell);
         }
     }
 }

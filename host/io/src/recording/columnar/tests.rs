@@ -155,3 +155,38 @@ fn what_is_no_table_of_one_length_is_told() {
     assert!(csv("mat", b"t_s,fx_n\n".to_vec()).is_err());
     assert!(csv("parquet", b"t_s,fx_n\n".to_vec()).is_err());
 }
+
+/// Small files that unpack to more than any memory.
+#[test]
+fn bombs_end_in_words_before_they_fill_the_memory() {
+    // Zeros of one byte: each becomes a number, and a cell.
+    let zeros = matrix("t_s", 64 << 20, 1, element(2, &vec![0; 64 << 20]));
+    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(&zeros).unwrap();
+    let data = encoder.finish().unwrap();
+    let packed = [15_u32.to_le_bytes().to_vec(), (data.len() as u32).to_le_bytes().to_vec(), data].concat();
+    assert!(csv("mat", mat_file(&[packed])).unwrap_err().contains("unpacks to far more"));
+
+    // One text of a megabyte in each of 40 000 rows, by a dictionary.
+    let text = Type::primitive_type_builder("note", Physical::BYTE_ARRAY)
+        .with_repetition(Repetition::REQUIRED)
+        .with_logical_type(Some(::parquet::basic::LogicalType::String))
+        .build()
+        .unwrap();
+    let schema = Type::group_type_builder("schema").with_fields(vec![Arc::new(text)]).build().unwrap();
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::ZSTD(Default::default()))
+        .set_dictionary_page_size_limit(4 << 20)
+        .build();
+    let mut writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), Arc::new(properties)).unwrap();
+    let mut group = writer.next_row_group().unwrap();
+    let mut column = group.next_column().unwrap().unwrap();
+    let long = ::parquet::data_type::ByteArray::from(vec![b'x'; 1 << 20]);
+    let values = vec![long; 40_000];
+    column.typed::<::parquet::data_type::ByteArrayType>().write_batch(&values, None, None).unwrap();
+    column.close().unwrap();
+    group.close().unwrap();
+    let bytes = writer.into_inner().unwrap();
+    assert!(bytes.len() < 1 << 16, "{}", bytes.len());
+    assert!(csv("parquet", bytes).unwrap_err().contains("unpacks to far more"));
+}
