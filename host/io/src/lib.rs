@@ -22,6 +22,7 @@ mod parquet_file;
 pub mod recording;
 pub mod rig;
 pub mod sources;
+pub mod stop;
 pub mod union;
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ pub mod tree;
 pub mod two_links;
 pub mod watched;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use hexapod::MotionProgram;
@@ -43,8 +43,8 @@ pub use take::{Heard, Nobody, Observer, Take, narrow, widen};
 use crate::device::link::{Client, LinkError};
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
 
-/// Set by Ctrl-C; looked at between messages.
-pub static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Looked at between messages.
+pub use rigident_io::stop::INTERRUPTED;
 
 /// Told to the device this often that the host is there.
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
