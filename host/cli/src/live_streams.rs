@@ -370,14 +370,18 @@ impl Streams {
         for (number, stream) in self.streams.iter().enumerate() {
             let losses = self.feeds.losses(number);
             let url = &stream.asked.url;
-            let all = stream.samples + losses.lost + losses.damaged + losses.faulty;
+            let all = stream.samples + losses.lost + losses.damaged + losses.others + losses.faulty;
             for (count, what) in [
                 (
                     losses.lost,
                     "never came, by their sequence numbers or times; the answer is made of the others",
                 ),
                 (losses.late, "came twice or late, and are left out"),
-                (losses.damaged, "came damaged, and are left out"),
+                (losses.damaged, "came damaged or of an impossible time, and are left out"),
+                (
+                    losses.others,
+                    "came from other senders than the first, and are left out: ?from=HOST says whose are taken",
+                ),
                 (losses.faulty, "are left out: the sensor itself reports an error"),
             ] {
                 if count > 0 {

@@ -5,12 +5,12 @@
 //! force and per torque are told by `http://HOST/netftapi2.xml` (`cfgcpf`, `cfgcpt`, units `scfgfu`, `scfgtu`, rate `comrdtrate`),
 //! or by READCALINFO on TCP port 49151. All numbers are big-endian.
 
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
 use super::sequence::{Order, Sequence};
-use super::socket::{PATIENCE, is_patience, resolve, tcp};
+use super::socket::{is_patience, read_within, resolve, tcp};
 use super::source::{Losses, OwnClock, Row, Source, SourceError};
 use super::url::SourceUrl;
 use crate::recording::columns::Group;
@@ -28,7 +28,7 @@ pub const RECORD: usize = 36;
 /// The status bit that is set with every serious error.
 const IS_FAULTY: u32 = 1 << 31;
 /// A page of the sensor is no longer than this.
-const MOST_PAGE: u64 = 1 << 20;
+const MOST_PAGE: usize = 1 << 20;
 /// Asked again after so long without a record: a request may be lost as any datagram.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
@@ -262,11 +262,9 @@ fn asked(url: &SourceUrl, host: &str) -> Result<Calibration, SourceError> {
 fn page(url: &SourceUrl, host: &str, port: u16) -> Result<String, SourceError> {
     let mut stream = tcp(url, host, port, "is it switched on, in this network?")?;
     let lost = |e: std::io::Error| url.unreachable(e.to_string());
-    stream.set_read_timeout(Some(PATIENCE)).map_err(lost)?;
     let request = format!("GET /netftapi2.xml HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).map_err(lost)?;
-    let mut bytes = Vec::new();
-    stream.take(MOST_PAGE).read_to_end(&mut bytes).map_err(lost)?;
+    let bytes = read_within(&mut stream, MOST_PAGE).map_err(lost)?;
     let text = String::from_utf8_lossy(&bytes);
     let (head, body) = text.split_once("\r\n\r\n").ok_or_else(|| url.protocol("it is no web page"))?;
     let status = head.lines().next().unwrap_or_default();
@@ -279,12 +277,13 @@ fn page(url: &SourceUrl, host: &str, port: u16) -> Result<String, SourceError> {
 fn calinfo(url: &SourceUrl, host: &str, port: u16) -> Result<Vec<u8>, SourceError> {
     let mut stream = tcp(url, host, port, "is it switched on, in this network?")?;
     let lost = |e: std::io::Error| url.unreachable(e.to_string());
-    stream.set_read_timeout(Some(PATIENCE)).map_err(lost)?;
     let mut request = [0; 20];
     request[0] = 1;
     stream.write_all(&request).map_err(lost)?;
-    let mut bytes = vec![0; 24];
-    stream.read_exact(&mut bytes).map_err(lost)?;
+    let bytes = read_within(&mut stream, 24).map_err(lost)?;
+    if bytes.len() < 24 {
+        return Err(url.protocol("its answer is too short"));
+    }
     Ok(bytes)
 }
 

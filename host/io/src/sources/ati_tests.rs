@@ -1,4 +1,5 @@
 use super::*;
+use crate::sources::socket::PATIENCE;
 
 fn bytes(sequence: u32, status: u32, counts: [i32; 6]) -> Vec<u8> {
     let words = [sequence, sequence * 7, status].map(u32::to_be_bytes);
@@ -58,4 +59,22 @@ fn units_of_the_page_and_of_the_port_are_known() {
     answer[2] = 9;
     assert!(read_calibration(&answer).unwrap_err().contains("unit 9"));
     assert!(read_calibration(&answer[1..]).is_err());
+}
+
+/// A page that comes a byte at a time, for as long as somebody waits.
+#[test]
+fn a_page_that_drips_is_left_in_time() {
+    use std::io::Write as _;
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        while stream.write_all(b"H").is_ok() {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+    });
+    let url: SourceUrl = "ati+udp://127.0.0.1".parse().unwrap();
+    let begun = std::time::Instant::now();
+    assert!(page(&url, "127.0.0.1", port).is_err());
+    assert!(begun.elapsed() < PATIENCE * 2, "{:?}", begun.elapsed());
 }

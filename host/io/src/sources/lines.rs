@@ -5,7 +5,7 @@
 //! of arrival is taken.
 
 use std::io::Read;
-use std::net::UdpSocket;
+use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -26,6 +26,10 @@ const MOST: usize = 4096;
 const COUNTS: [&str; 2] = ["seq", "sequence"];
 /// So many lines in a row that are no samples end the stream.
 const USELESS: u32 = 100;
+/// A time that is further ahead of the last, ns, is believed if the next line goes on from it.
+const FAR_NS: i64 = 5_000_000_000;
+/// A sender that was silent for so long may have begun anew from another port.
+const SILENT: Duration = Duration::from_secs(3);
 
 /// A number in a line.
 #[derive(Clone, Copy, Debug)]
@@ -131,8 +135,12 @@ pub struct Decoder {
     skips: bool,
     sequence: Sequence,
     last_ns: Option<i64>,
+    /// A time far ahead, of a line that was left out.
+    far_ns: Option<i64>,
     losses: Losses,
     useless: u32,
+    /// Anybody may have sent a line that is no sample: it does not end the stream.
+    forgives: bool,
 }
 
 impl Decoder {
@@ -146,8 +154,10 @@ impl Decoder {
             skips: midst,
             sequence: Sequence::new(32),
             last_ns: None,
+            far_ns: None,
             losses: Losses::default(),
             useless: 0,
+            forgives: false,
         }
     }
 
@@ -185,7 +195,7 @@ impl Decoder {
     fn useless(&mut self, line: &str) -> Result<(), String> {
         self.losses.damaged += 1;
         self.useless += 1;
-        if self.useless < USELESS {
+        if self.useless < USELESS || (self.forgives && self.layout.is_some()) {
             return Ok(());
         }
         let shown: String = line.chars().take(80).collect();
@@ -228,6 +238,10 @@ impl Decoder {
             return Ok(None);
         };
         self.useless = 0;
+        if self.is_far(row.time_ns) {
+            self.losses.damaged += 1;
+            return Ok(None);
+        }
         let order = count.map_or(Order::Next, |count| self.sequence.note(count).1);
         let is_late = row.time_ns.is_some_and(|ns| self.last_ns.is_some_and(|last| ns <= last));
         match order {
@@ -246,6 +260,18 @@ impl Decoder {
         Ok(Some(row))
     }
 
+    /// Returns true for a time far ahead of the last that no line before has gone on to: one wrong time would make all after it late.
+    fn is_far(&mut self, time_ns: Option<i64>) -> bool {
+        let (Some(time), Some(last)) = (time_ns, self.last_ns) else { return false };
+        if time.saturating_sub(last) <= FAR_NS {
+            self.far_ns = None;
+            return false;
+        }
+        let goes_on = |far: i64| (1..=FAR_NS).contains(&time.saturating_sub(far));
+        let far = self.far_ns.replace(time);
+        !far.is_some_and(goes_on)
+    }
+
     /// Returns the columns, once they are known.
     pub fn groups(&self) -> &[Group] {
         self.layout.as_ref().map_or(&[], |layout| &layout.groups)
@@ -255,9 +281,31 @@ impl Decoder {
 /// Where lines come from.
 enum Line {
     Serial(Box<dyn serialport::SerialPort>),
-    Udp(UdpSocket),
+    Udp(UdpSocket, Sender),
     /// A thread reads, as nobody can wait for standard input for so long and no longer.
     Input(Receiver<Vec<u8>>),
+}
+
+/// Whose datagrams are taken: those of the first who sent something of use.
+#[derive(Debug, Default)]
+struct Sender {
+    /// Addresses of the host that was asked for; none: anybody's.
+    only: Vec<IpAddr>,
+    first: Option<SocketAddr>,
+    heard: Option<Instant>,
+}
+
+impl Sender {
+    /// Returns true for the sender whose datagrams are taken. One that was silent may go on from another port.
+    fn is_taken(&self, from: SocketAddr) -> bool {
+        let is_asked = self.only.is_empty() || self.only.contains(&from.ip());
+        let is_silent = self.heard.is_none_or(|heard| heard.elapsed() > SILENT);
+        is_asked && self.first.is_none_or(|first| first == from || (is_silent && first.ip() == from.ip()))
+    }
+
+    fn take(&mut self, from: SocketAddr) {
+        (self.first, self.heard) = (Some(from), Some(Instant::now()));
+    }
 }
 
 /// Reads a stream of lines.
@@ -275,13 +323,20 @@ impl Lines {
     /// It cannot be opened, nothing comes, or the columns are of no use.
     pub fn open(url: &SourceUrl, rig: &RigFile) -> Result<Self, SourceError> {
         let (line, midst) = match url.scheme {
-            Scheme::UdpLines => (Line::Udp(bound(url)?), false),
+            Scheme::UdpLines => {
+                let only = match url.setting("from") {
+                    Some(host) => resolve(url, host, 0)?.iter().map(SocketAddr::ip).collect(),
+                    None => Vec::new(),
+                };
+                (Line::Udp(bound(url)?, Sender { only, ..Sender::default() }), false)
+            }
             Scheme::StandardInput => (Line::Input(standard_input()), false),
             _ => (Line::Serial(serial(url, BAUD)?), true),
         };
         let columns = url.setting("columns");
         let mut source =
             Self { url: url.clone(), line, decoder: Decoder::new(columns, rig, midst), first: Vec::new() };
+        source.decoder.forgives = url.scheme == Scheme::UdpLines;
         let (begun, mut rows) = (Instant::now(), Vec::new());
         while rows.is_empty() {
             source.read(Duration::from_millis(100), &mut rows)?;
@@ -350,14 +405,23 @@ impl Source for Lines {
                 let n = read_serial(&self.url, &mut **port, &mut buffer, timeout)?;
                 self.decoder.feed(buffer.get(..n).unwrap_or_default(), rows)
             }
-            Line::Udp(socket) => {
+            Line::Udp(socket, sender) => {
                 let lost = |e: std::io::Error| self.url.unreachable(e.to_string());
                 socket.set_read_timeout(Some(timeout.max(Duration::from_millis(1)))).map_err(lost)?;
-                match socket.recv(&mut buffer) {
+                match socket.recv_from(&mut buffer) {
+                    Ok((_, from)) if !sender.is_taken(from) => {
+                        self.decoder.losses.others += 1;
+                        Ok(())
+                    }
                     // The end of a datagram is the end of a line.
-                    Ok(n) => {
+                    Ok((n, from)) => {
+                        let (before, named) = (rows.len(), self.decoder.header.is_some());
                         let fed = self.decoder.feed(buffer.get(..n).unwrap_or_default(), rows);
-                        fed.and_then(|()| self.decoder.feed(b"\n", rows))
+                        let fed = fed.and_then(|()| self.decoder.feed(b"\n", rows));
+                        if rows.len() > before || (!named && self.decoder.header.is_some()) {
+                            sender.take(from);
+                        }
+                        fed
                     }
                     Err(error) if is_patience(&error) => Ok(()),
                     Err(error) => return Err(lost(error)),
@@ -385,7 +449,7 @@ impl Source for Lines {
     fn when_silent(&self) -> String {
         match self.line {
             Line::Serial(_) => "is its cable in, and the baud rate right (?baud=)?",
-            Line::Udp(_) => {
+            Line::Udp(..) => {
                 "does its sender run, and send to this computer and port; does a firewall hold back UDP?"
             }
             Line::Input(_) => "does the program before the pipe run, and write every line at once?",

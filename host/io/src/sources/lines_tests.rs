@@ -69,3 +69,107 @@ fn what_is_no_stream_is_said() {
     let mut long = Decoder::new(None, &RigFile::default(), false);
     assert!(long.feed(&[b'x'; 20_000], &mut Vec::new()).is_ok() && long.line.len() <= MOST + 1);
 }
+
+/// A port of this computer that nobody has, and two that send to it.
+fn network(setting: &str) -> (SourceUrl, UdpSocket, UdpSocket) {
+    let [taken, first, second] = [0; 3].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
+    let address = taken.local_addr().unwrap();
+    drop(taken);
+    for socket in [&first, &second] {
+        socket.connect(address).unwrap();
+    }
+    let columns = "?columns=t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm";
+    (format!("udp://{address}{columns}{setting}").parse().unwrap(), first, second)
+}
+
+/// Opens a source while `first` sends until it is heard.
+fn opened(url: &SourceUrl, first: &UdpSocket) -> Lines {
+    std::thread::scope(|scope| {
+        let lines = scope.spawn(|| Lines::open(url, &RigFile::default()).unwrap());
+        let mut k = 0;
+        while !lines.is_finished() {
+            k += 1;
+            // Nobody may listen yet.
+            let _ = first.send(format!("0.{k:06},1,2,3,4,5,6").as_bytes());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        lines.join().unwrap()
+    })
+}
+
+fn all(lines: &mut Lines) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for _ in 0..400 {
+        let (before, losses) = (rows.len(), lines.losses());
+        lines.read(Duration::from_millis(30), &mut rows).unwrap();
+        if rows.len() == before && lines.losses() == losses {
+            break;
+        }
+    }
+    rows
+}
+
+#[test]
+fn datagrams_of_other_senders_are_counted_and_left_out() {
+    let (url, first, second) = network("");
+    let mut lines = opened(&url, &first);
+    all(&mut lines);
+    for k in 1..=20 {
+        first.send(format!("1.{k:03},1,2,3,4,5,6").as_bytes()).unwrap();
+        second.send(format!("1.{k:03}5,10,2,3,4,5,6").as_bytes()).unwrap();
+    }
+    let rows = all(&mut lines);
+    assert_eq!(rows.len(), 20);
+    assert!(rows.iter().all(|row| row.values[0] == 1.0));
+    assert_eq!((lines.losses().others, lines.losses().damaged), (20, 0));
+}
+
+#[test]
+fn garbage_and_a_time_far_ahead_do_not_end_a_stream() {
+    let (url, first, _) = network("&from=localhost");
+    let mut lines = opened(&url, &first);
+    all(&mut lines);
+    for _ in 0..150 {
+        first.send(b"\xff\xfegarbage").unwrap();
+    }
+    first.send(b"100000,1,2,3,4,5,6").unwrap();
+    assert!(all(&mut lines).is_empty());
+    for k in 1..=20 {
+        first.send(format!("1.{k:03},1,2,3,4,5,6").as_bytes()).unwrap();
+    }
+    assert_eq!(all(&mut lines).len(), 20);
+    let losses = lines.losses();
+    assert_eq!((losses.damaged, losses.late, losses.others), (151, 0, 0));
+}
+
+#[test]
+fn only_the_host_that_is_asked_for_is_taken() {
+    let sender = |only: &[&str]| Sender {
+        only: only.iter().map(|ip| ip.parse().unwrap()).collect(),
+        ..Sender::default()
+    };
+    let [a, b, c] =
+        ["10.0.0.1:5", "10.0.0.1:6", "10.0.0.2:5"].map(|text| text.parse::<SocketAddr>().unwrap());
+    let mut asked = sender(&["10.0.0.2"]);
+    assert!(!asked.is_taken(a) && asked.is_taken(c));
+    asked.take(c);
+    assert!(!asked.is_taken(a) && asked.is_taken(c));
+    let mut anybody = sender(&[]);
+    anybody.take(a);
+    assert!(anybody.is_taken(a) && !anybody.is_taken(b) && !anybody.is_taken(c));
+    // It began anew.
+    anybody.heard = Instant::now().checked_sub(SILENT * 2);
+    assert!(anybody.is_taken(b) && !anybody.is_taken(c));
+}
+
+#[test]
+fn a_clock_that_was_set_ahead_is_believed_once_it_goes_on() {
+    let columns = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm";
+    let mut decoder = Decoder::new(Some(columns), &RigFile::default(), false);
+    let line = |t: &str| format!("{t},1,2,3,4,5,6\n");
+    let times = ["0", "1", "100", "2", "300", "300.001", "300.002", "3"];
+    let rows = fed(&mut decoder, &times.map(line).concat());
+    let times: Vec<i64> = rows.iter().map(|row| row.time_ns.unwrap() / 1_000_000).collect();
+    assert_eq!(times, [0, 1000, 2000, 300_001, 300_002]);
+    assert_eq!((decoder.losses.damaged, decoder.losses.late), (2, 1));
+}

@@ -1,11 +1,12 @@
 //! Sockets and lines that wait for so long and no longer.
 
-use std::io;
+use std::io::{self, Read as _};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::SourceError;
 use super::url::SourceUrl;
+use crate::stop;
 
 /// How long a host may take to answer.
 pub const PATIENCE: Duration = Duration::from_secs(3);
@@ -43,6 +44,29 @@ pub fn tcp(url: &SourceUrl, host: &str, port: u16, look_at: &str) -> Result<TcpS
         }
     }
     Err(url.unreachable(format!("{last}; {look_at}")))
+}
+
+/// Reads to the end of a stream: at most `most` bytes, within [`PATIENCE`] in all, and no longer than somebody waits for it.
+///
+/// # Errors
+/// The stream's own, or the time is over: whoever sends a byte now and then holds nobody up.
+pub fn read_within(stream: &mut TcpStream, most: usize) -> io::Result<Vec<u8>> {
+    let (begun, mut bytes, mut buffer) = (Instant::now(), Vec::new(), [0; 4096]);
+    stream.set_read_timeout(Some(Duration::from_millis(100)))?;
+    while bytes.len() < most {
+        if begun.elapsed() > PATIENCE || stop::is_asked() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        let room = most - bytes.len();
+        let here = buffer.get_mut(..room.min(4096)).unwrap_or_default();
+        match stream.read(here) {
+            Ok(0) => break,
+            Ok(n) => bytes.extend_from_slice(here.get(..n).unwrap_or_default()),
+            Err(error) if is_patience(&error) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(bytes)
 }
 
 /// Returns true where a wait has only ended.

@@ -66,6 +66,8 @@ pub struct Losses {
     pub late: u64,
     /// Pieces that are no samples: a wrong check sum, a cut line, a number that is none.
     pub damaged: u64,
+    /// Pieces from others than the sender that was first, or that was asked for.
+    pub others: u64,
     /// Samples that the sensor itself says are wrong.
     pub faulty: u64,
     /// What the sensor said of the last of these.

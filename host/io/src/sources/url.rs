@@ -32,7 +32,7 @@ const SCHEMES: [(&str, Scheme, &[&str]); 6] = [
     ("ws://", Scheme::WebSocket, &["topic", "stamp", "clock"]),
     ("xsens://", Scheme::Xsens, &["baud"]),
     ("serial:", Scheme::SerialLines, &["baud", "columns"]),
-    ("udp://", Scheme::UdpLines, &["columns"]),
+    ("udp://", Scheme::UdpLines, &["columns", "from"]),
 ];
 
 /// Holds the address of a source.
