@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use self::columns::{Group, Known, TIME};
 pub use self::error::RecordingError;
-use crate::rig::RigFile;
+use crate::rig::{RigFile, files_outside};
 
 /// A step longer than so many periods is a gap.
 const GAP: f64 = 1.5;
@@ -199,6 +199,7 @@ impl Recording {
         let file = in_pieces.then(|| rigident_files::open(path)).transpose().map_err(unreadable)?;
         let bytes = if in_pieces { Vec::new() } else { whole().map_err(unreadable)? };
         let beside = rig_path(path);
+        let rig_path = rig.unwrap_or(&beside);
         let rig = match rig {
             Some(rig) => Some(RigFile::load_with_text(rig)?),
             None if beside.exists() => Some(RigFile::load_with_text(&beside)?),
@@ -224,6 +225,8 @@ impl Recording {
                 beside.display()
             ));
         }
+        let outside = text.iter().flat_map(|text| files_outside(text, rig_path));
+        recording.warnings.extend(outside);
         recording.warn_of_date();
         Ok(recording)
     }

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 pub use calibration::{CalibrationTable, RigCalibration};
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
-pub use read::RigFileError;
+pub use read::{RigFileError, files_outside};
 pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
 
 /// The channels of a wrench and their units, for people.

@@ -111,6 +111,29 @@ impl RigFile {
     }
 }
 
+/// Returns a warning of each file that the text of a rig file at `path` names and that is not in the rig file's folder: whoever wrote
+/// it has chosen what is read here.
+pub fn files_outside(text: &str, path: &Path) -> Vec<String> {
+    let table: toml::Table = toml::from_str(text).unwrap_or_default();
+    let file = |table: &toml::Value| table.get("file")?.as_str().map(str::to_owned);
+    let streams = table.get("stream").and_then(toml::Value::as_array).into_iter().flatten();
+    let named = streams.chain(table.get("calibration")).filter_map(file);
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let own = folder.canonicalize();
+    let is_outside = |file: &String| match (&own, folder.join(file).canonicalize()) {
+        (Ok(own), Ok(found)) => !found.starts_with(own),
+        // What is not there is not read.
+        _ => false,
+    };
+    let words = |file: String| {
+        format!(
+            "the rig file {} names {file}, which is outside its folder: is it meant to be read?",
+            path.display()
+        )
+    };
+    named.filter(is_outside).map(words).collect()
+}
+
 /// Refuses keys and texts that could steer what they are shown by or written into.
 fn check_texts(text: &str, place: &str, table: &toml::Table) -> Result<(), RigFileError> {
     let refuse = |key: &str, shown: &str| RigFileError::Value {

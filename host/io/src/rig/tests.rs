@@ -194,3 +194,25 @@ fn keys_and_texts_that_steer_are_refused_and_shown_harmless() {
         assert!(!said.chars().any(rigident_shared::printable::steers), "{said:?}");
     }
 }
+
+#[test]
+fn files_outside_the_folder_of_a_rig_file_are_named() {
+    let place = tempfile::tempdir().unwrap();
+    let inside = place.path().join("inside");
+    std::fs::create_dir(&inside).unwrap();
+    for path in [place.path().join("a.csv"), inside.join("b.csv")] {
+        std::fs::write(path, "").unwrap();
+    }
+    let absolute = place.path().join("a.csv").display().to_string();
+    let text = format!(
+        "[calibration]\nfile = \"../a.csv\"\n[[stream]]\nfile = \"b.csv\"\n[[stream]]\nfile = {absolute:?}\n"
+    );
+    let said = files_outside(&text, &inside.join("x.rig.toml"));
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].contains(&absolute) && said[1].contains("../a.csv"), "{said:?}");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("/etc/passwd", inside.join("c.csv")).unwrap();
+        assert_eq!(files_outside("[[stream]]\nfile = \"c.csv\"\n", &inside.join("x.rig.toml")).len(), 1);
+    }
+}

@@ -11,7 +11,9 @@ use rigident_io::recording::columns::{Group, Known};
 use rigident_io::recording::mcap::read::topic_columns;
 use rigident_io::recording::time::Time;
 use rigident_io::recording::{Recording, measured_rate};
-use rigident_io::rig::{LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable};
+use rigident_io::rig::{
+    LoadCellTable, RecordingTable, RigFile, RotationMatrixTable, StreamTable, files_outside,
+};
 
 /// Units that columns of joints end with.
 const JOINT_UNITS: [&str; 6] = ["rad", "radps", "nm", "m", "mps", "n"];
@@ -83,7 +85,7 @@ impl StreamSet {
     /// # Errors
     /// [`StreamError`] says which file, and what to do.
     pub fn load(rig_path: &Path, folder: Option<&Path>) -> Result<Self, StreamError> {
-        let rig = RigFile::load(rig_path)?;
+        let (rig, text) = RigFile::load_with_text(rig_path)?;
         let beside = rig_path.parent().unwrap_or(Path::new(""));
         let folder = folder.unwrap_or(beside);
         let rig_name = rig_path.display().to_string();
@@ -109,7 +111,9 @@ impl StreamSet {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let name = rig_path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        Self::from_bytes(name.strip_suffix(".rig.toml").unwrap_or(&name), &rig, &files)
+        let mut set = Self::from_bytes(name.strip_suffix(".rig.toml").unwrap_or(&name), &rig, &files)?;
+        set.warnings.extend(files_outside(&text, rig_path));
+        Ok(set)
     }
 
     /// From the contents of the files, in the order of the rig file's streams.
