@@ -14,6 +14,7 @@ use rigident::answer::result::CompleteDrive;
 use rigident::present::prediction::{ChannelError, PredictedChannel, Predictions, page, text};
 use rigident::problem::ProblemOptions;
 use rigident::problem::tree::drive::Friction;
+use rigident_files::csv::field;
 use rigident_fit::{Prediction, RowSource, plain_least_squares};
 use rigident_model::human::Person;
 use rigident_model::{Model, ModelLink};
@@ -197,10 +198,11 @@ fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
     let mut out = "t_s".to_owned();
     for channel in &found.channels {
         if has_measured {
-            let _ = write!(out, ",{}_{}", channel.name, unit(channel));
+            let _ = write!(out, ",{}", field(&format!("{}_{}", channel.name, unit(channel))));
         }
         for model in &found.models {
-            let _ = write!(out, ",{}_{}_{}", channel.name, unit(channel), model.replace([' ', ','], "_"));
+            let column = format!("{}_{}_{}", channel.name, unit(channel), model.replace([' ', ','], "_"));
+            let _ = write!(out, ",{}", field(&column));
         }
     }
     out.push('\n');

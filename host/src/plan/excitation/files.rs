@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::family::Series;
 use crate::problem::tree::columns::units;
+use rigident_files::csv::field;
 use rigident_model::Model;
 
 /// A joint of a file: its name, its kind by the units of its columns, and its place in the series, or where it is held.
@@ -41,7 +42,8 @@ pub fn csv(series: &Series, joints: &[FileJoint], rate_hz: f64) -> String {
     let mut text = "t_s".to_owned();
     for joint in joints {
         let ([position, rate], name) = (joint.units, &joint.name);
-        let _ = write!(text, ",{name}_{position},{name}_{rate}");
+        let column = |unit: &str| field(&format!("{name}_{unit}"));
+        let _ = write!(text, ",{},{}", column(position), column(rate));
     }
     text.push('\n');
     for t in times(series, rate_hz) {

@@ -3,7 +3,7 @@ use std::sync::atomic::AtomicBool;
 use super::boxes::{BodyBox, BoxFile, boxes};
 use super::collisions::{Apart, Collisions};
 use super::family::{Family, Motion, Series};
-use super::files::{csv, joint_trajectory, joints};
+use super::files::{FileJoint, csv, joint_trajectory, joints};
 use super::information::{Measured, Tree, volume};
 use super::limits::{GivenLimits, Shares};
 use super::predict::predict;
@@ -393,4 +393,24 @@ fn a_humanoid_of_shared_data_keeps_every_limit() {
     let free = [vec![rigident_shared::tree::LinkState::zero(); task.model.links.len()]];
     let none = Collisions::new(&task.model, tree.paths(), (Vec::new(), &[]), task.apart, &free);
     assert!(resampled(&tree, &task.limits, &none, &plan.series, 30).unwrap().is_kept);
+}
+
+/// Names of joints are a stranger's: a spreadsheet opens the table, and `ros2 topic pub` the message.
+#[test]
+fn names_of_joints_are_neither_formulas_nor_columns_nor_keys() {
+    let family = Family::new(&[0.3], 1.0, 3, &[1.0]);
+    let series = family.series(&vec![0.1; family.len()]);
+    let names = ["=cmd|x!A1", "q,\"a\nr: [x]", "shoulder"];
+    let joint =
+        |name: &&str| FileJoint { name: (*name).to_owned(), units: ["rad", "radps"], moves: None, held: 0.0 };
+    let joints: Vec<FileJoint> = names.iter().map(joint).collect();
+    let text = csv(&series, &joints, 10.0);
+    let header = text.lines().next().unwrap();
+    assert!(header.starts_with("t_s,\"'=cmd|x!A1_rad\",\"'=cmd|x!A1_radps\","), "{header}");
+    assert!(header.ends_with(",shoulder_rad,shoulder_radps"), "{header}");
+    assert!(text.lines().skip(1).all(|line| line.split(',').count() == 1 + 2 * names.len()), "{text}");
+    let message = joint_trajectory(&series, &joints, 10.0);
+    let listed: Vec<&str> = message.lines().filter(|line| line.starts_with("- \"")).collect();
+    assert_eq!(listed.len(), names.len(), "{message}");
+    assert!(!message.contains("\nr: [x]"));
 }
