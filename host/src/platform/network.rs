@@ -39,6 +39,11 @@ pub struct NetworkPlatform {
     started_s: Option<f64>,
 }
 
+/// The longest answer, bytes.
+const LONGEST_ANSWER: usize = 64 << 10;
+/// An answer is whole within this time while the plate may move, s: before the controller stops it for having heard nothing.
+const ANSWER_S: f64 = 0.8 * QUIET_S;
+
 /// The line to the controller.
 struct Line {
     address: String,
@@ -46,6 +51,8 @@ struct Line {
     /// Whether it has answered before.
     known: bool,
     asked: Instant,
+    /// Whether the plate may move: it was started, and has not been seen at rest since.
+    moves: bool,
     /// What broke it.
     broken: Option<PlatformError>,
 }
@@ -138,6 +145,7 @@ impl NetworkPlatform {
                         stream: BufReader::new(stream),
                         known: false,
                         asked: Instant::now(),
+                        moves: false,
                         broken: None,
                     };
                     return Ok(Self {
@@ -166,15 +174,34 @@ impl NetworkPlatform {
 impl Line {
     /// Says a line and takes the answer. What broke it once is told ever after.
     fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {
-        if let Some(broken) = &self.broken {
-            return Err(broken.clone());
+        if let Some(broken) = self.broken.clone() {
+            if matches!(request, Request::Stop) {
+                self.say_stop();
+            }
+            return Err(broken);
         }
+        self.moves |= matches!(request, Request::Start { .. });
         let answered = self.exchange(request);
         self.asked = Instant::now();
-        if let Err(error @ (PlatformError::Lost { .. } | PlatformError::Unreachable { .. })) = &answered {
-            self.broken = Some(error.clone());
+        match &answered {
+            Ok(answer) => self.moves &= !matches!(request, Request::State) || answer.state == "moving",
+            Err(error @ (PlatformError::Lost { .. } | PlatformError::Unreachable { .. })) => {
+                self.broken = Some(error.clone());
+                if self.moves {
+                    self.say_stop();
+                }
+            }
+            Err(_) => {}
         }
         answered
+    }
+
+    /// Says stop without waiting for an answer: whoever answers no more may still hear.
+    fn say_stop(&mut self) {
+        let line = serde_json::to_string(&Request::Stop).unwrap_or_default();
+        let stream = self.stream.get_mut();
+        // If it is gone, the controller's own watch stops the plate.
+        let _ = stream.set_write_timeout(Some(HEARD_EVERY)).and_then(|()| writeln!(stream, "{line}"));
     }
 
     fn exchange(&mut self, request: &Request) -> Result<Answer, PlatformError> {
@@ -199,20 +226,54 @@ impl Line {
         if line.len() > most {
             return Err(PlatformError::TooLong { bytes: line.len(), most });
         }
+        let within = match request {
+            Request::Start { .. } | Request::Stop => Duration::from_secs_f64(ANSWER_S),
+            Request::State if self.moves => Duration::from_secs_f64(ANSWER_S),
+            Request::Load { .. } | Request::State => PATIENCE,
+        };
         self.stream.get_mut().write_all(line.as_bytes()).map_err(|e| unreachable(e.to_string()))?;
-        let mut reply = String::new();
-        match self.stream.read_line(&mut reply) {
-            Ok(0) => Err(unreachable("it closed the connection".to_owned())),
-            Ok(_) => {
-                let answer: Answer = serde_json::from_str(&reply)
+        match answer(&mut self.stream, within) {
+            Ok(None) => Err(unreachable("it closed the connection".to_owned())),
+            Ok(Some(reply)) => {
+                let answer: Answer = serde_json::from_slice(&reply)
                     .map_err(|e| unreachable(format!("its answer is not understood: {e}")))?;
                 self.known = true;
                 if answer.ok { Ok(answer) } else { Err(PlatformError::Refused(answer.error)) }
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                Err(unreachable(format!("no answer within {} s", PATIENCE.as_secs())))
+                Err(unreachable(format!("no whole answer within {} s", within.as_secs_f64())))
             }
             Err(error) => Err(unreachable(error.to_string())),
+        }
+    }
+}
+
+/// Takes a line that is whole within this time, of at most [`LONGEST_ANSWER`] bytes; `None` at the end of the stream.
+fn answer(stream: &mut BufReader<TcpStream>, within: Duration) -> std::io::Result<Option<Vec<u8>>> {
+    let (begun, mut line) = (Instant::now(), Vec::new());
+    loop {
+        let left = within.saturating_sub(begun.elapsed());
+        // What has come already is taken, however late somebody looks.
+        stream.get_ref().set_read_timeout(Some(left.max(Duration::from_millis(1))))?;
+        let here = match stream.fill_buf() {
+            Ok([]) => return Ok(None),
+            Ok(here) => here,
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            Err(error) => return Err(error),
+        };
+        let end = here.iter().position(|byte| *byte == b'\n');
+        let used = end.map_or(here.len(), |end| end + 1);
+        line.extend_from_slice(&here[..used]);
+        stream.consume(used);
+        if line.len() > LONGEST_ANSWER {
+            let why = format!("its answer is longer than {LONGEST_ANSWER} bytes");
+            return Err(std::io::Error::new(ErrorKind::InvalidData, why));
+        }
+        if end.is_some() {
+            return Ok(Some(line));
+        }
+        if left.is_zero() {
+            return Err(ErrorKind::TimedOut.into());
         }
     }
 }
@@ -301,5 +362,99 @@ impl Platform for NetworkPlatform {
 
     fn samples(&mut self) -> Vec<MotionSample> {
         std::mem::take(&mut self.samples)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+    use std::sync::mpsc::{Receiver, channel};
+
+    use super::*;
+
+    /// A controller that answers in order until somebody asks for the state of a moving plate, and then does as `then` says; gives
+    /// the lines that it heard.
+    fn controller(then: impl Fn(&mut TcpStream) + Send + 'static) -> (NetworkPlatform, Receiver<String>) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = format!("tcp://{}", listener.local_addr().unwrap());
+        let (heard, hears) = channel();
+        thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut lines = BufReader::new(stream.try_clone().unwrap());
+            let mut moves = false;
+            let mut line = String::new();
+            while lines.read_line(&mut line).unwrap_or(0) > 0 {
+                let said = std::mem::take(&mut line);
+                moves |= said.contains("start");
+                let asked = said.contains("state");
+                if heard.send(said).is_err() {
+                    return;
+                }
+                if moves && asked {
+                    let mut stream = stream.try_clone().unwrap();
+                    then(&mut stream);
+                } else {
+                    let _ = writeln!(stream, r#"{{"ok":true,"state":"holding","duration_s":2.0}}"#);
+                }
+            }
+        });
+        (NetworkPlatform::connect(&address, &Geometry::default()).unwrap(), hears)
+    }
+
+    fn started(platform: &mut NetworkPlatform) {
+        platform.loaded_s = 2.0;
+        platform.start().unwrap();
+    }
+
+    /// A byte now and then, for as long as somebody waits.
+    fn drip(stream: &mut TcpStream) {
+        let mut stream = stream.try_clone().unwrap();
+        thread::spawn(move || {
+            while stream.write_all(b" ").is_ok() {
+                thread::sleep(Duration::from_millis(20));
+            }
+        });
+    }
+
+    fn flood(stream: &mut TcpStream) {
+        let mut stream = stream.try_clone().unwrap();
+        thread::spawn(move || while stream.write_all(&[b' '; 4096]).is_ok() {});
+    }
+
+    #[test]
+    fn an_answer_without_end_does_not_hold_back_the_stop() {
+        let hostile: [(fn(&mut TcpStream), &str); 3] = [
+            (drip, "no whole answer within 0.2 s"),
+            (flood, "longer than 65536 bytes"),
+            (|_| (), "no whole answer"),
+        ];
+        for (then, part) in hostile {
+            let (mut platform, heard) = controller(then);
+            started(&mut platform);
+            let begun = Instant::now();
+            let error = platform.motion().unwrap_err();
+            assert!(
+                matches!(&error, PlatformError::Lost { .. }) && error.to_string().contains(part),
+                "{error}"
+            );
+            assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+            let mut stops = heard.iter().filter(|line| line.contains("stop"));
+            assert!(stops.next().is_some());
+            // Whoever stops then is heard, too, and told what is wrong.
+            assert!(platform.stop().is_err());
+            assert!(stops.next().is_some());
+        }
+    }
+
+    #[test]
+    fn a_late_answer_at_rest_is_waited_for() {
+        let (mut platform, _heard) = controller(|stream| {
+            thread::sleep(Duration::from_millis(50));
+            let _ = stream.write_all(b"{\"ok\":true,\"state\":\"moving\",\"dura");
+            thread::sleep(Duration::from_millis(50));
+            let _ = stream.write_all(b"tion_s\":2.0,\"time_s\":0.1}\n");
+        });
+        started(&mut platform);
+        assert_eq!(platform.motion().unwrap(), Motion::Moving);
     }
 }
