@@ -16,11 +16,12 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 use tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tungstenite::http::{HeaderValue, StatusCode};
+use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
 
 use super::View;
@@ -34,8 +35,12 @@ pub const PORT: u16 = 8765;
 const DATA: u8 = 1;
 /// Clients are looked after so often.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// A client that does not take its messages for so long is gone.
+/// A client that does not take its messages for so long is gone; its handshake is whole within the same time.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// More clients than this are sent away.
+const MOST_CLIENTS: usize = 16;
+/// The longest message of a client, bytes.
+const LONGEST_MESSAGE: usize = 64 << 10;
 
 /// A topic with its last message.
 #[derive(Clone, Debug)]
@@ -72,18 +77,27 @@ impl Server {
             leave: Arc::new(AtomicBool::new(false)),
         };
         let (topics, leave) = (Arc::clone(&server.topics), Arc::clone(&server.leave));
-        thread::spawn(move || {
+        let clients = Arc::new(());
+        thread::Builder::new().spawn(move || {
             while !leave.load(Ordering::Relaxed) {
                 match listener.accept() {
                     Ok((stream, _)) => {
-                        let (topics, leave) = (Arc::clone(&topics), Arc::clone(&leave));
-                        // A client that goes, or is none, concerns nobody else.
-                        thread::spawn(move || drop(serve(stream, &topics, &leave)));
+                        let (topics, leave, client) =
+                            (Arc::clone(&topics), Arc::clone(&leave), Arc::clone(&clients));
+                        // This one, the listener's, and one a client.
+                        if Arc::strong_count(&clients) > MOST_CLIENTS + 1 {
+                            continue;
+                        }
+                        // A client that goes, is none, or for whom there is no thread concerns nobody else.
+                        let _ = thread::Builder::new().spawn(move || {
+                            let _client = client;
+                            drop(serve(stream, &topics, &leave));
+                        });
                     }
                     Err(_) => thread::sleep(LOOK_EVERY),
                 }
             }
-        });
+        })?;
         Ok(server)
     }
 
@@ -176,8 +190,61 @@ fn schema(value: &Value) -> Value {
 /// Why a client is left.
 type Left = Box<dyn std::error::Error + Send + Sync>;
 
+/// Returns true where a page of this origin may read the experiment: Foxglove's own, this computer's, and programs that are no web
+/// pages. Any page that somebody has open could connect to this computer otherwise.
+fn is_known_origin(origin: &str) -> bool {
+    let Some((scheme, host)) = origin.split_once("://") else { return false };
+    let host = name_of(host);
+    match scheme {
+        "http" => is_this_computer(host),
+        "https" => is_this_computer(host) || host == "foxglove.dev" || host.ends_with(".foxglove.dev"),
+        // Of a program's own window.
+        "file" | "app" | "vscode-webview" => true,
+        _ => false,
+    }
+}
+
+/// Returns true for a host as this computer is called: a name of a stranger's could be made to lead here, too.
+fn is_own_host(host: &str) -> bool {
+    let name = name_of(host);
+    let is_address = name.trim_matches(['[', ']']).parse::<std::net::IpAddr>().is_ok();
+    is_address
+        || is_this_computer(name)
+        || (!name.is_empty() && !name.contains('.'))
+        || name.ends_with(".local")
+}
+
+fn is_this_computer(name: &str) -> bool {
+    ["localhost", "127.0.0.1", "[::1]"].contains(&name)
+}
+
+/// Returns a host without its port.
+fn name_of(host: &str) -> &str {
+    match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|b| b.is_ascii_digit()) && !name.ends_with(':') => name,
+        _ => host,
+    }
+}
+
+#[expect(clippy::result_large_err, reason = "the type of the handshake's callback")]
+fn refused(status: StatusCode, why: &str) -> Result<Response, ErrorResponse> {
+    let mut refused = ErrorResponse::new(Some(why.to_owned()));
+    *refused.status_mut() = status;
+    Err(refused)
+}
+
 #[expect(clippy::result_large_err, reason = "the type of the handshake's callback")]
 fn answer_handshake(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
+    let header = |name: &str| request.headers().get(name).map(|value| value.to_str().unwrap_or("?"));
+    if !header("Origin").is_none_or(is_known_origin) {
+        return refused(StatusCode::FORBIDDEN, "pages of this origin are not served: open it in Foxglove");
+    }
+    if !header("Host").is_some_and(is_own_host) {
+        return refused(
+            StatusCode::FORBIDDEN,
+            "this computer is not served by that name: connect to its address, or to a name that ends in .local",
+        );
+    }
     let offered =
         request.headers().get(PROTOCOL_HEADER).and_then(|value| value.to_str().ok()).unwrap_or_default();
     let offered: Vec<&str> = offered.split(',').map(str::trim).collect();
@@ -186,23 +253,23 @@ fn answer_handshake(request: &Request, mut response: Response) -> Result<Respons
             response.headers_mut().insert(PROTOCOL_HEADER, HeaderValue::from_static(protocol));
             Ok(response)
         }
-        None => {
-            let mut refused = ErrorResponse::new(Some(
-                "this server speaks foxglove.sdk.v1: open it in Foxglove".to_owned(),
-            ));
-            *refused.status_mut() = StatusCode::BAD_REQUEST;
-            Err(refused)
-        }
+        None => refused(StatusCode::BAD_REQUEST, "this server speaks foxglove.sdk.v1: open it in Foxglove"),
     }
 }
 
 /// Serves one client to its end.
 fn serve(stream: TcpStream, topics: &Mutex<Topics>, leave: &AtomicBool) -> Result<(), Left> {
     stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let mut socket = tungstenite::accept_hdr(stream, answer_handshake).map_err(|e| e.to_string())?;
-    socket.get_ref().set_read_timeout(Some(LOOK_EVERY))?;
+    let limits = WebSocketConfig::default()
+        .read_buffer_size(4 << 10)
+        .max_message_size(Some(LONGEST_MESSAGE))
+        .max_frame_size(Some(LONGEST_MESSAGE));
+    let timed = Timed { stream, until: Some(Instant::now() + PATIENCE) };
+    let socket = tungstenite::accept_hdr_with_config(timed, answer_handshake, Some(limits));
+    let mut socket = socket.map_err(|e| e.to_string())?;
+    socket.get_mut().until = None;
+    socket.get_ref().stream.set_read_timeout(Some(LOOK_EVERY))?;
     let hello = json!({
         "op": "serverInfo", "name": concat!("rigident ", env!("CARGO_PKG_VERSION")), "capabilities": [], "supportedEncodings": [],
         "metadata": {}, "sessionId": std::process::id().to_string(),
@@ -223,6 +290,35 @@ fn serve(stream: TcpStream, topics: &Mutex<Topics>, leave: &AtomicBool) -> Resul
     // It may be gone already.
     let _ = socket.close(None);
     Ok(())
+}
+
+/// A stream that is read until a time, however little comes at once.
+struct Timed {
+    stream: TcpStream,
+    until: Option<Instant>,
+}
+
+impl io::Read for Timed {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if let Some(until) = self.until {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(ErrorKind::TimedOut.into());
+            }
+            self.stream.set_read_timeout(Some(left.max(Duration::from_millis(1))))?;
+        }
+        self.stream.read(buffer)
+    }
+}
+
+impl io::Write for Timed {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        self.stream.write(buffer)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
 }
 
 /// What a client knows and wants.
@@ -258,7 +354,7 @@ impl Client {
     }
 
     /// Announces what is new, and sends what is wanted of it.
-    fn send_new(&mut self, socket: &mut WebSocket<TcpStream>, topics: &Mutex<Topics>) -> Result<(), Left> {
+    fn send_new(&mut self, socket: &mut WebSocket<Timed>, topics: &Mutex<Topics>) -> Result<(), Left> {
         let topics = topics.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let gone: Vec<u32> = self
             .announced
@@ -376,5 +472,78 @@ mod tests {
         let server = Server::listen("127.0.0.1:0".parse().unwrap()).unwrap();
         let stream = TcpStream::connect(server.address()).unwrap();
         assert!(tungstenite::client(format!("ws://{}", server.address()), stream).is_err());
+    }
+
+    /// Returns the first line that the server says to a handshake.
+    fn said(server: &Server, host: &str, origin: Option<&str>) -> String {
+        use std::io::{BufRead, BufReader, Write};
+        let mut stream = TcpStream::connect(server.address()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let origin = origin.map_or_else(String::new, |origin| format!("Origin: {origin}\r\n"));
+        write!(
+            stream,
+            "GET / HTTP/1.1\r\nHost: {host}\r\n{origin}Connection: Upgrade\r\nUpgrade: websocket\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+             Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+        )
+        .unwrap();
+        let mut line = String::new();
+        BufReader::new(stream).read_line(&mut line).unwrap();
+        line
+    }
+
+    #[test]
+    fn pages_of_strangers_and_names_that_were_made_to_lead_here_are_refused() {
+        let server = Server::listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let own = server.address().to_string();
+        for (host, origin, status) in [
+            (own.as_str(), None, "101"),
+            ("localhost:8765", Some("https://app.foxglove.dev"), "101"),
+            ("[::1]:8765", Some("http://localhost:8080"), "101"),
+            ("lab-pc", Some("file://"), "101"),
+            (own.as_str(), Some("https://evil.example"), "403"),
+            (own.as_str(), Some("https://foxglove.dev.evil.example"), "403"),
+            (own.as_str(), Some("http://127.0.0.1.evil.example"), "403"),
+            (own.as_str(), Some("null"), "403"),
+            ("evil.example:8765", None, "403"),
+            ("evil.example", Some("https://app.foxglove.dev"), "403"),
+        ] {
+            let line = said(&server, host, origin);
+            assert_eq!(line.split(' ').nth(1), Some(status), "{host} {origin:?}: {line}");
+        }
+    }
+
+    #[test]
+    fn clients_are_few_their_messages_short_and_their_handshakes_quick() {
+        use std::io::{Read, Write};
+        let server = Server::listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        // Idle ones take the places; one too many is sent away at once.
+        let connect = || {
+            let stream = TcpStream::connect(server.address()).unwrap();
+            stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+            stream
+        };
+        let idle: Vec<TcpStream> = (0..MOST_CLIENTS).map(|_| connect()).collect();
+        thread::sleep(Duration::from_millis(200));
+        let begun = Instant::now();
+        assert!(!matches!(connect().read(&mut [0; 1]), Ok(1..)));
+        assert!(begun.elapsed() < PATIENCE / 2);
+        drop(idle);
+        thread::sleep(Duration::from_millis(200));
+        // A handshake of a byte now and then.
+        let mut slow = connect();
+        let begun = Instant::now();
+        while slow.write_all(b"G").is_ok() && begun.elapsed() < 3 * PATIENCE {
+            thread::sleep(Duration::from_millis(100));
+        }
+        assert!(begun.elapsed() < 2 * PATIENCE, "{:?}", begun.elapsed());
+        // A long message.
+        let url = format!("ws://{}", server.address());
+        let request =
+            tungstenite::ClientRequestBuilder::new(url.parse().unwrap()).with_sub_protocol("foxglove.sdk.v1");
+        let (mut client, _) = tungstenite::client(request, connect()).unwrap();
+        // It may be left before all is said.
+        let _ = client.send(Message::text("x".repeat(2 * LONGEST_MESSAGE)));
+        assert!((0..100).map(|_| client.read()).any(|read| read.is_err()));
     }
 }
