@@ -10,6 +10,7 @@
 //!
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
+#![forbid(unsafe_code)]
 
 mod body;
 mod body_set;

@@ -11,6 +11,7 @@
 //!
 //! The feature `emulator` (default, Unix only) adds the firmware on an emulated board and the rig as other programs see it,
 //! over a pseudo-terminal and a network (`serve`).
+#![forbid(unsafe_code)]
 
 pub mod devices;
 pub mod flash;

@@ -2,6 +2,7 @@
 //!
 //! Lives here: what a user types and sees. May not live here: anything another program could use; that is in
 //! the rooms beside this one.
+#![forbid(unsafe_code)]
 
 #[macro_use]
 mod tell;

@@ -15,6 +15,7 @@
 //! assert_eq!(recording.rows(), 2);
 //! assert_eq!(recording.wrench.unwrap()[1][2], -9.8);
 //! ```
+#![forbid(unsafe_code)]
 
 pub mod factor_table;
 pub mod motion_capture;
