@@ -36,6 +36,7 @@ const SECOND_CORE: Need = Need {
     what: "the kernels for a Cortex-M33 and qemu-system-arm: cargo xtask firmware --board rp2350",
 };
 const DATA: Need = Need { word: "shared_data", what: "the recordings and robots in ../shared/data" };
+const CASES: Need = Need { word: "shared_cases", what: "the small files of other programs in ../shared/cases" };
 const READER: Need = Need { word: "mcap_reader", what: "mcap and mcap-ros2-support in Python" };
 const PINOCCHIO: Need = Need { word: "live_pinocchio", what: "Pinocchio (the wheel pin) in Python" };
 const ROBOTS: Need = Need {
@@ -104,6 +105,7 @@ impl Surroundings {
         look(FLASHED, images.iter().all(|elf| elf.is_file()) && process::is_installed("qemu-system-arm"));
         look(SECOND_CORE, places::kernel_bits_elf().is_file() && process::is_installed("qemu-system-arm"));
         look(DATA, places::root().join("../shared/data").is_dir());
+        look(CASES, places::root().join("../shared/cases").is_dir());
         look(READER, setup::has_module(setup::MCAP_READER));
         look(PINOCCHIO, setup::has_module(setup::PINOCCHIO));
         look(ROBOTS, [setup::PINOCCHIO, setup::ROBOTS].into_iter().all(setup::has_module));

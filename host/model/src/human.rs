@@ -356,7 +356,7 @@ impl Builder {
     }
 
     fn model(self, name: &str) -> Model {
-        Model { name: name.to_owned(), links: self.links, findings: Vec::new() }
+        Model { name: name.to_owned(), links: self.links, findings: Vec::new(), gravity_mps2: None }
     }
 }
 

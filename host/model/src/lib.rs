@@ -12,6 +12,7 @@ pub mod base;
 pub mod check;
 pub mod dynamics;
 pub mod edit;
+mod element;
 pub mod finding;
 pub mod human;
 mod human_segments;
@@ -22,8 +23,6 @@ pub mod limits;
 pub mod load;
 mod loose_xml;
 pub mod mjcf;
-#[cfg(test)]
-mod mjcf_tests;
 pub mod passive;
 mod passive_edits;
 #[cfg(test)]
@@ -56,5 +55,5 @@ pub use tree::{Mimic, Model, ModelLink};
 /// [`ModelError`] if it cannot be read, or makes no tree.
 pub fn read_file(path: &Path) -> Result<(Model, String), ModelError> {
     let text = urdf::text_of(path)?;
-    Ok((write::parse(&text, &path.display().to_string())?.model, text))
+    Ok((write::parse_in(&text, &path.display().to_string(), path.parent())?.model, text))
 }

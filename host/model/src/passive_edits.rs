@@ -4,7 +4,7 @@ use std::mem::discriminant;
 
 use roxmltree::{Document, Node};
 
-use super::mjcf;
+use super::mjcf::names::Names;
 use super::passive::Passive;
 use super::tree::Model;
 use super::xml::{Edit, Language, child, replace_child, set_attribute};
@@ -46,17 +46,17 @@ pub(super) fn edits(
     model: &Model,
     file: &Model,
     text: &str,
-    document: &Document,
+    (document, names): (&Document, &Names),
     language: Language,
 ) -> Vec<Edit> {
     let mut out = Vec::new();
     for change in changed(model, file, language) {
-        let Some(joint) = joint(document, change.joint, language) else { continue };
+        let Some(joint) = joint(document, names, change.joint, language) else { continue };
         match language {
             Language::Urdf => dynamics_of_urdf(&change, text, &joint, &mut out),
             Language::Mjcf => {
                 let named = change.new.named().into_iter().zip(change.old.named());
-                // The place of a spring counts from the model's zero here and from its ref there.
+                // The place of a spring may be in degrees there.
                 let differing = named.filter(|((name, new), (_, old))| new != old && *name != "springref");
                 out.extend(differing.map(|((name, new), _)| set_attribute(text, &joint, name, new)));
             }
@@ -72,11 +72,16 @@ pub(super) fn edits(
 }
 
 /// Finds a joint's element by the name that it has in the model.
-fn joint<'a, 'i>(document: &'a Document<'i>, name: &str, language: Language) -> Option<Node<'a, 'i>> {
+fn joint<'a, 'i>(
+    document: &'a Document<'i>,
+    names: &Names,
+    name: &str,
+    language: Language,
+) -> Option<Node<'a, 'i>> {
     let is_it = |node: &Node| {
         node.has_tag_name("joint")
             && match language {
-                Language::Mjcf => mjcf::joint_name(node).as_deref() == Some(name),
+                Language::Mjcf => names.name(node) == Some(name),
                 _ => node.attribute("name") == Some(name) && child(node, "child").is_some(),
             }
     };

@@ -78,6 +78,8 @@ pub struct Model {
     pub links: Vec<ModelLink>,
     /// What is strange about it.
     pub findings: Vec<Finding>,
+    /// Gravity that its file states, m/s², axes of the world; `None` where it states none.
+    pub gravity_mps2: Option<[f64; 3]>,
 }
 
 /// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's frame here has
@@ -188,7 +190,7 @@ impl Model {
         if links.len() < raw.len() {
             return Err(refuse(in_a_loop(&raw)));
         }
-        let mut model = Self { name: name.to_owned(), links, findings };
+        let mut model = Self { name: name.to_owned(), links, findings, gravity_mps2: None };
         model.normalise_axes()?;
         model.look_at_mimics();
         model.look_at_passive()?;
@@ -380,7 +382,8 @@ impl Model {
                 links.push(ModelLink { link, ..own.clone() });
             }
         }
-        Self { name: self.name.clone(), links, findings: self.findings.clone() }
+        let (name, findings) = (self.name.clone(), self.findings.clone());
+        Self { name, links, findings, gravity_mps2: self.gravity_mps2 }
     }
 
     /// Degrees of freedom of the joints.

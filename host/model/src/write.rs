@@ -3,7 +3,6 @@
 //! A file of the same language is kept as it is but for its inertias, friction and rotors; otherwise a new one is made of the
 //! tree: links, joints, inertias, nothing else. What was written is read again and compared before it is a file.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,6 +16,7 @@ use rigident_shared::tree::Joint;
 use super::finding::ModelError;
 use super::inertial::{Parameters, in_parent};
 use super::loose_xml::tidied;
+use super::mjcf::names::Names;
 use super::passive::Passive;
 use super::passive_edits;
 use super::remarks::joint_names;
@@ -86,9 +86,17 @@ fn refused(path: &Path, why: &str) -> ModelError {
 /// # Errors
 /// [`ModelError`].
 pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
+    parse_in(text, what, None)
+}
+
+/// Reads a text of any of the languages; files that it includes are looked for in `folder`.
+///
+/// # Errors
+/// [`ModelError`].
+pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed, ModelError> {
     match Language::of_text(text) {
-        Some(Language::Mjcf) => mjcf::parse(text, what),
-        Some(Language::Sdf) => sdf::parse(text, what),
+        Some(Language::Mjcf) => mjcf::parse_in(text, what, folder),
+        Some(Language::Sdf) => sdf::parse_in(text, what, folder),
         _ => Ok(Parsed { model: urdf::parse(text, what)?, anchors: BTreeMap::new() }),
     }
 }
@@ -101,6 +109,18 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
     let language = check_target(path)?;
     let text = source.and_then(|source| rigident_files::read_text(source).ok());
     let text = text.filter(|text| Language::of_text(text) == Some(language));
+    // Files that it includes become part of the new one.
+    let text = match (text, source) {
+        (Some(text), Some(source)) => {
+            let (what, folder) = (source.display().to_string(), source.parent());
+            Some(match language {
+                Language::Mjcf => mjcf::written_out(&text, &what, folder)?.into_owned(),
+                Language::Sdf => sdf::written_out(&text, &what, folder)?.into_owned(),
+                Language::Urdf => text,
+            })
+        }
+        (text, _) => text,
+    };
     let kept = text.is_some();
     let text = match text {
         Some(text) => edited(model, &text, &path.display().to_string())?,
@@ -185,15 +205,16 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
     let language = Language::of_text(text).unwrap_or(Language::Urdf);
     let own = parse(text, what)?;
     // Elements stand in it where they do in the text.
-    let tidy = if language == Language::Urdf { tidied(text) } else { Cow::Borrowed(text) };
+    let tidy = tidied(text);
     let document = xml::document(&tidy, what)?;
+    let names = Names::of(&document);
     let tag = if language == Language::Mjcf { "body" } else { "link" };
-    let mut changes = passive_edits::edits(model, &own.model, text, &document, language);
+    let mut changes = passive_edits::edits(model, &own.model, text, (&document, &names), language);
     if language == Language::Urdf {
         changes.extend(joint_edits::edits(model, &own.model, text, &document));
     }
     for node in document.descendants().filter(|n| n.has_tag_name(tag)) {
-        let Some(name) = node.attribute("name") else { continue };
+        let Some(name) = names.name(&node).or(node.attribute("name")) else { continue };
         let Some(link) = model.link(name).map(|i| &model.links[i]).filter(|link| link.is_body()) else {
             continue;
         };

@@ -50,6 +50,7 @@ fn model() -> Model {
             link(6, 0, Joint::Revolute(-Vector3::y())),
         ],
         findings: Vec::new(),
+        gravity_mps2: None,
     }
 }
 
@@ -209,10 +210,8 @@ fn joints_off_their_bodies_origins_are_where_the_file_has_them() {
 #[test]
 fn files_that_cannot_be_followed_are_named() {
     let said = |text: &str| write::parse(text, "x").unwrap_err().to_string();
-    assert!(
-        said(&MJCF.replace("<worldbody>", "<include file=\"y.xml\"/><worldbody>")).contains("compiled model")
-    );
-    assert!(said(&MJCF.replace("body name=\"b\" ", "body ")).contains("no name"));
+    let included = said(&MJCF.replace("<worldbody>", "<include file=\"y.xml\"/><worldbody>"));
+    assert!(included.contains("<include> of y.xml") && included.contains("beside the file"), "{included}");
     assert!(said(&MJCF.replace("mass=\"1\"", "mass=\"heavy\"")).contains("mass of <inertial>"));
     assert!(
         said(&SDF.replace("relative_to=\"a\"", "relative_to=\"z\""))

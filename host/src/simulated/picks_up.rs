@@ -103,7 +103,7 @@ pub fn humanoid() -> Model {
         let wrist = add(twist, named("wrist"), 1, [0.0, 0.0, -0.1], 0.2, -0.03);
         add(wrist, named("hand"), 0, [0.0; 3], 0.5, -0.1);
     }
-    Model { name: "humanoid".to_owned(), links, findings: Vec::new() }
+    Model { name: "humanoid".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
 impl PicksUp {

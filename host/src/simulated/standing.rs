@@ -59,7 +59,7 @@ pub fn humanoid() -> Model {
             links.push(ModelLink::new(format!("{side}_{name}_link"), format!("{side}_{name}"), link, None));
         }
     }
-    Model { name: "humanoid".to_owned(), links, findings: Vec::new() }
+    Model { name: "humanoid".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
 /// Returns the two soles of the humanoid.

@@ -63,6 +63,7 @@ pub fn two_links() -> Model {
             ),
         ],
         findings: Vec::new(),
+        gravity_mps2: None,
     }
 }
 
@@ -85,7 +86,7 @@ pub fn seven_axes() -> Model {
             body(mass, com, [0.4 * size, 0.5 * size, 0.8 * size], turn),
         ));
     }
-    Model { name: "seven".to_owned(), links, findings: Vec::new() }
+    Model { name: "seven".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
 /// A sum of swings: value, rate, acceleration.

@@ -37,7 +37,7 @@ fn model(joints: &[Joint<f64>], size: f64) -> Model {
             parent = links.len() - 1;
         }
     }
-    Model { name: "tree".to_owned(), links, findings: Vec::new() }
+    Model { name: "tree".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
 const FLOATING: Situation = Situation { floating: true, rows: Rows::Base, mimic: false };

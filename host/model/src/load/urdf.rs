@@ -23,7 +23,12 @@ pub fn write(load: &Load, link: &str) -> Result<String, LoadError> {
     };
     let flange = fixed(link.to_owned(), Some([0.0; 10]));
     let payload = fixed(format!("{link}_payload"), Some(load.parameters()));
-    let model = Model { name: "payload".to_owned(), links: vec![flange, payload], findings: Vec::new() };
+    let model = Model {
+        name: "payload".to_owned(),
+        links: vec![flange, payload],
+        findings: Vec::new(),
+        gravity_mps2: None,
+    };
     generated(&model, Language::Urdf).map_err(|error| LoadError::Read(error.to_string()))
 }
 

@@ -84,6 +84,7 @@ fn one_body() -> Model {
         name: "body".to_owned(),
         links: vec![ModelLink::new("body", "", link, None)],
         findings: Vec::new(),
+        gravity_mps2: None,
     }
 }
 

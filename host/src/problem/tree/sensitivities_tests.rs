@@ -32,7 +32,7 @@ fn model(joints: &[(usize, Joint<f64>)], random: &mut Random) -> Model {
         let nominal = Some([1.0, 0.01, 0.02, 0.03, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]);
         ModelLink::new(format!("l{i}"), format!("j{i}"), own, nominal)
     });
-    Model { name: "tree".to_owned(), links: links.collect(), findings: Vec::new() }
+    Model { name: "tree".to_owned(), links: links.collect(), findings: Vec::new(), gravity_mps2: None }
 }
 
 fn frames(model: &Model, count: usize, is_floating: bool, random: &mut Random) -> Vec<Frame> {

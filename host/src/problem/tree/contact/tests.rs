@@ -42,7 +42,7 @@ fn robot() -> Model {
         let link = Link { parent, joint, rotation, position };
         ModelLink::new(format!("l{i}"), format!("j{i}"), link, nominal)
     });
-    Model { name: "robot".to_owned(), links: links.collect(), findings: Vec::new() }
+    Model { name: "robot".to_owned(), links: links.collect(), findings: Vec::new(), gravity_mps2: None }
 }
 
 fn foot(name: &str, link: usize, known: [bool; 6]) -> Foot {

@@ -3,10 +3,10 @@
 use nalgebra::{DMatrix, Vector3};
 use rigident_shared::tree::{BaseMotion, Joint};
 
-use super::base::{Rows, Situation, base_parameters};
-use super::dynamics::inverse_dynamics;
-use super::xml::Language;
-use super::*;
+use crate::base::{Rows, Situation, base_parameters};
+use crate::dynamics::inverse_dynamics;
+use crate::xml::Language;
+use crate::{Model, ModelLink, mjcf, write};
 
 /// A torso with a leg, as in MuJoCo's humanoid; `hip` are the thigh's joints.
 fn leg(hip: &str) -> Model {

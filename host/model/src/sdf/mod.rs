@@ -1,6 +1,13 @@
-//! Models from SDF, the language of Gazebo: one model's links, joints and inertias.
+//! Models from SDF, the language of Gazebo: one model's links, joints and inertias, those of models within it ([`nested`])
+//! included.
 
+mod nested;
+#[cfg(test)]
+mod tests;
+
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -8,8 +15,9 @@ use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
 use roxmltree::Node;
 
-use super::finding::ModelError;
+use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
+use super::loose_xml::tidied;
 use super::mjcf::WORLD;
 use super::passive::Passive;
 use super::tree::{Model, ModelLink, NO_BODY, Parsed, RawLink};
@@ -21,31 +29,79 @@ fn then(a: &Pose, b: &Pose) -> Pose {
     (a.0 * b.0, a.1 + a.0 * b.1)
 }
 
-/// Reads the text of an SDF; `what` names it in complaints.
+/// Reads the text of an SDF; `what` names it in complaints. Files that it includes are refused: [`parse_in`] reads them.
 ///
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
 pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
-    let document = xml::document(text, what)?;
+    parse_in(text, what, None)
+}
+
+/// Returns the text of an SDF with the models that are in others, or in files that it includes, taken into one; as it is if there
+/// are none.
+///
+/// # Errors
+/// [`ModelError`] that says which of them cannot be followed.
+pub(super) fn written_out<'a>(
+    text: &'a str,
+    what: &str,
+    folder: Option<&Path>,
+) -> Result<Cow<'a, str>, ModelError> {
     let refuse = |problem: String| ModelError::Structure { what: what.to_owned(), problem };
-    let models: Vec<Node> = document.descendants().filter(|n| n.has_tag_name("model")).collect();
-    let model = match models.as_slice() {
-        [one] => *one,
-        [] => return Err(refuse("there is no <model> in it".to_owned())),
-        several => {
-            return Err(refuse(format!(
-                "there are {} models in it, one in another or side by side: give one model without others",
-                several.len()
-            )));
-        }
+    let flat = |text: &str| -> Result<Option<String>, ModelError> {
+        nested::flat(&xml::document(text, what)?, folder).map_err(refuse)
     };
-    if model.children().any(|n| n.has_tag_name("include")) {
-        return Err(refuse("<include> is not followed: give one file with everything in it".to_owned()));
-    }
-    read(&model, what).map_err(|problem| match problem {
+    Ok(match tidied(text) {
+        Cow::Borrowed(text) => flat(text)?.map_or(Cow::Borrowed(text), Cow::Owned),
+        Cow::Owned(tidy) => Cow::Owned(flat(&tidy)?.unwrap_or(tidy)),
+    })
+}
+
+/// Reads the text of an SDF; `what` names it in complaints, and files that it includes are looked for in `folder`.
+///
+/// # Errors
+/// [`ModelError`] that says what is wrong and where.
+pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed, ModelError> {
+    let refuse = |problem: String| ModelError::Structure { what: what.to_owned(), problem };
+    let whole = written_out(text, what, folder)?;
+    let document = xml::document(&whole, what)?;
+    let root = document.root_element();
+    let worlds = root.children().filter(|n| n.has_tag_name("world"));
+    let of = |n: Node<'_, '_>| n.has_tag_name("model");
+    let models: Vec<Node> =
+        std::iter::once(root).chain(worlds).flat_map(|n| n.children()).filter(|n| of(*n)).collect();
+    let (model, left_out) = robot(&models).map_err(refuse)?;
+    let mut parsed = read(&model, &root, what).map_err(|problem| match problem {
         Problem::Text(problem) => refuse(problem),
         Problem::Model(error) => error,
-    })
+    })?;
+    if !left_out.is_empty() {
+        let text = format!("{} left out: nothing moves in them", left_out.join(", "));
+        parsed.model.findings.push(Finding { place: "models beside the robot".to_owned(), text });
+    }
+    Ok(parsed)
+}
+
+/// Returns the model that is the robot, and the names of those beside it, in which nothing moves.
+fn robot<'a, 'i>(models: &[Node<'a, 'i>]) -> Result<(Node<'a, 'i>, Vec<String>), String> {
+    if let [one] = models {
+        return Ok((*one, Vec::new()));
+    }
+    let moves = |model: &Node| {
+        let mut joints = model.children().filter(|n| n.has_tag_name("joint"));
+        joints.any(|joint| joint.attribute("type") != Some("fixed"))
+    };
+    let name = |model: &Node| model.attribute("name").unwrap_or_default().to_owned();
+    let (moving, still): (Vec<Node>, Vec<Node>) = models.iter().copied().partition(moves);
+    match moving.as_slice() {
+        _ if models.is_empty() => Err("there is no <model> in it".to_owned()),
+        [one] => Ok((*one, still.iter().map(name).collect())),
+        several => Err(format!(
+            "there are {} models with joints in it side by side ({}): give one of them alone",
+            several.len(),
+            several.iter().map(name).collect::<Vec<_>>().join(", ")
+        )),
+    }
 }
 
 enum Problem {
@@ -134,26 +190,64 @@ impl<'a, 'i> Frames<'a, 'i> {
         let before = self.pose(stated.unwrap_or(otherwise), depth + 1)?;
         Ok(then(&before, &pose(node)?))
     }
+
+    /// Returns the link that a link or frame of this name is fixed to, by way of other frames; `world` is its own.
+    fn link(&self, name: &'a str, canonical: Option<&'a str>) -> Result<&'a str, String> {
+        let mut at = name;
+        for _ in 0..=self.nodes.len() {
+            if at == "__model__" || at.is_empty() {
+                at = canonical.unwrap_or_default();
+            }
+            if at == WORLD {
+                return Ok(at);
+            }
+            let Some(node) = self.nodes.get(at) else {
+                let by =
+                    if at == name { String::new() } else { format!(", which frame {name} is attached to,") };
+                return Err(format!("{at}{by} is not there"));
+            };
+            at = match node.tag_name().name() {
+                "frame" => node.attribute("attached_to").unwrap_or("__model__"),
+                "joint" => text_of(node, "child").unwrap_or("__model__"),
+                _ => return Ok(at),
+            };
+        }
+        Err(format!("frame {name} is attached to itself in the end"))
+    }
 }
 
-fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
+/// Returns the gravity that the world of a file states, m/s².
+fn gravity(root: &Node) -> Result<Option<[f64; 3]>, String> {
+    let world = xml::child(root, "world");
+    let Some(text) = world.and_then(|world| text_of(&world, "gravity")) else { return Ok(None) };
+    Ok(Some(exactly::<3>(xml::parse(text, "<gravity>")?, "<gravity>")?))
+}
+
+/// Whether axes of joints are in the model's frame where the file does not say: before version 1.5 of the language.
+fn has_model_axes(root: &Node) -> bool {
+    let numbers =
+        root.attribute("version").unwrap_or_default().split('.').map(|word| word.trim().parse::<u32>());
+    let numbers: Vec<u32> = numbers.map_while(Result::ok).collect();
+    matches!(numbers.as_slice(), [1, minor, ..] if *minor < 5) || matches!(numbers.first(), Some(0))
+}
+
+fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
     let frames = Frames::of(model)?;
     let links: Vec<Node> = model.children().filter(|n| n.has_tag_name("link")).collect();
     if links.is_empty() {
         return Err(Problem::Text("there is no link in it".to_owned()));
     }
+    let canonical = model.attribute("canonical_link").or(links.first().and_then(|l| l.attribute("name")));
+    let model_axes = has_model_axes(root);
+    let mut findings = Vec::new();
     // Joint that holds each link.
     let mut held: BTreeMap<&str, Node> = BTreeMap::new();
     let mut on_world = false;
     for joint in model.children().filter(|n| n.has_tag_name("joint")) {
-        let child = required(&joint, "child")?;
-        on_world |= required(&joint, "parent")? == WORLD;
-        if !links.iter().any(|l| l.attribute("name") == Some(child)) {
-            return Err(Problem::Text(format!(
-                "{} holds link {child}, which is not there",
-                describe(&joint)
-            )));
-        }
+        let child = frames
+            .link(required(&joint, "child")?, canonical)
+            .map_err(|why| format!("{} holds link {why}", describe(&joint)))?;
+        on_world |= parent_of(&joint, &frames, canonical)? == WORLD;
         if let Some(other) = held.insert(child, joint) {
             return Err(Problem::Text(format!(
                 "{} and {} both hold link {child}: the model has a loop; only trees can be identified, cut it at one of them",
@@ -183,11 +277,11 @@ fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
         let (parent, kind, joint_name, place) = match held.get(name) {
             None => (None, Joint::Free, "", still),
             Some(joint) => {
-                let parent = required(joint, "parent")?;
+                let parent = parent_of(joint, &frames, canonical)?;
                 let (turned, origin) =
                     if parent == WORLD { still } else { (frames.pose(parent, 0)?.0, joint_pose(parent)?.1) };
                 let place = (turned.transpose() * own.0, turned.transpose() * (at.1 - origin));
-                let kind = kind(joint, &frames, &at, &own)?;
+                let kind = kind(joint, &frames, &at, &own, model_axes)?;
                 (Some(parent), kind, joint.attribute("name").unwrap_or_default(), place)
             }
         };
@@ -199,12 +293,13 @@ fn read(model: &Node, what: &str) -> Result<Parsed, Problem> {
         if let Some(joint) = held.get(name) {
             new.passive = [passive(joint, "axis", &kind)?, passive(joint, "axis2", &kind)?];
         }
-        new.nominal = inertial(link)?
+        new.nominal = inertial(link, &mut findings)?
             .filter(|phi| *phi != NO_BODY)
             .map(|phi| in_parent(&phi, &Matrix3::identity(), &-anchor));
         raw.push(RawLink { link: new, parent: parent.map(str::to_owned) });
     }
-    let mut out = Model::assemble(what, raw, Vec::new()).map_err(Problem::Model)?;
+    let mut out = Model::assemble(what, raw, findings).map_err(Problem::Model)?;
+    out.gravity_mps2 = gravity(root)?;
     if let Some(name) = model.attribute("name") {
         name.clone_into(&mut out.name);
     }
@@ -215,7 +310,23 @@ fn bare(name: &str, joint_name: &str, joint: Joint<f64>, (rotation, position): P
     ModelLink::new(name, joint_name, Link { parent: 0, joint, rotation, position }, None)
 }
 
-fn kind(joint: &Node, frames: &Frames, at: &Pose, own: &Pose) -> Result<Joint<f64>, String> {
+/// Returns the link that a joint hangs on.
+fn parent_of<'a>(
+    joint: &Node<'a, '_>,
+    frames: &Frames<'a, '_>,
+    canonical: Option<&'a str>,
+) -> Result<&'a str, String> {
+    let parent = frames.link(required(joint, "parent")?, canonical);
+    parent.map_err(|why| format!("{} hangs on {why}", describe(joint)))
+}
+
+fn kind(
+    joint: &Node,
+    frames: &Frames,
+    at: &Pose,
+    own: &Pose,
+    model_axes: bool,
+) -> Result<Joint<f64>, String> {
     let axis = |element: &str| -> Result<Vector3<f64>, String> {
         let node =
             xml::child(joint, element).ok_or_else(|| format!("{} has no <{element}>", describe(joint)))?;
@@ -223,7 +334,7 @@ fn kind(joint: &Node, frames: &Frames, at: &Pose, own: &Pose) -> Result<Joint<f6
         let what = format!("<xyz> of {}", describe(joint));
         let text = xyz.and_then(|n| n.text()).unwrap_or("0 0 1");
         let values = Vector3::from(exactly::<3>(xml::parse(text, &what)?, &what)?);
-        let old = text_of(&node, "use_parent_model_frame").is_some_and(|t| t == "true" || t == "1");
+        let old = text_of(&node, "use_parent_model_frame").map_or(model_axes, |t| t == "true" || t == "1");
         let from = match xyz.and_then(|n| n.attribute("expressed_in")).filter(|n| !n.is_empty()) {
             Some(frame) => frames.pose(frame, 0)?.0,
             None if old => Matrix3::identity(),
@@ -273,8 +384,17 @@ fn passive(joint: &Node, element: &str, kind: &Joint<f64>) -> Result<Passive, St
 }
 
 /// About the link's own origin. Without the element SDF has a kilogram of unit moments; here that is unknown.
-fn inertial(link: &Node) -> Result<Option<Parameters>, String> {
+fn inertial(link: &Node, findings: &mut Vec<Finding>) -> Result<Option<Parameters>, String> {
     let Some(node) = xml::child(link, "inertial") else { return Ok(None) };
+    if node.attribute("auto").is_some_and(|word| word == "true" || word == "1") {
+        findings.push(Finding {
+            place: format!("link {}", link.attribute("name").unwrap_or_default()),
+            text: "its inertia is to be made of its collisions (auto = \"true\"), which is not done here: it counts as unknown; \
+                   state <mass> and <inertia> (`gz sdf -p FILE --expand-auto-inertials` prints them)"
+                .to_owned(),
+        });
+        return Ok(None);
+    }
     let what = format!("<inertial> of {}", describe(link));
     let one = |parent: &Node, name: &str, otherwise: f64| -> Result<f64, String> {
         match text_of(parent, name) {
