@@ -36,7 +36,8 @@ const SECOND_CORE: Need = Need {
     what: "the kernels for a Cortex-M33 and qemu-system-arm: cargo xtask firmware --board rp2350",
 };
 const DATA: Need = Need { word: "shared_data", what: "the recordings and robots in ../shared/data" };
-const CASES: Need = Need { word: "shared_cases", what: "the small files of other programs in ../shared/cases" };
+const CASES: Need =
+    Need { word: "shared_cases", what: "the small files of other programs in ../shared/cases" };
 const READER: Need = Need { word: "mcap_reader", what: "mcap and mcap-ros2-support in Python" };
 const PINOCCHIO: Need = Need { word: "live_pinocchio", what: "Pinocchio (the wheel pin) in Python" };
 const ROBOTS: Need = Need {

@@ -7,10 +7,10 @@ use super::options::trees::{
 };
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
-use rigident_model::Model;
 use rigident_model::base::names::legend;
 use rigident_model::base::{BaseParameters, Rows, Situation, base_parameters};
 use rigident_model::human::{Person, Sex};
+use rigident_model::{Finding, Model};
 
 /// `rigident model`
 pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
@@ -85,16 +85,18 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
     let (model, text) = rigident::named_model::read(name, &Person::default()).map_err(Failure::input)?;
     let checked = rigident_model::check::check(&model, text.as_deref(), std::path::Path::new(name));
     if arguments.json {
-        let findings: Vec<_> =
-            checked.findings.iter().map(|f| json!({"place": f.place, "text": f.text})).collect();
+        let listed = |findings: &[Finding]| -> Vec<_> {
+            findings.iter().map(|f| json!({"place": f.place, "text": f.text})).collect()
+        };
         say(json!({
             "model": checked.name,
             "links": checked.links,
             "mass_kg": checked.mass_kg,
-            "findings": findings,
+            "findings": listed(&checked.findings),
+            "not_used": listed(&checked.not_used),
         }));
     } else {
-        for finding in &checked.findings {
+        for finding in checked.findings.iter().chain(&checked.not_used) {
             say(finding);
         }
         say(format_args!(

@@ -9,7 +9,7 @@ use super::outcome::say;
 use super::predict_arguments::{Predict, Predicting, Validate};
 use super::{ExitStatus, Failure, Folder, Stages, recorded};
 use rigident::answer::Answer;
-use rigident::answer::predictor::Predictor;
+use rigident::answer::predictor::{Predictor, terms};
 use rigident::answer::result::CompleteDrive;
 use rigident::present::prediction::{ChannelError, PredictedChannel, Predictions, page, text};
 use rigident::problem::ProblemOptions;
@@ -17,6 +17,7 @@ use rigident::problem::tree::drive::Friction;
 use rigident_files::csv::field;
 use rigident_fit::{Prediction, RowSource, plain_least_squares};
 use rigident_model::human::Person;
+use rigident_model::mjcf::DRIVES_ARE_IDENTIFIED;
 use rigident_model::{Model, ModelLink};
 
 /// A model that was given.
@@ -38,18 +39,22 @@ impl Given {
 }
 
 impl Given {
-    /// Returns the columns that a description has parameters of, by joints.
-    fn joints(&self) -> Vec<(String, Vec<&'static str>)> {
+    /// Returns the columns that a description has parameters of, by joints; locked ones have none.
+    fn joints(&self, locked: &[String]) -> Vec<(String, Vec<&'static str>)> {
         let Self::Model(model) = self else { return Vec::new() };
+        let is_locked = |name: &str| {
+            locked
+                .iter()
+                .any(|words| words.split_once('=').map_or(words.as_str(), |(joint, _)| joint) == name)
+        };
         let links = model.links.iter().skip(1).filter(|link| link.link.joint.freedoms() == 1);
         let of = |link: &ModelLink| {
             let passive = link.passive.first().copied().unwrap_or_default();
-            let all =
-                [("viscous", passive.damping), ("coulomb", passive.friction), ("rotor", passive.armature)];
-            let terms = all.into_iter().filter(|(_, value)| *value != 0.0).map(|(word, _)| word);
+            let terms = terms(&passive).into_iter().filter(|(_, value)| *value != 0.0).map(|(word, _)| word);
             (link.joint_name.clone(), terms.collect::<Vec<_>>())
         };
-        links.map(of).filter(|(_, terms)| !terms.is_empty()).collect()
+        let found = links.map(of).filter(|(_, terms)| !terms.is_empty());
+        found.filter(|(joint, _)| !is_locked(joint)).collect()
     }
 }
 
@@ -82,7 +87,7 @@ fn run(
     if let (None, Some((_, path))) = (&tree.model, description) {
         tree.model = Some(path.display().to_string());
     }
-    let options = ProblemOptions { without_efforts: !needs_measured, ..options(&given)? };
+    let options = ProblemOptions { without_efforts: !needs_measured, ..options(&given, &tree.changes.lock)? };
     let load = |path: &Path| Loaded::read(path, how.rig.as_deref(), None, &tree, &options, &stages);
     let loaded = load(&recording)?;
     let source = loaded.source();
@@ -100,7 +105,10 @@ fn run(
     }
     stages.at("prediction", 0.0);
     let mut columns = Vec::new();
-    let mut notes = loaded.notes.clone();
+    let mut notes = loaded.warnings.clone();
+    // Of what is given everything is used that has a column.
+    notes.retain(|note| !note.contains(DRIVES_ARE_IDENTIFIED));
+    notes.extend(loaded.notes.iter().cloned());
     for (name, predictor) in predictors {
         let (values, without) = predictor.values(source.parameters());
         if !without.is_empty() && name != "nominal" {
@@ -255,7 +263,7 @@ fn read(path: &Path) -> Result<Given, Failure> {
 }
 
 /// Returns the columns of all drives that the models have.
-fn options(given: &[Given]) -> Result<ProblemOptions, Failure> {
+fn options(given: &[Given], locked: &[String]) -> Result<ProblemOptions, Failure> {
     let mut lists = Vec::new();
     let mut drives: Vec<String> = Vec::new();
     let all: Vec<&CompleteDrive> = given.iter().flat_map(Given::drives).collect();
@@ -267,7 +275,7 @@ fn options(given: &[Given]) -> Result<ProblemOptions, Failure> {
             drives.push(words);
         }
     }
-    for (joint, terms) in given.iter().flat_map(Given::joints) {
+    for (joint, terms) in given.iter().flat_map(|given| given.joints(locked)) {
         lists.push(format!("{joint}={}", terms.join(",")));
     }
     let friction = Friction::parse(&lists).map_err(Failure::input)?;

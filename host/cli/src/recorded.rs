@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::Failure;
 use rigident::problem::clocks::StreamSet;
+use rigident_io::recording::mcap::folder::is_bag_folder;
 use rigident_io::recording::{Recording, extension, rig_path};
 use rigident_io::rig::RigFile;
 
@@ -13,6 +14,9 @@ use rigident_io::rig::RigFile;
 /// # Errors
 /// Bad input: a listing that cannot be read, or is not given as one.
 pub(super) fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<StreamSet>, Failure> {
+    if is_bag_folder(path) && listing(path, rig).is_none() {
+        return Ok(None);
+    }
     let set = match rig {
         None if is_rig_file(path) => StreamSet::load(path, None),
         Some(_) if is_rig_file(path) => {
@@ -24,7 +28,8 @@ pub(super) fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<Strea
         Some(rig) if path.is_dir() => StreamSet::load(rig, Some(path)),
         None if path.is_dir() => {
             return Err(Failure::input(format!(
-                "{} is a folder: give the rig file that lists its [[stream]] files by --rig",
+                "{} is a folder without a bag of ROS 2 (metadata.yaml with .mcap or .db3): of files with clocks of their own give the \
+                 rig file that lists them as [[stream]] by --rig",
                 path.display()
             )));
         }

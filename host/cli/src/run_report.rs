@@ -225,6 +225,7 @@ fn identified_passive<'a>(answer: &'a Answer, model: &Model) -> Vec<(&'a str, Pa
                 "viscous" => passive.damping = value,
                 "coulomb" => passive.friction = value,
                 "rotor" => passive.armature = value,
+                "spring" => passive.stiffness = value,
                 _ => {}
             }
         }

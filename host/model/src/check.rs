@@ -37,15 +37,16 @@ pub struct Checked {
     pub mass_kg: f64,
     /// What is strange.
     pub findings: Vec<Finding>,
+    /// What its file states and is not used here; it says nothing against the links.
+    pub not_used: Vec<Finding>,
 }
 
 /// Looks at a model; `text` is that of its URDF, MJCF or SDF, if it has one, and `path` the place that its
 /// meshes are looked for from.
 #[must_use]
 pub fn check(model: &Model, text: Option<&str>, path: &Path) -> Checked {
-    // What is not read says nothing against what is.
-    let is_of_links = |finding: &&Finding| !finding.text.starts_with(super::mjcf::NOT_USED);
-    let mut findings: Vec<Finding> = model.findings.iter().filter(is_of_links).cloned().collect();
+    let (not_used, mut findings): (Vec<Finding>, Vec<Finding>) =
+        model.findings.iter().cloned().partition(|finding| finding.text.starts_with(super::mjcf::NOT_USED));
     let urdf = text.filter(|text| Language::of_text(text) == Some(Language::Urdf));
     findings.extend(of_inertias(model, &urdf.map_or_else(BTreeMap::new, |text| shapes::shapes(text, path))));
     Checked {
@@ -53,6 +54,7 @@ pub fn check(model: &Model, text: Option<&str>, path: &Path) -> Checked {
         mass_kg: model.links.iter().filter_map(|l| Some(l.nominal?[0])).sum(),
         name: model.name.clone(),
         findings,
+        not_used,
     }
 }
 

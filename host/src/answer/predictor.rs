@@ -9,6 +9,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use super::result::Answer;
 use rigident_fit::Parameter;
 use rigident_model::Model;
+use rigident_model::passive::Passive;
 
 /// Values by name: of standard parameters of links, of drives, of one body, of offsets.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,8 +19,21 @@ pub struct Predictor {
     errors: Vec<(String, f64)>,
 }
 
+/// Returns the columns of a drive, by their words, that a joint's own friction, rotor and spring are values of.
+///
+/// A spring that is slack at q₀ adds `stiffness · q` and the constant `−stiffness · q₀`.
+pub fn terms(passive: &Passive) -> [(&'static str, f64); 5] {
+    [
+        ("viscous", passive.damping),
+        ("coulomb", passive.friction),
+        ("rotor", passive.armature),
+        ("spring", passive.stiffness),
+        ("offset", -passive.stiffness * passive.spring_reference),
+    ]
+}
+
 impl Predictor {
-    /// Returns what a model's nominal parameters say, with viscous and Coulomb friction and rotors of its joints.
+    /// Returns what a model's nominal parameters say, with friction, rotors and springs of its joints.
     pub fn of_model(model: &Model) -> Self {
         let mut own = Self::default();
         own.add_links(model);
@@ -53,14 +67,12 @@ impl Predictor {
 
     fn add_links(&mut self, model: &Model) {
         for link in &model.welded().links {
-            let own = link.nominal.unwrap_or_default();
             let names = PARAMETER_NAMES[..10].iter().map(|name| format!("{}.{name}", link.name));
-            self.values.extend(names.zip(own));
+            // A link without a stated mass has one that nobody knows.
+            self.values.extend(names.zip(link.nominal.into_iter().flatten()));
             let passive = link.passive.first().copied().unwrap_or_default();
             let joint = |word: &str| format!("{}.{word}", link.joint_name);
-            let of_joint =
-                [("viscous", passive.damping), ("coulomb", passive.friction), ("rotor", passive.armature)];
-            self.values.extend(of_joint.map(|(word, value)| (joint(word), value)));
+            self.values.extend(terms(&passive).map(|(word, value)| (joint(word), value)));
         }
     }
 
@@ -71,11 +83,21 @@ impl Predictor {
             let by_name = self.values.get(&parameter.name).copied();
             let terms = parameter.made_of.iter();
             let sum = || {
-                let known: Vec<f64> =
-                    terms.filter_map(|(name, weight)| Some(weight * self.values.get(name)?)).collect();
-                (!known.is_empty()).then(|| known.iter().sum())
+                let mut known = None;
+                let mut unknown = Vec::new();
+                for (name, weight) in terms {
+                    match self.values.get(name) {
+                        Some(value) => *known.get_or_insert(0.0) += weight * value,
+                        None => unknown.push(name.clone()),
+                    }
+                }
+                if known.is_some() {
+                    without.extend(unknown);
+                }
+                known
             };
-            by_name.or_else(sum).unwrap_or_else(|| {
+            let value = by_name.or_else(sum);
+            value.unwrap_or_else(|| {
                 without.push(parameter.name.clone());
                 0.0
             })

@@ -62,7 +62,7 @@ pub struct TreeOptions {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub of: TreeModel,
-    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, or none.
+    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, spring, or none.
     /// stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is proportional to the measured effort. Repeatable
     #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,

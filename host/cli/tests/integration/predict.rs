@@ -168,3 +168,31 @@ fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
         }
     }
 }
+
+/// Efforts by MuJoCo (`mj_inverse`), of files that state gravity, a total mass, a reference and a spring; of an SDF before 1.5 by
+/// Pinocchio's of the same robot.
+#[test]
+#[ignore = "needs ../shared/cases"]
+fn shared_cases_are_predicted_as_simulators_do() {
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/cases");
+    for (model, recording) in [
+        ("mjcf-predict-silent/gravity_opt.xml", "mjcf-predict-silent/gravity_opt.csv"),
+        ("mjcf-predict-silent/settotalmass.xml", "mjcf-predict-silent/settotalmass.csv"),
+        ("mjcf-predict-silent/ref.xml", "mjcf-predict-silent/ref.csv"),
+        ("mjcf-predict-silent/stiff.xml", "mjcf-predict-silent/stiff.csv"),
+        ("sdf14-axis/s_14_parentmodel.sdf", "sdf14-axis/s_14_parentmodel.csv"),
+    ] {
+        let line = [model, recording].map(|file| cases.join(file).display().to_string());
+        let found: Value =
+            serde_json::from_str(&rigident(&cases, &["validate", &line[0], &line[1], "--json"])).unwrap();
+        for model in found["models"].as_array().unwrap() {
+            let off = nrmse(&found, model.as_str().unwrap());
+            assert!(off.iter().all(|share| *share < 2e-3), "{model}, {line:?}: {off:?}");
+        }
+    }
+    for name in ["mjcf-gravcomp/i_gravcomp", "mjcf-predict-silent/gravcomp"] {
+        let line = ["xml", "csv"].map(|ending| cases.join(format!("{name}.{ending}")).display().to_string());
+        let said = rigident(&cases, &["predict", &line[0], &line[1]]);
+        assert!(said.contains("gravcomp: MuJoCo carries that share of the weight of l2 (1)"), "{said}");
+    }
+}

@@ -8,6 +8,7 @@ mod error;
 mod parameters;
 mod plates;
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
 use bytes::{Bytes, Processor};
@@ -39,8 +40,10 @@ pub struct C3d {
     pub channels: Vec<String>,
     /// Samples of all channels, one instant after another, in the channels' units.
     pub analog: Vec<f32>,
-    /// Force plates, in their order.
+    /// Force plates, in their order; those that are not described or not wired are left out.
     pub plates: Vec<Plate>,
+    /// What to know of what was read, in sentences.
+    pub notes: Vec<String>,
 }
 
 impl C3d {
@@ -68,11 +71,13 @@ impl C3d {
         }
         let section = (usize::from(head[0]).max(1) - 1) * BLOCK;
         let begin = Bytes::slice(&head, section, 4, "the parameter section")?;
-        let processor = Processor::of(begin[3]).ok_or(C3dError::Processor(begin[3]))?;
+        let (processor, parameters, note) = understood(&head, section, begin[3])?;
         let bytes = Bytes { file: &head, processor };
-        let parameters = Parameters::parse(bytes, section)?;
-        let layout = Layout::of(bytes, &parameters)?;
-        let c3d = layout.empty(&parameters)?;
+        // The data are behind the parameters, whose length in blocks is stated.
+        let behind = section / BLOCK + usize::from(begin[2]) + 1;
+        let layout = Layout::of(bytes, &parameters, behind)?;
+        let mut c3d = layout.empty(&parameters)?;
+        c3d.notes.extend(note);
         let frame_bytes = layout.frame_bytes(length)?;
         reader.seek(SeekFrom::Start(layout.begin as u64)).map_err(unreadable)?;
         let frames = Frames {
@@ -153,7 +158,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(bytes: Bytes, parameters: &Parameters) -> Result<Self, C3dError> {
+    fn of(bytes: Bytes, parameters: &Parameters, behind: usize) -> Result<Self, C3dError> {
         let count = |group: &'static str, name: &'static str, header: usize| -> Result<usize, C3dError> {
             let of_header = || bytes.u16(2 * header, "the header").map(usize::from);
             parameters.count(group, name)?.map_or_else(of_header, Ok)
@@ -176,7 +181,15 @@ impl Layout {
         if scale == 0.0 || !scale.is_finite() {
             return Err(parameter("POINT", "SCALE", format!("{scale} is no scale")));
         }
-        let block = count("POINT", "DATA_START", 8)?;
+        if points == 0 && parameters.count("ROTATION", "USED")?.is_some_and(|used| used > 0) {
+            let reason =
+                "it holds rotations of segments and no markers: export the markers' positions as well"
+                    .to_owned();
+            return Err(parameter("ROTATION", "USED", reason));
+        }
+        // Some programs leave the parameter at zero, and state the block in the header alone, or nowhere.
+        let stated = [count("POINT", "DATA_START", 8)?, usize::from(bytes.u16(16, "the header")?)];
+        let block = stated.into_iter().find(|block| *block > 0).unwrap_or(behind);
         if points > MOST || channels > MOST || block == 0 {
             return Err(parameter("POINT", "DATA_START", "counts that no file has".to_owned()));
         }
@@ -220,15 +233,20 @@ impl Layout {
 
     /// The recording without its points and samples.
     fn empty(&self, parameters: &Parameters) -> Result<C3d, C3dError> {
+        let mut notes = Vec::new();
+        let mut names = labels(parameters, "POINT", self.points);
+        rename_equal(&mut names, &mut notes);
+        let plates = plates::of(parameters, self.channels, &mut notes)?;
         Ok(C3d {
             rate_hz: self.rate_hz,
             frames: self.frames,
-            labels: labels(parameters, "POINT", self.points),
+            labels: names,
             points_m: Vec::new(),
             samples_per_frame: self.samples_per_frame,
             channels: labels(parameters, "ANALOG", self.channels),
             analog: Vec::new(),
-            plates: plates::of(parameters, self.channels)?,
+            plates,
+            notes,
         })
     }
 
@@ -328,6 +346,62 @@ fn samples_per_frame(
         return Err(parameter("ANALOG", "RATE", reason));
     }
     Ok(whole as usize)
+}
+
+/// Returns the processor that a file was written by, its parameters, and what to know if it is not the one that the file names.
+///
+/// Some programs name another byte order than they write, count processors from 1, or name none.
+fn understood(
+    head: &[u8],
+    section: usize,
+    code: u8,
+) -> Result<(Processor, Parameters, Option<String>), C3dError> {
+    let read = |processor| Parameters::parse(Bytes { file: head, processor }, section);
+    let is_whole = |parameters: &Parameters| parameters.has("POINT", "USED");
+    let named = match code {
+        0 => None,
+        1..4 => Processor::of(83 + code),
+        _ => Some(Processor::of(code).ok_or(C3dError::Processor(code))?),
+    };
+    let first = named.map(read);
+    if let (Some(processor), Some(Ok(parameters))) = (named, &first)
+        && is_whole(parameters)
+    {
+        return Ok((processor, read(processor)?, None));
+    }
+    let others =
+        [Processor::Intel, Processor::Mips, Processor::Dec].into_iter().filter(|own| Some(*own) != named);
+    for processor in others {
+        if let Ok(parameters) = read(processor)
+            && is_whole(&parameters)
+            && processor.fits(head)
+        {
+            let note = format!(
+                "its processor type {code} is not the byte order of its numbers: they are read as those of {}",
+                processor.name()
+            );
+            return Ok((processor, parameters, Some(note)));
+        }
+    }
+    match (named, first) {
+        (Some(processor), Some(Ok(parameters))) => Ok((processor, parameters, None)),
+        (Some(_), Some(Err(error))) => Err(error),
+        _ => Err(C3dError::Processor(code)),
+    }
+}
+
+/// Gives the second and later ones of equal names a number, and says so.
+fn rename_equal(names: &mut [String], notes: &mut Vec<String>) {
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    for name in names {
+        let count = seen.entry(name.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            let new = format!("{name} ({count})");
+            notes.push(format!("several points are called {name}: the first counts, and this one is {new}"));
+            *name = new;
+        }
+    }
 }
 
 /// Names, with those of LABELS2 and on behind; a name that is missing is its number.

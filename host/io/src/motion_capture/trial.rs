@@ -102,13 +102,19 @@ impl Trial {
             }
             samples.clear();
         }
-        let plates = means.into_iter().zip(&c3d.plates).enumerate();
-        let plate = |(k, (means, plate)): (usize, (Means, &Plate))| {
-            means.plate(format!("plate {}", k + 1), Some(plate.corners_m), rate_hz, 0.0)
+        let plates = means.into_iter().zip(&c3d.plates);
+        let plate = |(means, plate): (Means, &Plate)| {
+            means.plate(format!("plate {}", plate.number), Some(plate.corners_m), rate_hz, 0.0)
         };
-        let ground: Vec<GroundWrench> = plates.map(plate).collect();
-        let mut notes = Vec::new();
-        if ground.is_empty() {
+        let mut notes = std::mem::take(&mut c3d.notes);
+        let plates: Vec<GroundWrench> = plates.map(plate).collect();
+        // Where none changes it is no plate's own fault.
+        let any = plates.iter().any(changes);
+        let (ground, unplugged): (Vec<_>, Vec<_>) = plates.into_iter().partition(|own| !any || changes(own));
+        notes.extend(unplugged.iter().map(|plate| {
+            format!("{} never changes, as none that is plugged in does: it is left out", plate.name)
+        }));
+        if c3d.plates.is_empty() {
             let channels = c3d.channels.iter().filter(|c| c.to_ascii_uppercase().contains("FZ")).count();
             notes.push(match channels {
                 0 => "the file has no force plates".to_owned(),
@@ -302,6 +308,15 @@ impl Trial {
     }
 }
 
+/// Whether a plate's readings change at all: those of one that is plugged in are never all the same.
+fn changes(plate: &GroundWrench) -> bool {
+    let mut wrenches = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
+    let first = wrenches.next();
+    plate.wrench.len() < LEAST_FRAMES || wrenches.any(|own| Some(own) != first)
+}
+
+/// Fewer frames than this may be alike by chance.
+const LEAST_FRAMES: usize = 10;
 /// Less than this is no person's weight, N.
 const LEAST_PUSH_N: f64 = 20.0;
 /// A plate that is stepped on is pushed by more, N.

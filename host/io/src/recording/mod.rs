@@ -177,7 +177,7 @@ impl Recording {
         (self.rig.clone(), text)
     }
 
-    /// Reads a CSV, Parquet, MAT or MCAP file. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
+    /// Reads a CSV, Parquet, MAT, MCAP or `.db3` file, or the folder of a ROS 2 bag. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
     /// inside it, or none.
     ///
     /// # Errors
@@ -185,8 +185,9 @@ impl Recording {
     pub fn load(path: &Path, rig: Option<&Path>) -> Result<Self, RecordingError> {
         let name = path.file_name().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let kind = extension(path);
-        let is_text = kind == "csv" || columnar::is_columnar(&kind);
-        if !is_text && !matches!(kind.as_str(), "mcap" | "db3") {
+        let is_bag = mcap::folder::is_bag_file(path) || mcap::folder::is_bag_folder(path);
+        let is_text = !is_bag && (kind == "csv" || columnar::is_columnar(&kind));
+        if !is_text && !is_bag {
             return Err(RecordingError::UnknownKind(path.display().to_string()));
         }
         let unreadable = |e: std::io::Error| RecordingError::Unreadable {
@@ -197,7 +198,7 @@ impl Recording {
         let in_pieces = kind == "csv" && std::fs::metadata(path).is_ok_and(|m| m.is_file());
         let whole = || rigident_files::read_or_pipe(path, rigident_files::MOST_OF_RECORDING);
         let file = in_pieces.then(|| rigident_files::open(path)).transpose().map_err(unreadable)?;
-        let bytes = if in_pieces { Vec::new() } else { whole().map_err(unreadable)? };
+        let bytes = if in_pieces || is_bag { Vec::new() } else { whole().map_err(unreadable)? };
         let beside = rig_path(path);
         let rig_path = rig.unwrap_or(&beside);
         let rig = match rig {
@@ -216,7 +217,7 @@ impl Recording {
             recording.rig_text.clone_from(&text);
             recording
         } else {
-            Self::from_mcap_bytes(&name, &bytes, rig.as_ref().zip(text.as_deref()))?
+            Self::from_bag_files(&name, &mcap::folder::read(path)?, rig.as_ref().zip(text.as_deref()))?
         };
         if recording.rig_text.is_none() && !recording.imus.is_empty() {
             recording.warnings.push(format!(

@@ -120,7 +120,7 @@ fn what_is_not_followed_is_named() {
                 .replace("mass=\"1\" diag", "mass=\"1\" name=\"x\" diag")
                 .replacen(
                     "<inertial pos=\"0 0.01 0.2\" mass=\"3\" diaginertia=\"0.05 0.05 0.01\"/>",
-                    "<geom size=\"0.1\"/>",
+                    "<geom type=\"mesh\" mesh=\"m\"/>",
                     1,
                 ),
             "settotalmass = 9 kg is not followed, as the masses of l1 are not stated",
@@ -304,4 +304,47 @@ fn shared_cases_are_read_as_mujoco_reads_them() {
         let (model, _) = read_file(&cases.join(folder).join(name)).unwrap();
         assert!(place(&model).contains("the weight of l2 (1)"));
     }
+}
+
+#[test]
+fn bodies_without_inertial_have_that_of_their_geoms() {
+    let text = "<mujoco><compiler inertiagrouprange=\"0 2\"/><default><geom density=\"500\"/><default class=\"heavy\"><geom mass=\"2\" \
+                size=\"0.05 0.1 0.2\"/></default></default><worldbody><body name=\"b\" childclass=\"heavy\"><joint/><geom class=\"main\" \
+                size=\"0.1\" pos=\"0.1 0 0\"/><geom type=\"capsule\" class=\"main\" fromto=\"0 0 0 0.1 0.2 0.3\" size=\"0.04\"/><geom \
+                type=\"box\" euler=\"10 20 30\" pos=\"0 0.1 0\"/><geom type=\"ellipsoid\" pos=\"0 0 0.2\"/><frame pos=\"0 0 1\" euler=\"40 \
+                0 0\"><geom type=\"cylinder\" class=\"main\" size=\"0.03 0.2\" pos=\"0.1 0.1 0\"/><geom class=\"main\" type=\"box\" \
+                size=\"0.02\" fromto=\"0.3 0 0 0 0 0.1\"/></frame><geom type=\"sphere\" class=\"main\" size=\"1\" group=\"3\"/><geom \
+                type=\"sphere\" class=\"main\" size=\"1\" density=\"0\"/></body></worldbody></mujoco>";
+    // m, mc, I about the origin by MuJoCo 4.0.0.
+    let wanted = [
+        7.987_286_348_09,
+        0.357_656_627_688,
+        0.342_630_336_637,
+        1.425_670_807_65,
+        1.133_107_901_89,
+        1.126_017_146_81,
+        0.105_997_344_196,
+        -0.054_436_068_066_8,
+        -0.117_766_494_648,
+        -0.007_846_601_541_83,
+    ];
+    let model = mjcf::parse(text, "x").unwrap().model;
+    assert_eq!(place(&model), "");
+    for (own, mujoco) in model.links[1].nominal.unwrap().iter().zip(wanted) {
+        assert!((own - mujoco).abs() < 1e-10, "{:?}", model.links[1].nominal);
+    }
+    let mesh = text.replace("type=\"ellipsoid\"", "type=\"mesh\" mesh=\"m\"");
+    let model = mjcf::parse(&mesh, "x").unwrap().model;
+    assert_eq!(model.links[1].nominal, None);
+    assert!(place(&model).contains("link b: has no <inertial>") && place(&model).contains("of a mesh"));
+    // Where the file says so, what is stated does not count.
+    let stated = "<inertial pos=\"0 0 0\" mass=\"3\" diaginertia=\"1 1 1\"/><joint/>";
+    let mass = |setting: &str| {
+        let text = text.replace("<joint/>", stated);
+        let text =
+            text.replace("inertiagrouprange", &format!("inertiafromgeom=\"{setting}\" inertiagrouprange"));
+        mjcf::parse(&text, "x").unwrap().model.links[1].nominal.unwrap()[0]
+    };
+    assert_eq!((mass("auto"), mass("false")), (3.0, 3.0));
+    assert!((mass("true") - wanted[0]).abs() < 1e-10);
 }

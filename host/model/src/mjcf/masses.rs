@@ -39,11 +39,6 @@ impl Masses {
         })
     }
 
-    /// Whether a body without a stated mass has one.
-    pub(super) fn bounds(&self) -> bool {
-        self.least_kg > 0.0 || self.least_moment > 0.0
-    }
-
     /// Returns mass and tensor about the centre of mass as the compiler leaves them.
     pub(super) fn bounded(&self, mass: f64, tensor: Matrix3<f64>) -> (f64, Matrix3<f64>) {
         let eigen = tensor.symmetric_eigen();

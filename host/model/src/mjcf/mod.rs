@@ -1,13 +1,14 @@
 //! Models from MJCF, the language of MuJoCo: bodies, joints and inertias. What else changes forces is named.
 //!
 //! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last is a body. Lives here: the
-//! reader; what stands for other elements ([`elements`]), orientations ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of
+//! reader; what stands for other elements ([`elements`]), inertias of geoms ([`geoms`]), orientations ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of
 //! masses ([`masses`]), which bodies are the robot ([`robot`]), and what is not followed ([`unused`]).
 
 mod angles;
 mod elements;
 #[cfg(test)]
 mod foreign_tests;
+mod geoms;
 mod masses;
 pub(crate) mod names;
 mod robot;
@@ -44,12 +45,22 @@ pub(super) const WORLD: &str = "world";
 /// Begins what is told of attributes that are read and written, and say nothing of links.
 pub(super) const NOT_USED: &str = "the answer does not use what the file states of its ";
 
+/// Ends what is told of friction, rotors and springs of a joint of one freedom, which have columns.
+pub const DRIVES_ARE_IDENTIFIED: &str = "rotors, friction and springs are identified with --friction";
+
+/// Attributes of a default class, by tag and name.
+type Class<'a> = BTreeMap<(&'static str, &'a str), &'a str>;
+
 struct Reader<'a> {
     angles: Angles,
     masses: Masses,
     names: &'a Names,
-    /// Joint attributes of the default classes, those of the classes they are in included.
-    classes: BTreeMap<&'a str, BTreeMap<&'a str, &'a str>>,
+    /// Attributes of the default classes, those of the classes they are in included.
+    classes: BTreeMap<&'a str, Class<'a>>,
+    /// Whether inertias are made of geoms where `<inertial>` states them, or nowhere.
+    from_geoms: Option<bool>,
+    /// The least and the largest group of the geoms that have mass.
+    groups: [f64; 2],
     raw: Vec<RawLink>,
     anchors: BTreeMap<String, Vector3<f64>>,
     findings: Vec<Finding>,
@@ -103,17 +114,17 @@ pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed,
         masses: Masses::of(&compilers).map_err(refuse)?,
         names: &names,
         classes: BTreeMap::new(),
+        from_geoms: match setting("inertiafromgeom") {
+            Some("true") => Some(true),
+            Some("false") => Some(false),
+            _ => None,
+        },
+        groups: groups(&compilers).map_err(refuse)?,
         raw: Vec::new(),
         anchors: BTreeMap::new(),
         findings: unused::unused(&root, &names),
         unknown: Vec::new(),
     };
-    if setting("inertiafromgeom") == Some("true") {
-        reader.find(
-            "compiler",
-            "inertiafromgeom = \"true\": MuJoCo takes inertias from geoms and not from <inertial>",
-        );
-    }
     for defaults in root.children().filter(|n| n.has_tag_name("default")) {
         let before = reader.classes.get(defaults.attribute("class").unwrap_or("main")).cloned();
         reader.defaults(defaults, &before.unwrap_or_default());
@@ -134,6 +145,13 @@ pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed,
         model.name = printable::name(name).to_string();
     }
     Ok(Parsed { model, anchors: reader.anchors })
+}
+
+/// Returns the groups of the geoms that have mass.
+fn groups(compilers: &[Node]) -> Result<[f64; 2], String> {
+    let stated = compilers.iter().rev().find(|c| c.attribute("inertiagrouprange").is_some());
+    let Some(node) = stated else { return Ok([f64::NEG_INFINITY, f64::INFINITY]) };
+    exactly::<2>(numbers(node, "inertiagrouprange")?.unwrap_or_default(), "inertiagrouprange of <compiler>")
 }
 
 /// Returns the gravity that a file states, m/s², world axes; MuJoCo's own is not stated.
@@ -170,10 +188,12 @@ impl<'a> Reader<'a> {
         self.findings.push(Finding { place: place.to_owned(), text: text.to_owned() });
     }
 
-    fn defaults(&mut self, node: Node<'a, '_>, outer: &BTreeMap<&'a str, &'a str>) {
+    fn defaults(&mut self, node: Node<'a, '_>, outer: &Class<'a>) {
         let mut own = outer.clone();
-        if let Some(joint) = xml::child(&node, "joint") {
-            own.extend(joint.attributes().map(|a| (a.name(), a.value())));
+        for tag in ["joint", "geom"] {
+            if let Some(stated) = xml::child(&node, tag) {
+                own.extend(stated.attributes().map(|a| ((tag, a.name()), a.value())));
+            }
         }
         self.classes.insert(node.attribute("class").unwrap_or("main"), own.clone());
         for inner in node.children().filter(|n| n.has_tag_name("default")) {
@@ -183,8 +203,19 @@ impl<'a> Reader<'a> {
 
     /// An attribute of a joint: its own, or of its class, the innermost `childclass`, or the main default.
     fn joint_word<'b>(&'b self, joint: &Node<'b, '_>, name: &str, classes: &[&str]) -> Option<&'b str> {
-        let class = joint.attribute("class").or(classes.last().copied()).unwrap_or("main");
-        joint.attribute(name).or_else(|| self.classes.get(class)?.get(name).copied())
+        self.word("joint", joint, name, classes)
+    }
+
+    /// The same of an element of any tag that classes have.
+    fn word<'b>(
+        &'b self,
+        tag: &'static str,
+        node: &Node<'b, '_>,
+        name: &str,
+        classes: &[&str],
+    ) -> Option<&'b str> {
+        let class = node.attribute("class").or(classes.last().copied()).unwrap_or("main");
+        node.attribute(name).or_else(|| self.classes.get(class)?.get(&(tag, name)).copied())
     }
 
     fn vector(node: &Node, attribute: &str) -> Result<Option<Vector3<f64>>, String> {
@@ -376,7 +407,7 @@ impl<'a> Reader<'a> {
             let how = match kind {
                 Joint::Free => "nothing holds a base that moves freely",
                 Joint::Spherical => "there are no columns of a ball's drive",
-                _ => "rotors, friction and springs are identified with --friction",
+                _ => DRIVES_ARE_IDENTIFIED,
             };
             self.find(&place, &format!("{NOT_USED}{}: {how}", stated.join(", ")));
         }
@@ -389,22 +420,11 @@ impl<'a> Reader<'a> {
     }
 
     /// About the body's origin.
-    fn inertial(&mut self, inside: &[Inside], name: &str) -> Result<Option<Parameters>, String> {
-        let Some(node) = inside.iter().find(|n| n.node.has_tag_name("inertial")).map(|n| n.node) else {
-            if inside.iter().any(|n| n.node.has_tag_name("geom")) {
-                self.unknown.push(name.to_owned());
-                self.find(
-                    &format!("link {name}"),
-                    "has no <inertial>: MuJoCo takes its inertia from its geoms, which is not done here; have it write the compiled \
-                     model (mj_saveLastXML) with saveinertial = \"true\" in <compiler>",
-                );
-                return Ok(None);
-            }
-            return Ok(self
-                .masses
-                .bounds()
-                .then(|| self.body_of(0.0, Matrix3::zeros()))
-                .filter(|phi| *phi != NO_BODY));
+    fn inertial(&mut self, inside: &[Inside<'a>], name: &str) -> Result<Option<Parameters>, String> {
+        let stated = inside.iter().find(|n| n.node.has_tag_name("inertial")).map(|n| n.node);
+        let Some(node) = stated.filter(|_| self.from_geoms != Some(true)) else {
+            let has_geoms = inside.iter().any(|n| n.node.has_tag_name("geom"));
+            return self.inertial_of_geoms(if has_geoms { inside } else { &[] }, name);
         };
         let what = format!("<inertial> of body {name}");
         let one = |attribute: &str| -> Result<f64, String> {
@@ -429,6 +449,31 @@ impl<'a> Reader<'a> {
         }
         let rotation = self.angles.rotation(&node)?;
         Ok(Some(in_parent(&body, &rotation, &com)))
+    }
+
+    /// Returns the parameters of a body that its geoms make; `None` if they are not known, which is said, or if there is none.
+    fn inertial_of_geoms(&mut self, inside: &[Inside<'a>], name: &str) -> Result<Option<Parameters>, String> {
+        let (sum, other) = match self.from_geoms {
+            Some(false) => (NO_BODY, None),
+            _ => self.of_geoms(inside)?,
+        };
+        if let Some(kind) = other {
+            let text = format!(
+                "has no <inertial>: MuJoCo makes its inertia of its geoms, which is not done here of a {kind}; have it write the \
+                 compiled model (mj_saveLastXML) with saveinertial = \"true\" in <compiler>"
+            );
+            self.find(&format!("link {name}"), &text);
+            self.unknown.push(name.to_owned());
+            return Ok(None);
+        }
+        let body = InertialParameters::<Body, f64>::from_vector(sum);
+        let (centre, tensor) = if body.mass > 0.0 {
+            (body.centre_of_mass().vector(), body.inertia_com())
+        } else {
+            (Vector3::zeros(), Matrix3::zeros())
+        };
+        let phi = in_parent(&self.body_of(body.mass, tensor), &Matrix3::identity(), &centre);
+        Ok(Some(phi).filter(|phi| *phi != NO_BODY))
     }
 
     /// Returns the parameters, about the centre of mass, of a stated mass and tensor as the compiler leaves them.

@@ -23,7 +23,7 @@ const BESIDE_S: f64 = 0.04;
 /// Why a frame is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Dropped {
-    /// Too few markers were seen.
+    /// No pose was found: too few markers were seen, or they fit none.
     Markers,
     /// A foot is on the floor beside the plates.
     FootOff,
@@ -39,7 +39,7 @@ impl Dropped {
     /// Returns the reason in words.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Markers => "too few markers were seen",
+            Self::Markers => "the markers that were seen give no pose",
             Self::FootOff => "a foot is on the floor beside the plates",
             Self::FootHalfOff => "a foot is partly beside a plate",
             Self::LoadElsewhere => "a plate is loaded where no foot is",

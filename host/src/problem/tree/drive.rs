@@ -29,6 +29,19 @@ pub enum Term {
     Offset,
     /// Proportional to the rate's derivative: a rotor behind a gear.
     Rotor,
+    /// Proportional to the position: a spring. Where it is slack is a constant beside it ([`Term::Offset`]).
+    Spring,
+}
+
+/// What a drive does at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DriveMotion {
+    /// Its position, rad or m.
+    pub position: f64,
+    /// Its rate, rad/s or m/s.
+    pub rate: f64,
+    /// The effort that it carries, N m or N.
+    pub load: f64,
 }
 
 impl Term {
@@ -45,6 +58,7 @@ impl Term {
             "load" => return Ok(Self::Load),
             "offset" => return Ok(Self::Offset),
             "rotor" => return Ok(Self::Rotor),
+            "spring" => return Ok(Self::Spring),
             _ => {}
         }
         let speed = |text: &str| text.trim().parse::<f64>().ok().filter(|speed| speed.is_finite());
@@ -59,7 +73,7 @@ impl Term {
         }
         let Some(text) = word.strip_prefix("stribeck:") else {
             return Err(format!(
-                "--friction {word}: there are viscous, coulomb, stribeck, load, offset, rotor and none"
+                "--friction {word}: there are viscous, coulomb, stribeck, load, offset, rotor, spring and none"
             ));
         };
         match speed(text).filter(|speed| *speed > 0.0) {
@@ -79,6 +93,7 @@ impl Term {
             Self::Load => "load",
             Self::Offset => "offset",
             Self::Rotor => "rotor",
+            Self::Spring => "spring",
         }
     }
 
@@ -101,6 +116,8 @@ impl Term {
             (Self::Load, _) => "1",
             (Self::Rotor, false) => "kg m2",
             (Self::Rotor, true) => "kg",
+            (Self::Spring, false) => "N m/rad",
+            (Self::Spring, true) => "N/m",
         }
     }
 
@@ -109,9 +126,9 @@ impl Term {
         matches!(self, Self::Coulomb(_) | Self::Stribeck(_) | Self::Load)
     }
 
-    /// Returns its column at a rate, before the filter; `load` is the effort that the drive carries. What stands with
-    /// `smoothed` is smoothed, the rest differentiated.
-    pub fn column(self, rate: f64, load: f64, slides: bool, smoothed: bool) -> f64 {
+    /// Returns its column at an instant, before the filter. What stands with `smoothed` is smoothed, the rest differentiated.
+    pub fn column(self, motion: &DriveMotion, slides: bool, smoothed: bool) -> f64 {
+        let DriveMotion { position, rate, load } = *motion;
         // At rest it is nowhere.
         let sign = if rate == 0.0 { 0.0 } else { rate.signum() };
         match (self, smoothed) {
@@ -124,6 +141,7 @@ impl Term {
             }
             (Self::Load, true) => sign * load.abs(),
             (Self::Offset, true) => 1.0,
+            (Self::Spring, true) => position,
             _ => 0.0,
         }
     }
@@ -237,6 +255,8 @@ pub struct Drive {
     pub slides: bool,
     /// It never moves: nothing tells of its dry friction.
     pub stands: bool,
+    /// Place of its position among those of a frame; `None` of a sum of joints, and of a freedom of a ball.
+    pub coordinate: Option<usize>,
 }
 
 impl Drive {
@@ -246,16 +266,24 @@ impl Drive {
             let slide = matches!(l.joint, rigident_shared::tree::Joint::Prismatic(_));
             std::iter::repeat_n(slide, l.joint.freedoms())
         });
+        let mut coordinates = Vec::new();
+        let mut at = 0;
+        for joint in links.iter().skip(1).map(|l| &l.joint) {
+            coordinates.extend(std::iter::repeat_n((joint.freedoms() == 1).then_some(at), joint.freedoms()));
+            at += joint.coordinates();
+        }
         names
             .iter()
             .zip(slides)
+            .zip(coordinates)
             .enumerate()
-            .map(|(k, (name, slides))| Self {
+            .map(|(k, ((name, slides), coordinate))| Self {
                 name: name.clone(),
                 rates: vec![(k, 1.0)],
                 terms: friction.of(name).to_vec(),
                 slides,
                 stands: false,
+                coordinate,
             })
             .collect()
     }
@@ -289,10 +317,17 @@ impl Drive {
         if name.trim().is_empty() || rates.is_empty() {
             return Err(refuse("stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6".to_owned()));
         }
-        // A constant that acts on several joints is the sum of theirs.
-        let terms = friction.of(name.trim()).iter().copied();
+        // A constant that acts on several joints is the sum of theirs, and springs are at joints.
+        let terms = friction.of(name.trim()).iter().copied().filter(|term| *term != Term::Spring);
         let terms = terms.filter(|term| rates.len() == 1 || *term != Term::Offset).collect();
-        Ok(Self { name: name.trim().to_owned(), rates, terms, slides: false, stands: false })
+        Ok(Self {
+            name: name.trim().to_owned(),
+            rates,
+            terms,
+            slides: false,
+            stands: false,
+            coordinate: None,
+        })
     }
 
     /// Returns the freedoms that it turns with, as [`Drive::parse`] takes them.
@@ -307,6 +342,12 @@ impl Drive {
             sum.push_str(names.get(*k).map_or("", String::as_str));
         }
         sum
+    }
+
+    /// Returns what it does at the positions of a frame and the rates and efforts of all freedoms.
+    pub fn motion(&self, positions: &[f64], rates: &[f64], efforts: &[f64]) -> DriveMotion {
+        let position = self.coordinate.and_then(|at| positions.get(at)).copied().unwrap_or(0.0);
+        DriveMotion { position, rate: self.rate(rates), load: self.load(efforts) }
     }
 
     /// Its rate.
@@ -357,6 +398,7 @@ mod tests {
             terms: Vec::new(),
             slides: false,
             stands: false,
+            coordinate: None,
         };
         assert!(friction.check(&[drive("j1"), drive("j2"), drive("j3")]).is_ok());
         assert!(friction.check(&[drive("j1"), drive("j2")]).unwrap_err().contains("no joint j3"));
@@ -364,18 +406,21 @@ mod tests {
 
     #[test]
     fn dry_friction_has_the_sign_of_the_rate_and_its_own_size() {
+        let at = |rate: f64, load: f64| DriveMotion { position: 0.5, rate, load };
         for sign in [1.0, -1.0] {
-            assert_eq!(Term::Coulomb(None).column(sign * 0.3, 5.0, false, true), sign);
-            assert_eq!(Term::Coulomb(Some(0.0)).column(sign * 0.3, 5.0, false, true), sign);
-            let smooth = Term::Coulomb(Some(0.2)).column(sign * 0.3, 5.0, false, true);
+            assert_eq!(Term::Coulomb(None).column(&at(sign * 0.3, 5.0), false, true), sign);
+            assert_eq!(Term::Coulomb(Some(0.0)).column(&at(sign * 0.3, 5.0), false, true), sign);
+            let smooth = Term::Coulomb(Some(0.2)).column(&at(sign * 0.3, 5.0), false, true);
             assert!((smooth * sign - 1.5_f64.tanh()).abs() < 1e-15);
-            assert_eq!(Term::Load.column(sign * 0.3, -5.0, false, true), sign * 5.0);
-            let at = |rate: f64| Term::Stribeck(Some(0.3)).column(sign * rate, 5.0, false, true);
-            assert!((at(0.3) * sign - (-1.0_f64).exp()).abs() < 1e-15);
-            assert!((at(1e-9) * sign - 1.0).abs() < 1e-9);
+            assert_eq!(Term::Load.column(&at(sign * 0.3, -5.0), false, true), sign * 5.0);
+            let stribeck = |rate: f64| Term::Stribeck(Some(0.3)).column(&at(sign * rate, 5.0), false, true);
+            assert!((stribeck(0.3) * sign - (-1.0_f64).exp()).abs() < 1e-15);
+            assert!((stribeck(1e-9) * sign - 1.0).abs() < 1e-9);
         }
         assert!(Term::Load.is_dry() && !Term::Viscous.is_dry());
-        assert_eq!(Term::Rotor.column(2.0, 0.0, false, false), 2.0);
-        assert_eq!(Term::Rotor.column(2.0, 0.0, false, true), 0.0);
+        assert_eq!(Term::Rotor.column(&at(2.0, 0.0), false, false), 2.0);
+        assert_eq!(Term::Rotor.column(&at(2.0, 0.0), false, true), 0.0);
+        assert_eq!(Term::Spring.column(&at(2.0, 0.0), false, true), 0.5);
+        assert_eq!(Term::Spring.column(&at(2.0, 0.0), false, false), 0.0);
     }
 }

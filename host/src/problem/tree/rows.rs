@@ -209,10 +209,10 @@ impl RowMaker {
     fn add_drives(&self, freedom: usize, frame: &Frame, smoothed: bool, row: &mut [f64]) {
         for (drive, at) in &self.drives {
             let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
-            let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
+            let motion = drive.motion(&frame.positions, &frame.rates, &frame.efforts);
             for (term, to) in drive.terms.iter().zip(row.iter_mut().skip(*at)) {
                 let is_known = !(drive.stands && term.is_dry());
-                *to = if is_known { factor * term.column(rate, load, drive.slides, smoothed) } else { 0.0 };
+                *to = if is_known { factor * term.column(&motion, drive.slides, smoothed) } else { 0.0 };
             }
         }
     }
@@ -307,10 +307,10 @@ pub(super) fn effort_of_drives(
     let mut sum = 0.0;
     for (drive, at) in drives {
         let Some((_, factor)) = drive.rates.iter().find(|(k, _)| *k == freedom) else { continue };
-        let (rate, load) = (drive.rate(&frame.rates), drive.load(&frame.efforts));
+        let motion = drive.motion(&frame.positions, &frame.rates, &frame.efforts);
         for (term, value) in drive.terms.iter().zip(phi.iter().skip(*at)) {
             if !(drive.stands && term.is_dry()) {
-                sum += factor * term.column(rate, load, drive.slides, smoothed) * value;
+                sum += factor * term.column(&motion, drive.slides, smoothed) * value;
             }
         }
     }

@@ -203,6 +203,7 @@ fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
                 Term::Load => Kind::Load,
                 Term::Offset => Kind::Offset,
                 Term::Rotor => Kind::Rotor,
+                Term::Spring => Kind::Other,
             };
             Parameter::new(name, Owner::Drive(drive.to_owned()), kind, unit)
         })

@@ -22,6 +22,21 @@ impl Processor {
             _ => None,
         }
     }
+
+    /// Who that is.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Intel => "Intel",
+            Self::Dec => "DEC",
+            Self::Mips => "MIPS (SGI)",
+        }
+    }
+
+    /// Whether the header's frame rate is one in this format.
+    pub(super) fn fits(self, head: &[u8]) -> bool {
+        let rate = Bytes { file: head, processor: self }.f32(20, "the header");
+        rate.is_ok_and(|rate| (1.0..100_000.0).contains(&rate))
+    }
 }
 
 /// A file and how to read its numbers.

@@ -59,6 +59,11 @@ impl Parameters {
         self.all.get(&(group.to_owned(), name.to_owned()))
     }
 
+    /// Whether there is such a parameter.
+    pub(super) fn has(&self, group: &str, name: &str) -> bool {
+        self.get(group, name).is_some()
+    }
+
     /// All numbers of a parameter; `None` if there is no such parameter.
     pub(super) fn numbers(
         &self,
@@ -95,15 +100,22 @@ impl Parameters {
 
     /// The points' unit, m.
     pub(super) fn unit_m(&self) -> Result<f64, C3dError> {
-        match self.text("POINT", "UNITS").as_deref() {
-            None | Some("" | "mm") => Ok(1e-3),
-            Some("cm") => Ok(1e-2),
-            Some("dm") => Ok(1e-1),
-            Some("m") => Ok(1.0),
-            Some("in") => Ok(0.0254),
-            Some(other) => {
-                Err(parameter("POINT", "UNITS", format!("{other:?} is none of mm, cm, dm, m and in")))
-            }
+        let stated = self.text("POINT", "UNITS").unwrap_or_default();
+        // Programs that have four letters for it write the beginning of a word.
+        let letters: String = stated.chars().filter(char::is_ascii_alphabetic).collect();
+        match letters.to_ascii_lowercase().as_str() {
+            "" | "mm" => Ok(1e-3),
+            "cm" => Ok(1e-2),
+            "dm" => Ok(1e-1),
+            "m" => Ok(1.0),
+            "in" => Ok(0.0254),
+            "ft" | "feet" | "foot" => Ok(0.3048),
+            word if word.starts_with("mil") => Ok(1e-3),
+            word if word.starts_with("cen") => Ok(1e-2),
+            word if word.starts_with("dec") => Ok(1e-1),
+            word if word.starts_with("met") => Ok(1.0),
+            word if word.starts_with("inch") => Ok(0.0254),
+            _ => Err(parameter("POINT", "UNITS", format!("{stated:?} is none of mm, cm, dm, m, in and ft"))),
         }
     }
 

@@ -27,12 +27,18 @@ pub struct Plate {
     pub corners_m: [[f64; 3]; 4],
     /// From its origin to the middle of its surface, or the other way round, as its type has it, in its own axes, m.
     pub origin_m: [f64; 3],
+    /// Its number in the file, from 1.
+    pub number: usize,
     /// Its moments' unit over N m, and its lengths' over m.
     pub moment_m: f64,
 }
 
-/// The plates of a recording with so many channels.
-pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>, C3dError> {
+/// Returns the plates of a recording with this many channels; those that are not wired or have no corners are left out, and named.
+pub(super) fn of(
+    parameters: &Parameters,
+    channels: usize,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Plate>, C3dError> {
     const GROUP: &str = "FORCE_PLATFORM";
     let used = parameters.count(GROUP, "USED")?.unwrap_or(0);
     let get = |name: &'static str| -> Result<Vec<f64>, C3dError> {
@@ -52,7 +58,23 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
     let width = parameters
         .column_length(GROUP, "CHANNEL")
         .unwrap_or_else(|| wired.len().checked_div(used).unwrap_or(0));
-    (0..used)
+    let is_zero = |values: Option<&[f64]>| values.is_none_or(|own| own.iter().all(|value| *value == 0.0));
+    let empty = |k: usize| {
+        if is_zero(wired.get(width * k..width * (k + 1))) || width == 0 {
+            return Some("no channels");
+        }
+        is_zero(corners.get(12 * k..12 * (k + 1))).then_some("no corners")
+    };
+    let described = (0..used).filter(|k| match empty(*k) {
+        None => true,
+        Some(why) => {
+            notes.push(format!("plate {} has {why} in FORCE_PLATFORM: it is left out", k + 1));
+            false
+        }
+    });
+    let described: Vec<usize> = described.collect();
+    described
+        .into_iter()
         .map(|k| {
             let number = kinds.get(k).copied().ok_or_else(|| short("TYPE"))?;
             let kind = match number as i64 {
@@ -100,6 +122,7 @@ pub(super) fn of(parameters: &Parameters, channels: usize) -> Result<Vec<Plate>,
                 corners_m: std::array::from_fn(|c| std::array::from_fn(|axis| metre * corner[3 * c + axis])),
                 origin_m: std::array::from_fn(|axis| metre * origin[axis]),
                 moment_m,
+                number: k + 1,
             })
         })
         .collect()

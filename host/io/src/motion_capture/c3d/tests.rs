@@ -202,6 +202,106 @@ fn offsets_of_an_unsigned_converter_are_unsigned() {
     assert_eq!(C3d::parse(&bytes).unwrap().analog[0], 5.0);
 }
 
+/// Where a name's bytes are.
+fn place(bytes: &[u8], name: &str) -> usize {
+    bytes.windows(name.len()).position(|w| w == name.as_bytes()).unwrap()
+}
+
+#[test]
+fn files_as_other_programs_write_them_are_read() {
+    for processor in [84, 85, 86] {
+        let good = file(processor, true, 2);
+        let wanted = C3d::parse(&good).unwrap();
+        assert!(wanted.notes.is_empty(), "{:?}", wanted.notes);
+        // The block of the data: in the header alone, or nowhere.
+        let mut other = good.clone();
+        let start = place(&other, "DATA_START") + 10 + 4;
+        other[start..start + 2].fill(0);
+        let same = |other: &[u8]| C3d::parse(other).unwrap().analog == wanted.analog;
+        assert!(same(&other));
+        // Four blocks of parameters follow that of the header.
+        other[16..18].fill(0);
+        assert!(same(&other));
+        // Processors counted from one, or none named, or another one.
+        for code in [processor - 83, 0, if processor == 86 { 84 } else { 86 }] {
+            let mut other = good.clone();
+            other[BLOCK + 3] = code;
+            let read = C3d::parse(&other).unwrap();
+            assert_eq!(read.analog, wanted.analog, "{processor} as {code}");
+            assert_eq!(read.notes.is_empty(), code == processor - 83, "{:?}", read.notes);
+        }
+    }
+    let good = file(84, true, 2);
+    let with = |from: &str, to: &str| {
+        let mut other = good.clone();
+        let at = place(&other, from);
+        other[at..at + to.len()].copy_from_slice(to.as_bytes());
+        other
+    };
+    let equal = C3d::parse(&with("RFHD        ", "LFHD        ")).unwrap();
+    assert_eq!(equal.labels, ["LFHD", "LFHD (2)"]);
+    assert!(equal.notes[0].contains("several points are called LFHD"), "{:?}", equal.notes);
+    assert!(C3d::parse(&with("mm", "MM")).is_ok());
+    let said = C3d::parse(&with("mm", "xy")).unwrap_err().to_string();
+    assert!(said.contains("POINT:UNITS"), "{said}");
+    // A plate without channels, and one without corners.
+    for (name, bytes, why) in [("CHANNEL", 2 * 6, "no channels"), ("CORNERS", 4 * 12, "no corners")] {
+        let mut other = good.clone();
+        let at = place(&other, name) + name.len();
+        let data = at + 4 + usize::from(other[at + 3]);
+        other[data..data + bytes].fill(0);
+        let read = C3d::parse(&other).unwrap();
+        assert!(read.plates.is_empty());
+        assert!(
+            read.notes.iter().any(|note| note.contains(&format!("plate 1 has {why}"))),
+            "{:?}",
+            read.notes
+        );
+    }
+}
+
+#[test]
+fn rotations_without_markers_are_named() {
+    let mut w = Writer { processor: 84, floating: true, bytes: vec![2, KEY] };
+    for word in [0, 0, 1, 3, 0] {
+        w.word(word);
+    }
+    w.number(-1.0);
+    w.word(4);
+    w.word(0);
+    w.number(50.0);
+    w.fill(1);
+    w.bytes.extend([1, KEY, 2, 84]);
+    w.named(-1, "POINT", |_| ());
+    w.words(1, "USED", &[], &[0]);
+    w.numbers(1, "SCALE", &[], &[-1.0]);
+    w.named(-2, "ROTATION", |_| ());
+    w.words(2, "USED", &[], &[12]);
+    w.bytes.extend([0, 0]);
+    w.fill(4);
+    let said = C3d::parse(&w.bytes).unwrap_err().to_string();
+    assert!(said.contains("rotations of segments and no markers"), "{said}");
+}
+
+#[test]
+#[ignore = "needs ../shared/cases"]
+fn shared_cases_state_where_their_data_start_in_the_header() {
+    let file =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/cases/c3d-datastart-zero/walk_datastart0.c3d");
+    let walk = C3d::parse(&std::fs::read(file).unwrap()).unwrap();
+    let seen = (0..walk.frames).filter(|k| walk.point(*k, 0).is_some()).count();
+    assert!(
+        walk.plates.len() == 3 && seen > 0,
+        "{} plates, {seen} of {} frames",
+        walk.plates.len(),
+        walk.frames
+    );
+    // A person is between the floor and two metres above it.
+    let heights: Vec<f32> = walk.points_m.iter().map(|p| p[2]).filter(|z| z.is_finite()).collect();
+    let inside = heights.iter().filter(|z| (-0.1..2.2).contains(*z)).count();
+    assert!(inside * 100 > heights.len() * 99, "{inside} of {}", heights.len());
+}
+
 #[test]
 fn broken_files_never_panic() {
     let good = file(84, false, 4);

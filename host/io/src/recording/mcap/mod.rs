@@ -2,7 +2,7 @@
 //!
 //! Lives here: the container ([`container`] reads it, [`mod@write`] writes it), the messages and their encoding
 //! ([`messages`], [`cdr`], [`schemas`]), recordings of our own ([`read`]) and bags recorded elsewhere
-//! ([`bag`]). May not live here: what columns and units mean ([`super::csv`], [`super`]).
+//! ([`bag`]), the folders that they come in ([`folder`]). May not live here: what columns and units mean ([`super::csv`], [`super`]).
 //!
 //! | topic | message | content |
 //! |---|---|---|
@@ -20,6 +20,7 @@
 pub mod bag;
 pub mod cdr;
 pub mod container;
+pub mod folder;
 pub mod messages;
 pub mod read;
 pub mod schemas;

@@ -6,13 +6,14 @@ use rigident_shared::printable;
 
 use super::cdr::CdrError;
 use super::container::{Channel, Contents, Message, Unpacked};
+use super::folder::Files;
 use super::messages::{ImuValues, read_array, read_imu, read_numbers, read_pose, read_quaternion, read_text};
 use super::sqlite::{self, Stored};
 use super::{
     COMMANDED_TOPIC, GAUGES_TOPIC, GRAVITY_TOPIC, METADATA, PLATFORM_TOPIC, RIG_ATTACHMENT, ROW_TOPIC,
     WRENCH_TOPIC, topic_number,
 };
-use super::{bag, topic};
+use super::{bag, folder, topic};
 use crate::recording::columns::{Cells, MOST_LINKS, is_printable};
 use crate::recording::time;
 use crate::recording::{Recording, RecordingError, stem};
@@ -31,8 +32,26 @@ impl Recording {
         bytes: &[u8],
         rig: Option<(&RigFile, &str)>,
     ) -> Result<Self, RecordingError> {
+        Self::of_bag(label, &Bag::open(label, bytes)?, rig)
+    }
+
+    /// Reads the files of a bag, as [`Recording::from_mcap_bytes`] does one.
+    pub(in crate::recording) fn from_bag_files(
+        label: &str,
+        files: &Files,
+        rig: Option<(&RigFile, &str)>,
+    ) -> Result<Self, RecordingError> {
+        let mut bags =
+            files.bytes.iter().map(|bytes| Bag::open(label, bytes)).collect::<Result<Vec<_>, _>>()?;
+        let bag = match bags.len() {
+            1 if !files.packed_messages => bags.swap_remove(0),
+            _ => Bag::Sqlite(together(label, &bags, files.packed_messages)?),
+        };
+        Self::of_bag(label, &bag, rig)
+    }
+
+    fn of_bag(label: &str, bag: &Bag<'_>, rig: Option<(&RigFile, &str)>) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
-        let bag = Bag::open(label, bytes)?;
         let contents = bag.contents(label)?;
         let mut recording = Self { name: stem(label), ..Self::default() };
         let attached = contents
@@ -133,6 +152,33 @@ impl<'a> Bag<'a> {
             }),
         }
     }
+}
+
+/// Returns the messages of several files as those of one, unpacked if each is packed by itself. Channels of the same topic are
+/// one.
+fn together(label: &str, bags: &[Bag<'_>], packed: bool) -> Result<Stored, RecordingError> {
+    let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+    let mut all = Stored::default();
+    let (mut before, mut after) = (0, 0);
+    for bag in bags {
+        let contents = bag.contents(label)?;
+        let mut numbers = HashMap::new();
+        for (number, channel) in &contents.channels {
+            numbers.insert(*number, all.channel(channel).map_err(not)?);
+        }
+        all.incomplete |= !contents.complete;
+        all.damage.extend(contents.damage);
+        for message in &contents.messages {
+            let Some(channel) = numbers.get(&message.channel) else { continue };
+            let data = if packed { folder::unpack(message.data).map_err(not)? } else { message.data.to_vec() };
+            (before, after) = (before + message.data.len(), after + data.len());
+            if folder::is_too_much(before, after) {
+                return Err(not("its messages unpack to more than sensors record".to_owned()));
+            }
+            all.add(*channel, message.log_time, data).map_err(not)?;
+        }
+    }
+    Ok(all)
 }
 
 /// The messages of a topic, decoded: log time and value.

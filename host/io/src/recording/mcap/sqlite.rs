@@ -30,6 +30,10 @@ const LOOK_EVERY: i32 = 10_000;
 pub(super) struct Stored {
     channels: Vec<(u16, Channel)>,
     messages: Vec<(u16, u64, Vec<u8>)>,
+    /// What was damaged of the files that it was put together of.
+    pub(super) damage: Vec<String>,
+    /// One of them was not ended by its writer.
+    pub(super) incomplete: bool,
 }
 
 /// Returns true if the bytes begin as a database does.
@@ -137,6 +141,28 @@ impl Stored {
         Ok(stored)
     }
 
+    /// Returns the number of a channel, which is there already or is added.
+    pub(super) fn channel(&mut self, channel: &Channel) -> Result<u16, String> {
+        let same = |own: &Channel| {
+            (&own.topic, &own.schema, &own.encoding) == (&channel.topic, &channel.schema, &channel.encoding)
+        };
+        if let Some((number, _)) = self.channels.iter().find(|(_, own)| same(own)) {
+            return Ok(*number);
+        }
+        let number = u16::try_from(self.channels.len()).map_err(|_| "it has too many topics".to_owned())?;
+        self.channels.push((number, channel.clone()));
+        Ok(number)
+    }
+
+    /// Adds a message of a channel.
+    pub(super) fn add(&mut self, channel: u16, log_time: u64, data: Vec<u8>) -> Result<(), String> {
+        if self.messages.len() == MOST_MESSAGES {
+            return Err(format!("it holds more than {MOST_MESSAGES} messages"));
+        }
+        self.messages.push((channel, log_time, data));
+        Ok(())
+    }
+
     /// What is in it.
     pub(super) fn contents(&self) -> Contents<'_> {
         let messages = self.messages.iter();
@@ -146,7 +172,8 @@ impl Stored {
             messages: messages
                 .map(|(channel, log_time, data)| Message { channel: *channel, log_time: *log_time, data })
                 .collect(),
-            complete: true,
+            complete: !self.incomplete,
+            damage: self.damage.clone(),
             ..Contents::default()
         }
     }

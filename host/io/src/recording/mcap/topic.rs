@@ -1,6 +1,6 @@
 //! One topic of a bag as columns: what bags bring that is no wrench with its IMU, and streams with clocks of their own.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::bag::{sorted_by_time, topics_of};
 use super::cdr::CdrError;
@@ -38,6 +38,7 @@ pub(super) fn columns(
         return Err(error(format!("topic {name} is encoded as {encoding:?}, not as ROS 2 does (cdr)")));
     }
     let rows = rows(label, name, schema, frame, messages)?;
+    let rows = merged(&rows).unwrap_or(rows);
     let rows = sorted_by_time(label, name, rows)?;
     by_column(label, name, &rows)
 }
@@ -133,6 +134,55 @@ fn pose_of(message: &Message<'_>, transform: &Transform<'_>, frame: Option<&str>
         .then(|| (transform.stamp_ns.unwrap_or(message.log_time), named(Group::Platform, &transform.pose)))
 }
 
+/// Brings the messages of several publishers on one topic, as an arm and its gripper have them, to the times of the one with the
+/// most; rows that not all of them surround are left out. `None` if all have the same columns, or two have one in common.
+fn merged(rows: &[Row]) -> Option<Vec<Row>> {
+    let mut publishers: BTreeMap<Vec<&str>, Vec<&Row>> = BTreeMap::new();
+    for row in rows.iter().filter(|(_, columns)| !columns.is_empty()) {
+        let names = row.1.iter().map(|(name, _)| name.as_str()).collect();
+        publishers.entry(names).or_default().push(row);
+    }
+    let mut names = BTreeSet::new();
+    if publishers.len() < 2 || !publishers.keys().flatten().all(|name| names.insert(*name)) {
+        return None;
+    }
+    let mut all: Vec<Vec<&Row>> = publishers.into_values().collect();
+    for own in &mut all {
+        own.sort_by_key(|(time, _)| *time);
+        if own.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+            return None;
+        }
+    }
+    all.sort_by_key(|own| std::cmp::Reverse(own.len()));
+    let (first, others) = all.split_first()?;
+    let together = |row: &&Row| {
+        let mut columns = row.1.clone();
+        for other in others {
+            columns.extend(at(other, row.0)?);
+        }
+        Some((row.0, columns))
+    };
+    Some(first.iter().filter_map(together).collect())
+}
+
+/// Returns the numbers of a publisher at a time: a message's own, or by the cubic through the two before and the two after.
+fn at(rows: &[&Row], time_ns: u64) -> Option<Vec<(String, f64)>> {
+    let after = rows.partition_point(|(time, _)| *time < time_ns);
+    if let Some((_, columns)) = rows.get(after).filter(|(time, _)| *time == time_ns) {
+        return Some(columns.clone());
+    }
+    let near = rows.get(after.checked_sub(2)?..after + 2)?;
+    let seconds = |time: u64| (i128::from(time) - i128::from(time_ns)) as f64 * 1e-9;
+    let times: Vec<f64> = near.iter().map(|(time, _)| seconds(*time)).collect();
+    let weight = |k: usize| {
+        let others = times.iter().enumerate().filter(|(other, _)| *other != k);
+        others.map(|(_, other)| other / (other - times[k])).product::<f64>()
+    };
+    let value = |column: usize| near.iter().enumerate().map(|(k, row)| weight(k) * row.1[column].1).sum();
+    let names = near.first()?.1.iter().enumerate();
+    Some(names.map(|(column, (name, _))| (name.clone(), value(column))).collect())
+}
+
 fn by_column(label: &str, topic: &str, rows: &[Row]) -> Result<Vec<Cells>, RecordingError> {
     let first = rows.first().map(|(_, row)| row.as_slice()).unwrap_or_default();
     let mut columns: Vec<Cells> = first.iter().map(|(name, _)| (name.clone(), Vec::new())).collect();
@@ -161,4 +211,36 @@ pub(super) fn joint_states<'c>(contents: &'c Contents<'_>) -> Option<&'c str> {
     let mut found = contents.channels.values().filter(|c| is_joints(&c.schema)).map(|c| c.topic.as_str());
     let first = found.next()?;
     found.all(|topic| topic == first).then_some(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn publishers_with_joints_of_their_own_are_brought_together() {
+        let arm = |k: u64| -> Row { (10_000_000 * k, vec![("a_rad".to_owned(), 0.1 * k as f64)]) };
+        let cubic = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t - 4.0 * t * t * t;
+        let hand = |k: u64| -> Row {
+            let time = 3_000_000 + 25_000_000 * k;
+            (time, vec![("h_rad".to_owned(), cubic(time as f64 * 1e-9))])
+        };
+        let mut rows: Vec<Row> = (0..50).map(arm).chain((0..20).map(hand)).collect();
+        let found = merged(&rows).unwrap();
+        // From the second of the gripper's messages to the last but one.
+        let times: Vec<u64> = found.iter().map(|(time, _)| time / 10_000_000).collect();
+        assert_eq!(times, (3..=45).collect::<Vec<_>>());
+        for (time, columns) in &found {
+            assert_eq!(columns[0].0, "a_rad");
+            assert!((columns[1].1 - cubic(*time as f64 * 1e-9)).abs() < 1e-12);
+        }
+        // At the same times each has its own numbers.
+        let same = |k: u64| -> Row { (10_000_000 * k, vec![("h_rad".to_owned(), 7.0)]) };
+        let both: Vec<Row> = (0..50).map(arm).chain((0..50).map(same)).collect();
+        assert_eq!(merged(&both).unwrap().len(), 50);
+        // A joint in two of them is whose?
+        rows[0].1.push(("h_rad".to_owned(), 0.0));
+        assert_eq!(merged(&rows), None);
+        assert_eq!(merged(&(0..9).map(arm).collect::<Vec<_>>()), None);
+    }
 }

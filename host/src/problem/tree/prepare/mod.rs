@@ -21,7 +21,7 @@ use super::{BaseSensor, Frame, Input, TreePrepareError, standstill};
 use crate::problem::ProblemOptions;
 use crate::problem::body::input_checks::Implausible;
 use rigident_io::recording::Recording;
-use rigident_io::rig::{DOWN, OffsetTable, OffsetWord};
+use rigident_io::rig::{DOWN, OffsetTable, OffsetWord, RecordingTable};
 use rigident_model::base::Situation;
 use rigident_model::{Finding, Model};
 
@@ -88,13 +88,41 @@ pub fn prepare(
     Ok(PreparedTree { input, notes: work.notes, warnings: work.warnings, idle })
 }
 
+/// Gravity on a base that is held still.
+pub(super) struct Gravity {
+    /// Its size, m/s².
+    pub(super) mps2: f64,
+    /// Where it pulls to, the base's frame, of length one.
+    pub(super) direction: [f64; 3],
+    /// Who states it, as the end of a sentence; empty for the rig file.
+    pub(super) stated: &'static str,
+}
+
+impl Gravity {
+    /// Returns what the rig file states; where that states nothing, what the model's file does.
+    pub(super) fn of(recording: &Recording, model: &Model) -> Self {
+        let table = &recording.rig.recording;
+        let own = Self { mps2: table.gravity_mps2, direction: table.gravity_direction, stated: "" };
+        let default = RecordingTable::default();
+        let is_stated = own.mps2 != default.gravity_mps2 || own.direction != default.gravity_direction;
+        let Some(stated) = model.gravity_mps2.map(Vector3::from).filter(|_| !is_stated) else { return own };
+        let mps2 = stated.norm();
+        let direction = if mps2 > 0.0 { (stated / mps2).into() } else { own.direction };
+        let stated =
+            ", as the model's file states; gravity_mps2 and gravity_direction of the rig file state another";
+        Self { mps2, direction, stated }
+    }
+}
+
 /// Returns the model with its base turned such that gravity is along −z, of a base that is held still.
 fn upright(mut model: Model, recording: &Recording) -> Result<Model, TreePrepareError> {
-    let down = recording.rig.recording.gravity_direction;
+    let has_imu = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some());
+    let own = recording.rig.recording.gravity_direction;
+    let measured = has_imu || recording.gravity.is_some() || recording.wrench.is_some();
+    let down = if measured { own } else { Gravity::of(recording, &model).direction };
     if down == DOWN {
         return Ok(model);
     }
-    let has_imu = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some());
     let tells = [
         (has_imu, "the base has an IMU"),
         (recording.gravity.is_some(), "there are gravity columns"),

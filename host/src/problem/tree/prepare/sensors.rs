@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::GaugeCalibration;
 use rigident_shared::tree::BaseMotion;
 
-use super::Preparation;
+use super::{Gravity, Preparation};
 use crate::problem::tree::TreePrepareError;
 use crate::problem::tree::joints::attitude;
 use rigident_io::rig::{Calibrated, DOWN, ImuTable};
@@ -106,11 +106,10 @@ impl<'a> Preparation<'a> {
             }
             (None, None, Some(gravity)) => gravity.iter().map(|g| BaseMotion::still(*g)).collect(),
             (None, None, None) => {
-                let (g, down) =
-                    (recording.rig.recording.gravity_mps2, recording.rig.recording.gravity_direction);
+                let Gravity { mps2: g, direction: down, stated } = Gravity::of(recording, self.original);
                 let along = if down == DOWN { "−z".to_owned() } else { format!("{down:?}") };
                 self.notes.push(format!(
-                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along {along} of its frame"
+                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along {along} of its frame{stated}"
                 ));
                 // The model was turned.
                 vec![BaseMotion::still([0.0, 0.0, -g])]
