@@ -36,8 +36,10 @@ pub(super) fn text_of(path: &Path) -> Result<String, ModelError> {
         .unwrap_or_else(|other| other.into_bytes().into_iter().map(char::from).collect()))
 }
 
-/// What to do with macros.
-const EXPAND: &str = "it holds macros, which are not followed: expand them first (`xacro FILE > robot.urdf`)";
+/// Returns the advice for a file with macros.
+fn expand(what: &str) -> String {
+    format!("it holds macros, which are not followed: expand them first (`xacro {what} > robot.urdf`)")
+}
 
 /// Reads the text of a URDF; `what` names it in complaints.
 ///
@@ -47,7 +49,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     let refuse = |problem: String| ModelError::Structure { what: what.to_owned(), problem };
     let syntax = |reason: String| ModelError::Syntax { what: what.to_owned(), reason };
     if has_macro_elements(text) {
-        return Err(refuse(EXPAND.to_owned()));
+        return Err(refuse(expand(what)));
     }
     let tidy = tidied(text);
     let document = xml::parsed(&tidy).map_err(|error| {
@@ -60,7 +62,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
         return Err(syntax("it has no <robot> element".to_owned()));
     }
     if let Some(fault) = fault(&robot) {
-        return Err(syntax(if text.contains("${") { EXPAND.to_owned() } else { fault }));
+        return Err(syntax(if text.contains("${") { expand(what) } else { fault }));
     }
     let links: Vec<Node> = robot.children().filter(|n| n.has_tag_name("link")).collect();
     if links.is_empty() {
@@ -68,7 +70,7 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     }
     let is_incomplete = |link: &Node| child(link, "inertial").is_some_and(|i| incomplete(&i).is_some());
     if text.contains("${") && links.iter().any(is_incomplete) {
-        return Err(refuse(EXPAND.to_owned()));
+        return Err(refuse(expand(what)));
     }
     let mut findings = Vec::new();
     let held = joints(&robot, &links, &mut findings).map_err(&refuse)?;
