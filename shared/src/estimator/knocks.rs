@@ -64,11 +64,11 @@ impl<T: Scalar> Watch<T> {
             return factors;
         }
         let count = T::from_u32(before.count.max(1));
-        let channels = self.variance.iter().zip(&before.squares).zip(innovation);
+        let channels = self.variance.iter().zip(before.squares()).zip(innovation);
         for (c, (((variance, squares), e), (factor, lasting))) in
             channels.zip(factors.iter_mut().zip(&mut self.lasting)).enumerate()
         {
-            let variance = (*variance * reference.noise_scale).max(*squares / count);
+            let variance = (*variance * reference.noise_scale).max(squares / count);
             let size = e.abs();
             // Most rows need neither root nor bound.
             let beyond = size * size > k * k * variance && {
