@@ -1,4 +1,5 @@
-//! Hashes the firmware's own sources, so that a recording can say what estimated it.
+//! Hashes the firmware's own sources, those of its boards and the versions of its drivers, so that a recording can say what
+//! estimated it.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -6,9 +7,14 @@ use std::{env, fs};
 fn main() {
     let here = PathBuf::from(env::var("CARGO_MANIFEST_DIR").unwrap_or_default());
     let mut files = Vec::new();
-    for folder in ["src", "../shared/src"] {
+    let boards = ["cortex-m", "mps2-an386", "rp2350", "stm32f405"].map(|board| format!("boards/{board}/src"));
+    for folder in ["src", "../shared/src"].into_iter().chain(boards.iter().map(String::as_str)) {
         println!("cargo::rerun-if-changed={folder}");
         collect(&here.join(folder), &mut files);
+    }
+    for lock in ["boards/mps2-an386/Cargo.lock", "boards/stm32f405/Cargo.lock", "boards/rp2350/Cargo.lock"] {
+        println!("cargo::rerun-if-changed={lock}");
+        files.push(here.join(lock));
     }
     files.sort();
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);

@@ -22,8 +22,19 @@ use crate::drivers::{ads131m08, imu};
 pub const MAX_CAPTURED: usize = ads131m08::FRAME;
 /// Sensors that signal samples by edges: load cell, IMU, second IMU.
 const EDGES: usize = 3;
-/// Samples that the ring holds, less one: a hundredth of a second of three sensors at 1 kHz.
-const ROOM: usize = 32;
+/// Samples that the ring holds, less one. The main loop is away for longest while a checkpoint is written: [`LONGEST_AWAY_NS`],
+/// in which each sensor signals a sample every [`SHORTEST_PERIOD_NS`]. A test derives it.
+const ROOM: usize = 144;
+/// The flash takes 100 µs a word at most (data sheet of the STM32F405, table of its flash), and interrupts come between words.
+const WORD_NS: u64 = 100_000;
+/// Of the longest record that is kept.
+const RECORD_WORDS: u64 = 1792 / 4;
+/// The longest that a main loop does not come round, ns.
+pub const LONGEST_AWAY_NS: u64 = WORD_NS * RECORD_WORDS;
+/// What each of the sensors does not signal samples faster than, ns: 1 kHz.
+pub const SHORTEST_PERIOD_NS: u64 = 1_000_000;
+/// Looks, of one millisecond each, that a transfer may take: two of them whole. It takes 30 µs.
+const TRANSFER_LOOKS: u8 = 3;
 /// Conversions that the converter may hold from before.
 const STALE_CONVERSIONS: u8 = 2;
 
@@ -82,13 +93,43 @@ fn request(sensor: Sensor) -> &'static [u8] {
     }
 }
 
+/// Counts transfers that brought nothing: those that did not end in time, and those that ended with an error. They only grow, and
+/// wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Failures {
+    /// Given up because they did not end.
+    pub overdue: u32,
+    /// Ended with an error of the bus.
+    pub failed: u32,
+}
+
+/// Reads that empty a sensor of what it holds. An IMU's signal stays until it is read once.
+fn stale(sensor: Sensor) -> u8 {
+    if sensor == Sensor::LoadCell { STALE_CONVERSIONS } else { 1 }
+}
+
+/// An edge that waits, or is served.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Edge {
+    /// The timer's count.
+    ticks: u32,
+    /// Edges since the sensor was served, of which this is the last.
+    count: u8,
+}
+
 /// Tells what is to be done of one sensor.
 #[derive(Clone, Copy, Default)]
 struct Line {
     /// An edge waits, latched at this count.
-    edge: Option<u32>,
+    edge: Option<Edge>,
     /// So many reads are to be thrown away first: what they bring is older than any edge that is known.
     stale: u8,
+}
+
+/// Returns whether the sample that was read after `again` others belongs to the edge. One edge is the first sample's: a signal
+/// that stays up makes none for those that follow. Of several edges the last one is the last sample's, if there are as many.
+fn is_dated(edge: Edge, again: u8, more: bool) -> bool {
+    if edge.count <= 1 { again == 0 } else { !more && (again == 0 || again + 1 == edge.count) }
 }
 
 /// Tells what the bus does.
@@ -100,7 +141,7 @@ enum Bus {
     /// A sample is read: of which edge, and how often it was read again. Without an edge it is thrown away.
     Reads {
         sensor: Sensor,
-        edge: Option<u32>,
+        edge: Option<Edge>,
         again: u8,
     },
 }
@@ -114,12 +155,55 @@ pub struct Capture<'a> {
     lines: [Line; EDGES],
     bus: Bus,
     listening: [bool; EDGES],
+    /// Looks at the transfer on its way.
+    looks: u8,
+    /// The last transfer failed: the next one waits for a look, so that a bus that is broken takes no more than that.
+    pauses: bool,
+    failures: Failures,
 }
 
 impl<'a> Capture<'a> {
     /// Returns a side that serves no edge yet: see [`Self::listen`].
     pub fn new(ring: Producer<'a, Captured>, lost: &'a Lost) -> Self {
-        Self { ring, lost, lines: [Line::default(); EDGES], bus: Bus::Free, listening: [false; EDGES] }
+        Self {
+            ring,
+            lost,
+            lines: [Line::default(); EDGES],
+            bus: Bus::Free,
+            listening: [false; EDGES],
+            looks: 0,
+            pauses: false,
+            failures: Failures::default(),
+        }
+    }
+
+    /// Returns how many transfers have failed.
+    pub const fn failures(&self) -> Failures {
+        self.failures
+    }
+
+    /// To be called every millisecond. Returns true if the transfer on its way is overdue: the board is to stop it and to reset
+    /// its bus, and then to call [`Self::on_overdue`].
+    #[must_use]
+    pub fn on_look(&mut self) -> bool {
+        if !matches!(self.bus, Bus::Reads { .. }) {
+            return false;
+        }
+        self.looks = self.looks.saturating_add(1);
+        self.looks >= TRANSFER_LOOKS
+    }
+
+    /// Goes on after a pause; to be called every millisecond, too.
+    pub fn after_look(&mut self) -> Option<Order> {
+        self.pauses = false;
+        self.next()
+    }
+
+    /// Notes that the transfer on its way was stopped.
+    pub fn on_overdue(&mut self) -> Option<Order> {
+        self.failures.overdue = self.failures.overdue.wrapping_add(1);
+        self.give_up();
+        None
     }
 
     /// Serves edges of these sensors from now on, and of no other. What they hold from before is thrown away, by the
@@ -128,9 +212,8 @@ impl<'a> Capture<'a> {
         let ways = self.lines.iter_mut().zip(&mut self.listening).zip(sensors).enumerate();
         for (k, ((line, listening), wanted)) in ways {
             if wanted && !*listening {
-                // An IMU's signal stays until it is read once.
-                let stale = if k == Sensor::LoadCell as usize { STALE_CONVERSIONS } else { 1 };
-                *line = Line { edge: None, stale };
+                let sensor = if k == Sensor::LoadCell as usize { Sensor::LoadCell } else { Sensor::Imu };
+                *line = Line { edge: None, stale: stale(sensor) };
             } else if !wanted {
                 *line = Line::default();
             }
@@ -151,7 +234,8 @@ impl<'a> Capture<'a> {
             self.lost.add(sensor, 1);
             line.stale = line.stale.max(STALE_CONVERSIONS - 1);
         }
-        line.edge = Some(ticks);
+        let before = line.edge.map_or(0, |edge| edge.count);
+        line.edge = Some(Edge { ticks, count: before.saturating_add(1 + u8::from(missed)) });
         self.next()
     }
 
@@ -159,31 +243,48 @@ impl<'a> Capture<'a> {
     pub fn on_read(&mut self, bytes: &[u8]) -> Option<Order> {
         let Bus::Reads { sensor, edge, again } = self.bus else { return None };
         self.bus = Bus::Free;
-        if sensor != Sensor::LoadCell && imu::holds_more(bytes) && again < imu::FIFO_PACKETS {
-            // A later one is there, which is the one that was signalled.
-            if edge.is_some() {
+        let more = sensor != Sensor::LoadCell && imu::holds_more(bytes) && again < imu::FIFO_PACKETS;
+        if let Some(edge) = edge {
+            if is_dated(edge, again, more) {
+                self.keep(sensor, edge.ticks, bytes);
+            } else {
                 self.lost.add(sensor, 1);
             }
-            return Some(self.read(sensor, edge, again + 1));
         }
-        if let Some(ticks) = edge {
-            let mut captured = Captured { sensor, ticks, bytes: [0; MAX_CAPTURED] };
-            captured.bytes.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
-            if self.ring.enqueue(captured).is_err() {
-                self.lost.add(sensor, 1);
-            }
+        if more {
+            return Some(self.read(sensor, edge, again + 1));
         }
         self.next()
     }
 
-    /// Notes that a transfer failed: its sample is lost.
-    pub fn on_failed(&mut self) -> Option<Order> {
-        let Bus::Reads { sensor, edge, .. } = self.bus else { return None };
-        self.bus = Bus::Free;
-        if edge.is_some() {
+    fn keep(&mut self, sensor: Sensor, ticks: u32, bytes: &[u8]) {
+        let mut captured = Captured { sensor, ticks, bytes: [0; MAX_CAPTURED] };
+        captured.bytes.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+        if sensor != Sensor::LoadCell {
+            imu::holds_one(&mut captured.bytes);
+        }
+        if self.ring.enqueue(captured).is_err() {
             self.lost.add(sensor, 1);
         }
-        self.next()
+    }
+
+    /// Notes that a transfer failed: its sample is lost.
+    pub fn on_failed(&mut self) -> Option<Order> {
+        self.failures.failed = self.failures.failed.wrapping_add(1);
+        self.give_up();
+        None
+    }
+
+    /// Loses the sample on its way, and whatever the sensor holds: what comes next would be dated by another's edge, and an
+    /// IMU that is not read holds its signal up for ever.
+    fn give_up(&mut self) {
+        let Bus::Reads { sensor, edge, .. } = self.bus else { return };
+        self.bus = Bus::Free;
+        self.pauses = true;
+        let Some(line) = self.lines.get_mut(sensor as usize) else { return };
+        let waiting = line.edge.take();
+        line.stale = stale(sensor);
+        self.lost.add(sensor, u32::from(edge.is_some()) + u32::from(waiting.is_some()));
     }
 
     /// Gives the bus to the application, unless a sample is being read. Edges wait meanwhile.
@@ -204,7 +305,7 @@ impl<'a> Capture<'a> {
     }
 
     fn next(&mut self) -> Option<Order> {
-        if self.bus != Bus::Free {
+        if self.bus != Bus::Free || self.pauses {
             return None;
         }
         for sensor in [Sensor::LoadCell, Sensor::Imu, Sensor::SecondImu] {
@@ -213,15 +314,16 @@ impl<'a> Capture<'a> {
                 line.stale -= 1;
                 return Some(self.read(sensor, None, 0));
             }
-            if let Some(ticks) = line.edge.take() {
-                return Some(self.read(sensor, Some(ticks), 0));
+            if let Some(edge) = line.edge.take() {
+                return Some(self.read(sensor, Some(edge), 0));
             }
         }
         None
     }
 
-    fn read(&mut self, sensor: Sensor, edge: Option<u32>, again: u8) -> Order {
+    fn read(&mut self, sensor: Sensor, edge: Option<Edge>, again: u8) -> Order {
         self.bus = Bus::Reads { sensor, edge, again };
+        self.looks = 0;
         Order { sensor, request: request(sensor) }
     }
 }

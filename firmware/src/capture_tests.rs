@@ -139,32 +139,54 @@ fn what_is_lost_is_counted_and_what_follows_has_its_own_time() {
     let order = capture.on_edge(Sensor::LoadCell, 30, false).unwrap();
     sensors.serve(order);
     assert_eq!((capture.on_failed(), lost.counts()), (None, [2, 0, 0]));
+    let order = capture.after_look();
+    sensors.run(&mut capture, order);
     // The application does not come: the ring fills, all others are counted.
-    for number in 0..100 {
+    for number in 0..250 {
         sensors.convert(number);
         let order = capture.on_edge(Sensor::LoadCell, u32::from(number), false);
         sensors.run(&mut capture, order);
     }
     let kept: Vec<_> = core::iter::from_fn(|| samples.take()).collect();
     assert!(kept.iter().all(|c| c.ticks == u32::from(c.bytes[0])));
-    assert_eq!(kept.len() as u32 + lost.counts()[0] - 2, 100);
-    assert_eq!(samples.newly_lost()[0], (Sensor::LoadCell, 2 + 100 - kept.len() as u32));
+    assert_eq!(kept.len(), ROOM - 1);
+    assert_eq!(kept.len() as u32 + lost.counts()[0] - 2, 250);
+    assert_eq!(samples.newly_lost()[0], (Sensor::LoadCell, 2 + 250 - kept.len() as u32));
     assert_eq!(samples.newly_lost().map(|(_, count)| count), [0; EDGES]);
 }
 
+/// The signal stays up until the FIFO is read, so that the second packet of two makes no edge. With the first one's time it
+/// would be a period early.
 #[test]
-fn of_packets_that_wait_the_newest_counts() {
+fn of_packets_that_wait_the_one_is_kept_whose_edge_it_was() {
     let (mut ring, lost) = (Ring::new(), Lost::new());
     let (producer, consumer) = ring.split();
     let (mut capture, mut samples) = (Capture::new(producer, &lost), Samples::new(consumer, &lost));
     let mut sensors = Sensors::default();
     let order = capture.listen([false, true, false]);
     sensors.run(&mut capture, order);
-    sensors.packets.extend([1, 2, 3]);
-    let order = capture.on_edge(Sensor::Imu, 5, false);
-    sensors.run(&mut capture, order);
-    assert_eq!(samples.take().map(|c| (c.ticks, c.bytes[4])), Some((5, 3)));
-    assert_eq!(lost.counts(), [0, 2, 0]);
+    // Edges while the bus is taken, packets, and of which edge which packet comes.
+    for (edges, packets, kept, newly_lost) in [
+        (&[5][..], &[1, 2, 3][..], Some((5, 1)), 2),
+        (&[6], &[4], Some((6, 4)), 0),
+        (&[7, 8], &[5, 6], Some((8, 6)), 1),
+        (&[9, 10], &[7], Some((10, 7)), 0),
+        (&[11, 12], &[8, 9, 10], None, 3),
+    ] {
+        assert!(capture.hold());
+        let before = lost.counts()[1];
+        for edge in edges {
+            assert_eq!(capture.on_edge(Sensor::Imu, *edge, false), None);
+        }
+        sensors.packets.extend(packets);
+        let order = capture.release();
+        sensors.run(&mut capture, order);
+        let taken = samples.take();
+        assert_eq!(taken.map(|c| (c.ticks, c.bytes[4])), kept, "{edges:?}");
+        // The driver is not to look for those that were read here.
+        assert!(taken.is_none_or(|c| !imu::holds_more(&c.bytes)));
+        assert_eq!((lost.counts()[1] - before, samples.take()), (newly_lost, None), "{edges:?}");
+    }
     // A line that is stuck high says that there is always more: it is not believed for ever.
     let mut order = capture.on_edge(Sensor::Imu, 6, false);
     let mut reads = 0;
@@ -173,6 +195,82 @@ fn of_packets_that_wait_the_newest_counts() {
         reads += 1;
     }
     assert_eq!(reads, 1 + usize::from(imu::FIFO_PACKETS));
+}
+
+/// A DMA that has stopped must not hold the bus for ever.
+#[test]
+fn a_transfer_that_does_not_end_is_given_up_and_sampling_goes_on() {
+    let (mut ring, lost) = (Ring::new(), Lost::new());
+    let (producer, consumer) = ring.split();
+    let (mut capture, mut samples) = (Capture::new(producer, &lost), Samples::new(consumer, &lost));
+    let mut sensors = Sensors::default();
+    let order = capture.listen([true, true, false]);
+    sensors.run(&mut capture, order);
+    for _ in 0..9 {
+        assert!(!capture.on_look(), "nothing is on its way");
+        assert_eq!(capture.after_look(), None);
+    }
+    sensors.packets.push_back(1);
+    assert!(capture.on_edge(Sensor::Imu, 10, false).is_some());
+    sensors.convert(2);
+    assert_eq!(capture.on_edge(Sensor::LoadCell, 11, false), None);
+    let looks = (1..9).find(|_| {
+        let _ = capture.after_look();
+        capture.on_look()
+    });
+    assert_eq!(looks, Some(usize::from(TRANSFER_LOOKS)));
+    assert!(!capture.hold(), "the board has not stopped it yet");
+    assert_eq!(capture.on_overdue(), None);
+    assert!(capture.hold(), "the application can have the bus again");
+    assert_eq!(capture.release(), None, "a bus that is broken takes one try a millisecond");
+    let order = capture.after_look();
+    assert!(order.is_some());
+    sensors.run(&mut capture, order);
+    // The conversion has kept its time; the packet, whose signal would have stayed up, is lost and read.
+    assert_eq!(samples.take().map(|c| (c.sensor, c.ticks)), Some((Sensor::LoadCell, 11)));
+    assert_eq!((samples.take(), lost.counts(), sensors.packets.len()), (None, [0, 1, 0], 0));
+    assert_eq!(capture.failures(), Failures { overdue: 1, failed: 0 });
+    sensors.packets.push_back(3);
+    let order = capture.on_edge(Sensor::Imu, 20, false);
+    sensors.run(&mut capture, order);
+    assert_eq!(samples.take().map(|c| (c.ticks, c.bytes[4])), Some((20, 3)));
+}
+
+/// What is left in the converter after a transfer that failed is older than the next edge.
+#[test]
+fn no_conversion_is_dated_by_a_later_edge_after_a_failed_transfer() {
+    for was_read in [false, true] {
+        let (mut ring, lost) = (Ring::new(), Lost::new());
+        let (producer, consumer) = ring.split();
+        let (mut capture, mut samples) = (Capture::new(producer, &lost), Samples::new(consumer, &lost));
+        let mut sensors = Sensors::default();
+        let order = capture.listen(LOAD_CELL);
+        sensors.run(&mut capture, order);
+        sensors.convert(1);
+        let order = capture.on_edge(Sensor::LoadCell, 1, false).unwrap();
+        if was_read {
+            sensors.serve(order);
+        }
+        capture.on_failed();
+        let order = capture.after_look();
+        sensors.run(&mut capture, order);
+        for number in 2..9 {
+            sensors.convert(number);
+            let order = capture.on_edge(Sensor::LoadCell, u32::from(number), false);
+            sensors.run(&mut capture, order);
+            let sample = samples.take().unwrap();
+            assert_eq!(sample.ticks, u32::from(sample.bytes[0]), "read before it failed: {was_read}");
+        }
+        assert_eq!((lost.counts(), capture.failures().failed), ([1, 0, 0], 1));
+    }
+}
+
+/// The longest checkpoint stops the main loop for so many samples of three sensors, which the ring has room for.
+#[test]
+fn the_ring_holds_what_three_sensors_signal_while_the_longest_checkpoint_is_written() {
+    assert_eq!(RECORD_WORDS * 4, crate::storage::record::RECORD_BYTES as u64);
+    let samples = EDGES as u64 * LONGEST_AWAY_NS.div_ceil(SHORTEST_PERIOD_NS);
+    assert!(samples < ROOM as u64, "{samples} samples in {} ms", LONGEST_AWAY_NS / 1_000_000);
 }
 
 struct Direct(u32);

@@ -3,8 +3,8 @@
 use core::ops::DerefMut;
 
 use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
-use rigident_shared::wire::{ClockSource, Reason, ResetReason, SensorFault, SettingName};
+use embedded_hal::spi::{ErrorType, SpiDevice};
+use rigident_shared::wire::{BadEnd, ClockSource, Reason, ResetReason, SensorFault, SettingName};
 
 use crate::Path;
 use crate::app::{App, BringUpError, Sensor, SensorRates};
@@ -32,7 +32,7 @@ pub struct Event {
 ///
 /// A board calls [`Instrument::on_event`] when a sensor signals a sample, [`Instrument::on_bytes`] with what
 /// the host sent, [`Instrument::tick`] now and then, and sends what [`Instrument::poll_tx`] gives.
-pub struct Instrument<P, ADC, IMU, FRAMES, D> {
+pub struct Instrument<P, ADC, IMU: ErrorType, FRAMES, D> {
     app: App<P>,
     adc: Ads131m08<ADC>,
     imu: Imu<IMU>,
@@ -83,6 +83,26 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.on_lost(sensor, count);
     }
 
+    /// Notes the chip's own number, and where the last program ended if it ended badly.
+    pub fn is_chip(&mut self, unique_id: [u8; 12], ended: Option<BadEnd>) {
+        self.app.is_chip(unique_id, ended);
+    }
+
+    /// Notes that the board starts anew when [`App::restart_is_due`].
+    pub fn can_restart(&mut self) {
+        self.app.can_restart();
+    }
+
+    /// Notes how deep the stack has been, and how large it is, bytes.
+    pub fn stack_was(&mut self, deepest: u32, size: u32) {
+        self.app.stack_was(deepest, size);
+    }
+
+    /// Counts transfers with sensors that did not end, or ended with an error.
+    pub fn on_failed_transfers(&mut self, overdue: u32, failed: u32) {
+        self.app.on_failed_transfers(overdue, failed);
+    }
+
     /// Notes that the board can change the rate of its line, up to this one, baud.
     pub fn line_goes_up_to(&mut self, baud: u32) {
         self.app.line_goes_up_to(baud);
@@ -97,8 +117,16 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
     #[inline(always)]
     pub fn on_bytes(&mut self, bytes: &[u8], now_ns: u64) {
+        self.on_bytes_pausing(bytes, now_ns, || {});
+    }
+
+    /// The same for a board whose interrupts read samples: `pause` is called before the sensors are brought up, which no sample
+    /// may come between. The board listens again to those that [`App::wanted`] names.
+    #[inline(always)]
+    pub fn on_bytes_pausing(&mut self, bytes: &[u8], now_ns: u64, mut pause: impl FnMut()) {
         for byte in bytes {
             if let Some(rates) = self.app.on_byte(*byte, now_ns) {
+                pause();
                 let result = self.bring_up(rates);
                 self.app.sensors_up(result);
             }
@@ -133,7 +161,9 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
                 Ok(frame) if frame.saturated & GAUGES != 0 => {
                     self.app.on_clipped(event.capture_time_ns, frame.saturated & GAUGES);
                 }
-                Ok(frame) => self.app.on_gauges(event.capture_time_ns, frame.gauges_v(GAIN)),
+                Ok(frame) => {
+                    self.app.on_gauges(event.capture_time_ns, frame.gauges_v(GAIN), frame.excitation_v())
+                }
                 Err(error) => self.app.on_sensor_error(Sensor::LoadCell, adc_fault(&error)),
             },
             sensor @ (Sensor::Imu | Sensor::SecondImu) => self.read_imu(sensor, event.capture_time_ns),
@@ -195,6 +225,20 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
+    /// The same for a board that stands still while a sector is erased: nothing that may erase is done before everything has been
+    /// sent, and while bytes wait that the host has sent. `quiet`: neither is the case on the board's side.
+    #[cfg(feature = "storage")]
+    pub fn tend_when_quiet<F: embedded_storage::nor_flash::NorFlash>(
+        &mut self,
+        store: &mut Store<F>,
+        quiet: bool,
+    ) {
+        let erases = matches!(self.app.duty(), Duty::Look | Duty::Settings | Duty::Resume(_));
+        if !erases || (quiet && self.app.tx_pending() == 0) {
+            self.tend(store);
+        }
+    }
+
     /// Moves the application's clock.
     pub fn tick(&mut self, now_ns: u64) {
         self.app.tick(now_ns);
@@ -220,6 +264,9 @@ fn adc_fault<E>(error: &AdcError<E>) -> SensorFault {
         AdcError::WrongId(_) => SensorFault::WrongId,
         AdcError::Verify { .. } => SensorFault::Verify,
         AdcError::DeviceReset => SensorFault::Restarted,
+        AdcError::Registers => SensorFault::Verify,
+        AdcError::Resynced => SensorFault::Resynced,
+        AdcError::Stale => SensorFault::Stale,
         AdcError::BadRate(_) | AdcError::BadGain(_) => SensorFault::Rate,
     }
 }
@@ -230,6 +277,7 @@ fn imu_fault<E>(error: &ImuError<E>) -> SensorFault {
     match error {
         ImuError::WrongId => SensorFault::WrongId,
         ImuError::BadRate(_) => SensorFault::Rate,
+        ImuError::Verify { .. } => SensorFault::Verify,
         _ => SensorFault::Bus,
     }
 }

@@ -1,7 +1,7 @@
 //! The portable application of the microcontroller.
 //!
 //! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`], [`watch_path`]), the
-//! device's end of the line, the sensor drivers, the ring that interrupts fill ([`capture`]), and the [`Instrument`] that joins them. May not live here:
+//! device's end of the line, the sensor drivers, the ring that interrupts fill ([`capture`]), whether the program goes on ([`progress`]), and the [`Instrument`] that joins them. May not live here:
 //! pins, clocks, interrupts, anything of one board (that is `firmware/boards`), or mathematics that the host
 //! needs too (that is `rigident_shared`).
 //!
@@ -19,6 +19,8 @@ mod log;
 mod place;
 #[cfg(any(feature = "plant-double", feature = "plant-panic"))]
 mod planted;
+pub mod progress;
+mod rates;
 pub mod sample_path;
 mod settings;
 pub mod storage;

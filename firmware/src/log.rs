@@ -48,5 +48,8 @@ fn fault_name(fault: rigident_shared::wire::SensorFault) -> &'static str {
         SensorFault::Restarted => "it restarted by itself",
         SensorFault::Rate => "it has no such rate",
         SensorFault::Silent => "it gives no new samples",
+        SensorFault::Resynced => "its filters began anew",
+        SensorFault::Stale => "it brings the same sample again",
+        SensorFault::Excitation => "its gauges' excitation is missing",
     }
 }

@@ -289,6 +289,9 @@ impl SampleConfiguration {
         )?;
         ensure(positive(&cell.range_n_nm), SettingName::LoadCellRange)?;
         ensure(cell.known_offset_n_nm.is_none_or(|o| all_finite(&o)), SettingName::KnownOffset)?;
+        // The converter's seventh input takes 1.2 V, with room for drift.
+        let excitation = cell.excitation_v.is_none_or(|v| (0.1..=1.05).contains(&v));
+        ensure(excitation, SettingName::Excitation)?;
         ensure(is_possible(settings.stop.as_ref()), SettingName::StopRule)?;
         let limit = settings.knock_limit_sd;
         ensure(limit.is_finite() && limit >= 0.0, SettingName::KnockLimit)?;

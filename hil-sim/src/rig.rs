@@ -13,7 +13,7 @@ mod motion;
 mod readings;
 mod wiring;
 
-pub use config::{RigConfig, RigError};
+pub use config::{EXCITATION_V, RigConfig, RigError};
 pub use motion::MotionState;
 pub use readings::{ReadingRow, ReadingStream, Readings};
 pub use wiring::WiringFault;
@@ -252,6 +252,21 @@ impl Rig {
         self.adc.flip_bit(ahead, bit);
     }
 
+    /// Bits of a register of the load cell's converter change by themselves; see [`Ads131m08::disturb`].
+    pub fn disturb_load_cell_register(&mut self, address: usize, bits: u16) {
+        self.adc.disturb(address, bits);
+    }
+
+    /// The load cell's converter gets a pulse on its SYNC pin.
+    pub fn resynchronise_load_cell(&mut self) {
+        self.adc.resynchronise();
+    }
+
+    /// The oscillator of the load cell's converter has this frequency, Hz.
+    pub fn set_load_cell_clock_hz(&mut self, clock_hz: f64) {
+        self.adc.set_clock_hz(clock_hz);
+    }
+
     /// The load cell's converter, to look at.
     pub fn load_cell_converter(&self) -> &Ads131m08 {
         &self.adc
@@ -325,7 +340,8 @@ impl Rig {
             truth.iter_mut().zip(second).for_each(|(w, more)| *w += more);
         }
         let wrench = self.load_cell.read(time_ns as f64 * 1e-9, truth);
-        self.adc.convert(&self.mechanics.gauges_v(&wrench));
+        let excitation = self.load_cell.excitation(time_ns as f64 * 1e-9);
+        self.adc.convert(&self.mechanics.inputs_v(&wrench, excitation));
     }
 
     fn sample_imu(&mut self, time_ns: u64) -> bool {

@@ -6,8 +6,8 @@ use rigident_shared::estimator::TwoLinkReading;
 use rigident_shared::estimator::frames::FrameEstimator;
 use rigident_shared::estimator::watch::Watch;
 use rigident_shared::wire::{
-    Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SettingName,
-    Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
+    Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SensorFault,
+    SettingName, Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
 };
 
 use super::reports::{link_reading_of, reading_of};
@@ -18,6 +18,7 @@ use crate::Path;
 use crate::frame_path::FramePath;
 use crate::link::{self, Recall};
 use crate::log;
+use crate::rates::RateMeter;
 use crate::sample_path::{SamplePath, Words};
 use crate::settings::{Configuration, setting_of, setting_of_tree, setting_of_watch, watch_link};
 use crate::storage::Resumption;
@@ -28,7 +29,6 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// up with; [`App::sensors_up`] must follow before the next byte.
     pub fn on_byte(&mut self, byte: u8, now_ns: u64) -> Option<SensorRates> {
         self.advance(now_ns);
-        self.last_heard_ns = self.now_ns;
         if byte != 0 {
             // It ends no frame.
             self.decoder.push(byte);
@@ -37,7 +37,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         // The frame borrows the decoder, the application is needed to obey: take it out for the while.
         let mut decoder = core::mem::take(&mut self.decoder);
         let frame = decoder.push(byte);
+        // Something whole is a host; noise on the line is none.
         if matches!(frame, Some(Ok(_))) {
+            self.last_heard_ns = self.now_ns;
             self.line_heard();
         }
         let rates = match frame {
@@ -154,6 +156,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.settings = Some(settings);
         self.begin();
         self.pulses = [Pulse::default(); SENSORS];
+        self.meters = self.settings.as_ref().and_then(rates).map_or([RateMeter::default(); 3], |rates| {
+            [rates.load_cell_hz, rates.imu_hz, rates.second_imu_hz.unwrap_or(0.0)].map(RateMeter::new)
+        });
         self.enter(StateName::Configured, Reason::Command);
         Ok(Reply::Done)
     }
@@ -233,6 +238,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
+            Command::Restart if !self.facts.restarts => Err(ErrorCode::NotBuiltIn),
+            Command::Restart => {
+                if self.state == StateName::Running {
+                    self.hold(Reason::Command);
+                }
+                self.restart_asked = true;
+                Ok(Reply::Done)
+            }
             Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {
                 Err(ErrorCode::NotBuiltIn)
             }
@@ -271,6 +284,11 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     fn start(&mut self) -> Result<Reply, ErrorCode> {
+        let starts = matches!(self.state, StateName::Configured | StateName::Holding);
+        if let (true, Some(sensor)) = (starts && self.listens(), self.sensor_of_another_rate()) {
+            self.fail(sensor.reason(SensorFault::Rate));
+            return Err(ErrorCode::Sensors);
+        }
         match self.state {
             StateName::Configured => {
                 if let Some(link) = self.path.watch().and_then(|path| path.watch().unknown_link()) {

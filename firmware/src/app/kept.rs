@@ -116,6 +116,11 @@ impl<P: DerefMut<Target = Path>> App<P> {
             load_cell_other: told.load_cell_errors,
             load_cell_clipped: told.load_cell_clipped,
             clipped_gauges: told.clipped_gauges,
+            load_cell_stale: told.load_cell_stale,
+            load_cell_resyncs: told.load_cell_resyncs,
+            without_excitation: told.without_excitation,
+            overdue_transfers: told.overdue_transfers,
+            failed_transfers: told.failed_transfers,
             imu: told.imu_errors,
             second_imu: told.second_imu_errors,
             // What is told is what the path counts from here on less this.

@@ -24,14 +24,16 @@ use core::ops::DerefMut;
 
 use heapless::Vec;
 use rigident_shared::wire::{
-    ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason, ResetReason,
-    STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport, Telemetry,
+    BadEnd, ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason,
+    ResetReason, STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport,
+    Telemetry,
 };
 
 use crate::Path;
 use crate::estimate::Estimation;
 use crate::link::Link;
 use crate::log;
+use crate::rates::RateMeter;
 use crate::storage::Keeping;
 
 /// Announced this often until the host says hello, ns.
@@ -113,6 +115,8 @@ struct Duty {
     estimate_every_blocks: u16,
     /// Every reading is a row block.
     every_reading: bool,
+    /// What the converter sees of the excitation as it was when the load cell was calibrated, V; zero: it is not looked at.
+    excitation_v: f32,
 }
 
 impl Duty {
@@ -131,6 +135,7 @@ impl Duty {
             stream: settings.telemetry.stream_readings,
             estimate_every_blocks: settings.telemetry.estimate_every_blocks,
             every_reading: settings.row_every <= 1,
+            excitation_v: settings.load_cell.excitation_v.unwrap_or(0.0),
         }
     }
 }
@@ -151,6 +156,11 @@ struct SensorErrors {
     load_cell_other: u32,
     load_cell_clipped: u32,
     clipped_gauges: u8,
+    load_cell_stale: u32,
+    load_cell_resyncs: u32,
+    without_excitation: u32,
+    overdue_transfers: u32,
+    failed_transfers: u32,
     imu: u32,
     second_imu: u32,
     /// Of load cell, IMU and second IMU.
@@ -191,6 +201,18 @@ struct Run {
     idle_ticks: u8,
 }
 
+/// Holds what a board tells of itself when it starts, and what it can do.
+#[derive(Clone, Copy, Default)]
+struct BoardFacts {
+    unique_id: [u8; 12],
+    reset: ResetReason,
+    ended: Option<BadEnd>,
+    clock: ClockSource,
+    restarts: bool,
+    /// How deep the stack has been, and its size, bytes.
+    stack_bytes: [u32; 2],
+}
+
 /// Tells how far the factor is handed over to the host.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum HandOver {
@@ -206,8 +228,9 @@ enum HandOver {
 /// The application. `P` says where its estimator stands: a `&'static mut Path`, say, or a `Box<Path>`.
 pub struct App<P> {
     board: [u8; 16],
-    /// Why it started, and what its time comes from.
-    boot: (ResetReason, ClockSource),
+    facts: BoardFacts,
+    /// The host has asked for a restart, and has its answer on the way.
+    restart_asked: bool,
     state: StateName,
     reason: Reason,
     settings: Option<Settings>,
@@ -228,6 +251,10 @@ pub struct App<P> {
     estimation: Estimation,
     last_reading: ReadingMessage,
     pulses: [Pulse; SENSORS],
+    /// Samples of gauges in a row whose excitation was missing.
+    starved: u16,
+    /// Of load cell, IMU and second IMU.
+    meters: [RateMeter; 3],
     errors: SensorErrors,
     bad_frames: u32,
     keeping: Keeping,
@@ -243,7 +270,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         Self {
             board: name,
-            boot: Default::default(),
+            facts: BoardFacts::default(),
+            restart_asked: false,
             state: StateName::Idle,
             reason: Reason::Boot,
             settings: None,
@@ -264,6 +292,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
             estimation: Estimation::IDLE,
             last_reading: ReadingMessage::default(),
             pulses: [Pulse::default(); SENSORS],
+            starved: 0,
+            meters: [RateMeter::default(); 3],
             errors: SensorErrors::default(),
             bad_frames: 0,
             keeping: Keeping::new(),
@@ -272,7 +302,27 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Notes why the board started, and what its time comes from, for the host to be told.
     pub fn booted(&mut self, reset: ResetReason, clock: ClockSource) {
-        self.boot = (reset, clock);
+        (self.facts.reset, self.facts.clock) = (reset, clock);
+    }
+
+    /// Notes the chip's own number, and where the last program ended if it ended badly, for the host to be told.
+    pub fn is_chip(&mut self, unique_id: [u8; 12], ended: Option<BadEnd>) {
+        (self.facts.unique_id, self.facts.ended) = (unique_id, ended);
+    }
+
+    /// Notes that the board starts anew when [`Self::restart_is_due`].
+    pub fn can_restart(&mut self) {
+        self.facts.restarts = true;
+    }
+
+    /// Notes how deep the stack has been, and how large it is, bytes.
+    pub fn stack_was(&mut self, deepest: u32, size: u32) {
+        self.facts.stack_bytes = [deepest, size];
+    }
+
+    /// Returns whether the host has asked for a restart and has been given its answer.
+    pub fn restart_is_due(&self) -> bool {
+        self.restart_asked && self.link.pending() == 0
     }
 
     /// The state, and why it is that.

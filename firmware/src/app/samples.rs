@@ -3,17 +3,26 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::wire::{ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
+use rigident_shared::wire::{ClockSource, ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
 
 use super::reports::{link_message_of, message_of};
 use super::{App, HandOver, Pulse, Sensor};
 use crate::Path;
 use crate::drivers::frames::{AnyFrame, FrameKind};
 use crate::frame_path::frame_path;
+use crate::rates::RateMeter;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
+/// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.
+const EXCITATION_LEAST: f32 = 0.9;
+const EXCITATION_MOST: f32 = 1.1;
+/// Samples of the load cell come at the rate asked for, to within so much, parts in a million: what its filter and derivative
+/// count on. Oscillators of converters are within 100.
+const LOAD_CELL_PPM: u32 = 500;
+/// The same of an IMU, whose samples are dated one by one: 1 % by its data sheet, and what is far more is another rate.
+const IMU_PPM: u32 = 50_000;
 /// An estimate waits so long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
 
@@ -21,10 +30,33 @@ const HAND_OVER_NS: u64 = 1_000_000_000;
 const IDLE_TICKS: u8 = 8;
 
 impl<P: DerefMut<Target = Path>> App<P> {
-    /// Takes gauge voltages with their capture time.
-    pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6]) {
+    /// Takes gauge voltages with their capture time, and the voltage that the converter saw of the gauges' excitation: where
+    /// the settings state one, the gauges are divided by its ratio to that.
+    pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6], excitation_v: f32) {
         self.alive(Sensor::LoadCell, time_ns);
-        self.take(&Words::Gauges { time_ns, volts });
+        let stated = self.duty.excitation_v;
+        if stated == 0.0 {
+            return self.take(&Words::Gauges { time_ns, volts });
+        }
+        if !(EXCITATION_LEAST * stated..=EXCITATION_MOST * stated).contains(&excitation_v) {
+            return self.without_excitation();
+        }
+        self.starved = 0;
+        let ratio = stated / excitation_v;
+        self.take(&Words::Gauges { time_ns, volts: volts.map(|v| v * ratio) });
+    }
+
+    /// Leaves out a sample of gauges that nothing, or something else, excites.
+    #[cold]
+    #[inline(never)]
+    fn without_excitation(&mut self) {
+        if self.listens() {
+            self.errors.without_excitation = self.errors.without_excitation.saturating_add(1);
+            self.starved = self.starved.saturating_add(1);
+            if self.starved >= BAD_TO_FAULT && self.state == StateName::Running {
+                self.fail(Sensor::LoadCell.reason(SensorFault::Excitation));
+            }
+        }
     }
 
     /// Takes an IMU sample: specific force (m/s²) and angular rate (rad/s) in the IMU's axes.
@@ -120,6 +152,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         let count = match (sensor, fault) {
             (Sensor::LoadCell, SensorFault::Check) => &mut self.errors.load_cell_crc,
+            (Sensor::LoadCell, SensorFault::Stale) => &mut self.errors.load_cell_stale,
+            (Sensor::LoadCell, SensorFault::Resynced) => &mut self.errors.load_cell_resyncs,
             (Sensor::LoadCell, _) => &mut self.errors.load_cell_other,
             (Sensor::Imu, _) => &mut self.errors.imu,
             (Sensor::SecondImu, _) => &mut self.errors.second_imu,
@@ -128,7 +162,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         let Some(pulse) = self.pulses.get_mut(sensor as usize) else { return };
         *count = count.saturating_add(1);
         pulse.bad_in_a_row = pulse.bad_in_a_row.saturating_add(1);
-        if fault == SensorFault::Restarted || pulse.bad_in_a_row >= BAD_TO_FAULT {
+        // What has changed by itself stays so until it is set up again.
+        let stays = matches!(fault, SensorFault::Restarted | SensorFault::Verify);
+        if stays || pulse.bad_in_a_row >= BAD_TO_FAULT {
             self.fail(sensor.reason(fault));
         }
     }
@@ -138,6 +174,37 @@ impl<P: DerefMut<Target = Path>> App<P> {
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         if let Some(slot) = self.pulses.get_mut(sensor as usize) {
             *slot = pulse;
+        }
+        if self.meters.get_mut(sensor as usize).is_some_and(|meter| meter.note(time_ns)) {
+            self.look_at_rate();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn look_at_rate(&mut self) {
+        if let (StateName::Running, Some(sensor)) = (self.state, self.sensor_of_another_rate()) {
+            self.fail(sensor.reason(SensorFault::Rate));
+        }
+    }
+
+    /// Returns the first sensor whose samples come at another rate than the one asked for, by a clock that can tell.
+    pub(super) fn sensor_of_another_rate(&self) -> Option<Sensor> {
+        if matches!(self.facts.clock, ClockSource::Internal | ClockSource::Slow) {
+            return None;
+        }
+        let most = |sensor| if sensor == Sensor::LoadCell { LOAD_CELL_PPM } else { IMU_PPM };
+        let is_off = |(sensor, meter): &(Sensor, &RateMeter)| {
+            meter.error_ppm().is_some_and(|ppm| ppm.unsigned_abs() > most(*sensor))
+        };
+        Sensor::ALL.into_iter().zip(&self.meters).find(is_off).map(|(sensor, _)| sensor)
+    }
+
+    /// Counts transfers with sensors that did not end, or ended with an error.
+    pub fn on_failed_transfers(&mut self, overdue: u32, failed: u32) {
+        if self.listens() {
+            self.errors.overdue_transfers = self.errors.overdue_transfers.saturating_add(overdue);
+            self.errors.failed_transfers = self.errors.failed_transfers.saturating_add(failed);
         }
     }
 

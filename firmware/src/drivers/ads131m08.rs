@@ -5,6 +5,9 @@
 //! `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it; with
 //! RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words stand in the upper bits
 //! above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR.
+//! With REG_CRC_EN the converter watches its own registers: REG_MAP in STATUS says that their CRC has changed, by a write or
+//! by itself; F_RESYNC that the filters began anew; DRDYn that channel n has a conversion that was not read. STATUS in an
+//! answer clears the first two.
 //! The CRC of every frame is checked, and so are the zeros beneath it: a sample with a changed bit is an error,
 //! never a value.
 //!
@@ -36,10 +39,16 @@ const CLOCK: u8 = 0x03;
 const GAIN1: u8 = 0x04;
 const GAIN2: u8 = 0x05;
 
+const STATUS_RESYNCED: u16 = 1 << 14;
+const STATUS_REGISTERS: u16 = 1 << 13;
 const STATUS_CRC_ERROR: u16 = 1 << 12;
 const STATUS_RESET: u16 = 1 << 10;
-/// Input CRC on, CCITT, 24-bit words, SPI timeout on; writing it clears the RESET flag.
-const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
+/// What a frame with a sample must not say.
+const STATUS_BAD: u16 = STATUS_RESYNCED | STATUS_REGISTERS | STATUS_CRC_ERROR | STATUS_RESET;
+/// DRDYn of all channels.
+const STATUS_FRESH: u16 = 0xff;
+/// CRC of registers and of input on, CCITT, 24-bit words, SPI timeout on; writing it clears the RESET flag.
+const MODE_VALUE: u16 = 1 << 13 | 1 << 12 | 0b01 << 8 | 1 << 4;
 /// All channels, high resolution.
 const CLOCK_BASE: u16 = 0xff << 8 | 0b10;
 
@@ -53,7 +62,7 @@ const FULL_SCALE_CODES: f32 = 8_388_608.0;
 pub struct AdcConfig {
     /// 250, 500, 1000, 2000 or 4000 samples per second.
     pub rate_hz: u32,
-    /// 1, 2, 4, … 128.
+    /// Of the first six channels: 1, 2, 4, … 128. The others have gain 1.
     pub gain: u8,
 }
 
@@ -84,6 +93,12 @@ pub enum AdcError<E> {
     DeviceReset,
     /// The converter refused a command: its CRC had suffered on the way.
     InputCrc,
+    /// The converter's registers have changed by themselves: gain or rate may be others.
+    Registers,
+    /// The converter's filters began anew, by a pulse on its SYNC pin: this conversion is not settled.
+    Resynced,
+    /// The frame brings a conversion again that was read before: DRDY fell without a new one.
+    Stale,
     /// No such rate.
     BadRate(u32),
     /// No such gain.
@@ -107,6 +122,12 @@ impl AdcFrame {
         let volts = FULL_SCALE_V / FULL_SCALE_CODES / f32::from(gain);
         let [a, b, c, d, e, f, _, _] = self.codes;
         [a, b, c, d, e, f].map(|code| code as f32 * volts)
+    }
+
+    /// The seventh channel in volts at the converter's input: what a divider leaves of the gauges' excitation. It is not amplified.
+    pub fn excitation_v(&self) -> f32 {
+        let [.., excitation, _] = self.codes;
+        excitation as f32 * (FULL_SCALE_V / FULL_SCALE_CODES)
     }
 }
 
@@ -132,6 +153,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     /// No such rate or gain; another chip; a register that does not hold; a CRC either way; the bus.
+    #[inline(never)]
     pub fn bring_up(
         &mut self,
         delay: &mut impl DelayNs,
@@ -158,13 +180,23 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         }
         let gain = config.gain.trailing_zeros() as u16;
         let gains = gain | gain << 4 | gain << 8 | gain << 12;
-        for (register, value) in
-            [(MODE, MODE_VALUE), (CLOCK, CLOCK_BASE | oversampling << 2), (GAIN1, gains), (GAIN2, gains)]
-        {
+        let settings = [
+            (MODE, MODE_VALUE),
+            (CLOCK, CLOCK_BASE | oversampling << 2),
+            (GAIN1, gains),
+            // The last two channels see the excitation: at gain 1.
+            (GAIN2, gains & 0x00ff),
+        ];
+        for (register, value) in settings {
             self.write_register(register, value)?;
         }
+        // The registers' CRC has been computed anew, 784 bits at 4 MHz; the frames that empty the buffer clear its flag.
+        delay.delay_ms(1);
         for _ in 0..BUFFERED {
-            self.read_frame()?;
+            match self.read_frame() {
+                Ok(_) | Err(AdcError::Registers | AdcError::Resynced | AdcError::Stale) => {}
+                Err(error) => return Err(error),
+            }
         }
         Ok(())
     }
@@ -172,7 +204,8 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// Reads the sample that the converter has signalled.
     ///
     /// # Errors
-    /// A CRC that does not fit (counted), a restart of the converter, a command that it refused, the bus.
+    /// A CRC that does not fit (counted), a restart of the converter, registers that have changed, a command that it refused, a
+    /// conversion that is not settled or not new, the bus.
     #[inline]
     pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
         let mut bytes = READ;
@@ -180,11 +213,8 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         let [words @ .., _] = words(&bytes);
         let [status, channels @ ..] = words;
         let status = (status >> 8) as u16;
-        if status & STATUS_RESET != 0 {
-            return Err(AdcError::DeviceReset);
-        }
-        if status & STATUS_CRC_ERROR != 0 {
-            return Err(AdcError::InputCrc);
+        if status & (STATUS_BAD | STATUS_FRESH) != STATUS_FRESH {
+            return Err(refused(status));
         }
         // 24 bits at the top of 32, brought down with their sign.
         let codes = channels.map(|word| (word << 8).cast_signed() >> 8);
@@ -197,11 +227,13 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         Ok(AdcFrame { codes, status, saturated })
     }
 
+    #[inline(never)]
     fn read_register(&mut self, register: u8) -> Result<u16, AdcError<SPI::Error>> {
         self.answer(read_command(register))?;
         self.answer(command(NULL))
     }
 
+    #[inline(never)]
     fn write_register(&mut self, register: u8, value: u16) -> Result<(), AdcError<SPI::Error>> {
         self.answer(write_command(register, value))?;
         // A write is carried out even with a wrong CRC, perhaps at another address: only its answer tells.
@@ -236,6 +268,23 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     fn answer(&mut self, mut bytes: [u8; FRAME]) -> Result<u16, AdcError<SPI::Error>> {
         self.frame(&mut bytes)?;
         Ok(response(&bytes))
+    }
+}
+
+/// What a status says against the sample below it, the worst first.
+#[cold]
+#[inline(never)]
+fn refused<E>(status: u16) -> AdcError<E> {
+    if status & STATUS_RESET != 0 {
+        AdcError::DeviceReset
+    } else if status & STATUS_REGISTERS != 0 {
+        AdcError::Registers
+    } else if status & STATUS_CRC_ERROR != 0 {
+        AdcError::InputCrc
+    } else if status & STATUS_RESYNCED != 0 {
+        AdcError::Resynced
+    } else {
+        AdcError::Stale
     }
 }
 

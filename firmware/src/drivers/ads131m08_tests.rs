@@ -35,6 +35,10 @@ struct Converter {
     /// First word of the next frame; without one it is the status.
     answer: Option<u16>,
     crc_error: bool,
+    /// F_RESYNC and REG_MAP, until a status is sent.
+    flags: u16,
+    /// DRDYn of the next status.
+    fresh: u16,
     received: Vec<[u8; 30]>,
     /// Bit of the next frame to invert, on its way out or in.
     flip_out: Option<usize>,
@@ -49,6 +53,8 @@ impl Converter {
             codes: [0; 8],
             answer: Some(0xff28),
             crc_error: false,
+            flags: 0,
+            fresh: 0xff,
             received: Vec::new(),
             flip_out: None,
             flip_in: None,
@@ -64,13 +70,13 @@ impl Converter {
     }
 
     fn status(&self) -> u16 {
-        self.registers[2] & 0x0700 | u16::from(self.crc_error) << 12 | 0x00ff
+        self.registers[2] & 0x0700 | u16::from(self.crc_error) << 12 | self.flags | self.fresh
     }
 
     fn output(&mut self) -> [u8; 30] {
         let first = self.answer.take().unwrap_or_else(|| {
             let status = self.status();
-            self.crc_error = false;
+            (self.crc_error, self.flags) = (false, 0);
             status
         });
         let mut frame = [0; 30];
@@ -101,6 +107,7 @@ impl Converter {
             self.crc_error = true;
             if writes {
                 self.registers[address] = word(1);
+                self.flags |= (self.registers[2] & 1 << 13) | 1 << 14;
             }
             return;
         }
@@ -109,6 +116,8 @@ impl Converter {
             0b011 => {
                 if self.stuck != Some(address) {
                     self.registers[address] = word(1);
+                    // A write changes the registers' CRC and restarts the filters.
+                    self.flags |= (self.registers[2] & 1 << 13) | 1 << 14;
                 }
                 self.answer = Some(0b010 << 13 | command & 0x1fff);
             }
@@ -169,10 +178,10 @@ fn bring_up_leaves_the_registers_of_the_data_sheet_for_every_rate_and_gain() {
             let (mut driver, converter) = fresh();
             driver.bring_up(&mut NoWait, &AdcConfig { rate_hz, gain }).unwrap();
             let registers = converter.borrow().registers;
-            assert_eq!(registers[2], 0x1110, "CRC both ways, 24 bits, timeout, reset noted");
+            assert_eq!(registers[2], 0x3110, "CRC of registers and both ways, 24 bits, timeout, reset noted");
             assert_eq!(registers[3], 0xff02 | oversampling << 2);
             assert_eq!(registers[4], 0x1111 * exponent as u16);
-            assert_eq!(registers[5], registers[4]);
+            assert_eq!(registers[5], 0x0011 * exponent as u16, "the excitation is not amplified");
             assert_eq!(driver.crc_errors(), 0);
         }
     }
@@ -281,13 +290,41 @@ fn a_flipped_bit_in_a_write_never_passes_bring_up() {
 
 #[test]
 fn a_register_that_does_not_hold_is_named() {
-    for (register, value) in [(2, 0x1110), (3, 0xff16), (4, 0x6666), (5, 0x6666)] {
+    for (register, value) in [(2, 0x3110), (3, 0xff16), (4, 0x6666), (5, 0x0066)] {
         let (mut driver, converter) = fresh();
         converter.borrow_mut().stuck = Some(register);
         let kept = [0, 0, 0x0510, 0xff0e, 0, 0][register];
         let error = driver.bring_up(&mut NoWait, &CONFIG).unwrap_err();
         assert_eq!(error, AdcError::Verify { register: register as u8, wrote: value, read: kept });
     }
+}
+
+/// What only the status tells of a sample is looked at in every frame.
+#[test]
+fn a_status_that_speaks_against_its_sample_is_named_and_the_next_sample_is_good() {
+    let (mut driver, converter) = running();
+    let good = driver.read_frame().unwrap();
+    for (flags, expected) in [(1 << 13, AdcError::Registers), (1 << 14, AdcError::Resynced)] {
+        converter.borrow_mut().flags = flags;
+        assert_eq!(driver.read_frame(), Err(expected));
+        assert_eq!(driver.read_frame(), Ok(good));
+    }
+    // DRDY fell by itself: the conversion is that of before, on all channels or on one.
+    for fresh in [0x00, 0xfe, 0x7f] {
+        converter.borrow_mut().fresh = fresh;
+        assert_eq!(driver.read_frame(), Err(AdcError::Stale));
+        converter.borrow_mut().fresh = 0xff;
+        assert_eq!(driver.read_frame(), Ok(good));
+    }
+    assert_eq!(driver.crc_errors(), 0);
+}
+
+#[test]
+fn the_excitation_is_the_seventh_channel_at_gain_one() {
+    let (mut driver, converter) = running();
+    converter.borrow_mut().codes = [0, 0, 0, 0, 0, 0, 6_990_506, 0];
+    let volts = driver.read_frame().unwrap().excitation_v();
+    assert!((f64::from(volts) - 6_990_506.0 * 1.2 / 8_388_608.0).abs() < 1e-6, "{volts}");
 }
 
 /// A bus on which the same byte comes back for ever.

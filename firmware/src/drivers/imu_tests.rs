@@ -16,6 +16,10 @@ struct Chip {
     fifo: VecDeque<[u8; 20]>,
     full: bool,
     broken: bool,
+    /// The transfer with this number, counted from the next, brings nothing but ones; `fails`: and an error.
+    bad: Option<(u32, bool)>,
+    /// A register, by bank and address, in which these bits are flipped after they are written.
+    flips: Option<(usize, u8, u8)>,
     waited_ns: u64,
 }
 
@@ -23,12 +27,27 @@ impl Chip {
     fn new() -> Self {
         let mut banks = [[0; 128]; 5];
         banks[0][0x75] = 0x47;
-        Self { banks, fifo: VecDeque::new(), full: false, broken: false, waited_ns: 0 }
+        Self {
+            banks,
+            fifo: VecDeque::new(),
+            full: false,
+            broken: false,
+            bad: None,
+            flips: None,
+            waited_ns: 0,
+        }
     }
 
     fn write(&mut self, address: u8, value: u8) {
         let bank = if address == 0x76 { 0 } else { usize::from(self.banks[0][0x76]) };
-        self.banks[bank][usize::from(address)] = value;
+        let flipped =
+            self.flips.filter(|(b, a, _)| (*b, *a) == (bank, address)).map_or(0, |(_, _, bits)| bits);
+        self.banks[bank][usize::from(address)] = value ^ flipped;
+        if bank == 0 && address == 0x11 && value & 1 != 0 {
+            let id = self.banks[0][0x75];
+            self.banks = [[0; 128]; 5];
+            self.banks[0][0x75] = id;
+        }
         if bank == 0 && address == 0x4b && value & 2 != 0 {
             self.fifo.clear();
         }
@@ -59,6 +78,15 @@ impl SpiDevice for Bus {
         let mut chip = self.0.borrow_mut();
         if chip.broken {
             return Err(ErrorKind::Other);
+        }
+        if let Some((ahead, fails)) = chip.bad {
+            chip.bad = ahead.checked_sub(1).map(|ahead| (ahead, fails));
+            if ahead == 0 {
+                if let [Operation::TransferInPlace(bytes)] = operations {
+                    bytes.fill(0xff);
+                }
+                return if fails { Err(ErrorKind::Other) } else { Ok(()) };
+            }
         }
         match operations {
             [Operation::Write([address, value])] => chip.write(*address, *value),
@@ -221,4 +249,50 @@ fn a_chip_that_is_not_there_can_be_tried_again() {
     chip.borrow_mut().banks[0][0x75] = 0x47;
     assert_eq!(imu.bring_up(&mut clock, 1000), Ok(()));
     assert_eq!(imu.bring_up(&mut clock, 500), Ok(()));
+}
+
+/// One transfer that suffers, whichever it is of the some hundred of a bring-up, must not end the device.
+#[test]
+fn a_bad_transfer_anywhere_in_a_bring_up_leaves_a_chip_that_is_set_up_or_can_be_tried_again() {
+    let mut heals = 0;
+    for fails in [false, true] {
+        for ahead in 0..130 {
+            let (mut imu, chip) = fresh();
+            let mut clock = Clock(chip.clone());
+            chip.borrow_mut().bad = Some((ahead, fails));
+            if imu.bring_up(&mut clock, 1000).is_ok() {
+                heals += 1;
+            }
+            chip.borrow_mut().bad = None;
+            assert_eq!(imu.bring_up(&mut clock, 1000), Ok(()), "transfer {ahead}, fails: {fails}");
+            chip.borrow_mut().fifo.push_back(packet([4; 3], [2; 3], 0));
+            assert!(imu.read().unwrap().is_some());
+        }
+    }
+    assert_eq!(heals, 2 * 130, "another try heals it at once");
+}
+
+/// A bit of a setting that is flipped on its way is another range, rate or filter.
+#[test]
+fn every_flipped_bit_of_a_setting_is_found_and_named() {
+    let mut flips = 0;
+    for rate_hz in [200, 1000] {
+        for (bank, address, mask, wrote) in written(output_data_rate(rate_hz).unwrap()) {
+            if [WHO_AM_I & !0x80, BANK_SELECT].contains(&address) {
+                continue;
+            }
+            for bit in (0..8).map(|k| 1 << k).filter(|bit| mask & bit != 0) {
+                let (mut imu, chip) = fresh();
+                chip.borrow_mut().flips = Some((usize::from(bank), address, bit));
+                let error = imu.bring_up(&mut Clock(chip.clone()), rate_hz).unwrap_err();
+                let expected = ImuError::Verify { register: (bank, address), wrote, read: wrote ^ bit };
+                assert_eq!(error, expected, "bit {bit:#x}");
+                assert_eq!(imu.read(), Err(ImuError::NotReady), "no sample of another range");
+                chip.borrow_mut().flips = None;
+                assert_eq!(imu.bring_up(&mut Clock(chip.clone()), rate_hz), Ok(()));
+                flips += 1;
+            }
+        }
+    }
+    assert!(flips > 150, "{flips}");
 }

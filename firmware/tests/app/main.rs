@@ -5,9 +5,9 @@ use rigident_shared::consistency::{ITERATIONS, nearest};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    Answer, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind, LoadCellSettings,
-    MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, SensorFault, SettingName, Settings, Source,
-    StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
+    Answer, BadEnd, ClockSource, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind,
+    LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, ResetReason, SensorFault,
+    SettingName, Settings, Source, StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
 };
 
 mod line;
@@ -37,6 +37,7 @@ fn settings(source: Source) -> Settings {
             known_offset_n_nm: None,
             group_delay_ns: 0,
             range_n_nm: [1e4; 6],
+            excitation_v: None,
         },
         filter_width_s: 0.1,
         row_every: 2,
@@ -245,13 +246,84 @@ fn a_quiet_host_ends_in_holding_and_is_told() {
     assert!(host.telemetry.contains(&told));
 }
 
+/// Noise on the line is no host: neither bytes, nor zeros, nor a frame with a changed bit put off the end.
+#[test]
+fn noise_on_the_line_does_not_stand_for_a_host() {
+    let mut frame = [0; MAX_FRAME];
+    let length = encode(Kind::Command, 9, &Command::Heartbeat, &mut frame).unwrap();
+    frame[2] ^= 4;
+    for noise in [&[0x55][..], &[0], &[0xff, 0, 0xff], &frame[..length]] {
+        let mut host = Host::new();
+        host.run(Settings { host_timeout_ms: 2000, ..settings(Source::Injected) }, 0);
+        for ms in (0..2_050).step_by(10) {
+            for byte in noise {
+                host.app.on_byte(*byte, ms * 1_000_000);
+            }
+            host.app.tick(ms * 1_000_000);
+        }
+        assert_eq!(host.app.state(), (StateName::Holding, Reason::HostQuiet), "{noise:x?}");
+    }
+}
+
+#[test]
+fn a_restart_is_due_once_its_answer_is_sent_and_refused_where_nothing_can_do_it() {
+    let mut host = Host::new();
+    assert_eq!(host.ask(&Command::Restart), Err(ErrorCode::NotBuiltIn));
+    assert!(!host.app.restart_is_due());
+    host.app.can_restart();
+    host.run(settings(Source::Injected), 100);
+    host.send(77, &Command::Restart, 0);
+    assert!(!host.app.restart_is_due(), "its answer waits");
+    assert_eq!(host.drain(), [(77, Ok(Reply::Done))]);
+    assert!(host.app.restart_is_due());
+    assert_eq!(host.app.state().0, StateName::Holding, "what was absorbed is kept first");
+}
+
+/// A board that is asked for more than it can do says what it is, and where its program ended.
+#[test]
+fn the_hello_tells_the_chip_and_where_the_last_program_ended() {
+    let mut host = Host::new();
+    let end = BadEnd { pc: 0x0800_1234, lr: 0x0800_0001, status: 1 << 17, address: 0, line: 0, file: 0 };
+    host.app.is_chip(*b"twelve bytes", Some(end));
+    host.app.stack_was(21_000, 41_000);
+    let Ok(Reply::Hello(who)) = host.ask(&Command::Hello) else { panic!("no hello") };
+    assert_eq!((who.unique_id, who.ended), (*b"twelve bytes", Some(end)));
+    let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
+    assert_eq!(counters.stack_bytes, [21_000, 41_000]);
+}
+
+/// By the chip's own oscillator nobody can say which of two rates is wrong: the clock is told, and the run is not refused.
+#[test]
+fn a_rate_is_refused_by_a_crystal_and_not_by_the_chips_own_oscillator() {
+    for (clock, refused) in [(ClockSource::Crystal, true), (ClockSource::Internal, false)] {
+        let mut host = Host::new();
+        host.app.booted(ResetReason::PowerOn, clock);
+        assert_eq!(host.ask(&Command::Configure(settings(Source::Sensors))), Ok(Reply::Done));
+        // 200 Hz asked for, and 196.
+        for n in 1..300_u64 {
+            host.app.on_gauges(n * 5_102_041, [0.1; 6], 0.0);
+        }
+        let answer = host.ask(&Command::Start);
+        let expected = if refused { Err(ErrorCode::Sensors) } else { Ok(Reply::Done) };
+        assert_eq!(answer, expected, "{clock:?}");
+        let state = if refused {
+            (StateName::Fault, Reason::LoadCell(SensorFault::Rate))
+        } else {
+            (StateName::Running, Reason::Command)
+        };
+        assert_eq!(host.app.state(), state);
+    }
+}
+
 #[test]
 fn impossible_settings_are_named_and_change_nothing() {
     let mut host = Host::new();
     let good = settings(Source::Injected);
     assert_eq!(host.ask(&Command::Configure(good.clone())), Ok(Reply::Done));
     type Spoil = fn(&mut Settings);
-    let spoilt: [(Spoil, SettingName); 11] = [
+    let spoilt: [(Spoil, SettingName); 13] = [
+        (|s| s.load_cell.excitation_v = Some(2.5), SettingName::Excitation),
+        (|s| s.load_cell.excitation_v = Some(f32::NAN), SettingName::Excitation),
         (|s| s.rate_hz = 0.0, SettingName::Rate),
         (|s| s.rate_hz = f32::NAN, SettingName::Rate),
         (|s| s.imu.rotation_wxyz = [0.0; 4], SettingName::ImuRotation),
@@ -316,7 +388,7 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
         for _ in 0..9 {
             host.app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
         }
-        host.app.on_gauges(round + 1, [0.0; 6]);
+        host.app.on_gauges(round + 1, [0.0; 6], 0.0);
     }
     assert_eq!(host.app.state().0, StateName::Running);
     let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
@@ -344,7 +416,7 @@ fn answers_overtake_telemetry_and_what_has_no_room_is_counted() {
     host.run(s, 0);
     for n in 0..4000_u64 {
         host.app.on_imu(n * 5_000_000, [0.0, 0.1 * n as f32, 9.8], [0.0, 0.0, 0.001 * n as f32]);
-        host.app.on_gauges(n * 5_000_000, [n as f32; 6]);
+        host.app.on_gauges(n * 5_000_000, [n as f32; 6], 0.0);
         host.app.work();
     }
     // Nothing was fetched: the queue is full. The answer still comes, and soon.

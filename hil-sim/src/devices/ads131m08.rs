@@ -3,8 +3,9 @@
 //! One [`Ads131m08::transfer`] is one frame, chip select low to high. The answer to a command stands in the first
 //! word of the **next** frame; the last word is a CRC over all words before it. Modelled: the register map, NULL,
 //! RESET, STANDBY, WAKEUP, LOCK, UNLOCK, RREG, WREG, all word lengths, input and output CRC of both kinds, gain,
-//! offset and gain calibration, disabled channels, OSR. Not modelled: phase calibration, current detection, global
-//! chop, test signals, the register-map CRC, start-up times, the second level of the output buffer (a conversion that
+//! offset and gain calibration, disabled channels, OSR, the flags of the register map and of a resynchronisation, an
+//! oscillator of another frequency. Not modelled: phase calibration, current detection, global
+//! chop, test signals, the value of the register-map CRC, start-up times, the second level of the output buffer (a conversion that
 //! is not read is overwritten), and the filter's droop (5e-5 at 5 Hz and 1 kHz).
 //!
 //! Facts used: full scale ±1.2 V / gain; modulator at half of the 8.192 MHz clock; OSR up to 1024 is a sinc³,
@@ -12,7 +13,8 @@
 
 /// Full scale at gain 1, V.
 pub const FULL_SCALE_V: f64 = 1.2;
-const CLOCK_HZ: f64 = 8.192e6;
+/// Of the oscillator that the data sheet asks for, Hz.
+pub const CLOCK_HZ: f64 = 8.192e6;
 const CHANNELS: usize = 8;
 
 const ID: usize = 0x00;
@@ -26,7 +28,10 @@ const CH0_CFG: usize = 0x09;
 const LAST_WRITABLE: usize = 0x30;
 
 const STATUS_LOCK: u16 = 1 << 15;
+const STATUS_RESYNC: u16 = 1 << 14;
+const STATUS_REG_MAP: u16 = 1 << 13;
 const STATUS_CRC_ERR: u16 = 1 << 12;
+const MODE_REG_CRC_EN: u16 = 1 << 13;
 const MODE_RX_CRC_EN: u16 = 1 << 12;
 const MODE_CRC_ANSI: u16 = 1 << 11;
 const MODE_RESET: u16 = 1 << 10;
@@ -49,6 +54,9 @@ pub struct Ads131m08 {
     locked: bool,
     standby: bool,
     crc_error: bool,
+    /// F_RESYNC and REG_MAP, which a status that is sent clears.
+    flags: u16,
+    clock_hz: f64,
     answer: Answer,
     frames: u64,
     flips: Vec<(u64, usize)>,
@@ -70,6 +78,8 @@ impl Ads131m08 {
             locked: false,
             standby: false,
             crc_error: false,
+            flags: 0,
+            clock_hz: CLOCK_HZ,
             answer: Answer::Word(0xFF28),
             frames: 0,
             flips: Vec::new(),
@@ -89,6 +99,7 @@ impl Ads131m08 {
         }
         self.data = [0; CHANNELS];
         (self.fresh, self.locked, self.standby, self.crc_error) = (0, false, false, false);
+        self.flags = 0;
     }
 
     /// How many frames have passed since power-on.
@@ -102,13 +113,37 @@ impl Ads131m08 {
         self.flips.push((self.frames + ahead, bit));
     }
 
+    /// The oscillator has this frequency, Hz.
+    pub fn set_clock_hz(&mut self, clock_hz: f64) {
+        self.clock_hz = clock_hz;
+    }
+
+    /// Bits of a register change by themselves, as a discharge may do it.
+    pub fn disturb(&mut self, address: usize, bits: u16) {
+        if let Some(register) = self.registers.get_mut(address) {
+            *register ^= bits;
+            self.note_registers();
+        }
+    }
+
+    /// A pulse on the SYNC pin: the filters begin anew.
+    pub fn resynchronise(&mut self) {
+        self.flags |= STATUS_RESYNC;
+    }
+
+    fn note_registers(&mut self) {
+        if self.registers[MODE] & MODE_REG_CRC_EN != 0 {
+            self.flags |= STATUS_REG_MAP;
+        }
+    }
+
     fn oversampling(&self) -> f64 {
         128.0 * f64::from(1u32 << ((self.registers[CLOCK] >> 2) & 7))
     }
 
     /// Conversions per second, as the CLOCK register says; `None` in standby.
     pub fn rate_hz(&self) -> Option<f64> {
-        (!self.standby).then(|| 0.5 * CLOCK_HZ / self.oversampling())
+        (!self.standby).then(|| 0.5 * self.clock_hz / self.oversampling())
     }
 
     /// Group delay of the digital filter at the present OSR, s.
@@ -160,7 +195,7 @@ impl Ads131m08 {
     }
 
     fn status(&self) -> u16 {
-        let mut word = self.registers[MODE] & 0x0F00 | u16::from(self.fresh);
+        let mut word = self.registers[MODE] & 0x0F00 | u16::from(self.fresh) | self.flags;
         if self.locked {
             word |= STATUS_LOCK;
         }
@@ -226,7 +261,7 @@ impl Ads131m08 {
             }
         }
         if self.answer == Answer::Status {
-            self.crc_error = false;
+            (self.crc_error, self.flags) = (false, 0);
         }
         if !matches!(self.answer, Answer::Registers { .. }) {
             let sign_extended = self.registers[MODE] >> 8 & 3 == 3;
@@ -314,6 +349,7 @@ impl Ads131m08 {
         let sticky = if address == MODE { !MODE_RESET | self.registers[MODE] } else { !0 };
         if let Some(register) = self.registers.get_mut(address) {
             *register = value & sticky;
+            self.note_registers();
         }
     }
 }

@@ -162,6 +162,9 @@ impl RigConfig {
 }
 
 /// The fixed frames and matrices of a rig, ready for use.
+/// What the converter's seventh input sees of the gauges' excitation while it is the one of the calibration, V.
+pub const EXCITATION_V: f64 = 1.0;
+
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
     sensors: IdealSensors,
@@ -216,12 +219,14 @@ impl Mechanics {
         self.sensors.imu(plate)
     }
 
-    /// Voltages at the converter's eight inputs; the last two are shorted.
-    pub(super) fn gauges_v(&self, wrench: &[f64; 6]) -> [f64; 8] {
+    /// Voltages at the converter's eight inputs, with an excitation that is this many times the one of the calibration: six
+    /// bridges, what a divider leaves of the excitation, and an input that is shorted.
+    pub(super) fn inputs_v(&self, wrench: &[f64; 6], excitation: f64) -> [f64; 8] {
         let mut volts = [0.0; 8];
         for (v, row) in volts.iter_mut().zip(&self.volts_per_wrench) {
-            *v = row.iter().zip(wrench).map(|(c, w)| c * w).sum();
+            *v = excitation * row.iter().zip(wrench).map(|(c, w)| c * w).sum::<f64>();
         }
+        volts[6] = excitation * EXCITATION_V;
         volts
     }
 
@@ -281,12 +286,12 @@ mod tests {
         let config = RigConfig::thesis_horizontal();
         let mechanics = Mechanics::new(&config).unwrap();
         let wrench = [100.0, -200.0, 900.0, 5.0, -20.0, 3.0];
-        let gauges = mechanics.gauges_v(&wrench);
+        let gauges = mechanics.inputs_v(&wrench, 1.0);
         for (row, want) in config.gauge_calibration.iter().zip(wrench) {
             let got: f64 = row.iter().zip(gauges).map(|(c, g)| c * g).sum();
             assert!((got - want).abs() < 1e-10, "{got} {want}");
         }
-        assert_eq!(gauges[6..], [0.0, 0.0]);
+        assert_eq!(gauges[6..], [EXCITATION_V, 0.0]);
     }
 
     #[test]
@@ -297,7 +302,7 @@ mod tests {
             for (i, w) in wrench.iter_mut().enumerate() {
                 *w *= if signs >> i & 1 == 1 { -1.0 } else { 1.0 };
             }
-            assert!(mechanics.gauges_v(&wrench).iter().all(|v| v.abs() < 1.2 / 64.0));
+            assert!(mechanics.inputs_v(&wrench, 1.0)[..6].iter().all(|v| v.abs() < 1.2 / 64.0));
         }
     }
 

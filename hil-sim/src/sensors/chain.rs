@@ -104,6 +104,11 @@ impl LoadCellChain {
         self.faults.push(fault);
     }
 
+    /// The gauges' excitation at a time, as a ratio to the one of the calibration.
+    pub fn excitation(&self, time_s: f64) -> f64 {
+        self.faults.iter().filter_map(|f| f.excitation(time_s)).product()
+    }
+
     /// What stands at the converter's input at `time_s` when the wrench is `truth`; N, N m. Call in time order.
     pub fn read(&mut self, time_s: f64, truth: [f64; 6]) -> [f64; 6] {
         let mut w = match &mut self.pole {

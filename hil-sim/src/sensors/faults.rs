@@ -48,6 +48,13 @@ pub enum Fault {
         /// s.
         time_constant_s: f64,
     },
+    /// The gauges' excitation goes in a straight line from the one of the calibration to `to` times it, and stays there.
+    Excitation {
+        /// A ratio; 0: the wire is off.
+        to: f64,
+        /// When.
+        during: Range<f64>,
+    },
     /// Somebody hits the body: half a sine of wrench that the motion knows nothing of.
     Knock {
         /// When.
@@ -74,6 +81,13 @@ impl Fault {
             _ => return None,
         };
         Some(wrench.map(|w| factor * w))
+    }
+
+    /// The excitation's ratio to the one of the calibration at `time_s`.
+    pub(super) fn excitation(&self, time_s: f64) -> Option<f64> {
+        let Self::Excitation { to, during } = self else { return None };
+        let part = (time_s - during.start) / (during.end - during.start);
+        Some(1.0 + (to - 1.0) * part.clamp(0.0, 1.0))
     }
 
     /// Whether it freezes `channel` at `time_s`.

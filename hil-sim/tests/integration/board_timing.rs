@@ -225,9 +225,9 @@ fn with_the_ring_no_sample_is_lost_while_the_board_estimates() {
 /// their own times.
 #[test]
 fn what_does_not_fit_into_the_ring_is_counted_exactly() {
-    let (signalled, lost) = with_the_ring(30 * MS);
-    // Of 60 samples in 30 ms 31 find room, four times a second.
-    let expected = (60 - 31) * (END / ESTIMATES_EVERY) as u32;
+    let (signalled, lost) = with_the_ring(90 * MS);
+    // Of 180 samples in 90 ms 143 find room, four times a second.
+    let expected = (180 - 143) * (END / ESTIMATES_EVERY) as u32;
     let sum = lost[0] + lost[1];
     assert!(sum.abs_diff(expected) <= 4 * (END / ESTIMATES_EVERY) as u32 / 2, "{lost:?} of {signalled:?}");
     assert!(lost[0] > 0 && lost[1] > 0);

@@ -3,9 +3,11 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rigident_firmware::storage::{CheckpointHead, Layout, Store, StoreError};
+use rigident_firmware::{Buses, Instrument, Path};
+use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    CounterReport, ImuSettings, Kept, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source,
-    TelemetrySettings,
+    Command, CounterReport, ImuSettings, Kept, Kind, LoadCellSettings, MemorySettings, ModelSettings,
+    Settings, Source, TelemetrySettings, encode,
 };
 use rigident_sim::flash::{FlashDriver, FlashFault, SECTOR_BYTES, SECTORS, SharedFlash};
 
@@ -36,6 +38,7 @@ fn settings(rate_hz: f32) -> Settings {
             known_offset_n_nm: None,
             group_delay_ns: 0,
             range_n_nm: [1e4; 6],
+            excitation_v: None,
         },
         filter_width_s: 0.1,
         row_every: 2,
@@ -253,4 +256,47 @@ fn any_rotten_bit_is_found_out() {
         };
         assert!(honest, "bit {bit}: {found:?}");
     }
+}
+
+/// Where no sensor is.
+struct Nowhere;
+
+impl embedded_hal::spi::ErrorType for Nowhere {
+    type Error = embedded_hal::spi::ErrorKind;
+}
+
+impl embedded_hal::spi::SpiDevice for Nowhere {
+    fn transaction(&mut self, _: &mut [embedded_hal::spi::Operation<'_, u8>]) -> Result<(), Self::Error> {
+        Err(embedded_hal::spi::ErrorKind::Other)
+    }
+}
+
+impl embedded_hal::delay::DelayNs for Nowhere {
+    fn delay_ns(&mut self, _: u32) {}
+}
+
+/// A board stands still for seconds while sectors are erased: the answer leaves first, or the host gives up.
+#[test]
+fn nothing_is_erased_before_the_answer_has_left_and_while_the_host_is_heard() {
+    let flash = SharedFlash::of_board();
+    let mut store = store::<SECTOR_BYTES>(&flash);
+    let buses = Buses { load_cell: Nowhere, imus: [Nowhere, Nowhere], frames: Nowhere };
+    let mut instrument = Instrument::new("test", Box::new(Path::EMPTY), buses, Nowhere);
+    instrument.tend_when_quiet(&mut store, true);
+    let untouched = flash.lock().cells().to_vec();
+    let mut frame = [0; MAX_FRAME];
+    let length = encode(Kind::Command, 1, &Command::Configure(settings(200.0)), &mut frame).unwrap();
+    instrument.on_bytes(&frame[..length], 0);
+    assert_eq!(instrument.app().state().0, rigident_shared::wire::StateName::Configured);
+    assert!(instrument.tx_pending() > 0);
+    // The answer waits, in the instrument and then in the port's queue; then bytes of the host do.
+    instrument.tend_when_quiet(&mut store, true);
+    while instrument.poll_tx(&mut frame) > 0 {
+        instrument.tend_when_quiet(&mut store, false);
+    }
+    instrument.tend_when_quiet(&mut store, false);
+    assert!(*flash.lock().cells() == untouched[..], "something was erased");
+    instrument.tend_when_quiet(&mut store, true);
+    assert!(*flash.lock().cells() != untouched[..], "the settings are kept");
+    assert!(matches!(store.look(), Kept::Run(_)));
 }

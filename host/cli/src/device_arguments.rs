@@ -29,12 +29,15 @@ pub struct Ports {
 /// `rigident info`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident info\n  rigident info --port /dev/ttyACM0\n  rigident info --port ./rigident-rig --json"
+    after_help = "Examples:\n  rigident info\n  rigident info --port /dev/ttyACM0\n  rigident info --restart\n  rigident info --port ./rigident-rig --json"
 )]
 pub struct Info {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub device: PortOption,
+    /// Have the device start anew first, as after power-on; what its flash keeps stays
+    #[arg(long)]
+    pub restart: bool,
     /// Print a JSON object
     #[arg(long)]
     pub json: bool,

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use rigident_shared::wire::{Identity, StateName, Telemetry};
 use serde::Serialize;
 
+use super::doctor_sensors::sensors;
 use super::experiment::doubtful_clock;
 use super::ports::{Answered, answers, state};
 use super::simulated;
@@ -26,9 +27,9 @@ const EMULATOR: &str = "qemu-system-arm";
 const EARLIEST_S: u64 = 1_735_689_600;
 /// A device's clock is watched for so long.
 const CLOCK_S: f64 = 6.0;
-/// A crystal is within 100 ppm with years and temperature; an oscillator without one is off by up to 1 %.
+/// A crystal is within 100 ppm with years and temperature; an oscillator without one is off by up to 1 % at 25 °C and 4 % elsewhere.
 const CRYSTAL_PPM: f64 = 200.0;
-/// What is known no better than so does not tell an oscillator, which is off by up to 1 %, from a crystal.
+/// What is known no better than so does not tell an oscillator, which is off by per cents, from a crystal.
 const TELLS_PPM: f64 = 5000.0;
 
 /// How something stands.
@@ -46,7 +47,7 @@ pub(super) enum Standing {
 /// What was looked at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Check {
-    /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `clocks`.
+    /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `clocks`.
     pub(super) what: &'static str,
     pub(super) standing: Standing,
     /// What was found.
@@ -94,7 +95,10 @@ pub(super) fn all(port: Option<&str>) -> Vec<Check> {
     let (of_device, session) = device(&found);
     checks.push(of_device);
     checks.push(system_clock(SystemTime::now()));
-    checks.extend(session.map(|(port, mut session)| device_clock(&port, &mut session)));
+    if let Some((port, mut session)) = session {
+        checks.push(sensors(&port, &mut session));
+        checks.push(device_clock(&port, &mut session));
+    }
     checks
 }
 

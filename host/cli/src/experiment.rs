@@ -249,7 +249,7 @@ fn time_from(clock: ClockSource) -> &'static str {
         ClockSource::Simulated => "the simulator",
         ClockSource::Crystal => "a crystal",
         ClockSource::Internal => {
-            "the chip's own oscillator, because the crystal does not start: off by up to 1 %"
+            "the chip's own oscillator, because the crystal does not start: off by up to 1 % at 25 °C, 4 % elsewhere"
         }
         ClockSource::Slow => "the chip's own oscillator, unmultiplied: the board is too slow for its sensors",
         ClockSource::Emulated => "the emulator",

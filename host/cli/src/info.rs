@@ -1,9 +1,10 @@
 use std::process::ExitCode;
+use std::time::Duration;
 
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reason, Reply, ResetReason, SCHEMA_HASH,
-    SensorFault, StateName,
+    BadEnd, ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reason, Reply, ResetReason,
+    SCHEMA_HASH, SensorFault, StateName,
 };
 use serde_json::{Value, json};
 
@@ -12,11 +13,22 @@ use super::arguments::Info;
 use super::experiment::boot_notes;
 use super::link::open;
 use super::outcome::say;
+use rigident::device::link::LinkError;
 use rigident::device::ports::board_name;
+use rigident::device::session::Session;
+
+/// A board has started after so long: its clocks, and a look at what its flash keeps.
+const STARTS: Duration = Duration::from_millis(500);
 
 /// `rigident info`
 pub(super) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
-    let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    let (mut port, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    if arguments.restart {
+        restart(&mut session).map_err(|error| Failure::link(error).context(&port))?;
+        drop(session);
+        std::thread::sleep(STARTS);
+        (port, session) = open(Some(&port), &[])?;
+    }
     let identity = session.identity().clone();
     let counters = match session.client().ask("read the counters", &Command::ReadCounters) {
         Ok(Reply::Counters(counters)) => counters,
@@ -38,6 +50,11 @@ pub(super) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Has the device start anew.
+fn restart(session: &mut Session) -> Result<(), LinkError> {
+    session.client().ask("restart", &Command::Restart).map(drop)
+}
+
 /// Returns what a device says of itself.
 pub(super) fn of_identity(identity: &Identity) -> Value {
     let [major, minor, patch] = identity.firmware_version;
@@ -45,6 +62,7 @@ pub(super) fn of_identity(identity: &Identity) -> Value {
     let [(_, started_by), (_, time_from)] = boot_notes(identity);
     json!({
         "board": board_name(identity),
+        "unique_id": of_unique_id(identity.unique_id),
         "firmware": format!("{major}.{minor}.{patch}"),
         "firmware_hash": format!("{:08x}", identity.firmware_hash),
         "protocol": identity.protocol_version,
@@ -55,9 +73,27 @@ pub(super) fn of_identity(identity: &Identity) -> Value {
         "fault": fault,
         "reset": of_reset(identity.reset),
         "started_by": started_by,
+        "ended_at": of_end(identity.ended),
         "clock": of_clock(identity.clock),
         "time_from": time_from,
     })
+}
+
+/// Returns the chip's own number in hexadecimal digits, null if it has none.
+fn of_unique_id(id: [u8; 12]) -> Value {
+    if id == [0; 12] {
+        return Value::Null;
+    }
+    id.iter().map(|byte| format!("{byte:02x}")).collect::<String>().into()
+}
+
+/// Returns where the last program ended, in what a person who has its sources can look up; null if it did not end badly.
+pub(super) fn of_end(ended: Option<BadEnd>) -> Value {
+    let Some(BadEnd { pc, lr, status, address, line, file }) = ended else { return Value::Null };
+    if line > 0 {
+        return format!("line {line} of the file whose name has the FNV-1a {file:08x}").into();
+    }
+    format!("pc {pc:08x}, lr {lr:08x}, cfsr {status:08x}, address {address:08x}").into()
 }
 
 /// Returns a word for a state.
@@ -121,6 +157,9 @@ fn of_fault(fault: SensorFault) -> &'static str {
         SensorFault::Restarted => "restarted",
         SensorFault::Rate => "rate",
         SensorFault::Silent => "silent",
+        SensorFault::Resynced => "resynced",
+        SensorFault::Stale => "stale",
+        SensorFault::Excitation => "excitation",
     }
 }
 

@@ -49,7 +49,8 @@ fn next_fault(before: Option<&Fault>) -> Option<Fault> {
         Some(Fault::WarmUp { .. }) => {
             Some(Fault::Knock { during: 9.0..9.02, peak_n_nm: [200.0, 0.0, 300.0, 20.0, 0.0, 0.0] })
         }
-        Some(Fault::Knock { .. }) => None,
+        Some(Fault::Knock { .. }) => Some(Fault::Excitation { to: 0.99, during: 0.0..20.0 }),
+        Some(Fault::Excitation { .. }) => None,
     }
 }
 
@@ -85,6 +86,10 @@ fn on_channels(fault: &Fault) -> Vec<(String, Fault)> {
         Fault::Drift { .. } => vec![("offset that runs away".to_owned(), fault.clone())],
         Fault::WarmUp { .. } => vec![("offset that settles".to_owned(), fault.clone())],
         Fault::Knock { .. } => vec![("a knock".to_owned(), fault.clone())],
+        Fault::Excitation { .. } => vec![
+            ("excitation that drifts by 1 %".to_owned(), fault.clone()),
+            ("excitation that is gone".to_owned(), Fault::Excitation { to: 0.0, during: 8.0..8.001 }),
+        ],
     }
 }
 
@@ -180,8 +185,19 @@ pub fn cases() -> Vec<Case> {
     let faults = std::iter::successors(next_fault(None), |fault| next_fault(Some(fault)));
     for (name, fault) in faults.flat_map(|fault| on_channels(&fault)) {
         let short = matches!(fault, Fault::Frozen { channel: Channel::LoadCell, .. } | Fault::Knock { .. });
-        cases.push(disturbed(name, Expected::Detected, short, move |rig| rig.add_fault(fault.clone())));
+        // It is measured, and the gauges are divided by it.
+        let divided = matches!(fault, Fault::Excitation { to, .. } if to > 0.9);
+        let expected = if divided { Expected::Survived } else { Expected::Detected };
+        cases.push(disturbed(name, expected, short, move |rig| rig.add_fault(fault.clone())));
     }
+    cases.push(disturbed(
+        "converter: its oscillator has 8.0 and not 8.192 MHz",
+        Expected::Detected,
+        true,
+        |rig| {
+            rig.set_load_cell_clock_hz(8.0e6);
+        },
+    ));
     cases.push(disturbed("converter: a bit of a frame flips", Expected::Detected, true, |rig| {
         rig.flip_load_cell_bit(2000, 53);
     }));

@@ -13,7 +13,7 @@ use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::wire::{Source, StateName};
 use rigident_sim::flash::SharedFlash;
 use rigident_sim::link::LinkFaults;
-use rigident_sim::rig::{Rig, RigConfig, SharedRig, WiringFault};
+use rigident_sim::rig::{EXCITATION_V, Rig, RigConfig, SharedRig, WiringFault};
 use rigident_sim::runner::{PacedRig, Pacing, WithFlash};
 
 use super::Verdict;
@@ -53,6 +53,7 @@ fn rig_file(config: &RigConfig) -> RigFile {
             calibration: Some(config.gauge_calibration),
             group_delay_s: config.load_cell_group_delay_s(),
             range_n_nm: Some(cell.range_n_nm),
+            excitation_v: Some(EXCITATION_V),
             ..LoadCellTable::default()
         },
         ..RigFile::default()

@@ -57,6 +57,7 @@ fn settings() -> Settings {
             known_offset_n_nm: None,
             group_delay_ns: 0,
             range_n_nm: [1e4; 6],
+            excitation_v: None,
         },
         filter_width_s: 0.0,
         row_every: 1,

@@ -5,6 +5,7 @@
 use core::cell::RefCell;
 
 use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 // The global logger: frames on the emulator's standard output.
 use defmt_semihosting as _;
@@ -20,6 +21,10 @@ use rigident_shared::wire::bus::{Event as BusEvent, PollAnswer};
 const CLOCK_HZ: u32 = 25_000_000;
 const LOOKS_HZ: u32 = 1_000;
 
+/// A sensor as its driver sees it.
+type Device = bus::Sensor<'static>;
+type Board = Instrument<&'static mut Path, Device, Device, Device, NoWait>;
+
 #[entry]
 fn main() -> ! {
     let mut core = cortex_m::Peripherals::take().expect("taken once");
@@ -29,16 +34,10 @@ fn main() -> ! {
     core.SYST.enable_counter();
     core.SYST.enable_interrupt();
 
-    let pipes = RefCell::new(Pipes::open());
-    let buses = Buses {
-        load_cell: bus::Sensor::load_cell(&pipes),
-        imus: [bus::Sensor::imu(&pipes), bus::Sensor::second_imu(&pipes)],
-        frames: bus::Sensor::frames(&pipes),
-    };
-    let path = cortex_m::singleton!(: Path = Path::EMPTY).expect("taken once");
+    let pipes: &_ = singleton!(: RefCell<Pipes> = RefCell::new(Pipes::open())).expect("taken once");
     #[cfg(feature = "storage")]
-    let mut store = flash::store(&pipes);
-    let mut instrument = Instrument::new("mps2-an386", path, buses, NoWait);
+    let mut store = flash::store(pipes);
+    let instrument = instrument(pipes);
     let mut now_ns = 0;
     let mut chunk = [0; 64];
     uart::start();
@@ -50,7 +49,7 @@ fn main() -> ! {
         }
         let n = uart::receive(&mut chunk);
         instrument.on_bytes(chunk.get(..n).unwrap_or_default(), now_ns);
-        if QUEUES.fill(&mut instrument, &mut chunk) {
+        if QUEUES.fill(instrument, &mut chunk) {
             uart::send();
         }
         if instrument.tx_pending() > 0 {
@@ -69,7 +68,7 @@ fn main() -> ! {
             BusEvent::FrameReady => Sensor::Frames,
             BusEvent::Exit => exit::success(),
             BusEvent::Idle => {
-                if QUEUES.fill(&mut instrument, &mut chunk) {
+                if QUEUES.fill(instrument, &mut chunk) {
                     uart::send();
                 }
                 QUEUES.wait();
@@ -78,6 +77,18 @@ fn main() -> ! {
         };
         instrument.on_event(Event { sensor, capture_time_ns: time_ns });
     }
+}
+
+/// The application where it stays: made on a stack of its own, which is gone afterwards.
+#[inline(never)]
+fn instrument(pipes: &'static RefCell<Pipes>) -> &'static mut Board {
+    let buses = Buses {
+        load_cell: bus::Sensor::load_cell(pipes),
+        imus: [bus::Sensor::imu(pipes), bus::Sensor::second_imu(pipes)],
+        frames: bus::Sensor::frames(pipes),
+    };
+    let path = singleton!(: Path = Path::EMPTY).expect("taken once");
+    singleton!(: Board = Instrument::new("mps2-an386", path, buses, NoWait)).expect("taken once")
 }
 
 #[exception]

@@ -165,6 +165,7 @@ pub fn settings(rig: &RigConfig) -> Settings {
             known_offset_n_nm: None,
             group_delay_ns: nanoseconds(rig.load_cell_group_delay_s()),
             range_n_nm: cell.range_n_nm.map(|v| v as f32),
+            excitation_v: None,
         },
         filter_width_s: 0.06,
         row_every: 10,

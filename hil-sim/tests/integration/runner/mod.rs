@@ -6,4 +6,5 @@ mod in_process;
 mod suspended_tree;
 mod tracked_tree;
 mod tree;
+mod trust;
 mod two_links;

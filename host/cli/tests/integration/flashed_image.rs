@@ -110,6 +110,29 @@ fn it_says_what_it_is_and_why_it_started() {
     assert!(words.contains("time_from: the emulator"), "{words}");
 }
 
+/// Whatever state it is in, a command has it start anew, and it says how deep its stack has been.
+#[test]
+#[ignore = "needs the STM32F405's image"]
+fn it_starts_anew_when_it_is_asked_to() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    let board = Board::boot(at);
+    fs::write(at.join("rig.toml"), RIG).unwrap();
+    // No converter answers in the emulator: a fault, out of which only a reset led.
+    let output = rigident(at, &["configure", "--port", &board.port, "--rig", "rig.toml"]);
+    assert!(status(&output) > 1, "{}", said(&output));
+    assert_eq!(board.info(at)["state"], "fault");
+    let output = rigident(at, &["info", "--port", &board.port, "--restart", "--json"]);
+    assert_eq!(status(&output), 0, "{}", said(&output));
+    let info = json(&output);
+    assert_eq!((&info["state"], &info["reason"]), (&"idle".into(), &"boot".into()));
+    // The stack is looked at while the board has nothing else to do.
+    std::thread::sleep(Duration::from_millis(1500));
+    let stack = board.info(at)["counters"]["stack_bytes"].clone();
+    let (deepest, size) = (stack[0].as_u64().unwrap(), stack[1].as_u64().unwrap());
+    assert!(deepest > 1000 && deepest < size, "{stack}");
+}
+
 #[test]
 #[ignore = "needs the STM32F405's image"]
 fn it_replays_a_recording_with_the_bits_of_the_firmware_in_this_process() {

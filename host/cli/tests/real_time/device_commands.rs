@@ -108,9 +108,11 @@ fn other_firmware(port: &mut Port, leave: &AtomicBool) {
         firmware_version: [9, 9, 9],
         firmware_hash: 1,
         board: *b"another\0\0\0\0\0\0\0\0\0",
+        unique_id: [0; 12],
         state: StateName::Idle,
         reason: Reason::Boot,
         reset: ResetReason::PowerOn,
+        ended: None,
         clock: ClockSource::Crystal,
         kept: Kept::default(),
     };

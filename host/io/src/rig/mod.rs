@@ -388,6 +388,10 @@ pub struct LoadCellTable {
     /// `wrench = calibration · gauges`, N/V and N m/V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<[[f64; 6]; 6]>,
+    /// What the converter's seventh input has of the gauges' excitation while it is the one of the calibration, V: the device
+    /// then divides the gauges by the excitation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation_v: Option<f64>,
     /// Group delay, s.
     pub group_delay_s: f64,
     /// Bandwidth, Hz.
@@ -417,6 +421,7 @@ impl Default for LoadCellTable {
             crosstalk_std: None,
             drift_std_n_nm: None,
             calibration: None,
+            excitation_v: None,
             group_delay_s: 0.0,
             bandwidth_hz: None,
             range_n_nm: None,

@@ -467,6 +467,7 @@ impl Check<'_> {
         let six = |values: &Option<[f64; 6]>| values.map(Vec::from).unwrap_or_default();
         self.all("load_cell.noise_n_nm", &six(&cell.noise_n_nm), |v| v > 0.0, NOISE)?;
         self.positive("load_cell.range_n_nm", &six(&cell.range_n_nm))?;
+        self.positive("load_cell.excitation_v", cell.excitation_v.as_slice())?;
         self.all("load_cell.gain_uncertainty", &six(&cell.gain_uncertainty), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.all("load_cell.crosstalk_std", cell.crosstalk_std.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.all("load_cell.drift_std_n_nm", &six(&cell.drift_std_n_nm), |v| v >= 0.0, NOT_NEGATIVE)?;

@@ -14,8 +14,8 @@ use rigident_fit::{Factor, NoiseGram, compensate};
 
 /// A command is sent again after so long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
-/// And given up after so many times.
-const ATTEMPTS: u32 = 6;
+/// And given up after so many times: a board answers nothing while it erases three sectors of its flash, of two seconds at most.
+const ATTEMPTS: u32 = 10;
 /// Channels of a wrench.
 const WRENCH: usize = 6;
 /// For messages.

@@ -118,6 +118,7 @@ pub fn settings(
             known_offset_n_nm: known_offset.map(|o| o.map(|v| v as f32)),
             group_delay_ns: delay(cell.group_delay_s),
             range_n_nm: cell.range_n_nm.unwrap_or([NO_RANGE; 6]).map(|v| v as f32),
+            excitation_v: cell.excitation_v.map(|v| v as f32),
         },
         filter_width_s: if timing.is_static { 0.0 } else { filter_width_s(timing.rate_hz) as f32 },
         row_every: every,

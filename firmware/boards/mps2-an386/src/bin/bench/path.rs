@@ -86,7 +86,7 @@ fn telling(
             app.work();
         }
         time_ns += 370_000;
-        app.on_gauges(time_ns, *volts);
+        app.on_gauges(time_ns, *volts, 0.0);
         app.work();
         after(&mut app);
     };
@@ -310,6 +310,7 @@ fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
             known_offset_n_nm,
             group_delay_ns: 1_500_000,
             range_n_nm: [1e6; 6],
+            excitation_v: None,
         },
         filter_width_s: 0.1,
         row_every: 10,
