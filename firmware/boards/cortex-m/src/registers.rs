@@ -10,8 +10,8 @@ impl Register {
     /// Returns the register at an address.
     ///
     /// # Safety
-    /// A 32-bit register must be at the address, which must be a multiple of four. Of those that name memory it must be sound
-    /// what is written to them.
+    /// A 32-bit register must be at the address, which must be a multiple of four, and no value written to it may harm memory:
+    /// one that names memory is an [`AddressRegister`].
     pub const unsafe fn new(address: usize) -> Self {
         Self(address)
     }
@@ -26,8 +26,7 @@ impl Register {
     /// Gives it a value.
     #[inline]
     pub fn write(self, value: u32) {
-        // SAFETY: whoever made it promised an aligned register; what is written to those that name memory is said where it is
-        // written.
+        // SAFETY: whoever made it promised an aligned register that takes any value.
         unsafe { ptr::write_volatile(self.0 as *mut u32, value) }
     }
 
@@ -39,8 +38,33 @@ impl Register {
 
     /// Returns its address.
     #[inline]
-    pub fn address(self) -> usize {
+    pub const fn address(self) -> usize {
         self.0
+    }
+}
+
+/// A register that names memory which a peripheral reads or writes by itself.
+#[derive(Clone, Copy)]
+pub struct AddressRegister(Register);
+
+impl AddressRegister {
+    /// Returns the register at an address.
+    ///
+    /// # Safety
+    /// As of [`Register::new`].
+    pub const unsafe fn new(address: usize) -> Self {
+        // SAFETY: the caller's promise.
+        Self(unsafe { Register::new(address) })
+    }
+
+    /// Names memory.
+    ///
+    /// # Safety
+    /// What the peripheral does to the memory from here on must be sound: it lives as long, it is long enough, and whoever else
+    /// uses it expects that.
+    #[inline]
+    pub unsafe fn write(self, address: usize) {
+        self.0.write(address as u32);
     }
 }
 

@@ -13,14 +13,15 @@ use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
-use cortex_m_rt::{entry, exception};
+use cortex_m_rt::{ExceptionFrame, entry, exception};
 use embedded_hal::delay::DelayNs;
 use registers::*;
 use rigident_cortex_m::absent::Absent;
 use rigident_cortex_m::interrupts::{pend, unmask};
 use rigident_cortex_m::serial::Queues;
+use rigident_firmware::progress::{Progress, Turn};
 use rigident_firmware::{Buses, Instrument, Path};
-use rigident_shared::wire::{ClockSource, ResetReason};
+use rigident_shared::wire::{BadEnd, ClockSource, ResetReason};
 
 /// Tells the boot ROM what it looks for: an image for the secure Arm core (data sheet, 5.9.5).
 // SAFETY: the section holds nothing else, and the ROM only reads it.
@@ -51,8 +52,10 @@ type Board = Instrument<&'static mut Path, Absent, Absent, Absent, NoWait>;
 
 #[entry]
 fn main() -> ! {
+    let (reset, ended) = reason();
     let mut core = cortex_m::Peripherals::take().expect("taken once");
     let (clock_hz, source) = clocks();
+    start_watchdog();
     core.SYST.set_clock_source(SystClkSource::Core);
     core.SYST.set_reload(clock_hz / LOOKS_HZ - 1);
     core.SYST.clear_current();
@@ -60,15 +63,26 @@ fn main() -> ! {
     core.SYST.enable_interrupt();
     start_uart(clock_hz);
     let instrument = instrument();
-    instrument.booted(ResetReason::Unknown, source);
+    instrument.booted(reset, source);
+    instrument.is_chip([0; 12], ended);
+    instrument.can_restart();
     let mut chunk = [0; 64];
+    let mut progress = Progress::default();
     loop {
+        let turn = Turn { waiting: QUEUES.to_host.len(), ..Turn::default() };
+        if progress.goes_on(now_ns(), &turn) {
+            WATCHDOG_LOAD.write(WATCHDOG_US);
+        }
         let count = QUEUES.receive(&mut chunk);
         instrument.on_bytes(chunk.get(..count).unwrap_or_default(), now_ns());
         instrument.tick(now_ns());
         // Received bytes that found no room, and bytes to send, are the interrupt's.
         if QUEUES.fill(instrument, &mut chunk) || count > 0 {
             pend(UART0_INTERRUPT);
+        }
+        let sent = QUEUES.to_host.is_empty() && UART_FR.read() & BUSY == 0;
+        if instrument.app().restart_is_due() && sent {
+            SCB::sys_reset();
         }
         if count == 0 {
             QUEUES.wait();
@@ -130,7 +144,9 @@ fn start_pll() -> bool {
 
 fn start_uart(clock_hz: u32) {
     for (function, pad) in [(GPIO0_CTRL, GPIO0_PAD), (GPIO1_CTRL, GPIO1_PAD)] {
-        set(pad, 1 << 6);
+        // Input on, pulled up and no longer down: a line that is open is silent, and does not stay at 2.2 V (erratum E9).
+        set(pad, 1 << 6 | 1 << 3);
+        clear(pad, 1 << 2);
         function.write(2);
         // Its output is let out, its isolation taken off.
         clear(pad, 1 << 7 | 1 << 8);
@@ -149,6 +165,7 @@ fn start_uart(clock_hz: u32) {
 /// Received, or nothing more for a while.
 const RECEIVE: u32 = 1 << 4 | 1 << 6;
 const SEND: u32 = 1 << 5;
+const BUSY: u32 = 1 << 3;
 const EMPTY: u32 = 1 << 4;
 const FULL: u32 = 1 << 5;
 
@@ -186,6 +203,49 @@ fn now_ns() -> u64 {
 #[exception]
 fn SysTick() {}
 
+/// Of the watchdog, without progress, µs.
+const WATCHDOG_US: u32 = 6_000_000;
+const MARK: u32 = 0x5249_4400;
+const PANICKED: u32 = 1;
+const FAULTED: u32 = 2;
+
+/// Starts the watchdog: everything but the oscillators starts anew.
+fn start_watchdog() {
+    TICKS_WATCHDOG_CYCLES.write(CRYSTAL_HZ / 1_000_000);
+    TICKS_WATCHDOG_CTRL.write(1);
+    PSM_WDSEL.write(0x01ff_fff3);
+    WATCHDOG_LOAD.write(WATCHDOG_US);
+    // On; it stands still while a debugger holds a core.
+    WATCHDOG_CTRL.write(1 << 30 | 0b111 << 24);
+}
+
+/// Returns why the chip started, and where the last program ended if that was a panic or a fault. Asking forgets it.
+fn reason() -> (ResetReason, Option<BadEnd>) {
+    let [mark, first, second, third] = WATCHDOG_SCRATCH.map(Register::read);
+    WATCHDOG_SCRATCH.iter().for_each(|register| register.write(0));
+    let end = BadEnd::default();
+    match mark.wrapping_sub(MARK) {
+        PANICKED => (ResetReason::Panic, Some(BadEnd { line: first, ..end })),
+        FAULTED => (ResetReason::Fault, Some(BadEnd { pc: first, lr: second, status: third, ..end })),
+        _ if WATCHDOG_REASON.read() & 1 != 0 => (ResetReason::Watchdog, None),
+        _ => (ResetReason::Unknown, None),
+    }
+}
+
+fn end(why: u32, told: [u32; 3]) -> ! {
+    cortex_m::interrupt::disable();
+    let [mark, first, second, third] = WATCHDOG_SCRATCH;
+    mark.write(MARK + why);
+    [first, second, third].iter().zip(told).for_each(|(register, word)| register.write(word));
+    SCB::sys_reset()
+}
+
+// SAFETY: it touches no state of the program it interrupts, and does not return.
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    end(FAULTED, [frame.pc(), frame.lr(), SCB_CFSR.read()])
+}
+
 // SAFETY: the handler touches what the port keeps for it.
 #[exception]
 unsafe fn DefaultHandler(line: i16) {
@@ -195,6 +255,6 @@ unsafe fn DefaultHandler(line: i16) {
 }
 
 #[panic_handler]
-fn panic(_: &PanicInfo) -> ! {
-    SCB::sys_reset()
+fn panic(info: &PanicInfo) -> ! {
+    end(PANICKED, [info.location().map_or(0, core::panic::Location::line), 0, 0])
 }

@@ -68,3 +68,19 @@ pub const TIMER_RAWL: Register = at(TIMER0, 0x28);
 const TICKS: usize = 0x4010_8000;
 pub const TICKS_TIMER0_CTRL: Register = at(TICKS, 0x18);
 pub const TICKS_TIMER0_CYCLES: Register = at(TICKS, 0x1c);
+pub const TICKS_WATCHDOG_CTRL: Register = at(TICKS, 0x30);
+pub const TICKS_WATCHDOG_CYCLES: Register = at(TICKS, 0x34);
+
+const PSM: usize = 0x4001_8000;
+pub const PSM_WDSEL: Register = at(PSM, 0x08);
+
+const WATCHDOG: usize = 0x400d_8000;
+pub const WATCHDOG_CTRL: Register = at(WATCHDOG, 0x00);
+pub const WATCHDOG_LOAD: Register = at(WATCHDOG, 0x04);
+pub const WATCHDOG_REASON: Register = at(WATCHDOG, 0x08);
+/// Words that only power coming on and the RUN pin clear; the boot ROM uses the other four.
+pub const WATCHDOG_SCRATCH: [Register; 4] =
+    [at(WATCHDOG, 0x0c), at(WATCHDOG, 0x10), at(WATCHDOG, 0x14), at(WATCHDOG, 0x18)];
+
+/// The core's faults, by kinds.
+pub const SCB_CFSR: Register = at(0xe000_ed28, 0);

@@ -7,7 +7,7 @@ use rigident_shared::wire::ClockSource;
 
 use crate::registers::{
     FLASH_ACR, PWR_CR, RCC_AHB1ENR, RCC_APB1ENR, RCC_APB2ENR, RCC_CFGR, RCC_CIR, RCC_CR, RCC_PLLCFGR,
-    wait_for,
+    RCC_RSTR, wait_for,
 };
 
 /// The crystal, MHz: of Olimex' and WeAct's F405, of a Nucleo-F446RE (its debugger's 8 MHz), of WeAct's F411.
@@ -23,6 +23,7 @@ const CRYSTAL_LOOKS: u32 = 200_000;
 const PLL_LOOKS: u32 = 10_000;
 
 const HSION: u32 = 1;
+const HSIRDY: u32 = 1 << 1;
 const HSEON: u32 = 1 << 16;
 const HSERDY: u32 = 1 << 17;
 const HSEBYP: u32 = 1 << 18;
@@ -56,6 +57,26 @@ pub fn start() -> Clocks {
     clocks
 }
 
+/// The chip's own loader leaves its PLL on and the core on it, and its peripherals running.
+fn as_after_a_reset() {
+    RCC_CR.change(0, HSION);
+    wait_for(RCC_CR, HSIRDY, HSIRDY, PLL_LOOKS);
+    RCC_CFGR.write(0);
+    wait_for(RCC_CFGR, SWITCHED, 0, PLL_LOOKS);
+    RCC_CR.change(HSEON | CSSON | PLLON, 0);
+    wait_for(RCC_CR, PLLRDY, 0, PLL_LOOKS);
+    // With its oscillator off this bit may be changed.
+    RCC_CR.change(HSEBYP, 0);
+    RCC_CIR.write(0);
+    // GPIOA, GPIOB, DMA2; USB; TIM2, USART2; SPI1, SYSCFG.
+    for (register, used) in
+        RCC_RSTR.into_iter().zip([1 | 1 << 1 | 1 << 22, 1 << 7, 1 | 1 << 17, 1 << 12 | 1 << 14])
+    {
+        register.change(0, used);
+        register.change(used, 0);
+    }
+}
+
 fn choose() -> Clocks {
     if RCC_CR.read() == 0 {
         // What QEMU's machine gives core and timers; its serial port has no rate.
@@ -66,6 +87,7 @@ fn choose() -> Clocks {
             source: ClockSource::Emulated,
         };
     }
+    as_after_a_reset();
     RCC_APB1ENR.change(0, 1 << 28);
     // The highest voltage scale, before the PLL runs: one bit of the F405, two of the others.
     PWR_CR.change(0, if cfg!(any(feature = "f446", feature = "f411")) { 0b11 << 14 } else { 1 << 14 });

@@ -9,7 +9,10 @@ use embedded_storage::nor_flash::{
 };
 use rigident_firmware::storage::{Layout, Store};
 
-use crate::registers::{FLASH_ACR, FLASH_CR, FLASH_KEYR, FLASH_SR, KEPT_BYTES, kept_word, wait_for};
+use crate::registers::{
+    FLASH_ACR, FLASH_CR, FLASH_KEYR, FLASH_OPTCR, FLASH_OPTKEYR, FLASH_SR, KEPT_BYTES, PWR_CR, PWR_CSR,
+    kept_word, wait_for,
+};
 use crate::watchdog;
 
 /// Bytes of a sector.
@@ -53,14 +56,49 @@ impl NorFlashError for Failed {
 
 const FAILED: Failed = Failed(NorFlashErrorKind::Other);
 
-/// Returns the store: half of the room for settings, half for checkpoints. `None` if it does not fit. To be called once.
+const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
+const OPTION_LOCK: u32 = 1;
+const OPTION_START: u32 = 1 << 1;
+/// The chip is held in reset below 2.7 to 3.0 V: level 3, whose bits are both clear. From the factory it is off.
+const BROWN_OUT: u32 = 0b11 << 2;
+/// The supply is watched: 2.9 V, and says if it is below.
+const WATCH_SUPPLY: u32 = 0b111 << 5 | 1 << 4;
+const SUPPLY_IS_LOW: u32 = 1 << 2;
+
+/// Has the chip stop where the supply is too low to program flash, if it does not yet: words of 32 bits need 2.7 V, and code
+/// that runs on below it may write anything. Returns whether it does from the next start on.
+pub fn guard_supply() -> bool {
+    PWR_CR.change(0, WATCH_SUPPLY);
+    if FLASH_OPTCR.read() & BROWN_OUT == 0 {
+        return true;
+    }
+    if PWR_CSR.read() & SUPPLY_IS_LOW != 0 {
+        return false;
+    }
+    OPTION_KEYS.iter().for_each(|key| FLASH_OPTKEYR.write(*key));
+    // Nothing else of the option bytes is changed.
+    FLASH_OPTCR.change(BROWN_OUT, 0);
+    FLASH_OPTCR.change(0, OPTION_START);
+    let done = wait_for(FLASH_SR, BUSY, 0, SECTOR_LOOKS);
+    FLASH_OPTCR.change(0, OPTION_LOCK);
+    done && FLASH_OPTCR.read() & BROWN_OUT == 0
+}
+
+/// Returns the store: half of the room for settings, half for checkpoints. `None` if it does not fit, or the supply is not guarded. To be
+/// called once.
 pub fn store() -> Option<Store<Flash>> {
+    if !guard_supply() {
+        return None;
+    }
     const HALF: u32 = KEPT_BYTES as u32 / 2;
     Store::new(Flash(()), Layout { settings: 0..HALF, checkpoints: HALF..2 * HALF }).ok()
 }
 
 /// Lets the controller do something, and forgets what the data cache has of the cells.
 fn unlocked(what: impl FnOnce() -> bool) -> Result<(), Failed> {
+    if PWR_CSR.read() & SUPPLY_IS_LOW != 0 {
+        return Err(FAILED);
+    }
     KEYS.iter().for_each(|key| FLASH_KEYR.write(*key));
     FLASH_SR.write(ERRORS);
     let done = what() && FLASH_SR.read() & ERRORS == 0;

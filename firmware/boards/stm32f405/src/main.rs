@@ -9,11 +9,13 @@ use cortex_m_rt::{entry, exception};
 #[cfg(feature = "rtt")]
 use defmt_rtt as _;
 use rigident_cortex_m::absent::Absent;
+use rigident_cortex_m::stack;
 use rigident_firmware::capture::{Answering, Capture, Lost, Place, Ring, Samples};
+use rigident_firmware::progress::{Progress, Turn};
 #[cfg(feature = "storage")]
 use rigident_firmware::storage::Store;
 use rigident_firmware::{Buses, Event, Instrument, Path, Sensor};
-use rigident_shared::wire::StateName;
+use rigident_shared::wire::{ClockSource, StateName};
 use stm32f405::clock::{self, Clocks};
 #[cfg(feature = "storage")]
 use stm32f405::flash::{self, Flash};
@@ -23,8 +25,10 @@ use stm32f405::time::{self, Time, Wait};
 use stm32f405::usart::QUEUES;
 use stm32f405::{CHIP, spi, start, usart, watchdog};
 
-/// Wake-ups of an idle machine, 1/s.
+/// Wake-ups of an idle machine, and looks at the bus, 1/s.
 const LOOKS_HZ: u32 = 1_000;
+/// How deep the stack has been is looked at this often, while there is nothing else to do, ns.
+const MARK_EVERY_NS: u64 = 1_000_000_000;
 
 /// A sensor as its driver sees it.
 type Device = Answering<'static, OnBus>;
@@ -35,7 +39,9 @@ static LOST: Lost = Lost::new();
 
 #[entry]
 fn main() -> ! {
-    let reset = start::reason();
+    start::forget_the_loader();
+    stack::guard();
+    let (reset, ended) = start::reason();
     let core = cortex_m::Peripherals::take().expect("taken once");
     let clocks = clock::start();
     watchdog::start();
@@ -55,6 +61,10 @@ fn main() -> ! {
         frames: Absent,
     });
     instrument.booted(reset, clocks.source);
+    // The emulator has nothing at that address.
+    let emulated = clocks.source == ClockSource::Emulated;
+    instrument.is_chip(if emulated { [0; 12] } else { start::unique_id() }, ended);
+    instrument.can_restart();
     instrument.line_goes_up_to(usart::fastest(&clocks));
     #[cfg(feature = "storage")]
     let mut store = singleton!(: Option<Store<Flash>> = flash::store()).and_then(Option::as_mut);
@@ -63,28 +73,29 @@ fn main() -> ! {
     let mut overruns = 0;
     let mut baud = usart::BAUD;
     let mut chunk = [0; 64];
+    let (mut progress, mut failures, mut next_mark_ns) = (Progress::default(), sensors::failures(), 0);
+    start::go();
     loop {
-        watchdog::feed();
         let count = usart::receive(&mut chunk);
-        if count > 0 && instrument.app().state().0 != StateName::Running {
-            // It may be told to bring the sensors up, which nobody may interrupt.
+        instrument.on_bytes_pausing(chunk.get(..count).unwrap_or_default(), time.now_ns(), || {
+            // Nobody may interrupt while the sensors are brought up.
             listening = [false; 3];
             sensors::listen(listening);
-        }
-        instrument.on_bytes(chunk.get(..count).unwrap_or_default(), time.now_ns());
+        });
         let wanted = instrument.app().wanted();
         if wanted != listening {
             samples.clear();
             sensors::listen(wanted);
             listening = wanted;
         }
-        #[cfg(feature = "storage")]
-        if let Some(store) = &mut store {
-            instrument.tend(store);
-        }
         let mut idle = count == 0;
+        let running = instrument.app().state().0 == StateName::Running;
+        let mut turn = Turn { needed: if running { wanted } else { [false; 3] }, ..Turn::default() };
         while let Some(sample) = samples.take() {
             idle = false;
+            if let Some(came) = turn.came.get_mut(sample.sensor as usize) {
+                *came = true;
+            }
             place.set(Some(sample));
             instrument.on_event(Event { sensor: sample.sensor, capture_time_ns: time.of(sample.ticks) });
             place.set(None);
@@ -93,12 +104,36 @@ fn main() -> ! {
         for (sensor, lost) in samples.newly_lost() {
             instrument.on_lost(sensor, lost);
         }
+        let before = core::mem::replace(&mut failures, sensors::failures());
+        instrument.on_failed_transfers(
+            failures.overdue.wrapping_sub(before.overdue),
+            failures.failed.wrapping_sub(before.failed),
+        );
         instrument.on_overruns(QUEUES.newly_overrun(&mut overruns));
         instrument.tick(time.now_ns());
         send(instrument, &mut chunk);
         let rate = instrument.app().line_rate().unwrap_or(usart::BAUD);
         if rate != baud && instrument.tx_pending() == 0 && usart::change_rate(&clocks, rate) {
             baud = rate;
+        }
+        turn.waiting = QUEUES.to_host.len();
+        let now_ns = time.now_ns();
+        if progress.goes_on(now_ns, &turn) {
+            watchdog::feed();
+        }
+        let quiet = QUEUES.to_host.is_empty() && QUEUES.from_host.is_empty();
+        #[cfg(feature = "storage")]
+        if let Some(store) = &mut store {
+            // The answer goes out first: code stands still while a sector is erased.
+            instrument.tend_when_quiet(store, quiet);
+        }
+        if instrument.app().restart_is_due() && quiet && usart::has_sent() {
+            start::restart();
+        }
+        if idle && now_ns >= next_mark_ns {
+            next_mark_ns = now_ns + MARK_EVERY_NS;
+            let (deepest, size) = stack::high_water_and_size();
+            instrument.stack_was(deepest as u32, size as u32);
         }
         if idle {
             QUEUES.wait();
@@ -127,8 +162,12 @@ fn send(instrument: &mut Board, chunk: &mut [u8]) {
     }
 }
 
+/// A handler of one or two instructions may lose the result of a division or root that it interrupts (Arm's erratum 776924 of the
+/// Cortex-M4, revision r0p1): this one is longer.
 #[exception]
-fn SysTick() {}
+fn SysTick() {
+    sensors::on_look();
+}
 
 // SAFETY: each handler touches what its module keeps for it.
 #[exception]

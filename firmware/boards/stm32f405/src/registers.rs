@@ -1,12 +1,12 @@
 //! Registers of the chip: addresses from the reference manuals RM0090 (F405), RM0390 (F446) and RM0383 (F411), which
 //! have all of these at the same places.
 
-pub use rigident_cortex_m::registers::{Register, wait_for};
+pub use rigident_cortex_m::registers::{AddressRegister, Register, wait_for};
 
 /// Returns the register at an offset in a block.
 const fn at(block: usize, offset: usize) -> Register {
-    // SAFETY: this module alone calls it, with addresses of the manuals. What is written to those that name memory is said
-    // where it is written.
+    // SAFETY: this module alone calls it, with addresses of the manuals. None of them names memory: those that do are in
+    // [`Stream`].
     unsafe { Register::new(block + offset) }
 }
 
@@ -19,6 +19,8 @@ pub const RCC_PLLCFGR: Register = at(RCC, 0x04);
 pub const RCC_CFGR: Register = at(RCC, 0x08);
 /// Clock interrupts.
 pub const RCC_CIR: Register = at(RCC, 0x0c);
+/// Resets peripherals of AHB1, AHB2, APB1 and APB2 while their bits are set.
+pub const RCC_RSTR: [Register; 4] = [at(RCC, 0x10), at(RCC, 0x14), at(RCC, 0x20), at(RCC, 0x24)];
 /// Clocks of GPIO and DMA.
 pub const RCC_AHB1ENR: Register = at(RCC, 0x30);
 /// Clocks of TIM2, USART2, PWR.
@@ -37,6 +39,25 @@ pub const FLASH_KEYR: Register = at(FLASH, 0x04);
 pub const FLASH_SR: Register = at(FLASH, 0x0c);
 /// What is done to the cells.
 pub const FLASH_CR: Register = at(FLASH, 0x10);
+/// Unlocks the option bytes.
+pub const FLASH_OPTKEYR: Register = at(FLASH, 0x08);
+/// The option bytes.
+pub const FLASH_OPTCR: Register = at(FLASH, 0x14);
+
+/// The chip's own number, of 96 bits.
+pub const UNIQUE_ID: [Register; 3] = [at(0x1fff_7a10, 0), at(0x1fff_7a10, 4), at(0x1fff_7a10, 8)];
+
+const SCB: usize = 0xe000_ed00;
+/// The core's faults, by kinds.
+pub const SCB_CFSR: Register = at(SCB, 0x28);
+/// The address of a memory fault, and of a bus fault.
+pub const SCB_FAULT_ADDRESS: [Register; 2] = [at(SCB, 0x34), at(SCB, 0x38)];
+/// The core's own timer: control, and its flag, which reading clears.
+pub const SYST_CSR: Register = at(0xe000_e010, 0);
+/// Masks interrupts, and forgets those that wait, 32 each.
+pub const NVIC_ICER: [Register; 3] = [at(0xe000_e180, 0), at(0xe000_e180, 4), at(0xe000_e180, 8)];
+/// Forgets interrupts that wait.
+pub const NVIC_ICPR: [Register; 3] = [at(0xe000_e280, 0), at(0xe000_e280, 4), at(0xe000_e280, 8)];
 
 /// Sectors 8 to 11 of an STM32F405: `build.rs` ends the image before them.
 const KEPT: usize = 0x0808_0000;
@@ -51,6 +72,8 @@ pub fn kept_word(number: usize) -> Option<Register> {
 const PWR: usize = 0x4000_7000;
 /// The core's voltage.
 pub const PWR_CR: Register = at(PWR, 0x00);
+/// What the supply is like.
+pub const PWR_CSR: Register = at(PWR, 0x04);
 
 const GPIO: [usize; 2] = [0x4002_0000, 0x4002_0400];
 
@@ -147,14 +170,37 @@ pub const DMA2_LIFCR: Register = at(DMA2, 0x08);
 
 /// Registers of a stream of a DMA.
 pub struct Stream {
-    /// Control.
-    pub control: Register,
-    /// Items to go.
-    pub count: Register,
-    /// The peripheral's register.
-    pub peripheral: Register,
-    /// The memory.
-    pub memory: Register,
+    control: Register,
+    count: Register,
+    peripheral: AddressRegister,
+    memory: AddressRegister,
+}
+
+impl Stream {
+    const ENABLED: u32 = 1;
+
+    /// Begins to move `count` bytes between SPI1 and memory, as `control` says.
+    ///
+    /// # Safety
+    /// The memory must be a static of at least `count` bytes that may be read and, where `control` says so, written at any time
+    /// until [`Self::stop`].
+    pub unsafe fn begin(&self, memory: *const u8, count: u32, control: u32) {
+        self.count.write(count);
+        // SAFETY: the data register of SPI1 is no memory; of the other address the caller has promised what is asked for.
+        unsafe {
+            self.peripheral.write(SPI1_DR.address());
+            self.memory.write(memory as usize);
+        }
+        self.control.write(control);
+        self.control.write(control | Self::ENABLED);
+    }
+
+    /// Stops it, and waits for what it has begun.
+    pub fn stop(&self) {
+        const LOOKS: u32 = 1_000;
+        self.control.change(Self::ENABLED, 0);
+        wait_for(self.control, Self::ENABLED, 0, LOOKS);
+    }
 }
 
 const fn stream(number: usize) -> Stream {
@@ -162,8 +208,10 @@ const fn stream(number: usize) -> Stream {
     Stream {
         control: at(block, 0x00),
         count: at(block, 0x04),
-        peripheral: at(block, 0x08),
-        memory: at(block, 0x0c),
+        // SAFETY: addresses of the manuals.
+        peripheral: unsafe { AddressRegister::new(block + 0x08) },
+        // SAFETY: as above.
+        memory: unsafe { AddressRegister::new(block + 0x0c) },
     }
 }
 

@@ -6,7 +6,7 @@ use cortex_m::interrupt::{self, Mutex};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use rigident_cortex_m::interrupts::unmask;
 use rigident_firmware::Sensor;
-use rigident_firmware::capture::{Capture, Order};
+use rigident_firmware::capture::{Capture, Failures, Order};
 
 use crate::pins::{IMU_READY, LOAD_CELL_READY, Pin, SECOND_IMU_READY};
 use crate::registers::{EXTI_FTSR, EXTI_IMR, EXTI_PR, EXTI_RTSR, SYSCFG_EXTICR, interrupts};
@@ -23,8 +23,9 @@ const EDGES: [(Sensor, Pin, usize); 3] = [
     (Sensor::SecondImu, SECOND_IMU_READY, 1),
 ];
 
-/// Times that the bus is asked for while a sample is read: one takes 30 µs.
-const LOOKS: u32 = 20_000;
+/// Times that the bus is asked for while a sample is read: more than 10 ms, where one takes 30 µs and a transfer that does not end is
+/// given up after 3 ms.
+const LOOKS: u32 = 100_000;
 
 static CAPTURE: Mutex<RefCell<Option<Capture<'static>>>> = Mutex::new(RefCell::new(None));
 /// Whose sample is being read.
@@ -74,20 +75,46 @@ pub fn on_edges() {
         let bit = 1 << pin.number();
         if pending & bit != 0 {
             EXTI_PR.write(bit);
-            let (ticks, missed) = latched(channel);
-            serve(|capture| capture.on_edge(sensor, ticks, missed));
+            // An edge that the timer's filter took for noise has latched nothing.
+            if let Some((ticks, missed)) = latched(channel) {
+                serve(|capture| capture.on_edge(sensor, ticks, missed));
+            }
         }
     }
 }
 
 /// Interrupt: a transfer has ended.
 pub fn on_transferred() {
+    if !spi::has_ended() {
+        // Of a transfer that was given up meanwhile.
+        return;
+    }
     let sensor = interrupt::free(|section| READS.borrow(section).take());
     let Some(sensor) = sensor else { return };
     match spi::finished(sensor) {
         Some(bytes) => serve(|capture| capture.on_read(&bytes)),
         None => serve(|capture| capture.on_failed()),
     }
+}
+
+/// Interrupt, every millisecond: gives up a transfer that does not end, and tries a bus again that has failed.
+pub fn on_look() {
+    let overdue = interrupt::free(|section| {
+        CAPTURE.borrow(section).borrow_mut().as_mut().is_some_and(Capture::on_look)
+    });
+    if overdue {
+        spi::abort();
+        interrupt::free(|section| READS.borrow(section).take());
+        serve(Capture::on_overdue);
+    }
+    serve(Capture::after_look);
+}
+
+/// Returns how many transfers have failed, of both kinds.
+pub fn failures() -> Failures {
+    interrupt::free(|section| {
+        CAPTURE.borrow(section).borrow().as_ref().map_or_else(Failures::default, Capture::failures)
+    })
 }
 
 /// A sensor on the bus; samples are being read meanwhile.

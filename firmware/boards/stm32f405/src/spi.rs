@@ -1,6 +1,6 @@
 //! SPI1, the sensors' bus: a transfer at once for the drivers, and one by DMA for the interrupts.
 
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::{AtomicU8, Ordering, fence};
 
 use embedded_hal::spi::Operation;
 use rigident_firmware::Sensor;
@@ -8,7 +8,8 @@ use rigident_firmware::capture::{MAX_CAPTURED, Order};
 
 use crate::pins::{IMU_CS, LOAD_CELL_CS, MISO, MOSI, Pin, SCK, SECOND_IMU_CS};
 use crate::registers::{
-    DMA2_FROM_SPI1, DMA2_LIFCR, DMA2_LISR, DMA2_TO_SPI1, SPI1_CR1, SPI1_CR2, SPI1_DR, SPI1_SR, wait_for,
+    DMA2_FROM_SPI1, DMA2_LIFCR, DMA2_LISR, DMA2_TO_SPI1, RCC_RSTR, SPI1_CR1, SPI1_CR2, SPI1_DR, SPI1_SR,
+    wait_for,
 };
 use crate::time::Wait;
 
@@ -29,16 +30,23 @@ const BOTH_BY_DMA: u32 = 0b11;
 /// Channel 3, memory counts on, an end and an error interrupt; to the peripheral: also that direction.
 const FROM: u32 = 3 << 25 | 1 << 10 | 1 << 4 | 1 << 2;
 const TO: u32 = 3 << 25 | 1 << 10 | 1 << 6;
-const ENABLED: u32 = 1;
 /// All flags of streams 0 and 3.
 const FLAGS: u32 = 0x3d | 0x3d << 22;
 const ENDED: u32 = 1 << 5;
+/// Errors of a transfer and of the direct mode, of both.
+const BAD: u32 = (1 << 3 | 1 << 2) | (1 << 3 | 1 << 2) << 22;
+/// A byte came before the last one was taken.
+const OVERRUN: u32 = 1 << 6;
+/// SPI1, of the peripherals of APB2.
+const RESET: u32 = 1 << 12;
 
 /// A byte takes 130 cycles, a look five.
 const LOOKS: u32 = 1_000;
 
 /// Where the DMA leaves what comes.
 static BYTES: [AtomicU8; MAX_CAPTURED] = [const { AtomicU8::new(0) }; MAX_CAPTURED];
+/// What it sends: in RAM, for flash cannot be read while a word is programmed.
+static REQUEST: [AtomicU8; MAX_CAPTURED] = [const { AtomicU8::new(0) }; MAX_CAPTURED];
 
 /// The bus did not come round in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,29 +141,48 @@ pub fn begin(order: &Order) {
     let _ = SPI1_DR.read();
     DMA2_LIFCR.write(FLAGS);
     let count = order.request.len().min(MAX_CAPTURED) as u32;
-    // The DMA writes into a static of atomics, and reads a static; neither is longer than `count`.
-    for (stream, memory, control) in
-        [(DMA2_FROM_SPI1, BYTES.as_ptr() as u32, FROM), (DMA2_TO_SPI1, order.request.as_ptr() as u32, TO)]
-    {
-        stream.count.write(count);
-        stream.peripheral.write(SPI1_DR.address() as u32);
-        stream.memory.write(memory);
-        stream.control.write(control);
-        stream.control.write(control | ENABLED);
+    REQUEST.iter().zip(order.request).for_each(|(to, from)| to.store(*from, Ordering::Relaxed));
+    // The request is in memory before the DMA looks.
+    fence(Ordering::Release);
+    // SAFETY: both are statics of atomics, of `MAX_CAPTURED` bytes, which `count` is no more than; the DMA writes into the first
+    // one alone, and what it holds is looked at after the end.
+    unsafe {
+        DMA2_FROM_SPI1.begin(BYTES.as_ptr().cast(), count, FROM);
+        DMA2_TO_SPI1.begin(REQUEST.as_ptr().cast(), count, TO);
     }
     SPI1_CR2.write(BOTH_BY_DMA);
 }
 
+/// Returns whether the transfer has come to an end, good or bad.
+pub fn has_ended() -> bool {
+    DMA2_LISR.read() & (ENDED | BAD) != 0
+}
+
 /// Ends a transfer by DMA and returns what came; `None` if it failed.
 pub fn finished(sensor: Sensor) -> Option<[u8; MAX_CAPTURED]> {
-    let ended = DMA2_LISR.read() & ENDED != 0;
-    for stream in [DMA2_FROM_SPI1, DMA2_TO_SPI1] {
-        stream.control.change(ENABLED, 0);
-        // It stays on until what it has begun is done.
-        wait_for(stream.control, ENABLED, 0, LOOKS);
-    }
+    let flags = DMA2_LISR.read();
+    let good = flags & ENDED != 0 && flags & BAD == 0 && SPI1_SR.read() & OVERRUN == 0;
+    stop();
+    deselect(sensor);
+    // What the DMA has written is read after its end.
+    fence(Ordering::Acquire);
+    good.then(|| core::array::from_fn(|k| BYTES.get(k).map_or(0, |byte| byte.load(Ordering::Relaxed))))
+}
+
+fn stop() {
+    DMA2_FROM_SPI1.stop();
+    DMA2_TO_SPI1.stop();
     DMA2_LIFCR.write(FLAGS);
     SPI1_CR2.write(0);
-    deselect(sensor);
-    ended.then(|| core::array::from_fn(|k| BYTES.get(k).map_or(0, |byte| byte.load(Ordering::Relaxed))))
+}
+
+/// Ends a transfer that does not end by itself: both streams stopped, the port reset, nobody selected.
+pub fn abort() {
+    stop();
+    let [.., apb2] = RCC_RSTR;
+    apb2.change(0, RESET);
+    apb2.change(RESET, 0);
+    for pin in [LOAD_CELL_CS, IMU_CS, SECOND_IMU_CS] {
+        pin.set(true);
+    }
 }

@@ -4,13 +4,17 @@ use embedded_hal::delay::DelayNs;
 
 use crate::clock::Clocks;
 use crate::registers::{
-    TIM2_ARR, TIM2_CCER, TIM2_CCMR, TIM2_CCR, TIM2_CNT, TIM2_CR1, TIM2_EGR, TIM2_PSC, TIM2_SR,
+    TIM2_ARR, TIM2_CCER, TIM2_CCMR, TIM2_CCR, TIM2_CNT, TIM2_CR1, TIM2_EGR, TIM2_PSC, TIM2_SR, wait_for,
 };
 
 /// Of the count, Hz.
 pub const TICKS_HZ: u32 = 4_000_000;
 /// Time of a tick, ns.
 const TICK_NS: u64 = 1_000_000_000 / TICKS_HZ as u64;
+/// A filter of eight samples.
+const EIGHT: u32 = 0b0011;
+/// Looks, of five cycles of the core each, in which the filter has come to an end: 0.5 µs.
+const FILTER_LOOKS: u32 = 16;
 
 /// Starts the count; channel 2 latches it when its pin falls, 1 and 3 when theirs rise.
 pub fn start(clocks: &Clocks) {
@@ -18,22 +22,27 @@ pub fn start(clocks: &Clocks) {
     TIM2_ARR.write(u32::MAX);
     // The divider is taken over.
     TIM2_EGR.write(1);
-    // Each channel captures its own input, without filter.
-    TIM2_CCMR[0].write(1 | 1 << 8);
-    TIM2_CCMR[1].write(1);
+    // Each channel captures its own input once it has had a level for eight cycles of the timer's clock, 0.1 µs.
+    TIM2_CCMR[0].write(1 | EIGHT << 4 | 1 << 8 | EIGHT << 12);
+    TIM2_CCMR[1].write(1 | EIGHT << 4);
     TIM2_CCER.write(1 | 1 << 4 | 1 << 5 | 1 << 8);
     TIM2_SR.write(0);
     TIM2_CR1.write(1);
 }
 
-/// Returns what a channel (1 to 4) has latched last, and whether it had latched another one unread before.
-pub fn latched(channel: usize) -> (u32, bool) {
+/// Returns what a channel (1 to 4) has latched last, and whether it had latched another one unread before; `None` if it has
+/// latched nothing.
+pub fn latched(channel: usize) -> Option<(u32, bool)> {
+    // The filter is later than the interrupt may be.
+    if !wait_for(TIM2_SR, 1 << channel, 1 << channel, FILTER_LOOKS) {
+        return None;
+    }
     let over = 1 << (8 + channel);
     let missed = TIM2_SR.read() & over != 0;
     if missed {
         TIM2_SR.write(!over);
     }
-    (TIM2_CCR.get(channel.wrapping_sub(1)).map_or(0, |register| register.read()), missed)
+    Some((TIM2_CCR.get(channel.wrapping_sub(1)).map_or(0, |register| register.read()), missed))
 }
 
 /// Carries the count of 32 bits on. To be asked at least every 17 minutes.

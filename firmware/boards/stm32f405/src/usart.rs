@@ -41,6 +41,11 @@ pub fn fastest(clocks: &Clocks) -> u32 {
     MOST_BAUD.min(clocks.usart_hz / 8)
 }
 
+/// Returns whether everything has left the port.
+pub fn has_sent() -> bool {
+    QUEUES.to_host.is_empty() && USART2_SR.read() & SENT != 0
+}
+
 /// Changes the rate as soon as all that was to be sent has left the port, and returns whether it has.
 pub fn change_rate(clocks: &Clocks, baud: u32) -> bool {
     // With interrupts held back the handler does not send meanwhile.
