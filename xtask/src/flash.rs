@@ -5,6 +5,7 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use object::elf;
@@ -33,6 +34,12 @@ const NO_DFU: &str = "no board in its loader is connected: hold BOOT0 (on some b
 /// The register that tells which chip it is, and how much of it is the chip.
 const IDCODE: &str = "0xe0042000";
 const CHIP_BITS: u32 = 0xfff;
+/// The register of the option bytes, and its bits of the brown-out level: the firmware of an STM32F405 sets level 3, whose bits
+/// are both clear, at its first start, and keeps nothing in flash without.
+const OPTION_BYTES: &str = "0x40023c14";
+const BROWN_OUT: u32 = 0b11 << 2;
+/// The firmware has started and set them after so long.
+const STARTS: Duration = Duration::from_millis(500);
 /// Where flash begins.
 const FLASH: u32 = 0x0800_0000;
 
@@ -115,6 +122,10 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
                 .context("probe-rs did not finish: hold the board's reset while it connects, and repeat")?;
         }
     }
+    if !options.dfu && chip.board == Board::F405 {
+        std::thread::sleep(STARTS);
+        guards_supply(read_word(chip, OPTION_BYTES)?)?;
+    }
     println!("flashed; `rigident info --port PORT` must now name {} (docs/wiring.md)", chip.name);
     Ok(())
 }
@@ -150,10 +161,27 @@ fn probe_is_here(chip: &Chip) -> Result<()> {
     if list.contains("No debug probes") {
         bail!(NO_PROBE);
     }
+    is_chip(chip, read_word(chip, IDCODE)?)
+}
+
+/// Reads a word of the chip by the probe.
+fn read_word(chip: &Chip, address: &str) -> Result<u32> {
     let mut read = process::command(PROBE, places::root());
-    read.args(["read", "--chip", chip.probe, "b32", IDCODE, "1"]);
+    read.args(["read", "--chip", chip.probe, "b32", address, "1"]);
     let text = process::output(&mut read).context(NO_CHIP)?;
-    is_chip(chip, id_code(&text).context("probe-rs did not read the chip's ID code")?)
+    id_code(&text).with_context(|| format!("probe-rs did not read the word at {address}"))
+}
+
+/// Refuses to call a chip ready that runs on while its supply is too low to program flash.
+fn guards_supply(option_bytes: u32) -> Result<()> {
+    if option_bytes & BROWN_OUT == 0 {
+        return Ok(());
+    }
+    bail!(
+        "the image is on the board, but its brown-out level is {} and not 3: the firmware has not started, or its supply is \
+         below 2.9 V; it keeps nothing in flash like this. Look at the supply, reset the board, and repeat",
+        3 - (option_bytes & BROWN_OUT) / 4
+    )
 }
 
 /// Refuses another chip than the one that is built for.
@@ -259,6 +287,15 @@ mod tests {
         assert_eq!(id_code("10076413 \n"), Some(0x1007_6413));
         assert_eq!(id_code("e0042000: 0x10076413"), Some(0x1007_6413));
         assert_eq!(id_code("no such thing"), None);
+    }
+
+    /// From the factory all bits are set: off. 0x0fff_aaed and 0x0fff_aae1 differ in the level alone.
+    #[test]
+    fn a_chip_whose_brown_out_reset_is_off_is_not_called_ready() {
+        assert!(guards_supply(0x0fff_aae1).is_ok());
+        let error = guards_supply(0x0fff_aaed).unwrap_err().to_string();
+        assert!(error.contains("level is 0 and not 3"), "{error}");
+        assert!(guards_supply(0x0fff_aae5).unwrap_err().to_string().contains("level is 2"));
     }
 
     #[test]
