@@ -138,6 +138,43 @@ fn the_parts_of_the_wiring_page_cost_less_than_200() {
     assert!(all[0].contains(&format!("**{sum}**")) && sum < 200, "{sum}: {}", all[0]);
 }
 
+/// The bridges stay inside the converter's range, and the lower half of the budget follows from the upper half.
+#[test]
+fn the_budget_of_the_wiring_page_follows_from_its_data_sheets_and_keeps_the_converters_limits() {
+    let page = std::fs::read_to_string(root().join("docs/wiring.md")).unwrap();
+    let table = page.split("| budget | value |").nth(1).unwrap().split("\n\n").next().unwrap();
+    let cell = |name: &str| {
+        let line = table.lines().find(|line| line.starts_with(&format!("| {name} |"))).expect(name);
+        line.split('|').nth(2).unwrap().trim().to_owned()
+    };
+    let number = |name: &str| cell(name).split(' ').next().unwrap().parse::<f64>().unwrap();
+    let gain = number("gain of the firmware");
+    let firmware = std::fs::read_to_string(root().join("firmware/src/instrument.rs")).unwrap();
+    assert!(firmware.contains(&format!("const GAIN: u8 = {gain};")));
+    let (most_v, v) = (number("excitation, at most"), number("excitation"));
+    let (avdd_v, sensitivity, load_n) =
+        (number("AVDD, at least"), 1e-3 * number("sensitivity"), number("full load"));
+    let noise_v = 1e-6 * number("noise at gain 64, 1 kHz");
+    let by_division = 1e-6 * number("noise at gain 1, 1 kHz") / number("divided excitation");
+    // A bar of 1 kΩ.
+    let computed = [
+        ("highest input, limit", format!("{:.3} V", avdd_v - 1.8)),
+        ("highest input, at full load", format!("{:.3} V", most_v / 2.0 + sensitivity * most_v / 2.0)),
+        ("largest signal, limit", format!("{:.2} mV", 1.2e3 / gain)),
+        ("largest signal", format!("{:.2} mV", 1e3 * sensitivity * most_v)),
+        ("noise of a sample of one bar", format!("{:.4} N", noise_v / (sensitivity * v) * load_n)),
+        ("of this, by the division, at full load", format!("{:.4} N", by_division * load_n)),
+        ("excitation of six bars", format!("{:.1} mA", 6.0 * v)),
+    ];
+    for (name, value) in &computed {
+        assert_eq!(cell(name), *value, "{name}");
+    }
+    assert!(number("highest input, at full load") < number("highest input, limit"));
+    assert!(number("largest signal") < number("largest signal, limit"));
+    // From the logic supply they would not stay inside: what the page said before.
+    assert!(3.3 / 2.0 > 3.3 - 1.8);
+}
+
 #[test]
 fn readme_names_exactly_two_commands_for_a_fresh_machine() {
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
