@@ -154,6 +154,7 @@ fn place_of(error: &RecordingError) -> Option<Place> {
             Place { file: Some(file.clone()), ..Place::default() }
         }
         RecordingError::UnknownKind(_)
+        | RecordingError::SavedElsewhere { .. }
         | RecordingError::NotWritten(_)
         | RecordingError::Exists(_)
         | RecordingError::Unwritable { .. } => {

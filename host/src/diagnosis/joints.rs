@@ -43,6 +43,7 @@ impl Named {
         let source = ColumnSource::Scaled(ScaledColumn {
             name: column.name,
             scale: column.scale,
+            unit: None,
             offset: column.offset,
             plus: column.plus.into_iter().collect(),
         });

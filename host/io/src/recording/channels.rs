@@ -226,6 +226,8 @@ impl Recording {
             comments: self.comments.clone(),
             order: self.order.clone(),
             warnings: self.warnings.clone(),
+            assumed: self.assumed.clone(),
+            first_line: self.first_line,
         }
     }
 

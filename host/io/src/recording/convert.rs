@@ -58,7 +58,8 @@ pub fn convert(from: &Path, to: &Path, rig: Option<&Path>) -> Result<Converted, 
         }
         _ => return Err(RecordingError::NotWritten(to.display().to_string())),
     }
-    Ok(Converted { files, rows: recording.rows(), warnings: recording.warnings })
+    let rows = recording.rows();
+    Ok(Converted { files, rows, warnings: recording.warnings.into_iter().chain(recording.assumed).collect() })
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! A plain file is read in pieces, on all cores ([`quick`]); any other with care, so that a mistake is named
 //! with line and column.
 
+pub(super) mod careful;
 mod group_rows;
 mod plain;
 mod quick;
@@ -15,9 +16,9 @@ use rigident_shared::printable;
 use self::group_rows::GroupRows;
 use super::columns::{Group, Known, TIME, is_printable, nearest_known, other_unit};
 use super::time::{self, Time};
-use super::{Recording, RecordingError, stem};
+use super::{Recording, RecordingError, conventions, stem};
 use crate::rig::spelling::nearest;
-use crate::rig::{RecordingTable, RigFile, WrenchSign};
+use crate::rig::{ColumnSource, Quantity, RecordingTable, RigFile, Unit, WrenchSign};
 
 /// The longest line, bytes: a hundred thousand columns and more.
 const LONGEST_LINE: usize = 16 << 20;
@@ -49,6 +50,15 @@ pub(super) struct Reader<'a> {
     groups: Vec<(Group, GroupRows)>,
     /// Lines of the rows; none of arrays.
     lines: Vec<u64>,
+    /// Units of the columns as far as a row of the file says, and lines above its header.
+    units: Vec<Option<String>>,
+    above: Vec<String>,
+    /// Columns that hold times of day.
+    clocks: Vec<usize>,
+    /// Where its columns were found by their names and units.
+    assumed: Option<String>,
+    /// What was noticed.
+    warnings: Vec<String>,
 }
 
 impl Recording {
@@ -67,37 +77,6 @@ impl Recording {
             Some(recording) => Ok(recording),
             None => Self::from_csv_with_care(label, bytes, rig),
         }
-    }
-
-    /// Reads the bytes of a CSV file row by row.
-    fn from_csv_with_care(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
-        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
-        if bytes.starts_with(&super::mcap::container::MAGIC) {
-            return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
-        }
-        let text = std::str::from_utf8(bytes).map_err(|e| {
-            let line = bytes.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count() + 1;
-            not(format!("it is not text (line {line})"))
-        })?;
-        if let Some(line) = text.lines().position(|line| line.len() > LONGEST_LINE) {
-            return Err(not(format!(
-                "its line {} is longer than {LONGEST_LINE} bytes: a row of a recording takes a line of its own",
-                line + 1
-            )));
-        }
-        if text.contains('\0') {
-            return Err(not("it is not text (it holds zero bytes)".to_owned()));
-        }
-        let body = text.strip_prefix('\u{feff}').unwrap_or(text);
-        if body.trim().is_empty() {
-            return Err(not("it is empty".to_owned()));
-        }
-        let (comments, body) = comments(body);
-        let skipped = comments.len() as u64;
-        let mut reader = Reader::new(label, rig.clone(), comments);
-        reader.apply_comments()?;
-        reader.read(body, skipped)?;
-        reader.into_recording(true)
     }
 
     /// Writes CSV that holds the recording without loss, in the notation's names, units and signs.
@@ -160,7 +139,19 @@ impl Recording {
 impl<'a> Reader<'a> {
     /// Returns one that has no columns yet.
     pub(super) fn new(label: &'a str, rig: RigFile, comments: Vec<(String, String)>) -> Self {
-        Self { label, rig, comments, columns: Vec::new(), groups: Vec::new(), lines: Vec::new() }
+        Self {
+            label,
+            rig,
+            comments,
+            columns: Vec::new(),
+            groups: Vec::new(),
+            lines: Vec::new(),
+            units: Vec::new(),
+            above: Vec::new(),
+            clocks: Vec::new(),
+            assumed: None,
+            warnings: Vec::new(),
+        }
     }
 
     /// Finds out what each column is.
@@ -168,6 +159,7 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// The columns are not those of a recording.
     pub(super) fn name_columns(&mut self, header: Vec<String>) -> Result<(), RecordingError> {
+        self.look_up(&header)?;
         let mut columns = self.assign(header)?;
         for column in &mut columns {
             let Sink::Number { known: Known::Member(group, _), group: place, .. } = &mut column.sink else {
@@ -242,56 +234,34 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn read(&mut self, body: &str, skipped: u64) -> Result<(), RecordingError> {
-        let label = self.label.to_owned();
-        let mut reader = csv_reader(body, separator(body));
-        let header: Vec<String> = reader
-            .headers()
-            .map_err(|e| RecordingError::NotARecording { name: label.clone(), reason: e.to_string() })?
-            .iter()
-            .map(str::to_owned)
-            .collect();
-        self.name_columns(header)?;
-        let mut record = csv::StringRecord::new();
-        loop {
-            let at = |line: u64, column: Option<String>, reason: String| RecordingError::At {
-                name: label.clone(),
-                line,
-                column,
-                reason,
-            };
-            let more = reader.read_record(&mut record).map_err(|e| {
-                let line = e.position().map_or(0, csv::Position::line) + skipped;
-                at(line, None, format!("not a row of a CSV file: {e}"))
-            })?;
-            if !more {
-                break;
-            }
-            let line = record.position().map_or(0, csv::Position::line) + skipped;
-            if record.len() != self.columns.len() {
-                let (cells, names) = (record.len(), self.columns.len());
-                return Err(at(
-                    line,
-                    None,
-                    format!(
-                        "the row has {cells} values, the header {names} names: was the file cut off here? remove \
-                         or mend the row"
-                    ),
-                ));
-            }
-            for (column, cell) in self.columns.iter_mut().zip(&record) {
-                column
-                    .push(cell, &mut self.groups)
-                    .map_err(|reason| at(line, Some(column.header.clone()), reason))?;
-            }
-            self.lines.push(line);
+    /// Finds columns by the names and units that other programs give them, where the rig file names none and no name
+    /// is known.
+    fn look_up(&mut self, header: &[String]) -> Result<(), RecordingError> {
+        let is_known = |name: &String| matches!(Known::parse(name), Some(Known::Member(..)));
+        if !self.rig.recording.columns.is_empty() || header.iter().any(is_known) {
+            return Ok(());
         }
-        if self.lines.is_empty() {
-            return Err(RecordingError::NotARecording {
-                name: label,
-                reason: "it has a header and no rows".to_owned(),
-            });
+        let meanings = conventions::meanings(header, &self.units, &self.above);
+        let is_clock = |k: usize| self.clocks.contains(&k);
+        let columns = conventions::columns(header, &meanings, is_clock).map_err(|without| {
+            self.columns_error(format!(
+                "its columns are named as elsewhere, and the unit of {} is written nowhere: name the columns in \
+                 [recording] columns of a rig file, as in fx_n = {{ name = {:?}, unit = \"N\" }}",
+                shorten(&without.join(", ")),
+                without.first().map_or("Fx", String::as_str)
+            ))
+        })?;
+        let is_group = |known: &String| known != TIME;
+        if !columns.keys().any(is_group) {
+            return Ok(());
         }
+        let said = columns.iter().map(|(known, source)| match source.parts() {
+            (name, 1.0) => format!("{known} = {name:?}"),
+            (name, scale) => format!("{known} = {name:?} times {scale:?}"),
+        });
+        self.assumed =
+            Some(format!("columns taken by their names and units: {}", said.collect::<Vec<_>>().join(", ")));
+        self.rig.recording.columns = columns;
         Ok(())
     }
 
@@ -328,7 +298,7 @@ impl<'a> Reader<'a> {
         }
         let mut columns: Vec<Column> = Vec::new();
         let mut known_columns = Vec::new();
-        for name in header {
+        for (place, name) in header.into_iter().enumerate() {
             if columns.iter().any(|c| c.header == name) {
                 return Err(self.columns_error(format!("column {name:?} stands there twice: rename one")));
             }
@@ -354,6 +324,11 @@ impl<'a> Reader<'a> {
                 }
             };
             if let Some(known) = known {
+                self.check_unit(
+                    place,
+                    known,
+                    source.is_some_and(|(own, _)| mapping.get(own).is_some_and(has_unit)),
+                )?;
                 if known_columns.contains(&known) {
                     return Err(self.columns_error(format!(
                         "{} is in two columns, {name:?} and another one: the file or the rig file must name one",
@@ -376,13 +351,35 @@ impl<'a> Reader<'a> {
         Ok(columns)
     }
 
+    /// Refuses a column whose unit in the file is another than the one it is read in.
+    fn check_unit(&self, place: usize, known: Known, is_given: bool) -> Result<(), RecordingError> {
+        let Some(stated) = self.units.get(place).and_then(Option::as_deref) else { return Ok(()) };
+        let name = known.name();
+        let (Some(unit), Some(own)) = (Unit::parse(stated), Quantity::of_name(&name)) else { return Ok(()) };
+        if is_given || self.clocks.contains(&place) || (unit.quantity == own && unit.scale == 1.0) {
+            return Ok(());
+        }
+        Err(self.columns_error(format!(
+            "{name} is read in {}, and the file's row of units says {stated:?} of that column: write its unit in [recording] \
+             columns of the rig file",
+            own.si()
+        )))
+    }
+
     /// Puts the columns together; they are of a file or of arrays.
     ///
     /// # Errors
     /// A column is missing, times do not increase, or the rig file contradicts them.
     pub(super) fn into_recording(mut self, of_file: bool) -> Result<Recording, RecordingError> {
         let headers: Vec<String> = self.columns.iter().map(|c| c.header.clone()).collect();
-        let mut recording = Recording { name: stem(self.label), ..Recording::default() };
+        let mut recording = Recording {
+            name: stem(self.label),
+            assumed: self.assumed.take(),
+            warnings: std::mem::take(&mut self.warnings),
+            ..Recording::default()
+        };
+        let usual = 2 + self.comments.len() as u64;
+        recording.first_line = self.lines.first().copied().filter(|line| *line != usual);
         let mut members: BTreeMap<Group, BTreeSet<usize>> = BTreeMap::new();
         let mut times = None;
         for column in std::mem::take(&mut self.columns) {
@@ -445,7 +442,9 @@ impl<'a> Reader<'a> {
         if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
             self.comments.retain(|(key, _)| key != "wrench_sign");
         }
-        recording.comments = self.comments;
+        // What stands above the header is kept; an equals sign would make it a key.
+        let above = self.above.iter().map(|line| (String::new(), line.replace('=', ":")));
+        recording.comments = self.comments.into_iter().chain(above).collect();
         if !of_file {
             // There is no file whose lines could be named.
             recording.order.clear();
@@ -550,6 +549,11 @@ fn number(cell: &str, scale: f64, offset: f64) -> Result<f64, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("{cell} times {scale} is not a finite number")) }
 }
 
+/// Returns true if a rig file says in which unit a column is.
+fn has_unit(source: &ColumnSource) -> bool {
+    matches!(source, ColumnSource::Scaled(column) if column.unit.is_some() || column.scale != 1.0)
+}
+
 /// Parts a file into its comments at the beginning, as keys with their values, and the rest.
 fn comments(text: &str) -> (Vec<(String, String)>, &str) {
     let (mut comments, mut body) = (Vec::new(), text);
@@ -637,5 +641,7 @@ fn shorten(text: &str) -> String {
     }
 }
 
+#[cfg(test)]
+mod exports_tests;
 #[cfg(test)]
 mod tests;

@@ -25,8 +25,18 @@ pub enum RecordingError {
     #[error("{0} is there already, and nothing is overwritten: give another name, or move it away")]
     Exists(String),
     /// The ending says none of the kinds that are read.
-    #[error("{0} is no recording by its name: it must end in .csv, .mcap, .db3, .parquet or .mat")]
+    #[error(
+        "{0} is no recording by its name: it must end in .csv (or .tsv, .txt, .lvm, .asc, .dat, .log), .mcap, .db3, .parquet or .mat"
+    )]
     UnknownKind(String),
+    /// The ending says a kind that another program saves as text.
+    #[error("{path} is not read: save it as {advice}")]
+    SavedElsewhere {
+        /// The file.
+        path: String,
+        /// As what it is to be saved.
+        advice: &'static str,
+    },
     /// The ending says none of the kinds that are written.
     #[error("{0} cannot be written: a recording is written as .csv or .mcap")]
     NotWritten(String),

@@ -7,12 +7,15 @@ pub mod arrays;
 pub mod channels;
 mod columnar;
 pub mod columns;
+pub mod conventions;
 pub mod convert;
 pub mod csv;
 pub mod error;
+pub mod import;
 pub mod mcap;
 pub mod new_file;
 mod settle;
+mod text;
 pub mod time;
 
 use std::path::{Path, PathBuf};
@@ -76,6 +79,10 @@ pub struct Recording {
     pub order: Vec<String>,
     /// What was noticed on reading.
     pub warnings: Vec<String>,
+    /// Where the columns were found, if by the names and units that another program gave them: in words.
+    pub assumed: Option<String>,
+    /// Line of the first row in the file, if it is not the one after comments and header.
+    pub first_line: Option<u64>,
 }
 
 impl Recording {
@@ -130,7 +137,8 @@ impl Recording {
             return format!("row {}", row + 1);
         }
         // After the comments and the header.
-        format!("line {}", row + 2 + self.comments.len())
+        let first = self.first_line.unwrap_or(2 + self.comments.len() as u64);
+        format!("line {}", row as u64 + first)
     }
 
     /// Names of all columns: in the order of the file they came from, new ones after them.
@@ -186,16 +194,17 @@ impl Recording {
         let name = path.file_name().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let kind = extension(path);
         let is_bag = mcap::folder::is_bag_file(path) || mcap::folder::is_bag_folder(path);
-        let is_text = !is_bag && (kind == "csv" || columnar::is_columnar(&kind));
-        if !is_text && !is_bag {
-            return Err(RecordingError::UnknownKind(path.display().to_string()));
+        let is_text = !is_bag && is_text(&kind);
+        let has_columns = is_text || columnar::is_columnar(&kind);
+        if !has_columns && !is_bag {
+            return Err(unknown(path, &kind));
         }
         let unreadable = |e: std::io::Error| RecordingError::Unreadable {
             path: path.display().to_string(),
             reason: e.to_string(),
         };
         // A file of rows is read piece by piece, and once more if that needs care; a stream is there once.
-        let in_pieces = kind == "csv" && std::fs::metadata(path).is_ok_and(|m| m.is_file());
+        let in_pieces = is_text && std::fs::metadata(path).is_ok_and(|m| m.is_file());
         let whole = || rigident_files::read_or_pipe(path, rigident_files::MOST_OF_RECORDING);
         let file = in_pieces.then(|| rigident_files::open(path)).transpose().map_err(unreadable)?;
         let bytes = if in_pieces || is_bag { Vec::new() } else { whole().map_err(unreadable)? };
@@ -207,7 +216,7 @@ impl Recording {
             None => None,
         };
         let (rig, text) = rig.unzip();
-        let mut recording = if is_text {
+        let mut recording = if has_columns {
             let own = rig.clone().unwrap_or_default();
             let mut recording = match file.and_then(|file| Self::from_plain_csv(&name, file, &own)) {
                 Some(recording) => recording,
@@ -241,7 +250,10 @@ impl Recording {
         if !columnar::is_columnar(&ending) {
             return Self::from_csv_bytes(file, &bytes, rig);
         }
-        Self::of_cells(file, &columnar::columns(file, &ending, bytes)?, rig)
+        let table = columnar::columns(file, &ending, bytes)?;
+        let mut recording = Self::of_cells(file, &table.columns, &table.rig(file, rig)?)?;
+        recording.warnings.extend(table.warnings);
+        Ok(recording)
     }
 
     /// Puts a group's rows in their place.
@@ -324,6 +336,22 @@ pub fn measured_rate(time_ns: &[u64]) -> Option<f64> {
     let rate = 1e9 * count / sum;
     let whole = rate.round();
     (rate.is_finite() && rate > 0.0).then_some(if (rate / whole - 1.0).abs() < 1e-6 { whole } else { rate })
+}
+
+/// Returns why a file of an ending is not read.
+fn unknown(path: &Path, ending: &str) -> RecordingError {
+    let path = path.display().to_string();
+    let advice = match ending {
+        "xlsx" | "xlsm" | "xls" | "ods" => "CSV; separator, decimal mark and encoding are found",
+        "tdms" => ".lvm or CSV",
+        _ => return RecordingError::UnknownKind(path),
+    };
+    RecordingError::SavedElsewhere { path, advice }
+}
+
+/// Returns true for the ending of a table in text, as [`extension`] gives it.
+pub fn is_text(ending: &str) -> bool {
+    matches!(ending, "csv" | "tsv" | "txt" | "lvm" | "asc" | "dat" | "log")
 }
 
 /// The ending of a path, in lower case.

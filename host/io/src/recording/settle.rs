@@ -24,6 +24,7 @@ impl Recording {
             self.rig.recording.wrench_sign = WrenchSign::OnBody;
         }
         self.rig.recording.columns.clear();
+        self.rig.recording.decimal = None;
         self.rig.recording.topics.clear();
         self.gravity_of_attitudes(label)?;
         self.is_static = self.rig.recording.is_static;

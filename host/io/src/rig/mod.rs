@@ -13,6 +13,7 @@ mod suspension;
 mod suspension_check;
 #[cfg(test)]
 mod tests;
+pub mod units;
 
 use std::collections::BTreeMap;
 
@@ -23,6 +24,7 @@ pub use calibration::{CalibrationTable, RigCalibration};
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
 pub use read::{RigFileError, files_outside};
 pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
+pub use units::{Quantity, Unit};
 
 /// The channels of a wrench and their units, for people.
 pub const WRENCH_CHANNELS: [(&str, &str); 6] =
@@ -102,6 +104,9 @@ pub struct RecordingTable {
     pub is_static: bool,
     /// Equal readings in a row that make a channel frozen; 0: never, as of a simulation without noise.
     pub frozen_after: u16,
+    /// Mark before the decimals in a file of text, where its numbers do not show it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decimal: Option<DecimalMark>,
     /// Foreign names of the columns.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub columns: BTreeMap<String, ColumnSource>,
@@ -132,6 +137,7 @@ impl Default for RecordingTable {
             even_stamps: false,
             is_static: false,
             frozen_after: FROZEN_AFTER,
+            decimal: None,
             columns: BTreeMap::new(),
             topics: BTreeMap::new(),
             labels: BTreeMap::new(),
@@ -148,6 +154,16 @@ pub enum WrenchSign {
     OnBody,
     /// On the sensor, by the body: the reaction.
     OnSensor,
+}
+
+/// Mark before the decimals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DecimalMark {
+    /// 1.5
+    Point,
+    /// 1,5
+    Comma,
 }
 
 /// Where a column's numbers are.
@@ -169,6 +185,9 @@ pub struct ScaledColumn {
     /// Multiplies its numbers to give SI.
     #[serde(default = "unscaled")]
     pub scale: f64,
+    /// Their unit by name, in place of `scale`: `kgf`, `deg/s`, `N mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
     /// Is added after that, SI.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub offset: f64,
@@ -194,7 +213,16 @@ impl ColumnSource {
     pub fn parts(&self) -> (&str, f64) {
         match self {
             Self::Name(name) => (name, 1.0),
-            Self::Scaled(column) => (&column.name, column.scale),
+            Self::Scaled(column) => (&column.name, column.scale * self.unit().map_or(1.0, |unit| unit.scale)),
+        }
+    }
+
+    /// Returns its unit, if it is given by name; `None` too if the name is none of a unit, which a rig file's
+    /// check refuses.
+    pub fn unit(&self) -> Option<Unit> {
+        match self {
+            Self::Name(_) => None,
+            Self::Scaled(column) => Unit::parse(column.unit.as_deref()?),
         }
     }
 

@@ -9,6 +9,7 @@ use hexapod::BodyParameters;
 use rigident_shared::printable;
 use toml::de::DeTable;
 
+use super::units::{Quantity, Unit};
 use super::{Calibrated, ColumnSource, Joint, OffsetTable, RigFile, labels};
 use crate::recording::columns::{Known, MOST_LINKS, nearest_known};
 use crate::rig::spelling::nearest;
@@ -311,8 +312,32 @@ impl Check<'_> {
                 let advice = "columns are added in [[joint]] only";
                 return Err(self.refuse(&format!("{key}.plus"), other, advice));
             }
+            self.unit(&key, source, Quantity::of_name(name).as_slice())?;
         }
         Ok(())
+    }
+
+    /// Checks a unit that is given by name.
+    fn unit(&self, key: &str, source: &ColumnSource, of: &[Quantity]) -> Result<(), RigFileError> {
+        let ColumnSource::Scaled(column) = source else { return Ok(()) };
+        let Some(name) = &column.unit else { return Ok(()) };
+        let key = format!("{key}.unit");
+        if column.scale != 1.0 {
+            return Err(self.refuse(&key, name, "a unit has its own scale: give unit or scale"));
+        }
+        if Unit::parse(name).is_some_and(|unit| of.contains(&unit.quantity)) {
+            return Ok(());
+        }
+        let known: Vec<&str> = of.iter().flat_map(|quantity| quantity.names()).collect();
+        Err(self.refuse(
+            &key,
+            name,
+            if known.is_empty() {
+                "it has no unit".to_owned()
+            } else {
+                format!("must be a unit of it: {}; any other by its scale", known.join(", "))
+            },
+        ))
     }
 
     fn run(&mut self) -> Result<(), RigFileError> {
@@ -323,6 +348,7 @@ impl Check<'_> {
         self.links()?;
         self.tree()?;
         self.joints()?;
+        self.feet()?;
         self.suspension()?;
         self.calibration()
     }
@@ -649,6 +675,20 @@ impl Check<'_> {
         Ok(())
     }
 
+    fn feet(&self) -> Result<(), RigFileError> {
+        for (n, foot) in self.rig.foot.iter().enumerate() {
+            for (name, source) in &foot.columns {
+                let quantity = match name.as_bytes().first() {
+                    Some(b'f') => Some(Quantity::Force),
+                    Some(b'm') => Some(Quantity::Moment),
+                    _ => None,
+                };
+                self.unit(&format!("foot[{n}].columns.{name}"), source, quantity.as_slice())?;
+            }
+        }
+        Ok(())
+    }
+
     fn joints(&self) -> Result<(), RigFileError> {
         let mut names: Vec<&str> = Vec::new();
         for (n, joint) in self.rig.joint.iter().enumerate() {
@@ -679,6 +719,15 @@ impl Check<'_> {
                 if !scale.is_finite() || scale == 0.0 {
                     return Err(self.refuse(&key(name), scale, "its scale must be finite and not zero"));
                 }
+                self.unit(
+                    &key(name),
+                    source,
+                    match name {
+                        "position" => &[Quantity::Angle, Quantity::Length],
+                        "rate" => &[Quantity::AngularRate, Quantity::Speed],
+                        _ => &[Quantity::Moment, Quantity::Force],
+                    },
+                )?;
                 let others = source.plus().map(|(_, factor)| factor).chain([source.offset()]);
                 let others: Vec<f64> = others.collect();
                 self.all(

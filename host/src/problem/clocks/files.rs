@@ -207,6 +207,7 @@ impl Raw {
             recording: RecordingTable {
                 wrench_sign: rig.recording.wrench_sign,
                 columns: table.columns.clone(),
+                decimal: rig.recording.decimal,
                 ..RecordingTable::default()
             },
             load_cell: LoadCellTable { calibration: rig.load_cell.calibration, ..LoadCellTable::default() },

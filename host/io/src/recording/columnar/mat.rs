@@ -3,10 +3,11 @@
 //! A variable that is a vector is a column with the variable's name; one that is a matrix of n columns is n columns
 //! `NAME_1` … `NAME_n`. A scalar structure is its fields, named without the structure.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 
-use super::{Room, number};
-use crate::recording::columns::Cells;
+use super::{Room, Table, number};
+use crate::recording::columns::{Cells, Known};
 
 /// Bytes before the first element.
 const HEADER: usize = 128;
@@ -54,7 +55,7 @@ enum Content {
 const TORN: &str = "as a MAT file it is damaged or cut off";
 
 /// Returns the columns of a file.
-pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
+pub(super) fn table(bytes: &[u8]) -> Result<Table, String> {
     if bytes.starts_with(b"MATLAB 7.3") || bytes.starts_with(b"\x89HDF") {
         return Err(
             "it is a MAT file of version 7.3 (HDF5), which is not read: save it with `save(…, '-v7')`"
@@ -92,9 +93,10 @@ pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
         }
     }
     let (mut columns, mut others, mut scalars) = (Vec::new(), Vec::new(), Vec::new());
+    let (rows, mut left_out) = (most_rows(&arrays), Vec::new());
     for array in arrays {
         array.take_cells(&mut cells)?;
-        flatten(array, &mut columns, &mut scalars, &mut others);
+        flatten(array, rows, &mut columns, &mut scalars, (&mut others, &mut left_out));
     }
     if columns.is_empty() {
         return Err(format!(
@@ -102,7 +104,11 @@ pub(super) fn columns(bytes: &[u8]) -> Result<Vec<Cells>, String> {
             if others.is_empty() { String::new() } else { format!("; there are {}", others.join(", ")) }
         ));
     }
-    Ok(columns)
+    let mut warnings = Vec::new();
+    if !left_out.is_empty() {
+        warnings.push(format!("left out, as not of {} rows: {}", rows.unwrap_or(0), left_out.join(", ")));
+    }
+    Ok(Table { columns, times: Vec::new(), warnings })
 }
 
 impl Array {
@@ -118,13 +124,45 @@ impl Array {
     }
 }
 
-/// Makes columns of an array. Scalars beside vectors are settings, and no columns.
-fn flatten(array: Array, columns: &mut Vec<Cells>, scalars: &mut Vec<String>, others: &mut Vec<String>) {
+/// Returns how long most vectors are; of equally many the longer ones. `None` if there are none.
+fn most_rows(arrays: &[Array]) -> Option<usize> {
+    fn count(arrays: &[Array], lengths: &mut BTreeMap<usize, usize>) {
+        for array in arrays {
+            match &array.content {
+                Content::Numbers(values) if values.len() > 1 && (array.rows == 1 || array.columns == 1) => {
+                    *lengths.entry(values.len()).or_default() += 1;
+                }
+                Content::Fields(fields) => count(fields, lengths),
+                _ => {}
+            }
+        }
+    }
+    let mut lengths = BTreeMap::new();
+    count(arrays, &mut lengths);
+    lengths.into_iter().max_by_key(|(length, count)| (*count, *length)).map(|(length, _)| length)
+}
+
+/// Makes columns of an array. Scalars beside vectors are settings, and no columns; nor are a matrix or a vector of another
+/// length, unless it is named as a column of a recording.
+fn flatten(
+    array: Array,
+    most: Option<usize>,
+    columns: &mut Vec<Cells>,
+    scalars: &mut Vec<String>,
+    (others, left_out): (&mut Vec<String>, &mut Vec<String>),
+) {
     let Array { name, rows, columns: count, content } = array;
     match content {
         Content::Numbers(_) if rows * count == 1 => scalars.push(name),
         Content::Numbers(values) if rows == 1 || count == 1 => {
+            if most.is_some_and(|most| most != values.len()) && Known::parse(&name).is_none() {
+                left_out.push(format!("{name} ({rows} × {count})"));
+                return;
+            }
             columns.push((name, values.into_iter().map(number).collect()));
+        }
+        Content::Numbers(_) if most.is_some_and(|most| most != rows) => {
+            left_out.push(format!("{name} ({rows} × {count})"));
         }
         Content::Numbers(values) => {
             for (k, column) in values.chunks(rows.max(1)).enumerate() {
@@ -133,7 +171,9 @@ fn flatten(array: Array, columns: &mut Vec<Cells>, scalars: &mut Vec<String>, ot
             }
         }
         Content::Fields(fields) => {
-            fields.into_iter().for_each(|field| flatten(field, columns, scalars, others));
+            fields
+                .into_iter()
+                .for_each(|field| flatten(field, most, columns, scalars, (&mut *others, &mut *left_out)));
         }
         Content::Other(what) => others.push(format!("{name} ({what})")),
     }

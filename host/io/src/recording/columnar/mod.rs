@@ -7,6 +7,7 @@ mod parquet;
 
 use super::columns::Cells;
 use super::error::RecordingError;
+use crate::rig::{ColumnSource, RigFile};
 
 /// What is unpacked of a file may be this many times as large as the file, as of an MCAP file's chunks.
 const MOST_TIMES: usize = 64;
@@ -41,16 +42,54 @@ pub(super) fn is_columnar(ending: &str) -> bool {
     matches!(ending, "parquet" | "mat")
 }
 
+/// What a file holds.
+#[derive(Debug, Default)]
+pub(super) struct Table {
+    /// Its columns.
+    pub(super) columns: Vec<Cells>,
+    /// Columns that the file says are times, which are in s here, with the unit that they have in the file, s.
+    pub(super) times: Vec<(String, f64)>,
+    /// What was left out of it.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Table {
+    /// Returns a rig file as it fits the columns here: a scale of a time that says what the file says is applied
+    /// already.
+    ///
+    /// # Errors
+    /// [`RecordingError::Columns`] if it says something else.
+    pub(super) fn rig(&self, label: &str, rig: &RigFile) -> Result<RigFile, RecordingError> {
+        let mut rig = rig.clone();
+        for source in rig.recording.columns.values_mut() {
+            let (name, scale) = source.parts();
+            let Some((_, unit)) = self.times.iter().find(|(own, _)| own == name) else { continue };
+            if scale == *unit {
+                *source = ColumnSource::Name(name.to_owned());
+            } else if scale != 1.0 {
+                return Err(RecordingError::Columns {
+                    name: label.to_owned(),
+                    reason: format!(
+                        "the rig file scales column {name:?} by {scale:?}, and the file itself says that its unit is \
+                         {unit:?} s: leave the scale out"
+                    ),
+                });
+            }
+        }
+        Ok(rig)
+    }
+}
+
 /// Returns the columns of a file.
 ///
 /// # Errors
 /// [`RecordingError::NotARecording`] says why there are none to be had.
-pub(super) fn columns(label: &str, ending: &str, bytes: Vec<u8>) -> Result<Vec<Cells>, RecordingError> {
-    let columns = match ending {
-        "parquet" => parquet::columns(bytes),
-        _ => mat::columns(&bytes),
+pub(super) fn columns(label: &str, ending: &str, bytes: Vec<u8>) -> Result<Table, RecordingError> {
+    let table = match ending {
+        "parquet" => parquet::table(bytes),
+        _ => mat::table(&bytes),
     };
-    columns.map_err(|reason| RecordingError::NotARecording { name: label.to_owned(), reason })
+    table.map_err(|reason| RecordingError::NotARecording { name: label.to_owned(), reason })
 }
 
 /// A number with as many digits as it takes to read the same one back.

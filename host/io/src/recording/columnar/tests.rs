@@ -48,7 +48,7 @@ const AS_CSV: &str = "time_ns,fx_n,rate\n\
                       1700000000000000004,0.1,0.10000000149011612\n1700000000000000005,,1.0\n1700000000000000006,-2.5e-7,2.0\n";
 
 fn csv(ending: &str, bytes: Vec<u8>) -> Result<String, String> {
-    let columns = columns("run", ending, bytes).map_err(|error| error.to_string())?;
+    let columns = columns("run", ending, bytes).map_err(|error| error.to_string())?.columns;
     let rows = columns.iter().map(|(_, cells)| cells.len()).max().unwrap_or(0);
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
     let mut text = names.join(",") + "\n";
@@ -189,4 +189,60 @@ fn bombs_end_in_words_before_they_fill_the_memory() {
     let bytes = writer.into_inner().unwrap();
     assert!(bytes.len() < 1 << 16, "{}", bytes.len());
     assert!(csv("parquet", bytes).unwrap_err().contains("unpacks to far more"));
+}
+
+/// Reads a file of a folder beside the project.
+fn case(name: &str, rig: &str) -> Result<Recording, String> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/cases/");
+    let bytes = std::fs::read(format!("{path}{name}")).unwrap();
+    Recording::from_columns(name, bytes, &RigFile::parse(rig).unwrap()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn times_of_parquet_have_the_unit_that_the_file_says() {
+    let read = case("parquet-timestamp/t_timestamp_ns.parquet", "").unwrap();
+    assert_eq!((read.time_ns[1], read.rate_hz), (1_700_000_000_009_999_872, Some(100.0)));
+    // A scale that says the same is the same; another contradicts the file.
+    let rig =
+        |scale: &str| format!("[recording]\ncolumns = {{ t_s = {{ name = \"t_s\", scale = {scale} }} }}");
+    let again = case("parquet-timestamp/t_timestamp_ns.parquet", &rig("1e-9")).unwrap();
+    assert_eq!(again.time_ns, read.time_ns);
+    let said = case("parquet-timestamp/t_timestamp_ns.parquet", &rig("1e-6")).unwrap_err();
+    assert!(said.contains("leave the scale out"), "{said}");
+}
+
+#[test]
+fn a_matrix_beside_columns_is_left_out_and_named() {
+    let read = case("mat-matrix/m_otherlen.mat", "").unwrap();
+    assert_eq!((read.rows(), read.extra.len()), (1001, 0));
+    assert!(read.warnings.iter().any(|said| said.contains("calib (6 × 6)")), "{:?}", read.warnings);
+}
+
+#[test]
+fn whole_numbers_have_their_unit_and_their_decimals() {
+    use ::parquet::basic::{LogicalType, TimeUnit};
+    let logical = [
+        (LogicalType::timestamp(true, TimeUnit::MILLIS), "1700000000.123"),
+        (LogicalType::timestamp(false, TimeUnit::MICROS), "1700000.000123"),
+        (LogicalType::timestamp(false, TimeUnit::NANOS), "1700.000000123"),
+        (LogicalType::time(false, TimeUnit::NANOS), "1700.000000123"),
+        (LogicalType::decimal(2, 18), "17000000001.23"),
+        (LogicalType::integer(64, false), "1700000000123"),
+    ];
+    for (kind, known) in logical {
+        let column = Type::primitive_type_builder("a", Physical::INT64).with_logical_type(Some(kind.clone()));
+        let column = column.with_repetition(Repetition::REQUIRED).with_precision(18);
+        let column = column.with_scale(if known == "17000000001.23" { 2 } else { 0 });
+        let schema = Type::group_type_builder("schema").with_fields(vec![Arc::new(column.build().unwrap())]);
+        let schema = Arc::new(schema.build().unwrap());
+        let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<Int64Type>().write_batch(&[1_700_000_000_123, -1], None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        let table = columns("run", "parquet", writer.into_inner().unwrap()).unwrap();
+        assert_eq!(table.columns[0].1[0], known, "{kind:?}");
+        assert_eq!(table.times.is_empty(), matches!(known, "17000000001.23" | "1700000000123"), "{kind:?}");
+    }
 }

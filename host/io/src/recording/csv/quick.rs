@@ -11,8 +11,9 @@ use super::plain::Plain;
 use super::{Column, Reader, Sink, separator};
 use crate::recording::Recording;
 use crate::recording::columns::Known;
+use crate::recording::text::decimal::Forms;
 use crate::recording::time::{self, Time};
-use crate::rig::RigFile;
+use crate::rig::{DecimalMark, RigFile};
 
 /// Bytes of a piece: some ten thousand rows.
 const PIECE: usize = 2 << 20;
@@ -216,6 +217,22 @@ impl Reader<'_> {
     }
 }
 
+/// Returns true if nothing but a decimal mark can be meant by a point: in the notation, between commas, or where a
+/// number at the beginning of the file has not three digits after it.
+fn has_sure_points(reader: &Reader<'_>, separator: u8, body: &str) -> bool {
+    const ROWS: usize = 100;
+    if reader.rig.recording.decimal == Some(DecimalMark::Comma) {
+        return false;
+    }
+    let is_own = |column: &Column| Known::parse(&column.header).is_some();
+    if separator == b',' || reader.columns.iter().any(is_own) {
+        return true;
+    }
+    let cells = body.lines().take(ROWS).flat_map(|line| line.split(char::from(separator)));
+    let mut forms = Forms::ALL;
+    cells.into_iter().all(|cell| forms.see(cell.trim())) && forms.is_point()
+}
+
 /// Reads a file, piece by piece; `None` if it is to be read with care.
 pub(super) fn read(label: &str, from: impl Read, rig: &RigFile) -> Option<Recording> {
     let mut pieces = Pieces::new(from);
@@ -232,7 +249,7 @@ pub(super) fn read(label: &str, from: impl Read, rig: &RigFile) -> Option<Record
     }
     let separator = separator(header);
     reader.name_columns(super::header(header, separator)?).ok()?;
-    if !reader.is_complete() {
+    if !reader.is_complete() || !has_sure_points(&reader, separator, body) {
         return None;
     }
     let lines = Lines { columns: reader.columns.iter().map(Cells::of).collect(), separator };

@@ -71,7 +71,14 @@ fn a_name_full_of_other_separators_is_read_again_as_one_column() {
         let first = read(&text(5).replacen("t_s", &format!("{before}t_s"), 1).replacen("lamp", &name, 1), "")
             .unwrap();
         assert_eq!(first.extra.len(), 1);
-        assert_eq!(read(&first.to_csv(), "").unwrap(), first, "{name:?}");
+        let written = first.to_csv();
+        let again = read(&written, "").unwrap();
+        // The name may take two lines.
+        assert_eq!(
+            Recording { first_line: None, ..again },
+            Recording { first_line: None, ..first },
+            "{name:?}"
+        );
     }
 }
 
@@ -257,7 +264,7 @@ fn bad_input_is_named_with_its_place() {
     }
     let mcap = Recording::from_csv_bytes("a.csv", b"\x89MCAP0\r\n", &RigFile::default()).unwrap_err();
     assert!(mcap.to_string().contains(".mcap"));
-    let latin = Recording::from_csv_bytes("a.csv", b"t_s,\n\xE9", &RigFile::default()).unwrap_err();
+    let latin = Recording::from_csv_bytes("a.csv", b"t_s,\n\xE9\x01", &RigFile::default()).unwrap_err();
     assert!(latin.to_string().contains("not text (line 2)"));
 }
 

@@ -170,7 +170,8 @@ fn together(label: &str, bags: &[Bag<'_>], packed: bool) -> Result<Stored, Recor
         all.damage.extend(contents.damage);
         for message in &contents.messages {
             let Some(channel) = numbers.get(&message.channel) else { continue };
-            let data = if packed { folder::unpack(message.data).map_err(not)? } else { message.data.to_vec() };
+            let data =
+                if packed { folder::unpack(message.data).map_err(not)? } else { message.data.to_vec() };
             (before, after) = (before + message.data.len(), after + data.len());
             if folder::is_too_much(before, after) {
                 return Err(not("its messages unpack to more than sensors record".to_owned()));

@@ -1,0 +1,267 @@
+//! Names and units as other programs give them to columns, and the columns that they mean here.
+//!
+//! Nothing is taken by its name alone: its unit must be written somewhere and fit the quantity.
+
+use std::collections::BTreeMap;
+
+use super::columns::{Group, Known};
+use crate::rig::{ColumnSource, Quantity, ScaledColumn, Unit};
+
+/// Words for a time.
+const TIMES: &[&str] = &[
+    "t",
+    "time",
+    "times",
+    "zeit",
+    "timestamp",
+    "timestamps",
+    "zeitstempel",
+    "stamp",
+    "xvalue",
+    "elapsedtime",
+    "elapsed",
+    "timeaxis",
+    "messzeit",
+    "temps",
+    "tiempo",
+    "tempo",
+    "tijd",
+    "datetime",
+    "datumzeit",
+    "zeitachse",
+];
+
+/// Words that stand before or after an axis, and the quantity.
+const WORDS: &[(Quantity, &[&str])] = &[
+    (Quantity::Force, &["f", "force", "forces", "kraft", "frc"]),
+    (Quantity::Moment, &["m", "t", "moment", "moments", "torque", "torques", "drehmoment", "mom", "trq"]),
+    (
+        Quantity::Acceleration,
+        &[
+            "a",
+            "acc",
+            "accel",
+            "acceleration",
+            "accelerometer",
+            "beschleunigung",
+            "specificforce",
+            "imua",
+            "imuacc",
+        ],
+    ),
+    (
+        Quantity::AngularRate,
+        &[
+            "g",
+            "w",
+            "gyr",
+            "gyro",
+            "gyroscope",
+            "omega",
+            "angularvelocity",
+            "angularrate",
+            "angvel",
+            "drehrate",
+            "winkelgeschwindigkeit",
+            "rate",
+            "imug",
+            "imugyr",
+            "imugyro",
+        ],
+    ),
+];
+
+/// What a column of another program's file is by its name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meaning {
+    /// Name of the column here: `fx_n`.
+    pub known: String,
+    /// Its quantity.
+    pub quantity: Quantity,
+    /// Its unit as it is written; `None` if it is written nowhere.
+    pub unit: Option<String>,
+}
+
+/// Returns the meaning of a column by its name; `stated` is its unit where a row of units or a line above the table
+/// has it. `None` if nothing known is named so, or its unit is of another quantity.
+pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
+    let (base, own) = parted(name)?;
+    let unit = own.or(stated.filter(|text| Unit::parse(text).is_some())).map(str::to_owned);
+    let measured = unit.as_deref().and_then(Unit::parse).map(|unit| unit.quantity);
+    // A unit that nobody knows says that the column is something else.
+    if stated.is_some() && measured.is_none() {
+        return None;
+    }
+    let plain: String = base.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    if TIMES.contains(&plain.as_str()) {
+        let fits = measured.is_none_or(|quantity| quantity == Quantity::Time);
+        return fits.then(|| Meaning { known: "t_s".to_owned(), quantity: Quantity::Time, unit });
+    }
+    let axis = |c: Option<char>| ['x', 'y', 'z'].iter().position(|axis| Some(*axis) == c);
+    let mut letters = plain.chars();
+    let (k, word) = match (axis(plain.chars().last()), axis(plain.chars().next())) {
+        (Some(k), _) => {
+            letters.next_back();
+            (k, letters.as_str())
+        }
+        (None, Some(k)) => {
+            letters.next();
+            (k, letters.as_str())
+        }
+        (None, None) => return None,
+    };
+    let (quantity, _) = *WORDS
+        .iter()
+        .find(|(quantity, words)| words.contains(&word) && measured.is_none_or(|own| own == *quantity))?;
+    let (group, k) = match quantity {
+        Quantity::Force => (Group::Wrench, k),
+        Quantity::Moment => (Group::Wrench, k + 3),
+        Quantity::Acceleration => (Group::Accel(0), k),
+        _ => (Group::Gyro(0), k),
+    };
+    Some(Meaning { known: Known::Member(group, k).name(), quantity, unit })
+}
+
+/// Parts a unit off a name: `Fx [N]`, `Fx (N)`, `F_x/N`, `TimeStamp_ms`; `None` if it is in a unit that is not known.
+fn parted(name: &str) -> Option<(&str, Option<&str>)> {
+    let name = name.trim();
+    for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
+        if let Some((base, rest)) = name.split_once(open)
+            && let Some((unit, after)) = rest.split_once(close)
+            && after.trim().is_empty()
+        {
+            let own = Some(unit.trim()).filter(|unit| Unit::parse(unit).is_some());
+            // In round brackets there may be a remark.
+            return (own.is_some() || open == '(').then_some((base, own));
+        }
+    }
+    let by = |mark: char| {
+        let (base, unit) = name.split_once(mark)?;
+        (Unit::parse(unit).is_some() && !base.trim().is_empty()).then_some((base, Some(unit.trim())))
+    };
+    let by_last = |mark: char| {
+        let (base, unit) = name.rsplit_once(mark)?;
+        // x and z are axes; a letter alone may be one of a name.
+        (unit.len() > 1 && Unit::parse(unit).is_some() && !base.is_empty()).then_some((base, Some(unit)))
+    };
+    Some(by('/').or_else(|| by_last('_')).or_else(|| by_last(' ')).unwrap_or((name, None)))
+}
+
+/// Returns the units of forces and moments that lines above a table state, as ATI's logs do: `Force Units: N`.
+pub fn units_above(lines: &[String]) -> Vec<(Quantity, String)> {
+    let mut found = Vec::new();
+    for (quantity, key) in [(Quantity::Force, "force unit"), (Quantity::Moment, "torque unit")] {
+        for line in lines {
+            let low = line.to_lowercase();
+            // Lengths in bytes are those of the line where nothing but ASCII stands.
+            let Some(at) = low.find(key).filter(|_| line.is_ascii()) else { continue };
+            let rest = line.get(at + key.len()..).unwrap_or_default();
+            let value = rest.trim_start_matches(['s', 'S', ':', ';', ',', '=', '"', '\t', ' ']);
+            let value = value.split(['"', ';', ',', '\t']).next().unwrap_or_default().trim();
+            if Unit::parse(value).is_some_and(|unit| unit.quantity == quantity) {
+                found.push((quantity, value.to_owned()));
+                break;
+            }
+        }
+    }
+    found
+}
+
+/// Returns the meaning of each column of a table, by names, its row of units and lines above it.
+pub fn meanings(names: &[String], units: &[Option<String>], above: &[String]) -> Vec<Option<Meaning>> {
+    let stated = units_above(above);
+    let of = |(k, name): (usize, &String)| {
+        let mut found = meaning(name, units.get(k).and_then(Option::as_deref))?;
+        if found.unit.is_none() {
+            let own = stated.iter().find(|(quantity, _)| *quantity == found.quantity);
+            found.unit = own.map(|(_, unit)| unit.clone());
+        }
+        Some(found)
+    };
+    names.iter().enumerate().map(of).collect()
+}
+
+/// Returns where the columns of a table are by their names and units, as a rig file writes it. A group that is not
+/// whole, or has two columns for one quantity, is left out; `is_clock` tells of a column that holds times of day, which
+/// have no unit.
+///
+/// # Errors
+/// Names of columns whose unit is written nowhere.
+pub fn columns(
+    names: &[String],
+    meanings: &[Option<Meaning>],
+    is_clock: impl Fn(usize) -> bool,
+) -> Result<BTreeMap<String, ColumnSource>, Vec<String>> {
+    let count = |known: &str| meanings.iter().flatten().filter(|meaning| meaning.known == known).count();
+    let is_whole = |known: &str| match Known::parse(known) {
+        Some(Known::Member(group, _)) => group.names().iter().all(|name| count(name) == 1),
+        Some(Known::Time) => count(known) == 1,
+        None => false,
+    };
+    let (mut found, mut without) = (BTreeMap::new(), Vec::new());
+    for (k, (name, meaning)) in names.iter().zip(meanings).enumerate() {
+        let Some(meaning) = meaning.as_ref().filter(|meaning| is_whole(&meaning.known)) else { continue };
+        let unit = meaning.unit.clone().filter(|_| !(meaning.known == "t_s" && is_clock(k)));
+        if unit.is_none() && !(meaning.known == "t_s" && is_clock(k)) {
+            without.push(name.clone());
+        }
+        let is_si = unit.as_deref().and_then(Unit::parse).is_none_or(|unit| unit.scale == 1.0);
+        let source = if is_si {
+            ColumnSource::Name(name.clone())
+        } else {
+            let plus = BTreeMap::new();
+            ColumnSource::Scaled(ScaledColumn { name: name.clone(), scale: 1.0, unit, offset: 0.0, plus })
+        };
+        found.insert(meaning.known.clone(), source);
+    }
+    if without.is_empty() { Ok(found) } else { Err(without) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_programs_mean_what_they_say() {
+        for (name, stated, known, unit) in [
+            ("Fx [N]", None, "fx_n", Some("N")),
+            ("Fy (N)", None, "fy_n", Some("N")),
+            ("Force Z (kN)", None, "fz_n", Some("kN")),
+            ("F_x/N", None, "fx_n", Some("N")),
+            ("Mx [Nm]", None, "mx_nm", Some("Nm")),
+            ("M_z / (N mm)", None, "mz_nm", Some("N mm")),
+            ("Tx", Some("Nm"), "mx_nm", Some("Nm")),
+            ("Fx (Gesammelt)", Some("N"), "fx_n", Some("N")),
+            ("Kraft X", Some("N"), "fx_n", Some("N")),
+            ("AccX [m/s^2]", None, "imu_ax_mps2", Some("m/s^2")),
+            ("Acc_X [g]", None, "imu_ax_mps2", Some("g")),
+            ("Acc_Z[g]", None, "imu_az_mps2", Some("g")),
+            ("GyrX [deg/s]", None, "imu_gx_radps", Some("deg/s")),
+            ("Gyr_X (rad/s)", None, "imu_gx_radps", Some("rad/s")),
+            ("Gy [dps]", None, "imu_gy_radps", Some("dps")),
+            ("Zeit [s]", None, "t_s", Some("s")),
+            ("Zeit", Some("s"), "t_s", Some("s")),
+            ("TimeStamp_ms", None, "t_s", Some("ms")),
+            ("Time", None, "t_s", None),
+            ("Fx", None, "fx_n", None),
+        ] {
+            let found = meaning(name, stated).unwrap_or_else(|| panic!("{name}"));
+            assert_eq!((found.known.as_str(), found.unit.as_deref()), (known, unit), "{name}");
+        }
+        for none in [
+            "Mag_X [mT]",
+            "Mx [N]",
+            "Temp [°C]",
+            "PacketCounter",
+            "FreeAcc_X [m/s^2]",
+            "Fx1 [N]",
+            "Index",
+            "Max [N]",
+            "x",
+        ] {
+            let found = meaning(none, None);
+            assert_eq!(found.filter(|found| found.unit.is_some()), None, "{none}");
+        }
+        assert_eq!(meaning("Mag X", Some("mT")), None);
+    }
+}

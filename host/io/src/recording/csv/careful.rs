@@ -1,0 +1,331 @@
+//! Rows read one by one: texts as other programs write them, and every mistake named with line and column.
+
+use std::borrow::Cow;
+
+use super::{LONGEST_LINE, Reader, Sink, comments, refuse, separator};
+use crate::recording::columns::Known;
+use crate::recording::text::clock::{Clock, Stamp, Survey};
+use crate::recording::text::decimal::{Form, Forms, Unclear};
+use crate::recording::text::encoding::decode;
+use crate::recording::text::layout::{Layout, is_comment};
+use crate::recording::text::rows::{Rows, Separator};
+use crate::recording::time::Time;
+use crate::recording::{Recording, RecordingError};
+use crate::rig::{DecimalMark, RigFile};
+
+/// The text of a file with the layout of its table.
+pub(in crate::recording) struct Found<'a> {
+    pub(in crate::recording) layout: Layout,
+    pub(in crate::recording) comments: Vec<(String, String)>,
+    pub(in crate::recording) body: &'a str,
+}
+
+/// Finds the table in a text.
+///
+/// # Errors
+/// There is nothing in it, or it is not what it says.
+pub(in crate::recording) fn find<'a>(
+    label: &str,
+    text: &'a str,
+    rig: &RigFile,
+) -> Result<Found<'a>, RecordingError> {
+    let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+    if let Some(line) = text.lines().position(|line| line.len() > LONGEST_LINE) {
+        return Err(not(format!(
+            "its line {} is longer than {LONGEST_LINE} bytes: a row of a recording takes a line of its own",
+            line + 1
+        )));
+    }
+    let body = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if body.trim().is_empty() {
+        return Err(not("it is empty".to_owned()));
+    }
+    let (comments, body) = comments(body);
+    let line = comments.len() as u64 + 1;
+    let mapping = &rig.recording.columns;
+    let is_known =
+        |name: &str| Known::parse(name).is_some() || mapping.values().any(|source| source.parts().0 == name);
+    let own = separator(body);
+    let found = match Layout::of_header(body, line, own, is_known) {
+        Some(layout) => Some(layout),
+        None => {
+            let above = comments
+                .last()
+                .map(|(key, value)| if key.is_empty() { value.clone() } else { format!("{key} = {value}") });
+            Layout::find(body, line, above.as_deref()).map_err(not)?
+        }
+    };
+    // Of no table of numbers the first line is taken for the header, whatever it says.
+    let layout = found.or_else(|| Layout::of_header(body, line, own, |_| true));
+    let layout = layout.ok_or_else(|| not("it is empty".to_owned()))?;
+    Ok(Found { layout, comments, body })
+}
+
+/// Returns in words how the numbers of a table are written, by all columns that hold nothing else.
+pub(in crate::recording) fn numbers(found: &Found<'_>) -> String {
+    let layout = &found.layout;
+    let body = found.body.get(layout.body..).unwrap_or_default();
+    let reader = Reader::new("", RigFile::default(), Vec::new());
+    let seen = reader.survey(Rows::new(body, layout.line, layout.separator), layout);
+    let columns =
+        seen.into_iter().flatten().filter(|seen| seen.stamps.is_none()).filter_map(|seen| seen.forms);
+    let first = layout.comma.map_or(Forms::ALL, Forms::with_decimal);
+    match columns.fold(first, Forms::join).form(reader.has_points(layout)) {
+        Ok(form) => form.name(),
+        Err(_) => "unclear: decimals or thousands".to_owned(),
+    }
+}
+
+/// What becomes of a column's cells.
+enum Way {
+    /// They are times of day.
+    Clock(Clock),
+    /// They are numbers, written as the file writes them.
+    Numbers,
+    /// They are kept as they are.
+    Kept,
+}
+
+/// What the cells of a column show.
+#[derive(Default)]
+struct Seen {
+    /// Forms of its numbers, while all of its cells are some.
+    forms: Option<Forms>,
+    /// Its times of day, while all are.
+    stamps: Option<Survey>,
+}
+
+/// How the cells of a table are read.
+struct Ways {
+    form: Form,
+    columns: Vec<Way>,
+}
+
+impl Recording {
+    /// Reads the bytes of a CSV file row by row.
+    pub(super) fn from_csv_with_care(
+        label: &str,
+        bytes: &[u8],
+        rig: &RigFile,
+    ) -> Result<Self, RecordingError> {
+        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+        if bytes.starts_with(&crate::recording::mcap::container::MAGIC) {
+            return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
+        }
+        let (text, _) = decode(bytes).map_err(not)?;
+        let Found { layout, comments, body } = find(label, &text, rig)?;
+        let mut reader = Reader::new(label, rig.clone(), comments);
+        reader.apply_comments()?;
+        reader.read(&layout, body)?;
+        reader.into_recording(true)
+    }
+}
+
+impl Reader<'_> {
+    fn at(&self, line: u64, column: Option<&str>, reason: String) -> RecordingError {
+        let name = self.label.to_owned();
+        RecordingError::At { name, line, column: column.map(str::to_owned), reason }
+    }
+
+    /// Reads the rows of a text.
+    fn read(&mut self, layout: &Layout, body: &str) -> Result<(), RecordingError> {
+        let rows = || {
+            let rest = body.get(layout.body..).unwrap_or_default();
+            Rows::new(rest, layout.line, layout.separator)
+        };
+        let width = layout.names.len();
+        self.units.clone_from(&layout.units);
+        self.above.clone_from(&layout.preamble);
+        let seen = self.survey(rows(), layout)?;
+        let clocks = seen.iter().enumerate().filter(|(_, seen)| seen.stamps.is_some());
+        self.clocks = clocks.map(|(k, _)| k).collect();
+        self.name_columns(layout.names.clone())?;
+        let mut ways = self.ways(rows(), layout, seen)?;
+        let (mut rows, mut cells) = (rows(), Vec::new());
+        while let Some(line) = rows.next(&mut cells) {
+            if cells.len() != width && is_comment(&cells) {
+                continue;
+            }
+            self.check_width(layout, &cells, line)?;
+            if let Some((start, step)) = layout.steps
+                && let Some(cell) = cells.first_mut()
+            {
+                let time_s = start + step * self.lines.len() as f64;
+                *cell = Cow::Owned(format!("{time_s:.9}"));
+            }
+            for k in 0..width {
+                let cell = cells.get(k).map_or("", Cow::as_ref);
+                let Some(way) = ways.columns.get_mut(k) else { continue };
+                self.take_cell(k, cell, way, ways.form).map_err(|reason| {
+                    let header = layout.names.get(k).map(String::as_str);
+                    self.at(line, header, reason)
+                })?;
+            }
+            self.lines.push(line);
+        }
+        if self.lines.is_empty() {
+            let reason = "it has a header and no rows".to_owned();
+            return Err(RecordingError::NotARecording { name: self.label.to_owned(), reason });
+        }
+        Ok(())
+    }
+
+    fn check_width(&self, layout: &Layout, cells: &[Cow<'_, str>], line: u64) -> Result<(), RecordingError> {
+        let width = layout.names.len();
+        let is_rest_empty = cells.iter().skip(width).all(|cell| cell.is_empty());
+        if (cells.len() == width || (cells.len() > width && is_rest_empty))
+            || (cells.len() < width && layout.may_be_short)
+        {
+            return Ok(());
+        }
+        let count = cells.len();
+        Err(self.at(
+            line,
+            None,
+            format!(
+                "the row has {count} values, the header {width} names: was the file cut off here? remove or mend the row"
+            ),
+        ))
+    }
+
+    fn take_cell(&mut self, k: usize, cell: &str, way: &mut Way, form: Form) -> Result<(), String> {
+        match way {
+            Way::Clock(clock) => {
+                let ns = Stamp::parse(cell).and_then(|stamp| clock.ns(&stamp)).ok_or_else(|| refuse(cell))?;
+                if let Some(Sink::Time { times, .. }) = self.columns.get_mut(k).map(|column| &mut column.sink)
+                {
+                    times.push(Time::Nanoseconds(ns));
+                }
+                Ok(())
+            }
+            Way::Numbers => self.take(k, &form.plain(cell)?),
+            Way::Kept => self.take(k, cell),
+        }
+    }
+
+    /// Looks at every cell once.
+    fn survey(&self, mut rows: Rows<'_>, layout: &Layout) -> Result<Vec<Seen>, RecordingError> {
+        let whole = || Seen { forms: Some(Forms::ALL), stamps: Some(Survey::default()) };
+        let mut all: Vec<Seen> = layout.names.iter().map(|_| whole()).collect();
+        let mut cells = Vec::new();
+        let mut count = 0;
+        while rows.next(&mut cells).is_some() {
+            if cells.len() != layout.names.len() && is_comment(&cells) {
+                continue;
+            }
+            count += 1;
+            for (seen, cell) in all.iter_mut().zip(&cells) {
+                if let Some(survey) = &mut seen.stamps {
+                    match Stamp::parse(cell) {
+                        Some(stamp) => survey.see(&stamp),
+                        // A column that begins as times of day is one; a cell that is none is named then.
+                        None if count == 1 => seen.stamps = None,
+                        None => {}
+                    }
+                }
+                if seen.stamps.is_some() || cell.is_empty() {
+                    continue;
+                }
+                if let Some(forms) = &mut seen.forms
+                    && !forms.see_number(cell)
+                {
+                    seen.forms = None;
+                }
+            }
+        }
+        if count == 0 {
+            all.iter_mut().for_each(|seen| *seen = Seen::default());
+        }
+        Ok(all)
+    }
+
+    /// Decides how the cells of each column are read.
+    fn ways(&mut self, rows: Rows<'_>, layout: &Layout, seen: Vec<Seen>) -> Result<Ways, RecordingError> {
+        let stated = match self.rig.recording.decimal {
+            Some(mark) => Some(mark == DecimalMark::Comma),
+            None => layout.comma,
+        };
+        let first = stated.map_or(Forms::ALL, Forms::with_decimal);
+        let is_number = |k: usize| {
+            let sink = self.columns.get(k).map(|column| &column.sink);
+            matches!(sink, Some(Sink::Number { .. } | Sink::Time { .. })) && !self.clocks.contains(&k)
+        };
+        let form = match self.form(rows, layout, first, is_number)? {
+            Ok(form) => form,
+            Err((unclear, forms)) => {
+                // Other columns of numbers may show it.
+                let others = seen.iter().filter_map(|seen| seen.forms);
+                let forms = others.fold(forms, Forms::and);
+                forms.form(self.has_points(layout)).map_err(|_| self.unclear(unclear))?
+            }
+        };
+        let mut columns = Vec::new();
+        for (k, seen) in seen.into_iter().enumerate() {
+            let sink = self.columns.get(k).map(|column| &column.sink);
+            let is_all_numbers = seen.forms.is_some_and(|forms| forms.has(form));
+            columns.push(match (sink, seen.stamps) {
+                (Some(Sink::Time { .. }), Some(survey)) => {
+                    let (clock, said) = survey.clock().map_err(|reason| {
+                        self.columns_error(format!("column {}: {reason}", layout.names[k]))
+                    })?;
+                    self.warnings.extend(said.map(|said| format!("column {}: {said}", layout.names[k])));
+                    Way::Clock(clock)
+                }
+                (Some(Sink::Text(_)), _) if !is_all_numbers || form == Form::PLAIN => Way::Kept,
+                (Some(Sink::Time { .. }), None) if layout.steps.is_some() => Way::Kept,
+                _ => Way::Numbers,
+            });
+        }
+        Ok(Ways { form, columns })
+    }
+
+    /// Returns true if numbers with three digits after a point have decimals: by the notation, or because nothing but a
+    /// quoted cell could hold a comma.
+    fn has_points(&self, layout: &Layout) -> bool {
+        let is_own = layout.names.iter().any(|name| Known::parse(name).is_some());
+        is_own || layout.separator == Separator::One(b',')
+    }
+
+    /// Returns the form that all numbers of the known columns agree with, or the forms that are left.
+    fn form(
+        &self,
+        mut rows: Rows<'_>,
+        layout: &Layout,
+        mut forms: Forms,
+        is_number: impl Fn(usize) -> bool,
+    ) -> Result<Result<Form, (Unclear, Forms)>, RecordingError> {
+        let numbers: Vec<usize> = (0..layout.names.len()).filter(|k| is_number(*k)).collect();
+        let mut cells = Vec::new();
+        while let Some(line) = rows.next(&mut cells) {
+            if cells.len() != layout.names.len() && is_comment(&cells) {
+                continue;
+            }
+            for k in &numbers {
+                let Some(cell) = cells.get(*k) else { continue };
+                if !forms.see(cell) {
+                    let header = layout.names.get(*k).map(String::as_str);
+                    return Err(self.at(
+                        line,
+                        header,
+                        format!(
+                            "{cell:?} is not a number as those before it are written: decimals have a point, or a comma, in all of \
+                             a file; correct it, or remove the row"
+                        ),
+                    ));
+                }
+            }
+        }
+        Ok(forms.form(self.has_points(layout)).map_err(|unclear| (unclear, forms)))
+    }
+
+    fn unclear(&self, unclear: Unclear) -> RecordingError {
+        let (example, mark) = match unclear {
+            Unclear::Comma => ("1,234", "commas"),
+            Unclear::Point => ("1.234", "points"),
+        };
+        self.columns_error(format!(
+            "nothing shows whether {example} is more than a thousand or has decimals: all its numbers with {mark} have three digits \
+             after them. Write decimal = \"comma\" or decimal = \"point\" in [recording] of its rig file"
+        ))
+    }
+}

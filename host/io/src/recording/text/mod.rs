@@ -1,0 +1,11 @@
+//! Tables in text as other programs export them: how a file is written is found from the file.
+//!
+//! Lives here: encoding, separator, lines before and after the header, units, the way of writing numbers and
+//! times. May not live here: what columns mean ([`super::csv`], [`super::conventions`]).
+
+pub(super) mod clock;
+pub(super) mod decimal;
+pub(super) mod encoding;
+pub(super) mod layout;
+mod lvm;
+pub(super) mod rows;
