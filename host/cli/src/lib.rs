@@ -44,6 +44,7 @@ mod failure;
 mod folder;
 mod guards;
 mod identify;
+mod import;
 mod in_process;
 mod info;
 mod kept;
@@ -280,6 +281,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Completions(a)) => completions::completions(&a),
         Some(Command::Man(a)) => completions::man(&a),
         Some(Command::Convert(a)) => convert(&a),
+        Some(Command::Import(a)) => import::run(&a),
         #[cfg(not(feature = "simulator"))]
         Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),
         #[cfg(feature = "simulator")]

@@ -127,6 +127,7 @@ impl Loaded {
         notes.extend(problem.notes.iter().cloned());
         let (rows, recorded) = (recording.rows(), recording.recorded());
         let mut warnings = recording.warnings.clone();
+        warnings.extend(super::recorded::assumed_columns(&recording));
         warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
@@ -195,16 +196,22 @@ impl Loaded {
         let joints = super::recorded::joints_of(&recording);
         let looked_at = diagnosis::looked_at(&recording);
         let problem = Problem::of_body(recording).map_err(|error| {
-            Failure::input(match joints.first() {
+            let assumed = super::recorded::assumed_columns(&looked_at);
+            let failure = Failure::input(match joints.first() {
                 None => error.to_string(),
                 Some(joint) => format!(
                     "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description by \
                      --model FILE"
                 ),
-            })
+            });
+            match assumed {
+                Some(assumed) => failure.after(&assumed),
+                None => failure,
+            }
         })?;
         let recording = looked_at;
         let mut warnings = recording.warnings.clone();
+        warnings.extend(super::recorded::assumed_columns(&recording));
         warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(left_out_columns(&recording, &joints));
         let recorded = recording.recorded();

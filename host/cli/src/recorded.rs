@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Failure;
 use rigident::problem::clocks::StreamSet;
 use rigident_io::recording::mcap::folder::is_bag_folder;
-use rigident_io::recording::{Recording, extension, rig_path};
+use rigident_io::recording::{Recording, extension, is_text, rig_path};
 use rigident_io::rig::RigFile;
 
 /// Returns the files with clocks of their own that a path stands for: a rig file that lists `[[stream]]` files, or their
@@ -83,6 +83,14 @@ pub(super) fn left_out_columns(recording: &Recording, joints: &[String]) -> Opti
     })
 }
 
+/// Returns where the columns of a recording were found, if neither its names nor a rig file say it.
+pub(super) fn assumed_columns(recording: &Recording) -> Option<String> {
+    let assumed = recording.assumed.as_ref()?;
+    Some(format!(
+        "{assumed}; the wrench is taken to be that on the body. `rigident import` writes a rig file that says so, to be changed"
+    ))
+}
+
 /// The rig file that lists the streams of [`super::live`].
 pub(super) const STREAMS: &str = "streams.rig.toml";
 
@@ -104,7 +112,8 @@ pub(super) fn named(path: PathBuf) -> PathBuf {
 pub(super) fn is_recording(path: &Path) -> bool {
     is_rig_file(path)
         || path.is_dir()
-        || matches!(extension(path).as_str(), "csv" | "mcap" | "db3" | "parquet" | "mat")
+        || is_text(&extension(path))
+        || matches!(extension(path).as_str(), "mcap" | "db3" | "parquet" | "mat")
 }
 
 /// Whether a path is a rig file's, by its name.

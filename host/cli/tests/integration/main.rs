@@ -25,6 +25,7 @@ mod fitting;
 mod flashed_image;
 mod forgetting;
 mod hostile_bytes;
+mod import;
 mod knocks;
 mod known;
 mod legged;
