@@ -15,7 +15,7 @@ pub mod import;
 pub mod mcap;
 pub mod new_file;
 mod settle;
-mod text;
+pub(crate) mod text;
 pub mod time;
 
 use std::path::{Path, PathBuf};

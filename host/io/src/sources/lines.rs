@@ -14,10 +14,12 @@ use super::socket::{PATIENCE, is_patience, read_serial, resolve, serial};
 use super::source::{Losses, OwnClock, Row, Source, SourceError};
 use super::url::{Scheme, SourceUrl};
 use crate::recording::Recording;
-use crate::recording::columns::{Group, TIME};
+use crate::recording::columns::{Group, Known, TIME};
+use crate::recording::conventions;
 use crate::recording::csv::separator;
+use crate::recording::text::decimal::Form;
 use crate::recording::time;
-use crate::rig::{RecordingTable, RigFile};
+use crate::rig::{DecimalMark, RecordingTable, RigFile};
 
 const BAUD: u32 = 115_200;
 /// Longer lines are none.
@@ -48,14 +50,22 @@ struct Layout {
     cells: Vec<Cell>,
     time: Option<Cell>,
     number: Option<usize>,
+    form: Form,
 }
 
 impl Layout {
     /// Reads a header; the first line of numbers shows that they are numbers.
     fn new(header: &str, first: &str, rig: &RigFile) -> Result<Self, String> {
-        let columns = rig.recording.columns.clone();
+        let (mut columns, decimal) = (rig.recording.columns.clone(), rig.recording.decimal);
         let separator = char::from(separator(header));
         let names: Vec<&str> = header.split(separator).map(|n| n.trim().trim_matches('"')).collect();
+        let is_known = |name: &&str| matches!(Known::parse(name), Some(Known::Member(..)));
+        if columns.is_empty() && !names.iter().any(|name| is_known(&name)) {
+            // By the names and units that other programs give, as of a file.
+            let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            let meanings = conventions::meanings(&names, &[], &[]);
+            columns = conventions::columns(&names, &meanings, |_| false).unwrap_or_default();
+        }
         let source = |known: &str| {
             let (name, scale, offset) = match columns.get(known) {
                 Some(source) => (source.parts().0, source.parts().1, source.offset()),
@@ -66,7 +76,7 @@ impl Layout {
         let time = source(TIME);
         // A file of one row is read as any: names, units and what is missing are found there.
         let own = RigFile {
-            recording: RecordingTable { columns: columns.clone(), ..RecordingTable::default() },
+            recording: RecordingTable { columns: columns.clone(), decimal, ..RecordingTable::default() },
             ..RigFile::default()
         };
         let text = match time {
@@ -94,7 +104,11 @@ impl Layout {
         let cells =
             cells.collect::<Result<Vec<_>, _>>().map_err(|name| format!("column {name} is missing"))?;
         let number = names.iter().position(|name| COUNTS.contains(&name.to_lowercase().as_str()));
-        Ok(Self { separator, count: names.len(), groups, cells, time, number })
+        // The first line shows how all of them are written.
+        let first: Vec<&str> = first.split(separator).map(str::trim).collect();
+        let known = cells.iter().chain(&time).filter_map(|cell| first.get(cell.at).copied());
+        let form = Form::of(known, decimal.map(|mark| mark == DecimalMark::Comma)).unwrap_or(Form::PLAIN);
+        Ok(Self { separator, count: names.len(), groups, cells, time, number, form })
     }
 
     /// Reads a line; `None` if it is none of these columns.
@@ -104,13 +118,15 @@ impl Layout {
             return None;
         }
         let number = |cell: &Cell| {
-            let value = cells.get(cell.at)?.parse::<f64>().ok()? * cell.scale + cell.offset;
+            let plain = self.form.plain(cells.get(cell.at)?).ok()?;
+            let value = plain.parse::<f64>().ok()? * cell.scale + cell.offset;
             value.is_finite().then_some(value)
         };
         let values = self.cells.iter().map(number).collect::<Option<Vec<f64>>>()?;
         let time_ns = match &self.time {
             Some(cell) => {
-                let ns = time::parse(cells.get(cell.at)?, cell.scale)?.nanoseconds();
+                let plain = self.form.plain(cells.get(cell.at)?).ok()?;
+                let ns = time::parse(&plain, cell.scale)?.nanoseconds();
                 // Two centuries either way fit.
                 Some(i64::try_from(ns).ok().filter(|ns| ns.unsigned_abs() < 1 << 62)?)
             }

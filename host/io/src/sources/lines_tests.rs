@@ -52,6 +52,24 @@ fn names_units_and_order_come_from_the_rig_file() {
 }
 
 #[test]
+fn lines_of_other_programs_are_samples_too() {
+    let header = "Zeit [ms];Fx [N];Fy [N];Fz [kN];Mx [Nm];My [Nm];Mz [N mm]\n";
+    let mut decoder = Decoder::new(None, &RigFile::default(), false);
+    let rows = fed(
+        &mut decoder,
+        &format!("{header}0;0,5;1,5;2;-3,25;4;5\n2,5;1.234,5;1;1;1;1;1\n5;1,5;1;1;1;1;1\n"),
+    );
+    let first = Row { time_ns: Some(0), values: vec![0.5, 1.5, 2000.0, -3.25, 4.0, 0.005] };
+    // Marks that the first line has not are not taken for others.
+    assert_eq!((rows.len(), rows.first(), rows[1].time_ns), (2, Some(&first), Some(5_000_000)));
+    assert_eq!(decoder.losses.damaged, 1);
+    let mut unclear = Decoder::new(None, &RigFile::default(), false);
+    let row = "0;1,234;1,234;1,234;1,234;1,234;1,234\n";
+    let said = unclear.feed(format!("{header}{row}").as_bytes(), &mut Vec::new()).unwrap_err();
+    assert!(said.contains("decimal ="), "{said}");
+}
+
+#[test]
 fn what_is_no_stream_is_said() {
     let said = |text: &str| {
         let mut decoder = Decoder::new(None, &RigFile::default(), false);

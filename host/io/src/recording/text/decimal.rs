@@ -121,6 +121,14 @@ impl Form {
     /// As the notation has it.
     pub(crate) const PLAIN: Self = FORMS[0];
 
+    /// Returns the form that cells agree with, a point before three digits being one before decimals; `comma` is what a
+    /// rig file says. `None` if there is none, or two.
+    pub(crate) fn of<'a>(cells: impl IntoIterator<Item = &'a str>, comma: Option<bool>) -> Option<Self> {
+        let mut forms = comma.map_or(Forms::ALL, Forms::with_decimal);
+        let agree = cells.into_iter().all(|cell| forms.see(cell));
+        agree.then(|| forms.form(true).ok()).flatten()
+    }
+
     /// Returns its name, for people: the decimal mark and that of the thousands.
     pub(crate) fn name(self) -> String {
         let of = |mark: char| match mark {

@@ -4,7 +4,7 @@
 //! times. May not live here: what columns mean ([`super::csv`], [`super::conventions`]).
 
 pub(super) mod clock;
-pub(super) mod decimal;
+pub(crate) mod decimal;
 pub(super) mod encoding;
 pub(super) mod layout;
 mod lvm;
