@@ -147,6 +147,11 @@ fn parted(name: &str) -> Option<(&str, Option<&str>)> {
     Some(by('/').or_else(|| by_last('_')).or_else(|| by_last(' ')).unwrap_or((name, None)))
 }
 
+/// Returns the unit that a name ends in; `None` if it ends in none that is known.
+pub fn unit_of(name: &str) -> Option<&str> {
+    parted(name)?.1
+}
+
 /// Returns the units of forces and moments that lines above a table state, as ATI's logs do: `Force Units: N`.
 pub fn units_above(lines: &[String]) -> Vec<(Quantity, String)> {
     let mut found = Vec::new();

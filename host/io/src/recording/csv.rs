@@ -326,6 +326,7 @@ impl<'a> Reader<'a> {
             if let Some(known) = known {
                 self.check_unit(
                     place,
+                    &name,
                     known,
                     source.is_some_and(|(own, _)| mapping.get(own).is_some_and(has_unit)),
                 )?;
@@ -352,16 +353,28 @@ impl<'a> Reader<'a> {
     }
 
     /// Refuses a column whose unit in the file is another than the one it is read in.
-    fn check_unit(&self, place: usize, known: Known, is_given: bool) -> Result<(), RecordingError> {
-        let Some(stated) = self.units.get(place).and_then(Option::as_deref) else { return Ok(()) };
+    fn check_unit(
+        &self,
+        place: usize,
+        header: &str,
+        known: Known,
+        is_given: bool,
+    ) -> Result<(), RecordingError> {
         let name = known.name();
-        let (Some(unit), Some(own)) = (Unit::parse(stated), Quantity::of_name(&name)) else { return Ok(()) };
-        if is_given || self.clocks.contains(&place) || (unit.quantity == own && unit.scale == 1.0) {
+        let Some(own) = Quantity::of_name(&name).filter(|_| !is_given && !self.clocks.contains(&place))
+        else {
             return Ok(());
-        }
+        };
+        let unit = |text: &str| Unit::parse(text).filter(|unit| unit.quantity == own);
+        // A unit over the numbers that is not known is another one, too; the end of a name may be anything.
+        let above = self.units.get(place).and_then(Option::as_deref);
+        let above = above.filter(|text| unit(text).is_none_or(|unit| unit.scale != 1.0));
+        let named = conventions::unit_of(header);
+        let named = named.filter(|text| unit(text).is_some_and(|unit| unit.scale != 1.0));
+        let Some(stated) = above.or(named) else { return Ok(()) };
         Err(self.columns_error(format!(
-            "{name} is read in {}, and the file's row of units says {stated:?} of that column: write its unit in [recording] \
-             columns of the rig file",
+            "{name} is read in {}, and the file says {stated:?} of column {header:?}: write its unit in [recording] columns of \
+             the rig file",
             own.si()
         )))
     }

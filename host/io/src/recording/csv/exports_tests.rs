@@ -245,6 +245,15 @@ fn what_could_be_two_numbers_is_refused() {
     let rig = "[recording]\ncolumns = { t_s = \"Time\", fx_n = \"Fx\", fy_n = \"Fy\", fz_n = \"Fz\", mx_nm = \"Mx\", my_nm = \"My\", mz_nm = \"Mz\" }\n";
     let said = read(kilo.as_bytes(), rig).unwrap_err().to_string();
     assert!(said.contains("fx_n is read in N") && said.contains("kN"), "{said}");
+    let own = "t_s;fx_n;fy_n;fz_n;mx_nm;my_nm;mz_nm\n";
+    let strange = format!("{own}[s];[mV/V];[N];[N];[Nm];[Nm];[Nm]\n{}", rows(&LOCALES[0]));
+    let said = read(strange.as_bytes(), "").unwrap_err().to_string();
+    assert!(said.contains("fx_n is read in N") && said.contains("mV/V"), "{said}");
+    check(&read(strange.replace("mV/V", "N").as_bytes(), "").unwrap(), "own names over units");
+    // Nor is a unit in a name.
+    let named = kilo.replacen("Fx", "Fx [kN]", 1).replace("[kN];[N];[N]", "[N];[N];[N]");
+    let said = read(named.as_bytes(), &rig.replacen("\"Fx\"", "\"Fx [kN]\"", 1)).unwrap_err().to_string();
+    assert!(said.contains("kN"), "{said}");
     // Without a unit nothing is taken.
     let bare = format!("{}\n{}", NAMES.join(";"), rows(&LOCALES[0]));
     let said = read(bare.as_bytes(), "").unwrap_err().to_string();
