@@ -60,7 +60,7 @@ impl Layout {
         let separator = char::from(separator(header));
         let names: Vec<&str> = header.split(separator).map(|n| n.trim().trim_matches('"')).collect();
         let is_known = |name: &&str| matches!(Known::parse(name), Some(Known::Member(..)));
-        if columns.is_empty() && !names.iter().any(|name| is_known(&name)) {
+        if columns.is_empty() && !names.iter().any(is_known) {
             // By the names and units that other programs give, as of a file.
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
             let meanings = conventions::meanings(&names, &[], &[]);
