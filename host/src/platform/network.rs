@@ -421,9 +421,12 @@ mod tests {
         thread::spawn(move || while stream.write_all(&[b' '; 4096]).is_ok() {});
     }
 
+    /// What a controller does in place of an answer, and words of the error.
+    type Hostile = (fn(&mut TcpStream), &'static str);
+
     #[test]
     fn an_answer_without_end_does_not_hold_back_the_stop() {
-        let hostile: [(fn(&mut TcpStream), &str); 3] = [
+        let hostile: [Hostile; 3] = [
             (drip, "no whole answer within 0.2 s"),
             (flood, "longer than 65536 bytes"),
             (|_| (), "no whole answer"),

@@ -31,6 +31,8 @@ pub struct ArmRun {
     pub home: Vec<f64>,
     /// Viscous, Coulomb and constant friction of the first joint, SI; of each next one nine tenths.
     pub friction: [f64; 3],
+    /// Rate at which Coulomb friction has turned over by `1/√2`, rad/s or m/s; zero: it jumps.
+    pub slip: f64,
     /// Rotor inertia of every joint, kg m² or kg.
     pub rotor: f64,
     /// 1 σ of positions, rad or m.
@@ -53,6 +55,7 @@ impl Default for ArmRun {
             motion: 0,
             home: Vec::new(),
             friction: [2.0, 4.0, 0.2],
+            slip: 0.0,
             rotor: 0.0,
             position_noise: 0.0,
             rate_noise: 0.0,
@@ -153,7 +156,11 @@ impl ArmRun {
             let truth = inverse_dynamics(model, &base, &part(0), &part(1), &part(2)).unwrap_or_default();
             for (k, (columns, [q, v, a])) in columns.iter_mut().zip(moves).enumerate() {
                 let [viscous, coulomb, offset] = self.friction_of(k);
-                let sign = if v == 0.0 { 0.9 * (1.0 + 2.0 * k as f64 + 0.3 * t).sin() } else { v.signum() };
+                let sign = if v == 0.0 {
+                    0.9 * (1.0 + 2.0 * k as f64 + 0.3 * t).sin()
+                } else {
+                    v / v.hypot(self.slip)
+                };
                 let effort = truth.get(6 + k).copied().unwrap_or(0.0)
                     + viscous * v
                     + coulomb * sign

@@ -63,6 +63,7 @@ pub struct TreeOptions {
     #[allow(missing_docs)]
     pub of: TreeModel,
     /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, spring, or none.
+    /// coulomb turns over at the speed that the recording shows, coulomb:SPEED at that one, coulomb:0 at once;
     /// stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is proportional to the measured effort. Repeatable
     #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,

@@ -146,6 +146,17 @@ impl Term {
         }
     }
 
+    /// Returns what its column has more if it turns over as slowly as `x/√(1 + x²)` does, with `x = v/v_c`.
+    pub fn slower(self, rate: f64) -> f64 {
+        match self {
+            Self::Coulomb(Some(speed)) if speed > 0.0 => {
+                let x = rate / speed;
+                x / 1.0_f64.hypot(x) - x.tanh()
+            }
+            _ => 0.0,
+        }
+    }
+
     /// Returns the derivative of its column by the logarithm of the speed at which it turns over.
     pub fn slope_by_speed(self, rate: f64) -> f64 {
         match self {

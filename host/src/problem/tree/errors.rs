@@ -81,6 +81,8 @@ pub enum SignalError {
     },
     /// Dry friction of a drive, by its number, turns over at a speed that is larger by this share.
     FrictionSpeed(usize),
+    /// It turns over more slowly than a hyperbolic tangent does, by this share of the way to an algebraic law.
+    FrictionShape(usize),
     /// A component of a foot's wrench reads too much.
     FootZero {
         /// The foot.

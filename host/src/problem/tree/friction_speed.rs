@@ -16,20 +16,20 @@ use rigident_model::base::BaseParameters;
 
 /// Speeds that are tried, over the root mean square of the drive's rate, each twice the one before.
 const SLOWEST: f64 = 1.0 / 256.0;
-const SPEEDS: usize = 8;
+const SPEEDS: i32 = 8;
 /// Samples that decide at most, in this many stretches of the recording.
 const MOST: usize = 20_000;
 const STRETCHES: usize = 8;
-/// A smooth turn-over has to explain more than a jump by this much of the logarithm of its likelihood.
-const EVIDENCE: f64 = 10.0;
 /// Rows of the wrench, before those of efforts.
 const WRENCH: usize = 6;
 /// Standard deviation of the logarithm of a speed that was found here, before the fit.
-const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.7;
+/// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
+const SHAPE: f64 = 1.0;
 /// Row blocks that are made at once.
 const AT_ONCE: usize = 64;
 
-/// Returns the input with the speed of every drive of which none is given; 0 where a jump explains as much.
+/// Returns the input with the speed of every drive of which none is given; 0, a jump, where the recording is too short.
 ///
 /// # Errors
 /// [`TreeError`] if frames and model do not fit.
@@ -55,20 +55,26 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
         let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else { continue };
         *term = Term::Coulomb(Some(speed));
         if speed > 0.0 {
-            input.nuisances.push(nuisance(&drive.name, input.errors.len()));
-            input.errors.push(SignalError::FrictionSpeed(k));
+            let unknown = [
+                ("speed", SHARE, SignalError::FrictionSpeed(k)),
+                ("shape", SHAPE, SignalError::FrictionShape(k)),
+            ];
+            for (word, sigma, error) in unknown {
+                input.nuisances.push(nuisance(&drive.name, word, sigma, input.errors.len()));
+                input.errors.push(error);
+            }
         }
     }
     Ok(input)
 }
 
-/// Returns the share by which the speed of a drive is wrong, as the error of a number.
-fn nuisance(drive: &str, number: usize) -> Nuisance {
+/// Returns an error of the law of a drive's dry friction.
+fn nuisance(drive: &str, word: &str, sigma: f64, number: usize) -> Nuisance {
     Nuisance {
-        name: format!("friction_speed_{drive}"),
-        group: "friction speed".to_owned(),
+        name: format!("friction_{word}_{drive}"),
+        group: format!("friction {word}"),
         unit: "1".to_owned(),
-        sigma: SHARE,
+        sigma,
         basis: Basis::Class("friction".to_owned()),
         scope: Scope::Rig,
         effect: Effect::Signal(number),
@@ -79,9 +85,9 @@ fn is_sought(drive: &Drive) -> bool {
     drive.terms.contains(&Term::Coulomb(None))
 }
 
-/// Returns a jump, and speeds about a drive's usual rate.
+/// Returns the speeds that are tried of a drive of some usual rate.
 fn speeds(rate: f64) -> impl Iterator<Item = f64> {
-    (0..=SPEEDS).map(move |k| if k == 0 { 0.0 } else { rate * SLOWEST * f64::powi(2.0, k as i32 - 1) })
+    (0..SPEEDS).map(move |k| rate * SLOWEST * f64::powi(2.0, k))
 }
 
 /// Returns the root mean square of a drive's rate.
@@ -104,8 +110,6 @@ fn stretches(input: &Input) -> Vec<super::Frame> {
 /// The factors of the rows of every freedom's effort.
 struct Gains {
     factors: Vec<Factor>,
-    /// Independent rows, about.
-    rows: f64,
 }
 
 impl Gains {
@@ -131,29 +135,22 @@ impl Gains {
         }
         let filter = blocks.filter();
         let rows = blocks.len() as f64 * (filter.row_period_s() / filter.width_s).min(1.0);
-        (rows > 2.0 * columns as f64).then_some(Self { factors, rows })
+        (rows > columns as f64).then_some(Self { factors })
     }
 
-    /// Returns the speed of the drive k that explains most; 0 where none explains more than a jump.
+    /// Returns the speed of the drive k that explains most; 0 of one that does not move.
     fn best(&self, source: &TreeSource, k: usize, rate: f64) -> f64 {
         let drives = &source.input().drives;
         let Some(drive) = drives.get(k).filter(|drive| !drive.stands && rate > 0.0) else { return 0.0 };
         let is_speed = |j: &usize| matches!(drive.terms.get(*j), Some(Term::Coulomb(Some(_))));
         let places: Vec<usize> = (0..drive.terms.len()).filter(is_speed).collect();
-        if places.len() != SPEEDS + 1 {
-            return 0.0;
-        }
         let at = source.parameters().len() - drives[k..].iter().map(|own| own.terms.len()).sum::<usize>();
-        // Of the others each jumps.
         let others = self.others(source, k);
         let likelihood: Vec<f64> =
-            places.iter().map(|place| -self.left(drive, at + place, &others)).collect();
+            places.iter().map(|place| self.likelihood(drive, at + place, &others)).collect();
         let larger = |best: usize, own: usize| if likelihood[own] > likelihood[best] { own } else { best };
         let best = (0..likelihood.len()).fold(0, larger);
-        if likelihood[best] <= likelihood[0] + EVIDENCE {
-            return 0.0;
-        }
-        rate * SLOWEST * f64::powf(2.0, best as f64 - 1.0 + vertex(&likelihood, best))
+        rate * SLOWEST * f64::powf(2.0, best as f64 + vertex(&likelihood, best))
     }
 
     /// Returns the columns beside those of drive k's speeds.
@@ -162,21 +159,22 @@ impl Gains {
         let first = source.parameters().len() - drives.iter().map(|own| own.terms.len()).sum::<usize>();
         let terms =
             drives.iter().enumerate().flat_map(|(i, own)| own.terms.iter().map(move |term| (i, *term)));
-        let kept = terms.enumerate().filter(|(_, (i, term))| match term {
-            Term::Coulomb(Some(speed)) => *i != k && *speed == 0.0,
-            _ => true,
-        });
+        let is_speed = |term: &Term| matches!(term, Term::Coulomb(Some(_)));
+        // Of another drive the slowest speed; it has no part in this one's efforts unless they are coupled.
+        let slowest = |i: usize, term: &Term| drives[i].terms.iter().find(|own| is_speed(own)) == Some(term);
+        let kept =
+            terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && slowest(*i, term)));
         (0..first).chain(kept.map(|(j, _)| first + j)).collect()
     }
 
-    /// Returns the logarithm of the likelihood, less a constant and with the other sign, with one of a drive's speeds.
-    fn left(&self, drive: &Drive, column: usize, others: &[usize]) -> f64 {
+    /// Returns the logarithm of the likelihood, less a constant, with one of a drive's speeds.
+    fn likelihood(&self, drive: &Drive, column: usize, others: &[usize]) -> f64 {
         let kept: Vec<usize> = others.iter().copied().chain([column]).collect();
         let of = |(freedom, _): &(usize, f64)| {
             let factor = self.factors.get(*freedom)?;
             let map = DMatrix::from_fn(factor.parameters(), kept.len(), |i, j| f64::from(kept[j] == i));
             let left = factor.substitute(&map).residual_sum_of_squares();
-            Some(0.5 * self.rows * left.max(f64::MIN_POSITIVE).ln())
+            Some(-left.max(f64::MIN_POSITIVE).ln())
         };
         drive.rates.iter().filter_map(of).sum()
     }
@@ -190,3 +188,7 @@ fn vertex(values: &[f64], at: usize) -> f64 {
     let bend = before - 2.0 * here + after;
     if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }
+
+#[cfg(all(test, feature = "simulator"))]
+#[path = "friction_speed_tests.rs"]
+mod tests;

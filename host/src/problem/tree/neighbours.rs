@@ -3,7 +3,7 @@
 
 use rigident_shared::tree::TreeError;
 
-use super::drive::Drive;
+use super::drive::{Drive, Term};
 use super::instant::Instant;
 use super::rows;
 use super::{Frame, Input};
@@ -30,15 +30,21 @@ impl Predictor {
         Self { drives: drives.to_vec(), phi: phi.to_vec() }
     }
 
-    /// Writes what the efforts that dry friction of a drive takes move by if it turns over at a larger speed, by its share.
-    pub(super) fn speed_moves(&self, drive: usize, input: &Input, frame: &Frame, out: &mut [f64]) {
+    /// Writes what the efforts that friction of a drive takes move by, its columns by `slope` of the rate.
+    pub(super) fn friction_moves(
+        &self,
+        drive: usize,
+        slope: fn(Term, f64) -> f64,
+        (input, frame): (&Input, &Frame),
+        out: &mut [f64],
+    ) {
         let Some((drive, at)) = self.drives.get(drive).filter(|(drive, _)| !drive.stands) else { return };
         let first = if input.has_wrench() { 6 } else { 0 };
         let rate = drive.rate(&frame.rates);
         let terms = drive.terms.iter().zip(self.phi.iter().skip(*at));
-        let slope: f64 = terms.map(|(term, phi)| phi * term.slope_by_speed(rate)).sum();
+        let moved: f64 = terms.map(|(term, phi)| phi * slope(*term, rate)).sum();
         for (freedom, factor) in &drive.rates {
-            out.iter_mut().skip(first + freedom).take(1).for_each(|v| *v = factor * slope);
+            out.iter_mut().skip(first + freedom).take(1).for_each(|v| *v = factor * moved);
         }
     }
 

@@ -16,6 +16,7 @@ use rigident_shared::screening::Rejection;
 use rigident_shared::tree::{Joint, LinkState, TreeError};
 
 use super::contact::availability::Availability;
+use super::drive::Term;
 use super::instant::{Direction, Instant, Three};
 use super::neighbours::{Neighbours, Predictor};
 use super::rows::{BASE, RowMaker};
@@ -192,6 +193,7 @@ impl<'a> ErrorRows<'a> {
             | SignalError::EffortGain(_)
             | SignalError::EffortDrift { .. }
             | SignalError::FrictionSpeed(_)
+            | SignalError::FrictionShape(_)
             | SignalError::FootZero { .. }
             | SignalError::FootGain { .. } => return,
         }
@@ -291,7 +293,15 @@ impl<'a> ErrorRows<'a> {
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
             }
             SignalError::FrictionSpeed(drive) => {
-                self.predictor.speed_moves(*drive, self.source.input(), frame, sum)
+                self.predictor.friction_moves(
+                    *drive,
+                    Term::slope_by_speed,
+                    (self.source.input(), frame),
+                    sum,
+                );
+            }
+            SignalError::FrictionShape(drive) => {
+                self.predictor.friction_moves(*drive, Term::slower, (self.source.input(), frame), sum);
             }
             SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
                 let is_gain = matches!(error, SignalError::FootGain { .. });
