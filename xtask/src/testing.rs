@@ -256,6 +256,7 @@ mod tests {
             FLASHED,
             SECOND_CORE,
             DATA,
+            CASES,
             READER,
             PINOCCHIO,
             ROBOTS,

@@ -1,7 +1,8 @@
 use std::process::ExitCode;
 
 use super::arguments::Doctor;
-use super::doctor_checks::{self, Check, Standing, UDEV_RULE};
+use super::doctor_checks::{self, UDEV_RULE};
+use super::doctor_finding::{Check, Standing};
 use super::outcome::say;
 use super::{ExitStatus, Failure};
 

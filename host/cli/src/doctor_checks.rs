@@ -5,8 +5,8 @@ use std::process::Command;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rigident_shared::wire::{Identity, StateName, Telemetry};
-use serde::Serialize;
 
+use super::doctor_finding::Check;
 use super::doctor_sensors::sensors;
 use super::experiment::doubtful_clock;
 use super::ports::{Answered, answers, state};
@@ -31,45 +31,6 @@ const CLOCK_S: f64 = 6.0;
 const CRYSTAL_PPM: f64 = 200.0;
 /// What is known no better than so does not tell an oscillator, which is off by per cents, from a crystal.
 const TELLS_PPM: f64 = 5000.0;
-
-/// How something stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum Standing {
-    /// As it should be.
-    Ok,
-    /// Something is to be done.
-    ToDo,
-    /// It is not here, and not everybody needs it.
-    NotHere,
-}
-
-/// What was looked at.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Check {
-    /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `clocks`.
-    pub(super) what: &'static str,
-    pub(super) standing: Standing,
-    /// What was found.
-    pub(super) found: String,
-    /// What to do, where something is to be done or could be.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) advice: Option<String>,
-}
-
-impl Check {
-    pub(super) fn ok(what: &'static str, found: impl Into<String>) -> Self {
-        Self { what, standing: Standing::Ok, found: found.into(), advice: None }
-    }
-
-    pub(super) fn to_do(what: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { what, standing: Standing::ToDo, found: found.into(), advice: Some(advice.into()) }
-    }
-
-    pub(super) fn not_here(what: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { what, standing: Standing::NotHere, found: found.into(), advice: Some(advice.into()) }
-    }
-}
 
 /// Looks at everything.
 pub(super) fn all(port: Option<&str>) -> Vec<Check> {
@@ -347,6 +308,7 @@ fn drift(beats: &[(f64, f64)]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::doctor_finding::Standing;
 
     #[test]
     fn a_clock_that_runs_fast_is_told_from_arrivals_that_scatter() {

@@ -3,7 +3,7 @@
 use rigident::device::session::Session;
 use rigident_shared::wire::{BadEnd, Command, CounterReport, Reply};
 
-use super::doctor_checks::Check;
+use super::doctor_finding::Check;
 use super::info::of_end;
 use super::monitor_watch::trouble;
 
@@ -65,7 +65,7 @@ fn judge(port: &str, ended: Option<BadEnd>, counters: &CounterReport) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor_checks::Standing;
+    use crate::doctor_finding::Standing;
 
     #[test]
     fn a_line_that_picks_something_up_a_deep_stack_and_a_bad_end_are_to_be_seen_to() {

@@ -35,6 +35,7 @@ mod demo_links;
 mod device_arguments;
 mod doctor;
 mod doctor_checks;
+mod doctor_finding;
 mod doctor_sensors;
 mod drift;
 mod experiment;

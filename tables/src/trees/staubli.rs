@@ -15,7 +15,7 @@ use rigident::model::human::Person;
 use rigident::model::rows::Moving;
 use rigident::problem::ProblemOptions;
 use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::{Drive, Term};
+use rigident::problem::tree::drive::{Drive, DriveMotion, Term};
 use rigident::problem::tree::prepare::{PreparedTree, prepare};
 use rigident::recording::Recording;
 use rigident_shared::tree::BaseMotion;
@@ -170,7 +170,11 @@ fn usual(
                     rows[(6 * n + k, place)] = factor
                         * match term {
                             Term::Rotor => drive.rate(&change),
-                            other => other.column(drive.rate(&rate), 0.0, drive.slides, true),
+                            other => {
+                                let motion =
+                                    DriveMotion { rate: drive.rate(&rate), ..DriveMotion::default() };
+                                other.column(&motion, drive.slides, true)
+                            }
                         };
                     place += 1;
                 }

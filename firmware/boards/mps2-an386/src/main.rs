@@ -80,6 +80,8 @@ fn main() -> ! {
 }
 
 /// The application where it stays: made on a stack of its own, which is gone afterwards.
+// `singleton!` hands it out once; it is no part of the pipes.
+#[allow(clippy::mut_from_ref)]
 #[inline(never)]
 fn instrument(pipes: &'static RefCell<Pipes>) -> &'static mut Board {
     let buses = Buses {

@@ -199,7 +199,8 @@ fn case(name: &str, rig: &str) -> Result<Recording, String> {
 }
 
 #[test]
-fn times_of_parquet_have_the_unit_that_the_file_says() {
+#[ignore = "needs ../shared/cases"]
+fn shared_cases_of_parquet_have_the_unit_that_the_file_says() {
     let read = case("parquet-timestamp/t_timestamp_ns.parquet", "").unwrap();
     assert_eq!((read.time_ns[1], read.rate_hz), (1_700_000_000_009_999_872, Some(100.0)));
     // A scale that says the same is the same; another contradicts the file.
@@ -212,7 +213,8 @@ fn times_of_parquet_have_the_unit_that_the_file_says() {
 }
 
 #[test]
-fn a_matrix_beside_columns_is_left_out_and_named() {
+#[ignore = "needs ../shared/cases"]
+fn shared_cases_with_a_matrix_beside_columns_leave_it_out() {
     let read = case("mat-matrix/m_otherlen.mat", "").unwrap();
     assert_eq!((read.rows(), read.extra.len()), (1001, 0));
     assert!(read.warnings.iter().any(|said| said.contains("calib (6 × 6)")), "{:?}", read.warnings);

@@ -276,7 +276,8 @@ fn lines_are_counted_as_an_editor_does() {
 
 /// The files of a laboratory, as they came.
 #[test]
-fn exports_of_a_laboratory_are_read() {
+#[ignore = "needs ../shared/cases"]
+fn shared_cases_of_a_laboratory_are_read() {
     let folder = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/cases/exports"));
     let load = |name: &str| Recording::load(&folder.join(name), None).unwrap_or_else(|e| panic!("{e}"));
     let first = |recording: &Recording| recording.wrench.as_ref().unwrap()[0];
