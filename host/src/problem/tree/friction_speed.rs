@@ -25,11 +25,12 @@ const WRENCH: usize = 6;
 /// Standard deviation of the logarithm of a speed that was found here, before the fit.
 const SHARE: f64 = 0.7;
 /// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
-const SHAPE: f64 = 1.0;
+const SHAPE: f64 = 2.0;
 /// Row blocks that are made at once.
 const AT_ONCE: usize = 64;
 
-/// Returns the input with the speed of every drive of which none is given; 0, a jump, where the recording is too short.
+/// Returns the input with the speed of every drive of which none is given; 0, a jump, where that explains most or the
+/// recording is too short.
 ///
 /// # Errors
 /// [`TreeError`] if frames and model do not fit.
@@ -85,9 +86,9 @@ fn is_sought(drive: &Drive) -> bool {
     drive.terms.contains(&Term::Coulomb(None))
 }
 
-/// Returns the speeds that are tried of a drive of some usual rate.
+/// Returns a jump, and the speeds that are tried of a drive of some usual rate.
 fn speeds(rate: f64) -> impl Iterator<Item = f64> {
-    (0..SPEEDS).map(move |k| rate * SLOWEST * f64::powi(2.0, k))
+    (0..=SPEEDS).map(move |k| if k == 0 { 0.0 } else { rate * SLOWEST * f64::powi(2.0, k - 1) })
 }
 
 /// Returns the root mean square of a drive's rate.
@@ -138,7 +139,7 @@ impl Gains {
         (rows > columns as f64).then_some(Self { factors })
     }
 
-    /// Returns the speed of the drive k that explains most; 0 of one that does not move.
+    /// Returns the speed of the drive k that explains most; 0 where a jump does, or of one that does not move.
     fn best(&self, source: &TreeSource, k: usize, rate: f64) -> f64 {
         let drives = &source.input().drives;
         let Some(drive) = drives.get(k).filter(|drive| !drive.stands && rate > 0.0) else { return 0.0 };
@@ -150,7 +151,10 @@ impl Gains {
             places.iter().map(|place| self.likelihood(drive, at + place, &others)).collect();
         let larger = |best: usize, own: usize| if likelihood[own] > likelihood[best] { own } else { best };
         let best = (0..likelihood.len()).fold(0, larger);
-        rate * SLOWEST * f64::powf(2.0, best as f64 + vertex(&likelihood, best))
+        if best == 0 {
+            return 0.0;
+        }
+        rate * SLOWEST * f64::powf(2.0, best as f64 - 1.0 + vertex(&likelihood, best))
     }
 
     /// Returns the columns beside those of drive k's speeds.
@@ -160,10 +164,9 @@ impl Gains {
         let terms =
             drives.iter().enumerate().flat_map(|(i, own)| own.terms.iter().map(move |term| (i, *term)));
         let is_speed = |term: &Term| matches!(term, Term::Coulomb(Some(_)));
-        // Of another drive the slowest speed; it has no part in this one's efforts unless they are coupled.
-        let slowest = |i: usize, term: &Term| drives[i].terms.iter().find(|own| is_speed(own)) == Some(term);
-        let kept =
-            terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && slowest(*i, term)));
+        // Of another drive the jump; it has no part in this one's efforts unless they are coupled.
+        let jump = |term: &Term| *term == Term::Coulomb(Some(0.0));
+        let kept = terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && jump(term)));
         (0..first).chain(kept.map(|(j, _)| first + j)).collect()
     }
 
