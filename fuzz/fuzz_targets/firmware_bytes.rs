@@ -36,7 +36,8 @@ fuzz_target!(|bytes: &[u8]| {
             }
             3 => {
                 let mut values = floats(taken);
-                app.on_gauges(now_ns, core::array::from_fn(|_| values()));
+                let volts = core::array::from_fn(|_| values());
+                app.on_gauges(now_ns, volts, values());
             }
             4 => {
                 let mut values = floats(taken);

@@ -25,6 +25,11 @@ pub fn is_name(text: &str) -> bool {
     text.len() <= LONGEST_NAME && !text.chars().any(steers)
 }
 
+/// Returns true if a text may be shown in the lines that it has: nothing else in it steers.
+pub fn are_lines(text: &str) -> bool {
+    text.chars().all(|c| c == '\n' || !steers(c))
+}
+
 /// A text as it is shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Printable<'a> {
@@ -103,7 +108,7 @@ mod tests {
             for shown in [name(&text).to_string(), line(&text).to_string()] {
                 assert_eq!(shown, "a\u{fffd}b", "{c:?}");
             }
-            assert!(lines(&text).to_string().chars().all(|c| c == '\n' || !steers(c)), "{c:?}");
+            assert!(are_lines(&lines(&text).to_string()) && are_lines(&text) == (c == '\n'), "{c:?}");
         }
         for plain in ["Größe 3 ± 0.1 kg·m²", "左手", "שלום", "a b", ""] {
             assert!(is_name(plain));

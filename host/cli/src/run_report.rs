@@ -221,7 +221,7 @@ fn identified_passive<'a>(answer: &'a Answer, model: &Model) -> Vec<(&'a str, Pa
         for term in &drive.terms {
             // What descriptions have no negative values of is left as it was.
             let Some(value) = term.value.filter(|value| *value >= 0.0) else { continue };
-            match term.term.split(':').next().unwrap_or_default() {
+            match term.name() {
                 "viscous" => passive.damping = value,
                 "coulomb" => passive.friction = value,
                 "rotor" => passive.armature = value,

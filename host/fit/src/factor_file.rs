@@ -544,11 +544,11 @@ fn check_names(
             && p.made_of.iter().all(|(name, _)| printable::is_name(name))
     };
     let of_run = |s: &FactorSource| {
-        let warnings = s.checks.iter().flat_map(|checks| &checks.warnings);
+        let mut warnings = s.checks.iter().flat_map(|checks| &checks.warnings);
         printable::is_name(&s.recording)
             && s.channels.iter().all(|c| printable::is_name(&c.name) && printable::is_name(&c.unit))
             && s.labels.iter().flat_map(|(key, value)| [key, value]).all(|text| printable::is_name(text))
-            && warnings.flat_map(|text| text.chars()).all(|c| c == '\n' || !printable::steers(c))
+            && warnings.all(|text| printable::are_lines(text))
     };
     let of_rigs = rigs.rigs.iter().flat_map(|rig| &rig.errors).map(|error| &error.name);
     let bases = rigs.bases.iter().map(|basis| match basis {

@@ -48,7 +48,7 @@ pub(super) fn complete(
         identified: identified(j),
     };
     let own = |drive: &str, word: &str| {
-        let name = format!("{drive}.{}", word.split(':').next().unwrap_or(word));
+        let name = format!("{drive}.{}", CompleteTerm::name_in(word));
         let (j, (p, value)) = all().find(|(_, (p, _))| p.name == name && is_drive(p))?;
         Some(CompleteTerm {
             term: word.to_owned(),

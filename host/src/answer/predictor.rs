@@ -47,10 +47,10 @@ impl Predictor {
             Some(found) => {
                 own.values.extend(found.links.iter().map(|p| (p.name.clone(), p.value)));
                 for drive in &found.drives {
-                    let name =
-                        |term: &str| format!("{}.{}", drive.name, term.split(':').next().unwrap_or(term));
-                    own.values
-                        .extend(drive.terms.iter().filter_map(|term| Some((name(&term.term), term.value?))));
+                    let known = drive.terms.iter().filter_map(|term| Some((term, term.value?)));
+                    own.values.extend(
+                        known.map(|(term, value)| (format!("{}.{}", drive.name, term.name()), value)),
+                    );
                 }
             }
             None => {

@@ -85,8 +85,7 @@ fn usable<E: serde::de::Error>(name: &str, (value, u95): (f64, f64)) -> Result<M
 
 /// Returns the first key or text that could steer what it is shown by. Warnings may have lines.
 fn unfit(value: &serde_json::Value) -> Option<&str> {
-    let is_fit =
-        |text: &str| text.len() <= LONGEST_TEXT && text.chars().all(|c| c == '\n' || !printable::steers(c));
+    let is_fit = |text: &str| text.len() <= LONGEST_TEXT && printable::are_lines(text);
     match value {
         serde_json::Value::String(text) => (!is_fit(text)).then_some(text),
         serde_json::Value::Array(items) => items.iter().find_map(unfit),

@@ -621,6 +621,18 @@ pub struct CompleteTerm {
     pub together_with: Vec<String>,
 }
 
+impl CompleteTerm {
+    /// Returns its word without a number: `stribeck` of `stribeck:0.05`.
+    pub fn name(&self) -> &str {
+        Self::name_in(&self.term)
+    }
+
+    /// Returns what a word is without its number.
+    pub fn name_in(word: &str) -> &str {
+        word.split(':').next().unwrap_or(word)
+    }
+}
+
 /// A link's standard parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StandardLink {

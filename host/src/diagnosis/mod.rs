@@ -100,7 +100,7 @@ pub fn diagnose(case: &Case, refused: Option<&Answer>, progress: &dyn Progress) 
     let (quick, full) = rows(&case.recording);
     let quick = shortened(case, quick);
     // Where no row is left nothing is explained.
-    let before = left(&quick).unwrap_or(0.0);
+    let (before, channels) = unexplained(&quick).unwrap_or((0.0, 1));
     let faults = faults(&quick);
     let mut tried = Vec::new();
     // In turns, so that progress is shown.
@@ -108,13 +108,13 @@ pub fn diagnose(case: &Case, refused: Option<&Answer>, progress: &dyn Progress) 
         progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
         let found = parallel::map(parallel::threads(), chunk.len(), |k| {
             let fault = chunk.get(k)?;
-            Some(Tried { fault, left: left(&fault.undone(&quick)?)? })
+            Some(Tried { fault, left: unexplained(&fault.undone(&quick)?)?.0 })
         });
         tried.extend(found.into_iter().flatten());
     }
     let mut best = best_of_each_kind(tried);
     let lacks_fit = refused.is_some_and(|answer| answer.change.is_some() || answer.not_rigid.is_some());
-    let most = if lacks_fit { before + EXPLAINS.ln() / channels(&quick) } else { before + ALIKE };
+    let most = if lacks_fit { before + EXPLAINS.ln() / channels as f64 } else { before + ALIKE };
     best.retain(|tried| tried.left < most);
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     let full = shortened(case, full);
@@ -170,17 +170,11 @@ fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
     best
 }
 
-/// Returns the mean logarithm of what least squares leave; `None` if there are no rows.
-fn left(case: &Case) -> Option<f64> {
+/// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no rows.
+fn unexplained(case: &Case) -> Option<(f64, usize)> {
     let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
     let found = explained(problem.source()).ok()?;
-    Some(found.unexplained()).filter(|left| left.is_finite())
-}
-
-/// Returns the number of channels that are explained.
-fn channels(case: &Case) -> f64 {
-    let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options);
-    problem.map_or(1.0, |problem| problem.source().channels().len().max(1) as f64)
+    Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())
 }
 
 /// Returns true if the recording can be true, tells something, and is of a body that there may be.

@@ -94,7 +94,7 @@ pub fn suspects(source: &TreeSource, model: &Model) -> Result<Vec<Suspect>, FitE
         Prediction::of(&source, &values, &[])
     };
     let (with, without) = (predict(plain)?, predict(airborne)?);
-    let first = if input.has_wrench() { 6 } else { 0 };
+    let first = input.first_effort();
     let names = input.freedom_names();
     let unmeasured = input.contact.as_ref().map_or(&[][..], |contact| &contact.unmeasured);
     let mut found = Vec::new();

@@ -15,7 +15,7 @@ use rigident::model::human::Person;
 use rigident::model::rows::Moving;
 use rigident::problem::ProblemOptions;
 use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::{Drive, DriveMotion, Term};
+use rigident::problem::tree::drive::{Drive, DriveState, Term};
 use rigident::problem::tree::prepare::{PreparedTree, prepare};
 use rigident::recording::Recording;
 use rigident_shared::tree::BaseMotion;
@@ -171,8 +171,7 @@ fn usual(
                         * match term {
                             Term::Rotor => drive.rate(&change),
                             other => {
-                                let motion =
-                                    DriveMotion { rate: drive.rate(&rate), ..DriveMotion::default() };
+                                let motion = DriveState { rate: drive.rate(&rate), ..DriveState::default() };
                                 other.column(&motion, drive.slides, true)
                             }
                         };

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use hexapod::MotionProgram;
+use hexapod::{MotionProgram, Segment};
 use rigident_shared::wire::{
     Answer, Command, CounterReport, Decoder, ImuSettings, Kind, LinkReadingMessage, LoadCellSettings,
     MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, Settings, Source, StateName, Telemetry,
@@ -44,6 +44,15 @@ impl<'a> Device<'a> {
         }
         assert!(matches!(device.ask(&Command::Hello), Ok(Reply::Hello(_))));
         device
+    }
+
+    /// Has the platform hold its pose for a while, and the device run.
+    pub fn hold(&mut self, rig: &SharedRig, duration_s: f64) {
+        let start = rig.lock().unwrap().pose();
+        let program = MotionProgram { start, segments: vec![Segment::Hold { duration_s }] };
+        rig.lock().unwrap().load_program(program).unwrap();
+        assert_eq!(self.ask(&Command::Start), Ok(Reply::Done));
+        rig.lock().unwrap().start().unwrap();
     }
 
     /// Asks once: the line of these tests is good.

@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use super::device::{Device, settings};
 use hexapod::experiment::thesis_program;
-use hexapod::{MotionProgram, Segment};
 use rigident_shared::wire::{Command, Reason, Reply, StateName};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::{InProcess, Pacing};
@@ -59,11 +58,7 @@ fn a_quiet_host_is_noticed_and_told() {
     let mut settings = settings(&config);
     settings.host_timeout_ms = 1_500;
     assert_eq!(device.ask(&Command::Configure(settings)), Ok(Reply::Done));
-    let start = rig.lock().unwrap().pose();
-    let program = MotionProgram { start, segments: vec![Segment::Hold { duration_s: 4.0 }] };
-    rig.lock().unwrap().load_program(program).unwrap();
-    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
-    rig.lock().unwrap().start().unwrap();
+    device.hold(&rig, 4.0);
     while !rig.lock().unwrap().is_done() {
         device.listen(Duration::from_millis(20));
     }

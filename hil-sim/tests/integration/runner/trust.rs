@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::device::{Device, settings};
-use hexapod::{MotionProgram, Segment};
 use rigident_shared::wire::{
     Command, CounterReport, ReadingMessage, Reason, Reply, SensorFault, Settings, StateName,
 };
@@ -34,11 +33,7 @@ fn rest(change: impl Fn(&mut Settings), happens: impl Fn(&mut Rig), later: impl 
     change(&mut settings);
     happens(&mut rig.lock().unwrap());
     assert_eq!(device.ask(&Command::Configure(settings)), Ok(Reply::Done));
-    let start = rig.lock().unwrap().pose();
-    let program = MotionProgram { start, segments: vec![Segment::Hold { duration_s: 4.0 }] };
-    rig.lock().unwrap().load_program(program).unwrap();
-    assert_eq!(device.ask(&Command::Start), Ok(Reply::Done));
-    rig.lock().unwrap().start().unwrap();
+    device.hold(&rig, 4.0);
     let mut later = Some(later);
     while !rig.lock().unwrap().is_done() {
         if rig.lock().unwrap().now_ns() > 2_000_000_000

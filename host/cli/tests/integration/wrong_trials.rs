@@ -235,10 +235,13 @@ fn plates_of_shared_data_that_cannot_be_are_named() {
     let mut moved = bytes.clone();
     floats(&mut moved, "CORNERS", 36, |k, value| if k % 3 == 1 { value + 1500.0 } else { value });
     refused(plates(&moved), 2, &["another frame than the markers"]);
-    // Corners that are no rectangle's.
-    let mut point = bytes.clone();
-    floats(&mut point, "CORNERS", 36, |_, _| 0.0);
-    refused(plates(&point), 2, &["corners", "rectangle"]);
+    // Corners that nobody filled in, and corners that are no rectangle's.
+    let mut empty = bytes.clone();
+    floats(&mut empty, "CORNERS", 36, |_, _| 0.0);
+    refused(plates(&empty), 2, &["has no corners in FORCE_PLATFORM", "forces between person and ground"]);
+    let mut line = bytes.clone();
+    floats(&mut line, "CORNERS", 36, |k, value| if k % 3 == 0 { value } else { 0.0 });
+    refused(plates(&line), 2, &["corners", "rectangle"]);
     // More links than the firmware takes.
     let folder = tempfile::tempdir().unwrap();
     let files = ["PiG_Motion-FlatFoot-Full.c3d", "PiG_Calibration-FlatFoot-Full.c3d"];

@@ -160,14 +160,14 @@ impl Bins {
 
     /// Returns the same with the columns `steps` once more, from a bin on; noise of the signals is left out.
     pub(super) fn with_step(&self, steps: &[usize], from: usize) -> Self {
-        let rows =
-            self.rows.iter().map(|rows| {
-                let further = DMatrix::from_fn(rows.nrows(), steps.len(), |b, k| {
-                    if b < from { 0.0 } else { rows[(b, steps[k])] }
-                });
-                let columns = rows.column_iter().chain(further.column_iter());
-                DMatrix::from_columns(&columns.map(|column| column.into_owned()).collect::<Vec<_>>())
-            });
+        let rows = self.rows.iter().map(|rows| {
+            let mut rows = rows.clone().resize_horizontally(self.columns + steps.len(), 0.0);
+            for (k, step) in steps.iter().enumerate() {
+                let later = rows.column(*step).rows_range(from..).into_owned();
+                rows.column_mut(self.columns + k).rows_range_mut(from..).copy_from(&later);
+            }
+            rows
+        });
         let rows = rows.collect();
         let columns = self.columns + steps.len();
         let noise = (0..self.channels).map(|_| BinNoise::none(columns)).collect();

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::BaseMotion;
 
 use super::family::Motion;
-use crate::problem::tree::drive::{Drive, DriveMotion, Friction, Term};
+use crate::problem::tree::drive::{Drive, DriveState, Friction, Term};
 use crate::problem::tree::{BaseSensor, Input, TreeSource, TreeSourceError};
 use rigident_model::Model;
 use rigident_model::base::{Rows, Situation};
@@ -212,7 +212,7 @@ impl Tree {
         if term == Term::Rotor {
             return motion.accelerations[k];
         }
-        let own = DriveMotion { position: motion.positions[k], rate: motion.rates[k], load: effort };
+        let own = DriveState { position: motion.positions[k], rate: motion.rates[k], load: effort };
         term.column(&own, self.slides[k], true)
     }
 
@@ -297,8 +297,8 @@ impl Tree {
             Term::Spring => worth.positions[k] += slope,
             Term::Load => pulls[k] += slope * self.column(term, k, motion, 1.0) * effort.signum(),
             Term::Viscous | Term::Coulomb(Some(_)) | Term::Stribeck(_) if rate.abs() > STEPS[1] => {
-                let own = DriveMotion { rate, load: effort, ..DriveMotion::default() };
-                let at = |by: f64| term.column(&DriveMotion { rate: rate + by, ..own }, self.slides[k], true);
+                let own = DriveState { rate, load: effort, ..DriveState::default() };
+                let at = |by: f64| term.column(&DriveState { rate: rate + by, ..own }, self.slides[k], true);
                 worth.rates[k] += slope * (at(STEPS[1]) - at(-STEPS[1])) / (2.0 * STEPS[1]);
             }
             _ => {}

@@ -35,7 +35,7 @@ pub enum Term {
 
 /// What a drive does at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DriveMotion {
+pub struct DriveState {
     /// Its position, rad or m.
     pub position: f64,
     /// Its rate, rad/s or m/s.
@@ -127,8 +127,8 @@ impl Term {
     }
 
     /// Returns its column at an instant, before the filter. What stands with `smoothed` is smoothed, the rest differentiated.
-    pub fn column(self, motion: &DriveMotion, slides: bool, smoothed: bool) -> f64 {
-        let DriveMotion { position, rate, load } = *motion;
+    pub fn column(self, motion: &DriveState, slides: bool, smoothed: bool) -> f64 {
+        let DriveState { position, rate, load } = *motion;
         // At rest it is nowhere.
         let sign = if rate == 0.0 { 0.0 } else { rate.signum() };
         match (self, smoothed) {
@@ -356,9 +356,9 @@ impl Drive {
     }
 
     /// Returns what it does at the positions of a frame and the rates and efforts of all freedoms.
-    pub fn motion(&self, positions: &[f64], rates: &[f64], efforts: &[f64]) -> DriveMotion {
+    pub fn motion(&self, positions: &[f64], rates: &[f64], efforts: &[f64]) -> DriveState {
         let position = self.coordinate.and_then(|at| positions.get(at)).copied().unwrap_or(0.0);
-        DriveMotion { position, rate: self.rate(rates), load: self.load(efforts) }
+        DriveState { position, rate: self.rate(rates), load: self.load(efforts) }
     }
 
     /// Its rate.
@@ -417,7 +417,7 @@ mod tests {
 
     #[test]
     fn dry_friction_has_the_sign_of_the_rate_and_its_own_size() {
-        let at = |rate: f64, load: f64| DriveMotion { position: 0.5, rate, load };
+        let at = |rate: f64, load: f64| DriveState { position: 0.5, rate, load };
         for sign in [1.0, -1.0] {
             assert_eq!(Term::Coulomb(None).column(&at(sign * 0.3, 5.0), false, true), sign);
             assert_eq!(Term::Coulomb(Some(0.0)).column(&at(sign * 0.3, 5.0), false, true), sign);

@@ -317,7 +317,7 @@ fn of_feet(input: &Input, rig: &RigFile, all: &mut Errors) {
 fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
     let (source, tree) = (source(rig), &rig.tree);
     let limit = source.class.limits().effort;
-    let first = if input.has_wrench() { 6 } else { 0 };
+    let first = input.first_effort();
     let slides = input.model.links.iter().skip(1).map(|link| matches!(link.link.joint, Joint::Prismatic(_)));
     for (k, (name, slides)) in input.freedom_names().into_iter().zip(slides).enumerate() {
         let unit = if slides { "N" } else { "N m" };

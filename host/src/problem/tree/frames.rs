@@ -178,6 +178,11 @@ impl Input {
         self.situation.rows != Rows::Base
     }
 
+    /// Returns the number of the first channel that is an effort: those of the wrench, where there is one, are before.
+    pub fn first_effort(&self) -> usize {
+        if self.has_wrench() { 6 } else { 0 }
+    }
+
     /// Returns the names of the channels: `fx` … `mz`, then the joints'.
     pub fn channels(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();

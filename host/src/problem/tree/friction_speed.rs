@@ -20,8 +20,6 @@ const SPEEDS: i32 = 8;
 /// Samples that decide at most, in this many stretches of the recording.
 const MOST: usize = 20_000;
 const STRETCHES: usize = 8;
-/// Rows of the wrench, before those of efforts.
-const WRENCH: usize = 6;
 /// Standard deviation of the logarithm of a speed that was found here, before the fit.
 const SHARE: f64 = 0.7;
 /// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
@@ -52,8 +50,8 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
     let source = TreeSource::with_base(tried, base.clone())?;
     let gains = Gains::of(&source);
     for (k, (drive, rate)) in input.drives.iter_mut().zip(&rates).enumerate() {
-        let speed = gains.as_ref().map_or(0.0, |gains| gains.best(&source, k, *rate));
         let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else { continue };
+        let speed = gains.as_ref().map_or(0.0, |gains| gains.best(&source, k, *rate));
         *term = Term::Coulomb(Some(speed));
         if speed > 0.0 {
             let unknown = [
@@ -118,7 +116,7 @@ impl Gains {
     fn of(source: &TreeSource) -> Option<Self> {
         let blocks = source.blocks(&Silent).ok()?;
         let (channels, columns) = (source.channels().len(), source.parameters().len());
-        let first = if source.input().has_wrench() { WRENCH } else { 0 };
+        let first = source.input().first_effort();
         let mut factors = vec![Factor::new(columns); channels.checked_sub(first)?];
         let (mut rows, mut values) = (Vec::new(), Vec::new());
         for start in (0..blocks.len()).step_by(AT_ONCE) {
@@ -164,9 +162,9 @@ impl Gains {
         let terms =
             drives.iter().enumerate().flat_map(|(i, own)| own.terms.iter().map(move |term| (i, *term)));
         let is_speed = |term: &Term| matches!(term, Term::Coulomb(Some(_)));
-        // Of another drive the jump; it has no part in this one's efforts unless they are coupled.
-        let jump = |term: &Term| *term == Term::Coulomb(Some(0.0));
-        let kept = terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && jump(term)));
+        // Of another drive the speed that is given, or the jump; it has a part in this one's efforts if they are coupled.
+        let own = |i: usize, term: &Term| drives[i].terms.iter().find(|own| is_speed(own)) == Some(term);
+        let kept = terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && own(*i, term)));
         (0..first).chain(kept.map(|(j, _)| first + j)).collect()
     }
 

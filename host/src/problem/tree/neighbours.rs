@@ -39,7 +39,7 @@ impl Predictor {
         out: &mut [f64],
     ) {
         let Some((drive, at)) = self.drives.get(drive).filter(|(drive, _)| !drive.stands) else { return };
-        let first = if input.has_wrench() { 6 } else { 0 };
+        let first = input.first_effort();
         let rate = drive.rate(&frame.rates);
         let terms = drive.terms.iter().zip(self.phi.iter().skip(*at));
         let moved: f64 = terms.map(|(term, phi)| phi * slope(*term, rate)).sum();
@@ -53,7 +53,7 @@ impl Predictor {
         instant.predict(out);
         let Some(frame) = input.frames.get(sample).filter(|_| input.has_efforts()) else { return };
         let channels = out.len() / 2;
-        let first = if input.has_wrench() { 6 } else { 0 };
+        let first = input.first_effort();
         for (c, smoothed) in (first..channels).flat_map(|c| [(c, true), (c, false)]) {
             let effort = rows::effort_of_drives(&self.drives, c - first, frame, smoothed, &self.phi);
             out[c + if smoothed { 0 } else { channels }] += effort;

@@ -35,7 +35,7 @@ pub(super) fn regroup(input: &mut Input, base: &mut BaseParameters) -> Result<()
     let skip = stride - base.standard.len();
     let leads: Vec<usize> = base.parameters.iter().filter_map(|p| Some(p.terms.first()?.0)).collect();
     let motions = MOTIONS * count + 1;
-    let first = if input.has_wrench() { 6 } else { 0 };
+    let first = input.first_effort();
     let channels = first + freedoms;
     let mut rows = DMatrix::zeros(motions * channels, count);
     let mut changes = DMatrix::zeros(motions, freedoms);

@@ -17,8 +17,6 @@ use rigident_fit::{
 };
 use rigident_model::base::{BaseParameters, ROUNDED, base_parameters};
 
-/// Rows of the wrench.
-const WRENCH: usize = 6;
 /// σ of force and of everything else to start from where none is stated: only ratios matter.
 const NOMINAL_SIGMA: (f64, f64) = (1.0, 0.1);
 
@@ -124,7 +122,7 @@ impl TreeSource {
         let frame = self.input.frames.get(sample).ok_or(Rejection::NotFinite(0))?;
         let offset = self.input.known_offset.unwrap_or_default();
         let wrench = frame.wrench.iter().zip(offset).map(|(w, o)| w - o);
-        let wrench = wrench.take(if self.input.has_wrench() { WRENCH } else { 0 });
+        let wrench = wrench.take(self.input.first_effort());
         let efforts = frame.efforts.iter().copied().filter(|_| self.input.has_efforts());
         for (c, (to, from)) in measured.iter_mut().zip(wrench.chain(efforts)).enumerate() {
             if !from.is_finite() {
@@ -152,7 +150,7 @@ impl TreeSource {
             }
             return;
         }
-        let first = if self.input.has_wrench() { WRENCH } else { 0 };
+        let first = self.input.first_effort();
         let standing = self.input.frames.get(sample).map_or(&[][..], |frame| &frame.standing);
         for freedom in standing.iter().filter(|_| self.input.has_efforts()) {
             rows.untold.iter_mut().skip(first + freedom).take(1).for_each(|untold| *untold = true);
@@ -211,7 +209,7 @@ fn parameters(input: &Input, base: &BaseParameters) -> Vec<Parameter> {
 }
 
 fn channels(input: &Input, parameters: &[Parameter]) -> Vec<Channel> {
-    let wrench = if input.has_wrench() { WRENCH } else { 0 };
+    let wrench = input.first_effort();
     let slides: Vec<bool> = input
         .model
         .links
@@ -355,7 +353,7 @@ impl RowSource for TreeSource {
         }
         let of = |c: usize| {
             let value = |frame: &Frame| {
-                let wrench = frame.wrench.iter().take(if self.input.has_wrench() { WRENCH } else { 0 });
+                let wrench = frame.wrench.iter().take(self.input.first_effort());
                 let efforts = frame.efforts.iter().filter(|_| self.input.has_efforts());
                 wrench.chain(efforts).nth(c).copied().unwrap_or(0.0)
             };

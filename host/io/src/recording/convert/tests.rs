@@ -83,7 +83,7 @@ fn nothing_is_overwritten_and_names_are_checked() {
         ("a.csv", "b.mcap", "b.mcap is there already"),
         ("a.csv", "c.csv", "c.rig.toml is there already"),
         ("a.csv", "b.parquet", "is written as .csv or .mcap"),
-        ("a.doc", "d.mcap", "must end in .csv (or .tsv, .txt,"),
+        ("a.doc", "d.mcap", "must end in .csv, .mcap,"),
         ("none.csv", "d.mcap", "cannot be read"),
         ("b.mcap", "d.csv", "is not a recording"),
         ("a.csv", "nowhere/d.mcap", "cannot be written"),
