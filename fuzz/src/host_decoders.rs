@@ -1,17 +1,30 @@
 //! Decoders of the host, each as a check of any bytes: fuzzed here, and run by the host's tests on the corpus and on
 //! bytes that are damaged by chance.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write};
+use std::path::Path;
 
+use hexapod::Geometry;
+use rigident::answer::Answer;
+use rigident::answer::predictor::Predictor;
+use rigident::device::settings_file;
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::prior::KnownValues;
 use rigident::fit::tare::Tare;
+use rigident::inverse_kinematics::marker_file::MarkerFile;
+use rigident::joint_offsets::poses_file::PosesTable;
+use rigident::model::base::{Situation, base_parameters};
+use rigident::model::rows::Rows;
+use rigident::model::{check, write};
 use rigident::motion_capture::c3d::C3d;
 use rigident::motion_capture::opensim::model::OsimModel;
 use rigident::motion_capture::opensim::storage::Storage;
 use rigident::motion_capture::opensim::trc::Trc;
+use rigident::plan::plan_file::PlanFile;
+use rigident::present::plain;
 use rigident::recording::Recording;
-use rigident::rig::RigFile;
+use rigident::reference::ReferenceBody;
+use rigident::rig::{RigCalibration, RigFile};
 use rigident::sources::{Role, Row, ati, foxglove, lines, rtde, xsens};
 
 /// Any bytes as a C3D file: no panic, and as many points and samples as it says.
@@ -116,6 +129,68 @@ pub fn recording_mcap(bytes: &[u8]) {
     assert_eq!(first.gravity, second.gravity);
     assert_eq!(first.gauges, second.gauges);
     assert_eq!(first.platform, second.platform);
+}
+
+/// Any Parquet or MAT file, by how it begins: no panic, and what was read survives being written and read again.
+pub fn recording_table(bytes: &[u8]) {
+    let name = if bytes.starts_with(b"PAR1") { "fuzz.parquet" } else { "fuzz.mat" };
+    let Ok(first) = Recording::from_columns(name, bytes.to_vec(), &RigFile::default()) else { return };
+    let (rig, _) = first.rig_in_notation();
+    let again = Recording::from_csv_bytes("fuzz.csv", first.to_csv().as_bytes(), &rig).expect("we wrote it");
+    assert_eq!(first.time_ns, again.time_ns);
+    assert_eq!(first.wrench, again.wrench);
+    assert_eq!(first.imus, again.imus);
+}
+
+/// Any bag of ROS 2 in an SQLite database: no panic, and no end that does not come.
+pub fn recording_bag(bytes: &[u8]) {
+    let Ok(first) = Recording::from_mcap_bytes("fuzz.db3", bytes, None) else { return };
+    assert!(first.time_ns.windows(2).all(|pair| pair[0] < pair[1]));
+}
+
+/// Any description of a robot, URDF, MJCF or SDF: no panic; what can be checked, counted and written of it is.
+pub fn robot_model(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Ok(parsed) = write::parse(text, "fuzz") else { return };
+    let model = parsed.model;
+    let _ = check::check(&model, Some(text), Path::new("fuzz"));
+    // The rank of a large tree takes longer than an input may.
+    if model.links.len() <= 12 {
+        let _ = base_parameters(&model, &Situation { floating: true, rows: Rows::Both, mimic: true });
+    }
+}
+
+/// Any `result.json`: no panic; what was read is shown, used to predict, and survives being written and read again.
+pub fn result_json(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Ok(first) = Answer::read(text) else { return };
+    let shown = plain::text(&first);
+    assert!(!shown.chars().any(|c| c.is_control() && c != '\n'), "{shown:?}");
+    let _ = Predictor::of_answer(&first);
+    let again = serde_json::to_string(&first).expect("it is JSON");
+    Answer::read(&again).expect("we wrote it");
+}
+
+/// Any text of the smaller files: settings, calibrations, reference bodies, markers, tables of poses. No panic.
+pub fn settings_text(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    for is_json in [false, true] {
+        let _ = settings_file::parse("fuzz", text, is_json);
+    }
+    let _ = RigCalibration::parse(text, "fuzz");
+    let _ = ReferenceBody::parse(text, "fuzz");
+    let _ = MarkerFile::parse(text);
+    let _ = PosesTable::parse(text, "fuzz");
+}
+
+/// Any plan, as a file: no panic, and none that a machine cannot do is taken.
+pub fn plan_json(bytes: &[u8]) {
+    let Ok(mut file) = tempfile::NamedTempFile::new() else { return };
+    if file.write_all(bytes).is_err() {
+        return;
+    }
+    let Ok(plan) = PlanFile::read(file.path(), &Geometry::thesis()) else { return };
+    assert!(!plan.title.chars().any(char::is_control), "{:?}", plan.title);
 }
 
 /// Any bytes from any sensor: no panic, and every number that comes out is one.

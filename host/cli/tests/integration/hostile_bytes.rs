@@ -89,3 +89,33 @@ fn factor_files() {
 fn streams_of_sensors() {
     survives("source_streams", host_decoders::source_streams);
 }
+
+#[test]
+fn tables_of_columns() {
+    survives("recording_table", host_decoders::recording_table);
+}
+
+#[test]
+fn bags_in_databases() {
+    survives("recording_bag", host_decoders::recording_bag);
+}
+
+#[test]
+fn models_of_robots() {
+    survives("robot_model", host_decoders::robot_model);
+}
+
+#[test]
+fn results() {
+    survives("result_json", host_decoders::result_json);
+}
+
+#[test]
+fn settings_and_other_texts() {
+    survives("settings_text", host_decoders::settings_text);
+}
+
+#[test]
+fn plans() {
+    survives("plan_json", host_decoders::plan_json);
+}
