@@ -256,7 +256,8 @@ impl Loaded {
         let found = self.problem.fit(&options, &progress).map_err(|error| {
             // Readings in another unit may all be beyond a sensor's range.
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
-            let cause = if no_rows { self.diagnose(None) } else { None };
+            let case = self.case.as_ref().filter(|_| no_rows);
+            let cause = case.and_then(|case| diagnosis::diagnose(case, None, &progress));
             Failure::input(match cause {
                 Some(Cause { what, mend, .. }) => format!("{error}. Most likely {what}: {mend}"),
                 None => error.to_string(),
@@ -265,12 +266,11 @@ impl Loaded {
         Ok(self.with_unused(found))
     }
 
-    /// Returns the fault that explains why the recording cannot be true, as its answer says if there is one; `None` if
-    /// none is found.
-    pub(super) fn diagnose(&self, refused: Option<&Answer>) -> Option<Cause> {
+    /// Judges the answer of a fit by the faults that a recording may have; returns the one that explains it, to be explained.
+    pub(super) fn judge(&self, fit: &Fit, answer: &mut Answer) -> Option<Cause> {
         let stages = Stages::new("looking for the cause");
         let progress = |stage: &str, share: f64| stages.at(stage, share);
-        diagnosis::diagnose(self.case.as_ref()?, refused, &progress)
+        diagnosis::judge(self.case.as_ref()?, fit, answer, &progress)
     }
 
     /// Counts rows that no sample was made of as rejected.

@@ -149,13 +149,11 @@ impl<'a> RunReport<'a> {
             ..Context::default()
         };
         let mut answer = Answer::new(fit, context).map_err(Failure::input)?;
+        let cause = self.loaded.and_then(|loaded| loaded.judge(fit, &mut answer));
         if self.keeps_factor {
             self.factor = self.loaded.map(|loaded| loaded.factor_of(fit, &answer, read));
         }
-        if answer.status == Status::Implausible {
-            let cause = self.loaded.and_then(|loaded| loaded.diagnose(Some(&answer)));
-            answer.explain(cause, read);
-        }
+        answer.explain(cause, read);
         Ok(answer)
     }
 

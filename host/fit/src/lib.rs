@@ -44,6 +44,7 @@ mod prediction;
 pub mod prior;
 mod progress;
 mod reduction;
+mod repetition;
 mod residual_spectrum;
 mod residuals;
 mod result;
@@ -69,7 +70,9 @@ pub use fingerprint::Fingerprint;
 pub use gaussian::Gaussian;
 pub use larger_errors::{ErrorScores, Larger};
 pub use noise_check::{Judgement, RowSet, StatedNoise, judge};
-pub use nuisance::{Agreement, Basis, Effect, ErrorRow, Nuisance, NuisanceFit, Scope};
+pub use nuisance::{
+    Agreement, Basis, CONTRADICTED, Effect, ErrorRow, FRICTION, Nuisance, NuisanceFit, Scope, contradict,
+};
 pub use options::{DeviceFactor, FitError, FitOptions};
 pub use other_columns::OtherColumns;
 pub use parameter::{Channel, DriveMotion, Kind, Owner, Parameter};

@@ -73,7 +73,15 @@ pub struct Nuisance {
     pub effect: Effect,
 }
 
+/// The class of what a law of friction leaves open.
+pub const FRICTION: &str = "friction";
+
 impl Nuisance {
+    /// Returns true for what the law of a drive's friction leaves open, which is the model's and no error of the rig.
+    pub fn is_of_friction(&self) -> bool {
+        matches!(&self.basis, Basis::Class(class) if class == FRICTION)
+    }
+
     /// Returns it as an unknown of rows.
     pub fn parameter(&self) -> Parameter {
         Parameter::new(self.name.clone(), Owner::Other(self.group.clone()), Kind::Other, &self.unit)
@@ -124,6 +132,19 @@ impl NuisanceFit {
     pub fn told(&self) -> f64 {
         (self.drawn / self.nuisance.sigma.powi(2)).clamp(0.0, 1.0)
     }
+}
+
+/// An error further from its value beforehand than this many of the standard deviations that it was drawn with is not as
+/// stated: one of a hundred thousand is.
+pub const CONTRADICTED: f64 = 4.42;
+/// All errors together agree less well than in this share of recordings.
+const DISAGREEMENT: f64 = 1e-5;
+
+/// Returns true if errors found contradict what was known of them: one by itself, or all together. Friction that follows
+/// another law is no error of the rig.
+pub fn contradict(nuisances: &[NuisanceFit], agreement: Option<Agreement>) -> bool {
+    nuisances.iter().any(|k| !k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED)
+        || agreement.is_some_and(|agreement| agreement.probability() < DISAGREEMENT)
 }
 
 /// How well the errors found agree with what was known of them beforehand.

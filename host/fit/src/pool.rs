@@ -302,6 +302,7 @@ impl PooledFactor {
                 noise_gain: expected / rows.max(1.0),
                 variance_ratio: if of_run > 1.0 { of_run } else { variance_ratio },
                 variance_scale: variance_scale * of_run,
+                model_error: 1.0,
                 disagreement,
                 fitted,
             },

@@ -89,6 +89,9 @@ pub struct NoiseCheck {
     pub variance_ratio: f64,
     /// The covariance was multiplied by this.
     pub variance_scale: f64,
+    /// Of that, what efforts of drives leave beside white noise, where errors of the rig would otherwise have to be larger
+    /// than stated; 1 elsewhere.
+    pub model_error: f64,
     /// Degrees of freedom that parameters and errors took of the rows.
     pub fitted: f64,
     /// χ² per degree of freedom of merged runs' disagreement, where their noise does not explain it.

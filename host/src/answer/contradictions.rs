@@ -7,13 +7,10 @@
 use nalgebra::DMatrix;
 
 use crate::present::text::{significant, unit_symbol, with_u95};
-use rigident_fit::{Basis, Effect, ErrorScores, Fit, Larger, Nuisance, NuisanceFit};
+use rigident_fit::{
+    Basis, CONTRADICTED, Effect, ErrorScores, Fit, Larger, Nuisance, NuisanceFit, contradict,
+};
 
-/// An error further from zero than so many of the standard deviations that it was drawn with is not as stated: one of a
-/// hundred thousand is.
-const CONTRADICTED: f64 = 4.42;
-/// All errors together agree less well than in one of so many recordings.
-const DISAGREEMENT: f64 = 1e-5;
 /// Contradictions that are named.
 const NAMED: usize = 3;
 /// Causes are not told apart if one is up to a hundred times likelier than the other; an error more has to make the recording as
@@ -26,7 +23,7 @@ const CAUSES: usize = 4;
 
 /// Returns true if the recording contradicts what is stated of an error, or of all together.
 pub(super) fn is_contradicted(fit: &Fit) -> bool {
-    fit.nuisances.iter().any(|k| k.pull().abs() > CONTRADICTED) || disagrees(fit) || is_scaled(fit)
+    contradict(&fit.nuisances, fit.agreement) || is_scaled(fit)
 }
 
 /// Returns true if scales that several axes share are further off than stated, though none by itself is.
@@ -34,10 +31,6 @@ fn is_scaled(fit: &Fit) -> bool {
     let Some(scores) = &fit.error_scores else { return false };
     let alike = candidates(fit).into_iter().filter(|cause| cause.alike).collect::<Vec<_>>();
     weighed(&alike, scores, &[]).first().is_some_and(|most| most.weight() > CONTRADICTED * CONTRADICTED)
-}
-
-fn disagrees(fit: &Fit) -> bool {
-    fit.agreement.is_some_and(|agreement| agreement.probability() < DISAGREEMENT)
 }
 
 /// Returns in words what of the errors of the rig contradicts what is known of them beforehand; empty if nothing does.
@@ -110,9 +103,11 @@ impl Sized<'_> {
 
 /// Returns the causes to be asked: each error; of a group of several axes all of them, and its scales alike.
 fn candidates(fit: &Fit) -> Vec<Cause<'_>> {
-    let mut all: Vec<Cause> = (0..fit.nuisances.len()).map(|k| Cause::of(fit, vec![k], false)).collect();
+    let of_rig = |k: &usize| !fit.nuisances[*k].nuisance.is_of_friction();
+    let mut all: Vec<Cause> =
+        (0..fit.nuisances.len()).filter(of_rig).map(|k| Cause::of(fit, vec![k], false)).collect();
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
-    for (k, found) in fit.nuisances.iter().enumerate() {
+    for (k, found) in fit.nuisances.iter().enumerate().filter(|(k, _)| of_rig(k)) {
         let Nuisance { group, effect, .. } = &found.nuisance;
         let key = match effect {
             Effect::CrossTalk { .. } | Effect::Drift { .. } | Effect::None => continue,

@@ -123,6 +123,12 @@ impl Answer {
         self.status == Status::Implausible || self.fit.is_some()
     }
 
+    /// Makes the answer one of a recording that cannot be true, as where a fault explains what the model leaves of it.
+    pub(crate) fn withhold(&mut self) {
+        self.status = Status::Implausible;
+        self.contradict();
+    }
+
     /// Makes every number of the fit one that must not be used, and takes out what derives from them:
     /// [`WITHHELD`].
     fn contradict(&mut self) {

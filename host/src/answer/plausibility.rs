@@ -17,6 +17,8 @@ use rigident_model::check::{DENSEST, least_density};
 const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
 const UNEXPLAINED: f64 = 0.3;
+/// Of the effort of a drive with friction: a real gear leaves more than that of a wrist, whose friction is most of its effort.
+const UNEXPLAINED_EFFORT: f64 = 0.6;
 /// Cross-talk and tilt leave less than this of a channel of still poses whose residuals follow gravity along other axes.
 const CROSSED: f64 = 0.15;
 /// No body on a load cell has its centre of mass further away, m.
@@ -121,7 +123,22 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
     }
     let signals = (channel.residual_sigma.powi(2) - gain * channel.sigma.powi(2)).max(0.0);
     let beyond = channel.residual_rms.powi(2) - gain * own * own - signals;
-    Some([beyond.max(0.0).sqrt() / varies, UNEXPLAINED])
+    let most = if channel.channel.is_drive() { UNEXPLAINED_EFFORT } else { UNEXPLAINED };
+    Some([beyond.max(0.0).sqrt() / varies, most])
+}
+
+/// Residuals of efforts whose autocorrelation makes intervals this many times as wide are no noise.
+const NO_NOISE: f64 = 2.0;
+
+/// Returns true if the model lacks something of the drives that is no noise, though the recording can be true: only that no
+/// fault explains it says that it is the model, not the recording.
+pub(crate) fn lacks_something_of_drives(fit: &Fit) -> bool {
+    let poor = |(number, channel): (usize, &ChannelFit)| {
+        channel.channel.is_drive()
+            && (channel.autocorrelation.is_some_and(|found| found.factor > NO_NOISE)
+                || share(fit, number, channel).is_some_and(|[share, _]| share > UNEXPLAINED))
+    };
+    fit.noise.model_error > 1.0 || fit.channels.iter().enumerate().any(poor)
 }
 
 /// Tells of channels that the model explains little of, where that is no noise.

@@ -1,12 +1,16 @@
 //! Warnings and notes that follow from a fit. A warning asks for something, a note does not.
 
+use std::collections::BTreeSet;
+
 use super::context::Links;
 use super::result::{ForgettingKind, Forgotten, ParameterState};
 use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
 use crate::present::text::{counted, significant, unit_symbol};
 use rigident_fit::FILTER_WIDTH_S;
 use rigident_fit::outliers::LIMIT_SD;
-use rigident_fit::{Autocorrelation, ChannelFit, Fit, Kind, PriorStatement, StatedNoise};
+use rigident_fit::{
+    Autocorrelation, CONTRADICTED, ChannelFit, Fit, Kind, NuisanceFit, PriorStatement, StatedNoise,
+};
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
 const ENOUGH_SPARE_ROWS: usize = 12;
@@ -51,6 +55,8 @@ pub(super) fn of_the_fit(fit: &Fit, of_links: bool, rate_sigma: f64) -> (Vec<Str
     warnings.extend(autocorrelation(fit));
     notes.extend(signal_noise(fit, rate_sigma));
     warnings.extend(unexplained(fit).filter(|_| of_links));
+    warnings.extend(friction_of_another_law(fit));
+    warnings.extend(model_error(fit));
     (notes, warnings)
 }
 
@@ -197,6 +203,31 @@ fn signal_noise(fit: &Fit, rate_sigma: f64) -> Option<String> {
             "noise of the rates{sigma} stands in the rows and does not average out: up to {:.0} % of an interval is for it. \
              Better gyros or encoders, or faster motion, make intervals narrower; a longer recording does not",
             100.0 * worst
+        )
+    })
+}
+
+/// Tells of dry friction that follows another law than its columns.
+fn friction_of_another_law(fit: &Fit) -> Option<String> {
+    let far = |k: &&NuisanceFit| k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED;
+    let drive = |k: &NuisanceFit| k.nuisance.name.splitn(3, '_').nth(2).map(str::to_owned);
+    let drives: BTreeSet<String> = fit.nuisances.iter().filter(far).filter_map(drive).collect();
+    (!drives.is_empty()).then(|| {
+        format!(
+            "dry friction of {} follows the speed in another way than its columns: try a Stribeck column for it",
+            drives.into_iter().collect::<Vec<_>>().join(", ")
+        )
+    })
+}
+
+/// Tells of what the model of the drives lacks, where it counts as noise.
+fn model_error(fit: &Fit) -> Option<String> {
+    let by = fit.noise.model_error.sqrt();
+    (by > 1.0).then(|| {
+        format!(
+            "the model leaves efforts that follow the motion: friction, elasticity or cables that it lacks. They count as noise, \
+             {} times larger than if it were white, so that no error of the rig has to explain them",
+            significant(by, 2)
         )
     })
 }

@@ -113,6 +113,7 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
     let has_rates = case_has(case, &joints, Quantity::Rate);
     let mut all = of_units(&joints, has_rates, has_efforts);
     all.extend(of_friction(case, has_efforts));
+    all.extend(of_rotors(case, has_efforts));
     all.extend(of_signs(&joints, has_efforts));
     all.extend(of_zeros(&joints));
     all.extend(of_order(&joints, has_efforts));
@@ -133,6 +134,7 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
     };
     let own = joints.to_vec();
     all.push(Fault::new("unit of the joints", what, mend, move |case| {
+        case.options.friction.forget_speeds();
         scale_all(&own, case, &MOTION, degrees)
     }));
     for (unit, factor) in UNITS.into_iter().filter(|_| has_efforts) {
@@ -167,6 +169,21 @@ fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
     (has_efforts && case.options.friction.is_empty()).then(|| {
         Fault::new("friction", what, mend, |case| {
             case.options.friction = vec![Term::Viscous, Term::Coulomb(None)].into();
+            true
+        })
+    })
+}
+
+fn of_rotors(case: &Case, has_efforts: bool) -> Option<Fault> {
+    let what = "rotors of the drives are left out: behind a gear they count with the square of its ratio";
+    let mend = "identify them: --friction viscous,coulomb,rotor";
+    let friction = &case.options.friction;
+    let lists = || friction.by_drive.iter().map(|(_, terms)| terms).chain([&friction.everywhere]);
+    (has_efforts && !friction.is_empty() && !lists().any(|terms| terms.contains(&Term::Rotor))).then(|| {
+        Fault::new("rotors", what, mend, |case| {
+            let friction = &mut case.options.friction;
+            let named = friction.by_drive.iter_mut().map(|(_, terms)| terms);
+            named.chain([&mut friction.everywhere]).for_each(|terms| terms.push(Term::Rotor));
             true
         })
     })

@@ -10,10 +10,11 @@ pub mod joints;
 pub mod sensors;
 
 use crate::answer::result::{Cause, Status};
-use crate::answer::{Answer, Context, StandardRequest};
-use crate::problem::{Problem, ProblemOptions};
+use crate::answer::{Answer, Context, StandardRequest, lacks_something_of_drives};
+use crate::problem::tree::drive::Friction;
+use crate::problem::{Problem, ProblemOptions, Subject};
 use rigident_fit::explained::explained;
-use rigident_fit::{FitOptions, Progress, Silent, parallel};
+use rigident_fit::{Fit, FitOptions, Progress, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
 
@@ -28,6 +29,8 @@ const FULL: usize = 8;
 const ALIKE: f64 = 0.05;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
 const EXPLAINS: f64 = 0.7;
+/// The same where the recording could be true with a model that lacks something.
+const ACCUSES: f64 = 0.5;
 /// Says what to do where several faults explain a recording alike.
 const WHICH: &str = "the recording does not tell which: weigh the body, or look at the units, signs and \
                      axes in the settings of each sensor, before anything is changed";
@@ -93,14 +96,37 @@ struct Tried<'a> {
     left: f64,
 }
 
+/// Looks for a fault where the recording of an answer cannot be true, or where its model lacks something of the drives: in
+/// either case a fault that explains it makes the answer one that cannot be used. Returns the fault, to be explained.
+pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progress) -> Option<Cause> {
+    let lacking = lacks_something_of_drives(fit);
+    if !lacking && answer.status != Status::Implausible {
+        return None;
+    }
+    let lacks_fit = lacking || answer.change.is_some() || answer.not_rigid.is_some();
+    let most = match answer.status {
+        Status::Implausible => lacks_fit.then_some(EXPLAINS),
+        _ => Some(ACCUSES),
+    };
+    let cause = diagnose(case, most, progress)?;
+    answer.withhold();
+    Some(cause)
+}
+
 /// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None` if none does.
-/// `refused` is its answer, if there is one: where residuals show a change or something that moves, only a fault without
-/// which they are smaller explains that.
-pub fn diagnose(case: &Case, refused: Option<&Answer>, progress: &dyn Progress) -> Option<Cause> {
+/// Where residuals alone speak against the recording, only a fault without which they are at most this share of what they are
+/// (`most`, the product over all channels) explains that.
+pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Option<Cause> {
     let (quick, full) = rows(&case.recording);
-    let quick = shortened(case, quick);
+    let mut quick = shortened(case, quick);
     // Where no row is left nothing is explained.
-    let (before, channels) = unexplained(&quick).unwrap_or((0.0, 1));
+    let (before, channels) = match posed(&quick) {
+        Some(problem) => {
+            quick.options.friction = with_speeds(&quick.options.friction, &problem);
+            left_by(&problem).unwrap_or((0.0, 1))
+        }
+        None => (0.0, 1),
+    };
     let faults = faults(&quick);
     let mut tried = Vec::new();
     // In turns, so that progress is shown.
@@ -108,13 +134,12 @@ pub fn diagnose(case: &Case, refused: Option<&Answer>, progress: &dyn Progress) 
         progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
         let found = parallel::map(parallel::threads(), chunk.len(), |k| {
             let fault = chunk.get(k)?;
-            Some(Tried { fault, left: unexplained(&fault.undone(&quick)?)?.0 })
+            Some(Tried { fault, left: left_by(&posed(&fault.undone(&quick)?)?)?.0 })
         });
         tried.extend(found.into_iter().flatten());
     }
     let mut best = best_of_each_kind(tried);
-    let lacks_fit = refused.is_some_and(|answer| answer.change.is_some() || answer.not_rigid.is_some());
-    let most = if lacks_fit { before + EXPLAINS.ln() / channels as f64 } else { before + ALIKE };
+    let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
     best.retain(|tried| tried.left < most);
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     let full = shortened(case, full);
@@ -170,9 +195,21 @@ fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
     best
 }
 
+/// Returns the problem that a case poses; `None` if it poses none.
+fn posed(case: &Case) -> Option<Problem> {
+    Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()
+}
+
+/// Returns the friction columns with the speeds that a problem found for them, so that they are not looked for with each fault.
+fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
+    let Subject::Tree { source, .. } = &problem.subject else { return friction.clone() };
+    let drives = source.input().drives.iter();
+    let by_drive = drives.map(|drive| (drive.name.clone(), drive.terms.clone())).collect();
+    Friction { by_drive, ..friction.clone() }
+}
+
 /// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no rows.
-fn unexplained(case: &Case) -> Option<(f64, usize)> {
-    let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
+fn left_by(problem: &Problem) -> Option<(f64, usize)> {
     let found = explained(problem.source()).ok()?;
     Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())
 }
@@ -181,7 +218,7 @@ fn unexplained(case: &Case) -> Option<(f64, usize)> {
 fn is_plausible(case: &Case) -> bool {
     let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
     let answer = || {
-        let problem = Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()?;
+        let problem = posed(case)?;
         let fit = problem.fit(&options, &Silent).ok()?;
         let standard = case.model.as_ref().map(StandardRequest::of);
         let context = Context { links: problem.links(standard), ..Context::default() };

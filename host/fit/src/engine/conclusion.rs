@@ -4,14 +4,100 @@ use super::{Conclusion, Engine, Pass, Solved};
 use crate::autocorrelation::{self, Coloured};
 use crate::convergence;
 use crate::lack_of_fit::{self, LackOfFit, NoiseRows, Role};
+use crate::repetition;
 use crate::residuals::rms;
 use crate::signal_noise::WhitenedNoise;
 use crate::weighing::Weighing;
-use crate::{BlockResidual, Convergence, Effect, Estimate, Noise, NoiseCheck, RowSet, judge};
+use crate::{
+    BlockResidual, CONTRADICTED, Channel, Convergence, Effect, Estimate, Noise, NoiseCheck, NuisanceFit,
+    RowSet, contradict, judge,
+};
+
+/// Rounds in which what a model of drives lacks is counted.
+const MODEL_ERROR_ROUNDS: usize = 4;
 
 impl Engine<'_> {
-    /// Draws the conclusions from a factor.
+    /// Draws the conclusions from a factor; where a model of drives lacks something, beside that.
+    ///
+    /// What a model of friction lacks follows the motion and is no white noise: taken as such it has errors of the rig explain
+    /// it, and these then contradict what is known of them, or a law of friction that is not that of its columns. So in that
+    /// case all rows count as noisier, by the largest factor that the autocorrelation of the residuals and the repetitions of a
+    /// motion have on any interval, until the errors are as stated or nothing is left.
     pub(super) fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
+        let mut conclusion = self.concluded(pass, sigma_given, 1.0);
+        let has_drives = self.source.channels().iter().any(Channel::is_drive);
+        if pass.linearised.is_none() || !has_drives || self.options.forgetting.is_some() {
+            return conclusion;
+        }
+        for _ in 0..MODEL_ERROR_ROUNDS {
+            let nuisances = self.nuisance_fits(pass, &conclusion);
+            let far = |k: &NuisanceFit| k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED;
+            let is_other = nuisances.iter().any(far);
+            if !is_other && !contradict(&nuisances, self.agreement(pass, &conclusion.joint).0) {
+                break;
+            }
+            let by = self.inflation(pass, &conclusion).into_iter().fold(1.0, f64::max);
+            if by <= 1.0 {
+                break;
+            }
+            conclusion = self.concluded(pass, sigma_given, conclusion.check.model_error * by * by);
+        }
+        conclusion
+    }
+
+    /// Returns by how much the autocorrelation of the residuals, and that they repeat with a motion, widens each parameter's
+    /// interval; empty if nothing does.
+    pub(super) fn inflation(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
+        let mut found = self.autocorrelated(pass, conclusion);
+        let by = if conclusion.check.model_error > 1.0 { 1.0 } else { self.repeated(conclusion) };
+        if by > 1.0 {
+            found.resize(self.parameters, 1.0);
+            found.iter_mut().for_each(|own| *own *= by);
+        }
+        found
+    }
+
+    /// Returns by how much intervals are too narrow because what the model of the drives lacks repeats with the motion.
+    fn repeated(&self, conclusion: &Conclusion) -> f64 {
+        let channels = self.source.channels();
+        let drives: Vec<usize> = (0..channels.len()).filter(|c| channels[*c].is_drive()).collect();
+        let blocks = &self.blocks;
+        if drives.is_empty() || blocks.len() != conclusion.residuals.len() {
+            return 1.0;
+        }
+        let picked = || (0..blocks.len()).step_by(repetition::stride(blocks.len()));
+        let mut rows = vec![0.0; channels.len() * self.parameters];
+        let mut values = vec![0.0; channels.len()];
+        let mut measured = vec![Vec::new(); drives.len()];
+        for block in picked() {
+            blocks.write(block, &mut rows, &mut values);
+            measured.iter_mut().zip(&drives).for_each(|(own, c)| own.push(values[*c]));
+        }
+        let left = |c: &usize| picked().map(|k| conclusion.residuals[k].values[*c]).collect();
+        repetition::factor(&measured, &drives.iter().map(left).collect::<Vec<Vec<f64>>>())
+    }
+
+    fn autocorrelated(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
+        let (weighing, check) = (&pass.weighing, &conclusion.check);
+        let whitened = autocorrelation::whitened(&conclusion.residuals, &weighing.whitening);
+        let unit = vec![f64::from(self.blocks.filter().every) * check.variance_scale; weighing.sigma.len()];
+        let coloured = autocorrelation::detect(&whitened, self.blocks.filter(), &unit, check.fitted);
+        if coloured.is_empty() {
+            return Vec::new();
+        }
+        autocorrelation::inflation(
+            self.rows_of(pass),
+            &conclusion.joint,
+            self.parameters,
+            &weighing.whitening,
+            &conclusion.weights,
+            &unit,
+            &coloured,
+        )
+    }
+
+    /// Draws the conclusions from a factor beside noise that is `model_error` times as large in variance.
+    fn concluded(&self, pass: &Pass, sigma_given: bool, model_error: f64) -> Conclusion {
         let Solved { factor, mut rows, mut joint, mut about, .. } = self.solve(pass, 1.0);
         let mut unscaled = self.estimate(&factor, 1.0, Noise::Given);
         let set = RowSet {
@@ -22,12 +108,13 @@ impl Engine<'_> {
         };
         let fitted = self.fitted(pass, &joint);
         let judged = judge(&[set], factor.residual_sum_of_squares(), fitted);
-        let (noise, scale) = (judged.noise, judged.variance_scale);
+        let (noise, scale) = (judged.noise, judged.variance_scale * model_error);
         let check = NoiseCheck {
             sigma_given,
             noise_gain: self.row_noise_gain,
             variance_ratio: judged.variance_ratio,
             variance_scale: scale,
+            model_error,
             disagreement: None,
             fitted,
         };

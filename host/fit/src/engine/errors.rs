@@ -75,6 +75,10 @@ impl Engine<'_> {
         // In standard deviations beforehand: errors of several units.
         let prior = DMatrix::from_fn(count, count, |i, j| covariance[(i, j)] / (sigma(i) * sigma(j)));
         let scores = ErrorScores::new(&known, prior, &told);
-        (Agreement::new(&known, told), scores)
+        // The law of friction is the model's, not the rig's.
+        let of_rig: Vec<usize> =
+            (0..count).filter(|k| !self.columns.nuisances[*k].is_of_friction()).collect();
+        let told = told.select_rows(&of_rig).select_columns(&of_rig);
+        (Agreement::new(&known.select_rows(&of_rig), told), scores)
     }
 }

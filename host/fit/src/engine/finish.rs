@@ -6,9 +6,7 @@ use rigident_shared::forgetting::Span;
 use super::{Conclusion, Engine, Pass};
 use crate::lack_of_fit::LackOfFit;
 use crate::rig_rows::{noisier, shifted};
-use crate::{
-    ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, autocorrelation, convergence,
-};
+use crate::{ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, convergence};
 
 impl Engine<'_> {
     /// Counts what makes intervals wider than white noise alone, and puts everything together.
@@ -25,7 +23,7 @@ impl Engine<'_> {
             None => (self.nuisance_fits(&pass, &conclusion), DVector::zeros(self.parameters)),
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
-        let rows = self.rows_of(&pass);
+        let inflation = if forgetting.is_none() { self.inflation(&pass, &conclusion) } else { Vec::new() };
         let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, rows: mut joint, .. } =
             conclusion;
         if known.iter().any(|v| *v != 0.0) {
@@ -38,21 +36,6 @@ impl Engine<'_> {
         }
         let weighing = &pass.weighing;
         let variance: Vec<f64> = weighing.total.iter().map(|s| s * s * check.variance_scale).collect();
-        let mut inflation = Vec::new();
-        let whitened = autocorrelation::whitened(&conclusion.residuals, &weighing.whitening);
-        let unit = vec![f64::from(self.blocks.filter().every) * check.variance_scale; weighing.sigma.len()];
-        let coloured = autocorrelation::detect(&whitened, self.blocks.filter(), &unit, check.fitted);
-        if !coloured.is_empty() && forgetting.is_none() {
-            inflation = autocorrelation::inflation(
-                rows,
-                &conclusion.joint,
-                self.parameters,
-                &weighing.whitening,
-                &conclusion.weights,
-                &unit,
-                &coloured,
-            );
-        }
         // What is compensated moves no estimate and informs of nothing.
         let (mut spurious_information, mut bias) = (0.0, Vec::new());
         if let Some(noise) = self.noise.as_ref().filter(|_| !weighing.is_compensated()) {

@@ -227,6 +227,16 @@ impl Friction {
         Ok(all)
     }
 
+    /// Forgets at which speeds dry friction turns over.
+    pub fn forget_speeds(&mut self) {
+        let named = self.by_drive.iter_mut().flat_map(|(_, terms)| terms);
+        for term in self.everywhere.iter_mut().chain(named) {
+            if let Term::Coulomb(speed) = term {
+                *speed = None;
+            }
+        }
+    }
+
     /// Returns true if no drive has a column.
     pub fn is_empty(&self) -> bool {
         self.everywhere.is_empty() && self.by_drive.iter().all(|(_, terms)| terms.is_empty())

@@ -11,7 +11,7 @@ use rigident_shared::tree::TreeError;
 
 use super::drive::{Drive, Term};
 use super::{Input, SignalError, TreeSource};
-use rigident_fit::{Basis, Effect, Factor, Nuisance, RowSource as _, Scope, Silent};
+use rigident_fit::{Basis, Effect, FRICTION, Factor, Nuisance, RowSource as _, Scope, Silent};
 use rigident_model::base::BaseParameters;
 
 /// Speeds that are tried, over the root mean square of the drive's rate, each twice the one before.
@@ -74,7 +74,7 @@ fn nuisance(drive: &str, word: &str, sigma: f64, number: usize) -> Nuisance {
         group: format!("friction {word}"),
         unit: "1".to_owned(),
         sigma,
-        basis: Basis::Class("friction".to_owned()),
+        basis: Basis::Class(FRICTION.to_owned()),
         scope: Scope::Rig,
         effect: Effect::Signal(number),
     }

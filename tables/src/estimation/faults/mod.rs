@@ -8,7 +8,7 @@ mod noise;
 mod trees;
 
 use rigident::answer::{Answer, Context, StandardRequest, Status};
-use rigident::diagnosis::{Case, diagnose};
+use rigident::diagnosis::{Case, diagnose, judge};
 use rigident::fit::{FitOptions, Silent, parallel};
 use rigident::problem::Problem;
 
@@ -59,10 +59,8 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
         ..Context::default()
     };
     let mut answer = Answer::new(&fit, context).expect("an answer");
-    if answer.status == Status::Implausible {
-        let cause = diagnose(case, Some(&answer), &Silent);
-        answer.explain(cause, case.recording.warnings.len());
-    }
+    let cause = judge(case, &fit, &mut answer, &Silent);
+    answer.explain(cause, case.recording.warnings.len());
     let errors = answer.parameters.iter().zip(truth(&problem)).filter_map(|(parameter, truth)| {
         let measured = parameter.state.measured()?;
         Some((measured.value - truth?).abs() / measured.u95)
