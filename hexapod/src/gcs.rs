@@ -6,9 +6,14 @@
 //!
 //! Facts are from the vendor's manual of the C-887 controller (MS204E), from the hexapods' manuals (H-850: MS202E, H-845:
 //! MS222E), from its Python client `pipython` and from its ROS driver:
-//! - a command ends with LF; a single byte 4, 5, 7, 11 or 24 is a command by itself. Of an answer's lines all but the last
+//! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines
+//! all but the last
 //!   end with a space before LF;
 //! - an error is not answered: its number is kept until `ERR?` fetches it;
+//! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros
+//! included. After either the
+//! number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of given axes smoothly", "Stop all
+//! axes abruptly");
 //! - X, Y, Z are mm and U, V, W degrees from the reference pose. The rotations follow each other in the order U, V, W about
 //!   axes that go with the plate (MS202E 3.7, MS222E 3.7): `R = Rx(U) Ry(V) Rz(W)`, not the roll, pitch, yaw about fixed
 //!   axes of [`Pose`];
@@ -27,10 +32,14 @@ pub const STATUS: u8 = 4;
 pub const MOVING: u8 = 5;
 /// Single byte that asks whether the controller is ready; answered by [`READY`] if it is.
 pub const IS_READY: u8 = 7;
+/// Single byte that asks whether a macro runs: 0 or 1.
+pub const MACRO: u8 = 8;
 /// Single byte that asks for the free places of the buffer of points.
 pub const FREE_POINTS: u8 = 11;
-/// Single byte that stops all motion.
+/// Single byte that stops all motion abruptly.
 pub const STOP: u8 = 24;
+/// Command that stops motion smoothly.
+pub const HALT: &str = "HLT";
 /// First byte of the answer to [`IS_READY`].
 pub const READY: u8 = 0xb1;
 /// Parameter that says where a path comes from: 0 from the profile generator, 1 from consecutive `MOV`.

@@ -214,6 +214,12 @@ impl Rig {
         self.platform.stop(self.now_ns as f64);
     }
 
+    /// Brings a plate that moves by set points to rest within a twentieth of a second, with the accelerations
+    /// that this takes; one that follows a program stops as by [`Rig::stop`].
+    pub fn stop_abruptly(&mut self) {
+        self.platform.stop_abruptly(self.now_ns as f64);
+    }
+
     /// Goes to a pose in so long, s, from rest or from a motion by set points.
     ///
     /// # Errors

@@ -8,8 +8,10 @@ use std::collections::VecDeque;
 use super::config::RigError;
 use hexapod::{Coordinates, Geometry, Pose};
 
-/// Time to come to rest when nothing more is known, s.
+/// Time to come to rest smoothly, and when nothing more is known, s.
 const BRAKE_S: f64 = 0.3;
+/// Time to come to rest abruptly, s.
+const ABRUPT_S: f64 = 0.05;
 /// Accelerations that are braked out of smoothly, m/s² and rad/s².
 const BRAKED: [f64; 6] = [10.0, 10.0, 10.0, 30.0, 30.0, 30.0];
 /// Sensors look back by their delays, which are shorter than this, ns.
@@ -49,13 +51,17 @@ impl Piece {
     }
 
     /// To rest: the rate falls as a cubic, so `x(T) = x + T (v/2 + a T/12)`.
-    fn brake(begin_ns: f64, mut from: Coordinates) -> Self {
+    fn brake(begin_ns: f64, from: Coordinates) -> Self {
+        Self::brake_in(BRAKE_S, begin_ns, from)
+    }
+
+    fn brake_in(brake_s: f64, begin_ns: f64, mut from: Coordinates) -> Self {
         // Where the points jump there is more of it: braked out smoothly it would lead far away.
         from.acceleration.iter_mut().zip(BRAKED).for_each(|(a, most)| *a = a.clamp(-most, most));
         let value = std::array::from_fn(|i| {
-            from.value[i] + BRAKE_S * (0.5 * from.rate[i] + from.acceleration[i] * BRAKE_S / 12.0)
+            from.value[i] + brake_s * (0.5 * from.rate[i] + from.acceleration[i] * brake_s / 12.0)
         });
-        Self::new(begin_ns, BRAKE_S, from, at_rest(value))
+        Self::new(begin_ns, brake_s, from, at_rest(value))
     }
 
     fn coordinates(&self, time_ns: f64) -> Coordinates {
@@ -148,6 +154,15 @@ impl Follower {
     pub(super) fn stop(&mut self, now_ns: f64) {
         if now_ns < self.tail.begin_ns {
             self.cut(now_ns);
+        }
+        self.pending = None;
+    }
+
+    /// Brings the plate to rest abruptly, out of a smooth stop too.
+    pub(super) fn stop_abruptly(&mut self, now_ns: f64) {
+        if now_ns < self.rest_ns() {
+            let state = self.cut(now_ns);
+            self.tail = Piece::brake_in(ABRUPT_S, now_ns, state);
         }
         self.pending = None;
     }
@@ -278,6 +293,27 @@ mod tests {
         assert_smooth(&f, 60..900);
         assert!(rests(&f.coordinates((1.49 + 0.1 + BRAKE_S) * 1e9)));
         assert_eq!(f.pass(1.8e9, 1.9e9, &at(1.6), &geometry), Err(RigError::Late));
+    }
+
+    #[test]
+    fn an_abrupt_stop_takes_a_twentieth_of_a_second_also_out_of_a_smooth_one() {
+        for smooth_before in [false, true] {
+            let (geometry, home, mut f) = start();
+            let mut up = home;
+            up.position_m[2] += 0.05;
+            f.go(0.0, &up, 2.0, &geometry).unwrap();
+            if smooth_before {
+                f.stop(0.95e9);
+            }
+            let before = f.coordinates(1e9);
+            assert!(before.rate[2] > 0.02);
+            f.stop_abruptly(1e9);
+            // Half the way that the rate would take it in that time, and less than the acceleration adds.
+            let way = f.coordinates(9e9).value[2] - before.value[2];
+            assert!((way - 0.5 * before.rate[2] * ABRUPT_S).abs() < 1e-4, "{way}");
+            assert_eq!(f.rest_ns(), 1.05e9);
+            assert!(rests(&f.coordinates(1.05e9)));
+        }
     }
 
     #[test]

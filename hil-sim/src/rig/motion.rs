@@ -122,6 +122,14 @@ impl Platform {
         }
     }
 
+    /// Stops a motion by set points abruptly; a program stops on its path as ever.
+    pub(super) fn stop_abruptly(&mut self, now_ns: f64) {
+        match &mut self.phase {
+            Phase::Following { follower, .. } => follower.stop_abruptly(now_ns),
+            _ => self.stop(now_ns),
+        }
+    }
+
     /// Goes to a pose in so long, s; a move by set points that is under way gives way to it.
     pub(super) fn go(
         &mut self,

@@ -9,8 +9,8 @@ use super::travel::{is_reached, limits};
 use crate::rig::{MotionState, Rig, RigError, SharedRig};
 use crate::runner::lock;
 use hexapod::gcs::{
-    AXES, FREE_POINTS, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY,
-    STATUS, answer, error, read_pairs,
+    AXES, FREE_POINTS, GcsPosition, IS_READY, MACRO, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD,
+    READY, STATUS, answer, error, read_pairs,
 };
 use hexapod::{MotionError, Pose, gcs};
 
@@ -44,6 +44,17 @@ pub struct Hexapod {
     interval_ms: f64,
     stream: Stream,
     mover: Option<u64>,
+    /// A macro runs; what it would do is not simulated.
+    in_macro: bool,
+}
+
+/// How a motion is stopped.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stop {
+    /// `HLT`.
+    Smooth,
+    /// `STP` and `#24`, which end macros too.
+    Abrupt,
 }
 
 type Obeyed = Result<String, u16>;
@@ -69,6 +80,7 @@ impl Hexapod {
             interval_ms: 10.0,
             stream: Stream::Idle,
             mover: None,
+            in_macro: false,
         }
     }
 
@@ -105,7 +117,7 @@ impl Hexapod {
         let shared = self.rig.clone();
         let rig = &mut *lock(&shared);
         if self.mover == Some(client) && rig.motion() == MotionState::Moving {
-            self.stop(rig);
+            self.stop(rig, Stop::Smooth);
         }
     }
 
@@ -124,8 +136,14 @@ impl Hexapod {
         self.frames.position(&rig.pose(), &self.reference)
     }
 
-    fn stop(&mut self, rig: &mut Rig) {
-        rig.stop();
+    fn stop(&mut self, rig: &mut Rig, stop: Stop) {
+        match stop {
+            Stop::Smooth => rig.stop(),
+            Stop::Abrupt => {
+                self.in_macro = false;
+                rig.stop_abruptly();
+            }
+        }
         (self.referencing, self.error) = (false, error::STOPPED);
         self.stream = if self.consecutive { Stream::Broken(error::STOPPED) } else { Stream::Idle };
         self.target = self.position(rig);
@@ -144,9 +162,10 @@ impl Hexapod {
             }
             MOVING => format!("{:X}\n", if moving { 0x3f } else { 0 }).into_bytes(),
             IS_READY => vec![if self.referencing { READY - 1 } else { READY }, b'\n'],
+            MACRO => format!("{}\n", u8::from(self.in_macro)).into_bytes(),
             FREE_POINTS => format!("{}\n", MOST_POINTS as usize - self.points()).into_bytes(),
             _ => {
-                self.stop(rig);
+                self.stop(rig, Stop::Abrupt);
                 Vec::new()
             }
         }
@@ -220,17 +239,29 @@ impl Hexapod {
                 ["T", ms] => {
                     let ms: f64 = ms.parse().map_err(|_| error::NUMBER)?;
                     self.idle(rig)?;
-                    self.interval_ms =
-                        Some(ms).filter(|ms| (1.0..=1000.0).contains(ms)).ok_or(error::RANGE)?;
+                    let ms = Some(ms).filter(|ms| (1.0..=1000.0).contains(ms)).ok_or(error::RANGE)?;
+                    // It counts in tenths of a millisecond.
+                    self.interval_ms = (10.0 * ms).round() / 10.0;
                     none
                 }
                 _ => Err(error::SYNTAX),
             },
             "SPA" => self.set_parameters(rig, words).and(none),
             "STP" | "HLT" => {
-                self.stop(rig);
+                self.stop(rig, if verb == "HLT" { Stop::Smooth } else { Stop::Abrupt });
                 none
             }
+            "MAC" => match words {
+                ["START" | "NSTART", _, ..] => {
+                    self.in_macro = true;
+                    none
+                }
+                ["STOP", ..] => {
+                    self.in_macro = false;
+                    none
+                }
+                _ => Err(error::SYNTAX),
+            },
             _ => Err(error::UNKNOWN_COMMAND),
         }
     }
@@ -250,7 +281,7 @@ impl Hexapod {
                 return Err(error::RANGE);
             };
             if !on && rig.motion() == MotionState::Moving {
-                self.stop(rig);
+                self.stop(rig, Stop::Abrupt);
             }
             self.servo = on;
         }

@@ -7,7 +7,9 @@
 //! that is known, stands in [`hexapod::gcs`], which the driver reads too.
 //!
 //! Differences from the vendor's: a stream whose points cease brakes and sets error 220; a client that goes away stops what
-//! it had started.
+//! it had started. How long a stop takes is not published: here 0.3 s smoothly (`HLT`) and 0.05 s abruptly
+//! (`STP`, `#24`). `SCT` is rounded to tenths of a millisecond, as a controller with a cycle of its own must
+//! round somewhere.
 
 mod controller;
 mod frames;

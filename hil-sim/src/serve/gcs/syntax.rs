@@ -1,9 +1,9 @@
 //! Bytes to commands.
 
-use hexapod::gcs::{FREE_POINTS, IS_READY, LINE_BYTES, MOVING, STATUS, STOP};
+use hexapod::gcs::{FREE_POINTS, IS_READY, LINE_BYTES, MACRO, MOVING, STATUS, STOP};
 
 /// Bytes that are commands by themselves.
-const SINGLE: [u8; 5] = [STATUS, MOVING, IS_READY, FREE_POINTS, STOP];
+const SINGLE: [u8; 6] = [STATUS, MOVING, IS_READY, MACRO, FREE_POINTS, STOP];
 
 /// What a client has said.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -13,23 +13,25 @@ pub(super) const PARAMETERS: [(u32, &str); 4] = [
 pub(super) const MOST_POINTS: f64 = 10_000.0;
 
 /// What is answered to `HLP?`: a command a line.
-pub(super) const HELP: [(&str, &str); 39] = [
+pub(super) const HELP: [(&str, &str); 41] = [
     ("#4", "status register"),
     ("#5", "motion status"),
     ("#7", "controller ready"),
+    ("#8", "whether a macro runs"),
     ("#11", "free places in the buffer"),
-    ("#24", "stop all motion"),
+    ("#24", "stop all motion abruptly"),
     ("*IDN?", "who this is"),
     ("CSV?", "version of the command set"),
     ("ERR?", "number of the last error"),
     ("FRF", "[{<axis>}] reference move"),
     ("FRF?", "[{<axis>}] whether referenced"),
     ("HLP?", "this list"),
-    ("HLT", "[{<axis>}] stop"),
+    ("HLT", "[{<axis>}] stop smoothly"),
     ("HPA?", "list of parameters"),
     ("KEN", "<system> bring a coordinate system into force"),
     ("KEN?", "coordinate systems in force"),
     ("KSD", "<system> {<axis> <offset>} define a coordinate system"),
+    ("MAC", "START <name> | STOP: macros; what they do is not simulated"),
     ("MOV", "{<axis> <position>} go there"),
     ("MOV?", "[{<axis>}] commanded position"),
     ("MVR", "{<axis> <distance>} go so far"),
@@ -43,7 +45,7 @@ pub(super) const HELP: [(&str, &str); 39] = [
     ("SPA?", "[{<axis> <parameter>}] get"),
     ("SPI", "{<R|S|T> <mm>} pivot point"),
     ("SPI?", "pivot point"),
-    ("STP", "stop all motion"),
+    ("STP", "stop all motion abruptly"),
     ("SVO", "{<axis> <0|1>} servo"),
     ("SVO?", "[{<axis>}] servo"),
     ("TMN?", "[{<axis>}] lowest position"),

@@ -96,6 +96,34 @@ fn errors_are_kept_until_they_are_asked_for_and_say_what_was_wrong() {
     }
 }
 
+/// At 94 mm/s at most: 14 mm in 0.3 s, 2.4 mm in 0.05 s.
+#[test]
+fn a_halt_is_smooth_a_stop_is_abrupt_and_ends_macros_too() {
+    let served = Served::new();
+    let mut client = Client::new(&served);
+    client.reference();
+    for (command, way_mm) in [("HLT", 5.0..15.0), ("STP", 0.2..4.0)] {
+        client.tell(b"MAC START own\nVLS 100\nMOV Z 60\n");
+        client.until(|c| c.z() > 20.0);
+        // One after the other in one go: nothing moves between.
+        client.tell(format!("POS? Z\n{command}\n").as_bytes());
+        let mut before = String::new();
+        client.0.read_line(&mut before).unwrap();
+        let before: f64 = before.trim().strip_prefix("Z=").unwrap().parse().unwrap();
+        client.until(|_| served.rig.lock().unwrap().motion() == MotionState::Done);
+        assert_eq!(client.error(), 10);
+        let way = client.z() - before;
+        assert!(way_mm.contains(&way), "{command}: {way} mm");
+        client.tell(b"\x08");
+        let mut runs = String::new();
+        client.0.read_line(&mut runs).unwrap();
+        assert_eq!(runs, if command == "HLT" { "1\n" } else { "0\n" });
+        client.tell(b"VLS 200\nMOV Z 0\n");
+        client.until(|c| c.ask("ONT? Z") == "Z=1\n");
+        assert_eq!(client.error(), 0);
+    }
+}
+
 #[test]
 fn a_stream_that_ceases_brakes_and_takes_no_more_points_until_it_is_begun_anew() {
     let served = Served::new();
