@@ -41,6 +41,13 @@ impl Legs {
         condition_number(&self.force_transmission())
     }
 
+    /// `cond(H)` with moments over a length, m: forces against forces, whatever the machine's size.
+    pub fn condition_over(&self, length_m: f64) -> f64 {
+        let mut h = self.force_transmission();
+        h.fixed_rows_mut::<3>(3).unscale_mut(length_m);
+        condition_number(&h)
+    }
+
     /// Whether `cond(H) ≤ limit`. Cheaper than the number itself: mostly decided by
     /// `cond₂ ≤ ‖H‖_F ‖H⁻¹‖_F`.
     pub fn is_conditioned_within(&self, limit: f64) -> bool {
@@ -116,6 +123,13 @@ impl Geometry {
     pub fn jacobian(&self, pose: &Pose) -> [[f64; 6]; 6] {
         // nalgebra keeps columns: the columns of H are the Jacobian's rows.
         self.legs(pose).force_transmission().into()
+    }
+
+    /// Root mean square of the distances of the plate's joints from their mean, m.
+    pub fn joint_radius_m(&self) -> f64 {
+        let joints = self.plate_joints_m.map(Vector3::from);
+        let mean = joints.iter().sum::<Vector3<f64>>() / 6.0;
+        (joints.iter().map(|joint| (joint - mean).norm_squared()).sum::<f64>() / 6.0).sqrt()
     }
 
     /// `cond(H)` at a pose, see [`Legs::condition_number`].

@@ -131,6 +131,24 @@ impl Segment {
         }
     }
 
+    fn slowed(&self, share: f64) -> Self {
+        let mut slow = self.clone();
+        match &mut slow {
+            Self::Hold { duration_s } | Self::Move { duration_s, .. } | Self::Path { duration_s, .. } => {
+                *duration_s /= share;
+            }
+            Self::Multisine { duration_s, ramp_s, terms } => {
+                (*duration_s, *ramp_s) = (*duration_s / share, *ramp_s / share);
+                terms.iter_mut().for_each(|term| term.frequency_hz *= share);
+            }
+            Self::Sphere(sphere) => {
+                (sphere.duration_s, sphere.ramp_s) = (sphere.duration_s / share, sphere.ramp_s / share);
+                sphere.frequency_hz *= share;
+            }
+        }
+        slow
+    }
+
     /// Where it ends, if it ends elsewhere than where it began.
     pub fn target(&self) -> Option<&Pose> {
         match self {
@@ -162,5 +180,54 @@ impl MotionProgram {
     /// The sum of the segments' durations, s.
     pub fn duration_s(&self) -> f64 {
         self.segments.iter().map(Segment::duration_s).sum()
+    }
+
+    /// Returns the same path driven at a share of its speed: accelerations fall by the share squared.
+    #[must_use]
+    pub fn slowed(&self, share: f64) -> Self {
+        Self { start: self.start, segments: self.segments.iter().map(|s| s.slowed(share)).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Geometry;
+
+    #[test]
+    fn a_slowed_program_takes_the_same_path() {
+        let home = Geometry::thesis().home();
+        let mut to = home;
+        to.position_m[0] += 0.03;
+        let mut via = home;
+        via.rpy_rad[2] += 0.1;
+        let term = SineTerm { axis: Axis::Roll, amplitude: 0.1, frequency_hz: 0.8, phase_rad: 0.7 };
+        let sphere = Sphere {
+            duration_s: 3.0,
+            ramp_s: 0.5,
+            amplitude_rad: 0.2,
+            frequency_hz: 0.9,
+            turns: 2.0,
+            still_point_m: [0.0, 0.0, 0.1],
+        };
+        let segments = vec![
+            Segment::Hold { duration_s: 0.5 },
+            Segment::Move { to, duration_s: 2.0 },
+            Segment::Multisine { duration_s: 4.0, ramp_s: 1.0, terms: vec![term] },
+            Segment::Path { via: vec![via], to: home, duration_s: 2.0 },
+            Segment::Sphere(sphere),
+        ];
+        let program = MotionProgram { start: home, segments };
+        let slow = program.slowed(0.1);
+        assert!((slow.duration_s() - 115.0).abs() < 1e-9);
+        let (fast, slow) = (program.trajectory().unwrap(), slow.trajectory().unwrap());
+        for k in 0..460 {
+            let t = 0.025 * f64::from(k) + 1e-3;
+            let (a, b) = (fast.coordinates(t), slow.coordinates(10.0 * t));
+            for i in 0..6 {
+                assert!((a.value[i] - b.value[i]).abs() < 1e-12, "{i} at {t}");
+                assert!((0.1 * a.rate[i] - b.rate[i]).abs() < 1e-12, "{i} at {t}");
+            }
+        }
     }
 }
