@@ -1,7 +1,5 @@
 //! What `demo`, `run` and `replay` share: watching an experiment, recording it, judging it.
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -31,6 +29,7 @@ use rigident::present::{Decided, Stage};
 use rigident_fit::prior::KnownValues;
 use rigident_fit::tare::Tare;
 use rigident_fit::{Convergence, DeviceFactor, Measured};
+use rigident_io::behind::Behind;
 use rigident_io::recording::comment_in_words;
 use rigident_io::recording::mcap::messages::ImuValues;
 use rigident_io::recording::mcap::write::{Head, McapWriter, Row};
@@ -55,7 +54,7 @@ pub(super) fn check_duration(duration_s: f64) -> Result<(), Failure> {
 pub(super) struct Watcher {
     progress: Progress,
     started: Instant,
-    writer: Option<McapWriter<BufWriter<File>>>,
+    writer: Option<McapWriter<Behind>>,
     path: PathBuf,
     latest: Option<EstimateReport>,
     expected: usize,

@@ -3,7 +3,8 @@
 //!
 //! [`recording`] holds the numbers of one rig in the notation, [`mod@rig`] what it was taken with,
 //! [`motion_capture`] the trials of people, [`sources`] samples while they come, [`factor_table`] factors of
-//! many recordings in one file, of which [`mod@union`] makes one. What the numbers mean for a body is decided
+//! many recordings in one file, of which [`mod@union`] makes one; [`behind`] writes without waiting. What the
+//! numbers mean for a body is decided
 //! elsewhere.
 //!
 //! ```
@@ -17,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod behind;
 pub mod factor_table;
 pub mod motion_capture;
 mod parquet_file;

@@ -370,10 +370,13 @@ impl Session {
                 Telemetry::Readings { first, readings } => {
                     taking.gaps.note(first, readings.len() as u32);
                     taking.streamed = first.saturating_add(readings.len() as u32);
+                    // Whoever guards comes before whoever writes or shows.
+                    for reading in &readings {
+                        guarded = guarded.and_then(|()| self.guarded(reading, arrived_s));
+                    }
                     for reading in &readings {
                         observer.reading(reading).map_err(SessionError::Observer)?;
                         taking.readings.push(widen(reading));
-                        guarded = guarded.and_then(|()| self.guarded(reading, arrived_s));
                     }
                 }
                 Telemetry::Estimate(report) => {
@@ -399,10 +402,14 @@ impl Session {
                     taking.streamed = first.saturating_add(readings.len() as u32);
                     // Taken before the start or after the end it was not absorbed, and its attitude is none.
                     let absorbed = |r: &&LinkReadingMessage| r.attitude_wxyz != [0.0; 4];
-                    for reading in readings.iter().filter(|r| taking.watching || absorbed(r)) {
+                    let taken = || readings.iter().filter(|r| taking.watching || absorbed(r));
+                    for reading in taken() {
+                        guarded = guarded.and_then(|()| self.guarded(&reading.base, arrived_s));
+                    }
+                    let taken: Vec<LinkReadingMessage> = taken().copied().collect();
+                    for reading in &taken {
                         observer.link_reading(reading).map_err(SessionError::Observer)?;
                         taking.links.push(*reading);
-                        guarded = guarded.and_then(|()| self.guarded(&reading.base, arrived_s));
                     }
                 }
                 // Changes come of robots that are watched.

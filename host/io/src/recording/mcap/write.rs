@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::Path;
 
 use mcap::records::MessageHeader;
@@ -15,6 +15,7 @@ use super::{
     COMMANDED_TOPIC, GAUGES_TOPIC, GRAVITY_TOPIC, METADATA, PLATFORM_TOPIC, RIG_ATTACHMENT, ROW_TOPIC,
     WRENCH_TOPIC, attitude_topic, imu_topic,
 };
+use crate::behind::Behind;
 use crate::recording::Recording;
 use crate::rig::RigFile;
 
@@ -125,8 +126,9 @@ impl<W: Write + Seek> std::fmt::Debug for McapWriter<W> {
     }
 }
 
-impl McapWriter<BufWriter<File>> {
-    /// A new file under its final name: what reaches the disk can be read even if the program is killed.
+impl McapWriter<Behind> {
+    /// A new file under its final name, written in a thread of its own: what reaches the disk can be read
+    /// even if the program is killed.
     ///
     /// # Errors
     /// [`WriteError`]; a file that is there is left as it is.
@@ -135,7 +137,7 @@ impl McapWriter<BufWriter<File>> {
             std::io::ErrorKind::AlreadyExists => WriteError::Exists(path.display().to_string()),
             _ => WriteError::Io(e),
         })?;
-        Self::new(BufWriter::new(file), head)
+        Self::new(Behind::file(file), head)
     }
 
     /// Ends the recording and waits until the disk has it.
@@ -143,9 +145,7 @@ impl McapWriter<BufWriter<File>> {
     /// # Errors
     /// [`WriteError`].
     pub fn close(self) -> Result<(), WriteError> {
-        let buffer = self.finish()?;
-        let file = buffer.into_inner().map_err(|e| WriteError::Io(e.into_error()))?;
-        Ok(file.sync_all()?)
+        Ok(self.finish()?.close()?)
     }
 }
 
