@@ -297,6 +297,12 @@ pub struct Run {
     /// Move without asking: the limits were checked, and nobody stands in the platform's way
     #[arg(long)]
     pub yes: bool,
+    /// Do everything but the motion: connect, weigh, warm up, zero, check, and show what would be asked
+    #[arg(long, conflicts_with = "yes")]
+    pub dry_run: bool,
+    /// Drive the program at a share of its speed, as 0.1 for a first look at a new set-up
+    #[arg(long, value_name = "SHARE", conflicts_with = "adaptive")]
+    pub slow: Option<f64>,
     /// Rig file
     #[arg(long, value_name = "FILE")]
     pub rig: PathBuf,

@@ -28,6 +28,7 @@ mod came;
 mod completions;
 mod configure;
 mod confirm;
+mod consent;
 #[cfg(feature = "simulator")]
 mod demo;
 #[cfg(feature = "simulator")]
@@ -98,6 +99,7 @@ mod simulated;
 mod simulated;
 mod statics;
 mod summary;
+mod trace;
 mod tracking_error;
 mod verify;
 mod vibration;

@@ -1,4 +1,4 @@
-use std::io::{IsTerminal, Write, stderr};
+use std::io::{IsTerminal, stderr};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::printable;
 
-use super::kept;
+use super::{kept, tell};
 
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
 ///
@@ -49,22 +49,22 @@ impl Progress {
         }
         self.last = Some(Instant::now());
         let line = printable::line(&line()).to_string();
-        let mut out = stderr().lock();
-        // Progress that cannot be written is no reason to stop the work.
-        let _ = if self.terminal {
+        let shown = if self.terminal {
             let width = line.chars().count();
             let padding = " ".repeat(self.width.saturating_sub(width));
             self.width = width;
-            write!(out, "\r{line}{padding}").and_then(|()| out.flush())
+            format!("\r{line}{padding}")
         } else {
-            writeln!(out, "{line}")
+            format!("{line}\n")
         };
+        // Progress that cannot be written is no reason to stop the work.
+        let _ = tell::write(&shown);
     }
 
     /// Ends the line, so that other output starts on its own.
     pub fn finish(&mut self) {
         if self.terminal && self.last.is_some() {
-            let _ = writeln!(stderr());
+            let _ = tell::write("\n");
         }
         self.last = None;
     }

@@ -2,11 +2,12 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use hexapod::{BodySet, MotionProgram};
+use hexapod::{BodySet, Geometry, MotionProgram};
 
 use super::adaptive::Directing;
 use super::arguments::Run;
-use super::confirm::confirm;
+use super::confirm::{self, Agreed};
+use super::consent::{self, Consent};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{configured, device_settings, of_sensors, open};
 use super::links_on_device::{check_asked, device_parameters};
@@ -15,6 +16,8 @@ use super::options::calibration;
 use super::options::forgetting::RowsOf;
 use super::outcome::provenance;
 use super::refused::refuse_for_trees;
+use super::tell::WithoutWaiting;
+use super::trace::TraceFile;
 use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, by_hand, guards, programme};
@@ -24,6 +27,7 @@ use rigident::device::session::{INTERRUPTED, Session, SessionError, settings, so
 use rigident::named_model::rig_links::from_tables;
 use rigident::plan::ranges::{self, RangePeaks};
 use rigident::plan::{carried, machine};
+use rigident::platform::check::Summary;
 use rigident::platform::{self, Platform, PlatformError, check};
 use rigident_fit::Parameter;
 use rigident_io::rig::RigFile;
@@ -68,7 +72,12 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
         if arguments.adaptive.adaptive { None } else { Some(arguments.programme.planned(&geometry)?) };
     let (fixed, carries) = planned.map_or((None, None), |planned| (Some(planned.program), planned.carries));
     arguments.adaptive.check()?;
+    check_slow(arguments.slow)?;
+    let fixed = fixed.map(|program| arguments.slow.map_or(program.clone(), |share| program.slowed(share)));
     zeroing::bound(&rig)?;
+    // What is told while something moves waits for no terminal. It ends after the platform, which waits for
+    // none either.
+    let mut unwaiting = None;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     // A controller on a serial port is greeted by nobody but its driver.
     let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
@@ -86,34 +95,23 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     // Until the noise is known, to see whether anything can be done at all.
     let directing = arguments.adaptive.directing(&rig, &geometry, &standing, body.clone())?;
-    let everything = fixed.clone().or_else(|| directing.as_ref().map(Directing::everything));
-    let load = body.as_ref().map(|body| carried::load(&rig, body)).transpose().map_err(Failure::input)?;
-    let way =
-        everything.as_ref().map(|program| platform.way(program)).transpose().map_err(unmoved)?.flatten();
-    let (way_s, driven) = with_way(way, everything);
-    let summary = driven.as_ref().map(|program| check::check(program, &geometry, load.as_ref())).transpose();
-    let mut summary = summary.map_err(|error| beyond(error, arguments))?.unwrap_or_default();
-    summary.way_s = way_s;
+    let about = About { arguments, geometry: &geometry, described, fixed: fixed.as_ref() };
+    let summary = about.checked(platform.as_mut(), &rig, body.as_ref(), directing.as_ref())?;
     if let Some(program) = &fixed {
         tell!("{}", within_ranges(program, &rig, body.as_ref())?.to_string().trim_end());
-    }
-    if let Some(directing) = &directing {
-        summary.duration_s = directing.at_most_s() + way_s;
-    }
-    (summary.from, summary.assumed) = (platform.expects(), !described);
-    if let Some(program) = &fixed {
         platform.load(program).map_err(unmoved)?;
     }
-    platform.found().iter().for_each(|found| tell!("{}: {found}", arguments.platform));
-    confirm(&summary, &arguments.platform, arguments.yes)?;
+    about.consent(&summary, &rig, platform.found(), None).show();
+    if !arguments.dry_run {
+        confirm::can_be_asked(arguments.yes)?;
+    }
 
     let mut warnings = Vec::new();
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
     let from = platform.expects();
     let rest = zero(&mut session, &mut rig, &mut warnings)?;
-    if let Some(home) = &from {
-        zeroing::check_level(&rest, &rig, home)?;
-    }
+    let stands = platform.stands().map_err(unmoved)?;
+    zeroing::check_attitude(&rest, &rig, stands.as_ref(), &mut warnings)?;
     if links.is_some() {
         zero_second(&mut session, &mut rig, &timing, &rest)?;
     }
@@ -121,20 +119,39 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     arguments.stop.put_into(&mut settings, &parameters)?;
     configured(&mut session, &settings)?;
 
-    // It may have been changed since: what is driven is held against what is carried now.
+    // It may have been changed since: what is driven is checked with what is carried now.
     let body = weigh(&rest, &rig)?;
-    if let (Some(program), Some(body)) = (&fixed, &body) {
-        let load = carried::load(&rig, body).map_err(Failure::input)?;
-        check::check(program, &geometry, Some(&load)).map_err(Failure::input)?;
-        within_ranges(program, &rig, Some(body))?;
+    let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings, body.clone())?;
+    let summary = about.checked(platform.as_mut(), &rig, body.as_ref(), directing.as_ref())?;
+    if let Some(program) = &fixed {
+        within_ranges(program, &rig, body.as_ref())?;
     }
-    let mut directing = arguments.adaptive.directing(&rig, &geometry, &settings, body)?;
-    let (mut stages, mut same_pose) = (Vec::new(), None);
     guards::watch(&mut session, &rig, arguments.adaptive.axes())?;
+    let consent = about.consent(&summary, &rig, Vec::new(), Some(consent::guards(&session)));
+    warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
+    consent.show();
+    if arguments.dry_run {
+        tell!("--dry-run: everything was done but the motion; nothing was moved");
+        return Ok(ExitCode::SUCCESS);
+    }
+    // From here on there is a trace, whatever becomes of the run.
+    let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
+    let trace = TraceFile::create(folder.file("trace.jsonl"))?;
+    trace.note("shown", &serde_json::json!(consent.to_string()));
+    trace.note("program", &serde_json::to_value(&fixed).map_err(Failure::input)?);
+    platform.trace(trace.of_the_line());
+    let agreed = confirm::agree(arguments.yes)?;
+    if agreed == Agreed::AtTerminal {
+        zeroing::check_untouched(&rest, &zeroing::look(&mut session, &rig)?)?;
+    }
+    trace.note("consent", &serde_json::json!({ "by": agreed.words(), "at": now() }));
+    confirm::count_down()?;
+    let (mut stages, mut same_pose) = (Vec::new(), None);
+    unwaiting.replace(WithoutWaiting::begin());
     if let Some(program) = &fixed {
         (stages, same_pose) = programme::stages(program);
         tell!("to the first pose");
-        approach(platform.as_mut(), &mut session)?;
+        approach(platform.as_mut(), &mut session, &trace)?;
     }
     let longest_s = match (&directing, &fixed) {
         (Some(directing), _) => directing.at_most_s(),
@@ -143,7 +160,6 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             .map_or(0.0, MotionProgram::duration_s)
             .min(arguments.adaptive.at_most_s.unwrap_or(f64::INFINITY)),
     };
-    let folder = Folder::new(arguments.output.out.as_deref(), "run")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&rig));
     // The device's clock begins with the device: this is the only date.
@@ -176,10 +192,19 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
             check::words(&at)
         ));
     }
-    if let Err(error) = platform.release() {
-        warnings.push(format!("the platform's controller could not be left as it was found: {error}"));
+    match platform.release() {
+        Ok(left) => warnings.extend(left),
+        Err(error) => {
+            warnings.push(format!("the platform's controller could not be left as it was found: {error}"));
+        }
     }
-    let log = watcher.motion.take();
+    // Nothing moves any more.
+    drop(unwaiting);
+    trace.note("ended", &serde_json::json!(take.broken.as_deref().unwrap_or("as planned, or by the user")));
+    let samples = watcher.motion.take().map(MotionLog::end).transpose().unwrap_or_else(|error| {
+        take.broken.get_or_insert_with(|| error.to_string());
+        None
+    });
     let (mut decisions, mut commanded, mut came) = (Vec::new(), fixed, None);
     if let Some(directing) = directing {
         let concluded = directing.concluded();
@@ -189,7 +214,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     }
     let trajectory = commanded.map(|program| program.trajectory()).transpose().map_err(Failure::input)?;
     let tracking_error =
-        trajectory.zip(log).and_then(|(trajectory, log)| TrackingError::of(&trajectory, log.samples()));
+        trajectory.zip(samples).and_then(|(trajectory, samples)| TrackingError::of(&trajectory, &samples));
     let mut read = match &links {
         Some(_) => two_links::recording("run", &rig, rate_hz, &take.links),
         None => sound::recording("run", &rig, rate_hz, &take.readings),
@@ -241,15 +266,80 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     Ok(Some((model, parameters)))
 }
 
-/// Puts the way to its start before a program; how long the way takes, s.
-fn with_way(way: Option<MotionProgram>, program: Option<MotionProgram>) -> (f64, Option<MotionProgram>) {
-    match (way, program) {
-        (Some(way), Some(program)) if !way.segments.is_empty() => {
-            let segments = way.segments.iter().cloned().chain(program.segments).collect();
-            (way.duration_s(), Some(MotionProgram { start: way.start, segments }))
-        }
-        (_, program) => (0.0, program),
+/// # Errors
+/// Bad input: no share of a speed.
+fn check_slow(slow: Option<f64>) -> Result<(), Failure> {
+    match slow.filter(|share| !(0.01..=1.0).contains(share)) {
+        Some(share) => Err(Failure::input(format!(
+            "--slow {share}: a share of the program's speed, from 0.01 to 1, as 0.1"
+        ))),
+        None => Ok(()),
     }
+}
+
+/// What is asked for, on which machine.
+struct About<'a> {
+    arguments: &'a Run,
+    geometry: &'a Geometry,
+    /// Whether the rig file says which machine it is.
+    described: bool,
+    fixed: Option<&'a MotionProgram>,
+}
+
+impl About<'_> {
+    /// Checks everything that will be driven against all limits: the way to the start, the program, the way
+    /// home.
+    ///
+    /// # Errors
+    /// A limit that is not kept. Nothing was moved.
+    fn checked(
+        &self,
+        platform: &mut dyn Platform,
+        rig: &RigFile,
+        body: Option<&BodySet>,
+        directing: Option<&Directing>,
+    ) -> Result<Summary, Failure> {
+        let load = body.map(|body| carried::load(rig, body)).transpose().map_err(Failure::input)?;
+        platform.carries(load.clone());
+        let mut summary = Summary::default();
+        if let Some(program) = self.fixed.cloned().or_else(|| directing.map(Directing::everything)) {
+            let way = platform.way(&program).map_err(unmoved)?;
+            let home = platform.way_home(&program).map_err(unmoved)?;
+            let [way_s, home_s] =
+                [&way, &home].map(|way| way.as_ref().map_or(0.0, MotionProgram::duration_s));
+            let driven = with_ways(way, program, home);
+            summary = check::check(&driven, self.geometry, load.as_ref())
+                .map_err(|error| beyond(error, self.arguments))?;
+            (summary.way_s, summary.home_s) = (way_s, home_s);
+        }
+        if let Some(directing) = directing {
+            summary.duration_s = directing.at_most_s() + summary.way_s;
+        }
+        (summary.from, summary.assumed) = (platform.expects(), !self.described);
+        Ok(summary)
+    }
+
+    fn consent<'b>(
+        &'b self,
+        summary: &'b Summary,
+        rig: &'b RigFile,
+        found: Vec<String>,
+        guards: Option<[bool; 2]>,
+    ) -> Consent<'b> {
+        let (address, slow) = (self.arguments.platform.as_str(), self.arguments.slow);
+        Consent { summary, address, rig, slow, found, guards }
+    }
+}
+
+/// Puts the way to its start before a program, and the way home behind it.
+fn with_ways(
+    way: Option<MotionProgram>,
+    program: MotionProgram,
+    home: Option<MotionProgram>,
+) -> MotionProgram {
+    let start = way.as_ref().filter(|way| !way.segments.is_empty()).map_or(program.start, |way| way.start);
+    let parts = way.into_iter().chain([program]).chain(home);
+    MotionProgram { start, segments: parts.flat_map(|part| part.segments).collect() }
 }
 
 /// Holds a program against the ranges of the sensors.
@@ -266,7 +356,7 @@ fn within_ranges(
 }
 
 /// Brings the plate to the first pose. The device is heard meanwhile: nobody may keep it waiting.
-fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Failure> {
+fn approach(platform: &mut dyn Platform, session: &mut Session, trace: &TraceFile) -> Result<(), Failure> {
     let (near, mut why) = (AtomicBool::new(false), None);
     session.watches(true);
     let go_on = || ![&INTERRUPTED, &near].iter().any(|stop| stop.load(Ordering::Relaxed));
@@ -287,15 +377,16 @@ fn approach(platform: &mut dyn Platform, session: &mut Session) -> Result<(), Fa
         moving.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
     session.watches(false);
+    let kept = format!("what went over the line to the platform is in {}", trace.path().display());
     match (approached, why) {
         (_, Some(error)) => Err(Failure::link(format!(
-            "on the way to the first pose: {error}.\nThe platform was stopped; nothing was recorded."
+            "on the way to the first pose: {error}.\nThe platform was stopped; nothing was recorded, {kept}."
         ))),
         (Ok(()), None) => Ok(()),
-        (Err(PlatformError::Interrupted), None) => {
-            Err(Failure::interrupted("stopped on the way to the first pose; nothing was recorded"))
-        }
-        (Err(other), None) => Err(Failure::link(format!("{other}\nNothing was recorded."))),
+        (Err(PlatformError::Interrupted), None) => Err(Failure::interrupted(format!(
+            "stopped on the way to the first pose; nothing was recorded, {kept}"
+        ))),
+        (Err(other), None) => Err(Failure::link(format!("{other}\nNothing was recorded; {kept}."))),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The platform's motion: kept as it happens, compared at the end.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 use hexapod::Trajectory;
@@ -10,10 +10,11 @@ use super::Failure;
 use rigident::platform::MotionSample;
 use rigident::platform::tracking::{Tracking, compare, difference};
 use rigident::present::TimePlot;
+use rigident_io::behind::Behind;
 
 /// Writes commanded and measured poses as a recording in CSV, line by line.
 pub(super) struct MotionLog {
-    file: BufWriter<File>,
+    file: Behind,
     path: PathBuf,
     /// Whether the rows have measured poses, once there is one.
     measured: Option<bool>,
@@ -27,7 +28,7 @@ impl MotionLog {
     /// A new file.
     pub(super) fn create(path: PathBuf, address: &str) -> Result<Self, Failure> {
         let said = |e: std::io::Error| Failure::input(format!("{}: {e}", path.display()));
-        let mut file = BufWriter::new(File::create_new(&path).map_err(said)?);
+        let mut file = Behind::file(File::create_new(&path).map_err(said)?);
         writeln!(file, "# platform = {address:?}").map_err(said)?;
         Ok(Self { file, path, measured: None, samples: Vec::new(), last_s: f64::NEG_INFINITY })
     }
@@ -65,8 +66,14 @@ impl MotionLog {
         self.file.flush()
     }
 
-    pub(super) fn samples(&self) -> &[MotionSample] {
-        &self.samples
+    /// Waits until the file is written; all samples, for what is compared at the end.
+    ///
+    /// # Errors
+    /// What could not be written.
+    pub(super) fn end(self) -> Result<Vec<MotionSample>, Failure> {
+        let said = |e: std::io::Error| Failure::input(format!("{}: {e}", self.path.display()));
+        self.file.close().map_err(said)?;
+        Ok(self.samples)
     }
 }
 

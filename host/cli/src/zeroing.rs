@@ -20,7 +20,7 @@ use rigident::plan::machine;
 use rigident::platform::check;
 use rigident::problem::body::imu_noise::{imu_noise, white_imu_noise};
 use rigident::problem::body::prepare::mounting;
-use rigident_io::rig::{Calibrated, ImuTable, RigFile};
+use rigident_io::rig::{Calibrated, ImuTable, RigFile, WRENCH_CHANNELS};
 
 /// Length of one look at the sensors at rest, s.
 const WINDOW_S: f64 = 2.0;
@@ -33,6 +33,11 @@ const CHANGE_MPS2: f64 = 0.05;
 const CHANCE_SD: f64 = 8.0;
 /// Mountings are not more exact than so, rad, nor are bases more level.
 const LEVEL_RAD: f64 = 0.09;
+/// More than this is worth a word, rad.
+const DOUBTFUL_RAD: f64 = 0.035;
+/// A mean that changed by more of the standard deviations of a reading was not changed by drift alone: after
+/// the warm-up that is below one.
+const TOUCHED_SD: f64 = 6.0;
 
 /// The sensors at rest.
 pub(super) struct Rest {
@@ -133,30 +138,67 @@ fn moving(readings: &[Reading<f64>], noise: &ImuNoise<f64>) -> Option<String> {
     None
 }
 
-/// Whether the plate stands as level as at home, as far as gravity shows it. Nothing is known without the places of the
-/// IMU and the load cell.
+/// Whether the plate is tilted as the platform says that it stands, as far as gravity shows it. Nothing is
+/// known without the places of the IMU and the load cell, or where the platform does not know it.
 ///
 /// # Errors
-/// It does not: what begins at home would begin with a jump.
-pub(super) fn check_level(rest: &Rest, rig: &RigFile, home: &Pose) -> Result<(), Failure> {
+/// It is not: what is sent would begin with a jump, or forces be those of another attitude.
+pub(super) fn check_attitude(
+    rest: &Rest,
+    rig: &RigFile,
+    stands: Option<&Pose>,
+    warnings: &mut Vec<String>,
+) -> Result<(), Failure> {
+    let Some(stands) = stands else { return Ok(()) };
     let (Some(imu), Some(_)) = (rig.imu.first(), rig.platform.as_ref().and_then(|p| p.load_cell.as_ref()))
     else {
         return Ok(());
     };
     let (_, cell) = machine::load_cell(rig).map_err(Failure::input)?;
-    // At rest the accelerometer feels "up".
+    // At rest the accelerometer feels "up"; up in the plate's axes is the last row of its rotation.
     let up = cell * felt(rest, imu);
-    let tilt = up.x.hypot(up.y).atan2(up.z);
-    if tilt < LEVEL_RAD {
-        return Ok(());
+    let expected = Vector3::from(stands.rotation()[2]);
+    let off = up.cross(&expected).norm().atan2(up.dot(&expected));
+    let against = format!(
+        "against how it should stand by the platform ({}), as gravity shows it",
+        check::words(stands)
+    );
+    if off >= LEVEL_RAD {
+        return Err(Failure::link(format!(
+            "the plate is tilted by {:.0} degrees {against}: bring it there first. If it stands there, the base is not level, the controller \
+             levels it by a coordinate system, or the rotations of [[imu]] or [platform.load_cell] in the rig file are wrong.\nNothing \
+             was moved.",
+            off.to_degrees()
+        )));
     }
-    Err(Failure::link(format!(
-        "the plate is tilted by {:.0} degrees, as gravity shows it, and what is sent to this platform begins at home ({}): bring it \
-         there first. If it stands there, the rotations of [[imu]] or [platform.load_cell] in the rig file are wrong.\nNothing \
-         was moved.",
-        tilt.to_degrees(),
-        check::words(home)
-    )))
+    if off >= DOUBTFUL_RAD {
+        warnings.push(format!(
+            "the plate is tilted by {:.1} degrees {against}: forces were checked for a level base; look at the base, and at the rotations of \
+             [[imu]] and [platform.load_cell]",
+            off.to_degrees()
+        ));
+    }
+    Ok(())
+}
+
+/// Whether the load cell still reads what it read when it was zeroed: minutes may pass before somebody says
+/// yes.
+///
+/// # Errors
+/// It does not: somebody has been at it.
+pub(super) fn check_untouched(rest: &Rest, now: &Rest) -> Result<(), Failure> {
+    let changed = |c: usize| now.wrench[c] - rest.wrench[c];
+    let touched = || {
+        let c = (0..6).find(|c| changed(*c).abs() > TOUCHED_SD * rest.sigma[*c])?;
+        let (channel, unit) = WRENCH_CHANNELS[c];
+        Some(format!("{channel} of the load cell changed by {:.2} {unit}", changed(c)))
+    };
+    match now.moving.clone().or_else(touched) {
+        None => Ok(()),
+        Some(shown) => Err(Failure::link(format!(
+            "since the zero was taken, {shown}: somebody, or something, is at the platform. Run again when nobody is.\nNothing was moved."
+        ))),
+    }
 }
 
 /// Specific force in S, m/s².
@@ -410,21 +452,47 @@ mod tests {
     }
 
     #[test]
-    fn a_plate_that_is_not_level_does_not_stand_at_home() {
+    fn a_plate_that_is_tilted_otherwise_does_not_stand_where_the_platform_says() {
         let home = Geometry::thesis().home();
         let text = "[[imu]]\nposition_m = [0, 0, 0]\nrotation_wxyz = [1, 0, 0, 0]\n[platform.load_cell]\n\
                     position_m = [0, 0, 0]\nrotation_wxyz = [0, 1, 0, 0]\n";
         // The load cell hangs: its x is the plate's, its z points down.
         let rig = RigFile::parse(text).unwrap();
-        let check = |angle: f64, rig: &RigFile| {
+        let seen = |angle: f64, rig: &RigFile, stands: Option<&Pose>| {
             let rest = at_rest(&readings(|_| angle), None).unwrap();
-            check_level(&rest, rig, &home).map_err(|e| e.to_string())
+            let mut warnings = Vec::new();
+            check_attitude(&rest, rig, stands, &mut warnings).map_err(|e| e.to_string()).map(|()| warnings)
         };
+        let check = |angle: f64, rig: &RigFile| seen(angle, rig, Some(&home));
         let pi = std::f64::consts::PI;
-        assert_eq!(check(pi + 0.05, &rig), Ok(()));
+        assert_eq!(check(pi + 0.02, &rig), Ok(vec![]));
+        let doubtful = check(pi + 0.05, &rig).unwrap();
+        assert!(doubtful[0].contains("2.9 degrees") && doubtful[0].contains("level base"), "{doubtful:?}");
         let said = check(pi + 0.5, &rig).unwrap_err();
         assert!(said.contains("tilted by 29 degrees") && said.contains("Nothing was moved"), "{said}");
         // Where the load cell's place is not given, nothing is known.
-        assert_eq!(check(0.5, &RigFile::default()), Ok(()));
+        assert_eq!(check(0.5, &RigFile::default()), Ok(vec![]));
+        assert_eq!(seen(pi + 0.5, &rig, None), Ok(vec![]));
+        // The plate leans as the platform says: the load cell's x is the plate's, and so is the IMU's.
+        let mut leaning = home;
+        leaning.rpy_rad[0] = -0.5;
+        let leans = [0.5, -0.5].map(|angle| seen(pi + angle, &rig, Some(&leaning)).is_ok());
+        assert!(leans[0] != leans[1], "one of the two, by the sign of the IMU's axes: {leans:?}");
+        // A base on a wall.
+        assert!(check(0.5 * pi, &rig).unwrap_err().contains("tilted by 90 degrees"));
+    }
+
+    #[test]
+    fn a_load_cell_that_somebody_touched_after_its_zero_is_noticed() {
+        let rest = || at_rest(&readings(|_| 0.0), None).unwrap();
+        let with = |newtons: f64| {
+            let mut rest = rest();
+            rest.sigma = [1.0; 6];
+            rest.wrench[2] += newtons;
+            rest
+        };
+        assert!(check_untouched(&with(0.0), &with(4.0)).is_ok());
+        let said = check_untouched(&with(0.0), &with(-9.0)).unwrap_err().to_string();
+        assert!(said.contains("Fz of the load cell changed by -9.00 N"), "{said}");
     }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use hexapod::Geometry;
 
 use super::gcs::GcsPlatform;
-use super::pace::Timing;
+use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
 use super::{NetworkPlatform, Platform, PlatformError};
 
@@ -70,7 +70,7 @@ impl Address {
             text: text.to_owned(),
             scheme: scheme.to_owned(),
             place: place.to_owned(),
-            timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S },
+            timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S, follows: Follows::Time },
             baud: BAUD,
         };
         if place.is_empty() {
@@ -82,7 +82,16 @@ impl Address {
                 Some(("rate_hz", value)) => address.timing.rate_hz = value.parse().map_err(|e| bad(&e))?,
                 Some(("lead_s", value)) => address.timing.lead_s = value.parse().map_err(|e| bad(&e))?,
                 Some(("baud", value)) => address.baud = value.parse().map_err(|e| bad(&e))?,
-                _ => return Err(bad(&"there are rate_hz, lead_s and baud")),
+                Some(("follows", "time")) => address.timing.follows = Follows::Time,
+                Some(("follows", "arrival")) if address.scheme.contains('+') => {
+                    address.timing.follows = Follows::Arrival;
+                }
+                Some(("follows", _)) => {
+                    return Err(bad(
+                        &"lines of set points (pose+…, legs+…) are followed by time or by arrival",
+                    ));
+                }
+                _ => return Err(bad(&"there are rate_hz, lead_s, follows and baud")),
             }
         }
         if !RATES_HZ.contains(&address.timing.rate_hz) {
@@ -202,7 +211,12 @@ mod tests {
     fn an_address_says_how_where_and_how_fast() {
         let address = Address::parse("gcs:///dev/ttyUSB0?rate_hz=50&lead_s=0.5&baud=57600").unwrap();
         assert_eq!((address.scheme.as_str(), address.place.as_str()), ("gcs", "/dev/ttyUSB0"));
-        assert_eq!((address.timing, address.baud), (Timing { rate_hz: 50.0, lead_s: 0.5 }, 57_600));
+        let timing = Timing { rate_hz: 50.0, lead_s: 0.5, follows: Follows::Time };
+        assert_eq!((address.timing, address.baud), (timing, 57_600));
+        assert_eq!(
+            Address::parse("legs+udp://h:1?follows=arrival").unwrap().timing.follows,
+            Follows::Arrival
+        );
         for wrong in [
             "here",
             "gcs://",
@@ -210,6 +224,8 @@ mod tests {
             "gcs://h:1?rate_hz=nan",
             "gcs://h:1?lead_s=9",
             "gcs://h:1?speed=2",
+            "gcs://h:1?follows=arrival",
+            "pose+tcp://h:1?follows=me",
         ] {
             let error = Address::parse(wrong).unwrap_err();
             assert!(matches!(error, PlatformError::Address { .. }), "{wrong}: {error}");

@@ -2,7 +2,7 @@
 
 use hexapod::MotionProgram;
 
-use super::{Motion, Platform, PlatformError};
+use super::{Motion, Platform, PlatformError, Stop};
 
 /// Stands for whoever moves the body.
 #[derive(Debug, Default)]
@@ -20,7 +20,7 @@ impl Platform for ByHand {
         Ok(())
     }
 
-    fn stop(&mut self) -> Result<(), PlatformError> {
+    fn stop(&mut self, _: Stop) -> Result<(), PlatformError> {
         self.stopped = true;
         Ok(())
     }

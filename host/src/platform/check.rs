@@ -42,6 +42,9 @@ pub struct Summary {
     pub leg_force_n: Option<f64>,
     /// The legs' limit, N, if there is one.
     pub leg_force_limit_n: Option<f64>,
+    /// Greatest `cond(H)` with moments over the joints' r.m.s. radius, and that radius, m; of a machine with
+    /// joints.
+    pub condition: Option<[f64; 2]>,
     /// Greatest distance from home, m.
     pub travel_m: f64,
     /// Greatest tilt against the vertical, rad.
@@ -56,6 +59,8 @@ pub struct Summary {
     pub angular_acceleration_radps2: f64,
     /// How long the way to the start takes, s; it is part of all the above.
     pub way_s: f64,
+    /// How long the way home takes, s; likewise.
+    pub home_s: f64,
 }
 
 /// What a program uses of a plate's travel.
@@ -84,18 +89,20 @@ impl Used {
     fn fmt(&self, summary: &Summary, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let how = if self.together { "of the axis that uses most" } else { "of all axes together" };
         writeln!(f, "  travel    up to {:.0} % {how}", 100.0 * self.share)?;
-        let speed = against(self.speed_limit_mps, 3, "m/s", "plate_speed_mps");
+        let speed = against(summary.velocity_mps, self.speed_limit_mps, 3, "m/s", "plate_speed_mps");
         writeln!(f, "  speed     up to {:.3} {speed}", summary.velocity_mps)?;
-        let rate = against(self.rate_limit_radps, 3, "rad/s", "plate_rate_radps");
+        let rate = against(summary.angular_rate_radps, self.rate_limit_radps, 3, "rad/s", "plate_rate_radps");
         writeln!(f, "  turning   up to {:.3} {rate}", summary.angular_rate_radps)?;
         writeln!(f, "  {WITHOUT_JOINTS}")
     }
 }
 
-/// A peak against a limit that may not be given.
-fn against(limit: Option<f64>, digits: usize, unit: &str, key: &str) -> String {
+/// A peak against a limit that may not be given, and the reserve.
+fn against(peak: f64, limit: Option<f64>, digits: usize, unit: &str, key: &str) -> String {
     match limit.filter(|limit| limit.is_finite()) {
-        Some(limit) => format!("of {limit:.digits$} {unit}"),
+        Some(limit) => {
+            format!("of {limit:.digits$} {unit}, {:.0} % in reserve", 100.0 * (1.0 - peak / limit))
+        }
         None => format!("{unit}; the rig file gives no {key} to hold it against"),
     }
 }
@@ -108,6 +115,9 @@ impl fmt::Display for Summary {
         if self.way_s > 0.0 {
             write!(f, ", {:.1} s of which are the way to the start", self.way_s)?;
         }
+        if self.home_s > 0.0 {
+            write!(f, ", {:.1} s the way home", self.home_s)?;
+        }
         writeln!(f, ":")?;
         if let Some(pose) = &self.from {
             writeln!(f, "  it begins at home: the plate must stand there now, {}", words(pose))?;
@@ -119,14 +129,27 @@ impl fmt::Display for Summary {
             used.fmt(self, f)?;
             return self.plate(f);
         }
-        writeln!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
-        let rate = against(Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
+        write!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
+        let reserve = self.stroke_reserve().unwrap_or_default();
+        writeln!(
+            f,
+            ", {:.1} mm in reserve, {:.0} % of the stroke",
+            1e3 * reserve * (most - least),
+            100.0 * reserve
+        )?;
+        let rate = against(self.leg_rate_mps, Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
         writeln!(f, "  leg rate  up to {:.3} {rate}", self.leg_rate_mps)?;
-        let acceleration = against(self.leg_acceleration_limit_mps2, 2, "m/s2", "leg_acceleration_mps2");
+        let acceleration = against(
+            self.leg_acceleration_mps2,
+            self.leg_acceleration_limit_mps2,
+            2,
+            "m/s2",
+            "leg_acceleration_mps2",
+        );
         writeln!(f, "  leg acceleration up to {:.2} {acceleration}", self.leg_acceleration_mps2)?;
         match (self.leg_force_n, self.leg_force_limit_n) {
             (Some(most), limit) => {
-                let force = against(limit, 1, "N", "leg_force_n");
+                let force = against(most, limit, 1, "N", "leg_force_n");
                 writeln!(
                     f,
                     "  leg force up to {most:.1} {force}, for any body that may be on the load cell"
@@ -140,11 +163,25 @@ impl fmt::Display for Summary {
             }
             (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
         }
+        if let Some([condition, radius_m]) = self.condition {
+            writeln!(
+                f,
+                "  condition up to {condition:.1}, moments over {radius_m:.3} m, the plate joints' r.m.s. radius; infinite where it is singular"
+            )?;
+        }
         self.plate(f)
     }
 }
 
 impl Summary {
+    /// Returns how much of the legs' stroke is never used at the end that is come nearer to, as a share;
+    /// `None` where nothing is known of legs, or nothing moves.
+    pub fn stroke_reserve(&self) -> Option<f64> {
+        let ([shortest, longest], [least, most]) = (self.leg_length_m, self.leg_limits_m);
+        (self.travel.is_none() && longest > 0.0)
+            .then(|| (shortest - least).min(most - longest) / (most - least))
+    }
+
     fn plate(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -194,10 +231,18 @@ pub fn check(
             summary.leg_acceleration_limit_mps2 = geometry.limits.leg_acceleration_mps2;
             summary.leg_force_n = load.map(force).transpose()?;
             summary.leg_force_limit_n = geometry.limits.leg_force_n;
+            summary.condition = Some([1.0, geometry.joint_radius_m()]);
         }
     }
     for k in 0..=(trajectory.duration_s() / step_s).ceil() as usize {
-        summary.take(geometry, &trajectory.state((k as f64 * step_s).min(trajectory.duration_s())));
+        let state = trajectory.state((k as f64 * step_s).min(trajectory.duration_s()));
+        summary.take(geometry, &state);
+        // It changes slowly, and takes ten times as long as all the rest.
+        if k % 10 == 0
+            && let Some([most, radius_m]) = &mut summary.condition
+        {
+            *most = most.max(geometry.legs(&state.pose()).condition_over(*radius_m));
+        }
     }
     Ok(summary)
 }

@@ -91,4 +91,4 @@ pub enum PlatformError {
 /// What addresses look like.
 const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or gcs:///dev/ttyUSB0 (PI hexapods), \
                    pose+tcp://HOST:PORT, legs+udp://HOST:PORT or pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100, \
-                   &lead_s=0.2 and &baud=115200 where they apply";
+                   &lead_s=0.2, &follows=time and &baud=115200 where they apply";

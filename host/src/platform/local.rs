@@ -3,7 +3,7 @@
 use hexapod::MotionProgram;
 use rigident_sim::rig::{MotionState, Rig, RigError, SharedRig};
 
-use super::{Motion, Platform, PlatformError};
+use super::{Motion, Platform, PlatformError, Stop};
 
 /// The simulated rig in this very process.
 pub struct LocalPlatform(pub SharedRig);
@@ -28,7 +28,7 @@ impl Platform for LocalPlatform {
         self.with(Rig::start).map_err(refused)
     }
 
-    fn stop(&mut self) -> Result<(), PlatformError> {
+    fn stop(&mut self, _: Stop) -> Result<(), PlatformError> {
         self.with(Rig::stop);
         Ok(())
     }

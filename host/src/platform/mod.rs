@@ -26,7 +26,9 @@ pub use error::PlatformError;
 pub use local::LocalPlatform;
 pub use network::NetworkPlatform;
 
-use hexapod::{MotionProgram, Pose};
+use std::sync::Arc;
+
+use hexapod::{Load, MotionProgram, Pose};
 
 /// What the platform is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +40,29 @@ pub enum Motion {
     /// The program has ended.
     Done,
 }
+
+/// Why a plate is brought to rest, and so how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The motion has done what it was for: the plate goes to rest on its path, with no more force than the
+    /// path has.
+    Planned,
+    /// Something is wrong, or somebody says stop: as fast as is smooth, and abruptly where that does not stop
+    /// it.
+    Alarm,
+}
+
+/// What goes over the line to a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Said<'a> {
+    /// From here.
+    Command(&'a str),
+    /// From there.
+    Reply(&'a str),
+}
+
+/// Takes what goes over the line, as it goes; it must not wait.
+pub type Trace = Arc<dyn Fn(Said<'_>) + Send + Sync>;
 
 /// Where the plate should be and is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,19 +103,39 @@ pub trait Platform: Send {
     /// # Errors
     /// Nothing is loaded, or no answer.
     fn start(&mut self) -> Result<(), PlatformError>;
-    /// Brings the plate to rest as fast as is smooth, and holds it.
+    /// Brings the plate to rest, and holds it; an alarm takes the place of a planned stop.
     ///
     /// # Errors
     /// No answer.
-    fn stop(&mut self) -> Result<(), PlatformError>;
+    fn stop(&mut self, stop: Stop) -> Result<(), PlatformError>;
     /// What it is doing. Whoever started a motion must ask often: a platform that nobody watches is stopped.
     ///
     /// # Errors
     /// No answer; what broke the motion, once.
     fn motion(&mut self) -> Result<Motion, PlatformError>;
+    /// Returns where the plate stands at rest, as far as the platform knows.
+    ///
+    /// # Errors
+    /// It moves, or no answer.
+    fn stands(&mut self) -> Result<Option<Pose>, PlatformError> {
+        Ok(self.expects())
+    }
     /// Where the plate must stand before anything is sent, if the platform goes by that; after a motion, where it was left.
     fn expects(&self) -> Option<Pose> {
         None
+    }
+    /// Tells what the legs carry, so that the ways that the platform drives by itself are checked for their
+    /// forces too.
+    fn carries(&mut self, _load: Option<Load>) {}
+    /// Hands on all that goes over the line from now on.
+    fn trace(&mut self, _to: Trace) {}
+    /// Returns the way that [`Platform::go_home`] will drive from the program's end; `None` if the plate
+    /// stays there.
+    ///
+    /// # Errors
+    /// There is no straight way.
+    fn way_home(&self, _program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        Ok(None)
     }
     /// Starts the way to where the next connection expects the plate, and returns it; `None` if it stands there, or may be
     /// anywhere.
@@ -104,12 +149,13 @@ pub trait Platform: Send {
     fn found(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Leaves it in the state in which it was found, the plate at rest.
+    /// Leaves it in the state in which it was found, the plate at rest; what is left otherwise, a sentence
+    /// each.
     ///
     /// # Errors
-    /// It does not come to rest, refuses, or does not answer.
-    fn release(&mut self) -> Result<(), PlatformError> {
-        Ok(())
+    /// It does not come to rest, and nothing was changed then; it refuses, or does not answer.
+    fn release(&mut self) -> Result<Vec<String>, PlatformError> {
+        Ok(Vec::new())
     }
     /// What was commanded and measured since the last time.
     fn samples(&mut self) -> Vec<MotionSample> {

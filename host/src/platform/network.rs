@@ -7,12 +7,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use hexapod::{Geometry, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
+use hexapod::{Geometry, Load, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;
 use super::pace::UNWATCHED_S;
-use super::{Motion, MotionSample, Platform, PlatformError, way};
+use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, way};
 
 /// A program whose clock stood still so much before its end was cut short, s.
 const END_S: f64 = 1e-3;
@@ -26,6 +26,7 @@ const HEARD_EVERY: Duration = Duration::from_millis(50);
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
 pub struct NetworkPlatform {
     geometry: Geometry,
+    load: Option<Load>,
     line: Arc<Mutex<Line>>,
     /// While the plate moves.
     keeper: Option<Keeper>,
@@ -55,6 +56,8 @@ struct Line {
     moves: bool,
     /// What broke it.
     broken: Option<PlatformError>,
+    /// Where all that goes over it is noted.
+    trace: Option<Trace>,
 }
 
 /// Lets the controller hear something while the plate moves, as long as somebody watches it: a host that has hung or was stopped
@@ -147,9 +150,11 @@ impl NetworkPlatform {
                         asked: Instant::now(),
                         moves: false,
                         broken: None,
+                        trace: None,
                     };
                     return Ok(Self {
                         geometry: geometry.clone(),
+                        load: None,
                         line: Arc::new(Mutex::new(line)),
                         keeper: None,
                         program: None,
@@ -199,6 +204,7 @@ impl Line {
     /// Says stop without waiting for an answer: whoever answers no more may still hear.
     fn say_stop(&mut self) {
         let line = serde_json::to_string(&Request::Stop).unwrap_or_default();
+        self.trace.iter().for_each(|trace| trace(Said::Command(&line)));
         let stream = self.stream.get_mut();
         // If it is gone, the controller's own watch stops the plate.
         let _ = stream.set_write_timeout(Some(HEARD_EVERY)).and_then(|()| writeln!(stream, "{line}"));
@@ -231,10 +237,13 @@ impl Line {
             Request::State if self.moves => Duration::from_secs_f64(ANSWER_S),
             Request::Load { .. } | Request::State => PATIENCE,
         };
+        self.trace.iter().for_each(|trace| trace(Said::Command(line.trim_end())));
         self.stream.get_mut().write_all(line.as_bytes()).map_err(|e| unreachable(e.to_string()))?;
         match answer(&mut self.stream, within) {
             Ok(None) => Err(unreachable("it closed the connection".to_owned())),
             Ok(Some(reply)) => {
+                let said = String::from_utf8_lossy(&reply);
+                self.trace.iter().for_each(|trace| trace(Said::Reply(said.trim_end())));
                 let answer: Answer = serde_json::from_slice(&reply)
                     .map_err(|e| unreachable(format!("its answer is not understood: {e}")))?;
                 self.known = true;
@@ -286,9 +295,21 @@ impl Platform for NetworkPlatform {
         Ok(())
     }
 
+    fn carries(&mut self, load: Option<Load>) {
+        self.load = load;
+    }
+
+    fn trace(&mut self, to: Trace) {
+        lock(&self.line).trace = Some(to);
+    }
+
+    fn stands(&mut self) -> Result<Option<Pose>, PlatformError> {
+        Ok(self.ask(&Request::State)?.pose)
+    }
+
     fn way(&mut self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
-        let here = self.ask(&Request::State)?.pose;
-        here.map(|here| way::between(&here, &program.start, &self.geometry)).transpose()
+        let here = self.stands()?;
+        here.map(|here| way::between(&here, &program.start, &self.geometry, self.load.as_ref())).transpose()
     }
 
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
@@ -303,7 +324,7 @@ impl Platform for NetworkPlatform {
         self.sampled_s = f64::NEG_INFINITY;
         let started_s = self.ask(&Request::Start { quiet_s: QUIET_S })?.duration_s;
         if started_s != self.loaded_s {
-            self.stop()?;
+            self.stop(Stop::Alarm)?;
             return Err(PlatformError::Refused(
                 "another program has loaded another motion meanwhile; it was stopped: let one program at a time have the platform"
                     .to_owned(),
@@ -314,7 +335,7 @@ impl Platform for NetworkPlatform {
         Ok(())
     }
 
-    fn stop(&mut self) -> Result<(), PlatformError> {
+    fn stop(&mut self, _: Stop) -> Result<(), PlatformError> {
         self.started_s = None;
         self.ask(&Request::Stop).map(drop)
     }
@@ -444,7 +465,7 @@ mod tests {
             let mut stops = heard.iter().filter(|line| line.contains("stop"));
             assert!(stops.next().is_some());
             // Whoever stops then is heard, too, and told what is wrong.
-            assert!(platform.stop().is_err());
+            assert!(platform.stop(Stop::Alarm).is_err());
             assert!(stops.next().is_some());
         }
     }

@@ -1,29 +1,49 @@
 //! A program sent as set points at a fixed rate, and what came of it.
 //!
 //! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its own or the line
-//! itself is broken.
+//! itself is broken. No point follows the one before sooner than [`CLOSEST`] of their interval, so that a
+//! host that stood still makes up for it with no burst: a controller that takes points as they come never
+//! moves faster than the path, by more than that.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use hexapod::{Pose, Trajectory};
 
-use super::{Motion, MotionSample, PlatformError};
+use super::{Motion, MotionSample, PlatformError, Stop};
 
 /// Whoever watches the motion asks often; after so long without, s, the platform is stopped.
 pub(super) const UNWATCHED_S: f64 = 2.0;
-/// A controller without a stop of its own is led to rest on the path within, s.
+/// The plate is led to rest on its path within, s.
 const SLOW_S: f64 = 0.35;
 /// The last pose is repeated for so long, s.
 const TAIL_S: f64 = 0.2;
 /// The longest wait for rest after the last point or a stop, s.
 const REST_S: f64 = 3.0;
+/// A plate that still moves so long after a smooth stop is stopped abruptly, s.
+const ABRUPT_S: f64 = 0.5;
+/// A plate that still moves so long after its last point is stopped, s.
+const LINGER_S: f64 = 1.5;
 /// A controller that says nothing is given so long to come to rest at the last pose, s.
 const SETTLE_S: f64 = 0.3;
-/// A gap after which missed points are no longer caught up, s.
+/// A gap after which the motion does not go on, s.
 pub(super) const GAP_S: f64 = 0.5;
+/// The shortest time between two points, as a share of their interval: what sleep makes late is caught up,
+/// and no more at once.
+const CLOSEST: f64 = 0.95;
+/// A controller that follows lines as they come stands still after a pause of more intervals than this.
+const STANDS: f64 = 3.0;
+
+/// What a controller goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Follows {
+    /// By the time of each point, or by an interval of its own.
+    Time,
+    /// It goes to each point as it comes.
+    Arrival,
+}
 
 /// When set points are sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +51,11 @@ pub(super) struct Timing {
     /// Points per second.
     pub rate_hz: f64,
     /// Points are sent so long before their time, s: what the network or this machine delays by less does not show. A stop
-    /// comes so much later where the controller has none of its own.
+    /// comes so much later where the controller has none of its own. It is nothing where points are followed
+    /// as they come.
     pub lead_s: f64,
+    /// What the controller goes by.
+    pub follows: Follows,
 }
 
 /// What set points go to: by default a controller that says nothing.
@@ -48,13 +71,53 @@ pub(super) trait Sink: Send {
     fn patience_s(&self) -> f64 {
         0.0
     }
-    /// Stops at once; false if the controller has no such command.
+    /// Stops as fast as is smooth; false if the controller has no such command.
     fn halt(&mut self) -> Result<bool, PlatformError> {
         Ok(false)
+    }
+    /// Stops abruptly what a smooth stop has not stopped.
+    fn halt_abruptly(&mut self) -> Result<(), PlatformError> {
+        Ok(())
     }
     /// Whether the plate is at rest; `None` if the controller does not say.
     fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
         Ok(None)
+    }
+}
+
+/// Looks until the plate rests, for a few seconds at most; `None` if the controller does not say. A plate
+/// that goes on is stopped: smoothly after its last point, abruptly after a smooth stop, `halted`.
+///
+/// # Errors
+/// No answer; the abrupt stop was sent all the same.
+pub(super) fn rest(sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, PlatformError> {
+    let begun = Instant::now();
+    let mut halted_s = halted.then_some(0.0);
+    let mut abrupt = false;
+    loop {
+        match sink.at_rest() {
+            Ok(Some(false)) => {}
+            Err(error) if halted_s.is_some() => {
+                // Whoever answers no more may still hear.
+                let _ = sink.halt_abruptly();
+                return Err(error);
+            }
+            said => return said,
+        }
+        let now_s = begun.elapsed().as_secs_f64();
+        match halted_s {
+            None if now_s > LINGER_S => {
+                sink.halt()?;
+                halted_s = Some(now_s);
+            }
+            Some(since_s) if !abrupt && now_s > since_s + ABRUPT_S => {
+                abrupt = true;
+                sink.halt_abruptly()?;
+            }
+            _ if now_s > REST_S => return Ok(Some(false)),
+            _ => {}
+        }
+        thread::sleep(Duration::from_millis(20));
     }
 }
 
@@ -80,8 +143,31 @@ struct Shared {
 /// A motion under way, in a thread of its own.
 pub(super) struct Pace<S> {
     shared: Arc<Mutex<Shared>>,
-    stop: Arc<AtomicBool>,
+    stop: Asked,
     thread: Option<JoinHandle<S>>,
+}
+
+/// Which stop was asked for, if any.
+#[derive(Clone, Default)]
+struct Asked(Arc<AtomicU8>);
+
+impl Asked {
+    /// An alarm stays one.
+    fn ask(&self, stop: Stop) {
+        let number = match stop {
+            Stop::Planned => 1,
+            Stop::Alarm => 2,
+        };
+        self.0.fetch_max(number, Ordering::AcqRel);
+    }
+
+    fn get(&self) -> Option<Stop> {
+        match self.0.load(Ordering::Acquire) {
+            0 => None,
+            1 => Some(Stop::Planned),
+            _ => Some(Stop::Alarm),
+        }
+    }
 }
 
 fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
@@ -93,15 +179,16 @@ impl<S: Sink + 'static> Pace<S> {
     /// Begins to send `trajectory`, looking `looks_hz` times per second.
     pub(super) fn begin(sink: S, trajectory: Trajectory, timing: Timing, looks_hz: f64) -> Self {
         let shared = Arc::new(Mutex::new(Shared { watched: Some(Instant::now()), ..Shared::default() }));
-        let stop = Arc::new(AtomicBool::new(false));
-        let run =
-            Run { sink, trajectory, timing, looks_hz, shared: Arc::clone(&shared), stop: Arc::clone(&stop) };
+        let stop = Asked::default();
+        let course = Course { program_s: 0.0, resumed_s: f64::NEG_INFINITY, slowing_s: None, alarmed: false };
+        let (told, asked) = (Arc::clone(&shared), stop.clone());
+        let run = Run { sink, trajectory, timing, looks_hz, shared: told, stop: asked, course };
         Self { shared, stop, thread: Some(thread::spawn(move || run.run())) }
     }
 
     /// Asks for a stop.
-    pub(super) fn stop(&self) {
-        self.stop.store(true, Ordering::Release);
+    pub(super) fn stop(&self, stop: Stop) {
+        self.stop.ask(stop);
     }
 
     /// What it is doing. What broke is told once; after that, whether the plate was seen at rest.
@@ -130,7 +217,7 @@ impl<S: Sink + 'static> Pace<S> {
 
     /// Waits for the end; the sink again.
     pub(super) fn end(mut self) -> Option<S> {
-        self.stop();
+        self.stop(Stop::Alarm);
         // A panic there has printed itself.
         self.thread.take().and_then(|thread| thread.join().ok())
     }
@@ -138,7 +225,7 @@ impl<S: Sink + 'static> Pace<S> {
 
 impl<S> Drop for Pace<S> {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Release);
+        self.stop.ask(Stop::Alarm);
         if let Some(thread) = self.thread.take() {
             // A panic there has printed itself.
             let _ = thread.join();
@@ -152,19 +239,58 @@ struct Run<S> {
     timing: Timing,
     looks_hz: f64,
     shared: Arc<Mutex<Shared>>,
-    stop: Arc<AtomicBool>,
+    stop: Asked,
+    course: Course,
+}
+
+/// Where on its path the plate is.
+struct Course {
+    /// The program's own time, s: it goes slower once the plate is led to rest, or where it stood.
+    program_s: f64,
+    /// When the plate set off again after it stood, s.
+    resumed_s: f64,
+    /// Since when the plate is led to rest, s.
+    slowing_s: Option<f64>,
+    /// It was not the plan that ended it.
+    alarmed: bool,
+}
+
+impl Course {
+    /// When all points to rest are sent but the last one repeated, s; `at_s` is now, of a trajectory of this
+    /// length.
+    fn over_s(&self, at_s: f64, duration_s: f64) -> f64 {
+        self.slowing_s.map_or(at_s + duration_s - self.program_s, |since_s| since_s + SLOW_S)
+    }
+
+    /// How fast the program's time goes: it grows and falls as a quintic.
+    fn speed(&self, time_s: f64) -> f64 {
+        let grown = |since_s: f64| {
+            let u = ((time_s - since_s) / SLOW_S).clamp(0.0, 1.0);
+            u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        };
+        grown(self.resumed_s) * self.slowing_s.map_or(1.0, |since_s| 1.0 - grown(since_s))
+    }
+}
+
+/// How the sending of points ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    /// All points to rest were sent.
+    Sent,
+    /// The controller was told to stop.
+    Halted,
+    /// Neither could be done.
+    Broken,
 }
 
 impl<S: Sink> Run<S> {
     fn run(mut self) -> S {
-        let followed = self.follow();
-        let led = followed.is_ok();
-        if let Err(error) = followed {
+        let ended = self.follow().unwrap_or_else(|error| {
             self.note(error);
             // Whatever went wrong, the plate must not go on. If the line is what broke, this fails again.
-            let _ = self.sink.halt();
-        }
-        let end = self.come_to_rest(led);
+            if self.sink.halt() == Ok(true) { Ended::Halted } else { Ended::Broken }
+        });
+        let end = self.come_to_rest(ended);
         lock(&self.shared).end = Some(end);
         self.sink
     }
@@ -178,62 +304,79 @@ impl<S: Sink> Run<S> {
     ///
     /// # Errors
     /// The line or the controller: nothing more can be sent.
-    fn follow(&mut self) -> Result<(), PlatformError> {
+    fn follow(&mut self) -> Result<Ended, PlatformError> {
         let step_s = 1.0 / self.timing.rate_hz;
+        let by_arrival = self.timing.follows == Follows::Arrival;
+        let lead_s = if by_arrival { 0.0 } else { self.timing.lead_s };
         let begun = Instant::now();
-        // The program's own time: it goes slower once the plate is led to rest.
-        let (mut program_s, mut slowing) = (0.0_f64, None);
-        let mut next_look_s = 0.0;
+        let duration_s = self.trajectory.duration_s();
+        let (mut sent_s, mut next_look_s, mut stretched_s) = (f64::NEG_INFINITY, 0.0, 0.0);
         let mut k = 0_u64;
         loop {
             k += 1;
             let mut time_s = k as f64 * step_s;
-            let wait = Duration::from_secs_f64((time_s - self.timing.lead_s).max(0.0))
-                .saturating_sub(begun.elapsed());
-            thread::sleep(wait);
-            let over = slowing.map_or(self.trajectory.duration_s(), |since| since + SLOW_S);
-            let late_s = begun.elapsed().as_secs_f64() - time_s;
-            let gap = late_s > GAP_S && time_s < over;
-            let late = time_s < over && late_s > self.sink.patience_s();
-            let cause = if late { Some(PlatformError::Late(late_s)) } else { self.unwatched() };
-            let stop = slowing.is_none() && (cause.is_some() || self.stop.load(Ordering::Acquire));
-            if let Some(error) = cause.filter(|_| stop || gap) {
-                self.note(error);
+            // Points before the program's own beginning fill the controller's buffer at once.
+            let soonest_s = if time_s > lead_s { sent_s + CLOSEST * step_s } else { 0.0 };
+            let due_s = (time_s + stretched_s - lead_s).max(soonest_s);
+            thread::sleep(Duration::from_secs_f64(due_s.max(0.0)).saturating_sub(begun.elapsed()));
+            let late_s = begun.elapsed().as_secs_f64() - time_s - stretched_s;
+            if self.ends(time_s, late_s, time_s < self.course.over_s(time_s, duration_s))? {
+                return Ok(Ended::Halted);
             }
-            if (stop || gap) && self.sink.halt()? {
-                return Ok(());
-            }
-            if gap {
+            if late_s > GAP_S && time_s < self.course.over_s(time_s, duration_s) {
                 // No line came for so long: the plate stands at the last pose by now, or near it. Nothing but that is sent.
                 k += (late_s / step_s).ceil() as u64;
                 time_s = k as f64 * step_s;
-                slowing = Some(time_s - SLOW_S);
-            } else if stop {
-                slowing = Some(time_s);
+                self.course.slowing_s = Some(time_s - SLOW_S);
+            } else if by_arrival && late_s > STANDS * step_s {
+                // It stands at the last point, and sets off from there.
+                stretched_s += late_s;
+                self.course.resumed_s = time_s - step_s;
             }
-            let speed = slowing.map_or(1.0, |since| {
-                let u = ((time_s - since) / SLOW_S).min(1.0);
-                1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0))
-            });
-            program_s += speed * step_s;
-            let pose = self.trajectory.state(program_s).pose();
+            self.course.program_s += self.course.speed(time_s) * step_s;
+            let pose = self.trajectory.state(self.course.program_s).pose();
             self.sink.send(time_s, &pose)?;
-            let now_s = begun.elapsed().as_secs_f64();
+            sent_s = begun.elapsed().as_secs_f64();
             lock(&self.shared).last = Some((time_s, pose));
-            if now_s >= next_look_s {
-                next_look_s = now_s + 1.0 / self.looks_hz;
-                self.sample(begun, slowing.is_some())?;
+            if sent_s >= next_look_s {
+                next_look_s = sent_s + 1.0 / self.looks_hz;
+                self.sample(begun)?;
             }
-            let over = slowing.map_or(self.trajectory.duration_s(), |since| since + SLOW_S);
-            if time_s >= over + TAIL_S {
+            if time_s >= self.course.over_s(time_s, duration_s) + TAIL_S {
                 // The last points are still to be driven.
                 while begun.elapsed().as_secs_f64() < time_s {
-                    self.sample(begun, slowing.is_some())?;
+                    self.sample(begun)?;
                     thread::sleep(Duration::from_secs_f64(1.0 / self.looks_hz));
                 }
-                return Ok(());
+                return Ok(Ended::Sent);
             }
         }
+    }
+
+    /// Whether the controller was told to stop now; where it has no stop, or the plan ends here, the plate is
+    /// led to rest from now on.
+    ///
+    /// # Errors
+    /// The line.
+    fn ends(&mut self, time_s: f64, late_s: f64, moves: bool) -> Result<bool, PlatformError> {
+        let patience_s = if self.timing.follows == Follows::Arrival { GAP_S } else { self.sink.patience_s() };
+        let late = moves && late_s > patience_s;
+        let cause = if late { Some(PlatformError::Late(late_s)) } else { self.unwatched() };
+        let asked = self.stop.get();
+        let alarm = cause.is_some() || asked == Some(Stop::Alarm);
+        if alarm && !self.course.alarmed {
+            self.course.alarmed = true;
+            if let Some(error) = cause {
+                self.note(error);
+            }
+            if self.sink.halt()? {
+                return Ok(true);
+            }
+        }
+        if alarm || asked.is_some() {
+            self.course.slowing_s.get_or_insert(time_s);
+        }
+        Ok(false)
     }
 
     fn unwatched(&self) -> Option<PlatformError> {
@@ -242,120 +385,46 @@ impl<S: Sink> Run<S> {
     }
 
     /// Where the plate should be and is. While it is led to rest the two have no time in common.
-    fn sample(&mut self, begun: Instant, slowing: bool) -> Result<(), PlatformError> {
+    fn sample(&mut self, begun: Instant) -> Result<(), PlatformError> {
         let asked_s = begun.elapsed().as_secs_f64();
         let measured = self.sink.look()?;
         // The answer was made between question and arrival.
         let time_s = 0.5 * (asked_s + begun.elapsed().as_secs_f64());
-        if !slowing {
-            let commanded = self.trajectory.state(time_s).pose();
+        if self.course.slowing_s.is_none() {
+            let at_s = if self.timing.follows == Follows::Arrival { self.course.program_s } else { time_s };
+            let commanded = self.trajectory.state(at_s).pose();
             lock(&self.shared).samples.push(MotionSample { time_s, commanded, measured });
         }
         Ok(())
     }
 
-    /// What becomes of the plate; `led` if points to rest were sent, or the controller was told to stop.
-    fn come_to_rest(&mut self, led: bool) -> End {
-        let begun = Instant::now();
-        while begun.elapsed().as_secs_f64() < REST_S {
-            match self.sink.at_rest() {
-                Ok(Some(true)) => return End::AtRest,
-                Ok(Some(false)) => thread::sleep(Duration::from_millis(20)),
-                Ok(None) if led => {
-                    // Nothing more can be known: the last points were those of a plate at rest.
-                    thread::sleep(Duration::from_secs_f64(SETTLE_S));
-                    return End::AtRest;
-                }
-                Ok(None) => {
-                    let last = lock(&self.shared).last;
-                    return End::Unseen(match last {
-                        Some((time_s, _)) => {
-                            format!(
-                                "it does not say where the plate is, and got no line after t = {time_s:.2} s"
-                            )
-                        }
-                        None => "it does not say where the plate is, and got no line".to_owned(),
-                    });
-                }
-                Err(error) => {
-                    let why = error.to_string();
-                    self.note(error);
-                    return End::Unseen(why);
-                }
+    /// What becomes of the plate.
+    fn come_to_rest(&mut self, ended: Ended) -> End {
+        match rest(&mut self.sink, ended == Ended::Halted) {
+            Ok(Some(true)) => End::AtRest,
+            Ok(Some(false)) => End::Unseen(format!(
+                "its controller says that it still moved {REST_S} s after the last set point, though it was told to stop"
+            )),
+            Ok(None) if ended != Ended::Broken => {
+                // Nothing more can be known: the last points were those of a plate at rest.
+                thread::sleep(Duration::from_secs_f64(SETTLE_S));
+                End::AtRest
+            }
+            Ok(None) => {
+                let got = lock(&self.shared)
+                    .last
+                    .map_or("no line".to_owned(), |(time_s, _)| format!("no line after t = {time_s:.2} s"));
+                End::Unseen(format!("it does not say where the plate is, and got {got}"))
+            }
+            Err(error) => {
+                let why = error.to_string();
+                self.note(error);
+                End::Unseen(why)
             }
         }
-        End::Unseen(format!("its controller says that it still moved {REST_S} s after the last set point"))
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use hexapod::{Geometry, MotionProgram, Segment};
-
-    /// Takes points, and once takes its time.
-    struct Slow {
-        sent: Arc<Mutex<Vec<(f64, f64)>>>,
-        delay: Duration,
-    }
-
-    impl Sink for Slow {
-        fn send(&mut self, time_s: f64, pose: &Pose) -> Result<(), PlatformError> {
-            let mut sent = self.sent.lock().unwrap();
-            sent.push((time_s, pose.position_m[0]));
-            if sent.len() == 60 {
-                thread::sleep(self.delay);
-            }
-            Ok(())
-        }
-    }
-
-    type Told = Vec<Result<Motion, PlatformError>>;
-
-    /// The points of a move of 0.1 m in 2 s, one of which took so long, s, with a lead of 0.3 s; what was told.
-    fn driven(delay_s: f64) -> (Vec<(f64, f64)>, Told) {
-        let home = Geometry::thesis().home();
-        let mut to = home;
-        to.position_m[0] += 0.1;
-        let program = MotionProgram { start: home, segments: vec![Segment::Move { to, duration_s: 2.0 }] };
-        let sent = Arc::default();
-        let sink = Slow { sent: Arc::clone(&sent), delay: Duration::from_secs_f64(delay_s) };
-        let timing = Timing { rate_hz: 100.0, lead_s: 0.3 };
-        let pace = Pace::begin(sink, program.trajectory().unwrap(), timing, 20.0);
-        let mut told = Vec::new();
-        while told.last() != Some(&Ok(Motion::Done)) {
-            let now = pace.motion();
-            if now != Ok(Motion::Moving) {
-                told.push(now);
-            }
-            thread::sleep(Duration::from_millis(5));
-        }
-        let sent = sent.lock().unwrap().clone();
-        (sent, told)
-    }
-
-    #[test]
-    fn what_comes_after_its_time_ends_the_motion_on_its_path_and_after_a_gap_nothing_moves_any_more() {
-        // A seventh of a second after its time: led to rest further on.
-        let (sent, told) = driven(0.45);
-        assert!(
-            matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 0.1),
-            "{told:?}"
-        );
-        let end = sent.last().unwrap().1;
-        assert!(sent[59].1 + 1e-3 < end && end < 0.099, "{end}");
-        assert!(sent[sent.len() - 10..].iter().all(|point| point.1 == end), "it ends at rest");
-        // Two seconds: the plate has been at the last point for long.
-        let (sent, told) = driven(2.0);
-        assert!(
-            matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 1.0),
-            "{told:?}"
-        );
-        assert!(
-            sent.len() > 70 && sent[60..].iter().all(|point| (point.1 - sent[59].1).abs() < 1e-12),
-            "{:?}",
-            &sent[58..]
-        );
-        assert!(sent[60].0 > sent[59].0 + 1.0, "and is told so for times to come");
-    }
-}
+#[path = "pace_tests.rs"]
+mod tests;

@@ -6,7 +6,9 @@
 //! | `legs+tcp://`, `legs+udp://`, `legs+serial://` | `t_s,l1_m,l2_m,l3_m,l4_m,l5_m,l6_m` |
 //!
 //! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent `lead_s` before its time, and one that would be sent
-//! after its time ends the motion. The first stream
+//! after its time ends the motion. With `follows=arrival` a line is sent at its time, and where this machine
+//! stood still, all times to come are later by that. No line is sent sooner than 0.95 steps after the one
+//! before but the first of a stream, `lead_s` of them. The first stream
 //! of a connection begins with the plate at home, every further one where the last one ended, its time at zero again.
 //! Each ends with the last pose repeated. The way to a program's start is a stream of its own, and at the end of an experiment one
 //! more leads the plate home, for the next connection. A stop, and whatever goes wrong while lines can be sent, leads the plate to
@@ -14,12 +16,12 @@
 //! says: nothing is measured.
 
 use hexapod::set_points::SetPoint;
-use hexapod::{Geometry, MotionProgram, Pose};
+use hexapod::{Geometry, Load, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
 use super::pace::{Pace, Sink, Timing};
 use super::way::{self, same};
-use super::{Motion, MotionSample, Platform, PlatformError, check};
+use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check};
 
 /// How often nothing is looked at, 1/s: how often what is commanded is noted.
 const LOOKS_HZ: f64 = 20.0;
@@ -38,6 +40,7 @@ pub struct StreamPlatform {
     geometry: Geometry,
     timing: Timing,
     program: Option<MotionProgram>,
+    load: Option<Load>,
     /// Where the lines have left the plate.
     at: Pose,
     state: State,
@@ -54,18 +57,25 @@ struct Writer {
     lines: Lines,
     geometry: Geometry,
     address: String,
+    trace: Option<Trace>,
 }
 
 impl StreamPlatform {
     pub(super) fn new(address: &Address, lines: Lines, wire: Box<dyn Wire>, geometry: Geometry) -> Self {
-        let writer = Writer { wire, lines, geometry: geometry.clone(), address: address.text.clone() };
+        let writer =
+            Writer { wire, lines, geometry: geometry.clone(), address: address.text.clone(), trace: None };
         Self {
             at: geometry.home(),
             geometry,
             timing: address.timing,
             program: None,
+            load: None,
             state: State::Resting(Box::new(writer)),
         }
+    }
+
+    fn home_from(&self, at: &Pose) -> Result<MotionProgram, PlatformError> {
+        way::between(at, &self.geometry.home(), &self.geometry, self.load.as_ref())
     }
 
     /// Takes the writer back from a stream that has ended.
@@ -96,7 +106,7 @@ impl Platform for StreamPlatform {
 
     fn way(&mut self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
         self.rest()?;
-        way::between(&self.at, &program.start, &self.geometry).map(Some)
+        way::between(&self.at, &program.start, &self.geometry, self.load.as_ref()).map(Some)
     }
 
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
@@ -132,9 +142,9 @@ impl Platform for StreamPlatform {
         }
     }
 
-    fn stop(&mut self) -> Result<(), PlatformError> {
+    fn stop(&mut self, stop: Stop) -> Result<(), PlatformError> {
         if let State::Moving(pace) = &self.state {
-            pace.stop();
+            pace.stop(stop);
         }
         Ok(())
     }
@@ -158,9 +168,23 @@ impl Platform for StreamPlatform {
         }
     }
 
+    fn carries(&mut self, load: Option<Load>) {
+        self.load = load;
+    }
+
+    fn trace(&mut self, to: Trace) {
+        if let State::Resting(writer) = &mut self.state {
+            writer.trace = Some(to);
+        }
+    }
+
+    fn way_home(&self, program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
+        self.home_from(&program.trajectory()?.end_pose()).map(Some)
+    }
+
     fn go_home(&mut self) -> Result<Option<MotionProgram>, PlatformError> {
         self.rest()?;
-        let way = way::between(&self.at, &self.geometry.home(), &self.geometry)?;
+        let way = self.home_from(&self.at)?;
         if way.segments.is_empty() {
             return Ok(None);
         }
@@ -176,6 +200,7 @@ impl Sink for Writer {
             Lines::Poses => SetPoint::Pose(*pose),
         };
         let line = point.line(time_s);
+        self.trace.iter().for_each(|trace| trace(Said::Command(line.trim_end())));
         self.wire.write_all(line.as_bytes()).and_then(|()| self.wire.flush()).map_err(|e| {
             PlatformError::Lost {
                 address: self.address.clone(),

@@ -3,9 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-use hexapod::{Geometry, MotionError, MotionProgram, Pose, Segment};
+use hexapod::{Geometry, Load, MotionError, MotionProgram, Pose, Segment};
 
-use super::{Motion, Platform, PlatformError, check};
+use super::{Motion, Platform, PlatformError, Stop, check};
 
 /// Poses that are nearer than this are the same, m and rad: what a controller's answer leaves out is less.
 pub(super) const SAME: f64 = 1e-5;
@@ -40,14 +40,19 @@ fn gentle_s(from: &Pose, to: &Pose) -> f64 {
 /// Returns the way between two poses, as slow as the legs need it; without segments if they are the same.
 ///
 /// # Errors
-/// A straight way that the legs do not reach.
-pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<MotionProgram, PlatformError> {
+/// A straight way that the legs do not reach, or on which they would be loaded too much by what they carry.
+pub(super) fn between(
+    from: &Pose,
+    to: &Pose,
+    geometry: &Geometry,
+    load: Option<&Load>,
+) -> Result<MotionProgram, PlatformError> {
     if same(from, to) {
         return Ok(MotionProgram { start: *to, segments: Vec::new() });
     }
     if let Err(violation) = geometry.check_pose(from) {
         return Err(PlatformError::Refused(format!(
-            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its own program first, or mend \
+            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its own program first, or correct \
              [platform]",
             check::words(from)
         )));
@@ -55,7 +60,7 @@ pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<Mot
     let mut duration_s = gentle_s(from, to);
     loop {
         let way = MotionProgram { start: *from, segments: vec![Segment::Move { to: *to, duration_s }] };
-        match check::check(&way, geometry, None) {
+        match check::check(&way, geometry, load) {
             Ok(_) => return Ok(way),
             Err(PlatformError::Motion(MotionError::Limit { violation, .. }))
                 if violation.limit.is_of_speed() && duration_s < LONGEST_S =>
@@ -70,7 +75,8 @@ pub(super) fn between(from: &Pose, to: &Pose, geometry: &Geometry) -> Result<Mot
 /// Drives a way to its end; what was measured on it is of no experiment.
 ///
 /// # Errors
-/// As the platform's; [`PlatformError::Interrupted`] once it has come to rest after `go_on` has said no.
+/// As the platform's; [`PlatformError::Interrupted`] once it has come to rest after `go_on` has said no, and
+/// [`PlatformError::Unseen`] where it did not.
 pub(super) fn drive(
     platform: &mut dyn Platform,
     way: &MotionProgram,
@@ -83,9 +89,15 @@ pub(super) fn drive(
     platform.start()?;
     while platform.motion()? == Motion::Moving {
         if !go_on() {
-            platform.stop()?;
+            platform.stop(Stop::Alarm)?;
             let told = Instant::now();
-            while platform.motion()? == Motion::Moving && told.elapsed() < REST {
+            while platform.motion()? == Motion::Moving {
+                if told.elapsed() > REST {
+                    return Err(PlatformError::Unseen(format!(
+                        "it still moves {} s after the command to stop: use its own emergency stop",
+                        REST.as_secs()
+                    )));
+                }
                 std::thread::sleep(LOOK_EVERY);
             }
             return Err(PlatformError::Interrupted);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 use rigident::platform::tracking::compare;
-use rigident::platform::{Motion, MotionSample, Platform, PlatformError, connect};
+use rigident::platform::{Motion, MotionSample, Platform, PlatformError, Stop, connect};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::{Controller, StreamServer};
 
@@ -85,7 +85,7 @@ fn a_stop_in_the_middle_brings_it_to_rest_and_the_next_program_can_be_driven() {
     platform.start().unwrap();
     let begun = Instant::now();
     watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(2));
-    platform.stop().unwrap();
+    platform.stop(Stop::Alarm).unwrap();
     watch(platform.as_mut(), &mut Vec::new(), || false);
     assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Done);
     assert!(begun.elapsed() < Duration::from_secs(29), "it was not waited for the program's end");
@@ -93,6 +93,29 @@ fn a_stop_in_the_middle_brings_it_to_rest_and_the_next_program_can_be_driven() {
     platform.approach(&|| true).unwrap();
     platform.start().unwrap();
     watch(platform.as_mut(), &mut Vec::new(), || false);
+}
+
+/// Half the way that the rate would take it in 0.35 s, behind the points that it has: on the path, and no
+/// error.
+#[test]
+fn a_planned_end_goes_to_rest_on_the_path() {
+    let served = Served::new();
+    let program = swing(30.0);
+    let mut platform = ready(&served, &served.address(), &program);
+    platform.start().unwrap();
+    let begun = Instant::now();
+    watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(2));
+    platform.stop(Stop::Planned).unwrap();
+    let stopped = Instant::now();
+    let mut poses = Vec::new();
+    watch(platform.as_mut(), &mut Vec::new(), || {
+        poses.push(served.rig.lock().unwrap().pose());
+        false
+    });
+    assert_eq!(platform.motion(), Ok(Motion::Done));
+    assert!(stopped.elapsed() < Duration::from_secs(3), "{:?}", stopped.elapsed());
+    let off = rms_off_path(&program.trajectory().unwrap(), &poses);
+    assert!(off < 1e-3, "{off} m off the path");
 }
 
 #[test]
@@ -174,7 +197,7 @@ fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
-    // Servos that were off are off again.
+    // Servos that were off are left on: they hold the load where it is.
     // The client that moved it went away, which stopped it: that error is read first.
     asked(&served, "ERR?");
     assert_eq!(asked(&served, "SVO X 0 Y 0 Z 0 U 0 V 0 W 0\nERR?"), "0");
@@ -182,7 +205,7 @@ fn a_controller_is_left_as_it_was_found_after_an_end_and_after_a_stop() {
     assert!(platform.found().iter().any(|found| found.contains("servos are off")));
     assert_eq!(asked(&served, "SVO? X"), "X=1");
     drop(platform);
-    assert_eq!(asked(&served, "SVO? X"), "X=0");
+    assert_eq!(asked(&served, "SVO? X"), "X=1");
     // As a program that was killed would leave it.
     asked(&served, "SPA X 0x19001900 1\nERR?");
     let platform = connect(&served.address(), &Geometry::thesis()).unwrap();
@@ -371,7 +394,7 @@ fn a_stream_is_led_to_rest_on_its_path_and_one_that_begins_elsewhere_or_is_garba
     platform.start().unwrap();
     let begun = Instant::now();
     watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(3));
-    platform.stop().unwrap();
+    platform.stop(Stop::Alarm).unwrap();
     watch(platform.as_mut(), &mut Vec::new(), || false);
     while served.rig.lock().unwrap().motion() == MotionState::Moving {
         assert!(Instant::now() < deadline);

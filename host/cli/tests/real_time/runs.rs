@@ -57,6 +57,69 @@ fn without_a_yes_nothing_moves_and_the_limits_are_shown() {
     assert!(!served.path("out").exists());
 }
 
+#[test]
+fn a_dry_run_does_everything_but_the_motion() {
+    let served = Served::new();
+    let home = served.rig.lock().unwrap().pose();
+    for slow in [None, Some("0.1")] {
+        let mut more = vec!["--duration-s", "20", "--dry-run"];
+        more.extend(slow.iter().flat_map(|share| ["--slow", share]));
+        let output = run(&served, &more).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let said = said(&output);
+        let seconds = if slow.is_some() { "about to move for 20" } else { "about to move for 2" };
+        for words in [
+            "load guard ON",
+            "motion guard ON",
+            "in reserve",
+            "assumed",
+            "nothing was moved",
+            seconds,
+            "condition up to",
+        ] {
+            assert!(said.contains(words), "{words}\n{said}");
+        }
+        assert_eq!(said.contains("at 0.1 of the program's speed"), slow.is_some(), "{said}");
+    }
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Holding);
+    assert_eq!(served.rig.lock().unwrap().pose(), home);
+    assert!(!served.path("out").exists());
+    let output = run(&served, &["--yes", "--slow", "0"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+}
+
+#[test]
+fn a_run_that_is_stopped_on_the_way_to_its_start_leaves_a_trace() {
+    let served = Served::new();
+    let mut away = Geometry::thesis().home();
+    away.position_m[2] += 0.05;
+    served.rig.lock().unwrap().move_to(&away, 1.0).unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let mut child = run(&served, &["--duration-s", "20", "--yes"]).spawn().unwrap();
+    let mut heard = BufReader::new(child.stderr.take().unwrap()).lines();
+    for line in heard.by_ref() {
+        if line.unwrap().starts_with("to the first pose") {
+            break;
+        }
+    }
+    let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    let status = child.wait().unwrap();
+    let said = rest.join().unwrap();
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving, "{said}");
+    assert!(said.contains("trace.jsonl"), "{said}");
+    let trace = text(&served.path("out/trace.jsonl"));
+    let lines: Vec<serde_json::Value> =
+        trace.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.iter().find_map(|line| line.get("consent")).unwrap()["by"], "--yes");
+    assert!(lines.iter().any(|line| line["shown"].as_str().is_some_and(|s| s.contains("load guard ON"))));
+    assert!(lines.iter().any(|line| line["program"]["segments"].is_array()));
+    assert!(lines.iter().any(|line| line["command"] == "HLT"), "{trace}");
+    assert!(lines.iter().any(|line| line["reply"].is_string()));
+}
+
 /// The pose at the end of a line of `motion.csv`.
 fn measured(line: &str) -> Pose {
     let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
@@ -182,6 +245,43 @@ fn interrupted_by(signal: &str) {
     assert!(served.path("out/run.mcap").metadata().unwrap().len() > 10_000);
     let result: serde_json::Value = serde_json::from_str(&text(&served.path("out/result.json"))).unwrap();
     assert!(result["warnings"].to_string().contains("Ctrl-C"), "{result}");
+}
+
+/// Progress is shown every five seconds where standard error is no terminal.
+#[test]
+fn a_terminal_that_takes_nothing_any_more_holds_back_neither_guards_nor_ctrl_c() {
+    use std::io::{Read, Write};
+    use std::time::{Duration, Instant};
+    let served = Served::new();
+    let (reader, writer) = std::io::pipe().unwrap();
+    let mut filler = writer.try_clone().unwrap();
+    let mut child = run(&served, &["--duration-s", "60", "--yes"]).stderr(writer).spawn().unwrap();
+    let mut heard = BufReader::new(reader);
+    let mut line = String::new();
+    while !line.starts_with("the experiment takes") {
+        line.clear();
+        assert!(heard.read_line(&mut line).unwrap() > 0, "it ended");
+    }
+    // More than a pipe holds: it stays full until somebody reads.
+    let filling = std::thread::spawn(move || filler.write_all(&vec![b'#'; 1 << 20]));
+    std::thread::sleep(Duration::from_secs(10));
+    assert_eq!(
+        served.rig.lock().unwrap().motion(),
+        MotionState::Moving,
+        "it was stopped for want of a watch"
+    );
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let stopped = Instant::now();
+    assert!(told.success());
+    while served.rig.lock().unwrap().motion() == MotionState::Moving {
+        assert!(stopped.elapsed() < Duration::from_millis(1500), "Ctrl-C was not heard");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let mut rest = Vec::new();
+    heard.read_to_end(&mut rest).unwrap();
+    filling.join().unwrap().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{}", String::from_utf8_lossy(&rest));
+    assert!(served.path("out/run.mcap").metadata().unwrap().len() > 10_000);
 }
 
 /// A body that is much longer than its weight tells, on a load cell for small moments.

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hexapod::{Geometry, MotionProgram, Pose, Segment};
-use rigident::platform::{Motion, Platform, PlatformError, connect};
+use rigident::platform::{Motion, Platform, PlatformError, Stop, connect};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::{Controller, StreamServer};
 
@@ -73,7 +73,7 @@ fn a_motion_that_someone_else_ends_is_no_end() {
     platform.start().unwrap();
     let begun = Instant::now();
     watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_millis(1200));
-    connect(&address, &Geometry::thesis()).unwrap().stop().unwrap();
+    connect(&address, &Geometry::thesis()).unwrap().stop(Stop::Alarm).unwrap();
     let deadline = Instant::now() + PATIENCE;
     let error = loop {
         match platform.motion() {
@@ -83,12 +83,12 @@ fn a_motion_that_someone_else_ends_is_no_end() {
     };
     assert!(matches!(error, PlatformError::Cut { at_s, of_s } if at_s < 5.0 && of_s > 29.0), "{error}");
     // Once told, it is at rest; and a stop from here is no error.
-    platform.stop().unwrap();
+    platform.stop(Stop::Alarm).unwrap();
     assert_eq!(platform.motion(), Ok(Motion::Done));
     platform.load(&swing(3.0)).unwrap();
     platform.start().unwrap();
     std::thread::sleep(Duration::from_millis(500));
-    platform.stop().unwrap();
+    platform.stop(Stop::Alarm).unwrap();
     watch(platform.as_mut(), &mut Vec::new(), || false);
     assert_eq!(platform.motion(), Ok(Motion::Done));
 }

@@ -8,7 +8,7 @@ use rigident_shared::wire::{Command, Reason, Reply, StateName};
 use super::take::{Nobody, Taking};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, tree, two_links};
 use crate::device::link::{LinkError, TakenFactor};
-use crate::platform::{Motion, Platform, PlatformError};
+use crate::platform::{Motion, Platform, PlatformError, Stop};
 use rigident_fit::Factor;
 
 /// How long a platform may take to come to rest.
@@ -28,7 +28,9 @@ impl Session {
         self.unwatched();
         // Whatever went wrong, the plate must not go on.
         let at_rest = if outcome.is_err() || taking.held() || taking.interrupted || taking.ended {
-            self.bring_to_rest(platform, &mut taking, observer)
+            let alarm = outcome.is_err() || taking.interrupted;
+            let stop = if alarm { Stop::Alarm } else { Stop::Planned };
+            self.bring_to_rest(platform, stop, &mut taking, observer)
         } else {
             Ok(())
         };
@@ -75,23 +77,31 @@ impl Session {
         };
         self.unwatched();
         if outcome.is_err() {
-            self.bring_to_rest(platform, &mut taking, &mut Nobody)?;
+            self.bring_to_rest(platform, Stop::Alarm, &mut taking, &mut Nobody)?;
         }
         outcome
     }
 
-    /// Stops the platform and sees it at rest, taking in what comes meanwhile. Why it could not be, otherwise.
+    /// Stops the platform and sees it at rest, taking in what comes meanwhile; a planned stop becomes an
+    /// alarm where something goes wrong on the way, or somebody says stop. Why it could not be seen at rest,
+    /// otherwise.
     fn bring_to_rest(
         &mut self,
         platform: &mut dyn Platform,
+        mut stop: Stop,
         taking: &mut Taking,
         observer: &mut dyn Observer,
     ) -> Result<(), String> {
-        let told = platform.stop();
+        let mut told = platform.stop(stop);
         let deadline = Instant::now() + REST;
         loop {
             // In lock-step the plate moves only while the device is heard. What is broken there has been told.
             let heard = self.listen(taking, observer);
+            let alarm = heard.is_err() || INTERRUPTED.load(Ordering::Relaxed);
+            if stop == Stop::Planned && alarm {
+                stop = Stop::Alarm;
+                told = platform.stop(stop);
+            }
             match platform.motion() {
                 Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
                 Ok(Motion::Moving) if Instant::now() < deadline => {}

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use hexapod::gcs::{GcsPosition, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD};
+use hexapod::gcs::{GcsPosition, MACRO, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD};
 
 use super::line::Line;
 use crate::platform::PlatformError;
@@ -11,6 +11,8 @@ use crate::platform::PlatformError;
 const ZERO_MM: f64 = 1e-6;
 /// Coordinate systems that a controller has from its maker: the hexapod's own, and those of levelling and orientation.
 const MAKERS: [&str; 3] = ["ZERO", "HEXAPOD", "PI_"];
+/// An interval read back may differ by so much as it is printed, a share: half a millisecond in ten minutes.
+const PRINTED: f64 = 1e-6;
 
 /// What a program changes, and what a program must know of.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +31,16 @@ pub(super) struct Found {
     pub(super) position: Option<GcsPosition>,
     /// Names of the coordinate systems in force, if it says.
     frames: Option<String>,
-    /// Whether it says where the pivot point is.
-    pivot_known: bool,
+    /// What it can be asked.
+    knows: Knows,
+}
+
+/// Questions that not every controller knows: one that is not known has no answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Knows {
+    pivot: bool,
+    frames: bool,
+    macros: bool,
 }
 
 /// The command that sets a parameter of the motion path.
@@ -56,27 +66,16 @@ impl Found {
     /// # Errors
     /// A pivot point or a coordinate system that the rig file's platform does not have; no answer.
     pub(super) fn ask(line: &mut Line) -> Result<Self, PlatformError> {
-        // A question that it does not know has no answer.
         let help = line.ask("HLP?")?;
-        let knows = |verb: &str| help.lines().any(|l| l.split_whitespace().next() == Some(verb));
-        let pivot_known = knows("SPI?");
-        if pivot_known {
-            let answer = line.ask("SPI?")?;
-            agree_on_pivot(&answer).map_err(|at| match at {
-                Some(at) => PlatformError::Refused(format!(
-                    "its pivot point is at {at} mm, and the rig file's poses are those of the plate's origin: bring it back by SPI, as \
-                     SPI R 0 S 0 T 0"
-                )),
-                None => line.nonsense("SPI?", &answer),
-            })?;
-        }
-        let frames = if knows("KEN?") { Some(frames(&line.ask("KEN?")?)?) } else { None };
+        let has = |verb: &str| help.lines().any(|l| l.split_whitespace().next() == Some(verb));
+        let knows = Knows { pivot: has("SPI?"), frames: has("KEN?"), macros: has("#8") };
+        let frames = knows.ask(line)?;
         let source = parameter(line, PATH_SOURCE)?;
         let buffered = set(PATH_BUFFERED, parameter(line, PATH_BUFFERED)?);
         let threshold = set(PATH_THRESHOLD, parameter(line, PATH_THRESHOLD)?);
         let answer = line.ask("SCT?")?;
         let interval = value(&answer).ok_or_else(|| line.nonsense("SCT?", &answer))?;
-        let velocity = if knows("VLS?") { Some(line.ask("VLS?")?.trim().to_owned()) } else { None };
+        let velocity = if has("VLS?") { Some(line.ask("VLS?")?.trim().to_owned()) } else { None };
         let referenced = !line.six("FRF?")?.contains(&0.0);
         Ok(Self {
             consecutive: source == "1",
@@ -87,20 +86,36 @@ impl Found {
             referenced,
             position: if referenced { Some(GcsPosition(line.six("POS?")?)) } else { None },
             frames,
-            pivot_known,
+            knows,
         })
+    }
+
+    /// Asks again, right before something moves, for what others may have changed since.
+    ///
+    /// # Errors
+    /// A pivot point, a coordinate system or a macro that was not there; no answer.
+    pub(super) fn ask_again(&self, line: &mut Line) -> Result<(), PlatformError> {
+        self.knows.ask(line).map(drop)
     }
 
     /// Returns the commands that bring it back, in order.
     pub(super) fn back(&self) -> Vec<String> {
         let mut commands = self.path.clone();
         commands.extend(self.velocity.as_ref().map(|velocity| format!("VLS {velocity}")));
-        let off: Vec<_> = hexapod::gcs::AXES.iter().zip(self.servo).filter(|(_, on)| !on).collect();
-        if !off.is_empty() {
-            let axes = off.iter().fold("SVO".to_owned(), |line, (axis, _)| format!("{line} {axis} 0"));
-            commands.push(axes);
-        }
         commands
+    }
+
+    /// Returns what is not brought back, a sentence each: servos stay on, as legs that do not lock themselves
+    /// let the load sink or drop where it is.
+    pub(super) fn left(&self) -> Vec<String> {
+        if self.servo.iter().all(|on| *on) {
+            return Vec::new();
+        }
+        vec![
+            "the platform's servos were off before the run and are left on: they hold the load where it is. Switch them off (SVO) only \
+             where nothing can sink or fall, nobody being near"
+                .to_owned(),
+        ]
     }
 
     /// Returns what its owner should know before anything moves, a sentence each.
@@ -124,7 +139,10 @@ impl Found {
             path.join(", ")
         ));
         if !self.servo.iter().all(|on| *on) {
-            words.push("its servos are off: they are switched on, and off again at the end".to_owned());
+            words.push(
+                "its servos are off: they are switched on, and left on at the end, as the load may sink or fall without them"
+                    .to_owned(),
+            );
         }
         if !self.referenced {
             words.push(
@@ -132,11 +150,67 @@ impl Found {
                     .to_owned(),
             );
         }
-        words.push(match (&self.frames, self.pivot_known) {
+        if !self.knows.macros {
+            words.push("it does not say whether one of its macros runs: none must".to_owned());
+        }
+        words.push(match (&self.frames, self.knows.pivot) {
             (Some(frames), true) => format!("coordinate systems {frames}, pivot point at zero: as in the rig file"),
             _ => "it does not say which coordinate systems and which pivot point are in force: they must be its maker's".to_owned(),
         });
         words
+    }
+}
+
+impl Knows {
+    /// Asks for what poses depend on, and for whoever else commands; names of the coordinate systems in
+    /// force, if it says.
+    ///
+    /// # Errors
+    /// A pivot point or a coordinate system that the rig file's platform does not have; a macro that runs; no
+    /// answer.
+    fn ask(&self, line: &mut Line) -> Result<Option<String>, PlatformError> {
+        if self.pivot {
+            let answer = line.ask("SPI?")?;
+            agree_on_pivot(&answer).map_err(|at| match at {
+                Some(at) => PlatformError::Refused(format!(
+                    "its pivot point is at {at} mm, and the rig file's poses are those of the plate's origin: bring it back by SPI, as \
+                     SPI R 0 S 0 T 0"
+                )),
+                None => line.nonsense("SPI?", &answer),
+            })?;
+        }
+        if self.macros {
+            let answer = String::from_utf8_lossy(&line.ask_byte(MACRO)?).into_owned();
+            match answer.trim().parse::<u32>() {
+                Ok(0) => {}
+                Ok(_) => {
+                    return Err(PlatformError::Refused(
+                        "one of its macros runs, which may move it at any time: end it first (MAC STOP, or #24 while nobody is near)"
+                            .to_owned(),
+                    ));
+                }
+                Err(_) => return Err(line.nonsense("#8", &answer)),
+            }
+        }
+        if self.frames { frames(&line.ask("KEN?")?).map(Some) } else { Ok(None) }
+    }
+}
+
+/// Asks for the interval of consecutive moves, which a controller may have rounded: the points would run out,
+/// or be driven faster than they are meant.
+///
+/// # Errors
+/// It is another than this, ms; no answer.
+pub(super) fn agree_on_interval(line: &mut Line, wanted_ms: f64) -> Result<(), PlatformError> {
+    let answer = line.ask("SCT?")?;
+    let has_ms: Option<f64> = value(&answer).and_then(|value| value.parse().ok());
+    match has_ms {
+        Some(ms) if (ms / wanted_ms - 1.0).abs() <= PRINTED => Ok(()),
+        Some(ms) => Err(PlatformError::Refused(format!(
+            "it takes a point every {ms} ms (SCT), and {wanted_ms:.6} ms were asked for: give the address a rate_hz whose interval it \
+             takes as it is, such as 100, 200 or 250"
+        ))),
+        None => Err(line.nonsense("SCT?", &answer)),
     }
 }
 

@@ -1,27 +1,31 @@
 //! Questions and answers.
 
 use std::io;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use hexapod::gcs::{GcsPosition, STOP, is_whole_answer};
 
-use crate::platform::PlatformError;
 use crate::platform::address::{PATIENCE, Wire};
+use crate::platform::{PlatformError, Said, Trace};
 
 /// The longest answer taken.
 const ANSWER_BYTES: usize = 1 << 16;
 /// What an error number is asked by.
 const ERROR: &str = "ERR?";
+/// How long a controller that was told to stop may take to answer.
+const SOON: Duration = Duration::from_millis(500);
 
 /// A line to a controller.
 pub(super) struct Line {
     wire: Box<dyn Wire>,
     address: String,
+    /// Where all that goes over it is noted.
+    pub(super) trace: Option<Trace>,
 }
 
 impl Line {
     pub(super) fn new(wire: Box<dyn Wire>, address: String) -> Self {
-        Self { wire, address }
+        Self { wire, address, trace: None }
     }
 
     fn lost(&self, command: &str, reason: impl ToString) -> PlatformError {
@@ -38,34 +42,35 @@ impl Line {
     }
 
     fn write(&mut self, bytes: &[u8], command: &str) -> Result<(), PlatformError> {
+        self.trace.iter().for_each(|trace| trace(Said::Command(command)));
         self.wire.write_all(bytes).and_then(|()| self.wire.flush()).map_err(|e| self.lost(command, e))
     }
 
     /// Asks; all lines of the answer.
     pub(super) fn ask(&mut self, question: &str) -> Result<String, PlatformError> {
+        self.ask_within(question, PATIENCE)
+    }
+
+    fn ask_within(&mut self, question: &str, within: Duration) -> Result<String, PlatformError> {
         self.tell(question)?;
-        self.answer(question)
+        Ok(String::from_utf8_lossy(&self.bytes(question, within)?).into_owned())
     }
 
     /// Asks by a single byte, which is named `#n`.
     pub(super) fn ask_byte(&mut self, byte: u8) -> Result<Vec<u8>, PlatformError> {
         let name = format!("#{byte}");
         self.write(&[byte], &name)?;
-        self.bytes(&name)
+        self.bytes(&name, PATIENCE)
     }
 
-    /// Stops all motion.
+    /// Stops all motion abruptly.
     pub(super) fn stop(&mut self) -> Result<(), PlatformError> {
         self.write(&[STOP], "#24 (stop)")
     }
 
-    fn answer(&mut self, question: &str) -> Result<String, PlatformError> {
-        Ok(String::from_utf8_lossy(&self.bytes(question)?).into_owned())
-    }
-
     /// An answer ends at a line's end without a space before it.
-    fn bytes(&mut self, question: &str) -> Result<Vec<u8>, PlatformError> {
-        let deadline = Instant::now() + PATIENCE;
+    fn bytes(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, PlatformError> {
+        let deadline = Instant::now() + within;
         let (mut answer, mut byte) = (Vec::new(), [0]);
         while Instant::now() < deadline && answer.len() < ANSWER_BYTES {
             match self.wire.read(&mut byte) {
@@ -74,6 +79,8 @@ impl Line {
                     answer.extend(byte);
                     if is_whole_answer(&answer) {
                         answer.pop();
+                        let reply = String::from_utf8_lossy(&answer);
+                        self.trace.iter().for_each(|trace| trace(Said::Reply(&reply)));
                         return Ok(answer);
                     }
                 }
@@ -85,12 +92,21 @@ impl Line {
                 Err(e) => return Err(self.lost(question, e)),
             }
         }
-        Err(self.lost(question, format!("no whole answer within {} s", PATIENCE.as_secs())))
+        Err(self.lost(question, format!("no whole answer within {} s", within.as_secs_f64())))
     }
 
     /// The controller's error since the last time, blamed on a command.
     pub(super) fn check(&mut self, command: &str) -> Result<(), PlatformError> {
-        let answer = self.ask(ERROR)?;
+        self.check_within(command, PATIENCE)
+    }
+
+    /// Likewise, of a plate that is to come to rest: a late answer must not hold back what is tried next.
+    pub(super) fn check_soon(&mut self, command: &str) -> Result<(), PlatformError> {
+        self.check_within(command, SOON)
+    }
+
+    fn check_within(&mut self, command: &str, within: Duration) -> Result<(), PlatformError> {
+        let answer = self.ask_within(ERROR, within)?;
         match answer.trim().parse() {
             Ok(0) => Ok(()),
             Ok(code) => Err(PlatformError::Controller { command: command.to_owned(), code }),

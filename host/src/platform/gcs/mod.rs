@@ -4,6 +4,9 @@
 //! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
 //! [`hexapod::gcs`].
 //!
+//! A program that ends early by plan is led to rest on its path. For an alarm `HLT` stops it smoothly, and
+//! `#24` abruptly if `#5` still shows motion half a second later.
+//!
 //! A program, and the way to its start, is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what
 //! that changes is read before and brought back after (`Found`). Before, every hundredth of a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
 //! The built-in description of the platform must have its home where the hexapod has its zero.
@@ -11,17 +14,21 @@
 mod errors;
 mod found;
 mod line;
+#[cfg(test)]
+mod tests;
 
 pub use errors::words;
 
 use std::time::{Duration, Instant};
 
-use hexapod::gcs::{AXES, GcsPosition, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY};
-use hexapod::{Geometry, MotionProgram, Pose};
+use hexapod::gcs::{
+    AXES, GcsPosition, HALT, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY, error,
+};
+use hexapod::{Geometry, Load, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
-use super::pace::{GAP_S, Pace, Sink, Timing};
-use super::{Motion, MotionSample, Platform, PlatformError, check, way};
+use super::pace::{self, GAP_S, Pace, Sink, Timing};
+use super::{Motion, MotionSample, Platform, PlatformError, Stop, Trace, check, way};
 use found::{Found, set};
 use line::Line;
 
@@ -43,6 +50,7 @@ pub struct GcsPlatform {
     found: Found,
     /// Something of what was found has been changed.
     changed: bool,
+    load: Option<Load>,
     state: State,
 }
 
@@ -98,6 +106,7 @@ impl GcsPlatform {
             program: None,
             found,
             changed: false,
+            load: None,
             state: State::Resting(Hexapod { line, reference, last: String::new() }),
         })
     }
@@ -130,11 +139,11 @@ impl Platform for GcsPlatform {
         self.found.words()
     }
 
-    fn release(&mut self) -> Result<(), PlatformError> {
+    fn release(&mut self) -> Result<Vec<String>, PlatformError> {
         if let State::Moving(pace) = &self.state
             && pace.motion().is_ok_and(|motion| motion == Motion::Moving)
         {
-            pace.stop();
+            pace.stop(Stop::Alarm);
             let begun = Instant::now();
             while pace.motion().is_ok_and(|motion| motion == Motion::Moving)
                 && begun.elapsed().as_secs_f64() < REST_S
@@ -143,13 +152,43 @@ impl Platform for GcsPlatform {
             }
         }
         if !std::mem::take(&mut self.changed) {
-            return Ok(());
+            return Ok(Vec::new());
         }
-        let commands = self.found.back();
+        let (commands, left) = (self.found.back(), self.found.left());
         let hexapod = self.resting()?;
+        // Nothing is changed in a machine that moves.
+        if hexapod.moving()? {
+            hexapod.bring_to_rest()?;
+        }
         // What a stop has left is no refusal of what follows.
         hexapod.line.ask("ERR?")?;
-        commands.iter().try_for_each(|command| hexapod.line.order(command))
+        let mut refused = Ok(());
+        for command in commands {
+            match hexapod.line.order(&command) {
+                Err(error @ PlatformError::Controller { .. }) => refused = refused.and(Err(error)),
+                other => other?,
+            }
+        }
+        refused.map(|()| left)
+    }
+
+    fn stands(&mut self) -> Result<Option<Pose>, PlatformError> {
+        let reference = self.reference;
+        let line = &mut self.resting()?.line;
+        if line.six("FRF?")?.contains(&0.0) {
+            return Ok(None);
+        }
+        Ok(Some(GcsPosition(line.six("POS?")?).pose(&reference)))
+    }
+
+    fn carries(&mut self, load: Option<Load>) {
+        self.load = load;
+    }
+
+    fn trace(&mut self, to: Trace) {
+        if let State::Resting(hexapod) = &mut self.state {
+            hexapod.line.trace = Some(to);
+        }
     }
 
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
@@ -200,7 +239,7 @@ impl Platform for GcsPlatform {
         // A reference move ends at zero.
         let referenced = !hexapod.line.six("FRF?")?.contains(&0.0);
         let here = if referenced { GcsPosition(hexapod.line.six("POS?")?) } else { GcsPosition::default() };
-        way::between(&here.pose(&reference), &program.start, &self.geometry).map(Some)
+        way::between(&here.pose(&reference), &program.start, &self.geometry, self.load.as_ref()).map(Some)
     }
 
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
@@ -208,12 +247,14 @@ impl Platform for GcsPlatform {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
         self.changed = true;
+        let found = self.found.clone();
         let hexapod = self.resting()?;
+        found.ask_again(&mut hexapod.line)?;
         if hexapod.line.six("SVO?")?.contains(&0.0) {
             hexapod.line.order("SVO X 1 Y 1 Z 1 U 1 V 1 W 1")?;
         }
         if hexapod.line.six("FRF?")?.contains(&0.0) {
-            hexapod.line.order("FRF")?;
+            hexapod.line.tell("FRF")?;
             hexapod.wait("FRF", go_on, |line| {
                 Ok(line.ask_byte(IS_READY)?.first() == Some(&READY) && !line.six("FRF?")?.contains(&0.0))
             })?;
@@ -238,14 +279,23 @@ impl Platform for GcsPlatform {
                 check::words(&program.start)
             )));
         }
-        let timing = self.timing;
+        let (timing, found) = (self.timing, self.found.clone());
         self.changed = true;
         let hexapod = self.resting()?;
+        // Minutes may have gone by since it was asked, and others may be connected.
+        found.ask_again(&mut hexapod.line)?;
+        if hexapod.line.six("SVO?")?.contains(&0.0) {
+            return Err(PlatformError::Refused(
+                "its servos have been switched off: is another program connected to it?".to_owned(),
+            ));
+        }
         // The source last: it begins a path.
         let buffered = (timing.lead_s * timing.rate_hz).floor().max(2.0);
         hexapod.line.order(&set(PATH_BUFFERED, 1))?;
         hexapod.line.order(&set(PATH_THRESHOLD, buffered))?;
-        hexapod.line.order(&format!("SCT T {}", 1e3 / timing.rate_hz))?;
+        let interval_ms = 1e3 / timing.rate_hz;
+        hexapod.line.order(&format!("SCT T {interval_ms}"))?;
+        found::agree_on_interval(&mut hexapod.line, interval_ms)?;
         hexapod.line.order(&set(PATH_SOURCE, 1))?;
         if let State::Resting(hexapod) = std::mem::replace(&mut self.state, State::Gone) {
             self.state = State::Moving(Pace::begin(hexapod, trajectory, timing, LOOKS_HZ));
@@ -253,13 +303,13 @@ impl Platform for GcsPlatform {
         Ok(())
     }
 
-    fn stop(&mut self) -> Result<(), PlatformError> {
+    fn stop(&mut self, stop: Stop) -> Result<(), PlatformError> {
         match &mut self.state {
             State::Moving(pace) => {
-                pace.stop();
+                pace.stop(stop);
                 Ok(())
             }
-            State::Resting(hexapod) => hexapod.halt().map(drop),
+            State::Resting(hexapod) => hexapod.bring_to_rest(),
             State::Gone => Err(PlatformError::Refused("its connection is gone".to_owned())),
         }
     }
@@ -285,8 +335,33 @@ impl Hexapod {
         u32::from_str_radix(digits, 16).map(|m| m != 0).map_err(|_| self.line.nonsense("#5", &answer))
     }
 
-    /// Waits for what a command should bring about; stops if told to, or if it does not come.
+    /// Stops the machine and sees it at rest.
+    fn bring_to_rest(&mut self) -> Result<(), PlatformError> {
+        self.halt()?;
+        match pace::rest(self, true)? {
+            Some(false) => Err(PlatformError::Unseen("it still moves after an abrupt stop (#24)".to_owned())),
+            _ => Ok(()),
+        }
+    }
+
+    /// Waits for what a command should bring about. It is stopped if told to, if that does not come, and at
+    /// any error: the controller would go on.
     fn wait(
+        &mut self,
+        command: &str,
+        go_on: &dyn Fn() -> bool,
+        there: impl Fn(&mut Line) -> Result<bool, PlatformError>,
+    ) -> Result<(), PlatformError> {
+        let Err(why) = self.look_for(command, go_on, there) else { return Ok(()) };
+        match self.bring_to_rest() {
+            Ok(()) => Err(why),
+            Err(unknown) => Err(PlatformError::Unseen(format!(
+                "{why}\nThe platform could not be seen at rest ({unknown}): use its own emergency stop."
+            ))),
+        }
+    }
+
+    fn look_for(
         &mut self,
         command: &str,
         go_on: &dyn Fn() -> bool,
@@ -298,14 +373,13 @@ impl Hexapod {
             if there(&mut self.line)? {
                 return Ok(());
             }
-            let late = begun.elapsed().as_secs_f64() > LONGEST_S;
-            if late || !go_on() {
-                self.halt()?;
-                return Err(if late {
-                    PlatformError::Refused(format!("{command} did not come to its end within {LONGEST_S} s"))
-                } else {
-                    PlatformError::Interrupted
-                });
+            if begun.elapsed().as_secs_f64() > LONGEST_S {
+                return Err(PlatformError::Refused(format!(
+                    "{command} did not come to its end within {LONGEST_S} s, and was stopped"
+                )));
+            }
+            if !go_on() {
+                return Err(PlatformError::Interrupted);
             }
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -331,10 +405,26 @@ impl Sink for Hexapod {
     }
 
     fn halt(&mut self) -> Result<bool, PlatformError> {
-        self.line.stop()?;
-        match self.line.check("#24 (stop)") {
+        let told = self.line.tell(HALT);
+        match told.and_then(|()| self.line.check_soon(HALT)) {
+            // A controller that does not know it.
+            Err(PlatformError::Controller { code, .. }) if code == i32::from(error::UNKNOWN_COMMAND) => {
+                self.halt_abruptly().map(|()| true)
+            }
             // That is what a stop is answered by.
             Ok(()) | Err(PlatformError::Controller { .. }) => Ok(true),
+            Err(error) => {
+                // Whoever answers no more may still hear.
+                let _ = self.line.stop();
+                Err(error)
+            }
+        }
+    }
+
+    fn halt_abruptly(&mut self) -> Result<(), PlatformError> {
+        self.line.stop()?;
+        match self.line.check_soon("#24 (stop)") {
+            Ok(()) | Err(PlatformError::Controller { .. }) => Ok(()),
             Err(error) => Err(error),
         }
     }
