@@ -66,11 +66,13 @@ impl Address {
         let (scheme, rest) =
             text.split_once("://").ok_or_else(|| wrong("there is no :// in it".to_owned()))?;
         let (place, settings) = rest.split_once('?').unwrap_or((rest, ""));
+        // A PI controller takes a point every interval of its own.
+        let follows = if scheme == "gcs" { Follows::Time } else { Follows::Unknown };
         let mut address = Self {
             text: text.to_owned(),
             scheme: scheme.to_owned(),
             place: place.to_owned(),
-            timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S, follows: Follows::Time },
+            timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S, follows },
             baud: BAUD,
         };
         if place.is_empty() {

@@ -1,9 +1,9 @@
 //! A program sent as set points at a fixed rate, and what came of it.
 //!
 //! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its own or the line
-//! itself is broken. No point follows the one before sooner than [`CLOSEST`] of their interval, so that a
-//! host that stood still makes up for it with no burst: a controller that takes points as they come never
-//! moves faster than the path, by more than that.
+//! itself is broken. No point follows the one before sooner than a share of their interval ([`Follows::closest`]),
+//! so that a host that stood still makes up for it with no burst: a controller that may take points as they come
+//! never moves faster than the path by more than a twentieth.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,7 +17,7 @@ use super::{Motion, MotionSample, PlatformError, Stop};
 /// Whoever watches the motion asks often; after so long without, s, the platform is stopped.
 pub(super) const UNWATCHED_S: f64 = 2.0;
 /// The plate is led to rest on its path within, s.
-const SLOW_S: f64 = 0.35;
+pub(super) const SLOW_S: f64 = 0.35;
 /// The last pose is repeated for so long, s.
 const TAIL_S: f64 = 0.2;
 /// The longest wait for rest after the last point or a stop, s.
@@ -30,19 +30,30 @@ const LINGER_S: f64 = 1.5;
 const SETTLE_S: f64 = 0.3;
 /// A gap after which the motion does not go on, s.
 pub(super) const GAP_S: f64 = 0.5;
-/// The shortest time between two points, as a share of their interval: what sleep makes late is caught up,
-/// and no more at once.
+/// The shortest time between two points, as a share of their interval, where the controller may take them as they
+/// come: what sleep makes late is caught up, and no more at once.
 const CLOSEST: f64 = 0.95;
+/// Likewise, where it is known to have a clock of its own: its buffer is filled again.
+const CLOSEST_OF_TIME: f64 = 0.25;
 /// A controller that follows lines as they come stands still after a pause of more intervals than this.
 const STANDS: f64 = 3.0;
 
 /// What a controller goes by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Follows {
+    /// Nobody has said.
+    Unknown,
     /// By the time of each point, or by an interval of its own.
     Time,
     /// It goes to each point as it comes.
     Arrival,
+}
+
+impl Follows {
+    /// Returns the shortest time between two points, as a share of their interval.
+    fn closest(self) -> f64 {
+        if self == Self::Time { CLOSEST_OF_TIME } else { CLOSEST }
+    }
 }
 
 /// When set points are sent.
@@ -307,6 +318,7 @@ impl<S: Sink> Run<S> {
     fn follow(&mut self) -> Result<Ended, PlatformError> {
         let step_s = 1.0 / self.timing.rate_hz;
         let by_arrival = self.timing.follows == Follows::Arrival;
+        let closest_s = self.timing.follows.closest() * step_s;
         let lead_s = if by_arrival { 0.0 } else { self.timing.lead_s };
         let begun = Instant::now();
         let duration_s = self.trajectory.duration_s();
@@ -316,7 +328,7 @@ impl<S: Sink> Run<S> {
             k += 1;
             let mut time_s = k as f64 * step_s;
             // Points before the program's own beginning fill the controller's buffer at once.
-            let soonest_s = if time_s > lead_s { sent_s + CLOSEST * step_s } else { 0.0 };
+            let soonest_s = if time_s > lead_s { sent_s + closest_s } else { 0.0 };
             let due_s = (time_s + stretched_s - lead_s).max(soonest_s);
             thread::sleep(Duration::from_secs_f64(due_s.max(0.0)).saturating_sub(begun.elapsed()));
             let late_s = begun.elapsed().as_secs_f64() - time_s - stretched_s;

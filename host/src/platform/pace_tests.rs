@@ -58,13 +58,13 @@ fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Told) {
 #[test]
 fn what_comes_after_its_time_ends_the_motion_on_its_path_and_after_a_gap_nothing_moves_any_more() {
     // A seventh of a second after its time: led to rest further on.
-    let (sent, told) = driven(0.45, Follows::Time);
+    let (sent, told) = driven(0.45, Follows::Unknown);
     assert!(matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 0.1), "{told:?}");
     let end = sent.last().unwrap().1;
     assert!(sent[59].1 + 1e-3 < end && end < 0.099, "{end}");
     assert!(sent[sent.len() - 10..].iter().all(|point| point.1 == end), "it ends at rest");
     // Two seconds: the plate has been at the last point for long.
-    for follows in [Follows::Time, Follows::Arrival] {
+    for follows in [Follows::Unknown, Follows::Arrival] {
         let (sent, told) = driven(2.0, follows);
         assert!(
             matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 1.0),
@@ -84,14 +84,14 @@ fn what_comes_after_its_time_ends_the_motion_on_its_path_and_after_a_gap_nothing
 fn a_host_that_stood_still_makes_up_for_it_with_no_burst() {
     const MOST_MPS: f64 = 1.875 * 0.1 / 2.0;
     for (follows, delay_s) in [
-        (Follows::Time, 0.1),
-        (Follows::Time, 0.25),
-        (Follows::Time, 0.45),
+        (Follows::Unknown, 0.1),
+        (Follows::Unknown, 0.18),
+        (Follows::Unknown, 0.45),
         (Follows::Arrival, 0.1),
         (Follows::Arrival, 0.4),
     ] {
         let (sent, told) = driven(delay_s, follows);
-        let late = follows == Follows::Time && delay_s > 0.3;
+        let late = follows == Follows::Unknown && delay_s > 0.3;
         assert_eq!(told.len(), if late { 2 } else { 1 }, "{follows:?} {delay_s}: {told:?}");
         // As one that takes points as they come would have it, once the buffer is full.
         for pair in sent[31..].windows(2) {
@@ -107,6 +107,20 @@ fn a_host_that_stood_still_makes_up_for_it_with_no_burst() {
             let first = sent[60].1 - sent[59].1;
             assert!(first < 0.05 * 0.01 * MOST_MPS, "it sets off gently: {first} m");
         }
+    }
+}
+
+/// A controller with a clock of its own has its buffer full again soon.
+#[test]
+fn a_controller_that_goes_by_time_has_its_lead_again_after_a_stall() {
+    for (follows, within_s) in [(Follows::Time, 0.0..0.5), (Follows::Unknown, 0.8..9.0)] {
+        let (sent, told) = driven(0.18, follows);
+        assert_eq!(told, [Ok(Motion::Done)], "{follows:?}");
+        let begun = sent[0].2;
+        let lead = |point: &Point| point.0 - (point.2 - begun).as_secs_f64();
+        let again = sent[60..].iter().find(|point| lead(point) > 0.25).unwrap_or(sent.last().unwrap());
+        let took_s = (again.2 - sent[60].2).as_secs_f64();
+        assert!(within_s.contains(&took_s), "{follows:?}: {took_s} s");
     }
 }
 

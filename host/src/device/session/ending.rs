@@ -93,14 +93,15 @@ impl Session {
         observer: &mut dyn Observer,
     ) -> Result<(), String> {
         let mut told = platform.stop(stop);
-        let deadline = Instant::now() + REST;
+        let mut deadline = Instant::now() + REST;
         loop {
             // In lock-step the plate moves only while the device is heard. What is broken there has been told.
             let heard = self.listen(taking, observer);
-            let alarm = heard.is_err() || INTERRUPTED.load(Ordering::Relaxed);
-            if stop == Stop::Planned && alarm {
+            let late = Instant::now() > deadline;
+            if stop == Stop::Planned && (late || heard.is_err() || INTERRUPTED.load(Ordering::Relaxed)) {
                 stop = Stop::Alarm;
                 told = platform.stop(stop);
+                deadline = Instant::now() + REST;
             }
             match platform.motion() {
                 Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
