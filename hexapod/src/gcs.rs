@@ -6,14 +6,12 @@
 //!
 //! Facts are from the vendor's manual of the C-887 controller (MS204E), from the hexapods' manuals (H-850: MS202E, H-845:
 //! MS222E), from its Python client `pipython` and from its ROS driver:
-//! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines
-//! all but the last
-//!   end with a space before LF;
+//! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines all but
+//!   the last end with a space before LF;
 //! - an error is not answered: its number is kept until `ERR?` fetches it;
-//! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros
-//! included. After either the
-//! number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of given axes smoothly", "Stop all
-//! axes abruptly");
+//! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros included. After
+//!   either the number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of given axes smoothly", "Stop
+//!   all axes abruptly"; the controller's own `HLP?`: "Halt motion smoothly", "Stop all axes abruptly");
 //! - X, Y, Z are mm and U, V, W degrees from the reference pose. The rotations follow each other in the order U, V, W about
 //!   axes that go with the plate (MS202E 3.7, MS222E 3.7): `R = Rx(U) Ry(V) Rz(W)`, not the roll, pitch, yaw about fixed
 //!   axes of [`Pose`];

@@ -2,14 +2,19 @@
 
 use std::fmt;
 
-use hexapod::{Geometry, Load, MotionProgram, PlateState, Pose, Travel};
+use hexapod::{Geometry, Load, MotionError, MotionProgram, PlateState, Pose, Travel};
 
 use super::PlatformError;
+use super::pace::SLOW_S;
+use super::stop_force::stop_force_n;
 
 /// Steps in which what is shown of a program is looked at, s, and how many they are at most. The limits themselves are
 /// checked at every instant.
 const STEP_S: f64 = 0.004;
 const MOST_STEPS: f64 = 50_000.0;
+
+/// A stop by the controller itself is shown as one of this duration, s: nothing says how long it takes.
+const ALARM_S: f64 = 0.1;
 
 /// What cannot be said of a machine whose joints are not published.
 pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every pose inside the travel, their \
@@ -42,6 +47,9 @@ pub struct Summary {
     pub leg_force_n: Option<f64>,
     /// The legs' limit, N, if there is one.
     pub leg_force_limit_n: Option<f64>,
+    /// Greatest force of a leg if the plate is led to rest on its path in 0.35 s, and if it is stopped in 0.1 s, at
+    /// the worst instant, N.
+    pub stop_force_n: Option<[f64; 2]>,
     /// Greatest `cond(H)` with moments over the joints' r.m.s. radius, and that radius, m; of a machine with
     /// joints.
     pub condition: Option<[f64; 2]>,
@@ -163,6 +171,12 @@ impl fmt::Display for Summary {
             }
             (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
         }
+        if let Some([led, stopped]) = self.stop_force_n {
+            writeln!(
+                f,
+                "  stops     leg force up to {led:.1} N led to rest in {SLOW_S} s, {stopped:.1} N if a stop takes {ALARM_S} s"
+            )?;
+        }
         if let Some([condition, radius_m]) = self.condition {
             writeln!(
                 f,
@@ -221,6 +235,11 @@ pub fn check(
     let step_s = (trajectory.duration_s() / MOST_STEPS).max(STEP_S);
     let force =
         |load| geometry.peak_leg_forces(&trajectory, step_s, load).map(|f| f.into_iter().fold(0.0, f64::max));
+    let stops = |load| {
+        let [led, stopped] =
+            [SLOW_S, ALARM_S].map(|stop_s| stop_force_n(&trajectory, geometry, load, stop_s));
+        Ok::<_, MotionError>([led?, stopped?])
+    };
     let mut summary = Summary { duration_s: trajectory.duration_s(), ..Summary::default() };
     match &geometry.travel {
         Some(travel) => summary.travel = Some(Used::nothing_of(travel)),
@@ -230,6 +249,7 @@ pub fn check(
             summary.leg_rate_limit_mps = geometry.leg_rate_mps;
             summary.leg_acceleration_limit_mps2 = geometry.limits.leg_acceleration_mps2;
             summary.leg_force_n = load.map(force).transpose()?;
+            summary.stop_force_n = load.map(stops).transpose()?;
             summary.leg_force_limit_n = geometry.limits.leg_force_n;
             summary.condition = Some([1.0, geometry.joint_radius_m()]);
         }

@@ -15,6 +15,7 @@ pub mod gcs;
 mod local;
 mod network;
 mod pace;
+mod stop_force;
 pub mod stream;
 pub mod tracking;
 mod way;

@@ -196,9 +196,12 @@ fn what_a_smooth_stop_does_not_stop_is_stopped_abruptly_half_a_second_later() {
     }
 }
 
+/// What becomes of a machine, and words of the refusal.
+type Change = (fn(&mut Machine), &'static str);
+
 #[test]
 fn what_another_client_changes_after_the_connection_is_found_before_anything_moves() {
-    let changes: [(fn(&mut Machine), &str); 4] = [
+    let changes: [Change; 4] = [
         (|m| m.pivot_mm = 100.0, "pivot point is at T = 100 mm"),
         (|m| m.frame = "MINE", "coordinate system MINE"),
         (|m| m.in_macro = true, "one of its macros runs"),
