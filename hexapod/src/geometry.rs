@@ -93,6 +93,16 @@ impl Geometry {
         Ok(self)
     }
 
+    /// The same machine with a share of its legs' stroke, or of its travel, left unused: half of it at either end.
+    #[must_use]
+    pub fn with_reserve(mut self, share: f64) -> Self {
+        let [lo, hi] = self.leg_length_m;
+        let (middle, half) = (0.5 * (lo + hi), 0.5 * (hi - lo) * (1.0 - share));
+        self.leg_length_m = [middle - half, middle + half];
+        self.travel = self.travel.map(|travel| travel.reaching(1.0 - share));
+        self
+    }
+
     /// The same machine with every limit brought in to a share of what it allows: of the stroke about its middle, of speeds,
     /// accelerations, forces and angles, and of `cond(H)`; clearances grow.
     #[must_use]

@@ -13,6 +13,7 @@ use rigident::plan::adaptive::planner::Known;
 use rigident::plan::adaptive::{
     Asked, Decision, Forecast, Foreseen, Information, Next, Planner, RigModel, Told,
 };
+use rigident::plan::machine;
 use rigident::platform::PlatformError;
 use rigident::present::text::significant;
 use rigident::present::{Decided, Stage};
@@ -90,8 +91,9 @@ impl Adaptive {
             None => Asked::Tensor(self.until_relative.unwrap_or(TENSOR_SHARE)),
         };
         let sigma = settings.load_cell.noise_n_nm.map(f64::from);
-        let model = RigModel::of(rig, geometry.clone(), f64::from(settings.rate_hz), sigma)
-            .map_err(Failure::input)?;
+        let reserved = geometry.clone().with_reserve(machine::RESERVE);
+        let model =
+            RigModel::of(rig, reserved, f64::from(settings.rate_hz), sigma).map_err(Failure::input)?;
         let model = RigModel { body, ..model };
         let planner = Planner::new(model.clone(), asked);
         if planner.choices() == 0 {

@@ -5,12 +5,12 @@ use std::io::{self, IsTerminal, Write};
 
 use super::tell::tell;
 use rigident::device::session::Session;
+use rigident::plan::machine;
 use rigident::platform::check::Summary;
 use rigident_io::rig::RigFile;
 
-/// Less of the stroke than this in reserve is worth a word: joints that are known to half a millimetre make
-/// as much.
-const RESERVE: f64 = 0.05;
+/// Less of the stroke than this in reserve at either end is worth a word: plans leave somewhat more.
+const RESERVE: f64 = 0.49 * machine::RESERVE;
 
 /// What is about to move, what watches it, and what is only assumed.
 pub(super) struct Consent<'a> {
@@ -64,7 +64,7 @@ impl Consent<'_> {
         ];
         if self.summary.travel.is_none() {
             assumed.push(
-                "the legs' own weight and friction are not counted, nor is the force of an abrupt stop, which the controller makes",
+                "the legs' own weight and friction are not counted; how long a stop by the controller itself takes is not known",
             );
         }
         if platform.is_none_or(|platform| platform.part.is_empty()) {
@@ -90,6 +90,14 @@ impl fmt::Display for Consent<'_> {
                 f,
                 "  NOTE      {:.1} % of the stroke are in reserve: an error of the joints' places, or an overshoot, may meet the legs' ends",
                 100.0 * reserve
+            )?;
+        }
+        if let (Some([_, stopped]), Some(limit)) = (self.summary.stop_force_n, self.summary.leg_force_limit_n)
+            && stopped > limit
+        {
+            writeln!(
+                f,
+                "  NOTE      a stop in 0.1 s at the worst instant would load a leg with {stopped:.1} N, more than its {limit:.1} N"
             )?;
         }
         self.found.iter().try_for_each(|found| writeln!(f, "  platform  {found}"))?;

@@ -4,6 +4,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::options::test_body::DemoBody;
 use super::options::trees::{ModelOptions, RowsWord};
+use rigident::plan::machine::RESERVE;
 
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]
@@ -184,6 +185,10 @@ pub struct PlanMotion {
     /// Highest frequency of a D-optimal motion, Hz. Default: 2.35
     #[arg(long, value_name = "HZ")]
     pub highest_hz: Option<f64>,
+    /// Leave this share of the legs' stroke, or of the plate's travel, unused, half of it at either end: joints are known to
+    /// half a millimetre, and controllers overshoot. Without effect beside --stroke-m
+    #[arg(long, value_name = "SHARE", default_value_t = RESERVE)]
+    pub reserve: f64,
     /// Use only so much of the legs' stroke, about its middle, m
     #[arg(long, value_name = "S")]
     pub stroke_m: Option<f64>,

@@ -198,6 +198,15 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
 /// The task, and in words which body it is for.
 fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
     let (mut equipment, rate_hz, bound) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
+    if !(0.0..1.0).contains(&arguments.reserve) {
+        return Err(Failure::input(format!(
+            "--reserve {}: a share of the stroke from 0 to less than 1, as 0.05",
+            arguments.reserve
+        )));
+    }
+    if arguments.stroke_m.is_none() {
+        equipment.geometry = equipment.geometry.with_reserve(arguments.reserve);
+    }
     let (body, words) = match (arguments.body, bound) {
         (None, Some(bound)) => {
             equipment.bodies = Some(bound.set());

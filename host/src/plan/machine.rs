@@ -10,6 +10,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::workspace;
 use rigident_io::rig::{PartTable, PlatformTable, RigFile};
 
+/// Share of the legs' stroke, or of the plate's travel, that plans leave unused, half of it at either end.
+pub const RESERVE: f64 = 0.05;
+
 /// What a `[platform]` table lacks or gets wrong beyond single numbers.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MachineError {

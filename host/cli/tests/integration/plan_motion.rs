@@ -50,6 +50,25 @@ fn the_object_is_that_of_the_contract_and_the_plan_is_for_this_machine_only() {
     assert!(refusal.contains("another rig") && refusal.contains("plate joint 1"), "{refusal}");
 }
 
+/// Roll, pitch and yaw are made as large as the stroke allows.
+#[test]
+fn a_plan_leaves_a_twentieth_of_the_stroke_unused_unless_told_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let thesis = hexapod::Geometry::thesis();
+    let keeps = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        let words = ["plan", "motion", "--objective", "rpy", "--duration-s", "25", "--no-poses", "--out"];
+        let output = rigident(&[&words[..], &[path.to_str().unwrap()], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let plan = rigident::plan::plan_file::PlanFile::read(&path, &thesis).unwrap();
+        let trajectory = plan.program.trajectory().unwrap();
+        [0.05, 0.06].map(|share| thesis.clone().with_reserve(share).check(&trajectory).is_ok())
+    };
+    assert_eq!(keeps("own.json", &[]), [true, false]);
+    assert_eq!(keeps("none.json", &["--reserve", "0"]), [false, false]);
+    assert!(refused(&["plan", "motion", "--reserve", "1"]).contains("--reserve"));
+}
+
 /// The body of a rig file is what the legs carry: twice the mass, twice the forces and the same uncertainties.
 #[test]
 fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
