@@ -120,6 +120,46 @@ fn a_run_that_is_stopped_on_the_way_to_its_start_leaves_a_trace() {
     assert!(lines.iter().any(|line| line["reply"].is_string()));
 }
 
+/// Asked after the zero, and once more by a countdown.
+#[cfg(unix)]
+#[test]
+fn a_key_in_the_countdown_after_the_yes_stops_it_and_nothing_is_moved() {
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use std::io::{Read, Write};
+    let served = Served::new();
+    let home = served.rig.lock().unwrap().pose();
+    let mut keyboard = std::fs::File::from(openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap());
+    grantpt(&keyboard).unwrap();
+    unlockpt(&keyboard).unwrap();
+    let name = ptsname(&keyboard, Vec::new()).unwrap().into_string().unwrap();
+    let terminal = std::fs::File::options().read(true).write(true).open(name).unwrap();
+    let mut child = run(&served, &["--duration-s", "20"]).stdin(terminal).spawn().unwrap();
+    let mut heard = child.stderr.take().unwrap();
+    let mut said = String::new();
+    let mut until = |words: &str| {
+        let mut byte = [0];
+        while !said.contains(words) {
+            assert_eq!(heard.read(&mut byte).unwrap(), 1, "{said}");
+            said.push(char::from(byte[0]));
+        }
+        said.clone()
+    };
+    let asked = until("shall it move [y/N]?");
+    assert!(asked.contains("zero: mean wrench") && asked.contains("load guard ON"), "{asked}");
+    // The question forgets what was typed before it; the terminal is read from right after.
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    keyboard.write_all(b"y\n").unwrap();
+    until("any key stops it");
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    keyboard.write_all(b" ").unwrap();
+    until("stopped by a key in the countdown; nothing was moved");
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(served.rig.lock().unwrap().pose(), home);
+    assert_eq!(served.rig.lock().unwrap().motion(), MotionState::Holding);
+    let trace = text(&served.path("out/trace.jsonl"));
+    assert!(trace.contains("yes at the terminal") && !trace.contains("\"MOV"), "{trace}");
+}
+
 /// The pose at the end of a line of `motion.csv`.
 fn measured(line: &str) -> Pose {
     let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
