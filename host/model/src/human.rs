@@ -2,14 +2,15 @@
 //! identifying human mass properties from motion.
 //!
 //! At zero position the person stands upright with hanging arms, x forward, y to the left, z up. Each link's frame has
-//! its origin at its parent joint, the base's (the lower trunk's) midway between the hips. Knees (of `human34`) and
+//! its origin at its parent joint, the base's (the lower trunk's) midway between the hips; x and y of that lie in the plane of
+//! its four spines, which leans forward by [`PELVIS_TILT`] when people stand. Knees (of `human34`) and
 //! elbows turn about y, the radius about the forearm's z.
 //!
 //! Assumed here, not published: where a segment of the table is split among links (clavicles and scapulae of the upper
 //! trunk, cervical of the head, ulna and radius of the forearm), each has a share of the same distribution of mass, so
 //! that together and at zero position they are the table's segment.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 use rigident_shared::tree::{Joint, Link};
@@ -79,6 +80,12 @@ const CLAVICLE: f64 = 0.05;
 const SCAPULA: f64 = 0.10;
 const CERVICAL: f64 = 0.15;
 const ULNA: f64 = 0.5;
+
+/// The plane of the pelvis' four spines leans forward so far in standing, rad (10°); the table's axis of the lower trunk is the vertical.
+pub const PELVIS_TILT: f64 = 0.175;
+/// How far the lowest joint of the spine is behind the hips in the axes of the four spines, over the stature: 35 mm at 1.80 m (30 mm in
+/// S. Delp et al. 1990).
+pub const SPINE_BEHIND: f64 = 0.0194;
 
 struct Builder {
     person: Person,
@@ -154,13 +161,12 @@ impl Person {
         let mut b = self.builder()?;
         let up = Vector3::z();
         let (upper, middle) = (b.length(Part::UpperTrunk), b.length(Part::MiddleTrunk));
-        let lower = b.length(Part::LowerTrunk);
         let pelvis = b.pelvis();
         let torso = b.add(
             "torso",
             pelvis,
             Joint::Spherical,
-            up * lower,
+            b.lowest_joint(),
             &[
                 (Part::MiddleTrunk, 1.0, up * middle, -up),
                 (Part::UpperTrunk, 1.0, up * (middle + upper), -up),
@@ -194,13 +200,12 @@ impl Person {
         let mut b = self.builder()?;
         let up = Vector3::z();
         let (upper, middle) = (b.length(Part::UpperTrunk), b.length(Part::MiddleTrunk));
-        let lower = b.length(Part::LowerTrunk);
         let pelvis = b.pelvis();
         let lumbar = b.add(
             "lumbar",
             pelvis,
             Joint::Spherical,
-            up * lower,
+            b.lowest_joint(),
             &[(Part::MiddleTrunk, 1.0, up * middle, -up)],
         );
         let rest = 1.0 - 2.0 * (CLAVICLE + SCAPULA);
@@ -268,10 +273,21 @@ impl Builder {
         self.lengths[part as usize]
     }
 
+    /// The length that a part's body is scaled by, m. Breadth and depth of the trunk do not follow the distances between its joints: its bodies are
+    /// the stature's.
+    fn body_length(&self, part: Part) -> f64 {
+        match part {
+            Part::UpperTrunk | Part::MiddleTrunk | Part::LowerTrunk => {
+                self.person.usual_length(part as usize)
+            }
+            _ => self.length(part),
+        }
+    }
+
     /// φ of a part about its proximal end at `at`, extending along ±z or x.
     fn body(&self, (part, share, at, along): &Placed) -> Parameters {
         let s = segment(*part, self.person.sex);
-        let length = self.length(*part);
+        let length = self.body_length(*part);
         let mass = share * s.mass * self.person.mass_kg;
         let [sagittal, transverse, longitudinal] = s.radii.map(|r| (r * length).powi(2) * mass);
         // The longitudinal axis is the one the part extends along; feet extend forward, and turn about the vertical as
@@ -314,9 +330,21 @@ impl Builder {
         self.links.len() - 1
     }
 
+    /// Where the lowest joint of the spine is in the pelvis, m.
+    fn lowest_joint(&self) -> Vector3<f64> {
+        Vector3::new(-SPINE_BEHIND * self.person.height_m, 0.0, self.length(Part::LowerTrunk))
+    }
+
     fn pelvis(&mut self) -> usize {
-        let (up, length) = (Vector3::z(), self.length(Part::LowerTrunk));
-        self.add("pelvis", 0, Joint::Free, Vector3::zeros(), &[(Part::LowerTrunk, 1.0, up * length, -up)])
+        let (up, length) = (Vector3::z(), self.body_length(Part::LowerTrunk));
+        let body = (Part::LowerTrunk, 1.0, up * length, -up);
+        let at = self.add("pelvis", 0, Joint::Free, Vector3::zeros(), &[body]);
+        // The vertical in the axes of the spines.
+        let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), -PELVIS_TILT);
+        if let Some(phi) = &mut self.links[at].nominal {
+            *phi = in_parent(phi, turn.matrix(), &Vector3::zeros());
+        }
+        at
     }
 
     /// The head's proximal end is the vertex, `below` the joint's height above the neck's root.
@@ -411,6 +439,13 @@ mod tests {
         let model = person.human34().unwrap();
         let shank = model.link("l_shank").unwrap();
         assert_eq!(model.links[shank].link.position.z, -0.5);
+        // A joint that is found too low makes no pelvis of a quarter of the inertia.
+        let usual = model.links[0].nominal;
+        person.lengths_m.push(("lower_trunk".to_owned(), 0.09));
+        let low = person.human34().unwrap();
+        assert_eq!(low.links[low.link("torso").unwrap()].link.position.z, 0.09);
+        assert_eq!(low.links[0].nominal, usual);
+        person.lengths_m.pop();
         person.lengths_m[0].0 = "tail".to_owned();
         assert!(person.human34().unwrap_err().to_string().contains("no segment tail"));
         person.lengths_m = vec![("thigh".to_owned(), -1.0)];

@@ -16,8 +16,21 @@ pub enum Sex {
     /// Women's: mean stature 1.735 m, 61.9 kg.
     Female,
     /// Men's: mean stature 1.741 m, 73.0 kg.
-    #[default]
     Male,
+    /// The means of both.
+    #[default]
+    Unknown,
+}
+
+impl Sex {
+    /// Returns whose means they are, in words: 15 women of 19 years and 100 men of 24 on average, students (V. Zatsiorsky et al. 1990).
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Female => "young women (19 ± 0.3 years)",
+            Self::Male => "young men (24 ± 6 years)",
+            Self::Unknown => "young women and men (19 to 30 years), the mean of both",
+        }
+    }
 }
 
 /// A segment as the table has it.
@@ -99,6 +112,7 @@ pub fn segment(part: Part, sex: Sex) -> Segment {
     let (stature, rows) = match sex {
         Sex::Female => FEMALE,
         Sex::Male => MALE,
+        Sex::Unknown => return between(segment(part, Sex::Female), segment(part, Sex::Male)),
     };
     let [length, mass, com, x, y, z] = rows[part as usize];
     let share = |v: f64| v / 100.0;
@@ -107,5 +121,16 @@ pub fn segment(part: Part, sex: Sex) -> Segment {
         mass: share(mass),
         com: share(com),
         radii: [share(x), share(y), share(z)],
+    }
+}
+
+/// The mean of two segments.
+fn between(a: Segment, b: Segment) -> Segment {
+    let mean = |a: f64, b: f64| f64::midpoint(a, b);
+    Segment {
+        length: mean(a.length, b.length),
+        mass: mean(a.mass, b.mass),
+        com: mean(a.com, b.com),
+        radii: std::array::from_fn(|k| mean(a.radii[k], b.radii[k])),
     }
 }
