@@ -233,6 +233,7 @@ pub fn attach(model: &Model, skeleton: &Skeleton, labels: &[String], height_m: f
             position_m: place - zero[on].1,
             position_sigma_m: found.sigma,
             sigma_m: if matches!(found.on, On::Trunk | On::Girdle) { SOFT_M } else { SKIN_M },
+            tells_stature: !matches!(found.on, On::UpperArm | On::Forearm | On::Wrist | On::Hand),
         })
     });
     attached.collect()

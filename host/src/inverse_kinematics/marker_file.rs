@@ -13,6 +13,9 @@ const SIGMA_M: f64 = 0.006;
 /// How well a place is known that is not given, and one that is, 1 σ, m.
 const PLACE_M: [f64; 2] = [0.15, 0.012];
 
+/// Segments that are raised with the arms.
+const ARMS: [&str; 5] = ["upper_arm", "forearm", "ulna", "radius", "hand"];
+
 /// The file.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -82,6 +85,7 @@ impl MarkerFile {
                 position_m: own.position_m.map_or_else(Vector3::zeros, Vector3::from),
                 position_sigma_m: if own.position_m.is_some() { known } else { anywhere },
                 sigma_m: own.sigma_m.unwrap_or(SIGMA_M),
+                tells_stature: !ARMS.iter().any(|part| own.segment.ends_with(part)),
             });
         }
         Ok(())

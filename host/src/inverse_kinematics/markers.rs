@@ -17,6 +17,8 @@ pub struct Attached {
     pub position_sigma_m: f64,
     /// How well the marker is where its link is, 1 σ, m: its own noise, and skin that moves over bone.
     pub sigma_m: f64,
+    /// Whether its height tells of the stature: those of arms are raised with them.
+    pub tells_stature: bool,
 }
 
 /// Markers of a frame, in the order of the attached ones; `None` where one was not seen.

@@ -10,6 +10,7 @@ mod lengths;
 pub mod marker_file;
 pub mod markers;
 mod normal;
+mod pelvis;
 mod sides;
 pub mod skeleton;
 pub mod solve;

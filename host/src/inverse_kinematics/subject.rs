@@ -9,6 +9,7 @@ use super::landmarks::{attach, is_known};
 use super::lengths::{LENGTH_SIGMA_M, Other, contradiction, lengths, unusual};
 use super::marker_file::MarkerFile;
 use super::markers::{Attached, Seen};
+use super::pelvis::{LOWEST_JOINT_SIGMA_M, pelvis, trunk};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
@@ -17,7 +18,7 @@ use rigident_model::human::{Person, Sex};
 use rigident_model::{Model, ModelError};
 
 /// A marker whose place is known better than this, m, tells of the stature.
-const ANATOMICAL_M: f64 = 0.1;
+pub(super) const ANATOMICAL_M: f64 = 0.1;
 /// Fewest such markers that a pose can be begun from.
 const FEWEST: usize = 5;
 
@@ -55,7 +56,7 @@ pub struct Known {
 
 impl Known {
     /// Returns a length from elsewhere, m.
-    fn length(&self, name: &str) -> Option<f64> {
+    pub(super) fn length(&self, name: &str) -> Option<f64> {
         self.lengths_m.iter().find(|(own, _)| own == name).map(|(_, length)| *length)
     }
 }
@@ -211,8 +212,12 @@ pub fn subject(
     person.lengths_m.clone_from(&known.lengths_m);
     let (_, skeleton, mut markers) = attached(&person)?;
     let mut skeleton = skeleton;
-    pelvis(&mut skeleton, &mut markers, frames, (&model(&person, kind)?, known));
-    let sigma = joint_sigma(&model(&person, kind)?, known);
+    let by_spines = pelvis(&mut skeleton, &mut markers, frames, (&model(&person, kind)?, &person, known));
+    let mut sigma = joint_sigma(&model(&person, kind)?, known);
+    if by_spines {
+        let trunk = trunk(&model(&person, kind)?);
+        trunk.into_iter().for_each(|link| sigma[link - 1] = LOWEST_JOINT_SIGMA_M);
+    }
     let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
     let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
     let left = Some(rms(&skeleton, &markers, &seen[..seen.len().min(COMPARED)], &first));
@@ -340,99 +345,41 @@ fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -
 /// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and scale.
 fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<(Pose, f64, f64)> {
     let places = skeleton.places(&skeleton.zero());
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = markers
-        .iter()
-        .zip(seen)
-        .filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M)
-        .filter_map(|(m, seen)| Some((places[m.link].1 + places[m.link].0 * m.position_m, (*seen)?)))
-        .collect();
-    if pairs.len() < FEWEST {
+    let known = markers.iter().zip(seen).filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M);
+    let pair = |(m, seen): (&Attached, &Option<Vector3<f64>>)| {
+        Some((m.tells_stature, [places[m.link].1 + places[m.link].0 * m.position_m, (*seen)?]))
+    };
+    let all: Vec<(bool, [Vector3<f64>; 2])> = known.filter_map(pair).collect();
+    if all.len() < FEWEST {
         return None;
     }
-    let count = pairs.len() as f64;
-    let sum = pairs.iter().fold((Vector3::zeros(), Vector3::zeros()), |s, p| (s.0 + p.0, s.1 + p.1));
-    let (a0, b0) = (sum.0 / count, sum.1 / count);
-    let mut cross = Matrix3::zeros();
-    // Heights alone: arms may be spread.
-    let (mut above, mut own) = (0.0, 0.0);
-    for (a, b) in &pairs {
-        let (a, b) = (a - a0, b - b0);
-        cross += b * a.transpose();
-        above += a.z * b.z;
-        own += a.z * a.z;
-    }
+    let pairs: Vec<[Vector3<f64>; 2]> = all.iter().map(|(_, pair)| *pair).collect();
+    let [a0, b0] = means(&pairs);
+    let cross: Matrix3<f64> = pairs.iter().map(|[a, b]| (b - b0) * (a - a0).transpose()).sum();
     let turn = nearest_rotation(&cross)?;
-    let scale = above / own.max(f64::MIN_POSITIVE);
-    if scale <= 0.0 {
-        return None;
-    }
+    let scale = height_scale(&all).filter(|scale| *scale > 0.0)?;
     let attitude = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
     let position = b0 - turn * a0 * scale;
-    let left = pairs.iter().map(|(a, b)| (b - position - turn * a * scale).norm_squared()).sum::<f64>();
+    let left = pairs.iter().map(|[a, b]| (b - position - turn * a * scale).norm_squared()).sum::<f64>();
     let pose = Pose { position_m: Point3::from(position).coords, attitude, ..skeleton.zero() };
-    Some((pose, (left / count).sqrt(), scale))
+    Some((pose, (left / pairs.len() as f64).sqrt(), scale))
 }
 
-/// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of the pelvis, where
-/// its four spines were seen.
-///
-/// From the middle of the front spines, forward, outward and up, m: `−0.24 d − 0.0099`, `0.33 w + 0.0073`, `−0.30 w − 0.0109`.
-fn pelvis(
-    skeleton: &mut Skeleton,
-    markers: &mut [Attached],
-    frames: &[Vec<Option<Vector3<f64>>>],
-    (model, known): (&Model, &Known),
-) {
-    let front = spines(markers, true);
-    let rear = spines(markers, false);
-    let ([Some(l), Some(r)], false) = (front, rear == [None, None]) else { return };
-    let sizes = frames.iter().filter_map(|frame| {
-        let of = |k: usize| frame.get(markers[k].label).copied().flatten();
-        let (l, r) = (of(l)?, of(r)?);
-        let behind: Vec<Vector3<f64>> = rear.iter().flatten().filter_map(|k| of(*k)).collect();
-        let middle = behind.iter().sum::<Vector3<f64>>() / behind.len() as f64;
-        (!behind.is_empty()).then(|| ((l - r).norm(), ((l + r) / 2.0 - middle).norm()))
+/// How many times as high as the model's the markers are, of those that tell of the stature; of all if those are too few.
+fn height_scale(all: &[(bool, [Vector3<f64>; 2])]) -> Option<f64> {
+    let telling: Vec<_> = all.iter().filter(|(tells, _)| *tells).map(|(_, pair)| *pair).collect();
+    let pairs = if telling.len() < FEWEST { all.iter().map(|(_, pair)| *pair).collect() } else { telling };
+    let [a0, b0] = means(&pairs);
+    // Heights alone: legs may be apart.
+    let sums = pairs.iter().fold((0.0, 0.0), |(above, own), [a, b]| {
+        let (a, b) = (a.z - a0.z, b.z - b0.z);
+        (above + a * b, own + a * a)
     });
-    let (mut widths, mut depths): (Vec<f64>, Vec<f64>) = sizes.unzip();
-    if widths.is_empty() {
-        return;
-    }
-    let median = |v: &mut Vec<f64>| {
-        v.sort_by(f64::total_cmp);
-        v[v.len() / 2]
-    };
-    let (width, depth) = (median(&mut widths), median(&mut depths));
-    let (forward, up) = (0.24 * depth + 0.0099, 0.30 * width + 0.0109);
-    for (k, side) in [(l, 1.0), (r, -1.0)] {
-        markers[k].position_m = Vector3::new(forward, side * width / 2.0, up);
-    }
-    for k in rear.into_iter().flatten() {
-        let side = markers[k].position_m.y;
-        markers[k].position_m = Vector3::new(forward - depth, side, up);
-    }
-    for (name, side) in [("l_thigh", 1.0), ("r_thigh", -1.0)] {
-        if let Some(link) = model.link(name) {
-            let to = side * known.length("hip_width").map_or(0.33 * width + 0.0073, |apart| apart / 2.0);
-            let to = Vector3::new(0.0, to, 0.0);
-            let by = to - skeleton.links()[link].position;
-            skeleton.shift(link, &by);
-        }
-    }
+    (sums.1 > 0.0).then(|| sums.0 / sums.1)
 }
 
-/// The markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts as both rear ones.
-fn spines(markers: &[Attached], front: bool) -> [Option<usize>; 2] {
-    let find = |left: bool| {
-        markers.iter().position(|m| {
-            let at = m.position_m;
-            let side = if left { at.y > 0.02 } else { at.y < -0.02 };
-            m.link == 0
-                && m.position_sigma_m < ANATOMICAL_M
-                && (at.x > 0.0) == front
-                && (side || (!front && at.y.abs() < 0.02))
-        })
-    };
-    [find(true), find(false)]
+fn means(pairs: &[[Vector3<f64>; 2]]) -> [Vector3<f64>; 2] {
+    [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<Vector3<f64>>() / pairs.len() as f64)
 }
 
 /// How well the table knows where the joint of each link is in its parent, 1 σ along the parent's axes, m. Along a limb its length is
