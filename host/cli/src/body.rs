@@ -18,7 +18,7 @@ use rigident::body_segments::left_out::left_out;
 use rigident::body_segments::opensim::in_opensim;
 use rigident::body_segments::report::person_result;
 use rigident::body_segments::tool::tool;
-use rigident::body_segments::{Study, StudyOptions};
+use rigident::body_segments::{PlateScale, Study, StudyOptions};
 use rigident::device::session::tree::{DeviceTreeError, device_tree};
 use rigident::inverse_kinematics::marker_file::MarkerFile;
 use rigident::present::{self, Series};
@@ -58,6 +58,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         sex: arguments.table.into(),
         symmetric: arguments.symmetric_sides,
         own_markers: own_markers(arguments)?,
+        given: arguments.segment_mass.clone(),
         plates_zeroed: arguments.plates_zeroed,
         track: TrackOptions { cut_off_hz: arguments.cut_off_hz, delay_s: arguments.delay_s },
     };
@@ -77,11 +78,12 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         let table: Vec<_> = model.links.iter().filter_map(|l| Some((l.name.as_str(), l.nominal?))).collect();
         in_opensim(&osim.model, model, &table).map_err(Failure::input)?;
     }
+    let scale = 1e-2 * arguments.plate_scale_percent;
     let study_options = StudyOptions {
-        trust: arguments.nominal_sigma,
         symmetric: arguments.symmetric_sides,
         parts: arguments.parts,
         mass_kg: arguments.mass_kg.map(|kg| [kg, SCALES * kg]),
+        plates: PlateScale { common: scale, own: scale },
         ..StudyOptions::default()
     };
     let progress = |stage: &str, share: f64| stages.at(stage, share);
@@ -93,6 +95,13 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let mut study = study_of(&own)?;
     study.draw(&person, &trials, &progress).map_err(Failure::input)?;
     let tool = match &arguments.tool {
+        Some(_) if person.fixed.contains(&arguments.tool_link) => {
+            return Err(Failure::input(format!(
+                "--tool-link {0}: no marker follows {0} in all trials, so that what it holds cannot be told: put markers on it, or name the \
+                 link that has some",
+                arguments.tool_link
+            )));
+        }
         Some(name) => {
             Some(tool(&study, &study_of(&bare)?, &arguments.tool_link, name).map_err(Failure::input)?)
         }
@@ -104,7 +113,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
         Some(count) => choices(&study, arguments.select.into(), count).map_err(Failure::input)?,
     };
     let fit = study.together(&chosen).map_err(Failure::input)?;
-    let full = study.segments(&person, &fit).map_err(Failure::input)?;
+    let (full, covariance) = study.segments(&person, &fit, &chosen).map_err(Failure::input)?;
     let fit = study.with_calibration(fit, &chosen);
     let device =
         arguments.mcu.map(|mcu| compared(mcu, (&person, &study), &chosen, &fit, &stages)).transpose()?;
@@ -115,7 +124,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let answer = answer(arguments, &person, &study, &fit, findings)?;
     stages.at("left-out motions", 0.0);
     let left_out = left_out(&study, &person, SHOWN_S).map_err(Failure::input)?;
-    let result = person_result(&study, &person, (&fit, &chosen), &full, &answer, &left_out.channels);
+    let result = person_result(&study, &person, &fit, (&full, &covariance), &answer, &left_out.channels);
     let result = PersonResult { choices, device, tool, ..result.map_err(Failure::input)? };
     let mut answer = answer.with_person(result);
     answer.elapsed_s = started.elapsed().as_secs_f64();
@@ -152,6 +161,9 @@ fn check(arguments: &IdentifyBody) -> Result<(), Failure> {
     positive("--height-m", arguments.height_m)?;
     positive("--cut-off-hz", arguments.cut_off_hz)?;
     positive("--nominal-sigma", Some(arguments.nominal_sigma))?;
+    if !(0.0..=20.0).contains(&arguments.plate_scale_percent) {
+        return Err(Failure::input("--plate-scale-percent: give 0 to 20"));
+    }
     if arguments.delay_s.is_some_and(|d| !d.is_finite() || d.abs() > 1.0) {
         return Err(Failure::input("--delay-s: give seconds, at most one"));
     }

@@ -6,6 +6,8 @@ use super::options::microcontroller::Mcu;
 use rigident::body_segments::Parts;
 use rigident::body_segments::choice::Way;
 use rigident::inverse_kinematics::subject::HumanModel;
+use rigident::problem::person::anthropometry::GivenMass;
+use rigident_fit::COVERAGE_95;
 use rigident_model::human::Sex;
 
 /// `rigident body`
@@ -73,8 +75,10 @@ pub enum TableOf {
     /// Women's
     Female,
     /// Men's
-    #[default]
     Male,
+    /// The mean of both, known less well
+    #[default]
+    Unknown,
 }
 
 impl From<TableOf> for Sex {
@@ -82,6 +86,7 @@ impl From<TableOf> for Sex {
         match of {
             TableOf::Female => Self::Female,
             TableOf::Male => Self::Male,
+            TableOf::Unknown => Self::Unknown,
         }
     }
 }
@@ -124,6 +129,13 @@ pub struct IdentifyBody {
     /// Whose means the table has
     #[arg(long, value_enum, default_value_t)]
     pub table: TableOf,
+    /// A segment's mass that is known otherwise, with its U95, kg: a prosthesis, a limb with a load that is worn in all trials; may be
+    /// repeated
+    #[arg(long, value_name = "NAME=KG±KG", value_parser = segment_mass)]
+    pub segment_mass: Vec<GivenMass>,
+    /// How well the scales of the plates are known, per cent (1 σ): a part that all share, and as much of each plate's own
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.5)]
+    pub plate_scale_percent: f64,
     /// Cut-off of the smoothing of markers and plates, Hz; by default from the data
     #[arg(long, value_name = "HZ")]
     pub cut_off_hz: Option<f64>,
@@ -182,4 +194,16 @@ fn parts(text: &str) -> Result<Parts, String> {
         _ if text == "strides" => Ok(Parts::Strides),
         _ => Err("give 1 to 100, or strides".to_owned()),
     }
+}
+
+/// Reads `--segment-mass`.
+fn segment_mass(text: &str) -> Result<GivenMass, String> {
+    let read = || {
+        let (link, mass) = text.split_once('=')?;
+        let (kg, u95) = mass.split_once('±').or_else(|| mass.split_once("+-"))?;
+        let [kg, u95] = [kg, u95].map(|v| v.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0));
+        Some(GivenMass { link: link.trim().to_owned(), kg: kg?, sigma_kg: u95? / COVERAGE_95 })
+    };
+    read()
+        .ok_or_else(|| "give NAME=KG±KG, as l_shank=1.5±0.1 (or 1.5+-0.1), both greater than zero".to_owned())
 }

@@ -31,6 +31,7 @@ pub mod repeated;
 pub mod result;
 mod rig_errors;
 pub mod selection;
+pub mod standard_beside;
 pub mod standard_parameters;
 pub mod states;
 #[cfg(test)]

@@ -10,6 +10,9 @@ use rigident_fit::Measured;
 pub struct PersonResult {
     /// The model: `human34` or `human58`.
     pub model: String,
+    /// Whose means the table has, with its source and the ages that it is of.
+    #[serde(default)]
+    pub table: String,
     /// Stature that the table was scaled to, m; from the markers if it was not given.
     pub height_m: f64,
     /// Mass that the table was scaled to, kg; from the plates if it was not given.
@@ -20,8 +23,8 @@ pub struct PersonResult {
     /// The whole mass with what the table knows of the segments, kg.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass_with_table_kg: Option<Measured>,
-    /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative), of its centre over its radius of
-    /// gyration, of its tensor (relative), of the whole mass (relative).
+    /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative; that of the pelvis half as large again), of its centre
+    /// over its radius of gyration, of its tensor (relative), of the whole mass (relative).
     pub table_sigma: [f64; 4],
     /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from midway between the hips, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -143,6 +146,12 @@ pub struct SegmentResult {
     pub table_radii_m: [f64; 3],
     /// How much of the table's variance of the mass the rows took away: 0 if they say nothing of it, 1 if they say all.
     pub informed: f64,
+    /// True if the motions tell of this segment's mass: else its values are the table's, near enough.
+    #[serde(default)]
+    pub identified: bool,
+    /// U95 of the table's mass of one person, kg.
+    #[serde(default)]
+    pub table_mass_u95_kg: f64,
 }
 
 /// How a channel of left-out motions is predicted.
@@ -156,6 +165,12 @@ pub struct LeftOut {
     pub rms: f64,
     /// The same of the scaled table.
     pub table_rms: f64,
+    /// Mean of what the person's own parameters leave: a constant error, as of a centre of mass that is off.
+    #[serde(default)]
+    pub mean: f64,
+    /// The same of the scaled table.
+    #[serde(default)]
+    pub table_mean: f64,
     /// The first over the body's weight, of moments over weight times stature, %.
     pub percent_of_weight: f64,
     /// Standard deviation of what was measured.
@@ -178,6 +193,13 @@ pub struct TrialResult {
     pub rate_hz: f64,
     /// Frames that were dropped, by the reason.
     pub dropped: Vec<DroppedFrames>,
+    /// Contacts that no plate measures; their frames are dropped.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unmeasured: Vec<UnmeasuredContact>,
+    /// How far the plates lean against the cameras' vertical by the mean horizontal force, along x and y with U95, degrees; absent if no stretch
+    /// of time is long enough.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tilt_deg: Option<[Measured; 2]>,
     /// Places of markers that were filled in.
     pub filled: u64,
     /// Cut-off of the smoothing of markers and plates, Hz.
@@ -191,6 +213,20 @@ pub struct TrialResult {
     pub marker_rms_m: f64,
     /// The three markers that are farthest off, with their root mean square, m.
     pub farthest: Vec<FarMarker>,
+}
+
+/// A contact that no plate measures: a seat, a rail, a box, a partner.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnmeasuredContact {
+    /// Its beginning and end, from the trial's first frame on, s.
+    pub times_s: [f64; 2],
+    /// Its mean force on the person, laboratory axes (z up), N.
+    pub force_n: [f64; 3],
+    /// Its largest force, N.
+    pub most_n: f64,
+    /// The link that it pushes at; absent if its line of action passes none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near: Option<String>,
 }
 
 /// Frames dropped for one reason.

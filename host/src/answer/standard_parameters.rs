@@ -163,17 +163,17 @@ fn vector_of(m: &Matrix4<f64>) -> [f64; 10] {
 }
 
 /// The links of a model that have mass, and how the parameters of its bodies are made of theirs.
-struct Variables {
+pub(super) struct Variables {
     names: Vec<String>,
-    nominal: Vec<Parameters>,
+    pub(super) nominal: Vec<Parameters>,
     /// φ of all bodies = W φ of the links.
-    bodies: DMatrix<f64>,
+    pub(super) bodies: DMatrix<f64>,
     /// Index of the links in the model.
     indices: Vec<usize>,
 }
 
 /// Of the bodies from `first` on every one needs nominal parameters.
-fn variables(model: &Model, first: usize) -> Result<Variables, ModelError> {
+pub(super) fn variables(model: &Model, first: usize) -> Result<Variables, ModelError> {
     let refuse = |problem: String| ModelError::Structure { what: model.name.clone(), problem };
     let welded = model.welded();
     let mut maps = Vec::new();
@@ -239,8 +239,18 @@ pub fn nearest(model: &Model, found: &BaseEstimate, trust: f64, symmetric: bool)
         nominal: &variables.nominal,
         weight: 1.0 / trust,
     };
-    let (phi, converged) = problem.solve();
-    let chosen = &map * &phi;
+    let solved = problem.solve();
+    Ok(full(&variables, found, &map, solved))
+}
+
+/// The full parameters of links, with what they are by the rows, whose base parameters are `map` φ; φ and whether the steps ended.
+pub(super) fn full(
+    variables: &Variables,
+    found: &BaseEstimate,
+    map: &DMatrix<f64>,
+    (phi, converged): (DVector<f64>, bool),
+) -> Full {
+    let chosen = map * &phi;
     let mut largest: f64 = 0.0;
     for (j, sd) in found.sd.iter().enumerate() {
         if found.determined[j] && *sd > 0.0 {
@@ -260,17 +270,17 @@ pub fn nearest(model: &Model, found: &BaseEstimate, trust: f64, symmetric: bool)
             distance: divergence(&parameters, &nominal).map_or(f64::INFINITY, |d| (2.0 * d).sqrt()),
         }
     });
-    Ok(Full {
+    Full {
         links: links.collect(),
         distance_sd: misfit.max(0.0).sqrt(),
         largest_sd: largest,
         converged,
         base: chosen.as_slice().to_vec(),
-    })
+    }
 }
 
 /// Pairs among the links that have mass.
-fn symmetric_pairs(model: &Model, variables: &Variables) -> Result<Vec<Pair>, ModelError> {
+pub(super) fn symmetric_pairs(model: &Model, variables: &Variables) -> Result<Vec<Pair>, ModelError> {
     let at = |i: usize| variables.indices.iter().position(|k| *k == i);
     let all = symmetry::pairs(model)?;
     Ok(all.into_iter().filter_map(|p| Some(Pair { left: at(p.left)?, right: at(p.right)?, ..p })).collect())
@@ -300,7 +310,7 @@ impl Problem<'_> {
     }
 
     /// φ, and whether the steps ended.
-    fn solve(&mut self) -> (DVector<f64>, bool) {
+    pub(super) fn solve(&mut self) -> (DVector<f64>, bool) {
         let trusted = self.weight;
         let mut psi = self.start();
         let mut weight = trusted.max(self.misfit(&psi).min(f64::MAX.sqrt()));

@@ -8,7 +8,7 @@ use super::study::Study;
 use crate::answer::person::LeftOut;
 use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
-use rigident_fit::{Fit, PredictedBlock, Prediction, parallel};
+use rigident_fit::{PredictedBlock, Prediction, parallel};
 
 /// Motions that are left out: one at a time, or so many groups of neighbours.
 const GROUPS: usize = 12;
@@ -34,7 +34,7 @@ pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMo
     let each = count.div_ceil(GROUPS).max(1);
     let groups = parallel::map(parallel::threads(), count.div_ceil(each), |group| {
         let others: Vec<usize> = (0..count).filter(|k| k / each != group || count <= each).collect();
-        predictor(study, person, &study.together(&others)?)
+        predictor(study, person, &others)
     });
     let groups: Vec<Vec<f64>> = groups.into_iter().collect::<Result<_, _>>()?;
     let predicted = parallel::map(parallel::threads(), count, |k| -> Result<_, StudyError> {
@@ -64,9 +64,9 @@ pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMo
     Ok(LeftOutMotions { channels: found.collect(), predictions })
 }
 
-/// The base parameters that predict: of the segments nearest to the table.
-fn predictor(study: &Study, person: &Person, fit: &Fit) -> Result<Vec<f64>, StudyError> {
-    Ok(study.segments(person, fit)?.base)
+/// The base parameters that predict: of the segments beside the table.
+fn predictor(study: &Study, person: &Person, motions: &[usize]) -> Result<Vec<f64>, StudyError> {
+    Ok(study.segments(person, &study.together(motions)?, motions)?.0.base)
 }
 
 /// The value of a normal distribution that is exceeded as rarely as one of Student's.
@@ -84,6 +84,8 @@ struct Sums {
     independent: f64,
     own: f64,
     table: f64,
+    own_sum: f64,
+    table_sum: f64,
     gain: f64,
     gain_square: f64,
     measured: f64,
@@ -96,12 +98,15 @@ impl Sums {
         let mut sums = Self::default();
         for (own, table) in own.blocks.iter().zip(&table.blocks) {
             let y = own.measured[c];
-            let (a, b) = ((y - own.predicted[c]).powi(2), (y - table.predicted[c]).powi(2));
+            let (off, table_off) = (y - own.predicted[c], y - table.predicted[c]);
+            let (a, b) = (off * off, table_off * table_off);
             sums.add(&Self {
                 count: 1.0,
                 independent: share,
                 own: a,
                 table: b,
+                own_sum: off,
+                table_sum: table_off,
                 gain: b - a,
                 gain_square: (b - a).powi(2),
                 measured: y,
@@ -116,6 +121,8 @@ impl Sums {
         self.independent += other.independent;
         self.own += other.own;
         self.table += other.table;
+        self.own_sum += other.own_sum;
+        self.table_sum += other.table_sum;
         self.gain += other.gain;
         self.gain_square += other.gain_square;
         self.measured += other.measured;
@@ -135,6 +142,8 @@ impl Sums {
             unit: channel.unit.clone(),
             rms: (self.own / n).sqrt(),
             table_rms: (self.table / n).sqrt(),
+            mean: self.own_sum / n,
+            table_mean: self.table_sum / n,
             percent_of_weight: 0.0,
             measured_sd: (self.measured_square / n - average * average).max(0.0).sqrt(),
             gain_sd: if deviation > 0.0 { normal(mean / deviation, freedom) } else { 0.0 },

@@ -8,6 +8,7 @@
 mod calibration;
 pub mod choice;
 mod error;
+mod ground;
 pub mod left_out;
 mod motion;
 pub mod opensim;
@@ -17,8 +18,8 @@ mod rigidity;
 pub mod segments;
 mod study;
 pub mod tool;
-mod zeros;
 
 pub use error::{DrawError, StudyError};
+pub use ground::PlateScale;
 pub use motion::{Motion, Parts};
 pub use study::{Study, StudyOptions};

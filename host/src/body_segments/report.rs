@@ -1,19 +1,23 @@
 //! The result about a person, from a study.
 
+use nalgebra::DMatrix;
+
 use super::error::StudyError;
 use super::segments::segments;
 use super::study::Study;
 use crate::answer::Answer;
-use crate::answer::person::{DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult};
+use crate::answer::person::{
+    DroppedFrames, FarMarker, LeftOut, PersonResult, TrialResult, UnmeasuredContact,
+};
 use crate::answer::result::ParameterState;
 use crate::answer::standard_parameters::Full;
-use crate::problem::person::{Person, Tracked};
+use crate::problem::person::{Person, Tracked, Unmeasured};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
 
 /// Markers that are named as farthest off.
 const FARTHEST: usize = 3;
 
-/// Returns what is found of a person; `fit` is of all motions with the table, `full` the segments nearest to it, `answer` what the fit
+/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments with their covariance, `answer` what the fit
 /// says, `left_out` how left-out motions are predicted.
 ///
 /// # Errors
@@ -21,8 +25,8 @@ const FARTHEST: usize = 3;
 pub fn person_result(
     study: &Study,
     person: &Person,
-    (fit, motions): (&Fit, &[usize]),
-    full: &Full,
+    fit: &Fit,
+    found: (&Full, &DMatrix<f64>),
     answer: &Answer,
     left_out: &[LeftOut],
 ) -> Result<PersonResult, StudyError> {
@@ -30,15 +34,19 @@ pub fn person_result(
     let place = whole.and_then(|name| fit.parameters.iter().position(|p| p.name == *name));
     let state = place.and_then(|place| answer.parameters.get(place)).map(|p| p.state);
     let spread = &study.options.spread;
-    // Whoever is not of rigid segments in these motions shows none.
-    let found = study.tells_segments().then(|| segments(study, person, (fit, motions), full)).transpose()?;
-    let (segments, centre) = found.unzip();
+    let mass_with_table_kg = state.and_then(|state| state.measured());
+    // Whoever is not of rigid segments in these motions shows none, nor does one whose mass is not known.
+    let mass_kg = state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?));
+    let tells = study.tells_segments() && mass_kg.is_some();
+    let told = tells.then(|| segments(study, person, found)).transpose()?;
+    let (segments, centre) = told.unzip();
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
+        table: format!("P. de Leva (1996), {}", person.subject.person.sex.words()),
         height_m: person.subject.person.height_m,
         table_mass_kg: person.subject.person.mass_kg,
-        mass_kg: state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?)),
-        mass_with_table_kg: state.and_then(|state| state.measured()),
+        mass_kg,
+        mass_with_table_kg,
         table_sigma: [spread.mass, spread.centre, spread.inertia, spread.whole],
         segments: segments.unwrap_or_default(),
         centre_of_mass_m: centre,
@@ -66,11 +74,25 @@ fn trial(tracked: &Tracked) -> TrialResult {
         used: tracked.frames.len() as u64,
         rate_hz: report.rate_hz,
         dropped: dropped.collect(),
+        unmeasured: report.unmeasured.iter().map(contact).collect(),
+        tilt_deg: report.tilt.map(|tilt| {
+            let u95 = COVERAGE_95 * tilt.sigma.to_degrees();
+            [tilt.lean.x, tilt.lean.y].map(|lean| Measured { value: lean.atan().to_degrees(), u95 })
+        }),
         filled: report.filled as u64,
         cut_off_hz: report.cut_off_hz,
         delay_s: report.delay.map(|(d, _)| Measured { value: d.delay_s, u95: COVERAGE_95 * d.sigma_s }),
         delay_taken_out: report.delay.is_some_and(|(_, taken)| taken),
         marker_rms_m: report.rms_m,
         farthest: far.into_iter().map(|(name, rms_m)| FarMarker { name, rms_m }).collect(),
+    }
+}
+
+fn contact(of: &Unmeasured) -> UnmeasuredContact {
+    UnmeasuredContact {
+        times_s: of.times_s,
+        force_n: of.force_n.into(),
+        most_n: of.most_n,
+        near: of.near.clone(),
     }
 }

@@ -6,11 +6,12 @@ use nalgebra::DMatrix;
 
 use super::calibration::draws;
 use super::error::StudyError;
+use super::ground::{GroundErrors, KINDS, PlateScale};
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
-use super::zeros::Zeros;
-use crate::answer::standard_parameters::{BaseEstimate, Full, nearest};
+use crate::answer::standard_beside::{Errors, beside};
+use crate::answer::standard_parameters::{BaseEstimate, Full};
 use crate::problem::person::Person;
-use crate::problem::person::anthropometry::{Spread, distribution};
+use crate::problem::person::anthropometry::{Spread, distribution, standard, with_whole_mass};
 use crate::problem::person::noise::{RowSums, sigma};
 use rigident_fit::lack_of_fit::LackOfFit;
 use rigident_fit::pool::PooledFactor;
@@ -28,24 +29,24 @@ use rigident_model::{Model, ModelError};
 pub struct StudyOptions {
     /// How well the table is known of one person.
     pub spread: Spread,
-    /// Relative standard deviation (1 σ) of the segments nearest to the table.
-    pub trust: f64,
     /// Right segments mirror left ones.
     pub symmetric: bool,
     /// How trials become motions.
     pub parts: Parts,
     /// The person's mass by scales, kg, with 1 σ; `None`: not known.
     pub mass_kg: Option<[f64; 2]>,
+    /// How well the plates' scales are known.
+    pub plates: PlateScale,
 }
 
 impl Default for StudyOptions {
     fn default() -> Self {
         Self {
             spread: Spread::default(),
-            trust: 0.3,
             symmetric: false,
             parts: Parts::Equal(4),
             mass_kg: None,
+            plates: PlateScale::default(),
         }
     }
 }
@@ -85,22 +86,22 @@ const OTHER_MASS_U95: f64 = 2.0;
 /// A whole mass.
 struct Mass {
     kg: f64,
-    /// Without zeros of plates, kg².
+    /// Without errors of plates, kg².
     variance: f64,
-    /// What each zero of a plate adds to it, 1 σ, kg.
-    zeros: Vec<f64>,
+    /// What each error of a plate adds to it, 1 σ, kg.
+    plates: Vec<f64>,
 }
 
 impl Mass {
     fn measured(&self) -> Measured {
-        let variance = self.variance + self.zeros.iter().map(|z| z * z).sum::<f64>();
+        let variance = self.variance + self.plates.iter().map(|z| z * z).sum::<f64>();
         Measured { value: self.kg, u95: COVERAGE_95 * variance.sqrt() }
     }
 
-    /// The difference to another mass, in which the same zeros are.
+    /// The difference to another mass, in which the same errors of plates are.
     fn less(&self, other: &Self) -> Measured {
-        let zeros = self.zeros.iter().zip(&other.zeros).map(|(a, b)| a - b).collect();
-        Self { kg: self.kg - other.kg, variance: self.variance + other.variance, zeros }.measured()
+        let plates = self.plates.iter().zip(&other.plates).map(|(a, b)| a - b).collect();
+        Self { kg: self.kg - other.kg, variance: self.variance + other.variance, plates }.measured()
     }
 }
 
@@ -118,7 +119,7 @@ pub struct Study {
     pub left: Vec<String>,
     /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
     pub draws: DMatrix<f64>,
-    zeros: Zeros,
+    ground: GroundErrors,
     /// σ is this many times what rows and table leave, so that bodies explain them.
     pub(super) noise_by_bodies: f64,
     base: BaseParameters,
@@ -147,6 +148,9 @@ impl Study {
             return Err(StudyError::NoFrames(left.join("; ")));
         };
         let first = source(person, *trial, &(frames.start..frames.start + FEWEST_FRAMES))?;
+        let mut options = *options;
+        options.spread =
+            options.spread.about(person.subject.person.sex, person.height_sigma, options.symmetric);
         let open = table(person, first.base(), &options.spread)?;
         let done = AtomicUsize::new(0);
         let one = || {
@@ -177,10 +181,10 @@ impl Study {
             motions,
             table: options.mass_kg.map_or_else(|| open.clone(), |mass| with_mass(&open, mass)),
             draws: DMatrix::zeros(open.names().len(), 0),
-            zeros: Zeros::default(),
+            ground: GroundErrors::default(),
             noise_by_bodies: 1.0,
             open,
-            options: *options,
+            options,
             left,
             base: first.base().clone(),
             model: first.input().model.clone(),
@@ -189,7 +193,7 @@ impl Study {
         })
     }
 
-    /// Finds how joint centres, marker places and zeros of plates that are not known move the parameters, and widens
+    /// Finds how joint centres, marker places and errors of plates that are not known move the parameters, and widens
     /// the noise to what bodies explain; `trials` are those that the person was made of.
     ///
     /// # Errors
@@ -204,7 +208,8 @@ impl Study {
             study.draws = draws(person, trials, &study.motions, &known(&study.table), &|share| {
                 progress.stage("joint centres' uncertainty", share);
             })?;
-            study.zeros = Zeros::of(person, &study.motions, study.parameters())?;
+            study.ground =
+                GroundErrors::of(person, &study.motions, study.parameters(), study.options.plates)?;
             Ok(())
         };
         redraw(self)?;
@@ -249,11 +254,11 @@ impl Study {
     fn mass_of(&self, motions: &[usize]) -> Result<Option<Mass>, StudyError> {
         let factors = motions.iter().filter_map(|k| self.motions.get(*k)).map(|motion| motion.pooled.clone());
         let fit = Self::merged(factors.collect(), &self.open)?;
-        let zeros = self.zeros.moved(&self.motions, motions, &known(&self.open));
+        let plates = self.ground.moved(&self.motions, motions, &known(&self.open));
         let Some(own) = fit.estimate.measured(0) else { return Ok(None) };
         let joints = self.draws.row(0).norm_squared();
         let variance = (own.u95 / COVERAGE_95).powi(2) + joints;
-        Ok(Some(Mass { kg: own.value, variance, zeros: zeros.row(0).iter().copied().collect() }))
+        Ok(Some(Mass { kg: own.value, variance, plates: plates.row(0).iter().copied().collect() }))
     }
 
     /// Returns motions whose whole mass, kg, is not that of all motions, by their numbers: something was carried, put down or leaned on.
@@ -265,7 +270,7 @@ impl Study {
         let Some(all) = self.mass_of(&every)? else { return Ok(Vec::new()) };
         let is_other = |own: &Mass| {
             let off = (own.kg - all.kg).abs();
-            // One zero is in both.
+            // The same plates are in both.
             off > OTHER_MASS * all.kg && off > OTHER_MASS_U95 * own.less(&all).u95
         };
         let of = |k: usize| -> Result<_, StudyError> {
@@ -292,17 +297,20 @@ impl Study {
         Ok(pairs.filter(|[a, b]| apart(&a.1, &b.1)).collect())
     }
 
-    /// Returns how joint centres, marker places and zeros of plates move what some motions and the table say, one column each.
-    pub fn moved(&self, motions: &[usize]) -> [DMatrix<f64>; 2] {
-        [self.draws.clone(), self.zeros.moved(&self.motions, motions, &known(&self.table))]
+    /// Returns how joint centres and marker places, then each kind of errors of plates, move what some motions and the table say, one
+    /// column each, with their names in the budget.
+    pub fn moved(&self, motions: &[usize]) -> Vec<(&'static str, DMatrix<f64>)> {
+        let plates = self.ground.moved(&self.motions, motions, &known(&self.table));
+        let kinds = KINDS.into_iter().enumerate().map(|(k, name)| (name, self.ground.of_kind(k, &plates)));
+        std::iter::once(("joint centres", self.draws.clone())).chain(kinds).collect()
     }
 
-    /// Returns the fit of some motions with what joint centres, marker places and zeros of plates leave open in its covariance. Its values
-    /// are those that predict best with joints as they were found and zeros as they were recorded.
+    /// Returns the fit of some motions with what joint centres, marker places and errors of plates leave open in its covariance. Its values
+    /// are those that predict best with joints as they were found and plates as the file has them.
     #[must_use]
     pub fn with_calibration(&self, mut fit: Fit, motions: &[usize]) -> Fit {
         let known = known(&self.table);
-        for (name, moved) in ["joint centres", "zeros of plates"].into_iter().zip(self.moved(motions)) {
+        for (name, moved) in self.moved(motions) {
             fit.count_shifts_beside(name, &moved, &known);
         }
         fit
@@ -318,13 +326,44 @@ impl Study {
         &self.base
     }
 
-    /// Returns the physically consistent segments nearest to the table of a person that a fit leaves.
+    /// Returns the physically consistent segments of a person by the fit of some motions and by what is known of people; and their covariance, ten
+    /// parameters of every link. That joint centres and plates may be off is counted.
     ///
     /// # Errors
     /// [`StudyError::Model`] if the table has none.
-    pub fn segments(&self, person: &Person, fit: &Fit) -> Result<Full, StudyError> {
+    pub fn segments(
+        &self,
+        person: &Person,
+        fit: &Fit,
+        motions: &[usize],
+    ) -> Result<(Full, DMatrix<f64>), StudyError> {
         let found = BaseEstimate::of(fit, self.base()).evenly_widened(fit);
-        Ok(nearest(&person.subject.model, &found, self.options.trust, self.options.symmetric)?)
+        let all: Vec<DMatrix<f64>> = self.moved(motions).into_iter().map(|(_, moved)| moved).collect();
+        // What no bodies explain is not to be taken for errors of joints and plates.
+        let columns = all.iter().filter(|_| self.tells_segments()).flat_map(|moved| moved.column_iter());
+        let columns: Vec<_> = columns.collect();
+        let moved = if columns.is_empty() {
+            DMatrix::zeros(self.parameters(), 0)
+        } else {
+            DMatrix::from_columns(&columns)
+        };
+        let errors = Errors { moved, known: known(&self.table).r() };
+        let known = self.known_of_segments(person)?;
+        Ok(beside(&person.subject.model, &found, (&known, &errors), self.options.symmetric)?)
+    }
+
+    /// Returns the covariance of what is known of a person's segments beforehand, ten parameters of every link: of people like her, of her mass by
+    /// scales.
+    ///
+    /// # Errors
+    /// [`StudyError::Model`] if the table has none.
+    pub(super) fn known_of_segments(&self, person: &Person) -> Result<DMatrix<f64>, StudyError> {
+        let model = &person.subject.model;
+        let known = standard(model, &self.options.spread, &person.given).ok_or_else(|| no_table(person))?;
+        Ok(match self.options.mass_kg {
+            Some([_, sigma_kg]) => with_whole_mass(&known, sigma_kg),
+            None => known,
+        })
     }
 
     /// Returns the number of parameters.
@@ -358,10 +397,12 @@ fn with_mass(table: &Gaussian, [kg, sigma]: [f64; 2]) -> Gaussian {
 }
 
 fn table(person: &Person, base: &BaseParameters, spread: &Spread) -> Result<Gaussian, StudyError> {
-    distribution(&person.subject.model, base, spread).ok_or_else(|| {
-        StudyError::Model(ModelError::Structure {
-            what: person.subject.model.name.clone(),
-            problem: "a segment has no body in the table".to_owned(),
-        })
+    distribution(&person.subject.model, base, spread, &person.given).ok_or_else(|| no_table(person))
+}
+
+fn no_table(person: &Person) -> StudyError {
+    StudyError::Model(ModelError::Structure {
+        what: person.subject.model.name.clone(),
+        problem: "a segment has no body in the table".to_owned(),
     })
 }

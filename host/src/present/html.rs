@@ -18,7 +18,7 @@ use rigident_model::base::names::legend;
 
 /// Returns the whole report as one self-contained HTML file.
 pub fn report(answer: &Answer, series: &Series) -> String {
-    let mut html = beginning(title(answer));
+    let mut html = beginning(&title(answer));
     html.push_str(&header(answer));
     html.push_str(&remarks(answer));
     if is_body(answer) {
@@ -43,16 +43,25 @@ pub fn report(answer: &Answer, series: &Series) -> String {
 }
 
 /// Returns the name of what was identified.
-fn title(answer: &Answer) -> &str {
+fn title(answer: &Answer) -> String {
+    if let Some(person) = &answer.person {
+        return super::person::title(person);
+    }
     let of_model = answer.model.as_ref().map(|m| m.name.as_str());
     let of_body = answer.body_frame.as_ref().map(|b| b.name.as_str());
     let named = [of_model, of_body].into_iter().flatten().find(|name| !name.trim().is_empty());
-    named.unwrap_or(if answer.model.is_some() { "Tree of links" } else { "Body without a name" })
+    named.unwrap_or(if answer.model.is_some() { "Tree of links" } else { "Body without a name" }).to_owned()
 }
 
 fn header(answer: &Answer) -> String {
     let class = match (answer.status, answer.physically_consistent) {
         (Status::Identified, Some(false)) | (Status::PartlyIdentified, _) => "fair",
+        // The whole mass is asked for; who looks for segments finds none.
+        (Status::Identified, _)
+            if answer.person.as_ref().is_some_and(|p| !super::person::tells_segments(p)) =>
+        {
+            "fair"
+        }
         (Status::Identified, _) => "good",
         (Status::NotIdentified | Status::Implausible | Status::Failed, _) => "bad",
     };
@@ -64,7 +73,7 @@ fn header(answer: &Answer) -> String {
         .map_or_else(String::new, |s| format!("<p class=\"soft\">{}.</p>\n", escape(&s)));
     format!(
         "<header><h1>{}</h1>\n{}<p class=\"status {class}\">{}</p>\n{situation}</header>\n",
-        escape(title(answer)),
+        escape(&title(answer)),
         source(answer),
         escape(&words)
     )

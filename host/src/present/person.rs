@@ -27,9 +27,11 @@ pub fn whole_text(answer: &Answer) -> String {
 /// Returns the tables of a person.
 pub fn text(found: &PersonResult) -> String {
     let mut out = format!(
-        "{}, {} m tall; the table scaled to {} kg\n\n",
+        "{}\n{}, {} m tall; the table: {}, scaled to {} kg\n\n",
+        learned(found),
         found.model,
         significant(found.height_m, 3),
+        found.table,
         significant(found.table_mass_kg, 4)
     );
     // Trials that cannot be true say nothing of her.
@@ -62,6 +64,36 @@ pub fn text(found: &PersonResult) -> String {
     out
 }
 
+/// Returns whom the answer is about: stature, and mass if it is known.
+pub(super) fn title(found: &PersonResult) -> String {
+    let mass =
+        found.mass_with_table_kg.map_or_else(String::new, |m| format!(", {} kg", significant(m.value, 3)));
+    format!("A person of {} m{mass}", significant(found.height_m, 3))
+}
+
+/// Returns true if some segment is identified beside the whole mass.
+pub(super) fn tells_segments(found: &PersonResult) -> bool {
+    found.segments.iter().any(|segment| segment.identified)
+}
+
+/// What the motions said of the person, and what they did not.
+pub(super) fn learned(found: &PersonResult) -> String {
+    let names = |identified: bool| -> Vec<String> {
+        found.segments.iter().filter(|s| s.identified == identified).map(|s| printable(&s.name)).collect()
+    };
+    let (known, others) = (names(true), names(false));
+    let masses = match (known.len(), others.len()) {
+        (0, 0) => "of segments nothing".to_owned(),
+        (0, _) => "of no segment more than the table knows".to_owned(),
+        (_, 0) => "the masses of all segments".to_owned(),
+        _ => format!("the masses of {}; not of {}", known.join(", "), others.join(", ")),
+    };
+    match found.mass_kg {
+        None => "Not identified: the whole mass, nor any segment".to_owned(),
+        Some(_) => format!("Identified: the whole mass; {masses}"),
+    }
+}
+
 fn says_of_her(found: &PersonResult) -> bool {
     !found.segments.is_empty() || found.mass_with_table_kg.is_some()
 }
@@ -83,11 +115,12 @@ fn masses(found: &PersonResult) -> String {
         }
     };
     format!(
-        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table is \
-         scaled to {} kg and {} m.</p>{segments}",
+        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table \
+         ({}) is scaled to {} kg and {} m.</p>{segments}",
         escape(&mass(found.mass_kg)),
         escape(&mass(found.mass_with_table_kg)),
         escape(&centre(found)),
+        escape(&found.table),
         significant(found.table_mass_kg, 4),
         significant(found.height_m, 3),
     )
@@ -136,7 +169,7 @@ pub(super) fn html(found: &PersonResult) -> String {
         .collect();
     format!(
         "{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
-         what is left, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
+         what is left and its mean, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
          stature.</p>\n{}{}",
         masses(found),
         escape(&how_left_out(found)),
@@ -171,32 +204,39 @@ fn table(rows: &[Vec<String>]) -> String {
 
 /// What the columns of the segments are.
 const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the segment from its proximal joint (feet: before it), ± U95, the \
-                             table's beside; radii of gyration about the axes forward, left and up; how much of the table's variance of \
-                             the mass the plates took away.";
+                             table's beside with how far one person is from it; radii of gyration about the axes forward, left and up; how much of the table's \
+                             variance of the mass the plates took away. Where that is less than a quarter the motions tell nothing of the segment, and \
+                             only the table's values are there.";
 
 fn how_left_out(found: &PersonResult) -> String {
-    match found.motions {
-        1 => "The motion predicted by itself: there is no other".to_owned(),
-        n => format!("{n} motions, each predicted by the others"),
+    match (found.motions, found.trials.len()) {
+        (1, _) => "The motion predicted by itself: there is no other".to_owned(),
+        (n, 1) => {
+            format!("{n} parts of one trial, each predicted by the others with the joint centres of all")
+        }
+        (n, _) => format!("{n} motions, each predicted by the others with the joint centres of all"),
     }
 }
 
 fn segments(found: &PersonResult) -> Vec<Vec<String>> {
-    let head = ["segment", "mass/kg", "", "table", "centre/m", "", "table", "radii/m", "table", "told"];
+    let head =
+        ["segment", "mass/kg", "", "table", "", "centre/m", "", "table", "radii/m", "table", "from data"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     for s in &found.segments {
         let axis = if s.table_com_m[0].abs() > s.table_com_m[2].abs() { 0 } else { 2 };
         let fixed = |v: f64, digits: usize| format!("{v:.digits$}");
         let radii = |r: &[f64; 3]| r.map(|v| fixed(v, 3)).join(" ");
+        let own = |text: String| if s.identified { text } else { "-".to_owned() };
         rows.push(vec![
             printable(&s.name),
-            fixed(s.mass_kg.value, 2),
-            format!("± {}", fixed(s.mass_kg.u95, 2)),
+            own(fixed(s.mass_kg.value, 2)),
+            own(format!("± {}", fixed(s.mass_kg.u95, 2))),
             fixed(s.table_mass_kg, 2),
-            fixed(s.com_m[axis].value, 3),
-            format!("± {}", fixed(s.com_m[axis].u95, 3)),
+            format!("± {}", fixed(s.table_mass_u95_kg, 2)),
+            own(fixed(s.com_m[axis].value, 3)),
+            own(format!("± {}", fixed(s.com_m[axis].u95, 3))),
             fixed(s.table_com_m[axis], 3),
-            radii(&s.radii_m),
+            own(radii(&s.radii_m)),
             radii(&s.table_radii_m),
             format!("{:.0} %", 100.0 * s.informed),
         ]);
@@ -205,7 +245,8 @@ fn segments(found: &PersonResult) -> Vec<Vec<String>> {
 }
 
 fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
-    let head = ["", "own", "table", "", "% of weight", "measured, sd", "against the table"];
+    let head =
+        ["", "own", "mean", "table", "mean", "", "% BW (x height)", "measured, sd", "against the table"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     for c in &found.left_out {
         let against = match c.gain_sd {
@@ -216,7 +257,9 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
         rows.push(vec![
             printable(&c.name),
             significant(c.rms, 3),
+            significant(c.mean, 2),
             significant(c.table_rms, 3),
+            significant(c.table_mean, 2),
             c.unit.clone(),
             significant(c.percent_of_weight, 2),
             significant(c.measured_sd, 3),

@@ -205,7 +205,10 @@ pub(super) fn headline(answer: &Answer) -> String {
             Status::Implausible => return "Not to be used, see the warnings".to_owned(),
             Status::Failed => "Failed",
         };
-        return format!("{words}: {identified} of {} parameters identified", answer.parameters.len());
+        return match &answer.person {
+            Some(person) => super::person::learned(person),
+            None => format!("{words}: {identified} of {} parameters identified", answer.parameters.len()),
+        };
     }
     let own = parameters(answer);
     let names = |good: &dyn Fn(&Quantity) -> bool| -> Vec<String> {

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::coordinates::Coordinates;
-use super::track::{Tracked, UsedFrame, seen};
+use super::poses::seen;
+use super::track::{Tracked, UsedFrame};
 use crate::inverse_kinematics::markers::Seen;
 use crate::inverse_kinematics::skeleton::Pose;
 use crate::inverse_kinematics::solve::Solver;

@@ -1,7 +1,8 @@
 //! What tables of people know of one person: a normal distribution of her base parameters.
 //!
-//! Each segment's mass, centre and tensor about it differ from the table's independently, by relative sizes that are stated; and all
-//! segments together are lighter or heavier. Linear about the table: `δ(m c) = c δm + m δc`,
+//! Mass, centre and tensor of a segment differ from the table's by relative sizes that are stated. Left and right are one person's: what they
+//! share is large, in what they differ is small. All segments together are lighter or heavier, and larger or smaller where they are scaled by a stature
+//! that is not known. Linear about the table: `δ(m c) = c δm + m δc`,
 //! `δI = δI_c + S(c) δm + m (S(c, δc) + S(δc, c))`, with `S(a, b) = (a·b) 1 − b aᵀ`.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -9,56 +10,157 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rigident_fit::Gaussian;
 use rigident_model::Model;
 use rigident_model::base::BaseParameters;
+use rigident_model::human::Sex;
 use rigident_model::inertial::Parameters;
 
 /// How far one person's segments are from the table's: 1 σ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Of a segment's mass, relative.
+    /// Of a segment's mass, relative; of the pelvis' half as much again, whose boundary to the trunk each table draws elsewhere, of the head's less.
     pub mass: f64,
+    /// Of the mass of either side from the mean of left and right, relative.
+    pub side: f64,
     /// Of its centre of mass along each axis, over its radius of gyration.
     pub centre: f64,
     /// Of its tensor about that, over a third of its trace.
     pub inertia: f64,
     /// Of everybody's mass, relative to what the table was scaled to.
     pub whole: f64,
+    /// The part of the variances of centre and tensor that left and right share.
+    pub shared: f64,
+    /// Of the stature that bodies are scaled by which no joints bound, relative.
+    pub height: f64,
 }
 
 impl Default for Spread {
-    /// Returns sizes as regressions on scanned and dissected people leave them (assumed).
+    /// Returns sizes as people vary (assumed): shares of mass by 8 to 10 %, left and right by 2 to 3 %.
     fn default() -> Self {
-        Self { mass: 0.2, centre: 0.2, inertia: 0.3, whole: 0.1 }
+        Self { mass: 0.09, side: 0.02, centre: 0.2, inertia: 0.3, whole: 0.1, shared: 0.8, height: 0.0 }
     }
 }
+
+/// The table's mass of a pelvis and of a head are known less and more than others', relative to these.
+const PELVIS: f64 = 1.5;
+const HEAD: f64 = 0.8;
+/// Between the means of women and men lies so much of a segment's mass, relative: half of it is added, in squares, where neither is said.
+const BETWEEN_SEXES: f64 = 0.08;
+/// Who is as good as symmetric differs by so much, relative, and in this part of the variances.
+const SYMMETRIC: f64 = 1e-3;
 
 impl Spread {
-    /// Returns all sizes but that of the whole mass so many times as large.
+    /// Returns the sizes for somebody whose means are those of a table, the stature known so well, relative; `symmetric` if right segments are
+    /// taken to mirror left ones.
     #[must_use]
-    pub fn times(self, by: f64) -> Self {
-        Self { mass: self.mass * by, centre: self.centre * by, inertia: self.inertia * by, ..self }
+    pub fn about(self, sex: Sex, height: f64, symmetric: bool) -> Self {
+        let mass = if sex == Sex::Unknown { self.mass.hypot(BETWEEN_SEXES / 2.0) } else { self.mass };
+        let own = Self { mass, height, ..self };
+        if symmetric { Self { side: SYMMETRIC, shared: 1.0 - SYMMETRIC, ..own } } else { own }
+    }
+
+    /// The size of a link's mass that left and right share, and of its own.
+    fn masses(&self, link: &str) -> [f64; 2] {
+        match link {
+            "pelvis" => [PELVIS * self.mass, 0.0],
+            "head" | "cervical" => [HEAD * self.mass, 0.0],
+            _ if other_side(link).is_some() => [self.mass, self.side],
+            _ => [self.mass, 0.0],
+        }
     }
 }
 
-/// Returns the distribution of base parameters; `None` if a segment has no nominal body.
-pub fn distribution(model: &Model, base: &BaseParameters, spread: &Spread) -> Option<Gaussian> {
+/// A segment whose mass is known otherwise: a prosthesis, a limb with a load on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenMass {
+    /// The link of the model.
+    pub link: String,
+    /// Its mass, kg.
+    pub kg: f64,
+    /// 1 σ of it, kg.
+    pub sigma_kg: f64,
+}
+
+/// The name of the same link on the other side.
+fn other_side(link: &str) -> Option<String> {
+    let right = link.strip_prefix("l_").map(|rest| format!("r_{rest}"));
+    right.or_else(|| link.strip_prefix("r_").map(|rest| format!("l_{rest}")))
+}
+
+/// Whether joints bound a link on both sides, so that its length is the person's own.
+fn is_bounded(link: &str) -> bool {
+    ["thigh", "shank", "upper_arm", "forearm", "ulna", "radius"].iter().any(|part| link.ends_with(part))
+}
+
+/// Returns the distribution of base parameters, some masses given; `None` if a segment has no nominal body.
+pub fn distribution(
+    model: &Model,
+    base: &BaseParameters,
+    spread: &Spread,
+    given: &[GivenMass],
+) -> Option<Gaussian> {
     let map = base.map() * bodies(model);
     let nominal = DVector::from_vec(model.nominal());
-    let covariance = standard(model, spread)?;
+    let covariance = standard(model, spread, given)?;
     let names = base.parameters.iter().map(|p| p.name.clone()).collect();
     Gaussian::new(names, &map * nominal, &map * covariance * map.transpose())
 }
 
-/// Returns the covariance of the standard parameters of all links, ten each; `None` if a segment has no nominal body.
-pub fn standard(model: &Model, spread: &Spread) -> Option<DMatrix<f64>> {
+/// Returns the covariance of the standard parameters of all links, ten each, some masses given; `None` if a segment has no nominal
+/// body.
+pub fn standard(model: &Model, spread: &Spread, given: &[GivenMass]) -> Option<DMatrix<f64>> {
     let segments: Vec<Parameters> = model.links.iter().map(|l| l.nominal).collect::<Option<_>>()?;
     let nominal = DVector::from_vec(model.nominal());
     let mut covariance = DMatrix::zeros(nominal.len(), nominal.len());
-    for (k, segment) in segments.iter().enumerate() {
-        let root = root(segment, spread)?;
-        covariance.view_mut((10 * k, 10 * k), (10, 10)).copy_from(&(&root * root.transpose()));
+    let names: Vec<&str> = model.links.iter().map(|link| link.name.as_str()).collect();
+    let is_given = |name: &str| given.iter().find(|own| own.link == name);
+    let masses = |name: &str| match is_given(name) {
+        Some(own) => [0.0, own.sigma_kg / own.kg],
+        None => spread.masses(name),
+    };
+    let found = segments.iter().zip(&names).map(|(own, name)| root(own, masses(name), spread));
+    let roots: Vec<DMatrix<f64>> = found.collect::<Option<_>>()?;
+    for (k, own) in roots.iter().enumerate() {
+        covariance.view_mut((10 * k, 10 * k), (10, 10)).copy_from(&(own * own.transpose()));
+        let twin = other_side(names[k]).and_then(|name| names.iter().position(|other| *other == name));
+        let Some(twin) = twin else { continue };
+        let [common, side] = spread.masses(names[k]).map(|size| size * size);
+        let apart = is_given(names[k]).is_some() || is_given(names[twin]).is_some();
+        let mut shared = own.clone();
+        for (column, sign) in MIRRORED.into_iter().enumerate() {
+            let part = match column {
+                0 if apart => 0.0,
+                0 => (common - side) / (common + side),
+                _ => spread.shared,
+            };
+            shared.column_mut(column).scale_mut(sign * part);
+        }
+        covariance.view_mut((10 * k, 10 * twin), (10, 10)).copy_from(&(shared * roots[twin].transpose()));
     }
-    covariance += &nominal * nominal.transpose() * spread.whole.powi(2);
+    let heavier =
+        DVector::from_fn(
+            nominal.len(),
+            |row, _| {
+                if is_given(names[row / 10]).is_some() { 0.0 } else { nominal[row] }
+            },
+        );
+    covariance += &heavier * heavier.transpose() * spread.whole.powi(2);
+    // At the same mass first moments grow with the stature, tensors with its square.
+    let taller = DVector::from_fn(nominal.len(), |row, _| {
+        let power =
+            if is_bounded(names[row / 10]) { 0.0 } else { [0.0, 1.0, 2.0][(row % 10).div_ceil(3).min(2)] };
+        power * nominal[row]
+    });
+    covariance += &taller * taller.transpose() * spread.height.powi(2);
     Some(covariance)
+}
+
+/// Signs of the deviations of [`root`] in a mirror: mass, centre along x, y and z, Ixx, Iyy, Izz, Iyz, Izx, Ixy.
+const MIRRORED: [f64; 10] = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0];
+
+/// Returns a covariance of standard parameters, ten of every link, beside a whole mass that is known, with 1 σ, kg.
+pub fn with_whole_mass(known: &DMatrix<f64>, sigma_kg: f64) -> DMatrix<f64> {
+    let masses = DVector::from_fn(known.nrows(), |row, _| f64::from(u8::from(row % 10 == 0)));
+    let with = known * &masses;
+    known - &with * with.transpose() / (masses.dot(&with) + sigma_kg * sigma_kg)
 }
 
 /// Returns the map from the links' parameters, ten each, to those of the bodies, where some links are fixed to others.
@@ -79,7 +181,7 @@ pub fn bodies(model: &Model) -> DMatrix<f64> {
 }
 
 /// A root of the covariance of a segment's ten parameters: one column for each independent deviation.
-fn root(phi: &Parameters, spread: &Spread) -> Option<DMatrix<f64>> {
+fn root(phi: &Parameters, [common, side]: [f64; 2], spread: &Spread) -> Option<DMatrix<f64>> {
     let mass = phi[0];
     let centre = Vector3::new(phi[1], phi[2], phi[3]) / mass;
     let square = |a: &Vector3<f64>, b: &Vector3<f64>| Matrix3::identity() * a.dot(b) - b * a.transpose();
@@ -103,7 +205,7 @@ fn root(phi: &Parameters, spread: &Spread) -> Option<DMatrix<f64>> {
         all.enumerate().for_each(|(row, value)| root[(row, column)] = value);
     };
     // A heavier segment of the same shape.
-    let heavier = spread.mass * mass;
+    let heavier = common.hypot(side) * mass;
     put(0, heavier, centre * heavier, (square(&centre, &centre) + about / mass) * heavier);
     let gyration = (1.5 * third / mass).sqrt();
     for axis in 0..3 {
@@ -118,4 +220,46 @@ fn root(phi: &Parameters, spread: &Spread) -> Option<DMatrix<f64>> {
         put(4 + k, 0.0, Vector3::zeros(), change);
     }
     Some(root)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigident_model::human::Person;
+
+    #[test]
+    fn left_and_right_vary_together_and_the_stature_moves_the_trunk() {
+        let model = Person::default().human34().unwrap();
+        let spread = Spread { whole: 0.0, ..Spread::default().about(Sex::Male, 0.03, false) };
+        let found = standard(&model, &spread, &[]).unwrap();
+        let at = |name: &str, k: usize| 10 * model.link(name).unwrap() + k;
+        let (l, r) = (at("l_thigh", 0), at("r_thigh", 0));
+        let mass = model.links[l / 10].nominal.unwrap()[0];
+        // var(l − r) = 4 side², var((l + r) / 2) = common².
+        let difference = found[(l, l)] + found[(r, r)] - 2.0 * found[(l, r)];
+        let mean = (found[(l, l)] + found[(r, r)] + 2.0 * found[(l, r)]) / 4.0;
+        assert!((difference.sqrt() / mass - 0.04).abs() < 1e-9 && (mean.sqrt() / mass - 0.09).abs() < 1e-9);
+        // Sideways a mirror turns signs: centres of both go outwards together.
+        let y = (at("l_foot", 2), at("r_foot", 2));
+        assert!(found[y] < 0.0 && found[(at("l_foot", 1), at("r_foot", 1))] > 0.0);
+        assert!(found.clone().cholesky().is_some());
+        // A stature that is known to 3 % makes Izz of the head 6 % larger, at least.
+        let head = at("head", 6);
+        let without = standard(&model, &Spread { height: 0.0, ..spread }, &[]).unwrap();
+        let izz = model.links[head / 10].nominal.unwrap()[6];
+        assert!(((found[(head, head)] - without[(head, head)]).sqrt() / izz - 0.06).abs() < 1e-9);
+        assert!((found[(l + 4, l + 4)] - without[(l + 4, l + 4)]).abs() < 1e-12);
+    }
+    #[test]
+    fn a_given_mass_is_that_of_its_link_alone() {
+        let model = Person::default().human34().unwrap();
+        let given = GivenMass { link: "l_shank".to_owned(), kg: 3.16, sigma_kg: 0.1 };
+        let found = standard(&model, &Spread::default(), &[given]).unwrap();
+        let at = |name: &str| 10 * model.link(name).unwrap();
+        let (l, r, thigh) = (at("l_shank"), at("r_shank"), at("l_thigh"));
+        let kg = model.links[l / 10].nominal.unwrap()[0];
+        assert!((found[(l, l)].sqrt() - 0.1 * kg / 3.16).abs() < 1e-9);
+        assert_eq!((found[(l, r)], found[(l, thigh)]), (0.0, 0.0));
+        assert!(found[(r, r)].sqrt() > 0.3 && found[(r, thigh)] > 0.0);
+    }
 }

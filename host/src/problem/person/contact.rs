@@ -17,6 +17,10 @@ const SLOW_MPS: f64 = 0.5;
 pub(super) const LOADED_N: f64 = 25.0;
 /// A centre of pressure is under a foot if it is no further from its sole, m.
 const BESIDE_M: f64 = 0.12;
+/// A plate's moments are off by this, N m: a small load's centre of pressure is known the less.
+const MOMENT_NM: f64 = 4.0;
+/// A foot stands for at least so long, s: one that lands or leaves is low and slow for less.
+const STANDS_S: f64 = 0.08;
 /// Frames beside one that is dropped are dropped, too, s: when a foot lands is not known better.
 const BESIDE_S: f64 = 0.04;
 
@@ -31,6 +35,8 @@ pub enum Dropped {
     FootHalfOff,
     /// A plate is loaded where no foot is.
     LoadElsewhere,
+    /// Something that no plate measures pushes.
+    Unmeasured,
     /// No plate is loaded and a foot is on it, or the recording of the plates is at its end.
     NoForce,
 }
@@ -43,6 +49,7 @@ impl Dropped {
             Self::FootOff => "a foot is on the floor beside the plates",
             Self::FootHalfOff => "a foot is partly beside a plate",
             Self::LoadElsewhere => "a plate is loaded where no foot is",
+            Self::Unmeasured => "something that no plate measures pushes",
             Self::NoForce => "the plates recorded nothing",
         }
     }
@@ -92,9 +99,9 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
         let height = own.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
         for (load, plate) in loads.iter().zip(plates).filter(|(load, _)| load[2] > LOADED_N) {
             let pressed = pressure(load, level(plate, height));
-            let away = own.iter().map(|sole| distance(sole, &pressed)).fold(f64::INFINITY, f64::min);
+            let away = own.iter().map(|sole| beyond(sole, &pressed)).fold(f64::INFINITY, f64::min);
             found.beside_m.push(away as f32);
-            if away > BESIDE_M {
+            if away > BESIDE_M + MOMENT_NM / load[2] {
                 found.dropped[frame] = Some(Dropped::LoadElsewhere);
             }
         }
@@ -106,6 +113,7 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
             found.dropped[frame] = Some(reason);
         }
     });
+    forgive_passing(&mut found.dropped, (STANDS_S * rate_hz).floor() as usize);
     widen(&mut found.dropped, (BESIDE_S * rate_hz).ceil() as usize);
     found
 }
@@ -247,6 +255,15 @@ pub(super) fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     (away - line * along).norm()
 }
 
+/// The same from the line from heel to toe, a third longer than that to the ball, which lies flat when the heel is in the air.
+fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
+    let (heel, ball) = ((sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0);
+    let toes = (ball - heel).norm() / 3.0;
+    let way = (ball - heel).xy().try_normalize(1e-6).unwrap_or_default();
+    let along = way.dot(&(to - ball).xy()).clamp(0.0, toes);
+    distance(sole, to).min(((to - ball).xy() - way * along).norm())
+}
+
 /// Whether a point is above a convex surface.
 fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     let side = |k: usize| {
@@ -255,6 +272,13 @@ fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     };
     let sides = [side(0), side(1), side(2), side(3)];
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
+}
+
+/// Keeps frames in which a foot only lands or leaves beside a plate: it is low and slow there for no more than so many of them.
+fn forgive_passing(dropped: &mut [Option<Dropped>], most: usize) {
+    let stands = |reason: &Option<Dropped>| matches!(reason, Some(Dropped::FootOff | Dropped::FootHalfOff));
+    let runs = dropped.chunk_by_mut(|a, b| stands(a) == stands(b));
+    runs.filter(|run| stands(&run[0]) && run.len() <= most).for_each(|run| run.fill(None));
 }
 
 /// Drops frames beside dropped ones for the same reason.

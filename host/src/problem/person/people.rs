@@ -6,9 +6,12 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::Vector3;
 use rigident_shared::tree::BaseMotion;
 
-use super::track::{TrackOptions, Tracked, UsedFrame, distances, track};
+use super::anthropometry::GivenMass;
+use super::contact::Dropped;
+use super::poses::distances;
+use super::track::{TrackOptions, Tracked, UsedFrame, track};
 use super::zeros::{drifts, zero};
-use super::{alignment, plausible};
+use super::{alignment, level, plausible};
 use crate::inverse_kinematics::marker_file::MarkerFile;
 use crate::inverse_kinematics::subject::{HumanModel, Known, Subject, SubjectError, subject};
 use crate::problem::moved::Moved;
@@ -28,6 +31,10 @@ const LARGEST_DISTANCE_M: f64 = 0.025;
 const WINDOWS: usize = 12;
 /// … and frames in all of them.
 const WINDOW_FRAMES: usize = 600;
+/// Beside contacts that no plate measures at least so much of a trial is used, s: less are their beginnings and ends.
+const LEAST_BESIDE_S: f64 = 0.5;
+/// How well a stature is known that is given, that comes from a standing trial, and from a motion, 1 σ, relative (assumed).
+const HEIGHT_SIGMAS: [f64; 3] = [0.005, 0.03, 0.05];
 /// A link is followed if so large a share of frames has a marker on it or beyond.
 const FOLLOWED: f64 = 0.5;
 
@@ -113,7 +120,7 @@ pub enum PersonError {
     /// Nobody weighs so much.
     #[error(
         "by the plates the person weighs {mass_kg:.1} kg at a stature of {height_m:.2} m, and living people of that stature weigh \
-         {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one person?"
+         {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one person, whom nothing else carries (a seat)?"
     )]
     Weight {
         /// The mass, kg.
@@ -173,6 +180,8 @@ pub struct PeopleOptions {
     pub own_markers: MarkerFile,
     /// Lengths from elsewhere, m, as in [`Known::lengths_m`].
     pub lengths_m: Vec<(String, f64)>,
+    /// Segments whose masses are known otherwise.
+    pub given: Vec<GivenMass>,
     /// Plates that are always loaded read zero without load: they were reset right before each trial.
     pub plates_zeroed: bool,
     /// How trials are tracked.
@@ -185,6 +194,10 @@ pub struct Person {
     pub subject: Subject,
     /// Names of links that no marker follows.
     pub fixed: Vec<String>,
+    /// How well the stature is known, 1 σ, relative.
+    pub height_sigma: f64,
+    /// Segments whose masses are known otherwise.
+    pub given: Vec<GivenMass>,
     /// The trials, in their order.
     pub trials: Vec<Tracked>,
     /// What to know.
@@ -218,7 +231,7 @@ impl Person {
             let why = "there are no frames".to_owned();
             return Err(PersonError::NoFrames { name: trial.name.clone(), why });
         }
-        let warnings = drifts(trials);
+        let mut warnings = drifts(trials);
         let (mut notes, unzeroed) = zero(trials, options.plates_zeroed);
         let labels = labels(trials, standing);
         let frames = chosen_frames(&labels, trials, standing);
@@ -245,6 +258,12 @@ impl Person {
         if !fixed.is_empty() {
             notes.push(format!("no marker follows {}: fixed to the link before", fixed.join(", ")));
         }
+        if options.sex == Sex::Unknown {
+            notes.push(format!(
+                "the table is of {}: say --table female or male if it is known",
+                options.sex.words()
+            ));
+        }
         if standing.is_none() && options.height_m.is_none() {
             notes.push(format!(
                 "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give --static or --height-m",
@@ -267,6 +286,7 @@ impl Person {
             let mut own = track(trial, &subject, &options.track, &step)?;
             own.unzeroed = unzeroed;
             on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
+            warnings.extend(without_contacts(&mut own));
             // What frames need of the plates is in the frames.
             trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
             let windows = (WINDOWS / count).max(1);
@@ -277,7 +297,11 @@ impl Person {
             }
             tracked.push(own);
         }
-        let mut person = Self { subject, fixed, trials: tracked, notes, warnings };
+        let height_sigma =
+            HEIGHT_SIGMAS[usize::from(options.height_m.is_none()) * (1 + usize::from(standing.is_none()))];
+        let given = options.given.clone();
+        let mut person = Self { subject, fixed, height_sigma, given, trials: tracked, notes, warnings };
+        person.take_given()?;
         plausible::belong_together(&person)?;
         if let Some(share) = plausible::share_of_needed(&person) {
             plausible::can_weigh(&person, share)?;
@@ -285,15 +309,40 @@ impl Person {
                 person.scale_mass(share);
             }
         }
+        for trial in 0..person.trials.len() {
+            person.trials[trial].report.tilt = level::tilt(&person, trial);
+        }
+        let leans = person.trials.iter().filter(|own| own.report.tilt.is_some_and(|tilt| !tilt.is_a_slope()));
+        person.warnings.extend(leans.filter_map(Tracked::tilt_words));
         Ok(person)
     }
 
-    /// Makes the table's bodies so many times as heavy.
+    /// Makes the table's bodies so many times as heavy, but for those whose masses are given.
     fn scale_mass(&mut self, by: f64) {
         self.subject.person.mass_kg *= by;
-        for link in &mut self.subject.model.links {
-            link.nominal.iter_mut().flatten().for_each(|v| *v *= by);
+        let given = &self.given;
+        let others =
+            self.subject.model.links.iter_mut().filter(|l| given.iter().all(|own| own.link != l.name));
+        others.flat_map(|link| link.nominal.iter_mut().flatten()).for_each(|v| *v *= by);
+    }
+
+    /// Gives segments the masses that are known, their shape kept.
+    fn take_given(&mut self) -> Result<(), ModelError> {
+        for own in &self.given {
+            let link = self.subject.model.link(&own.link).ok_or_else(|| {
+                let links: Vec<&str> = self.subject.model.links.iter().map(|l| l.name.as_str()).collect();
+                ModelError::Option(format!(
+                    "--segment-mass: there is no segment {}; there are {}",
+                    own.link,
+                    links.join(", ")
+                ))
+            })?;
+            if let Some(phi) = &mut self.subject.model.links[link].nominal {
+                let by = own.kg / phi[0];
+                phi.iter_mut().for_each(|v| *v *= by);
+            }
         }
+        Ok(())
     }
 
     /// Returns some of the frames of a trial that rows are made of, by their place among them, as those of a tree whose base is tracked.
@@ -432,6 +481,19 @@ fn compared_lengths(given: &[(String, f64)], subject: &Subject) -> Option<String
     });
     let each: Vec<String> = each.collect();
     (!each.is_empty()).then(|| format!("lengths by --osim, and with the markers, m: {}", each.join(", ")))
+}
+
+/// Drops what contacts that no plate measures leave of a trial if it is too little; tells of them.
+fn without_contacts(tracked: &mut Tracked) -> Option<String> {
+    let contacts = tracked.contacts()?;
+    let left_s = tracked.frames.len() as f64 / tracked.report.rate_hz;
+    let what = if left_s < LEAST_BESIDE_S {
+        tracked.drop_all(Dropped::Unmeasured);
+        "too little is left of the trial".to_owned()
+    } else {
+        format!("these times are left out, {left_s:.1} s are used")
+    };
+    Some(format!("{}: {contacts}; {what}", tracked.name))
 }
 
 /// Fixes links that no marker follows to their parents.

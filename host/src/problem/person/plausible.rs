@@ -26,7 +26,7 @@ struct Compared {
 
 impl Compared {
     fn new(person: &Person, trial: usize) -> Option<Self> {
-        let pairs = forces(person, trial);
+        let pairs: Vec<_> = forces(person, trial).into_iter().map(|(_, pair)| pair).collect();
         if pairs.len() < FEWEST_TO_COMPARE {
             return None;
         }
@@ -91,7 +91,7 @@ pub(super) fn can_weigh(person: &Person, share: f64) -> Result<(), PersonError> 
 pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for trial in 0..person.trials.len() {
-        for [needed, measured] in forces(person, trial) {
+        for (_, [needed, measured]) in forces(person, trial) {
             product += needed.z * measured.z;
             square += needed.z * needed.z;
         }
@@ -99,8 +99,8 @@ pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
     (square > 0.0 && product > 0.0).then(|| product / square)
 }
 
-/// The force that the table's bodies need and that was measured, N, in the frames of a trial that are used.
-fn forces(person: &Person, trial: usize) -> Vec<[Vector3<f64>; 2]> {
+/// The force that the table's bodies need and that was measured, N, in the frames of a trial that are used, with their numbers.
+pub(super) fn forces(person: &Person, trial: usize) -> Vec<(usize, [Vector3<f64>; 2])> {
     let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
     let none = Vector3::repeat(f64::NAN);
     let centre = |frame: usize| person.table_centre(trial, frame).unwrap_or(none);
@@ -108,7 +108,8 @@ fn forces(person: &Person, trial: usize) -> Vec<[Vector3<f64>; 2]> {
     let needed = alignment::needed(&person.subject, &centres, &tracked.smoother);
     let pair = |frame: &UsedFrame| {
         let [x, y, z, ..] = frame.wrench.map(f64::from);
-        Some([needed.get(frame.number).copied().flatten()?, Vector3::new(x, y, z)])
+        let needed = needed.get(frame.number).copied().flatten()?;
+        Some((frame.number, [needed, Vector3::new(x, y, z)]))
     };
     tracked.frames.iter().filter_map(pair).collect()
 }

@@ -2,38 +2,27 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use super::alignment::{self, Delay, Looked};
 use super::contact::{Contact, Dropped, contact, counts, soles};
-use super::coordinates::{Coordinates, STRETCH, numbers};
+use super::coordinates::Coordinates;
 use super::cut_off::cut_off;
 use super::gaps;
+use super::level::Tilt;
 use super::people::PersonError;
-use crate::inverse_kinematics::markers::Seen;
-use crate::inverse_kinematics::skeleton::{Place, Pose, Turn};
-use crate::inverse_kinematics::solve::Solver;
+use super::poses::{Poses, poses, upright};
+use super::unmeasured::{Forces, Unmeasured};
+use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::problem::smoothing::{Smoother, smoothed_at};
 use crate::problem::tree::UnknownZero;
 use rigident_fit::parallel;
 use rigident_io::motion_capture::ground::GroundWrench;
 use rigident_io::motion_capture::trial::Trial;
+use rigident_io::motion_capture::zeroing::middle;
 
-/// A freedom is not told by a frame if its deviation is so many times the trial's median, …
-const UNTOLD: f32 = 2.5;
-/// … and larger than this, rad.
-const LEAST_UNTOLD: f32 = 0.05;
-/// The heading of a trunk that no marker follows is that of the pelvis over so long, s.
-const HEADING_S: f64 = 1.0;
-/// Their first pose is that to which so many frames before lead, …
-const LEAD: usize = 400;
-/// … every so many-th of them.
-const COARSE: usize = 8;
-/// Stretches that tell how well freedoms are usually told, at most about.
-const TELLING: usize = 32;
 /// Cut-off and delay are found from so many frames at most, …
 const LOOKED: usize = 30_000;
 /// … and so many before the first that is used.
@@ -50,11 +39,14 @@ const MOST_LOADED: usize = 20_000;
 const LOADED_N: f32 = 25.0;
 /// A window is at most so many times as long as its frames.
 const LONGEST_WINDOW: usize = 4;
-/// The cut-off that frames are first judged with, Hz.
-const FIRST_CUT_OFF_HZ: f64 = 10.0;
+/// Contact is judged with plates that are smoothed this little, Hz: where a foot lands, a wide kernel spreads its load over time in which the
+/// foot is elsewhere.
+const CONTACT_HZ: f64 = 25.0;
 /// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
+/// So many contacts of a trial are named.
+const NAMED: usize = 3;
 /// Fewest frames on one foot that tell whether plates are exchanged.
 const FEWEST_SINGLE: usize = 20;
 
@@ -74,6 +66,8 @@ pub struct UsedPlate {
     pub name: String,
     /// Its surface's height, m; `None` if its corners are not known.
     pub height_m: Option<f64>,
+    /// The middle of its surface, or of its centres of pressure, m.
+    pub middle_m: [f64; 3],
     /// Its wrench in each frame, as [`UsedFrame::wrench`].
     pub wrench: Vec<[f32; 6]>,
 }
@@ -97,6 +91,12 @@ pub struct TrackReport {
     pub rms_m: f64,
     /// The same of every marker, with its name.
     pub by_marker: Vec<(String, f64)>,
+    /// The plates' mass over the table's, where plates carry most; `None` if the trial is too short.
+    pub level: Option<f64>,
+    /// Contacts that no plate measures.
+    pub unmeasured: Vec<Unmeasured>,
+    /// How far the plates lean, if that is known.
+    pub tilt: Option<Tilt>,
 }
 
 /// A trial brought to a person's model.
@@ -169,7 +169,34 @@ impl Tracked {
             self.report.dropped.iter().map(|(why, count)| format!("{} ({count} frames)", why.words()));
         let reasons: Vec<String> = reasons.collect();
         let why = if reasons.is_empty() { "it is too short".to_owned() } else { reasons.join(", ") };
-        format!("{}: {} of {} frames can be used: {why}", self.name, self.frames.len(), self.report.frames)
+        let contacts = self.contacts().map_or_else(String::new, |contacts| format!("; {contacts}"));
+        format!(
+            "{}: {} of {} frames can be used: {why}{contacts}",
+            self.name,
+            self.frames.len(),
+            self.report.frames
+        )
+    }
+
+    /// Returns contacts that no plate measures, in words; `None` if there is none.
+    pub fn contacts(&self) -> Option<String> {
+        let all = &self.report.unmeasured;
+        let each: Vec<String> = all.iter().take(NAMED).map(Unmeasured::words).collect();
+        let more = match all.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!("; and {more} more"),
+        };
+        (!all.is_empty())
+            .then(|| format!("something that no plate measures pushes: {}{more}", each.join("; ")))
+    }
+
+    /// Drops all frames: what is left of them is too little, or something carries the person in all of them.
+    pub(super) fn drop_all(&mut self, why: Dropped) {
+        if !self.frames.is_empty() {
+            *self.report.dropped.entry(why).or_default() += self.frames.len();
+        }
+        self.frames.clear();
+        self.plates.iter_mut().for_each(|plate| plate.wrench.clear());
     }
 }
 
@@ -201,8 +228,8 @@ pub fn track(
         Some(subject.skeleton.places(&coordinates.pose(&subject.skeleton, frame)?))
     };
     let soles = parallel::each(trial.frames(), |frame| soles(subject, &places(frame)?));
-    let judge = |cut_off_hz: f64, delay_s: f64| {
-        contact(trial.rate_hz, &soles, &trial.ground, &|frame| loads(trial, cut_off_hz, delay_s, frame))
+    let judge = |delay_s: f64| {
+        contact(trial.rate_hz, &soles, &trial.ground, &|frame| loads(trial, CONTACT_HZ, delay_s, frame))
     };
     let centre = |frame: usize| {
         let centre = places(frame).map(|places| alignment::centre_of_mass(subject, &places));
@@ -213,14 +240,16 @@ pub fn track(
         let used = judged.dropped[range.clone()].iter().map(Option::is_none).collect();
         Looked { centres: parallel::each(range.len(), |k| centre(range.start + k)), range, used }
     };
-    let cut_off_hz = options.cut_off_hz.unwrap_or_else(|| {
-        let judged = judge(FIRST_CUT_OFF_HZ, options.delay_s.unwrap_or(0.0));
-        cut_off(subject, trial, &look(&judged), &coordinates)
+    let mut delay_s = options.delay_s.unwrap_or(0.0);
+    let mut judged = judge(delay_s);
+    let beside = beside_the_plates(subject, trial, &judged, &centre, &|frame| {
+        Some((places(frame)?, sum(&loads(trial, CONTACT_HZ, delay_s, frame)?)))
     });
+    beside.leave_out(&mut judged);
+    let cut_off_hz =
+        options.cut_off_hz.unwrap_or_else(|| cut_off(subject, trial, &look(&judged), &coordinates));
     let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
         .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
-    let mut delay_s = options.delay_s.unwrap_or(0.0);
-    let mut judged = judge(cut_off_hz, delay_s);
     let delay = match options.delay_s {
         Some(_) => None,
         None => alignment::delay(subject, trial, &look(&judged), &smoother),
@@ -229,22 +258,26 @@ pub fn track(
     let applied = delay.filter(|d| d.delay_s.abs() > 3.0 * d.sigma_s && d.delay_s.abs() > 1e-3);
     if let Some(found) = applied {
         delay_s = found.delay_s;
-        judged = judge(cut_off_hz, delay_s);
+        judged = judge(delay_s);
+        beside.leave_out(&mut judged);
     }
     drop(soles);
     same_laboratory(trial, &judged)?;
     let mut frames = Vec::new();
     let height_m = |plate: &GroundWrench| plate.corners_m.map(|corners| corners[0][2]);
     let plates = trial.ground.iter();
-    let plates =
-        plates.map(|p| UsedPlate { name: p.name.clone(), height_m: height_m(p), wrench: Vec::new() });
+    let plates = plates.map(|p| UsedPlate {
+        name: p.name.clone(),
+        height_m: height_m(p),
+        middle_m: middle(p),
+        wrench: Vec::new(),
+    });
     let mut plates: Vec<UsedPlate> = plates.collect();
     let frame = |number: usize| {
         judged.dropped.get(number).filter(|reason| reason.is_none())?;
         coordinates.at(&smoother, number)?;
         let loads = loads(trial, cut_off_hz, delay_s, number)?;
-        let wrench = std::array::from_fn(|axis| loads.iter().map(|own| own[axis]).sum::<f64>() as f32);
-        Some((UsedFrame { number, wrench }, loads))
+        Some((UsedFrame { number, wrench: sum(&loads).map(|v| v as f32) }, loads))
     };
     parallel::in_order(trial.frames(), frame, |_, own| {
         let Some((frame, loads)) = own else { return };
@@ -260,6 +293,9 @@ pub fn track(
         delay: delay.map(|d| (d, applied.is_some())),
         rms_m,
         by_marker,
+        level: beside.level,
+        unmeasured: beside.contacts,
+        tilt: None,
     };
     let name = trial.name.clone();
     Ok(Tracked {
@@ -312,179 +348,42 @@ fn loads(trial: &Trial, cut_off_hz: f64, delay_s: f64, frame: usize) -> Option<V
     trial.ground.iter().map(|plate| smoothed_at(plate, cut_off_hz, time)).collect()
 }
 
-/// The markers of a person in some frames, short gaps filled, and how many places were.
-pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Vec<Seen>, usize) {
-    let mut frames: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); range.len()];
-    let mut filled = 0;
-    // A gap is filled by the frames on either side, which may lie outside.
-    let margin = (gaps::LONGEST_S * trial.rate_hz).round() as usize + 2;
-    let wide = range.start.saturating_sub(margin)..trial.frames().min(range.end + margin);
-    for marker in &subject.markers {
-        let label = trial.labels.iter().position(|l| *l == marker.name);
-        let at = |frame: usize| label.and_then(|l| trial.point(frame, l));
-        let mut track: Vec<Option<Vector3<f64>>> = wide.clone().map(at).collect();
-        gaps::fill(&mut track, trial.rate_hz);
-        let own = track.into_iter().skip(range.start - wide.start);
-        for ((frame, place), number) in frames.iter_mut().zip(own).zip(range.clone()) {
-            filled += usize::from(place.is_some() && at(number).is_none());
-            frame.push(place);
+fn sum(loads: &[[f64; 6]]) -> [f64; 6] {
+    std::array::from_fn(|axis| loads.iter().map(|own| own[axis]).sum())
+}
+
+/// What pushes a person beside the plates.
+#[derive(Default)]
+struct Beside {
+    level: Option<f64>,
+    frames: Vec<Range<usize>>,
+    contacts: Vec<Unmeasured>,
+}
+
+impl Beside {
+    /// Takes the frames of these contacts out of those that are used.
+    fn leave_out(&self, judged: &mut Contact) {
+        for frames in &self.frames {
+            let own = judged.dropped.get_mut(frames.clone()).unwrap_or_default();
+            own.iter_mut().filter(|reason| reason.is_none()).for_each(|r| *r = Some(Dropped::Unmeasured));
         }
     }
-    (frames, filled)
 }
 
-/// What markers say of all frames.
-struct Poses {
-    coordinates: Coordinates,
-    filled: usize,
-    rms_m: f64,
-    by_marker: Vec<(String, f64)>,
-}
-
-/// The same of frames that follow one another.
-struct Stretch {
-    /// A row of numbers and one of deviations for every frame; NaN without a pose.
-    numbers: Vec<f32>,
-    deviations: Vec<f32>,
-    filled: usize,
-    /// Sum of the squared distances of every marker, m², and how many there are.
-    distances: Vec<(f64, usize)>,
-}
-
-impl Stretch {
-    /// Forgets frames in which a freedom is not told that is told elsewhere, and all deviations.
-    fn forget_untold(&mut self, usual: &[f32]) {
-        let is_told = |deviations: &[f32]| {
-            deviations.iter().zip(usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
-        };
-        let deviations = std::mem::take(&mut self.deviations);
-        let frames = (deviations.len() / usual.len().max(1)).max(1);
-        let width = (self.numbers.len() / frames).max(1);
-        let rows = self.numbers.chunks_exact_mut(width);
-        let untold = rows.zip(deviations.chunks_exact(usual.len().max(1))).filter(|(_, own)| !is_told(own));
-        untold.for_each(|(row, _)| row.fill(f32::NAN));
-    }
-}
-
-/// The pose that the search of a stretch begins at: what some frames before it lead to, one after the other.
-fn start(subject: &Subject, trial: &Trial, first: usize) -> Option<Pose> {
-    let mut solver = Solver::new(&subject.skeleton, &subject.markers);
-    let before = (first.saturating_sub(LEAD)..first).step_by(COARSE);
-    before.fold(None, |last: Option<Pose>, frame| {
-        let (seen, _) = seen(trial, subject, frame..frame + 1);
-        let start = last.or_else(|| subject.first_pose(&seen[0]))?;
-        Some(solver.solve(&seen[0], &start)?.pose)
-    })
-}
-
-fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
-    let mut solver = Solver::new(&subject.skeleton, &subject.markers);
-    let mut last = start(subject, trial, frames.start);
-    let (seen, filled) = seen(trial, subject, frames);
-    let width = numbers(&subject.skeleton.zero()).count();
-    let freedoms = subject.skeleton.freedoms();
-    let mut all = Stretch {
-        numbers: vec![f32::NAN; seen.len() * width],
-        deviations: vec![f32::NAN; seen.len() * freedoms],
-        filled,
-        distances: vec![(0.0, 0); subject.markers.len()],
-    };
-    let rows = all.numbers.chunks_exact_mut(width).zip(all.deviations.chunks_exact_mut(freedoms));
-    for (frame, (row, deviations)) in seen.iter().zip(rows) {
-        let start = last.take().or_else(|| subject.first_pose(frame));
-        let Some(found) = start.and_then(|start| solver.solve(frame, &start)) else { continue };
-        row.iter_mut().zip(numbers(&found.pose)).for_each(|(to, v)| *to = v);
-        deviations.iter_mut().zip(&found.deviations).for_each(|(to, v)| *to = *v as f32);
-        for ((sum, count), distance) in all.distances.iter_mut().zip(&found.distances_m) {
-            let Some(distance) = distance else { continue };
-            *sum += distance * distance;
-            *count += 1;
-        }
-        last = Some(found.pose);
-    }
-    all
-}
-
-/// The pose of every frame; none where a freedom is not told that the other frames tell.
-fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
-    let count = trial.frames().div_ceil(STRETCH);
-    let freedoms = subject.skeleton.freedoms();
-    let done = AtomicUsize::new(0);
-    // Frames of a stretch are solved one after the other, stretches at the same time; some of them tell what is usual.
-    let solved = |stretches: Vec<usize>, usual: Option<&[f32]>| {
-        parallel::map(parallel::threads(), stretches.len(), |k| {
-            let first = stretches[k] * STRETCH;
-            let mut own = stretch(subject, trial, first..trial.frames().min(first + STRETCH));
-            if let Some(usual) = usual {
-                own.forget_untold(usual);
-            }
-            progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
-            own
-        })
-    };
-    let every = count.div_ceil(TELLING).max(1);
-    let telling = solved((0..count).step_by(every).collect(), None);
-    let usual: Vec<f32> = (0..freedoms)
-        .map(|k| {
-            let all = telling.iter().flat_map(|s| s.deviations.iter().skip(k).step_by(freedoms));
-            let mut all: Vec<f32> = all.copied().filter(|v| !v.is_nan()).collect();
-            all.sort_by(f32::total_cmp);
-            all.get(all.len() / 2).copied().unwrap_or(0.0)
-        })
-        .collect();
-    let others = solved((0..count).filter(|k| k % every != 0).collect(), Some(&usual));
-    let (mut telling, mut others) = (telling.into_iter(), others.into_iter());
-    let mut distances = vec![(0.0, 0_usize); subject.markers.len()];
-    let (mut filled, mut all) = (0, Vec::with_capacity(count));
-    for k in 0..count {
-        let Some(mut own) = (if k % every == 0 { telling.next() } else { others.next() }) else { break };
-        own.forget_untold(&usual);
-        filled += own.filled;
-        for ((sum, count), own) in distances.iter_mut().zip(&own.distances) {
-            *sum += own.0;
-            *count += own.1;
-        }
-        all.push(own.numbers);
-    }
-    let coordinates = Coordinates::new(&subject.skeleton, all);
-    let (rms_m, by_marker) = rms(subject, &distances);
-    Poses { coordinates, filled, rms_m, by_marker }
-}
-
-/// Root mean square of the distances of markers from their links, m: of all, and of each.
-fn rms(subject: &Subject, distances: &[(f64, usize)]) -> (f64, Vec<(String, f64)>) {
-    let rms = |(sum, count): (f64, usize)| (sum / count.max(1) as f64).sqrt();
-    let whole = distances.iter().fold((0.0, 0), |all, own| (all.0 + own.0, all.1 + own.1));
-    let each = subject.markers.iter().zip(distances).map(|(m, own)| (m.name.clone(), rms(*own)));
-    (rms(whole), each.collect())
-}
-
-/// Returns the same of the first frames of a trial.
-pub(super) fn distances(subject: &Subject, trial: &Trial, frames: usize) -> (f64, Vec<(String, f64)>) {
-    rms(subject, &stretch(subject, trial, 0..trial.frames().min(frames)).distances)
-}
-
-/// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so, and do not carry their
-/// trunks fixed to the pelvis.
-fn upright(subject: &Subject, coordinates: &mut Coordinates, rate_hz: f64) {
-    let Some(trunk) = subject.unseen_trunk else { return };
-    let half = (HEADING_S * rate_hz / 2.0).ceil() as usize;
-    let skeleton = &subject.skeleton;
-    let pelvis = |frame: usize| Some(coordinates.pose(skeleton, frame)?.attitude);
-    let pelvis = parallel::each(coordinates.frames(), pelvis);
-    let fronts: Vec<Option<Vector3<f64>>> = pelvis.iter().map(|p| Some(p.as_ref()? * Vector3::x())).collect();
-    let heading = |frame: usize| {
-        let near = &fronts[frame.saturating_sub(half)..fronts.len().min(frame + half + 1)];
-        let sum: Vector3<f64> = near.iter().flatten().sum();
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), sum.y.atan2(sum.x))
-    };
-    for (frame, pelvis) in pelvis.iter().enumerate() {
-        let (Some(pelvis), Some(mut pose)) = (pelvis, coordinates.pose(skeleton, frame)) else { continue };
-        if let Some(own) = pose.turns.get_mut(trunk) {
-            *own = Turn::Ball(pelvis.inverse() * heading(frame));
-        }
-        coordinates.set(frame, numbers(&pose));
-    }
+/// Finds what pushes beside the plates, in the frames that feet and plates let be used.
+fn beside_the_plates(
+    subject: &Subject,
+    trial: &Trial,
+    judged: &Contact,
+    centre: &(dyn Fn(usize) -> Vector3<f64> + Sync),
+    about: &dyn Fn(usize) -> Option<(Vec<Place>, [f64; 6])>,
+) -> Beside {
+    let is_used = |frame: usize| judged.dropped.get(frame).is_some_and(Option::is_none);
+    let Some(forces) = Forces::of(subject, trial, &is_used, centre) else { return Beside::default() };
+    let Some(level) = forces.level() else { return Beside::default() };
+    let frames = forces.pushed(level);
+    let contacts = frames.iter().filter_map(|own| forces.contact(subject, own, level, about)).collect();
+    Beside { level: Some(level), frames, contacts }
 }
 
 /// Refuses plates whose load is nowhere near a foot, or under the foot that is in the air.
