@@ -6,6 +6,7 @@
 mod accuracy;
 mod autocorrelation;
 mod bags_independent;
+mod body_contacts;
 mod body_identify;
 mod body_rows;
 mod c3d_independent;
@@ -49,6 +50,7 @@ mod published_robots;
 mod rates;
 mod report;
 mod rig_errors;
+mod simulated_people;
 mod still_poses_faults;
 mod streams;
 mod study_length;
