@@ -18,16 +18,18 @@ const LEAST_DIRECTION: f64 = 1e-5;
 
 /// Errors that all rows share.
 pub struct Errors {
-    /// How they move the base parameters by rows and what is known beforehand, one column each, of 1 σ.
+    /// How those that rows are weighted by move the base parameters by rows and what is known beforehand, one column each, of 1 σ.
     pub moved: DMatrix<f64>,
+    /// The same of errors that values are not to follow, as of zeros: they are in the covariance alone.
+    pub beside: DMatrix<f64>,
     /// What is known of the base parameters beforehand, as rows of variance 1.
     pub known: DMatrix<f64>,
 }
 
 impl Errors {
-    /// L: the root of the covariance of rows with these errors.
-    fn root(&self, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let right = r.transpose() * (r * &self.moved) + self.known.transpose() * (&self.known * &self.moved);
+    /// Y of some errors.
+    fn rows(&self, r: &DMatrix<f64>, moved: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let right = r.transpose() * (r * moved) + self.known.transpose() * (&self.known * moved);
         // Columns of unit length, so that no unit decides what is small.
         let scale = DVector::from_iterator(
             r.ncols(),
@@ -38,7 +40,12 @@ impl Errors {
         let (u, v_t) = (svd.u?, svd.v_t?);
         let least = LEAST_DIRECTION * svd.singular_values.max();
         let inverse = svd.singular_values.map(|s| if s > least { 1.0 / s } else { 0.0 });
-        let y = u * DMatrix::from_diagonal(&inverse) * v_t * &scale * right;
+        Some(u * DMatrix::from_diagonal(&inverse) * v_t * &scale * right)
+    }
+
+    /// L: the root of the covariance of rows with the errors that they are weighted by.
+    fn root(&self, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let y = self.rows(r, &self.moved)?;
         let all = DMatrix::identity(r.nrows(), r.nrows()) + &y * y.transpose();
         Some(all.cholesky()?.l())
     }
@@ -87,5 +94,10 @@ pub fn beside(
         weight: BARRIER,
     };
     let solved = problem.solve();
-    Ok((full(&variables, found, &map, solved), root.inverse()))
+    let mut covariance = root.inverse();
+    if let Some(y) = errors.rows(&found.r, &errors.beside) {
+        let shifts = &covariance * rows.transpose() * whitened(&y);
+        covariance += &shifts * shifts.transpose();
+    }
+    Ok((full(&variables, found, &map, solved), covariance))
 }

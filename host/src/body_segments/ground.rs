@@ -18,7 +18,7 @@ use rigident_fit::{Factor, RowSource as _, Silent, parallel, plain_factor};
 const TILT: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// 1 σ of a plate's place, along x and along y, m (assumed): that of its corners, and of its centres of pressure.
 const PLACE_M: f64 = 0.007;
-/// Of motions beyond so many some answer for their neighbours.
+/// Of more motions than these some answer for their neighbours.
 const LOOKED_AT: usize = 12;
 
 /// How well plates' scales are known, 1 σ, relative.
@@ -40,6 +40,9 @@ impl Default for PlateScale {
 /// Kinds of errors, by their names in the budget.
 pub(super) const KINDS: [&str; 4] =
     ["zeros of plates", "tilt of plates", "places of plates", "scale of plates"];
+
+/// Those that change the level of all that a plate measures.
+pub(super) const LEVELS: [&str; 2] = [KINDS[0], KINDS[3]];
 
 /// An error's column among all errors of the study, and its 1 σ.
 #[derive(Clone, Copy)]
@@ -118,7 +121,7 @@ impl GroundErrors {
     }
 }
 
-/// The motion that answers for one: of the same trial, and every so many-th.
+/// The motion that answers for one: of the same trial, each for as many that follow it.
 fn answering(motions: &[Motion], k: usize, every: usize) -> usize {
     let first = motions.iter().position(|motion| motion.trial == motions[k].trial).unwrap_or(k);
     first + (k - first) / every * every

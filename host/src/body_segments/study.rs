@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::calibration::draws;
 use super::error::StudyError;
-use super::ground::{GroundErrors, KINDS, PlateScale};
+use super::ground::{GroundErrors, KINDS, LEVELS, PlateScale};
 use super::motion::{FEWEST_FRAMES, Motion, Part, Parts, parts, source};
 use crate::answer::standard_beside::{Errors, beside};
 use crate::answer::standard_parameters::{BaseEstimate, Full};
@@ -338,16 +338,21 @@ impl Study {
         motions: &[usize],
     ) -> Result<(Full, DMatrix<f64>), StudyError> {
         let found = BaseEstimate::of(fit, self.base()).evenly_widened(fit);
-        let all: Vec<DMatrix<f64>> = self.moved(motions).into_iter().map(|(_, moved)| moved).collect();
-        // What no bodies explain is not to be taken for errors of joints and plates.
-        let columns = all.iter().filter(|_| self.tells_segments()).flat_map(|moved| moved.column_iter());
-        let columns: Vec<_> = columns.collect();
-        let moved = if columns.is_empty() {
-            DMatrix::zeros(self.parameters(), 0)
-        } else {
-            DMatrix::from_columns(&columns)
+        // A zero and a scale are the same in whatever these plates measure: no segment follows them.
+        let (weighted, others): (Vec<_>, Vec<_>) = self.moved(motions).into_iter().partition(|(name, _)| {
+            // What no bodies explain is not to be taken for errors of joints and plates.
+            self.tells_segments() && !LEVELS.contains(name)
+        });
+        let columns = |all: &[(&str, DMatrix<f64>)]| {
+            let columns: Vec<_> = all.iter().flat_map(|(_, moved)| moved.column_iter()).collect();
+            if columns.is_empty() {
+                DMatrix::zeros(self.parameters(), 0)
+            } else {
+                DMatrix::from_columns(&columns)
+            }
         };
-        let errors = Errors { moved, known: known(&self.table).r() };
+        let errors =
+            Errors { moved: columns(&weighted), beside: columns(&others), known: known(&self.table).r() };
         let known = self.known_of_segments(person)?;
         Ok(beside(&person.subject.model, &found, (&known, &errors), self.options.symmetric)?)
     }

@@ -103,6 +103,7 @@ fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
     ];
     let walk = run("functional", &["--height-m", "1.68"], &files);
     weighs(&walk, 60.75);
+    assert!(!walk["warnings"].to_string().contains("not the cameras' vertical"), "{}", walk["warnings"]);
     no_worse(&walk);
     // Of the model: 85.27 kg; the balance of forces says 84.71.
     let files = [
@@ -283,5 +284,5 @@ fn raised_arms_in_shared_data_make_nobody_taller() {
     // She is 1.80 m tall, and stands with her arms raised sidewards: with their markers she was 1.92 m.
     let folder = tempfile::tempdir().unwrap();
     let height_m = identify(folder.path(), &[], GAIT)["person"]["height_m"].as_f64().unwrap();
-    assert!((height_m - 1.8).abs() < 0.03, "{height_m}");
+    assert!((height_m - 1.8).abs() < 0.04, "{height_m}");
 }

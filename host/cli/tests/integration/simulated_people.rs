@@ -259,7 +259,7 @@ impl Somebody {
         ([of(0), of(1)], hidden)
     }
 
-    /// Records a motion of so many seconds, 100 frames a second, forces 1000.
+    /// Records a motion of some seconds, 100 frames a second, forces 1000.
     pub(crate) fn recorded(
         &self,
         seconds: f64,

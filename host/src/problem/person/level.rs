@@ -65,8 +65,9 @@ pub(super) fn tilt(person: &Person, trial: usize) -> Option<Tilt> {
             }
             time += seconds;
             // The velocity is off at either end.
-            variance +=
-                2.0 * (person.subject.person.mass_kg * VELOCITY_MPS[usize::from(strides.is_none())]).powi(2);
+            let unseen = person.subject.unseen_trunk.is_some();
+            let velocity = VELOCITY_MPS[if unseen { 2 } else { usize::from(strides.is_none()) }];
+            variance += 2.0 * (person.subject.person.mass_kg * velocity).powi(2);
         }
         at += whole;
     }

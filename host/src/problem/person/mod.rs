@@ -10,6 +10,7 @@ pub mod anthropometry;
 pub mod contact;
 pub mod coordinates;
 mod cut_off;
+mod error;
 mod footprints;
 pub mod gaps;
 mod level;
@@ -24,8 +25,9 @@ pub mod track;
 mod unmeasured;
 mod zeros;
 
+pub use error::PersonError;
 pub use footprints::{Footprint, footprints};
 pub use level::Tilt;
-pub use people::{PeopleOptions, Person, PersonError};
+pub use people::{PeopleOptions, Person};
 pub use track::{TrackReport, Tracked};
 pub use unmeasured::Unmeasured;

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::alignment;
-use super::people::{Person, PersonError};
+use super::error::PersonError;
+use super::people::Person;
 use super::track::UsedFrame;
 
 /// Fewest frames that tell whether plates and cameras belong together, …

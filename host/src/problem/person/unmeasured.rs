@@ -28,7 +28,7 @@ const SAME_LEVEL: f64 = 0.05;
 const CARRIES_ALL: f64 = 0.9;
 /// … which is one with so large a part of all stretches, …
 const LEVEL_PART: f64 = 0.15;
-/// … and no fewer than so many: a second.
+/// … and no fewer than this many: a second.
 const LEVEL_LEAST: usize = 6;
 /// What is left is averaged over so long, s: soft tissue and steps are over by then.
 const MEAN_S: f64 = 0.35;
@@ -108,8 +108,8 @@ impl Forces {
                 (count, sum) = (count + 1, sum + n);
                 (product, square) = (product + n * m, square + n * n);
             }
-            let is_told = 5 * count > 3 * length && sum > 0.5 * self.weight_n * f64::from(count as u32);
-            is_told.then(|| (from, product / square))
+            let is_known = 5 * count > 3 * length && sum > 0.5 * self.weight_n * f64::from(count as u32);
+            is_known.then(|| (from, product / square))
         };
         (0..self.pairs.len()).step_by(self.frames(HOP_S)).filter_map(of).collect()
     }
