@@ -13,6 +13,7 @@ use super::{Failure, Folder, Stages};
 use rigident::answer::Source;
 use rigident::present;
 use rigident::problem::ProblemOptions;
+use rigident::problem::suspension::bare::is_stated;
 use rigident_fit::pool::{PoolError, PooledFactor, disagreement_in_words};
 use rigident_fit::tare::{Tare, TareError};
 use rigident_fit::{CheckedRun, Fit, Kind, Parameter};
@@ -106,12 +107,14 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
         take_off(&tare, &mut found, &mut report.notes).map_err(Failure::input)?;
     }
     if arguments.without_platform {
-        let table = rig.suspension.as_ref().filter(|table| table.platform.is_some());
+        let table = rig.suspension.as_ref().filter(|table| is_stated(table));
         let Some(table) = table else {
-            return Err(Failure::input("--without-platform: the rig file has no [suspension.platform]"));
+            return Err(Failure::input(
+                "--without-platform: the rig file states neither [suspension.platform] nor the mass of a spring",
+            ));
         };
         super::bare_platform::take_platform_off(table, &mut found)?;
-    } else if rig.suspension.as_ref().is_some_and(|table| table.platform.is_some()) {
+    } else if rig.suspension.as_ref().is_some_and(is_stated) {
         report.notes.push(
             "the rig file states the platform: of factors that have it on, --without-platform takes it off"
                 .to_owned(),

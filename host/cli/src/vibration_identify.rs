@@ -14,6 +14,7 @@ use rigident::answer::{Answer, Context, Source, Status};
 use rigident::present::modes_page::{self, Scene};
 use rigident::present::vibration as present;
 use rigident::problem::body;
+use rigident::problem::suspension::bare::is_stated;
 use rigident::problem::suspension::free_decay::{Vibration, vibration};
 use rigident::problem::suspension::modal::{ModalSource, Swing};
 use rigident::problem::suspension::mount::Mount;
@@ -214,7 +215,7 @@ fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<Found, F
 
 /// Takes the platform off, and returns the factor of the body alone if there was one.
 fn without_platform(rig: &RigFile, fit: &mut Fit, name: &str) -> Result<Option<PooledFactor>, Failure> {
-    let Some(table) = rig.suspension.as_ref().filter(|table| table.platform.is_some()) else {
+    let Some(table) = rig.suspension.as_ref().filter(|table| is_stated(table)) else {
         return Ok(None);
     };
     take_platform_off(table, fit)?;

@@ -26,6 +26,8 @@ struct Object {
     schema: &'static str,
     recording: String,
     modes_hz: Vec<f64>,
+    at_m: [f64; 3],
+    anchor_height_m: f64,
     stiffness: [[f64; 6]; 6],
     stiffness_element_std: [[f64; 6]; 6],
     variance_ratio: f64,
@@ -45,15 +47,15 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
     let support = Support::of(&recording.rig, &recording.name).map_err(Failure::input)?;
     let table = recording.rig.suspension.clone().unwrap_or_default();
     let mut warnings = recording.warnings.clone();
-    match bare_parameters(&table) {
-        Some((mean, covariance)) => {
-            let own: [f64; 10] = std::array::from_fn(|k| mean[k]);
-            mounted = mounted.with_fixture(&own, &DMatrix::from_fn(10, 10, |i, j| covariance[(i, j)]));
-        }
-        None => warnings.push(
+    if let Some((mean, covariance)) = bare_parameters(&table) {
+        let own: [f64; 10] = std::array::from_fn(|k| mean[k]);
+        mounted = mounted.with_fixture(&own, &DMatrix::from_fn(10, 10, |i, j| covariance[(i, j)]));
+    }
+    if table.platform.is_none() {
+        warnings.push(
             "[suspension.platform] is not stated: the platform is taken to weigh nothing, and the springs come out too soft for it"
                 .to_owned(),
-        ),
+        );
     }
     stages.at("modes", 0.1);
     let found = vibration(&recording, &support, arguments.modes).map_err(Failure::input)?;
@@ -92,6 +94,8 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
         schema: "rigident/stiffness/1",
         recording: recording.name.clone(),
         modes_hz: shapes.modes.iter().map(|mode| mode.hz()).collect(),
+        at_m: table.at_m,
+        anchor_height_m: support.preload.height_m(),
         stiffness: rows(&springs.stiffness),
         stiffness_element_std: rows(&springs.std),
         variance_ratio: springs.variance_ratio,
@@ -104,7 +108,8 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
             .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
         say(json);
     } else {
-        say(words(&object, &springs).trim_end());
+        let keeps_springs = support.preload.is_more_than_a_height();
+        say(words(&object, &springs, keeps_springs).trim_end());
         object.findings.iter().chain(&object.warnings).for_each(|warning| tell!("rigident: {warning}"));
     }
     Ok(ExitStatus::of(!contradicted && others.is_empty()).into())
@@ -115,7 +120,7 @@ fn rows(matrix: &Matrix6<f64>) -> [[f64; 6]; 6] {
 }
 
 /// The keys as a rig file has them.
-fn words(object: &Object, found: &FoundStiffness) -> String {
+fn words(object: &Object, found: &FoundStiffness, keeps_springs: bool) -> String {
     let matrix = |name: &str, matrix: &Matrix6<f64>| {
         let row = |i: usize| {
             let cells: Vec<String> = (0..6).map(|j| format!("{:.3}", matrix[(i, j)])).collect();
@@ -123,12 +128,20 @@ fn words(object: &Object, found: &FoundStiffness) -> String {
         };
         format!("{name} = [\n{}]\n", (0..6).map(row).collect::<String>())
     };
+    let springs = if keeps_springs {
+        "# keep the [[suspension.spring]] tables: they lean, or have a length, and say what the weight does\n"
+    } else {
+        ""
+    };
     format!(
-        "# {}: {} modes; what is left is {:.2} times what chance gives ({:.0} degrees of freedom)\n[suspension]\n{}{}",
+        "# {}: {} modes; what is left is {:.2} times what chance gives ({:.0} degrees of freedom)\n{springs}[suspension]\nat_m = {:?}\n\
+         anchor_height_m = {:?}\n{}{}",
         object.recording,
         object.modes_hz.len(),
         found.variance_ratio.sqrt(),
         found.degrees_of_freedom,
+        object.at_m,
+        object.anchor_height_m,
         matrix("stiffness", &found.stiffness),
         matrix("stiffness_element_std", &found.std)
     )

@@ -76,6 +76,11 @@ impl Experiment {
             axial_npm: s.axial_npm,
             lateral_npm: s.lateral_npm,
             std: None,
+            length_m: None,
+            clamped: false,
+            diameter_m: None,
+            preload_n: 0.0,
+            mass_kg: 0.0,
         };
         let platform = &self.rig.platform;
         let suspension = SuspensionTable {

@@ -293,7 +293,7 @@ fn what_is_wrong_is_named() {
     assert!(status(&output) == 1 && said(&output).contains("again adds no rank"), "{}", said(&output));
     assert!(table.contains("not identified"), "{table}");
     // Springs.
-    let springs = "[suspension]\nstiffness = [[1.0,0,0,0,0,0],[0,1.0,0,0,0,0],[0,0,1.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
+    let springs = "[suspension]\nanchor_height_m = 0.0\nstiffness = [[1.0,0,0,0,0,0],[0,1.0,0,0,0,0],[0,0,1.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
     let rows: String = (0..400).map(|k| format!("{},0,0,0,1,0,0,0\n", f64::from(k) * 0.01)).collect();
     fs::write(place.path().join("s.csv"), format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}")).unwrap();
     for (from, to, words) in [

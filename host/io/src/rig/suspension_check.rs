@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, SymmetricEigen};
 
-use super::{SpringTable, SuspendedPlatformTable, SuspensionTable};
+use super::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
 
 /// Key, value, advice.
 type Complaint = (String, String, String);
@@ -24,6 +24,7 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
     length("anchor_height_m", table.anchor_height_m.as_slice())?;
     length("base_position_m", &table.base_position_m)?;
     sigma("stiffness_std", table.stiffness_std)?;
+    sigma("stiffness_common_std", table.stiffness_common_std)?;
     sigma("damping_ratio_std", table.damping_ratio_std)?;
     let positive = |v: f64| v.is_finite() && v > 0.0;
     of("cut_off_hz", table.cut_off_hz.as_slice(), positive, "must be finite and greater than zero")?;
@@ -41,12 +42,8 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
             "the springs are needed: the matrix `stiffness`, or a [[suspension.spring]] table for each"
                 .to_owned(),
         )),
-        (Some(_), false) => Err((
-            "stiffness".to_owned(),
-            "a matrix and springs".to_owned(),
-            "give the matrix or the [[suspension.spring]] tables, not both".to_owned(),
-        )),
-        (Some(rows), true) => matrix(rows, table),
+        (Some(rows), true) => matrix(rows, table).and_then(|()| height(table)),
+        (Some(rows), false) => matrix(rows, table).and_then(|()| springs(table)),
         (None, false) => springs(table),
     }?;
     table.platform.as_ref().map_or(Ok(()), platform)
@@ -105,15 +102,31 @@ fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint
     of("stiffness_element_std", &std, |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")
 }
 
+/// Refuses a matrix of which nothing says where it carries the weight: half a metre of it is worth half the tilting stiffness.
+fn height(table: &SuspensionTable) -> Result<(), Complaint> {
+    let is_locked = |coordinate| table.locked.contains(&coordinate);
+    let matters = !is_locked(Coordinate::Z) && !(is_locked(Coordinate::Roll) && is_locked(Coordinate::Pitch));
+    if table.anchor_height_m.is_some() || !matters {
+        return Ok(());
+    }
+    Err((
+        "anchor_height_m".to_owned(),
+        "nothing".to_owned(),
+        "a matrix does not say at which height above `at_m` the springs carry the weight: state it (0 if it is at `at_m`), or          keep the [[suspension.spring]] tables beside the matrix"
+            .to_owned(),
+    ))
+}
+
 fn springs(table: &SuspensionTable) -> Result<(), Complaint> {
-    if table.stiffness_element_std.is_some() {
+    if table.stiffness_element_std.is_some() && table.stiffness.is_none() {
         return Err((
             "stiffness_element_std".to_owned(),
             "elements".to_owned(),
             "is of the elements of `stiffness`; springs have `std`".to_owned(),
         ));
     }
-    for (n, SpringTable { at_m, axis, axial_npm, lateral_npm, std }) in table.spring.iter().enumerate() {
+    for (n, own) in table.spring.iter().enumerate() {
+        let SpringTable { at_m, axis, axial_npm, lateral_npm, std, .. } = own;
         let key = |name: &str| format!("spring[{n}].{name}");
         length(&key("at_m"), at_m)?;
         of(&key("axis"), axis, f64::is_finite, "every number must be finite")?;
@@ -124,8 +137,35 @@ fn springs(table: &SuspensionTable) -> Result<(), Complaint> {
         of(&key("axial_npm"), &[*axial_npm], stiff, "must be finite and not negative")?;
         of(&key("lateral_npm"), &[*lateral_npm], stiff, "must be finite and not negative")?;
         of(&key("std"), std.as_slice(), stiff, "1 σ must be finite and not negative")?;
+        shape(own, key)?;
     }
     Ok(())
+}
+
+/// Checks what a spring is beside its stiffness.
+fn shape(own: &SpringTable, key: impl Fn(&str) -> String) -> Result<(), Complaint> {
+    let positive = |v: f64| v.is_finite() && v > 0.0 && v <= LONGEST_M;
+    let advice = format!("must be greater than zero and no more than {LONGEST_M} m");
+    of(&key("length_m"), own.length_m.as_slice(), positive, &advice)?;
+    of(&key("diameter_m"), own.diameter_m.as_slice(), positive, &advice)?;
+    let not_negative = |v: f64| v.is_finite() && v >= 0.0;
+    of(&key("mass_kg"), &[own.mass_kg], not_negative, "must be finite and not negative")?;
+    of(&key("preload_n"), &[own.preload_n], f64::is_finite, "must be finite")?;
+    let complain = |what: &str, advice: &str| Err((key(what), "nothing".to_owned(), advice.to_owned()));
+    match (own.clamped, own.length_m, own.diameter_m) {
+        (true, None, _) => {
+            complain("length_m", "a clamped spring needs its length: it pushes across at half of it")
+        }
+        (true, _, None) => {
+            complain("diameter_m", "a clamped coil needs its mean diameter: it resists turning by it")
+        }
+        (false, _, Some(d)) => Err((
+            key("diameter_m"),
+            d.to_string(),
+            "is that of a clamped coil: say clamped = true, or leave it out".to_owned(),
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn platform(table: &SuspendedPlatformTable) -> Result<(), Complaint> {

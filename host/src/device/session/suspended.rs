@@ -47,6 +47,9 @@ pub fn settings(
         *base = LinkSettings { joint: LinkJoint::Free, ..*base };
     }
     let support = source.support();
+    if support.preload.is_more_than_a_height() {
+        return Err(DeviceTreeError::Preload);
+    }
     let (own, base, free) = (source.parameters(), &source.base().parameters, source.free());
     let all = parameters.len() + free.len();
     if all > MAX_TREE_PARAMETERS {
@@ -59,7 +62,7 @@ pub fn settings(
         stiffness: std::array::from_fn(|_| elements.next().unwrap_or(0.0)),
         base_position_m: support.mount.arm.map(|v| v as f32).into(),
         base_rotation_wxyz: [q.w, q.i, q.j, q.k].map(|v| v as f32),
-        anchor_height_m: support.anchor_height_m as f32,
+        anchor_height_m: support.preload.height_m() as f32,
         locked: (0..6).filter(|k| !free.contains(k)).fold(0, |locked, k| locked | 1 << k),
     };
     // Base parameters by name, as one body's have other names in the source; then what springs carry, in the same order.

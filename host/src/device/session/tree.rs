@@ -46,6 +46,11 @@ pub enum DeviceTreeError {
          their joints"
     )]
     OnSprings(usize),
+    /// Springs whose weight does more than act at a height.
+    #[error(
+        "springs that lean, have a length or a preload of their own change their stiffness with the weight: the device has one matrix and one          height of the anchors; use `rigident identify`"
+    )]
+    Preload,
     /// Too many parameters.
     #[error(
         "the model has {0} base parameters, the device has room for {MAX_TREE_PARAMETERS}: weld some of its links"

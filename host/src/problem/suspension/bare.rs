@@ -1,4 +1,7 @@
 //! The bare platform as what is known of it: rows over its ten parameters, which the answer is less.
+//!
+//! The springs move with it: a coil whose ends move by 0 and δ has `m_s δ̇² / 6` of kinetic energy, as a third of its mass at the moved end
+//! has (Lord Rayleigh, The Theory of Sound, 1877, § 156). Mass at the ends, bending and waves in it make that 0.28 to 0.40.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
@@ -10,23 +13,55 @@ use crate::problem::tree::joints::attitude;
 use rigident_fit::Factor;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::tare::{Tare, TareError};
-use rigident_io::rig::{SuspendedPlatformTable, SuspensionTable};
+use rigident_io::rig::{SpringTable, SuspendedPlatformTable, SuspensionTable};
 use rigident_model::inertial::map_to_parent;
 
 /// Parameters of a body.
 const TEN: usize = 10;
+/// Share of a spring's mass that moves with the platform.
+const MOVED: f64 = 1.0 / 3.0;
+/// 1 σ of that share, the same of all springs.
+const MOVED_STD: f64 = 0.035;
 /// What nobody knows better, relative to the quantity's scale: exact values stand as if known to it.
 const EXACT: f64 = 1e-9;
 
-/// Returns the ten parameters of the bare platform of a rig file in S and their covariance; `None` if none is stated.
+/// Returns whether a rig file states anything that moves beside the body: the platform, or the mass of the springs.
+pub fn is_stated(table: &SuspensionTable) -> bool {
+    table.platform.is_some() || table.spring.iter().any(|own| own.mass_kg > 0.0)
+}
+
+/// Returns the ten parameters of the bare platform of a rig file in S, the springs' moved share with it, and their covariance; `None` if
+/// neither is stated.
 pub fn bare_parameters(table: &SuspensionTable) -> Option<(SVector<f64, TEN>, SMatrix<f64, TEN, TEN>)> {
-    let platform = table.platform.as_ref()?;
+    if !is_stated(table) {
+        return None;
+    }
+    let springs = springs(table);
+    let own = springs * MOVED;
+    let (mean, changes) = match &table.platform {
+        Some(platform) => (SVector::from(parameters(platform)) + own, changes(platform)),
+        None => (own, SMatrix::from_diagonal(&SVector::repeat(EXACT * own.amax()))),
+    };
+    let share = springs * MOVED_STD;
     // S axes ← P axes, and the origin of P in S.
     let q = table.base_rotation_wxyz.unwrap_or([1.0, 0.0, 0.0, 0.0]);
     let rotation = attitude(&q).unwrap_or_else(Matrix3::identity).transpose();
     let map = map_to_parent(&rotation, &-(rotation * Vector3::from(table.base_position_m)));
-    let moves = map * changes(platform);
-    Some((map * SVector::from(parameters(platform)), moves * moves.transpose()))
+    let (moves, share) = (map * changes, map * share);
+    Some((map * mean, moves * moves.transpose() + share * share.transpose()))
+}
+
+/// Returns the ten parameters in P of the whole mass of the springs at their places.
+fn springs(table: &SuspensionTable) -> SVector<f64, TEN> {
+    let of = |own: &SpringTable| {
+        let body = InertialParameters::<Body, f64>::from_centre_of_mass(
+            own.mass_kg,
+            Position::from_array(own.at_m),
+            tensor_from_elements([0.0; 6]),
+        );
+        SVector::<f64, TEN>::from(body.to_vector())
+    };
+    table.spring.iter().map(of).sum()
 }
 
 /// Returns the bare platform of a rig file as a fixture to be taken off; `None` if none is stated.

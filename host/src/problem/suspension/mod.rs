@@ -12,6 +12,7 @@ pub mod posture_file;
 pub mod posture_modes;
 pub mod posture_sets;
 pub mod postures;
+pub mod preload;
 pub mod prepare;
 pub mod recorded_postures;
 pub mod settled;

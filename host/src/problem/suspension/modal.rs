@@ -2,9 +2,10 @@
 //!
 //! With the displacement φ = (x, θ) of O and the ten parameters π of all that moves, about O in the axes at rest,
 //! ```text
-//! (K + K_g(π)) φ = ω² M(π) φ      M = [m 1, −[ms]×; [ms]×, I]      K_g = g (h m − ms_z) on roll and pitch
+//! (K + K_g(π)) φ = ω² M(π) φ      M = [m 1, −[ms]×; [ms]×, I]
 //! ```
-//! where the springs carry the weight at the height h. It is linear in π and homogeneous in φ, which needs no scale. Frequencies and
+//! where K_g is what the forces that carry the weight do ([`super::preload`]), of upright springs at the height h `g (h m − ms_z)` on roll
+//! and pitch. It is linear in π and homogeneous in φ, which needs no scale. Frequencies and
 //! shapes stand in the coefficients, with noise: least squares would make bodies small. So they are corrected with the parameters
 //! (Gauss–Helmert): with `f = K φ − A(ω, φ) π` and its derivative B by (ω, φ), at the corrected (ω̂, φ̂)
 //! ```text
@@ -67,7 +68,7 @@ impl ModalSource {
         parameters: Vec<Parameter>,
         fingerprint: u64,
     ) -> Option<Self> {
-        let nuisances: Vec<Nuisance> = support.springs.stiffness_nuisances();
+        let nuisances: Vec<Nuisance> = support.stiffness_nuisances();
         let problem = Problem::new(swings, support, parameters.len(), &nuisances, None);
         let (rows, values) = problem.solve()?;
         let (p, e) = (parameters.len(), nuisances.len());
@@ -115,8 +116,9 @@ pub(super) struct Problem<'a> {
     parameters: usize,
     nuisances: &'a [Nuisance],
     known: Option<Known>,
+    /// That of the springs with what is stated of their preload, and what a unit of each parameter's weight adds.
     stiffness: Matrix6<f64>,
-    by_error: Vec<Matrix6<f64>>,
+    by_weight: [Matrix6<f64>; TEN],
     /// Measured (ω, φ) of each mode, free coordinates alone, and their covariance, swing by swing.
     measured: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -152,14 +154,15 @@ impl<'a> Problem<'a> {
             covariance.view_mut((from, from), (kept.len(), kept.len())).copy_from(&own);
             from += kept.len();
         }
+        let (by_weight, stated) = support.preload.stiffnesses();
         Self {
             swings,
             support,
             parameters,
             nuisances,
             known,
-            stiffness: support.springs.stiffness(),
-            by_error: support.springs.error_stiffnesses(),
+            stiffness: support.springs.stiffness() + stated,
+            by_weight,
             measured,
             covariance,
         }
@@ -231,9 +234,10 @@ impl<'a> Problem<'a> {
             let map = DMatrix::from_fn(TEN, TEN, |i, j| to_o[(i, j)]) * &swing.map;
             let ten = &map * found.rows(0, p);
             let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
-            let (mass, carried) = (mass_matrix(&ten), self.support.weight_stiffness(ten[0], ten[3]));
+            let carried: Matrix6<f64> = self.by_weight.iter().zip(&ten).map(|(k, value)| k * *value).sum();
+            let (mass, by_error) = (mass_matrix(&ten), self.support.error_stiffnesses(&ten));
             let errors: Matrix6<f64> =
-                self.by_error.iter().zip(found.rows(p, e).iter()).map(|(k, value)| k * *value).sum();
+                by_error.iter().zip(found.rows(p, e).iter()).map(|(k, value)| k * *value).sum();
             for _ in 0..swing.shapes.modes.len() {
                 let at = mode * (1 + c);
                 let angular = corrected[at];
@@ -245,7 +249,7 @@ impl<'a> Problem<'a> {
                 for (i, k) in self.support.free.iter().enumerate() {
                     let row = mode * c + i;
                     rows.view_mut((row, 0), (1, p)).copy_from(&coefficients.row(*k));
-                    for (j, error) in self.by_error.iter().enumerate() {
+                    for (j, error) in by_error.iter().take(e).enumerate() {
                         rows[(row, p + j)] = -(error * shape)[*k];
                     }
                     by[(row, at)] = by_angular[*k];
@@ -293,9 +297,9 @@ impl<'a> Problem<'a> {
     /// `ω² M(π) φ − K_g(π) φ` by the ten parameters.
     fn coefficients(&self, angular: f64, shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
         let mut all = mass_rows(shape) * (angular * angular);
-        for k in 3..5 {
-            all[(k, 0)] -= self.support.gravity_mps2 * self.support.weight_height_m() * shape[k];
-            all[(k, 3)] += self.support.gravity_mps2 * shape[k];
+        for (k, by_weight) in self.by_weight.iter().enumerate() {
+            let less = all.column(k) - by_weight * shape;
+            all.set_column(k, &less);
         }
         all
     }

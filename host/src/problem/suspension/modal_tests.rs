@@ -23,12 +23,16 @@ fn support(std: f64) -> Support {
     Support::of(&rig, "test").unwrap()
 }
 
+/// The body about O.
+fn about_o(support: &Support) -> [f64; TEN] {
+    let ten = support.mount.map() * nalgebra::SVector::<f64, TEN>::from(BODY);
+    std::array::from_fn(|k| ten[k])
+}
+
 /// Frequencies and shapes of a body on springs whose stiffness may differ from the stated.
 fn modes(support: &Support, stiffness: &Matrix6<f64>, kept: usize) -> Vec<(f64, Vector6<f64>)> {
-    let ten = support.mount.map() * nalgebra::SVector::<f64, TEN>::from(BODY);
-    let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
-    let lever = support.gravity_mps2 * (support.anchor_height_m * ten[0] - ten[3]);
-    let k = stiffness + Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, lever, lever, 0.0));
+    let ten = about_o(support);
+    let k = stiffness + support.preload.stiffness(&ten);
     // M = L Lᵀ: L⁻¹ K L⁻ᵀ has the squares of the frequencies.
     let l = Cholesky::new(mass_matrix(&ten)).unwrap().l();
     let inverse = l.try_inverse().unwrap();
@@ -101,7 +105,7 @@ fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 
         let mut rng = rng(seed);
         let mut k = support.springs.stiffness();
         for (nuisance, by) in
-            support.springs.stiffness_nuisances().iter().zip(support.springs.error_stiffnesses())
+            support.stiffness_nuisances().iter().zip(support.error_stiffnesses(&about_o(&support)))
         {
             let drawn: f64 = StandardNormal.sample(&mut rng);
             k += by * (nuisance.sigma * drawn);
@@ -137,7 +141,8 @@ fn weight_that_is_left_out_is_told() {
     // Springs that carry the weight elsewhere: the modes contradict it, as tilting has another stiffness.
     let support = support(0.0);
     let shapes = measured(&modes(&support, &support.springs.stiffness(), 6), 1e-5, 1e-5, &mut rng(1));
-    let wrong = Support { anchor_height_m: 0.25, ..support };
+    let higher = RIG.replace("anchor_height_m = -0.05", "anchor_height_m = 0.25").replace("STD", "0.0");
+    let wrong = Support::of(&RigFile::parse(&higher).unwrap(), "test").unwrap();
     let fit = found(&wrong, shapes);
     let off = (fit.estimate.unjudged().values[4] - BODY[4]) / BODY[4];
     assert!(off.abs() > 0.02 || fit.noise.variance_ratio > 100.0, "{off} {}", fit.noise.variance_ratio);

@@ -3,7 +3,7 @@
 //! Between postures the platform is levelled anew, and rests as before, or it is left alone, and rests where the weight's moments turn
 //! it to. Any other rest is a spring that has settled, or cameras that moved.
 
-use nalgebra::{DMatrix, DVector, Matrix6, SVector, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
 use super::recorded_postures::{RecordedPosture, turn};
 use super::support::Support;
@@ -56,7 +56,7 @@ fn moved(
     let (shift, turned) = (r.tr_mul(&(q - p)), turn(&(r.transpose() * s)));
     let measured = Vector6::new(shift.x, shift.y, shift.z, turned.x, turned.y, turned.z);
     let ((a, covariance_a), (b, covariance_b)) = (first.about_o(support), other.about_o(support));
-    let stiffness = with_weight(support, &b)?;
+    let stiffness = with_weight(support, &std::array::from_fn(|k| b[k]))?;
     // The weight's moments: −g ms_y about x, g ms_x about y.
     let mut by_moments = DMatrix::zeros(6, 10);
     (by_moments[(3, 2)], by_moments[(4, 1)]) = (-support.gravity_mps2, support.gravity_mps2);
@@ -112,8 +112,8 @@ fn moved(
 }
 
 /// Stiffness with what the weight adds to it; locked coordinates do not yield.
-fn with_weight(support: &Support, ten: &SVector<f64, 10>) -> Option<Matrix6<f64>> {
-    let mut stiffness = support.springs.stiffness() + support.weight_stiffness(ten[0], ten[3]);
+fn with_weight(support: &Support, ten: &[f64; 10]) -> Option<Matrix6<f64>> {
+    let mut stiffness = support.springs.stiffness() + support.preload.stiffness(ten);
     let largest = stiffness.amax();
     for k in (0..6).filter(|k| !support.free.contains(k)) {
         stiffness.row_mut(k).fill(0.0);

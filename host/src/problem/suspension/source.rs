@@ -4,8 +4,9 @@
 //! platform's point O at r_O instead of the base's origin at r: with `a = r − r_O` the moments gain `a × F`, whose differentiated part is
 //! `a × d/dt D = d/dt (a × D) − ȧ × D`.
 //!
-//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the weight W, which acts at
-//! the height h of the anchors, its two horizontal moments, which turn with the platform as anchors do, and a moment about the vertical:
+//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the weight W and its two horizontal
+//! moments, each as forces of the springs whose places turn with the platform ([`super::preload`]), and a moment about the vertical. Of
+//! upright springs at the height h
 //! ```text
 //! F = (fx, fy, W)     M = R (m_y', m_x', W h …) × ẑ     of which R x̂ × ẑ, R ŷ × ẑ and h R ẑ × ẑ are the columns
 //! ```
@@ -168,19 +169,12 @@ impl SuspendedSource {
 
     /// Column of what the springs carry at rest, of a coordinate.
     fn carried(&self, at: &Displacement, coordinate: usize) -> Vector6<f64> {
-        let turned = |v: Vector3<f64>| (at.rotation * v).cross(&Vector3::z());
-        let moment = match coordinate {
-            2 => turned(Vector3::z() * self.support.anchor_height_m),
-            3 => turned(Vector3::y()),
-            4 => turned(-Vector3::x()),
-            5 => Vector3::z(),
-            _ => Vector3::zeros(),
-        };
-        let mut out = Vector6::new(0.0, 0.0, 0.0, moment.x, moment.y, moment.z);
-        if coordinate < 3 {
-            out[coordinate] = 1.0;
+        if !(2..5).contains(&coordinate) {
+            return Vector6::ith(coordinate, 1.0);
         }
-        out
+        self.support
+            .preload
+            .wrench(at, &std::array::from_fn(|load| f64::from(u8::from(load + 1 == coordinate))))
     }
 }
 
@@ -227,7 +221,8 @@ impl RowSource for SuspendedSource {
         add_arm(arm, &own.smoothed.clone(), &mut own.smoothed, n);
         add_arm(&-turning, &forces, &mut own.smoothed, n);
         add_arm(arm, &forces, &mut own.differentiated, n);
-        let wrench = self.support.springs.wrench(at);
+        let stated = self.support.preload.wrench(at, &[1.0, 0.0, 0.0, 0.0]);
+        let wrench = self.support.springs.wrench(at) + stated;
         let all = self.parameters.len();
         for (row, k) in self.support.free.iter().enumerate() {
             rows.smoothed[row * all..row * all + n].copy_from_slice(&own.smoothed[k * n..(k + 1) * n]);
@@ -308,17 +303,29 @@ impl RowSource for SuspendedSource {
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {
-        self.support.springs.nuisances().to_vec()
+        let mut all = self.support.springs.nuisances().to_vec();
+        all.extend(self.support.preload.nuisances(all.len()));
+        all
     }
 
-    fn error_columns(&self, _parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
+    fn error_columns(&self, parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
         // W(K) = A φ − Σ e ∂W/∂e, as the true wrench is W(K) + Σ e ∂W/∂e.
-        let parameters: Vec<Parameter> =
-            self.support.springs.nuisances().iter().map(Nuisance::parameter).collect();
-        let n = parameters.len();
-        Some(Box::new(OtherColumns::new(self, parameters, move |sample, rows| {
+        let nuisances = self.nuisances();
+        let n = nuisances.len();
+        let own = self.inner.parameters().len();
+        let offset = |k: usize| {
+            let place = self.support.free.iter().position(|free| *free == k);
+            place.and_then(|place| parameters.get(own + place)).copied().unwrap_or(0.0)
+        };
+        let loads = [1.0, offset(2), offset(3), offset(4)];
+        let errors = nuisances.iter().map(Nuisance::parameter).collect();
+        Some(Box::new(OtherColumns::new(self, errors, move |sample, rows| {
             let instant = self.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
-            for (column, wrench) in self.support.springs.error_wrenches(&instant.at).iter().enumerate() {
+            let mut wrenches = self.support.springs.error_wrenches(&instant.at);
+            if wrenches.len() < n {
+                wrenches.push(self.support.preload.error_wrench(&instant.at, &loads));
+            }
+            for (column, wrench) in wrenches.iter().enumerate() {
                 for (row, k) in self.support.free.iter().enumerate() {
                     rows.smoothed[row * n + column] = -wrench[*k];
                 }

@@ -6,7 +6,8 @@
 //! matrix:          [F; M] = −K [d; θ]
 //! springs at a:    δ = d + (R − 1) a,   F = −Σ K_s δ,   M = −Σ R a × K_s δ,   K_s = k_n n nᵀ + k_t (1 − n nᵀ)
 //! ```
-//! The springs' law is exact at any angle, the matrix' to first order. What they carry at rest is not among it: see [`super::source`].
+//! The springs' law is exact at any angle, the matrix' to first order. A clamped spring of length L pushes across at half of it, where its
+//! moment is zero, and resists turning by `k_b (1 − n nᵀ) θ`. What they carry at rest is not among it: see [`super::preload`].
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
@@ -17,6 +18,11 @@ use rigident_io::rig::{Coordinate, SuspensionTable};
 pub const COORDINATES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 /// 1 σ of stiffnesses, relative, where none is given: springs of a catalogue, 5 % either way.
 const STIFFNESS_STD: f64 = 0.05 / 1.732_050_807_568_877_2;
+/// Stiffness of a clamped coil against turning by its axial stiffness and the square of its diameter: `E I / L` of round wire by
+/// `G d⁴ / (8 n D³)`, with Poisson's ratio 0.3 (A. M. Wahl, Mechanical Springs, 1963): `(2 + 2ν) / (4 (2 + ν))`.
+const BENDING: f64 = 0.28;
+/// 1 σ of that, relative.
+const BENDING_STD: f64 = 0.2;
 /// 1 σ of the damping ratio that is looked for, where none is given.
 const DAMPING_RATIO_STD: f64 = 0.05;
 /// Frequency at which a damping ratio is understood, rad/s: platforms swing at about 1 Hz.
@@ -44,6 +50,11 @@ impl Displacement {
         Vector6::new(self.shift.x, self.shift.y, self.shift.z, turn.x, turn.y, turn.z)
     }
 
+    /// Returns the vector of the turn, axes at rest, rad.
+    pub fn turn(&self) -> Vector3<f64> {
+        self.coordinates().fixed_rows::<3>(3).into_owned()
+    }
+
     fn rates(&self) -> Vector6<f64> {
         let (v, w) = (self.velocity, self.rate);
         Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z)
@@ -59,6 +70,8 @@ struct Spring {
     axis: Vector3<f64>,
     axial: f64,
     lateral: f64,
+    /// Moment across the axis by a turn, N m.
+    bending: f64,
 }
 
 /// What may be wrong with springs, each by a factor or an element.
@@ -70,6 +83,10 @@ enum SpringError {
     Axial(usize),
     /// The same across it.
     Lateral(usize),
+    /// The same against turning of its seat.
+    Bending(usize),
+    /// That of all springs alike.
+    Common,
     /// An element of the damping and its mirror image.
     Damping(usize, usize),
 }
@@ -93,11 +110,17 @@ impl Springs {
     /// Returns the springs of a rig file.
     pub fn new(table: &SuspensionTable) -> Self {
         let at = Vector3::from(table.at_m);
-        let spring = |own: &rigident_io::rig::SpringTable| Spring {
-            arm: Vector3::from(own.at_m) - at,
-            axis: Vector3::from(own.axis).normalize(),
-            axial: own.axial_npm,
-            lateral: own.lateral_npm,
+        let spring = |own: &rigident_io::rig::SpringTable| {
+            let axis = Vector3::from(own.axis).normalize();
+            let half = if own.clamped { 0.5 * own.length_m.unwrap_or(0.0) } else { 0.0 };
+            let diameter = own.diameter_m.filter(|_| own.clamped).unwrap_or(0.0);
+            Spring {
+                arm: Vector3::from(own.at_m) - at - axis * half,
+                axis,
+                axial: own.axial_npm,
+                lateral: own.lateral_npm,
+                bending: BENDING * own.axial_npm * diameter * diameter,
+            }
         };
         let matrix = table.stiffness.map(|rows| {
             let k = Matrix6::from_fn(|i, j| rows[i][j]);
@@ -150,7 +173,8 @@ impl Springs {
                 );
             }
         }
-        for (n, own) in table.spring.iter().enumerate() {
+        let parted = if self.matrix.is_some() { &[] } else { table.spring.as_slice() };
+        for (n, own) in parted.iter().enumerate() {
             let group = format!("spring {}", n + 1);
             let (sigma, given) =
                 (own.std.unwrap_or(relative), own.std.is_some() || table.stiffness_std.is_some());
@@ -163,7 +187,15 @@ impl Springs {
                     self.add(error, name, &group, String::new(), sigma, basis(given, "std"));
                 }
             }
+            if self.each[n].bending > 0.0 && sigma > 0.0 {
+                let (name, basis) = (format!("spring{}_bending", n + 1), basis(false, "std"));
+                self.add(SpringError::Bending(n), name, &group, String::new(), BENDING_STD, basis);
+            }
         }
+        let (common, given) = common_std(table);
+        let name = "springs_common".to_owned();
+        let basis = basis(given, "stiffness_common_std");
+        self.add(SpringError::Common, name, "all springs", String::new(), common, basis);
     }
 
     fn add(&mut self, error: SpringError, name: String, group: &str, unit: String, sigma: f64, basis: Basis) {
@@ -182,7 +214,7 @@ impl Springs {
 
     /// Returns the stiffness about O: six forces and moments against six displacements.
     pub fn stiffness(&self) -> Matrix6<f64> {
-        self.matrix.unwrap_or_else(|| self.each.iter().map(|s| s.about_o(&s.matrix())).sum())
+        self.matrix.unwrap_or_else(|| self.each.iter().map(|s| s.about_o(&s.matrix()) + s.bends()).sum())
     }
 
     /// Returns what is not known of them.
@@ -208,6 +240,8 @@ impl Springs {
             SpringError::Lateral(n) => {
                 Some(self.each[n].about_o(&(self.each[n].matrix() - self.each[n].along())))
             }
+            SpringError::Bending(n) => Some(self.each[n].bends()),
+            SpringError::Common => Some(self.stiffness()),
             SpringError::Damping(..) => None,
         };
         self.errors.iter().filter_map(of).collect()
@@ -217,7 +251,11 @@ impl Springs {
     pub fn wrench(&self, at: &Displacement) -> Vector6<f64> {
         match &self.matrix {
             Some(k) => -k * at.coordinates(),
-            None => self.each.iter().map(|spring| spring.wrench(at, &spring.matrix())).sum(),
+            None => {
+                let own =
+                    |spring: &Spring| spring.wrench(at, &spring.matrix()) - spring.bends() * at.coordinates();
+                self.each.iter().map(own).sum()
+            }
         }
     }
 
@@ -239,6 +277,8 @@ impl Springs {
             SpringError::Lateral(n) => {
                 self.each[n].wrench(at, &(self.each[n].matrix() - self.each[n].along()))
             }
+            SpringError::Bending(n) => -self.each[n].bends() * q,
+            SpringError::Common => self.wrench(at),
         };
         self.errors.iter().map(of).collect()
     }
@@ -251,6 +291,14 @@ impl Spring {
 
     fn matrix(&self) -> Matrix3<f64> {
         self.along() + (Matrix3::identity() - self.axis * self.axis.transpose()) * self.lateral
+    }
+
+    /// What its seat does against turns.
+    fn bends(&self) -> Matrix6<f64> {
+        let mut all = Matrix6::zeros();
+        let across = Matrix3::identity() - self.axis * self.axis.transpose();
+        all.fixed_view_mut::<3, 3>(3, 3).copy_from(&(across * self.bending));
+        all
     }
 
     /// What a stiffness of the point gives about O.
@@ -267,6 +315,20 @@ impl Spring {
         let moment = arm.cross(&force);
         Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
     }
+}
+
+/// 1 σ of the factor that all springs share, and whether it is stated: springs of one batch, weighed by one load cell, are off alike.
+fn common_std(table: &SuspensionTable) -> (f64, bool) {
+    if let Some(stated) = table.stiffness_common_std {
+        return (stated, true);
+    }
+    if table.stiffness.is_some() && table.stiffness_element_std.is_some() {
+        return (0.0, false);
+    }
+    let own = table.stiffness_std.unwrap_or(STIFFNESS_STD);
+    let each = |spring: &rigident_io::rig::SpringTable| spring.std.unwrap_or(own);
+    let least = table.spring.iter().map(each).min_by(f64::total_cmp);
+    (if table.stiffness.is_some() { own } else { least.unwrap_or(own) }, false)
 }
 
 /// Returns the coordinates that are not locked.
@@ -355,7 +417,7 @@ mod tests {
             (rows[(0, 4)], rows[(4, 0)]) = (x_pitch, x_pitch);
             let rows: Vec<String> =
                 rows.row_iter().map(|r| format!("{:?}", r.iter().collect::<Vec<_>>())).collect();
-            springs(&format!("[suspension]\nstiffness = [{}]\n", rows.join(", ")))
+            springs(&format!("[suspension]\nanchor_height_m = 0.0\nstiffness = [{}]\n", rows.join(", ")))
         };
         let (own, other) = (matrix(100.0), matrix(130.0));
         let k = own.nuisances().iter().position(|n| n.name == "stiffness_x_pitch").unwrap();

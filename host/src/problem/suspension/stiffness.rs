@@ -69,12 +69,14 @@ pub fn stiffness(
     let wide = SuspensionTable {
         stiffness: Some(rows),
         stiffness_std: Some(UNKNOWN),
+        stiffness_common_std: Some(0.0),
         stiffness_element_std: None,
         spring: Vec::new(),
         ..table.clone()
     };
     let own = Support { springs: Springs::new(&wide), ..support.clone() };
-    let nuisances: Vec<Nuisance> = own.springs.stiffness_nuisances();
+    let nuisances: Vec<Nuisance> = own.stiffness_nuisances();
+    let unknown = own.springs.error_stiffnesses();
     let swing = Swing { shapes: shapes.clone(), map: DMatrix::identity(10, 10) };
     // What is stated as exact is known to a millionth.
     let mut covariance = covariance.clone();
@@ -88,7 +90,7 @@ pub fn stiffness(
     let (rows, values) = problem.solve()?;
     let factor = problem.factor(&rows, &values);
     let solution = factor.solve(factor.rounding());
-    let degrees_of_freedom = values.len() as f64 - nuisances.len() as f64;
+    let degrees_of_freedom = values.len() as f64 - unknown.len() as f64;
     if degrees_of_freedom < 1.0 {
         return None;
     }
@@ -96,7 +98,7 @@ pub fn stiffness(
     let surprising = variance_ratio > 1.0 + 4.0 * (2.0 / degrees_of_freedom).sqrt();
     let wider = if surprising { variance_ratio.sqrt() } else { 1.0 };
     let (mut stiffness, mut std) = (Matrix6::zeros(), Matrix6::zeros());
-    for (k, (nuisance, by)) in nuisances.iter().zip(own.springs.error_stiffnesses()).enumerate() {
+    for (k, (nuisance, by)) in nuisances.iter().zip(unknown).enumerate() {
         let at = 10 + k;
         let sd = solution.covariance[(at, at)].max(0.0).sqrt();
         if !solution.determined[at] || sd.is_nan() || sd > TOLD * nuisance.sigma {
