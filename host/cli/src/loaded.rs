@@ -364,7 +364,11 @@ impl Loaded {
 
     /// Returns the factor of a fit, named after the recording, with what the checks of that found.
     pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
-        let context = Context { links: self.links(&StandardOptions::DEFAULT), ..Context::default() };
+        let context = Context {
+            links: self.links(&StandardOptions::DEFAULT),
+            findings: self.problem.findings.clone(),
+            ..Context::default()
+        };
         match Answer::new(found, context) {
             Ok(answer) => self.factor_of(found, &answer, 0),
             Err(_) => self

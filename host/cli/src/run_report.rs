@@ -146,6 +146,7 @@ impl<'a> RunReport<'a> {
             tracking: self.tracking.take(),
             experiment: self.experiment.take(),
             drift: self.drift.take(),
+            findings: self.loaded.map_or_else(Vec::new, |loaded| loaded.problem.findings.clone()),
             ..Context::default()
         };
         let mut answer = Answer::new(fit, context).map_err(Failure::input)?;

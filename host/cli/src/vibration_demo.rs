@@ -164,7 +164,7 @@ fn by_postures(postures: &[(Recording, [f64; 4])], rig: &RigFile, model: &Model)
     let mut all = Vec::new();
     for (recording, wxyz) in postures {
         let found = vibration(recording, &support, None).map_err(Failure::input)?;
-        if let Some(why) = found.unsound(support.free.len()) {
+        if let Err(why) = found.judge(support.free.len()) {
             return Err(Failure::input(format!("{}: {why}", recording.name)));
         }
         all.push(PostureModes {

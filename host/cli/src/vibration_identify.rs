@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::bare_platform::take_platform_off;
@@ -13,28 +13,19 @@ use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::{Answer, Context, Source, Status};
 use rigident::present::modes_page::{self, Scene};
 use rigident::present::vibration as present;
-use rigident::problem::body;
 use rigident::problem::suspension::bare::is_stated;
+use rigident::problem::suspension::by_modes::{Refused, by_modes};
 use rigident::problem::suspension::free_decay::{Vibration, vibration};
-use rigident::problem::suspension::modal::{ModalSource, Swing};
 use rigident::problem::suspension::mount::Mount;
 use rigident::problem::suspension::springs::COORDINATES;
 use rigident::problem::suspension::support::Support;
+use rigident_fit::Fit;
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
 const CONTRADICTORY: f64 = 1.5;
-/// Modes that leave so many times what is explained make a warning,
-const SUSPECT: f64 = 2.5;
-/// and no body.
-const IMPOSSIBLE: f64 = 15.0;
-/// What may be wrong then.
-const LEFT: &str = "look at the stiffness and its σ, anchor_height_m, units and frames of poses, a part that is loose, and what the springs stand on";
-/// Parameters of a body.
-const TEN: usize = 10;
 
 /// The object of `--json`.
 #[derive(Serialize)]
@@ -88,13 +79,27 @@ pub(super) fn identify(
     let vibration = vibration(&recording, &support, modes).map_err(Failure::input)?;
     stages.at("body", 0.7);
     let mut warnings = recording.warnings.clone();
-    let mut by_modes = by_modes(&recording, &support, &vibration, &mut warnings)?;
-    let by_motion = match vibration.samples.imu {
-        None => by_motion(recording.clone(), &stages)
-            .map_err(|why| warnings.push(format!("no body is told by the motion: {why}")))
-            .ok(),
-        Some(_) => None,
+    let rows = vibration.samples.values.nrows();
+    let by_modes = match by_modes(&support, &vibration) {
+        Ok(fit) => Ok(answered(&recording, fit, rows)?),
+        Err(why) => Err(why),
     };
+    let by_motion = match (&vibration.samples.imu, &by_modes) {
+        (Some(_), _) => None,
+        // What springs are not, they are for the motion neither.
+        (None, Err(Refused::Springs(_))) => None,
+        (None, _) => by_motion(recording.clone(), &stages)
+            .map_err(|why| warnings.push(format!("no body by the motion: {why}")))
+            .ok(),
+    };
+    match &by_modes {
+        Ok(_) => {}
+        Err(Refused::Springs(why)) => {
+            warnings.insert(0, format!("no body, neither by the modes nor by the motion: {why}"))
+        }
+        Err(Refused::Modes(why)) => warnings.insert(0, format!("no body by the modes: {why}")),
+    }
+    let mut by_modes = by_modes.ok();
     if let (Some(modes), Some(motion)) = (&mut by_modes, &by_motion) {
         modes.of_the_readings_of(motion);
     }
@@ -131,38 +136,6 @@ pub(super) fn identify(
         warnings,
     };
     finish((folder, json, &recording.rig), &object, &vibration, [("modes", by_modes), ("motion", by_motion)])
-}
-
-/// The body by its modes, with the factor of everything that moves; `None` if they are not to be gone on with.
-fn by_modes(
-    recording: &Recording,
-    support: &Support,
-    found: &Vibration,
-    warnings: &mut Vec<String>,
-) -> Result<Option<Found>, Failure> {
-    if let Some(why) = found.unsound(support.free.len()) {
-        warnings.push(format!("no body is told by the modes: {why}"));
-        return Ok(None);
-    }
-    let swing = Swing { shapes: found.modes.shapes.clone(), map: DMatrix::identity(TEN, TEN) };
-    let Some(source) = ModalSource::new(&[swing], support, body::parameters(TEN), 0) else {
-        warnings.push("no body is told by the modes: their covariance has no inverse".to_owned());
-        return Ok(None);
-    };
-    let fit = fit(&source, &FitOptions::default(), &Silent).map_err(Failure::input)?;
-    let left = fit.noise.variance_ratio.sqrt();
-    if left > IMPOSSIBLE {
-        warnings.push(format!(
-            "no body is told by the modes: they leave {left:.0} times what their noise and the springs' errors explain; {LEFT}"
-        ));
-        return Ok(None);
-    }
-    if left > SUSPECT {
-        warnings.push(format!(
-            "the modes leave {left:.1} times what their noise and the springs' errors explain, and intervals are as much wider; {LEFT}"
-        ));
-    }
-    answered(recording, fit, found.samples.values.nrows()).map(Some)
 }
 
 /// What one way finds.
@@ -235,6 +208,7 @@ fn by_motion(recording: Recording, stages: &Stages) -> Result<Found, Failure> {
         source: loaded.origin("host"),
         notes: loaded.notes.clone(),
         warnings: loaded.warnings.clone(),
+        findings: loaded.problem.findings.clone(),
         ..Context::default()
     };
     Ok(Found { answer: Answer::new(&fit, context).map_err(Failure::input)?, factor, body })
@@ -268,7 +242,7 @@ fn finish(
         for note in &object.notes {
             say(format_args!("note: {note}"));
         }
-        for warning in object.findings.iter().chain(&object.warnings) {
+        for warning in object.warnings.iter().chain(&object.findings) {
             tell!("rigident: {warning}");
         }
         for (way, answer) in [("modes", &object.by_modes), ("motion", &object.by_motion)] {
@@ -291,7 +265,9 @@ fn finish(
         folder.write("spectrum.svg", spectrum.as_bytes())?;
         let answers = [object.by_modes.as_ref(), object.by_motion.as_ref()];
         let text = present::text(&object.modes, answers);
-        let page = modes_page::page(&object.recording, &object.modes, &scene(rig, answers), &spectrum, &text);
+        let said: Vec<&str> = object.warnings.iter().chain(&object.findings).map(String::as_str).collect();
+        let scene = scene(rig, answers);
+        let page = modes_page::page(&object.recording, &object.modes, &scene, &spectrum, (&said, &text));
         folder.write("modes.html", page.as_bytes())?;
         if !json {
             say(format_args!("\nFiles in {}", folder.path().display()));

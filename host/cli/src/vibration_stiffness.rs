@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
     }
     stages.at("modes", 0.1);
     let found = vibration(&recording, &support, arguments.modes).map_err(Failure::input)?;
-    if let Some(why) = found.unsound(support.free.len()) {
+    if let Err(why) = found.judge(support.free.len()) {
         return Err(Failure::input(format!("{}: {why}", recording.name)));
     }
     let shapes = &found.modes.shapes;

@@ -28,6 +28,7 @@ pub use amplitudes::Amplitudes;
 pub use findings::{Finding, Severity};
 pub use imu::{Imu, platform_amplitudes};
 pub use input::{FreeDecay, ModalError, Options};
+pub use report::complex;
 pub use roles::Role;
 pub use shape::{Mode, Shapes, shapes};
 pub use spectrum::{Spectrum, spectrum};

@@ -50,7 +50,8 @@ impl Evidence<'_> {
         if !self.fit.is_exact() {
             found.extend(self.lines());
             found.extend(self.noise());
-            found.extend(self.complex(modes));
+            let amplitudes = self.amplitudes.selected(&self.with(Role::Mode));
+            found.extend(complex(&amplitudes, modes, |c| self.scale(c)));
         }
         found.sort_by_key(|finding| std::cmp::Reverse(finding.severity()));
         found
@@ -302,25 +303,23 @@ impl Evidence<'_> {
         };
         self.with(Role::Mode).into_iter().filter_map(of).collect()
     }
+}
 
-    /// Modes whose imaginary part is beyond noise and a tenth of the whole.
-    fn complex(&self, modes: &[Mode]) -> Vec<Finding> {
-        let channels = self.fit.sigma.len();
-        let stride = self.amplitudes.stride();
-        let of = |r: usize| {
-            let mode = modes.iter().find(|mode| mode.angular == self.amplitudes.angular[r])?;
-            let (mut noise, mut size) = (0.0, 0.0);
-            for c in 0..channels {
-                let k = r * stride + 2 + c;
-                let both = self.amplitudes.covariance[(k, k)]
-                    + self.amplitudes.covariance[(k + channels, k + channels)];
-                noise += 0.5 * both / self.scale(c).powi(2);
-                size += mode.amplitudes[c].norm_sqr() / self.scale(c).powi(2);
-            }
-            let (noise, share) = ((noise / size.max(f64::MIN_POSITIVE)).sqrt(), mode.imaginary_share);
-            let is_beyond = share > 0.1 && share > 4.0 * noise;
-            is_beyond.then_some(Finding::Complex { hz: self.fit.poles[r].hz(), share, noise })
-        };
-        self.with(Role::Mode).into_iter().filter_map(of).collect()
-    }
+/// Returns the modes whose imaginary part is beyond noise and a tenth of the whole, from their amplitudes in channels of these scales.
+pub fn complex(amplitudes: &Amplitudes, modes: &[Mode], scale: impl Fn(usize) -> f64) -> Vec<Finding> {
+    let (channels, stride) = (amplitudes.complex.nrows(), amplitudes.stride());
+    let of = |r: usize| {
+        let mode = modes.iter().find(|mode| mode.angular == amplitudes.angular[r])?;
+        let (mut noise, mut size) = (0.0, 0.0);
+        for c in 0..channels {
+            let k = r * stride + 2 + c;
+            let both = amplitudes.covariance[(k, k)] + amplitudes.covariance[(k + channels, k + channels)];
+            noise += 0.5 * both / scale(c).powi(2);
+            size += amplitudes.complex[(c, r)].norm_sqr() / scale(c).powi(2);
+        }
+        let (noise, share) = ((noise / size.max(f64::MIN_POSITIVE)).sqrt(), mode.imaginary_share);
+        let is_beyond = share > 0.1 && share > 4.0 * noise;
+        is_beyond.then(|| Finding::Complex { hz: mode.hz(), share, noise })
+    };
+    (0..amplitudes.complex.ncols()).filter_map(of).collect()
 }

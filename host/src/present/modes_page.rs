@@ -38,10 +38,20 @@ pub struct Scene {
     pub com_m: Option<[f64; 3]>,
 }
 
-/// Returns the page of the modes of a recording, with its spectrum as SVG and the answers as text.
-pub fn page(title: &str, modes: &[ModeRow], scene: &Scene, spectrum: &str, text: &str) -> String {
+/// Returns the page of the modes of a recording, with its spectrum as SVG, what was noticed, and the answers as text.
+pub fn page(
+    title: &str,
+    modes: &[ModeRow],
+    scene: &Scene,
+    spectrum: &str,
+    (said, text): (&[&str], &str),
+) -> String {
     let mut html = beginning_with(title, "modes of free vibration", STYLE);
     html.push_str(&format!("<h1>{}</h1>\n<p class=\"source\">Modes of free vibration</p>\n", escape(title)));
+    if !said.is_empty() {
+        let items: String = said.iter().map(|what| format!("<li>{}</li>\n", escape(what))).collect();
+        html.push_str(&format!("<h2>Noticed</h2>\n<ul class=\"warnings\">\n{items}</ul>\n"));
+    }
     html.push_str(
         "<h2>Modes</h2>\n<p class=\"soft\">Each at the same size, whatever it was, and slowed down; x points to the right, y away, z upward. \
          Dashed: rest. The dot is the body's centre of mass.</p>\n<div class=\"grid\">\n",
@@ -208,7 +218,8 @@ mod tests {
             com_m: Some([0.0, 0.1, 0.2]),
             ..Scene::default()
         };
-        let page = page("a < b", &[mode()], &scene, "<svg></svg>", "1 & 2");
+        let page = page("a < b", &[mode()], &scene, "<svg></svg>", (&["3 < 4"], "1 & 2"));
+        assert!(page.find("3 &lt; 4").unwrap() < page.find("<h2>Modes").unwrap(), "{page}");
         let read = roxmltree::Document::parse_with_options(
             &page,
             roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() },

@@ -18,12 +18,13 @@ use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare, prepare_owned};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::instruments::instrument;
+use self::suspension::by_modes::contradiction;
 use self::suspension::{SuspendedSource, SuspensionError};
 use self::tree::drive::Friction;
 use self::tree::limits::beyond;
 use self::tree::{TreePrepareError, TreeSource, TreeSourceError};
 use crate::answer::result::TimeBase;
-use crate::answer::{Links, StandardRequest};
+use crate::answer::{self, Links, StandardRequest};
 use rigident_fit::{DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, fit, fit_device};
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
@@ -100,6 +101,8 @@ pub struct Problem {
     pub notes: Vec<String>,
     /// What a user should act on, as far as it was seen before the fit.
     pub warnings: Vec<String>,
+    /// What was found outside of the rows, for an answer to be judged by.
+    pub findings: Vec<answer::Finding>,
     /// Several files with clocks of their own.
     clocks: Option<Box<Clocks>>,
 }
@@ -135,6 +138,7 @@ impl Problem {
             },
             notes: prepared.notes,
             warnings: prepared.warnings,
+            findings: Vec::new(),
             clocks: None,
         })
     }
@@ -156,6 +160,7 @@ impl Problem {
             subject: Subject::Body { source, gravity_columns: prepared.gravity_columns },
             notes: prepared.notes,
             warnings: Vec::new(),
+            findings: Vec::new(),
             clocks: None,
         })
     }
@@ -163,12 +168,21 @@ impl Problem {
     /// Poses the problem of a recording on springs.
     fn on_springs(recording: &Recording, model: Option<&Model>) -> Result<Self, ProblemError> {
         let prepared = suspension::prepare(recording, model).map_err(Box::new)?;
+        let judged = match prepared.source.is_body() {
+            true => contradiction(recording, prepared.source.support()),
+            false => Ok(None),
+        };
+        let (findings, warnings) = match judged {
+            Ok(found) => (found.map(answer::Finding::contradiction).into_iter().collect(), Vec::new()),
+            Err(why) => (Vec::new(), vec![why]),
+        };
         Ok(Self {
             name: recording.name.clone(),
             rig: recording.rig.clone(),
             subject: Subject::Suspended { source: Box::new(prepared.source), idle: prepared.idle },
             notes: prepared.notes,
-            warnings: Vec::new(),
+            warnings,
+            findings,
             clocks: None,
         })
     }
@@ -195,7 +209,15 @@ impl Problem {
 
     /// Wraps a subject that is ready, with its rig file.
     pub fn new(name: &str, rig: RigFile, subject: Subject) -> Self {
-        Self { name: name.to_owned(), rig, subject, notes: Vec::new(), warnings: Vec::new(), clocks: None }
+        Self {
+            name: name.to_owned(),
+            rig,
+            subject,
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            findings: Vec::new(),
+            clocks: None,
+        }
     }
 
     /// Returns the rows.

@@ -10,14 +10,13 @@ use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{GAP, Pose, poses, rest};
 use crate::modal_analysis::{
-    self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, platform_amplitudes, shapes, spectrum,
+    self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, complex, platform_amplitudes, shapes,
+    spectrum,
 };
 use crate::problem::tree::joints::attitude;
 use rigident_io::recording::Recording;
 use rigident_io::rig::{RigFile, SuspensionTable};
 
-/// A wrong mode would move the answer: so many of the modes that there are may be missing.
-const MAY_MISS: usize = 1;
 /// Names of an IMU's channels.
 const IMU_CHANNELS: [&str; 6] = ["fx", "fy", "fz", "wx", "wy", "wz"];
 
@@ -172,6 +171,9 @@ pub fn vibration(
         modes.amplitudes = platform_amplitudes(imu, &modes.amplitudes).map_err(refuse)?;
         modes.shapes = shapes(&modes.amplitudes, &[]).map_err(refuse)?;
         modes.shapes = only(&modes.shapes, &support.free);
+        // An accelerometer reads a quarter of a period beside a gyro: phases are those of shifts and turns.
+        modes.findings.retain(|finding| !matches!(finding, modal_analysis::Finding::Complex { .. }));
+        modes.findings.extend(complex(&modes.amplitudes, &modes.shapes.modes, |_| 1.0));
         for (mode, strength) in modes.shapes.modes.iter_mut().zip(strengths) {
             mode.signal_to_noise = strength;
         }
@@ -196,17 +198,4 @@ fn only(all: &modal_analysis::Shapes, free: &[usize]) -> modal_analysis::Shapes 
         mode.amplitudes = mode.amplitudes.select_rows(free);
     }
     modal_analysis::Shapes { modes, covariance: all.covariance.select_rows(&kept).select_columns(&kept) }
-}
-
-impl Vibration {
-    /// Returns why the modes are not to be gone on with, if they are not: too many are missing, or springs are not linear.
-    pub fn unsound(&self, free: usize) -> Option<String> {
-        use modal_analysis::{Finding, Severity};
-        let enough = self.modes.shapes.modes.len() + MAY_MISS >= free;
-        let told = |finding: &&Finding| match finding {
-            Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. } => true,
-            other => other.severity() == Severity::Error && !enough,
-        };
-        self.modes.findings.iter().find(told).map(ToString::to_string)
-    }
 }

@@ -4,6 +4,7 @@
 //! way to it from a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree ([`crate::problem::tree`]).
 
 pub mod bare;
+pub mod by_modes;
 pub mod free_decay;
 pub mod modal;
 pub mod mount;

@@ -4,14 +4,13 @@ use nalgebra::{DMatrix, Matrix3, Quaternion, Rotation3, SVector, UnitQuaternion,
 
 use super::SuspensionError;
 use super::bare::fixture;
+use super::by_modes::by_modes;
 use super::free_decay::vibration;
-use super::modal::{ModalSource, Swing};
 use super::posture_modes::{PostureModes, posture_rows};
 use super::postures::PostureSource;
 use super::prepare::joints;
 use super::support::Support;
 use crate::modal_analysis::Shapes;
-use crate::problem::body;
 use crate::problem::moved::Part;
 use rigident_fit::{Estimate, Factor, Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
@@ -51,14 +50,8 @@ impl RecordedPosture {
         let refuse = |why: String| SuspensionError::Posture { file: recording.name.clone(), why };
         let positions = locked(recording, model)?;
         let found = vibration(recording, support, None)?;
-        if let Some(why) = found.unsound(support.free.len()) {
-            return Err(refuse(why));
-        }
+        let mut own = by_modes(support, &found).map_err(|why| refuse(why.to_string()))?;
         let shapes = found.modes.shapes.clone();
-        let swing = Swing { shapes: shapes.clone(), map: DMatrix::identity(TEN, TEN) };
-        let source = ModalSource::new(&[swing], support, body::parameters(TEN), 0)
-            .ok_or_else(|| refuse("the covariance of its modes has no inverse".to_owned()))?;
-        let mut own = fit(&source, &FitOptions::default(), &Silent).map_err(|e| refuse(e.to_string()))?;
         let whole = own.estimate.clone();
         take_platform_off(recording, &mut own)?;
         if !own.estimate.unjudged().determined.iter().all(|told| *told) {
