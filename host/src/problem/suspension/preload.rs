@@ -31,6 +31,8 @@ const LEAST_ACROSS: f64 = 0.01;
 const HELD: f64 = 1e-12;
 /// 1 σ of the share of the way between free and clamped ends, where nothing is stated of them.
 const ENDS_STD: f64 = 0.5;
+/// Springs whose weight has more stiffness than this share of their distance, beside that of its height, lean.
+const LEANS: f64 = 0.02;
 /// A stiffness that changes by less, relative to that of the arms, does not change.
 const SAME: f64 = 1e-9;
 
@@ -63,7 +65,6 @@ pub struct Preload {
     /// The same if springs of which no ends are stated are clamped.
     clamped: Vec<Carrier>,
     gravity_mps2: f64,
-    leans: bool,
 }
 
 impl Preload {
@@ -73,19 +74,21 @@ impl Preload {
         if table.spring.is_empty() {
             let height = if free.contains(&2) { table.anchor_height_m.unwrap_or(0.0) } else { 0.0 };
             let carriers = upright(height);
-            return Self { clamped: carriers.clone(), carriers, gravity_mps2, leans: false };
+            return Self { clamped: carriers.clone(), carriers, gravity_mps2 };
         }
         let of = |is_clamped: bool| carried(table, &free, is_clamped);
-        let leans = table.spring.iter().any(|own| {
-            let axis = Vector3::from(own.axis).normalize();
-            own.length_m.is_some() || axis.xy().norm() > LEANS || own.preload_n != 0.0
-        });
-        Self { carriers: of(false), clamped: of(true), gravity_mps2, leans }
+        Self { carriers: of(false), clamped: of(true), gravity_mps2 }
     }
 
     /// Returns whether the weight does more than a force of one height would.
     pub fn is_more_than_a_height(&self) -> bool {
-        self.leans
+        let at_height = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, 1.0, 1.0, 0.0)) * self.height_m();
+        let for_load = |load: usize| -> Matrix6<f64> {
+            self.carriers.iter().map(|own| own.stiffness(&own.forces[load])).sum()
+        };
+        let arm = self.carriers.iter().map(|own| own.arm.norm()).fold(0.0, f64::max);
+        let stated = for_load(0).amax() > SAME;
+        stated || ((for_load(1) + for_load(1).transpose()) * 0.5 - at_height).amax() > LEANS * arm.max(1e-3)
     }
 
     /// Returns the height above O at which the weight is carried, m.
@@ -157,9 +160,6 @@ impl Preload {
         other - self.wrench(at, loads)
     }
 }
-
-/// A spring leans whose axis is off the vertical by more than this, rad.
-const LEANS: f64 = 0.05;
 
 /// Forces upward at a height, and pairs of them for the moments.
 fn upright(height_m: f64) -> Vec<Carrier> {
