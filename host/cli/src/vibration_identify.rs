@@ -84,11 +84,11 @@ pub(super) fn identify(
         Ok(fit) => Ok(answered(&recording, fit, rows)?),
         Err(why) => Err(why),
     };
-    let by_motion = match (&vibration.samples.imu, &by_modes) {
-        (Some(_), _) => None,
+    let by_motion = match (vibration.samples.is_of_imu(), &by_modes) {
+        (true, _) => None,
         // What springs are not, they are for the motion neither.
-        (None, Err(Refused::Springs(_))) => None,
-        (None, _) => by_motion(recording.clone(), &stages)
+        (false, Err(Refused::Springs(_))) => None,
+        (false, _) => by_motion(recording.clone(), &stages)
             .map_err(|why| warnings.push(format!("no body by the motion: {why}")))
             .ok(),
     };
@@ -111,7 +111,13 @@ pub(super) fn identify(
             vibration.samples.left_out
         ));
     }
-    if vibration.samples.imu.is_some() {
+    if vibration.samples.filled_in > 0 {
+        notes.push(format!(
+            "{} samples that are missing in gaps are filled in by the modes of the others",
+            vibration.samples.filled_in
+        ));
+    }
+    if vibration.samples.is_of_imu() {
         notes.push(
             "the recording has no poses: the body is told by the modes of the IMU's readings alone"
                 .to_owned(),

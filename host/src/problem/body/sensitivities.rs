@@ -27,7 +27,7 @@ pub const ERRORS: usize = 9;
 /// Errors of all groups.
 pub(super) const COLUMNS: usize = 26;
 /// Axes of the misalignments: the first reads a share of the second.
-pub(super) const PAIRS: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
+pub(crate) const PAIRS: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
 
 /// A group of errors of the IMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

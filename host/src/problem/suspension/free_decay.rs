@@ -5,17 +5,15 @@ use std::ops::Range;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::SuspensionError;
-use super::mount::Mount;
+use super::bridged::bridged;
+use super::imu_errors::MountedImu;
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{GAP, Pose, poses, rest};
 use crate::modal_analysis::{
-    self, FreeDecay, Imu, ModalError, Modes, Options, Spectrum, complex, platform_amplitudes, shapes,
-    spectrum,
+    self, FreeDecay, ModalError, Modes, Options, Spectrum, complex, platform_amplitudes, shapes, spectrum,
 };
-use crate::problem::tree::joints::attitude;
 use rigident_io::recording::Recording;
-use rigident_io::rig::{RigFile, SuspensionTable};
 
 /// Names of an IMU's channels.
 const IMU_CHANNELS: [&str; 6] = ["fx", "fy", "fz", "wx", "wy", "wz"];
@@ -28,6 +26,8 @@ const WHOLE: f64 = 0.5;
 pub struct Samples {
     /// Rows that were left out, as they are before or after a gap in time.
     pub left_out: usize,
+    /// Samples that were missing, and are filled in by the modes of the others.
+    pub filled_in: usize,
     /// Samples per second.
     pub rate_hz: f64,
     /// A row for each sample; shifts of O in m and turns in rad, of the free coordinates, or an IMU's specific force and rate.
@@ -35,7 +35,7 @@ pub struct Samples {
     /// Names of the columns.
     pub names: Vec<&'static str>,
     /// The IMU that they are of; `None` of poses.
-    pub imu: Option<Imu>,
+    pub(super) imu: Option<MountedImu>,
     /// Rest in the frame of the recording: position of O, and attitude as a rotation matrix; `None` of an IMU.
     pub rest: Option<(Vector3<f64>, Matrix3<f64>)>,
 }
@@ -54,8 +54,17 @@ pub struct Vibration {
 /// # Errors
 /// [`SuspensionError`] if it has neither, or no constant rate.
 pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, SuspensionError> {
+    let stretch = longest(recording, constant_rate_hz(recording)?)?;
+    samples_of(recording, support, stretch)
+}
+
+/// Returns the samples of a stretch.
+fn samples_of(
+    recording: &Recording,
+    support: &Support,
+    stretch: Range<usize>,
+) -> Result<Samples, SuspensionError> {
     let rate_hz = constant_rate_hz(recording)?;
-    let stretch = longest(recording, rate_hz)?;
     let left_out = recording.rows() - stretch.len();
     let table = recording.rig.suspension.clone().unwrap_or_default();
     if let Some(rows) = recording.platform.as_deref() {
@@ -64,6 +73,7 @@ pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, Susp
         let rest = rest(poses);
         return Ok(Samples {
             left_out,
+            filled_in: 0,
             rate_hz,
             values: coordinates(poses, &rest, &support.free),
             names: support.free.iter().map(|k| COORDINATES[*k]).collect(),
@@ -83,10 +93,11 @@ pub fn samples(recording: &Recording, support: &Support) -> Result<Samples, Susp
     let at = |i: usize, j: usize| if j < 3 { force[from + i][j] } else { turn[from + i][j - 3] };
     Ok(Samples {
         left_out,
+        filled_in: 0,
         rate_hz,
         values: DMatrix::from_fn(stretch.len(), 6, at),
         names: IMU_CHANNELS.to_vec(),
-        imu: Some(imu(&recording.rig, &table)),
+        imu: Some(MountedImu::new(&recording.rig, &table, &force[stretch.clone()])),
         rest: None,
     })
 }
@@ -127,18 +138,12 @@ fn coordinates(poses: &[Pose], rest: &Pose, free: &[usize]) -> DMatrix<f64> {
     all
 }
 
-/// The IMU of a rig file, against O in the platform's axes.
-fn imu(rig: &RigFile, table: &SuspensionTable) -> Imu {
-    let own = rig.imu.first().cloned().unwrap_or_default();
-    let mount = Mount::of(table);
-    Imu {
-        lever: mount.arm + mount.rotation * Vector3::from(own.position_m),
-        axes: mount.rotation * attitude(&own.rotation_wxyz).unwrap_or_else(Matrix3::identity),
-        gravity: Vector3::new(0.0, 0.0, -rig.recording.gravity_mps2),
-    }
-}
-
 impl Samples {
+    /// Returns whether they are readings of an IMU.
+    pub fn is_of_imu(&self) -> bool {
+        self.imu.is_some()
+    }
+
     fn decay<'a>(&'a self, names: &'a [&'a str]) -> FreeDecay<'a> {
         FreeDecay { rate_hz: self.rate_hz, samples: &self.values, names }
     }
@@ -161,19 +166,36 @@ pub fn vibration(
     support: &Support,
     modes: Option<usize>,
 ) -> Result<Vibration, SuspensionError> {
-    let samples = samples(recording, support)?;
+    let mut samples = samples(recording, support)?;
     let refuse =
         |error: ModalError| SuspensionError::Modes { name: recording.name.clone(), error: Box::new(error) };
     let options = Options { modes: Some(modes.unwrap_or(support.free.len())), ..Options::default() };
-    let mut modes = modal_analysis::identify(&samples.decay(&samples.names), &options).map_err(refuse)?;
+    let rate_hz = samples.rate_hz;
+    let identify = |values: &DMatrix<f64>, names: &[&str]| {
+        let decay = FreeDecay { rate_hz, samples: values, names };
+        modal_analysis::identify(&decay, &options)
+    };
+    let mut modes = identify(&samples.values, &samples.names).map_err(refuse)?;
+    if samples.left_out > 0 {
+        let stretch = longest(recording, samples.rate_hz)?;
+        let all = samples_of(recording, support, 0..recording.rows())?;
+        let (rows, names) = ((&all.values, recording.time_ns.as_slice(), all.rate_hz), &samples.names);
+        if let Some((values, found)) = bridged(rows, (stretch, &modes), |values| identify(values, names)) {
+            modes = found;
+            samples = Samples { filled_in: values.nrows() - recording.rows(), values, ..all };
+        }
+    }
     if let Some(imu) = &samples.imu {
         let strengths: Vec<f64> = modes.shapes.modes.iter().map(|mode| mode.signal_to_noise).collect();
-        modes.amplitudes = platform_amplitudes(imu, &modes.amplitudes).map_err(refuse)?;
+        let read = modes.amplitudes;
+        let platform = platform_amplitudes(&imu.as_stated(), &read).map_err(refuse)?;
+        modes.amplitudes = imu.counted(&read, &platform).map_err(refuse)?;
         modes.shapes = shapes(&modes.amplitudes, &[]).map_err(refuse)?;
+        let noisy = complex(&platform, &modes.shapes.modes, |_| 1.0);
         modes.shapes = only(&modes.shapes, &support.free);
         // An accelerometer reads a quarter of a period beside a gyro: phases are those of shifts and turns.
         modes.findings.retain(|finding| !matches!(finding, modal_analysis::Finding::Complex { .. }));
-        modes.findings.extend(complex(&modes.amplitudes, &modes.shapes.modes, |_| 1.0));
+        modes.findings.extend(noisy);
         for (mode, strength) in modes.shapes.modes.iter_mut().zip(strengths) {
             mode.signal_to_noise = strength;
         }

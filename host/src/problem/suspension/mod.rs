@@ -4,8 +4,10 @@
 //! way to it from a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree ([`crate::problem::tree`]).
 
 pub mod bare;
+mod bridged;
 pub mod by_modes;
 pub mod free_decay;
+mod imu_errors;
 pub mod modal;
 pub mod mount;
 pub mod posture_checks;
