@@ -1,6 +1,8 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use hexapod::BodyParameters;
+
 use crate::link::LinkFaults;
 use crate::links::SecondLink;
 use crate::rig::RigConfig;
@@ -92,6 +94,21 @@ fn probability(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("{text} is no probability from 0 to 1"))
 }
 
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let all: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
+    let all = all.ok().filter(|all| all.iter().all(|v| v.is_finite()));
+    all.and_then(|all| all.try_into().ok())
+        .ok_or_else(|| format!("{text} is not {N} numbers with commas between them"))
+}
+
+fn tensor(text: &str) -> Result<[f64; 6], String> {
+    if text.split(',').count() == 3 {
+        let [xx, yy, zz] = numbers::<3>(text)?;
+        return Ok([xx, yy, zz, 0.0, 0.0, 0.0]);
+    }
+    numbers::<6>(text)
+}
+
 /// `rigident-sim serve`
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
@@ -100,7 +117,8 @@ fn probability(text: &str) -> Result<f64, String> {
     rigident-sim serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  \
     rigident-sim serve --mcu qemu --flip 1e-4 --drop 0.01\n  \
     rigident-sim serve --freeze gz@20+5 --saturate fz@40\n  \
-    rigident-sim serve --body two-links --write-rig rig.toml\n\n\
+    rigident-sim serve --body two-links --write-rig rig.toml\n  \
+    rigident-sim serve --mass 0.5 --com 0,0,0.02 --inertia 4e-4,4e-4,3e-4 --write-rig rig.toml\n\n\
     Ctrl-C ends it and leaves nothing behind.")]
 pub struct ServeOptions {
     /// Where the firmware runs
@@ -130,6 +148,15 @@ pub struct ServeOptions {
     /// The body on the load cell
     #[arg(long, value_enum, default_value_t)]
     pub body: Body,
+    /// A body of its own instead: its mass, kg
+    #[arg(long, value_name = "KG", requires_all = ["com", "inertia"], conflicts_with = "body")]
+    pub mass: Option<f64>,
+    /// Its centre of mass in the frame of the body, m
+    #[arg(long, value_name = "X,Y,Z", requires = "mass", allow_hyphen_values = true, value_parser = numbers::<3>)]
+    pub com: Option<[f64; 3]>,
+    /// Its tensor about the centre of mass, kg m²: Ixx,Iyy,Izz or Ixx,Iyy,Izz,Iyz,Izx,Ixy
+    #[arg(long, value_name = "TENSOR", requires = "mass", allow_hyphen_values = true, value_parser = tensor)]
+    pub inertia: Option<[f64; 6]>,
     /// The sensors
     #[arg(long, value_enum, default_value_t)]
     pub sensors: Sensors,
@@ -217,6 +244,12 @@ impl ServeOptions {
                 rig.with_second(second)
             }
         };
+        let rig = match (self.mass, self.com, self.inertia) {
+            (Some(mass_kg), Some(com_m), Some(inertia_com_kgm2)) => {
+                rig.with_body(BodyParameters { mass_kg, com_m, inertia_com_kgm2 })
+            }
+            _ => rig,
+        };
         let mut sensors = rig.sensors.clone();
         if self.sensors == Sensors::Ideal {
             let gyro_range_radps = sensors.imu.gyro_range_radps;
@@ -257,6 +290,31 @@ mod tests {
         assert_eq!(lasting, SensorFault { channel: Channel::Wrench(0), during: 1.5..f64::INFINITY });
         for wrong in ["gz", "gz@", "gz@-1", "gw@1", "gz@1+nan"] {
             assert!(wrong.parse::<SensorFault>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn any_body_can_be_served_and_none_that_cannot_be() {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            serve: ServeOptions,
+        }
+        use clap::Parser as _;
+        let of = |words: &str| Line::try_parse_from(std::iter::once("serve").chain(words.split(' ')));
+        let rig = of("--mass 40 --com -0.3,0,0.1 --inertia 2,2.5,1,0,0.1,0").unwrap().serve.rig();
+        assert_eq!((rig.body.mass_kg, rig.body.com_m), (40.0, [-0.3, 0.0, 0.1]));
+        assert_eq!(rig.body.inertia_com_kgm2, [2.0, 2.5, 1.0, 0.0, 0.1, 0.0]);
+        assert!(crate::rig::Rig::new(rig).is_ok());
+        let impossible = of("--mass 1 --com 0,0,0 --inertia 1,1,5").unwrap().serve.rig();
+        assert!(crate::rig::Rig::new(impossible).is_err(), "no moment is larger than the sum of the others");
+        for wrong in [
+            "--mass 1",
+            "--com 0,0,0",
+            "--mass 1 --com 0,0 --inertia 1,1,1",
+            "--mass 1 --com 0,0,x --inertia 1,1,1",
+        ] {
+            assert!(of(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -51,9 +51,9 @@ pub fn platform() -> BodyParameters {
     BodyParameters { mass_kg: 15.0, com_m: [0.0; 3], inertia_com_kgm2: [1.02, 1.02, 2.03, 0.0, 0.0, 0.0] }
 }
 
-/// Four upright springs at the corners that carry the weight, and four weak ones along x beside them that carry nothing, so that the two
-/// sideways vibrations are not alike. With all 95.817 kg on them, `√(Σ k / m) / 2π` is 1.15 Hz along x, 1.06 Hz along y and 3.03 Hz
-/// upward.
+/// Four upright springs at the corners that carry the weight, and four weak ones along x beside them that
+/// carry nothing, so that the two sideways vibrations are not alike. With all 95.817 kg on them, `√(Σ k / m)
+/// / 2π` is 1.15 Hz along x, 1.06 Hz along y and 3.03 Hz upward.
 pub fn springs() -> Vec<Spring> {
     let corners =
         [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].map(|[x, y]| [0.38 * x, 0.32 * y, -0.05]);

@@ -13,7 +13,7 @@ use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::{Answer, Context, Source, Status};
 use rigident::present::modes_page::{self, Scene};
 use rigident::present::vibration as present;
-use rigident::problem::suspension::bare::is_stated;
+use rigident::problem::suspension::bare::{is_stated, massless};
 use rigident::problem::suspension::by_modes::{Refused, by_modes};
 use rigident::problem::suspension::free_decay::{Vibration, vibration};
 use rigident::problem::suspension::mount::Mount;
@@ -104,7 +104,7 @@ pub(super) fn identify(
         modes.of_the_readings_of(motion);
     }
     drop(stages);
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = recording.rig.suspension.as_ref().and_then(massless).into_iter().collect();
     if vibration.samples.left_out > 0 {
         notes.push(format!(
             "{} rows before or after a gap in time are not in the modes",

@@ -135,7 +135,7 @@ fn words(object: &Object, found: &FoundStiffness, keeps_springs: bool) -> String
     };
     format!(
         "# {}: {} modes; what is left is {:.2} times what chance gives ({:.0} degrees of freedom)\n{springs}[suspension]\nat_m = {:?}\n\
-         anchor_height_m = {:?}\n{}{}",
+         anchor_height_m = {:.6}\n{}{}",
         object.recording,
         object.modes_hz.len(),
         found.variance_ratio.sqrt(),

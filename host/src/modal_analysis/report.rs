@@ -305,7 +305,8 @@ impl Evidence<'_> {
     }
 }
 
-/// Returns the modes whose imaginary part is beyond noise and a tenth of the whole, from their amplitudes in channels of these scales.
+/// Returns the modes whose imaginary part is beyond noise and a tenth of the whole, from their amplitudes in
+/// channels of these scales.
 pub fn complex(amplitudes: &Amplitudes, modes: &[Mode], scale: impl Fn(usize) -> f64) -> Vec<Finding> {
     let (channels, stride) = (amplitudes.complex.nrows(), amplitudes.stride());
     let of = |r: usize| {

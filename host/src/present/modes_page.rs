@@ -38,7 +38,8 @@ pub struct Scene {
     pub com_m: Option<[f64; 3]>,
 }
 
-/// Returns the page of the modes of a recording, with its spectrum as SVG, what was noticed, and the answers as text.
+/// Returns the page of the modes of a recording, with its spectrum as SVG, what was noticed, and the answers
+/// as text.
 pub fn page(
     title: &str,
     modes: &[ModeRow],

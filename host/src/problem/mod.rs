@@ -18,6 +18,7 @@ use self::body::BodySource;
 use self::body::prepare::{PrepareError, prepare, prepare_owned};
 use self::clocks::{Aligned, Pose, StreamError, StreamSet, align};
 use self::instruments::instrument;
+use self::suspension::bare::massless;
 use self::suspension::by_modes::contradiction;
 use self::suspension::{SuspendedSource, SuspensionError};
 use self::tree::drive::Friction;
@@ -168,6 +169,8 @@ impl Problem {
     /// Poses the problem of a recording on springs.
     fn on_springs(recording: &Recording, model: Option<&Model>) -> Result<Self, ProblemError> {
         let prepared = suspension::prepare(recording, model).map_err(Box::new)?;
+        let mut notes = prepared.notes;
+        notes.extend(recording.rig.suspension.as_ref().and_then(massless));
         let judged = match prepared.source.is_body() {
             true => contradiction(recording, prepared.source.support()),
             false => Ok(None),
@@ -180,7 +183,7 @@ impl Problem {
             name: recording.name.clone(),
             rig: recording.rig.clone(),
             subject: Subject::Suspended { source: Box::new(prepared.source), idle: prepared.idle },
-            notes: prepared.notes,
+            notes,
             warnings,
             findings,
             clocks: None,

@@ -10,16 +10,16 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct SuspensionTable {
     /// Stiffness about `at_m` in axes of P at rest, six rows of six: forces (N) and moments (N m) against small displacements (m)
-    /// and turns (rad); of the springs alone, without weight. Instead of what `[[suspension.spring]]` says of stiffness: such tables beside
-    /// it say where the springs carry the weight.
+    /// and turns (rad); of the springs alone, without weight. Instead of what `[[suspension.spring]]` says of
+    /// stiffness: such tables beside it say where the springs carry the weight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<[[f64; 6]; 6]>,
     /// 1 σ of the elements of `stiffness`, relative to the geometric mean of the two stiffnesses on the diagonal; of each spring's
     /// where springs are given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_std: Option<f64>,
-    /// 1 σ of a factor that all springs share, as those of one batch, one load cell or one temperature do: `stiffness_std` if absent, zero
-    /// where `stiffness_element_std` is stated.
+    /// 1 σ of a factor that all springs share, as those of one batch, one load cell or one temperature do:
+    /// `stiffness_std` if absent, zero where `stiffness_element_std` is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_common_std: Option<f64>,
     /// 1 σ of each element of `stiffness`, six rows of six, in its unit: what a calibration leaves open.
@@ -90,7 +90,8 @@ impl Coordinate {
 pub struct SpringTable {
     /// The point that it acts on, in P, m.
     pub at_m: [f64; 3],
-    /// Its axis in the axes of P at rest with the body on, of any length; of a clamped spring from the ground to the platform.
+    /// Its axis in the axes of P at rest with the body on, of any length; of a clamped spring from the ground
+    /// to the platform.
     #[serde(default = "up")]
     pub axis: [f64; 3],
     /// Stiffness along its axis, N/m.
@@ -98,8 +99,8 @@ pub struct SpringTable {
     /// Stiffness across it, N/m; of a hooked spring or a wire what it has besides its tension by `length_m`.
     #[serde(default)]
     pub lateral_npm: f64,
-    /// Length at rest, m: a hooked spring or a wire has the stiffness T/L across its tension T, which follows the load; a clamped one pushes
-    /// across at half of it.
+    /// Length at rest, m: a hooked spring or a wire has the stiffness T/L across its tension T, which follows
+    /// the load; a clamped one pushes across at half of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
     /// Both ends keep their direction, as those of a coil that stands on its seats do.
@@ -108,8 +109,8 @@ pub struct SpringTable {
     /// Mean diameter of a clamped coil, m: it bends by 0.28 `axial_npm` D² (round wire, Poisson's ratio 0.3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diameter_m: Option<f64>,
-    /// Force on the platform along the axis before the weight comes on, N: what the springs pull against each other. What of it is not in
-    /// balance with the weight the springs share.
+    /// Force on the platform along the axis before the weight comes on, N: what the springs pull against each
+    /// other. What of it is not in balance with the weight the springs share.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preload_n: f64,
     /// Its own mass, kg, of which a third moves with the platform.

@@ -102,11 +102,12 @@ fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint
     of("stiffness_element_std", &std, |v| v.is_finite() && v >= 0.0, "1 σ must be finite and not negative")
 }
 
-/// Refuses a matrix of which nothing says where it carries the weight: half a metre of it is worth half the tilting stiffness.
+/// Refuses a matrix of which nothing says where it carries the weight: half a metre of it is worth half the
+/// tilting stiffness.
 fn height(table: &SuspensionTable) -> Result<(), Complaint> {
     let is_locked = |coordinate| table.locked.contains(&coordinate);
-    let matters = !is_locked(Coordinate::Z) && !(is_locked(Coordinate::Roll) && is_locked(Coordinate::Pitch));
-    if table.anchor_height_m.is_some() || !matters {
+    let needless = is_locked(Coordinate::Z) || is_locked(Coordinate::Roll) && is_locked(Coordinate::Pitch);
+    if table.anchor_height_m.is_some() || needless {
         return Ok(());
     }
     Err((
@@ -186,4 +187,57 @@ fn platform(table: &SuspendedPlatformTable) -> Result<(), Complaint> {
     let advice = "no distribution of mass has these mass and tensor: the mass and the principal moments must be greater than zero, and no \
                   moment larger than the sum of the other two";
     Err(("platform".to_owned(), format!("{mass_kg} kg, {inertia_com_kgm2:?} kg m²"), advice.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::RigFile;
+
+    const MATRIX: &str = "stiffness = [[9.0,0,0,0,0,0],[0,9.0,0,0,0,0],[0,0,9.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
+
+    /// The key that is complained of; nothing if all is well.
+    fn complaint(keys: &str) -> Option<String> {
+        let table = toml::from_str::<SuspensionTable>(keys).unwrap();
+        check(&table).err().map(|(key, ..)| key)
+    }
+
+    #[test]
+    fn a_matrix_needs_the_height_at_which_it_carries_the_weight() {
+        assert_eq!(complaint(MATRIX).as_deref(), Some("anchor_height_m"));
+        assert_eq!(complaint(&format!("anchor_height_m = 0.0\n{MATRIX}")), None);
+        assert_eq!(complaint(&format!("locked = [\"z\"]\n{MATRIX}")), None);
+        // The places of springs beside it tell, and its elements keep their standard deviations.
+        let spring = "[[spring]]\nat_m = [0.1, 0.1, 0.0]\naxial_npm = 1e3\n";
+        let std = MATRIX.replace("stiffness", "stiffness_element_std");
+        assert_eq!(complaint(&format!("{MATRIX}{std}{spring}")), None);
+        assert_eq!(complaint(&format!("{std}{spring}")).as_deref(), Some("stiffness_element_std"));
+    }
+
+    #[test]
+    fn what_a_spring_cannot_be_is_named() {
+        let of = |more: &str| {
+            let key = complaint(&format!("[[spring]]\nat_m = [0.1, 0.1, 0.0]\naxial_npm = 1e3\n{more}\n"));
+            key.map(|key| key.replace("spring[0].", ""))
+        };
+        assert_eq!(of("length_m = 0.4\npreload_n = -20.0\nmass_kg = 0.3"), None);
+        assert_eq!(of("clamped = true\nlength_m = 0.2\ndiameter_m = 0.05"), None);
+        for (more, key) in [
+            ("length_m = 0.0", "length_m"),
+            ("length_m = 400.0", "length_m"),
+            ("mass_kg = -1.0", "mass_kg"),
+            ("preload_n = inf", "preload_n"),
+            ("clamped = true", "length_m"),
+            ("clamped = true\nlength_m = 0.2", "diameter_m"),
+            ("diameter_m = 0.05", "diameter_m"),
+        ] {
+            assert_eq!(of(more).as_deref(), Some(key), "{more}");
+        }
+        assert!(
+            RigFile::parse(
+                "[suspension]\nspring = [{ at_m = [0, 0, 0], axial_npm = 1.0, mass_kg = -1.0 }]\n"
+            )
+            .is_err()
+        );
+    }
 }

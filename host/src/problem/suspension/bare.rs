@@ -1,7 +1,8 @@
 //! The bare platform as what is known of it: rows over its ten parameters, which the answer is less.
 //!
-//! The springs move with it: a coil whose ends move by 0 and δ has `m_s δ̇² / 6` of kinetic energy, as a third of its mass at the moved end
-//! has (Lord Rayleigh, The Theory of Sound, 1877, § 156). Mass at the ends, bending and waves in it make that 0.28 to 0.40.
+//! The springs move with it: a coil whose ends move by 0 and δ has `m_s δ̇² / 6` of kinetic energy, as a
+//! third of its mass at the moved end has (Lord Rayleigh, The Theory of Sound, 1877, § 156). Mass at the
+//! ends, bending and waves in it make that 0.28 to 0.40.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
@@ -25,13 +26,22 @@ const MOVED_STD: f64 = 0.035;
 /// What nobody knows better, relative to the quantity's scale: exact values stand as if known to it.
 const EXACT: f64 = 1e-9;
 
-/// Returns whether a rig file states anything that moves beside the body: the platform, or the mass of the springs.
+/// Returns whether a rig file states anything that moves beside the body: the platform, or the mass of the
+/// springs.
 pub fn is_stated(table: &SuspensionTable) -> bool {
     table.platform.is_some() || table.spring.iter().any(|own| own.mass_kg > 0.0)
 }
 
-/// Returns the ten parameters of the bare platform of a rig file in S, the springs' moved share with it, and their covariance; `None` if
-/// neither is stated.
+/// Returns what is to be known of springs whose mass is not stated.
+pub fn massless(table: &SuspensionTable) -> Option<String> {
+    let is_massless = !table.spring.is_empty() && table.spring.iter().all(|own| own.mass_kg == 0.0);
+    is_massless.then(|| {
+        "the springs are taken to weigh nothing: a third of what they weigh counts as the body's; state mass_kg of each".to_owned()
+    })
+}
+
+/// Returns the ten parameters of the bare platform of a rig file in S, the springs' moved share with it, and
+/// their covariance; `None` if neither is stated.
 pub fn bare_parameters(table: &SuspensionTable) -> Option<(SVector<f64, TEN>, SMatrix<f64, TEN, TEN>)> {
     if !is_stated(table) {
         return None;
@@ -114,4 +124,39 @@ fn changes(platform: &SuspendedPlatformTable) -> SMatrix<f64, TEN, TEN> {
         (0..TEN).map(|k| DVector::from_column_slice(column(k).as_slice())).collect();
     let all = DMatrix::from_columns(&columns);
     SMatrix::from_fn(|i, j| all[(i, j)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigident_io::rig::RigFile;
+
+    #[test]
+    fn a_third_of_the_springs_is_taken_off_with_the_platform_and_without_one() {
+        let springs = "spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.6 }, { at_m = [-0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.3 }]\n";
+        let platform = "[suspension.platform]\nmass_kg = 10.0\ncom_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.5, 0.0, 0.0, 0.0]\n";
+        let of = |more: &str| {
+            let rig =
+                RigFile::parse(&format!("[suspension]\nbase_position_m = [0.0, 0.0, 0.1]\n{springs}{more}"));
+            bare_parameters(&rig.unwrap().suspension.unwrap()).unwrap()
+        };
+        let ((alone, own), (both, _)) = (of(""), of(platform));
+        // S is at the springs' height: 0.3 kg, moments 0.4 (0.2 − 0.1) and 0.3 · 0.3.
+        for (k, wanted) in [0.3, 0.04, 0.09, 0.0].into_iter().enumerate() {
+            assert!((alone[k] - wanted).abs() < 1e-12, "{k}: {} {wanted}", alone[k]);
+        }
+        assert!((alone[6] - 0.3 * (0.16 + 0.09)).abs() < 1e-12, "{alone}");
+        assert!(
+            (both[0] - alone[0] - 10.0).abs() < 1e-12 && (both[3] - alone[3] + 1.0).abs() < 1e-12,
+            "{both}"
+        );
+        // The share is known to 0.035, of all springs alike.
+        assert!((own[(0, 0)].sqrt() - 0.035 * 0.9).abs() < 1e-6, "{own}");
+        let none = RigFile::parse(&format!(
+            "[suspension]\n{}",
+            springs.replace("0.6", "0.0").replace("mass_kg = 0.3", "mass_kg = 0.0")
+        ));
+        let table = none.unwrap().suspension.unwrap();
+        assert!(bare_parameters(&table).is_none() && massless(&table).is_some());
+    }
 }

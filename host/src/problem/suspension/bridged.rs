@@ -1,8 +1,10 @@
-//! Gaps in time bridged by the modes of the rest of the recording, so that what swings strongest before a gap counts.
+//! Gaps in time bridged by the modes of the rest of the recording, so that what swings strongest before a gap
+//! counts.
 //!
-//! Missing samples are what the modes of the longest stretch say, then what those of the whole say (expectation and maximisation, A. P.
-//! Dempster et al. 1977). They are few, so that what they add to the information does not count. Where the parts are of two swings, one
-//! decay does not fit both, noise is found larger, and the longest stretch is kept alone.
+//! Missing samples are what the modes of the longest stretch say, then what those of the whole say
+//! (expectation and maximisation, A. P. Dempster et al. 1977). They are few, so that what they add to the
+//! information does not count. Where the parts are of two swings, one decay does not fit both, noise is found
+//! larger, and the longest stretch is kept alone.
 
 use std::ops::Range;
 
@@ -36,9 +38,11 @@ fn places(time_ns: &[u64], rate_hz: f64) -> Option<Vec<usize>> {
     (rising && (length - all.len()) as f64 <= MISSING * length as f64).then_some(all)
 }
 
-/// Returns all samples of a decay with those that are missing filled in, and their modes; `None` if they are not of one decay.
+/// Returns all samples of a decay with those that are missing filled in, and their modes; `None` if they are
+/// not of one decay.
 ///
-/// `rows` are the samples at `time_ns`; `found` are the modes of those in `stretch`, as `identify` finds them.
+/// `rows` are the samples at `time_ns`; `found` are the modes of those in `stretch`, as `identify` finds
+/// them.
 pub(super) fn bridged(
     (rows, time_ns, rate_hz): (&DMatrix<f64>, &[u64], f64),
     (stretch, found): (Range<usize>, &Modes),

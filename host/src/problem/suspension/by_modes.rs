@@ -1,6 +1,7 @@
 //! The body by the modes of a swing, as far as its modes and springs can be true.
 //!
-//! This is the one place that judges a swing: a motion, a factor, a posture on the same springs hang on the same verdict.
+//! This is the one place that judges a swing: a motion, a factor, a posture on the same springs hang on the
+//! same verdict.
 
 use nalgebra::DMatrix;
 
@@ -16,7 +17,8 @@ use rigident_io::recording::Recording;
 const TEN: usize = 10;
 /// A wrong mode would move the answer: so many of the modes that there are may be missing.
 const MAY_MISS: usize = 1;
-/// Residuals by what noise and errors of the springs explain: more is an error of the model, which no wider interval covers.
+/// Residuals by what noise and errors of the springs explain: more is an error of the model, which no wider
+/// interval covers.
 const SYSTEMATIC: f64 = 2.5;
 /// What may be wrong then.
 const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload and mass, anchor_height_m, units and \
@@ -48,7 +50,8 @@ impl Vibration {
         let changes =
             first(&|f| matches!(f, Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. }));
         let lacks = first(&|f| matches!(f, Finding::MissingModes { .. } | Finding::TooClose { .. }));
-        // Two modes that are taken for one seem to change their frequency, as one decays faster, and leave a line beside it.
+        // Two modes that are taken for one seem to change their frequency, as one decays faster, and leave a
+        // line beside it.
         let beside = first(&|f| match f {
             Finding::OtherLine { hz, .. } | Finding::Harmonic { line_hz: hz, .. } => {
                 self.is_beside_a_mode(*hz)
@@ -100,7 +103,8 @@ pub fn by_modes(support: &Support, found: &Vibration) -> Result<Fit, Refused> {
     Ok(fit)
 }
 
-/// Returns why a recording of one body on springs cannot be true by its modes; `Err` with the reason if there are no modes to judge by.
+/// Returns why a recording of one body on springs cannot be true by its modes; `Err` with the reason if there
+/// are no modes to judge by.
 ///
 /// # Errors
 /// The reason in words, with its consequence.

@@ -1,8 +1,9 @@
 //! Errors of an IMU on the platform, counted in the modes that are found by it.
 //!
-//! Scales, axes, place and attitude of an IMU are the same in all modes: amplitudes X = T(e) Z of the platform gain the covariance
-//! `Σ σ² (∂X/∂e) (∂X/∂e)ᵀ`, which couples the modes. Gravity in the IMU's axes is what it reads on average, so that its attitude counts
-//! only in the axes of shifts and turns; a bias tilts it. A delay of all channels and a bias of the gyro are in no mode.
+//! Scales, axes, place and attitude of an IMU are the same in all modes: amplitudes X = T(e) Z of the
+//! platform gain the covariance `Σ σ² (∂X/∂e) (∂X/∂e)ᵀ`, which couples the modes. Gravity in the IMU's axes
+//! is what it reads on average, so that its attitude counts only in the axes of shifts and turns; a bias
+//! tilts it. A delay of all channels and a bias of the gyro are in no mode.
 
 use nalgebra::{Complex, DVector, Matrix3, Rotation3, Vector3};
 
@@ -28,7 +29,8 @@ pub(super) struct MountedImu {
     gravity_mps2: f64,
 }
 
-/// What may be wrong with it: place in S, m; attitude about the axes of S, rad; bias of the accelerometer, m/s².
+/// What may be wrong with it: place in S, m; attitude about the axes of S, rad; bias of the accelerometer,
+/// m/s².
 #[derive(Clone, Copy, Debug)]
 struct Off {
     place: Vector3<f64>,
@@ -73,7 +75,8 @@ impl MountedImu {
         }
     }
 
-    /// Returns the amplitudes of the platform by those of the IMU's channels, with the IMU's errors in their covariance.
+    /// Returns the amplitudes of the platform by those of the IMU's channels, with the IMU's errors in their
+    /// covariance.
     ///
     /// # Errors
     /// [`ModalError`] if there are not six channels.

@@ -4,8 +4,9 @@
 //! ```text
 //! (K + K_g(π)) φ = ω² M(π) φ      M = [m 1, −[ms]×; [ms]×, I]
 //! ```
-//! where K_g is what the forces that carry the weight do ([`super::preload`]), of upright springs at the height h `g (h m − ms_z)` on roll
-//! and pitch. It is linear in π and homogeneous in φ, which needs no scale. Frequencies and
+//! where K_g is what the forces that carry the weight do ([`super::preload`]), of upright springs at the
+//! height h `g (h m − ms_z)` on roll and pitch. It is linear in π and homogeneous in φ, which needs no scale.
+//! Frequencies and
 //! shapes stand in the coefficients, with noise: least squares would make bodies small. So they are corrected with the parameters
 //! (Gauss–Helmert): with `f = K φ − A(ω, φ) π` and its derivative B by (ω, φ), at the corrected (ω̂, φ̂)
 //! ```text
@@ -116,7 +117,8 @@ pub(super) struct Problem<'a> {
     parameters: usize,
     nuisances: &'a [Nuisance],
     known: Option<Known>,
-    /// That of the springs with what is stated of their preload, and what a unit of each parameter's weight adds.
+    /// That of the springs with what is stated of their preload, and what a unit of each parameter's weight
+    /// adds.
     stiffness: Matrix6<f64>,
     by_weight: [Matrix6<f64>; TEN],
     /// Measured (ω, φ) of each mode, free coordinates alone, and their covariance, swing by swing.

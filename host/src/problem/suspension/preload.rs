@@ -1,17 +1,18 @@
 //! What springs carry at rest, and the stiffness that it has in every direction.
 //!
-//! At rest the springs carry the weight by forces f at their places a about O. The forces are linear in the loads `1` (what is stated as
-//! preload), `W = g m`, `Mx = g ms_y` and `My = −g ms_x`: of all that balance these, the ones of least energy `Σ f K⁻¹ f / 2`. A spring
-//! that is free to turn at its ends pulls along its axis, so that its stiffness across counts almost nothing there; a clamped one
-//! carries shear as it yields to it. A force keeps its direction while its place turns with the platform, and weight acts at the
-//! centre of mass, so about O
+//! At rest the springs carry the weight by forces f at their places a about O. The forces are linear in the
+//! loads `1` (what is stated as preload), `W = g m`, `Mx = g ms_y` and `My = −g ms_x`: of all that balance
+//! these, the ones of least energy `Σ f K⁻¹ f / 2`. A spring that is free to turn at its ends pulls along its
+//! axis, so that its stiffness across counts almost nothing there; a clamped one carries shear as it yields
+//! to it. A force keeps its direction while its place turns with the platform, and weight acts at the centre
+//! of mass, so about O
 //! ```text
 //! K_g = Σ [(a·f) 1 − a fᵀ] − g ms_z 1 + g ms ẑᵀ                     turns (symmetric, as moments balance)
 //!     + Σ (t/L) Jᵀ (1 − n nᵀ) J                                      springs of length L that pull along n
 //!     + Σ (P/2) Jᵀ [0, [n]×; −[n]×, 0] J                              clamped ones that push by P: both ends bear half of the moment F L + P δ
 //! ```
-//! Sources: H. M. Irvine, Cable Structures, 1981 (tension over length); S. Timoshenko, J. Gere, Theory of Elastic Stability, 1961 (sway of
-//! clamped columns).
+//! Sources: H. M. Irvine, Cable Structures, 1981 (tension over length); S. Timoshenko, J. Gere, Theory of
+//! Elastic Stability, 1961 (sway of clamped columns).
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
@@ -31,7 +32,8 @@ const LEAST_ACROSS: f64 = 0.01;
 const HELD: f64 = 1e-12;
 /// 1 σ of the share of the way between free and clamped ends, where nothing is stated of them.
 const ENDS_STD: f64 = 0.5;
-/// Springs whose weight has more stiffness than this share of their distance, beside that of its height, lean.
+/// Springs whose weight has more stiffness than this share of their distance, beside that of its height,
+/// lean.
 const LEANS: f64 = 0.02;
 /// A stiffness that changes by less, relative to that of the arms, does not change.
 const SAME: f64 = 1e-9;
@@ -123,7 +125,8 @@ impl Preload {
         all
     }
 
-    /// Returns the wrench on the platform about O for these loads: the stated preload, W (N), Mx and My (N m).
+    /// Returns the wrench on the platform about O for these loads: the stated preload, W (N), Mx and My (N
+    /// m).
     pub fn wrench(&self, at: &Displacement, loads: &[f64; LOADS]) -> Vector6<f64> {
         self.carriers.iter().map(|own| own.wrench(at, &own.force(loads))).sum()
     }
@@ -220,7 +223,8 @@ fn carried(table: &SuspensionTable, free: &[usize], unstated_are_clamped: bool) 
     carriers
 }
 
-/// Adds the forces of least energy that balance what is stated, and a unit of each other load, in the free coordinates.
+/// Adds the forces of least energy that balance what is stated, and a unit of each other load, in the free
+/// coordinates.
 fn share(all: &mut [(Carrier, Matrix3<f64>)], free: &[usize]) {
     let yields = |all: &[(Carrier, Matrix3<f64>)]| -> Matrix6<f64> {
         all.iter().map(|(own, stiffness)| own.arms().transpose() * stiffness * own.arms()).sum()

@@ -172,8 +172,9 @@ fn what_springs_pull_against_each_other_counts_too() {
 
 #[test]
 fn clamped_coils_are_beams_with_thrust() {
-    // A beam of length L below the seat, E I and axial stiffness: its exact stiffness to first order in the thrust (consistent geometric
-    // matrix, J. S. Przemieniecki, 1968): 12 EI/L³ − 6 P/5L, 6 EI/L² − P/10, 4 EI/L − 2 P L/15.
+    // A beam of length L below the seat, E I and axial stiffness: its exact stiffness to first order in the
+    // thrust (consistent geometric matrix, J. S. Przemieniecki, 1968): 12 EI/L³ − 6 P/5L, 6 EI/L² − P/10, 4
+    // EI/L − 2 P L/15.
     let (ei, length, thrust) = (3.0, 0.15_f64, 78.0);
     let across = 12.0 * ei / length.powi(3) - 1.2 * thrust / length;
     let coupling = 6.0 * ei / length.powi(2) - 0.1 * thrust;

@@ -4,9 +4,9 @@
 //! platform's point O at r_O instead of the base's origin at r: with `a = r − r_O` the moments gain `a × F`, whose differentiated part is
 //! `a × d/dt D = d/dt (a × D) − ȧ × D`.
 //!
-//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the weight W and its two horizontal
-//! moments, each as forces of the springs whose places turn with the platform ([`super::preload`]), and a moment about the vertical. Of
-//! upright springs at the height h
+//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the
+//! weight W and its two horizontal moments, each as forces of the springs whose places turn with the platform
+//! ([`super::preload`]), and a moment about the vertical. Of upright springs at the height h
 //! ```text
 //! F = (fx, fy, W)     M = R (m_y', m_x', W h …) × ẑ     of which R x̂ × ẑ, R ŷ × ẑ and h R ẑ × ẑ are the columns
 //! ```

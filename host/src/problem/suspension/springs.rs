@@ -6,8 +6,9 @@
 //! matrix:          [F; M] = −K [d; θ]
 //! springs at a:    δ = d + (R − 1) a,   F = −Σ K_s δ,   M = −Σ R a × K_s δ,   K_s = k_n n nᵀ + k_t (1 − n nᵀ)
 //! ```
-//! The springs' law is exact at any angle, the matrix' to first order. A clamped spring of length L pushes across at half of it, where its
-//! moment is zero, and resists turning by `k_b (1 − n nᵀ) θ`. What they carry at rest is not among it: see [`super::preload`].
+//! The springs' law is exact at any angle, the matrix' to first order. A clamped spring of length L pushes
+//! across at half of it, where its moment is zero, and resists turning by `k_b (1 − n nᵀ) θ`. What they carry
+//! at rest is not among it: see [`super::preload`].
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
@@ -18,8 +19,9 @@ use rigident_io::rig::{Coordinate, SuspensionTable};
 pub const COORDINATES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 /// 1 σ of stiffnesses, relative, where none is given: springs of a catalogue, 5 % either way.
 const STIFFNESS_STD: f64 = 0.05 / 1.732_050_807_568_877_2;
-/// Stiffness of a clamped coil against turning by its axial stiffness and the square of its diameter: `E I / L` of round wire by
-/// `G d⁴ / (8 n D³)`, with Poisson's ratio 0.3 (A. M. Wahl, Mechanical Springs, 1963): `(2 + 2ν) / (4 (2 + ν))`.
+/// Stiffness of a clamped coil against turning by its axial stiffness and the square of its diameter: `E I /
+/// L` of round wire by `G d⁴ / (8 n D³)`, with Poisson's ratio 0.3 (A. M. Wahl, Mechanical Springs, 1963):
+/// `(2 + 2ν) / (4 (2 + ν))`.
 const BENDING: f64 = 0.28;
 /// 1 σ of that, relative.
 const BENDING_STD: f64 = 0.2;
@@ -317,7 +319,8 @@ impl Spring {
     }
 }
 
-/// 1 σ of the factor that all springs share, and whether it is stated: springs of one batch, weighed by one load cell, are off alike.
+/// 1 σ of the factor that all springs share, and whether it is stated: springs of one batch, weighed by one
+/// load cell, are off alike.
 fn common_std(table: &SuspensionTable) -> (f64, bool) {
     if let Some(stated) = table.stiffness_common_std {
         return (stated, true);
