@@ -142,10 +142,11 @@ mod tests {
         let (filled, modes) =
             bridged((&values, &time_ns, RATE_HZ), (stretch, &late), found).expect("one decay");
         assert_eq!(filled.nrows(), 4000);
-        for (r, (hz, ..)) in MODES.iter().enumerate() {
+        for (r, (hz, decay, ..)) in MODES.iter().enumerate() {
             let (own, before) = (&modes.shapes.modes[r], &late.shapes.modes[r]);
-            assert!((own.hz() - hz).abs() * std::f64::consts::TAU < 3.0 * own.angular_sd, "{own:?}");
-            assert!(own.angular_sd < 0.5 * before.angular_sd, "{own:?} {before:?}");
+            let natural = (std::f64::consts::TAU * hz).hypot(*decay);
+            assert!((own.angular - natural).abs() < 3.0 * own.angular_sd, "{own:?} {natural}");
+            assert!(own.angular_sd < 0.6 * before.angular_sd, "{own:?} {before:?}");
         }
         let (values, time_ns) = rows(800..820, Some(8.1));
         let late = found(&values.rows(800, values.nrows() - 800).into_owned()).unwrap();
