@@ -234,6 +234,7 @@ fn answer(
         base: study.base(),
         situation: study.situation,
         drives: Vec::new(),
+        as_stated: &[],
         idle: Vec::new(),
         beyond: Vec::new(),
         standard: Some(StandardRequest {

@@ -12,7 +12,7 @@ use rigident::problem::tree::drive::Friction;
 use rigident_fit::Fit;
 use rigident_fit::tare::Tare;
 use rigident_io::recording::Recording;
-use rigident_model::{remarks, write};
+use rigident_model::write;
 
 /// `rigident identify`
 pub(super) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
@@ -75,9 +75,6 @@ fn identify(arguments: &Identify, memory: Option<Recording>) -> Result<ExitCode,
         (None, _) => {}
     }
     known.apply(&mut found).map_err(Failure::input)?;
-    if let (Some(path), Some((model, file))) = (standard.write_model, loaded.nominal()) {
-        report.warnings.extend(remarks::remarks(model, file, path, &arguments.tree.of.changes.lock));
-    }
     stages.at("answer", 0.0);
     let out = arguments.output.out.as_deref();
     // What is written while the stages are shown would be mixed with them.
@@ -129,7 +126,8 @@ fn standard_options(arguments: &Identify) -> Result<StandardOptions<'_>, Failure
     if let Some(path) = write_model {
         write::check_target(path).map_err(Failure::input)?;
     }
-    Ok(StandardOptions { trust, symmetric: options.symmetric_sides, write_model })
+    let locked = &options.of.changes.lock;
+    Ok(StandardOptions { trust, symmetric: options.symmetric_sides, write_model, locked })
 }
 
 /// Refuses options of trees where nothing says which tree.

@@ -112,6 +112,7 @@ mod vibration_stiffness;
 mod watch;
 mod watch_arguments;
 mod workspace;
+mod written_model;
 mod zeroing;
 
 use std::ffi::OsString;

@@ -55,11 +55,13 @@ pub(super) struct StandardOptions<'a> {
     pub(super) symmetric: bool,
     /// The file that a model with them is written to.
     pub(super) write_model: Option<&'a Path>,
+    /// Joints that are locked, `JOINT` or `JOINT=VALUE`.
+    pub(super) locked: &'a [String],
 }
 
 impl StandardOptions<'_> {
     /// Nothing in particular is asked for.
-    pub(super) const DEFAULT: Self = Self { trust: 1.0, symmetric: false, write_model: None };
+    pub(super) const DEFAULT: Self = Self { trust: 1.0, symmetric: false, write_model: None, locked: &[] };
 
     fn required(&self) -> bool {
         self.write_model.is_some() || self.symmetric

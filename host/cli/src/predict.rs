@@ -9,15 +9,14 @@ use super::outcome::say;
 use super::predict_arguments::{Predict, Predicting, Validate};
 use super::{ExitStatus, Failure, Folder, Stages, recorded};
 use rigident::answer::Answer;
-use rigident::answer::predictor::{Predictor, terms};
+use rigident::answer::predictor::Predictor;
 use rigident::answer::result::CompleteDrive;
 use rigident::present::prediction::{ChannelError, PredictedChannel, Predictions, page, text};
 use rigident::problem::ProblemOptions;
-use rigident::problem::tree::drive::Friction;
+use rigident::problem::tree::drive::{Friction, stated};
 use rigident_files::csv::field;
 use rigident_fit::{Prediction, RowSource, plain_least_squares};
 use rigident_model::human::Person;
-use rigident_model::mjcf::DRIVES_ARE_IDENTIFIED;
 use rigident_model::{Model, ModelLink};
 
 /// A model that was given.
@@ -49,8 +48,8 @@ impl Given {
         };
         let links = model.links.iter().skip(1).filter(|link| link.link.joint.freedoms() == 1);
         let of = |link: &ModelLink| {
-            let passive = link.passive.first().copied().unwrap_or_default();
-            let terms = terms(&passive).into_iter().filter(|(_, value)| *value != 0.0).map(|(word, _)| word);
+            let terms = stated(&link.passive[0]).into_iter().filter(|(_, value)| *value != 0.0);
+            let terms = terms.map(|(term, _)| term.name());
             (link.joint_name.clone(), terms.collect::<Vec<_>>())
         };
         let found = links.map(of).filter(|(_, terms)| !terms.is_empty());
@@ -106,8 +105,6 @@ fn run(
     stages.at("prediction", 0.0);
     let mut columns = Vec::new();
     let mut notes = loaded.warnings.clone();
-    // Of what is given everything is used that has a column.
-    notes.retain(|note| !note.contains(DRIVES_ARE_IDENTIFIED));
     notes.extend(loaded.notes.iter().cloned());
     for (name, predictor) in predictors {
         let (values, without) = predictor.values(source.parameters());

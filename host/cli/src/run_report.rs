@@ -5,15 +5,14 @@ use super::arguments::Output;
 use super::loaded::{Loaded, StandardOptions};
 use super::outcome::{CANNOT_BE_TRUE, say, say_not_written};
 use super::payload::Payload;
+use super::written_model::WrittenModel;
 use super::{ExitStatus, Failure, Folder};
-use rigident::answer::result::{CompleteDrive, ExperimentSummary};
+use rigident::answer::result::ExperimentSummary;
 use rigident::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
 use rigident::present::{self, Decided, Series, Stage, TimePlot};
 use rigident_fit::Fit;
 use rigident_fit::pool::PooledFactor;
 use rigident_io::rig::RigFile;
-use rigident_model::passive::Passive;
-use rigident_model::{Model, write};
 
 /// Everything that a command knows at its end beside the fit.
 pub(super) struct RunReport<'a> {
@@ -100,6 +99,14 @@ impl<'a> RunReport<'a> {
         folder: impl FnOnce() -> Result<Option<Folder>, Failure>,
     ) -> Result<ExitCode, Failure> {
         let mut answer = self.answer(fit)?;
+        let model = self.standard.write_model.and_then(|path| {
+            let found = WrittenModel::of(self.loaded?, &self.standard, fit, &answer, path);
+            if found.is_none() && answer.is_contradicted() {
+                say_not_written(path, CANNOT_BE_TRUE);
+            }
+            found
+        });
+        answer.warnings.extend(model.iter().flat_map(|model| model.remarks.iter().cloned()));
         let folder = folder()?;
         answer.elapsed_s = self.started.elapsed().as_secs_f64();
         let json = serde_json::to_string_pretty(&answer)
@@ -115,7 +122,7 @@ impl<'a> RunReport<'a> {
             .as_ref()
             .map_or_else(|| Ok((String::new(), true)), |payload| payload.write(&answer))?;
         if let Some(folder) = folder {
-            self.write(fit, &answer, &json, &folder, &loads)?;
+            self.write(fit, &answer, (&json, model.as_ref()), &folder, &loads)?;
         }
         Ok(ExitStatus::of(whole && answer.status == Status::Identified).into())
     }
@@ -162,7 +169,7 @@ impl<'a> RunReport<'a> {
         &mut self,
         fit: &Fit,
         answer: &Answer,
-        json: &str,
+        (json, model): (&str, Option<&WrittenModel>),
         folder: &Folder,
         loads: &str,
     ) -> Result<(), Failure> {
@@ -182,7 +189,7 @@ impl<'a> RunReport<'a> {
             folder.write(&format!("{}.factor", answer.source.recording), &factor.to_bytes())?;
         }
         let page = folder.write("report.html", present::report(answer, &series).as_bytes())?;
-        let model = self.write_model(answer)?;
+        let model = model.map_or_else(|| Ok(String::new()), WrittenModel::write)?;
         let place = folder.path().display();
         if let Some(error) = &self.error {
             return Err(Failure::link(format!("{error}\nWhat came before is in {place}")));
@@ -192,43 +199,4 @@ impl<'a> RunReport<'a> {
         }
         Ok(())
     }
-
-    /// Writes the model with the standard parameters where that is asked for; returns what to say of it.
-    fn write_model(&self, answer: &Answer) -> Result<String, Failure> {
-        if let Some(path) = self.standard.write_model.filter(|_| answer.is_contradicted()) {
-            say_not_written(path, CANNOT_BE_TRUE);
-        }
-        let (Some(path), Some(found), Some((model, file))) =
-            (self.standard.write_model, &answer.standard_parameters, self.loaded.and_then(Loaded::nominal))
-        else {
-            return Ok(String::new());
-        };
-        let links = found.links.iter().map(|link| (link.name.as_str(), link.parameters));
-        let changed = write::with_parameters(model, links);
-        let changed = write::with_passive(&changed, identified_passive(answer, model).into_iter());
-        write::write(&changed, file, path).map_err(Failure::input)?;
-        Ok(format!("; the model is {}", path.display()))
-    }
-}
-
-/// Returns friction and rotors of joints' own drives as an answer has them, by joint; what it has none of stays the model's.
-fn identified_passive<'a>(answer: &'a Answer, model: &Model) -> Vec<(&'a str, Passive)> {
-    let drives = answer.complete.iter().flat_map(|complete| &complete.drives);
-    let of = |drive: &'a CompleteDrive| {
-        let joint = model.joint(&drive.name).filter(|_| drive.turns_with == drive.name)?;
-        let mut passive = model.links.get(joint)?.passive.first().copied().unwrap_or_default();
-        for term in &drive.terms {
-            // What descriptions have no negative values of is left as it was.
-            let Some(value) = term.value.filter(|value| *value >= 0.0) else { continue };
-            match term.name() {
-                "viscous" => passive.damping = value,
-                "coulomb" => passive.friction = value,
-                "rotor" => passive.armature = value,
-                "spring" => passive.stiffness = value,
-                _ => {}
-            }
-        }
-        Some((drive.name.as_str(), passive))
-    };
-    drives.filter_map(of).collect()
 }

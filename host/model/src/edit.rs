@@ -197,10 +197,16 @@ impl Model {
         let mut out = self.clone();
         let pair = |model: &Self, i: usize| -> Option<(usize, Link<f64>)> {
             let own = &model.links[i].link;
+            // What has no mass, and holds nothing else, is between two joints of one body.
+            let is_between = |l: &&ModelLink| {
+                l.nominal.is_none_or(|phi| phi == NO_BODY)
+                    && model.links.iter().skip(1).filter(|other| other.link.parent == own.parent).count() == 1
+            };
             let first = model
                 .links
                 .get(own.parent)
-                .filter(|l| !l.is_body() && model.links[l.link.parent].is_body())?;
+                .filter(is_between)
+                .filter(|l| own.parent > 0 && model.links[l.link.parent].is_body())?;
             match (first.link.joint, own.joint) {
                 (Joint::Revolute(a), Joint::Revolute(b)) if own.position.norm() < COINCIDENCE_M => {
                     let a = own.rotation.tr_mul(&a);

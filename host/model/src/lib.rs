@@ -25,6 +25,7 @@ mod loose_xml;
 pub mod mjcf;
 pub mod passive;
 mod passive_edits;
+mod passive_table;
 #[cfg(test)]
 mod passive_tests;
 mod possible;
@@ -36,6 +37,7 @@ pub mod speed;
 pub mod symmetry;
 #[cfg(test)]
 mod tests;
+mod transmission;
 pub mod tree;
 pub mod urdf;
 mod urdf_fault;

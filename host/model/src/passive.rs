@@ -4,6 +4,9 @@ use rigident_shared::tree::Joint;
 
 use super::xml::Language;
 
+/// Numbers that were multiplied by a gear ratio and divided by it again differ by no more, relative.
+const ROUNDING: f64 = 1e-12;
+
 /// What one axis of a joint adds to the effort that the links need: `armature · q̈ + damping · q̇ + friction · sign q̇ +
 /// stiffness · (q − spring_reference)`. All are zero where a file says nothing.
 ///
@@ -44,12 +47,27 @@ impl Passive {
             // A ball's spring pulls to the model's zero.
             (Language::Mjcf, Joint::Spherical) => Self { spring_reference: 0.0, ..all },
             (Language::Mjcf, _) => all,
-            (Language::Sdf, _) => Self { armature: 0.0, ..all },
-            (Language::Urdf, _) => Self { damping: self.damping, friction: self.friction, ..Self::default() },
+            // Drake's words for rotors are for joints of one axis.
+            (Language::Sdf, Joint::Universal(..)) => Self { armature: 0.0, ..all },
+            (Language::Sdf, _) => all,
+            (Language::Urdf, Joint::Spherical) => Self { armature: 0.0, ..self.of_urdf() },
+            (Language::Urdf, _) => self.of_urdf(),
         }
     }
 
-    /// Returns it as attributes or an element of a joint, or of an axis in SDF; empty where nothing is to be said.
+    /// Returns it without the springs that URDF has no words for.
+    fn of_urdf(self) -> Self {
+        Self { stiffness: 0.0, spring_reference: 0.0, ..self }
+    }
+
+    /// Returns true if both are the same but for rounding.
+    pub(super) fn is_same_as(&self, other: &Self) -> bool {
+        let mut pairs = self.named().into_iter().zip(other.named());
+        pairs.all(|((_, own), (_, other))| (own - other).abs() <= ROUNDING * own.abs().max(other.abs()))
+    }
+
+    /// Returns it as attributes or elements of a joint, or of an axis in SDF; empty where nothing is to be said. Rotors of
+    /// URDF and SDF are elsewhere ([`super::transmission`]).
     pub(super) fn written(self, language: Language, joint: &Joint<f64>) -> String {
         let own = self.said_in(language, joint);
         if own == Self::default() {
@@ -57,6 +75,8 @@ impl Passive {
         }
         let Self { damping, friction, stiffness, spring_reference, .. } = own;
         match language {
+            // Nothing but a rotor.
+            Language::Urdf | Language::Sdf if [damping, friction, stiffness] == [0.0; 3] => String::new(),
             Language::Urdf => format!("<dynamics damping=\"{damping}\" friction=\"{friction}\"/>"),
             Language::Mjcf => {
                 let stated = own.named().into_iter().filter(|(_, value)| *value != 0.0);

@@ -6,8 +6,9 @@ use roxmltree::{Document, Node};
 
 use super::mjcf::names::Names;
 use super::passive::Passive;
+use super::transmission;
 use super::tree::Model;
-use super::xml::{Edit, Language, child, replace_child, set_attribute};
+use super::xml::{Edit, Language, before_end, child, replace_child, set_attribute};
 
 /// A joint's axis of which a model says something else than a file.
 pub(super) struct Changed<'a> {
@@ -32,7 +33,7 @@ pub(super) fn changed<'a>(model: &'a Model, file: &Model, language: Language) ->
         }
         for (axis, (new, old)) in link.passive.iter().zip(&own.passive).enumerate() {
             let [new, old] = [new, old].map(|passive| passive.said_in(language, &link.link.joint));
-            if new != old {
+            if !new.is_same_as(&old) {
                 found.push(Changed { joint: &link.joint_name, axis, new, old });
             }
         }
@@ -50,7 +51,18 @@ pub(super) fn edits(
     language: Language,
 ) -> Vec<Edit> {
     let mut out = Vec::new();
-    for change in changed(model, file, language) {
+    let all = changed(model, file, language);
+    let turned = || all.iter().filter(|change| change.new.armature != change.old.armature);
+    match language {
+        Language::Urdf => {
+            let rotors: Vec<(&str, f64)> =
+                turned().map(|change| (change.joint, change.new.armature)).collect();
+            out.extend(transmission::edits(&rotors, text, document));
+        }
+        Language::Sdf if turned().next().is_some() => out.extend(transmission::declaration(text, document)),
+        Language::Sdf | Language::Mjcf => {}
+    }
+    for change in all {
         let Some(joint) = joint(document, names, change.joint, language) else { continue };
         match language {
             Language::Urdf => dynamics_of_urdf(&change, text, &joint, &mut out),
@@ -65,6 +77,7 @@ pub(super) fn edits(
                 if let Some(axis) = axis {
                     dynamics_of_sdf(&change, text, &axis, &mut out);
                 }
+                rotor_of_sdf(&change, text, &joint, &mut out);
             }
         }
     }
@@ -90,6 +103,9 @@ fn joint<'a, 'i>(
 
 fn dynamics_of_urdf(change: &Changed, text: &str, joint: &Node, out: &mut Vec<Edit>) {
     let Passive { damping, friction, .. } = change.new;
+    if [damping, friction] == [change.old.damping, change.old.friction] {
+        return;
+    }
     match child(joint, "dynamics") {
         Some(dynamics) => {
             let both =
@@ -107,6 +123,9 @@ fn dynamics_of_urdf(change: &Changed, text: &str, joint: &Node, out: &mut Vec<Ed
 fn dynamics_of_sdf(change: &Changed, text: &str, axis: &Node, out: &mut Vec<Edit>) {
     let names = ["damping", "friction", "spring_reference", "spring_stiffness"];
     let numbers = |p: &Passive| [p.damping, p.friction, p.spring_reference, p.stiffness];
+    if numbers(&change.new) == numbers(&change.old) {
+        return;
+    }
     let stated = names
         .iter()
         .zip(numbers(&change.new))
@@ -132,4 +151,15 @@ fn dynamics_of_sdf(change: &Changed, text: &str, axis: &Node, out: &mut Vec<Edit
             out.push(replace_child(text, axis, "dynamics", format!("<dynamics>{all}</dynamics>")));
         }
     }
+}
+
+fn rotor_of_sdf(change: &Changed, text: &str, joint: &Node, out: &mut Vec<Edit>) {
+    if change.new.armature == change.old.armature {
+        return;
+    }
+    let new = transmission::rotor_at_joint(joint, change.new.armature);
+    out.push(match child(joint, "rotor_inertia") {
+        Some(_) => replace_child(text, joint, "rotor_inertia", new),
+        None => before_end(text, joint, new),
+    });
 }

@@ -53,17 +53,28 @@ fn rotors_friction_and_springs_of_mjcf_are_read_with_their_classes() {
     assert_eq!(of(&model, "c1"), Passive { armature: 0.01, damping: 1.0, ..NONE });
     assert_eq!(of(&model, "c2"), Passive { damping: 2.0, ..NONE });
     assert_eq!(of(&model, "jd"), Passive { armature: 0.01, damping: 0.125, stiffness: 4.0, ..NONE });
-    let told = findings(&model, "joint jb");
-    assert!(told.contains("armature, frictionloss, stiffness") && told.contains("spring"), "{told}");
+    // Hinges and slides have columns of theirs.
+    assert_eq!(findings(&model, "joint jb"), "");
+    let told = findings(&model, "joint jd");
+    assert!(told.contains("armature, damping, stiffness: there are no columns of a ball"), "{told}");
 }
 
 #[test]
 fn what_a_language_has_words_for_is_written() {
     let kept: [(Language, Vec<Passive>); 3] = [
         (Language::Mjcf, all(|p| p)),
-        (Language::Urdf, all(|p| Passive { damping: p.damping, friction: p.friction, ..NONE })),
-        // The ball has no axis there.
-        (Language::Sdf, all(|p| Passive { armature: 0.0, ..p }).into_iter().take(4).chain([NONE]).collect()),
+        (Language::Urdf, {
+            // No transmission turns a ball.
+            let mut own = all(|p| Passive { stiffness: 0.0, spring_reference: 0.0, ..p });
+            own[4].armature = 0.0;
+            own
+        }),
+        (Language::Sdf, {
+            // Two axes of one joint have no rotors there, and the ball has no axis.
+            let mut own = all(|p| p);
+            (own[2].armature, own[4]) = (0.0, NONE);
+            own
+        }),
     ];
     for (language, wanted) in kept {
         let text = write::generated(&model(), language).unwrap();
@@ -100,14 +111,56 @@ fn universal_joints_keep_both_axes_in_every_language() {
 fn a_file_is_written_and_what_it_loses_is_told() {
     let place = tempfile::tempdir().unwrap();
     for (name, lost) in
-        [("w.urdf", Some("ja, jb, c1, jd")), ("w.xml", None), ("w.sdf", Some("ja, jb, c1, jd"))]
+        [("w.urdf", Some("of ja, jb, jd; write")), ("w.xml", None), ("w.sdf", Some("of c2, jd; write"))]
     {
         let path = place.path().join(name);
         write::write(&model(), None, &path).unwrap();
         let said = remarks::remarks(&model(), None, &path, &[]).join("\n");
         assert_eq!(said.contains("no words for all rotors"), lost.is_some(), "{said}");
         assert!(lost.is_none_or(|joints| said.contains(joints)), "{name}: {said}");
+        // What readers pass over is in a table of its own, and named.
+        let table = place.path().join(format!("{}.joints.yaml", name.split('.').next().unwrap()));
+        assert_eq!(table.exists(), lost.is_some());
+        if table.exists() {
+            let text = std::fs::read_to_string(&table).unwrap();
+            assert!(text.contains("\narmature:\n  \"ja\": 0.01\n  \"jb\": 0.01\n"), "{text}");
+            assert!(text.contains("stiffness:\n  \"ja\": 20\n"), "{text}");
+            assert!(said.contains("rotors of ja, jb") && said.contains("w.joints.yaml"), "{said}");
+            let again = write::check_target(&path).unwrap_err().to_string();
+            assert!(again.contains("there already"), "{again}");
+            std::fs::remove_file(&table).unwrap();
+        }
     }
+}
+
+/// By Drake's documents a joint feels `gear_ratio² · rotor_inertia` of its actuator.
+#[test]
+fn rotors_of_drake_s_words_are_read_and_kept_with_their_gear() {
+    let text = "<robot name=\"r\" xmlns:drake=\"http://drake.mit.edu\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/>\
+                <joint name=\"ja\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/></joint>\
+                <joint name=\"jb\" type=\"prismatic\"><parent link=\"b\"/><child link=\"c\"/></joint>\
+                <transmission name=\"t\"><type>transmission_interface/SimpleTransmission</type><joint name=\"ja\"/>\
+                <actuator name=\"m\"><drake:gear_ratio value=\"30\"/><drake:rotor_inertia value=\"0.002\"/></actuator>\
+                </transmission></robot>";
+    let own = write::parse(text, "r.urdf").unwrap().model;
+    assert!((of(&own, "ja").armature - 1.8).abs() < 1e-15);
+    assert_eq!(of(&own, "jb"), NONE);
+    let new = |armature: f64| Passive { armature, ..NONE };
+    let wanted = write::with_passive(&own, [("ja", new(0.7)), ("jb", new(3.0))].into_iter());
+    let place = tempfile::tempdir().unwrap();
+    let (source, path) = (place.path().join("r.urdf"), place.path().join("w.urdf"));
+    std::fs::write(&source, text).unwrap();
+    write::write(&wanted, Some(&source), &path).unwrap();
+    let written = std::fs::read_to_string(&path).unwrap();
+    assert!(written.contains("<drake:gear_ratio value=\"30\"/>"), "{written}");
+    let again = write::parse(&written, "w.urdf").unwrap().model;
+    assert!((of(&again, "ja").armature - 0.7).abs() < 1e-15 && of(&again, "jb").armature == 3.0, "{written}");
+    // And what has no such word is given the namespace.
+    let bare = text.replace(" xmlns:drake=\"http://drake.mit.edu\"", "");
+    let bare = bare.split("<transmission").next().unwrap().to_owned() + "</robot>";
+    let written = write::edited(&wanted, &bare, "b.urdf").unwrap();
+    assert!(written.starts_with("<robot name=\"r\" xmlns:drake=\"http://drake.mit.edu\">"), "{written}");
+    assert_eq!(of(&write::parse(&written, "b.urdf").unwrap().model, "jb").armature, 3.0);
 }
 
 #[test]
@@ -211,8 +264,11 @@ fn friction_and_rotors_go_into_a_file_that_is_kept() {
         for joint in ["ja", second] {
             let kind = again.links[again.joint(joint).unwrap()].link.joint;
             assert_eq!(of(&again, joint), new.said_in(language, &kind), "{written}");
+            assert_eq!(of(&again, joint).armature, 0.125, "every language has words for rotors");
         }
         assert!(written.contains("<!-- kept -->"));
+        let table = path.with_extension("joints.yaml");
+        assert_eq!(std::fs::remove_file(&table).is_ok(), language != Language::Mjcf);
         let told = remarks::remarks(&wanted, Some(&source), &path, &[]);
         assert_eq!(told.len(), usize::from(language != Language::Mjcf), "{told:?}");
     }

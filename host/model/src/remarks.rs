@@ -5,6 +5,8 @@ use std::path::Path;
 
 use rigident_shared::tree::Joint;
 
+use super::passive_table;
+use super::sdf::generated::Said;
 use super::tree::{Model, ModelLink};
 use super::xml::Language;
 
@@ -14,6 +16,11 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
     let language = Language::of_path(path);
     let mut said = Vec::new();
     let mut say = |text: String| said.push(format!("{}: {text}", path.display()));
+    let text = source.and_then(|source| rigident_files::read_text(source).ok());
+    let is_kept = text.is_some_and(|text| Language::of_text(&text) == language);
+    // Two hinges of a body are one universal joint in a file that is made.
+    let universal = (language == Some(Language::Sdf) && !is_kept).then(|| model.with_universals());
+    let model = universal.as_ref().unwrap_or(model);
     let joints = |is: &dyn Fn(&ModelLink) -> bool| -> Option<String> {
         let names: Vec<&str> =
             model.links.iter().skip(1).filter(|l| is(l)).map(|l| l.joint_name.as_str()).collect();
@@ -30,9 +37,20 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
                 "this language has no words for all rotors, springs and friction of {names}; write .xml (MJCF), which has"
             ));
         }
+        let rotors =
+            |l: &ModelLink| l.passive.iter().any(|p| p.said_in(language, &l.link.joint).armature != 0.0);
+        if let Some(names) = joints(&rotors).filter(|_| language != Language::Mjcf) {
+            say(format!(
+                "rotors of {names} are in <drake:rotor_inertia>, which Drake and this program read; Gazebo, Pinocchio, Isaac and \
+                 MuJoCo's reader of URDF pass it over, and these joints then turn too easily: give them `armature` of {}, or write \
+                 .xml (MJCF)",
+                passive_table::path_beside(path).display()
+            ));
+        } else if !passive_table::passed_over(model, language).is_empty() {
+            say(format!("the table beside it, {}, has them", passive_table::path_beside(path).display()));
+        }
     }
-    let text = source.and_then(|source| rigident_files::read_text(source).ok());
-    if text.is_some_and(|text| Language::of_text(&text) == language) {
+    if is_kept {
         // The rest of it is kept.
         return said;
     }
@@ -54,6 +72,18 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         }
     } else if let Some(names) = joints(&|l| l.mimic.is_some()) {
         say(format!("that {names} follow other joints is left out"));
+    }
+    if let (Some(Language::Sdf), Ok(own)) = (language, Said::of(model)) {
+        if let Some(base) = own.fixed_to_world() {
+            say(format!("{base}, a base without mass, is fixed to the world in it"));
+        }
+        let frames: Vec<&str> = own.frames.iter().map(|frame| frame.name.as_str()).collect();
+        if !frames.is_empty() {
+            say(format!(
+                "SDF gives a kilogram to a link without inertia: {} became frames of the links that they are fixed to",
+                frames.join(", ")
+            ));
+        }
     }
     if language == Some(Language::Sdf) {
         let renamed = joint_names(model);

@@ -16,9 +16,10 @@ use super::inertial::{Parameters, in_parent};
 use super::limits::Limits;
 use super::loose_xml::tidied;
 use super::passive::Passive;
+use super::transmission;
 use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
 use super::urdf_fault::{fault, has_macro_elements, incomplete};
-use super::xml::{self, child, of_rpy};
+use super::xml::{self, Language, child, of_rpy};
 
 /// Reads a file.
 ///
@@ -75,9 +76,10 @@ pub fn parse(text: &str, what: &str) -> Result<Model, ModelError> {
     let mut findings = Vec::new();
     let held = joints(&robot, &links, &mut findings).map_err(&refuse)?;
     let leaders: BTreeSet<&str> = held.values().map(|joint| name(joint)).collect();
+    let rotors = transmission::rotors(&robot);
     let mut raw = Vec::new();
     for link in &links {
-        raw.extend(raw_links(link, held.get(name(link)), &leaders, &mut findings));
+        raw.extend(raw_links(link, held.get(name(link)), &leaders, &rotors, &mut findings));
     }
     let mut model = Model::assemble(what, raw, findings)?;
     if !name(&robot).is_empty() {
@@ -132,6 +134,7 @@ fn raw_links(
     link: &Node,
     joint: Option<&Node>,
     leaders: &BTreeSet<&str>,
+    rotors: &BTreeMap<&str, f64>,
     findings: &mut Vec<Finding>,
 ) -> Vec<RawLink> {
     let free =
@@ -172,7 +175,7 @@ fn raw_links(
         joint_name: name(joint).to_owned(),
         link: at,
         mimic: mimic(joint, &at.joint, leaders, findings),
-        passive: [passive(joint, &at.joint), Passive::default()],
+        passive: [passive(joint, &at.joint, rotors), Passive::default()],
         limits: limits(joint),
         ..base
     };
@@ -224,14 +227,16 @@ fn limits(joint: &Node) -> Limits {
     Limits::of(lower, upper, velocity, effort)
 }
 
-/// Returns the friction of a joint that has any.
-fn passive(joint: &Node, kind: &Joint<f64>) -> Passive {
-    let stated = child(joint, "dynamics").filter(|_| !matches!(kind, Joint::Fixed | Joint::Free));
-    stated.map_or_else(Passive::default, |dynamics| {
-        let [damping, friction] =
-            ["damping", "friction"].map(|attribute| number(&dynamics, attribute).unwrap_or(0.0));
-        Passive { damping, friction, ..Passive::default() }
-    })
+/// Returns the friction and the rotor of a joint that has any.
+fn passive(joint: &Node, kind: &Joint<f64>, rotors: &BTreeMap<&str, f64>) -> Passive {
+    if matches!(kind, Joint::Fixed | Joint::Free) {
+        return Passive::default();
+    }
+    let dynamics = child(joint, "dynamics");
+    let [damping, friction] = ["damping", "friction"]
+        .map(|attribute| dynamics.and_then(|dynamics| number(&dynamics, attribute)).unwrap_or(0.0));
+    let armature = rotors.get(name(joint)).copied().unwrap_or(0.0);
+    Passive { armature, damping, friction, ..Passive::default() }.said_in(Language::Urdf, kind)
 }
 
 fn name<'a>(node: &Node<'a, '_>) -> &'a str {

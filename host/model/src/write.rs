@@ -19,9 +19,10 @@ use super::loose_xml::tidied;
 use super::mjcf::names::Names;
 use super::passive::Passive;
 use super::passive_edits;
-use super::remarks::joint_names;
+use super::passive_table;
+use super::transmission;
 use super::tree::{Mimic, Model, ModelLink, Parsed};
-use super::xml::{self, Language, rpy, vector};
+use super::xml::{self, Language, escaped, rpy, vector};
 use super::{joint_edits, mjcf, sdf, urdf};
 
 /// What was written differs by no more, relative, when it is read again: rounding of sums and rotations.
@@ -55,11 +56,15 @@ pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passi
 /// Whether a file can be written there.
 ///
 /// # Errors
-/// [`ModelError::Option`] if it exists, its folder does not, or its ending is not known.
+/// [`ModelError::Option`] if it, or the table of joints beside it, exists, its folder does not, or its ending is not known.
 pub fn check_target(path: &Path) -> Result<Language, ModelError> {
     let ending = "its name must end in .urdf, .xml, .mjcf or .sdf";
     let language = Language::of_path(path).ok_or_else(|| refused(path, ending))?;
     check_new(path)?;
+    if language != Language::Mjcf {
+        // One that is left over would be taken for this model's.
+        check_new(&passive_table::path_beside(path))?;
+    }
     Ok(language)
 }
 
@@ -122,14 +127,18 @@ pub fn write(model: &Model, source: Option<&Path>, path: &Path) -> Result<(), Mo
         (text, _) => text,
     };
     let kept = text.is_some();
-    let text = match text {
-        Some(text) => edited(model, &text, &path.display().to_string())?,
-        None => generated(model, language)?,
+    let table = passive_table::of(model, language, path);
+    let (text, said) = match text {
+        Some(text) => (edited(model, &text, &path.display().to_string())?, model.clone()),
+        None => (generated(model, language)?, said_by(model, language)?),
     };
-    check(model, &text, path)?;
-    check_passive(model, &text, language, kept, path)?;
+    check(&said, &text, path)?;
+    check_passive(&said, &text, language, kept, path)?;
     if kept && language == Language::Urdf {
         joint_edits::check(model, &text, &path.display().to_string())?;
+    }
+    if let Some((path, text)) = table {
+        write_new_text(&path, &text)?;
     }
     Ok(write_new_text(path, &text)?)
 }
@@ -227,7 +236,7 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
 }
 
 /// The `<inertial>` of parameters about the frame's origin.
-fn inertial(phi: &Parameters, language: Language) -> String {
+pub(super) fn inertial(phi: &Parameters, language: Language) -> String {
     let body = InertialParameters::<Body, f64>::from_vector(*phi);
     // Moments without mass are about every point.
     let (centre, i) = if body.mass == 0.0 {
@@ -255,11 +264,6 @@ fn inertial(phi: &Parameters, language: Language) -> String {
     }
 }
 
-/// Text that may stand in an attribute.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
-}
-
 /// A file of a model.
 ///
 /// # Errors
@@ -268,12 +272,21 @@ pub fn generated(model: &Model, language: Language) -> Result<String, ModelError
     match language {
         Language::Urdf => Ok(as_urdf(model)),
         Language::Mjcf => Ok(as_mjcf(model)),
-        Language::Sdf => as_sdf(&model.with_universals()),
+        Language::Sdf => sdf::generated::Said::of(model)?.text(),
+    }
+}
+
+/// Returns the links of a file that is made of a model: SDF has none without mass.
+fn said_by(model: &Model, language: Language) -> Result<Model, ModelError> {
+    match language {
+        Language::Sdf => Ok(sdf::generated::Said::of(model)?.model),
+        Language::Urdf | Language::Mjcf => Ok(model.clone()),
     }
 }
 
 fn as_urdf(model: &Model) -> String {
-    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
+    let mut transmissions = String::new();
+    let mut out = String::new();
     let link = |out: &mut String, name: &str, phi: Option<&Parameters>| {
         let inside =
             phi.map_or_else(String::new, |phi| format!("\n    {}\n  ", inertial(phi, Language::Urdf)));
@@ -287,13 +300,13 @@ fn as_urdf(model: &Model) -> String {
         let parent = &model.links[own.link.parent].name;
         let place =
             format!("<origin xyz=\"{}\" rpy=\"{}\"/>", vector(&own.link.position), rpy(&own.link.rotation));
-        let joint = |out: &mut String,
-                     name: &str,
-                     kind: &str,
-                     place: &str,
-                     ends: (&str, &str),
-                     axis: Option<&Vector3<f64>>,
-                     passive: &Passive| {
+        let mut joint = |out: &mut String,
+                         name: &str,
+                         kind: &str,
+                         place: &str,
+                         ends: (&str, &str),
+                         axis: Option<&Vector3<f64>>,
+                         passive: &Passive| {
             let mut axis = axis.map_or_else(String::new, |a| format!("<axis xyz=\"{}\"/>", vector(a)));
             if let Some(Mimic { leader, multiplier, offset }) = &own.mimic {
                 let leader = escaped(leader);
@@ -301,6 +314,10 @@ fn as_urdf(model: &Model) -> String {
                     &format!("<mimic joint=\"{leader}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>");
             }
             axis += &passive.written(Language::Urdf, &own.link.joint);
+            let armature = passive.said_in(Language::Urdf, &own.link.joint).armature;
+            if armature != 0.0 {
+                let _ = writeln!(transmissions, "  {}", transmission::written(name, armature));
+            }
             let limit = if kind == "prismatic" {
                 "<limit lower=\"-1e9\" upper=\"1e9\" effort=\"1e9\" velocity=\"1e9\"/>"
             } else {
@@ -336,7 +353,9 @@ fn as_urdf(model: &Model) -> String {
             }
         }
     }
-    out + "</robot>\n"
+    let declared = if transmissions.is_empty() { "" } else { transmission::DECLARED };
+    let name = escaped(&model.name);
+    format!("<?xml version=\"1.0\"?>\n<robot name=\"{name}\"{declared}>\n{out}{transmissions}</robot>\n")
 }
 
 fn as_mjcf(model: &Model) -> String {
@@ -428,82 +447,4 @@ fn as_mjcf(model: &Model) -> String {
         body(model, 0, 2, &mut out);
     }
     out + "  </worldbody>\n</mujoco>\n"
-}
-
-/// Bodies of several joints have become universal joints before, as far as they are any.
-fn as_sdf(model: &Model) -> Result<String, ModelError> {
-    let joints = joint_names(model);
-    let mut out = format!(
-        "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n  <model name=\"{}\">\n",
-        escaped(&model.name)
-    );
-    for (i, own) in model.links.iter().enumerate() {
-        let world = i == 0 && own.name == mjcf::WORLD && own.nominal.is_none();
-        if world {
-            continue;
-        }
-        if !own.is_body() {
-            return Err(ModelError::Structure {
-                what: model.name.clone(),
-                problem: format!(
-                    "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a link without \
-                     inertia; write a URDF or MJCF, or declare three hinges to be one ball (--spherical)",
-                    own.name
-                ),
-            });
-        }
-        let parent = &model.links[own.link.parent];
-        let of_world = own.link.parent == 0 && parent.name == mjcf::WORLD && parent.nominal.is_none();
-        let relative = if i == 0 || of_world {
-            String::new()
-        } else {
-            format!(" relative_to=\"{}\"", escaped(&parent.name))
-        };
-        let place = if i == 0 {
-            "0 0 0 0 0 0".to_owned()
-        } else {
-            format!("{} {}", vector(&own.link.position), rpy(&own.link.rotation))
-        };
-        let inside = own
-            .nominal
-            .as_ref()
-            .map_or_else(String::new, |phi| format!("\n      {}", inertial(phi, Language::Sdf)));
-        let _ = writeln!(
-            out,
-            "    <link name=\"{}\">\n      <pose{relative}>{place}</pose>{inside}\n    </link>",
-            escaped(&own.name)
-        );
-        if i == 0 {
-            continue;
-        }
-        let axis = |element: &str, a: &Vector3<f64>, passive: &Passive| {
-            let passive = passive.written(Language::Sdf, &own.link.joint);
-            format!("<{element}><xyz>{}</xyz>{passive}</{element}>", vector(a))
-        };
-        let [passive, second] = &own.passive;
-        let (kind, axes) = match &own.link.joint {
-            Joint::Fixed => ("fixed", String::new()),
-            Joint::Revolute(a) => ("continuous", axis("axis", a, passive)),
-            Joint::Prismatic(a) => ("prismatic", axis("axis", a, passive)),
-            Joint::Spherical => ("ball", String::new()),
-            Joint::Universal(a, b) => ("universal", axis("axis", a, passive) + &axis("axis2", b, second)),
-            Joint::Free => {
-                return Err(ModelError::Structure {
-                    what: model.name.clone(),
-                    problem: format!(
-                        "SDF has no free joint as {} is one; write a URDF or MJCF",
-                        own.joint_name
-                    ),
-                });
-            }
-        };
-        let _ = writeln!(
-            out,
-            "    <joint name=\"{}\" type=\"{kind}\"><parent>{}</parent><child>{}</child>{axes}</joint>",
-            escaped(&joints[i]),
-            escaped(&parent.name),
-            escaped(&own.name)
-        );
-    }
-    Ok(out + "  </model>\n</sdf>\n")
 }

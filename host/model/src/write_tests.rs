@@ -362,6 +362,54 @@ fn followers_and_frames_without_mass_are_written() {
     assert_eq!(again.links[again.link("tip").unwrap()].nominal, None);
 }
 
+/// Flange and tool frame have no mass; the base has that of the link that is fixed to it; the whole is that of the model.
+#[test]
+fn links_without_mass_weigh_nothing_in_sdf() {
+    let body = "<inertial><origin xyz=\"0.1 0.2 0\"/><mass value=\"2\"/><inertia ixx=\"0.1\" ixy=\"0\" ixz=\"0\" iyy=\"0.12\" \
+                iyz=\"0.01\" izz=\"0.1\"/></inertial>";
+    let fixed = |name: &str, parent: &str, child: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"fixed\"><origin xyz=\"0.1 0 0.3\" rpy=\"0.2 0.1 0.4\"/><parent link=\"{parent}\"/><child \
+             link=\"{child}\"/></joint>"
+        )
+    };
+    let urdf = |foot: &str| {
+        format!(
+            "<robot name=\"r\"><link name=\"base\"/><link name=\"foot\">{foot}</link><link name=\"arm\">{body}</link><link \
+             name=\"flange\"/><link name=\"tool\"/><link name=\"hand\">{body}</link>{}{}{}{}<joint name=\"turn\" \
+             type=\"continuous\"><origin xyz=\"0 0 0.5\"/><parent link=\"foot\"/><child link=\"arm\"/><axis xyz=\"0 1 0\"/></joint></robot>",
+            fixed("f0", "base", "foot"),
+            fixed("f1", "arm", "flange"),
+            fixed("f2", "flange", "tool"),
+            fixed("f3", "tool", "hand"),
+        )
+    };
+    let place = tempfile::tempdir().unwrap();
+    for (name, foot, links) in [("heavy.sdf", body, 3), ("light.sdf", "", 3)] {
+        let model = write::parse(&urdf(foot), "r").unwrap().model;
+        let path = place.path().join(name);
+        write::write(&model, None, &path).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text.matches("<link ").count(), links, "{text}");
+        let is_fixed = text.contains("<parent>world</parent>");
+        assert_eq!(text.matches("<inertial>").count(), links - usize::from(is_fixed), "{text}");
+        assert_eq!(is_fixed, foot.is_empty());
+        for frame in ["flange", "tool", "foot"] {
+            assert!(text.contains(&format!("<frame name=\"{frame}\" attached_to=")), "{text}");
+        }
+        let again = write::parse(&text, name).unwrap().model;
+        assert!(difference(&model.welded(), &again.welded()) < 1e-12);
+        let said = remarks::remarks(&model, None, &path, &[]).join("\n");
+        assert!(said.contains("tool, flange, ") && said.contains("became frames"), "{said}");
+        assert_eq!(said.contains("base, a base without mass, is fixed to the world"), is_fixed, "{said}");
+    }
+    // One that moves has no place in it.
+    let moving = urdf(body).replace(&format!("<link name=\"arm\">{body}</link>"), "<link name=\"arm\"/>");
+    let model = write::parse(&moving, "r").unwrap().model;
+    let refused = write::write(&model, None, &place.path().join("m.sdf")).unwrap_err().to_string();
+    assert!(refused.contains("link arm moves and has no inertia"), "{refused}");
+}
+
 #[test]
 fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_not() {
     let place = tempfile::tempdir().unwrap();

@@ -166,12 +166,29 @@ pub(super) fn replace_child(text: &str, parent: &Node, tag: &str, new: String) -
 
 /// Returns the edit that gives an attribute this value.
 pub(super) fn set_attribute(text: &str, node: &Node, name: &str, value: f64) -> Edit {
-    if let Some(old) = node.attribute_node(name) {
-        return (old.range_value(), value.to_string());
+    match node.attribute_node(name) {
+        Some(old) => (old.range_value(), value.to_string()),
+        None => insert_attribute(text, node, name, &value.to_string()),
     }
+}
+
+/// Returns the edit that adds an attribute that is not there.
+pub(super) fn insert_attribute(text: &str, node: &Node, name: &str, value: &str) -> Edit {
     let end = start_tag_end(text, node);
     let at = end - if text[..end].ends_with("/>") { 2 } else { 1 };
     (at..at, format!(" {name}=\"{value}\""))
+}
+
+/// Returns the edit that puts `new` before the end tag of an element that has one.
+pub(super) fn before_end(text: &str, node: &Node, new: String) -> Edit {
+    let range = node.range();
+    let at = text[range.clone()].rfind("</").map_or(range.end, |at| range.start + at);
+    (at..at, new)
+}
+
+/// Returns a text as it may stand in an attribute.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 /// Returns the text with all edits made; no two of them overlap.

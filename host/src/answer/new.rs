@@ -18,9 +18,11 @@ use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
 use super::{budget, contradictions, excitation_advice, load, plausibility, remarks, rig_errors};
+use crate::present::text::shortened;
 use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use rigident_io::rig::{BodyTable, TruthTable};
-use rigident_model::ModelError;
+use rigident_model::inertial::impossibility;
+use rigident_model::{ModelError, ModelLink};
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
@@ -74,8 +76,11 @@ impl Answer {
     /// # Errors
     /// [`AnswerError`] if what was asked for is no parameter, or standard parameters were asked for and there are none.
     pub fn new(fit: &Fit, context: Context) -> Result<Self, AnswerError> {
-        let asked = select(&fit.parameters, context.asked)?;
         let links = context.links.as_ref();
+        let mut asked = select(&fit.parameters, context.asked)?;
+        if let Some(links) = links.filter(|_| context.asked.is_empty()) {
+            asked.retain(|j| !links.as_stated.contains(&fit.parameters[*j].name));
+        }
         let is_body = is_whole_body(fit);
         let base = links.filter(|_| !is_body).map(|links| (links, BaseEstimate::of(fit, links.base)));
         let evenly = base.as_ref().map(|(links, base)| (links, base.evenly_widened(fit)));
@@ -108,8 +113,9 @@ impl Answer {
                 fit.channels.iter().map(|c| c.residual_rms).filter(|v| v.is_finite()).collect();
         }
         answer.add_body(&judged, context.body);
+        let named = |text: String| text + &links.map_or_else(String::new, impossible_links);
         answer.truth = context.truth.filter(|_| is_body).map(|truth| true_body(truth, context.body));
-        let impossible = answer.add_consistency(&judged, of_base);
+        let impossible = answer.add_consistency(&judged, of_base).map(named);
         answer.add_standard_parameters(&judged, &base, &impossible)?;
         let impossible = impossible.filter(|_| !answer.has_near_bodies(base.as_ref().map(|(_, base)| base)));
         let scaled = links.filter(|_| !is_body).and_then(|links| plausibility::scaled(fit, links));
@@ -285,6 +291,12 @@ impl Answer {
     fn add_remarks(&mut self, judged: &Judged, context: &Context, impossible: Option<String>) {
         let fit = judged.fit;
         let links = context.links.as_ref();
+        if let Some(links) = links.filter(|links| !links.as_stated.is_empty()) {
+            self.notes.push(format!(
+                "{} have columns as the model states them, beside what --friction asks for (--friction none: none of them)",
+                shortened(links.as_stated, 6)
+            ));
+        }
         if judged.is_body {
             self.warnings.extend(impossible.clone());
         }
@@ -485,6 +497,21 @@ fn true_body(truth: &TruthTable, frame: Option<&BodyTable>) -> Truth {
         body_frame_com_m: there.as_ref().map(|body| body.centre_of_mass().array()),
         body_frame_inertia_origin_kgm2: there.as_ref().map(|body| tensor_elements(&body.inertia)),
     }
+}
+
+/// Returns the end of a sentence on bodies that no mass has: the links of the model that are such, if any.
+fn impossible_links(links: &Links) -> String {
+    let of = |link: &ModelLink| link.nominal.is_some_and(|phi| impossibility(&phi).is_some());
+    let names: Vec<&str> =
+        links.model.links.iter().filter(|link| of(link)).map(|link| link.name.as_str()).collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    format!(
+        ". The model itself states inertias that no body has, of {}: a recording that was simulated with it is refused for these; \
+         correct the model (`rigident model check` says what is wrong with each)",
+        shortened(&names, 6)
+    )
 }
 
 fn standard_parameters(full: &Full, judged: &Judged, request: StandardRequest) -> StandardParameters {

@@ -19,6 +19,8 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 
+use super::context::Links;
+use super::result::CompleteParameter;
 use rigident_fit::{Factor, Fit, Noise};
 use rigident_model::base::BaseParameters;
 use rigident_model::inertial::{Parameters, impossibility, map_to_parent};
@@ -34,6 +36,11 @@ const ROUGH: f64 = 1e-3;
 
 /// Singular values below this share of the largest are not determined, as in the rows of a tree.
 const ROUNDING: f64 = 1e-10;
+
+/// Rows that are to be kept weigh so many times as much as those of the data, beside the nominal model.
+const HEAVY: f64 = 1e4;
+/// Bodies keep base parameters if they are off by no more, in standard deviations of the data.
+const EXACT: f64 = 1e-2;
 
 /// The base parameters of a tree as its rows give them, whatever offsets and drives are.
 #[derive(Clone, Debug)]
@@ -74,6 +81,22 @@ impl<'a> BaseEstimate<'a> {
         }
     }
 
+    /// Returns these base parameters as if the rows of a factor, rotors in its columns, said them [`HEAVY`] times as exactly.
+    fn exactly(factor: &Factor, base: &'a BaseParameters, values: &[f64]) -> Self {
+        let count = base.parameters.len();
+        let (r, values) = (factor.leading(count).r() * HEAVY, DVector::from_column_slice(values));
+        Self {
+            base,
+            z: &r * &values,
+            r,
+            values,
+            sd: vec![0.0; count],
+            determined: vec![false; count],
+            rank: count,
+            noise: Noise::Given,
+        }
+    }
+
     /// Returns the base parameters of a factor whose covariance is to be multiplied by `variance_scale`.
     pub fn of_factor(factor: &Factor, base: &'a BaseParameters, variance_scale: f64, noise: Noise) -> Self {
         let count = base.parameters.len();
@@ -91,6 +114,24 @@ impl<'a> BaseEstimate<'a> {
             noise,
         }
     }
+}
+
+/// Returns the links nearest to the nominal model whose base parameters are these, the rotors that no motion tells from links
+/// included: bodies that do what links and rotors do together, for programs without rotors. `None` if there are no such rotors, or
+/// no such bodies.
+pub fn nearest_with_rotors(fit: &Fit, links: &Links, base: &[CompleteParameter]) -> Option<Full> {
+    let (request, count) = (links.standard?, links.base.parameters.len());
+    if links.base.rotors().is_empty() {
+        return None;
+    }
+    let factor = fit.solved.as_ref().unwrap_or(&fit.factor);
+    let values: Vec<f64> = base.iter().take(count).map(|parameter| parameter.value).collect();
+    if values.len() < count {
+        return None;
+    }
+    let own = BaseEstimate::exactly(factor, links.base, &values);
+    let full = nearest(request.nominal, &own, request.trust, request.symmetric).ok()?;
+    (full.converged && full.distance_sd <= EXACT * HEAVY).then_some(full)
 }
 
 /// Returns a factor with the rotors that are parts of base parameters as columns of their own, after all others: the first are

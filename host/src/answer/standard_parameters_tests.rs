@@ -214,6 +214,7 @@ fn symmetric_people_have_two_sides_alike_and_a_model_without_masses_is_refused()
         nuisances: Vec::new(),
         errors: Vec::new(),
         drives: Vec::new(),
+        as_stated: Vec::new(),
         signals: Vec::new(),
         rate_sigma: 0.0,
         contact: None,

@@ -258,6 +258,7 @@ fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
         base: tree.base(),
         situation: input.situation,
         drives: tree.drive_motions(),
+        as_stated: &[],
         idle: Vec::new(),
         beyond: Vec::new(),
         standard: Some(StandardRequest { nominal: model, trust: 1.0, symmetric: false, required: false }),
@@ -266,6 +267,22 @@ fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
         Context { links: Some(links), source: source(), rate_sigma: input.rate_sigma, ..Context::default() };
     let answer = Answer::new(&fit, context).unwrap();
     (fit, answer)
+}
+
+/// A model whose arm has a moment that no mass has, and the recording simulated with it: the model is named, not the sensors alone.
+#[test]
+fn impossible_links_of_the_model_are_named_as_its_own() {
+    let mut model = two_links();
+    let arm = model.links.len() - 1;
+    let sound = of_tree(&model, &two_link_recording(&model, 200.0, 20.0, Some(3))).1;
+    assert!(!sound.warnings.iter().any(|text| text.contains("that no body has")), "{:?}", sound.warnings);
+    if let Some(phi) = &mut model.links[arm].nominal {
+        phi[4] += 2.0 * (phi[5] + phi[6]);
+    }
+    let (_, answer) = of_tree(&model, &two_link_recording(&model, 200.0, 20.0, Some(3)));
+    assert_eq!(answer.status, Status::Implausible);
+    let own = format!("The model itself states inertias that no body has, of {}", model.links[arm].name);
+    assert!(answer.warnings.iter().any(|text| text.contains(&own)), "{:?}", answer.warnings);
 }
 
 /// Returns fits with their answers: one body, two links, a person, a run that broke off.

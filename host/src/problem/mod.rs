@@ -253,6 +253,7 @@ impl Problem {
             base,
             situation: input.situation,
             drives,
+            as_stated: &input.as_stated,
             idle: idle.iter().map(ToString::to_string).collect(),
             beyond: beyond(input).into_iter().map(|b| (b.text, b.impossible)).collect(),
             standard,

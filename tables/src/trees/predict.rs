@@ -41,6 +41,7 @@ fn answer(case: &Case, source: &TreeSource) -> Answer {
         base: source.base(),
         situation: source.input().situation,
         drives: source.drive_motions(),
+        as_stated: &[],
         idle: Vec::new(),
         beyond: Vec::new(),
         standard: Some(StandardRequest {

@@ -229,6 +229,7 @@ pub fn table() -> String {
             base,
             situation: input.situation,
             drives: source.drive_motions(),
+            as_stated: &[],
             idle: Vec::new(),
             beyond: Vec::new(),
             standard: None,

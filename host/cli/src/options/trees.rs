@@ -62,12 +62,14 @@ pub struct TreeOptions {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub of: TreeModel,
-    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, spring, or none.
+    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, spring, or none. What
+    /// the model states of its joints has columns beside these; none takes them out. Geared arms need rotor.
     /// coulomb turns over at the speed that the recording shows, coulomb:SPEED at that one, coulomb:0 at once;
     /// stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is proportional to the measured effort. Repeatable
     #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,
-    /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6. Repeatable
+    /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6, or by any gear m6=0.5*joint_5-joint_6.
+    /// Repeatable
     #[arg(long, value_name = "NAME=JOINT+JOINT")]
     pub drive: Vec<String>,
     /// How well the nominal model is trusted where the data leave something open: 1 σ, relative

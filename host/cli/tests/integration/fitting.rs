@@ -33,6 +33,7 @@ pub fn links(tree: &TreeSource) -> Links<'_> {
         base: tree.base(),
         situation: input.situation,
         drives: tree.drive_motions(),
+        as_stated: &[],
         idle: Vec::new(),
         beyond: Vec::new(),
         standard: None,

@@ -4,8 +4,10 @@ use crate::program::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use rigident::model::{Model, human::Person};
+use rigident::model::xml::Language;
+use rigident::model::{Model, human::Person, write};
 use rigident::simulated::arm::{ArmRun, csv};
+use rigident::simulated::trees::seven_axes;
 use serde_json::Value;
 
 fn robot(file: &str) -> PathBuf {
@@ -166,6 +168,44 @@ fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
         for (own, theirs) in own.iter().zip(&theirs) {
             // The same window, central differences in place of its slope.
             assert!((own / theirs - 1.0).abs() < 0.02, "{file}: {own} {theirs}");
+        }
+    }
+}
+
+/// Every language holds what was identified, rotors included: read back, it predicts another motion as the result does. Rotors of the
+/// first two joints, which no motion tells from their links, are in these where readers pass rotors over.
+#[test]
+fn written_models_predict_as_their_result_does() {
+    let folder_of = tempfile::tempdir().unwrap();
+    let folder = folder_of.path();
+    let model = seven_axes();
+    let text = write::generated(&model, Language::Urdf).unwrap();
+    std::fs::write(folder.join("nominal.urdf"), text).unwrap();
+    let run = ArmRun { friction: [2.0, 4.0, 0.0], rotor: 0.3, rate_noise: 1e-4, ..ArmRun::default() };
+    record(folder, &model, &run);
+    let names = ["as_urdf.urdf", "as_xml.xml", "as_sdf.sdf"];
+    for (k, name) in names.iter().enumerate() {
+        let out = format!("first{k}");
+        let list = "viscous,coulomb:0,rotor";
+        let line = ["identify", "first.csv", "--model", "nominal.urdf", "--friction", list];
+        let said = rigident(folder, &[&line[..], &["--out", &out, "--write-model", name]].concat());
+        let has_table = folder.join(name).with_extension("joints.yaml").exists();
+        assert_eq!(has_table, k != 1, "{name}");
+        assert_eq!(said.contains("are in <drake:rotor_inertia>"), k != 1, "{said}");
+        assert_eq!(said.contains("rotors of l1_joint, l2_joint, which no motion tells"), k != 1, "{said}");
+        let written = open(&folder.join(name));
+        let rotor = |joint: &str| written.links[written.joint(joint).unwrap()].passive[0].armature;
+        assert!((rotor("l5_joint") - 0.3).abs() < 0.03, "{}", rotor("l5_joint"));
+        assert_eq!(rotor("l1_joint") == 0.0, k != 1);
+    }
+    let line = ["validate", "first0/result.json", names[0], names[1], names[2], "second.csv"];
+    let found = rigident(folder, &[&line[..], &["--model", "nominal.urdf", "--json"]].concat());
+    let found: Value = serde_json::from_str(&found).unwrap();
+    let own = nrmse(&found, "first0");
+    assert!(own.iter().all(|share| *share < 0.2), "{own:?}");
+    for name in ["as_urdf", "as_xml", "as_sdf"] {
+        for (own, read) in own.iter().zip(nrmse(&found, name)) {
+            assert!((own - read).abs() < 1e-6, "{name}: {own} {read}");
         }
     }
 }

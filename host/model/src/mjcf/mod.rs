@@ -45,9 +45,6 @@ pub(super) const WORLD: &str = "world";
 /// Begins what is told of attributes that are read and written, and say nothing of links.
 pub(super) const NOT_USED: &str = "the answer does not use what the file states of its ";
 
-/// Ends what is told of friction, rotors and springs of a joint of one freedom, which have columns.
-pub const DRIVES_ARE_IDENTIFIED: &str = "rotors, friction and springs are identified with --friction";
-
 /// Attributes of a default class, by tag and name.
 type Class<'a> = BTreeMap<(&'static str, &'a str), &'a str>;
 
@@ -403,12 +400,13 @@ impl<'a> Reader<'a> {
         let stated =
             passive.named().into_iter().filter(|(name, value)| *value != 0.0 && *name != "springref");
         let stated: Vec<&str> = stated.map(|(name, _)| name).collect();
-        if !stated.is_empty() {
-            let how = match kind {
-                Joint::Free => "nothing holds a base that moves freely",
-                Joint::Spherical => "there are no columns of a ball's drive",
-                _ => DRIVES_ARE_IDENTIFIED,
-            };
+        // Joints of one freedom have columns of them.
+        let how = match kind {
+            Joint::Free => Some("nothing holds a base that moves freely"),
+            Joint::Spherical => Some("there are no columns of a ball's drive"),
+            _ => None,
+        };
+        if let Some(how) = how.filter(|_| !stated.is_empty()) {
             self.find(&place, &format!("{NOT_USED}{}: {how}", stated.join(", ")));
         }
         if !unread.is_empty() {

@@ -1,6 +1,7 @@
 //! Models from SDF, the language of Gazebo: one model's links, joints and inertias, those of models within it ([`nested`])
 //! included.
 
+pub(super) mod generated;
 mod nested;
 #[cfg(test)]
 mod tests;
@@ -20,8 +21,9 @@ use super::inertial::{Parameters, in_parent};
 use super::loose_xml::tidied;
 use super::mjcf::WORLD;
 use super::passive::Passive;
+use super::transmission;
 use super::tree::{Model, ModelLink, NO_BODY, Parsed, RawLink};
-use super::xml::{self, describe, exactly, of_quaternion, of_rpy};
+use super::xml::{self, Language, describe, exactly, of_quaternion, of_rpy};
 
 type Pose = (Matrix3<f64>, Vector3<f64>);
 
@@ -365,22 +367,21 @@ fn passive(joint: &Node, element: &str, kind: &Joint<f64>) -> Result<Passive, St
         Joint::Universal(..) => true,
         _ => false,
     };
-    let Some(node) =
-        xml::child(joint, element).filter(|_| has_axis).and_then(|axis| xml::child(&axis, "dynamics"))
-    else {
-        return Ok(Passive::default());
-    };
+    let Some(axis) = xml::child(joint, element).filter(|_| has_axis) else { return Ok(Passive::default()) };
+    let dynamics = xml::child(&axis, "dynamics");
     let one = |name: &str| -> Result<f64, String> {
         let what = format!("<{name}> of {}", describe(joint));
-        text_of(&node, name).map_or(Ok(0.0), |text| Ok(exactly::<1>(xml::parse(text, &what)?, &what)?[0]))
+        let Some(text) = dynamics.and_then(|node| text_of(&node, name)) else { return Ok(0.0) };
+        Ok(exactly::<1>(xml::parse(text, &what)?, &what)?[0])
     };
-    Ok(Passive {
-        armature: 0.0,
+    let stated = Passive {
+        armature: if element == "axis" { transmission::rotor_of_joint(joint)? } else { 0.0 },
         damping: one("damping")?,
         friction: one("friction")?,
         stiffness: one("spring_stiffness")?,
         spring_reference: one("spring_reference")?,
-    })
+    };
+    Ok(stated.said_in(Language::Sdf, kind))
 }
 
 /// About the link's own origin. Without the element SDF has a kilogram of unit moments; here that is unknown.

@@ -118,6 +118,7 @@ impl Tree {
             nuisances: Vec::new(),
             errors: Vec::new(),
             drives,
+            as_stated: Vec::new(),
             signals: Vec::new(),
             rate_sigma: 0.0,
             contact: None,

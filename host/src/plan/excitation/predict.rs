@@ -108,6 +108,7 @@ fn scales(source: &TreeSource, estimate: &Estimate) -> Vec<Option<f64>> {
         base: source.base(),
         situation: source.input().situation,
         drives: source.drive_motions(),
+        as_stated: &[],
         idle: Vec::new(),
         beyond: Vec::new(),
         standard: None,

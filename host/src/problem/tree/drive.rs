@@ -4,6 +4,9 @@
 
 use rigident_shared::tree::Link;
 
+use rigident_model::Model;
+use rigident_model::passive::Passive;
+
 /// Rate at which what Stribeck's curve adds at rest has fallen to 1/e, of something that turns, rad/s, and that slides, m/s: 10 rad/s
 /// of a motor behind a gear of 100 (A. Bittencourt, S. Gunnarsson, "Static friction in a robot joint", J. Dyn. Sys. Meas.
 /// Control 134 (5), 2012).
@@ -169,6 +172,18 @@ impl Term {
     }
 }
 
+/// Returns the columns that a joint's own friction, rotor and spring are values of. A spring that is slack at q₀ adds `stiffness · q`
+/// and the constant `−stiffness · q₀`.
+pub fn stated(passive: &Passive) -> [(Term, f64); 5] {
+    [
+        (Term::Viscous, passive.damping),
+        (Term::Coulomb(None), passive.friction),
+        (Term::Rotor, passive.armature),
+        (Term::Spring, passive.stiffness),
+        (Term::Offset, -passive.stiffness * passive.spring_reference),
+    ]
+}
+
 /// The columns of drives: everywhere, and of drives by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Friction {
@@ -176,11 +191,13 @@ pub struct Friction {
     pub everywhere: Vec<Term>,
     /// Of drives by name, joints' own or others, instead.
     pub by_drive: Vec<(String, Vec<Term>)>,
+    /// True if `none` was said of all: what a model states of its joints has no columns either.
+    pub none: bool,
 }
 
 impl From<Vec<Term>> for Friction {
     fn from(everywhere: Vec<Term>) -> Self {
-        Self { everywhere, by_drive: Vec::new() }
+        Self { everywhere, ..Self::default() }
     }
 }
 
@@ -202,6 +219,7 @@ impl Friction {
                 }
                 None => (None, list),
             };
+            all.none |= name.is_none() && words.trim() == "none";
             let terms = match words.trim() {
                 "none" => Vec::new(),
                 words => words.split(',').map(Term::parse).collect::<Result<Vec<_>, _>>()?,
@@ -235,6 +253,34 @@ impl Friction {
                 *speed = None;
             }
         }
+    }
+
+    /// Returns these columns and those of what a model states of its joints, rotors, friction and springs, with the names of the
+    /// parameters that only the model asks for. A joint of which `none` is said has none of these; still poses show springs alone.
+    #[must_use]
+    pub fn beside(&self, model: &Model, is_static: bool) -> (Self, Vec<String>) {
+        let (mut all, mut added) = (self.clone(), Vec::new());
+        let links = model.links.iter().skip(1).filter(|link| link.link.joint.freedoms() == 1 && !self.none);
+        for link in links {
+            let name = &link.joint_name;
+            let mut own = self.of(name).to_vec();
+            if own.is_empty() && self.by_drive.iter().any(|(drive, _)| drive == name) {
+                continue;
+            }
+            let count = own.len();
+            for (term, value) in stated(&link.passive[0]) {
+                let is_seen = !is_static || matches!(term, Term::Spring | Term::Offset);
+                if value != 0.0 && is_seen && own.iter().all(|there| there.name() != term.name()) {
+                    added.push(format!("{name}.{}", term.name()));
+                    own.push(term);
+                }
+            }
+            if own.len() > count {
+                all.by_drive.retain(|(drive, _)| drive != name);
+                all.by_drive.push((name.clone(), own));
+            }
+        }
+        (all, added)
     }
 
     /// Returns true if no drive has a column.
@@ -309,34 +355,29 @@ impl Drive {
             .collect()
     }
 
-    /// From `NAME=J1+J2` or `NAME=J1-J2`: sums of freedoms by name.
+    /// From `NAME=J1+J2`, `NAME=J1-J2` or `NAME=0.5*J1-2*J2`: sums of freedoms by name.
     ///
     /// # Errors
     /// What is no such thing, or no such joint.
     pub fn parse(words: &str, names: &[String], friction: &Friction) -> Result<Self, String> {
         let refuse = |why: String| format!("--drive {words}: {why}");
-        let (name, sum) = words
-            .split_once('=')
-            .ok_or_else(|| refuse("stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6".to_owned()))?;
-        let mut rates = Vec::new();
-        // A joint's name may hold a dash: the longest names first.
+        let form = || {
+            let form = "stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6 or m6=0.5*joint_5-joint_6";
+            refuse(form.to_owned())
+        };
+        let (name, sum) = words.split_once('=').ok_or_else(form)?;
+        let mut rates: Vec<(usize, f64)> = Vec::new();
         let mut rest = sum.trim();
-        let mut factor = 1.0;
         while !rest.is_empty() {
-            let found = names.iter().enumerate().filter(|(_, n)| {
-                rest.strip_prefix(n.as_str())
-                    .is_some_and(|more| more.is_empty() || more.starts_with(['+', '-']))
-            });
-            let Some((k, joint)) = found.max_by_key(|(_, n)| n.len()) else {
-                return Err(refuse(format!("there is no joint {rest}; there are {}", names.join(", "))));
-            };
+            let (k, factor, more) = first_of_sum(rest, names).map_err(refuse)?;
+            if rates.iter().any(|(other, _)| *other == k) {
+                return Err(refuse(format!("{} is in it twice: give the sum of both", names[k])));
+            }
             rates.push((k, factor));
-            rest = &rest[joint.len()..];
-            factor = if rest.starts_with('-') { -1.0 } else { 1.0 };
-            rest = rest.get(1..).unwrap_or_default().trim();
+            rest = more;
         }
         if name.trim().is_empty() || rates.is_empty() {
-            return Err(refuse("stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6".to_owned()));
+            return Err(form());
         }
         // A constant that acts on several joints is the sum of theirs, and springs are at joints.
         let terms = friction.of(name.trim()).iter().copied().filter(|term| *term != Term::Spring);
@@ -360,6 +401,9 @@ impl Drive {
             } else if !sum.is_empty() {
                 sum.push('+');
             }
+            if factor.abs() != 1.0 {
+                sum.push_str(&format!("{}*", factor.abs()));
+            }
             sum.push_str(names.get(*k).map_or("", String::as_str));
         }
         sum
@@ -382,6 +426,34 @@ impl Drive {
     }
 }
 
+/// Returns the first freedom of a sum, its factor, and what comes after it.
+fn first_of_sum<'a>(sum: &'a str, names: &[String]) -> Result<(usize, f64, &'a str), String> {
+    // A joint's name may hold a dash, or begin with a number: the longest names first.
+    let joint = |text: &'a str| {
+        let found = names.iter().enumerate().filter_map(|(k, name)| {
+            let more = text.strip_prefix(name.as_str())?.trim_start();
+            (more.is_empty() || more.starts_with(['+', '-'])).then_some((k, name.len(), more))
+        });
+        found.max_by_key(|(_, length, _)| *length).map(|(k, _, more)| (k, more))
+    };
+    if let Some((k, more)) = joint(sum) {
+        return Ok((k, 1.0, more));
+    }
+    let (sign, text) = match sum.strip_prefix(['+', '-']) {
+        Some(text) => (if sum.starts_with('-') { -1.0 } else { 1.0 }, text.trim_start()),
+        None => (1.0, sum),
+    };
+    let factor = text.split_once('*').and_then(|(number, rest)| {
+        let number = number.trim().parse().ok().filter(|v: &f64| v.is_finite() && *v != 0.0)?;
+        Some((number, rest.trim_start()))
+    });
+    let (factor, text) = factor.unwrap_or((1.0, text));
+    match joint(text) {
+        Some((k, more)) => Ok((k, sign * factor, more)),
+        None => Err(format!("there is no joint {text}; there are {}", names.join(", "))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -399,6 +471,14 @@ mod tests {
         assert_eq!(drive.rate(&[3.0, 1.0, 0.0, 0.0]), 2.0);
         assert!(Drive::parse("m6=joint_7", &names, &none).unwrap_err().contains("there are j-1, j, joint_5"));
         assert!(Drive::parse("m6", &names, &none).unwrap_err().contains("NAME=JOINT"));
+        // By any gear, as a puma's wrist has it; what it is said to be is read again.
+        let drive = Drive::parse("m6=-0.25 * joint_5 + j-1 - 2e-1*j", &names, &none).unwrap();
+        assert_eq!(drive.rates, [(2, -0.25), (0, 1.0), (1, -0.2)]);
+        assert_eq!(drive.sum(&names), "-0.25*joint_5+j-1-0.2*j");
+        assert_eq!(Drive::parse(&format!("m6={}", drive.sum(&names)), &names, &none).unwrap(), drive);
+        for wrong in ["m6=0*j", "m6=x*j", "m6=0.5*", "m6=j+0.5*j", "m6=nan*j", "m6="] {
+            assert!(Drive::parse(wrong, &names, &none).is_err(), "{wrong}");
+        }
         assert!(Term::parse("stiction").unwrap_err().contains("viscous, coulomb"));
     }
 
@@ -423,6 +503,24 @@ mod tests {
         };
         assert!(friction.check(&[drive("j1"), drive("j2"), drive("j3")]).is_ok());
         assert!(friction.check(&[drive("j1"), drive("j2")]).unwrap_err().contains("no joint j3"));
+    }
+
+    /// What a model states of a joint is asked for beside the list; `none` takes it out again.
+    #[test]
+    fn what_a_model_states_has_columns() {
+        let urdf = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint name=\"j1\" type=\"continuous\">\
+                    <parent link=\"a\"/><child link=\"b\"/><dynamics damping=\"0.5\"/></joint><joint name=\"j2\" type=\"continuous\">\
+                    <parent link=\"b\"/><child link=\"c\"/><dynamics damping=\"1\" friction=\"2\"/></joint></robot>";
+        let model = rigident_model::urdf::parse(urdf, "r").unwrap();
+        let beside = |lists: &[&str], still: bool| Friction::parse(lists).unwrap().beside(&model, still);
+        let (own, added) = beside(&["coulomb:0,rotor"], false);
+        assert_eq!(own.of("j1"), [Term::Coulomb(Some(0.0)), Term::Rotor, Term::Viscous]);
+        assert_eq!(added, ["j1.viscous", "j2.viscous"]);
+        let (own, added) = beside(&["j2=none"], false);
+        assert_eq!((own.of("j1"), own.of("j2")), (&[Term::Viscous][..], &[][..]));
+        assert_eq!(added, ["j1.viscous"]);
+        assert_eq!(beside(&[], false).1, ["j1.viscous", "j2.viscous", "j2.coulomb"]);
+        assert!(beside(&["none"], false).0.is_empty() && beside(&[], true).0.is_empty());
     }
 
     #[test]

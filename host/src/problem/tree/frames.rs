@@ -114,6 +114,8 @@ pub struct Input {
     pub errors: Vec<SignalError>,
     /// Drives that turn with the joints, with their friction.
     pub drives: Vec<Drive>,
+    /// Parameters of drives that there are because the model states them, by name; nobody asked for them.
+    pub as_stated: Vec<String>,
     /// Signals that the frames are made of, with their noise; empty: they are exact.
     pub signals: Vec<NoisySignal>,
     /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
@@ -137,6 +139,7 @@ impl Input {
             nuisances: Vec::new(),
             errors: Vec::new(),
             drives: Vec::new(),
+            as_stated: Vec::new(),
             signals: Vec::new(),
             rate_sigma: 0.0,
             contact: None,
@@ -150,6 +153,7 @@ impl Input {
             model: self.model.clone(),
             channel_sigma: self.channel_sigma.clone(),
             drives: self.drives.clone(),
+            as_stated: self.as_stated.clone(),
             signals: self.signals.clone(),
             nuisances: self.nuisances.clone(),
             errors: self.errors.clone(),

@@ -231,6 +231,7 @@ fn input(model: Model, frames: Vec<Frame>, situation: Situation, seen: &[usize])
         nuisances: Vec::new(),
         errors: Vec::new(),
         drives: Vec::new(),
+        as_stated: Vec::new(),
         signals,
         rate_sigma: 0.0,
         contact: None,

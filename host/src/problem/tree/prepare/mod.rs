@@ -326,10 +326,13 @@ impl<'a> Preparation<'a> {
             nuisances: Vec::new(),
             errors: Vec::new(),
             drives: Vec::new(),
+            as_stated: Vec::new(),
             signals: self.signals(&joints, &attitudes, &gyros, &number_of),
             rate_sigma,
         };
-        if !options.friction.is_empty() || !options.drives.is_empty() {
+        let asked = !options.friction.is_empty() || !options.drives.is_empty();
+        let (friction, added) = options.friction.beside(&self.model, input.is_static);
+        if asked || (input.has_efforts() && !added.is_empty()) {
             if !input.has_efforts() {
                 return Err(self.missing(
                     "the joints' efforts (JOINT_nm) that friction acts on are",
@@ -337,12 +340,13 @@ impl<'a> Preparation<'a> {
                 ));
             }
             let names = input.freedom_names();
-            input.drives = Drive::of_joints(&names, &input.model.tree(), &options.friction);
+            input.drives = Drive::of_joints(&names, &input.model.tree(), &friction);
             for words in &options.drives {
-                let drive = Drive::parse(words, &names, &options.friction);
+                let drive = Drive::parse(words, &names, &friction);
                 input.drives.push(drive.map_err(TreePrepareError::Unsupported)?);
             }
-            options.friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
+            friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
+            input.as_stated = added;
             self.notes.extend(standstill::mark(&mut input));
             input.drives.retain(|drive| !drive.terms.is_empty());
         }
