@@ -292,6 +292,21 @@ pub struct PlanExcitation {
     /// Largest effort, N m or N, likewise. Repeatable
     #[arg(long, value_name = "[JOINT=]MOST")]
     pub effort: Vec<String>,
+    /// Largest acceleration, rad/s² or m/s², likewise, of which the share of rates is used; without it as efforts allow. Repeatable
+    #[arg(long, value_name = "[JOINT=]MOST")]
+    pub acceleration: Vec<String>,
+    /// Rotor inertia as a joint feels it, kg m² or kg, instead of the model's: efforts need it. Repeatable
+    #[arg(long, value_name = "[JOINT=]INERTIA")]
+    pub rotor: Vec<String>,
+    /// Viscous friction of a joint, N m s or N s/m, likewise. Repeatable
+    #[arg(long, value_name = "[JOINT=]FRICTION")]
+    pub viscous: Vec<String>,
+    /// Dry friction of a joint, N m or N, likewise. Repeatable
+    #[arg(long, value_name = "[JOINT=]FRICTION")]
+    pub coulomb: Vec<String>,
+    /// Joints of --lock that the controller holds: they are in the JointTrajectory, too
+    #[arg(long, value_name = "JOINT", value_delimiter = ',')]
+    pub hold: Vec<String>,
     /// Share of each range, about its middle, that is used
     #[arg(long, default_value_t = 0.95, value_name = "SHARE")]
     pub range_share: f64,

@@ -25,6 +25,7 @@ use rigident_io::recording::new_file::write_new_text;
 use rigident_model::Model;
 use rigident_model::base::Rows;
 use rigident_model::check::shapes;
+use rigident_model::passive::Passive;
 
 /// Share of the largest effort that the noise of one reading is taken for where nothing is said.
 const NOISE: f64 = 0.01;
@@ -60,6 +61,7 @@ struct JointObject<'a> {
     start: f64,
     positions: [f64; 2],
     rate: f64,
+    acceleration: f64,
     effort: f64,
     effort_noise: f64,
     range_share: f64,
@@ -177,10 +179,12 @@ fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
         range: arguments.range.clone(),
         speed: arguments.speed.clone(),
         effort: arguments.effort.clone(),
+        acceleration: arguments.acceleration.clone(),
     };
     let mut held = locked(&whole, arguments)?;
     let others = hold(&mut robot, arguments, &mut held)?;
-    let bodies = movable(&robot).map_err(Failure::input)?;
+    let mut bodies = movable(&robot).map_err(Failure::input)?;
+    give_passive(&mut bodies, arguments)?;
     let limits = given.of(&bodies, shares).map_err(Failure::input)?;
     let names: Vec<&str> = limits.iter().map(|limits| limits.name.as_str()).collect();
     let starts = by_joint("--start", &arguments.start, &whole, &names).map_err(Failure::input)?;
@@ -211,7 +215,50 @@ fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
         restarts: arguments.restarts,
         model: bodies,
     };
-    Ok(Prepared { file_joints: joints(&whole, &moving, &held), task, held, boxes })
+    let commanded = commanded(arguments, &held)?;
+    Ok(Prepared { file_joints: joints(&whole, &moving, &held, &commanded), task, held, boxes })
+}
+
+/// Gives the joints the rotors and the friction that options say, which their efforts need.
+fn give_passive(bodies: &mut Model, arguments: &PlanExcitation) -> Result<(), Failure> {
+    type Place = fn(&mut Passive) -> &mut f64;
+    let options: [(&str, &[String], Place); 3] = [
+        ("--rotor", &arguments.rotor, |own| &mut own.armature),
+        ("--viscous", &arguments.viscous, |own| &mut own.damping),
+        ("--coulomb", &arguments.coulomb, |own| &mut own.friction),
+    ];
+    for (option, words, place) in options {
+        let names: Vec<&str> = bodies.links.iter().skip(1).map(|link| link.joint_name.as_str()).collect();
+        let given = by_joint(option, words, bodies, &names).map_err(Failure::input)?;
+        if let Some(value) = given.iter().flatten().find(|value| **value < 0.0) {
+            return Err(Failure::input(format!("{option} {value}: zero or more")));
+        }
+        for (link, value) in bodies.links.iter_mut().skip(1).zip(given) {
+            if let Some(value) = value {
+                *place(&mut link.passive[0]) = value;
+            }
+        }
+        let asked = option.trim_start_matches('-');
+        let is_asked = arguments.friction.iter().any(|list| list.contains(asked));
+        if is_asked && bodies.links.iter().all(|link| *place(&mut link.passive[0].clone()) == 0.0) {
+            tell!(
+                "rigident: efforts are those of a model without {asked}, and --friction asks for it: limits of effort may be passed; \
+                 give {option} [JOINT=]VALUE"
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Returns the joints that do not move and are in a message for the controller: all that --joints holds, and those of --hold.
+fn commanded(arguments: &PlanExcitation, held: &[(String, f64)]) -> Result<Vec<String>, Failure> {
+    let name = |words: &str| words.split_once('=').map_or(words, |(name, _)| name).trim().to_owned();
+    let locked: Vec<String> = arguments.model.changes.lock.iter().map(|words| name(words)).collect();
+    if let Some(name) = arguments.hold.iter().find(|name| !locked.contains(name)) {
+        return Err(Failure::input(format!("--hold {name}: it is not among the joints of --lock")));
+    }
+    let names = held.iter().map(|(name, _)| name);
+    Ok(names.filter(|name| !locked.contains(name) || arguments.hold.contains(name)).cloned().collect())
 }
 
 /// Returns the joints that --lock names, and where they stand.
@@ -368,6 +415,7 @@ fn object<'a>(prepared: &'a Prepared, planned: &'a Excitation) -> Object<'a> {
                 start: task.start[j],
                 positions: used.positions,
                 rate: used.rate,
+                acceleration: used.acceleration,
                 effort: used.effort,
                 effort_noise: task.measured.effort_noise[j],
                 range_share: used.shares[0],
@@ -456,7 +504,7 @@ fn told(task: &Task, planned: &Excitation) -> String {
         noise.iter().fold(0.0_f64, |most, v| v.max(most)),
     ];
     let mut out = format!(
-        "\n\nPredicted at {} readings/s, efforts with noise of {} to {} (1 σ), against a random trajectory as large as limits allow:\n  \
+        "\n\nPredicted at {} readings/s, efforts with noise of {} to {} (1 σ), against one random trajectory as large as limits allow (the best of many random ones is nearer):\n  \
          condition number {:.1} instead of {:.1}",
         task.measured.rate_hz,
         significant(least, 3),

@@ -18,10 +18,18 @@ pub struct FileJoint {
     pub moves: Option<usize>,
     /// Where it is held, rad or m; not used of one that moves.
     pub held: f64,
+    /// It is in the message for the controller, which refuses joints that are none of its own.
+    pub is_commanded: bool,
 }
 
-/// Returns the joints of a model in its order: those that move in the series by their names, the others held at zero or where `held` says.
-pub fn joints(model: &Model, moving: &[String], held: &[(String, f64)]) -> Vec<FileJoint> {
+/// Returns the joints of a model in its order: those that move in the series by their names, the others held at zero or where `held`
+/// says. Only those that move and the `commanded` ones are in the message for a controller.
+pub fn joints(
+    model: &Model,
+    moving: &[String],
+    held: &[(String, f64)],
+    commanded: &[String],
+) -> Vec<FileJoint> {
     let links = model.links.iter().skip(1);
     let own = links.filter_map(|link| {
         let [position, rate, _] = units(&link.link.joint)?;
@@ -31,6 +39,7 @@ pub fn joints(model: &Model, moving: &[String], held: &[(String, f64)]) -> Vec<F
             units: [position, rate],
             moves: moving.iter().position(|own| *own == name),
             held: at,
+            is_commanded: [moving, commanded].iter().any(|names| names.contains(&name)),
             name,
         })
     });
@@ -58,10 +67,11 @@ pub fn csv(series: &Series, joints: &[FileJoint], rate_hz: f64) -> String {
     text
 }
 
-/// Returns a message for `ros2 topic pub` in YAML, with points at a rate, 1/s, and the last one at the end. Its stamp of zero means at once.
+/// Returns a message for `ros2 topic pub` in YAML of the joints that are commanded, with points at a rate, 1/s, and the last one at the end. Its stamp of zero means at once.
 pub fn joint_trajectory(series: &Series, joints: &[FileJoint], rate_hz: f64) -> String {
     let mut text = "header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: \"\"\njoint_names:\n".to_owned();
-    for joint in joints {
+    let joints = || joints.iter().filter(|joint| joint.is_commanded);
+    for joint in joints() {
         // A string of JSON is one of YAML.
         let _ = writeln!(text, "- {}", serde_json::Value::from(joint.name.as_str()));
     }
@@ -69,7 +79,7 @@ pub fn joint_trajectory(series: &Series, joints: &[FileJoint], rate_hz: f64) -> 
     for t in times(series, rate_hz) {
         let motion = series.at(t);
         let list = |of: &dyn Fn(usize) -> f64, held: &dyn Fn(&FileJoint) -> f64| {
-            let own = joints.iter().map(|joint| joint.moves.map_or_else(|| held(joint), of));
+            let own = joints().map(|joint| joint.moves.map_or_else(|| held(joint), of));
             own.map(|v| format!("{:.6}", positive_zero(v))).collect::<Vec<_>>().join(", ")
         };
         let nanoseconds = (t * 1e9).round() as u64;

@@ -41,6 +41,8 @@ pub struct JointLimits {
     pub speed: f64,
     /// Largest effort, N m or N.
     pub effort: f64,
+    /// Largest acceleration, rad/s² or m/s²; `None`: as efforts allow.
+    pub acceleration: Option<f64>,
     /// What may be used.
     pub shares: Shares,
     /// Dry friction as the model states it, N m or N: its sign is unknown, so that it is taken off the largest effort.
@@ -56,6 +58,8 @@ pub struct GivenLimits {
     pub speed: Vec<String>,
     /// `[JOINT=]MOST`
     pub effort: Vec<String>,
+    /// `[JOINT=]MOST`
+    pub acceleration: Vec<String>,
 }
 
 /// A number, or two, of a joint, or of every one.
@@ -126,6 +130,7 @@ impl GivenLimits {
             self.range.iter().map(|own| given::<2>("--range", own, model)).collect::<Result<Vec<_>, _>>()?;
         let (speeds, efforts) =
             (positive("--speed", &self.speed, model)?, positive("--effort", &self.effort, model)?);
+        let accelerations = positive("--acceleration", &self.acceleration, model)?;
         let one = |all: &[Given<1>], name: &str, own: Option<f64>| {
             let of = |joint: Option<&str>| all.iter().rev().find(|g| g.joint == joint).map(|g| g.values[0]);
             let every = of(None);
@@ -156,7 +161,9 @@ impl GivenLimits {
             }
             if let (Some(range), Some(speed), Some(effort)) = (range, speed, effort) {
                 let dry = link.passive[0].friction.max(0.0);
-                limits.push(JointLimits { name: name.to_owned(), slides, range, speed, effort, shares, dry });
+                let acceleration = one(&accelerations, name, None);
+                let name = name.to_owned();
+                limits.push(JointLimits { name, slides, range, speed, effort, acceleration, shares, dry });
             }
         }
         if missing.is_empty() {
@@ -189,11 +196,14 @@ impl JointLimits {
         0.0_f64.clamp(low + away, high - away)
     }
 
-    /// Adds `−Σ log slack` of position and rate of joint `j`, and its slopes to `worth`; `None` outside.
+    /// Adds `−Σ log slack` of position, rate and acceleration of joint `j`, and its slopes to `worth`; `None` outside.
     pub(super) fn barrier(&self, motion: &Motion, j: usize, sum: &mut f64, worth: &mut Motion) -> Option<()> {
         let (middle, half) = self.room();
         worth.positions[j] += within(motion.positions[j] - middle, KEPT * half, sum)?;
         worth.rates[j] += within(motion.rates[j], KEPT * self.shares.speed * self.speed, sum)?;
+        if let Some(most) = self.acceleration {
+            worth.accelerations[j] += within(motion.accelerations[j], KEPT * self.shares.speed * most, sum)?;
+        }
         Some(())
     }
 

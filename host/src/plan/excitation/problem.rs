@@ -65,6 +65,7 @@ impl Descent for Problem<'_> {
                 |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(to, v)| *to += weight * v);
             add(&mut worth.positions, &wall.positions);
             add(&mut worth.rates, &wall.rates);
+            add(&mut worth.accelerations, &wall.accelerations);
             self.family.pull_back(&worth, k, &mut gradient);
         }
         Some((weight * sum - merit, gradient, merit))

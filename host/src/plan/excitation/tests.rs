@@ -54,7 +54,15 @@ fn task(model: &Model, given: &GivenLimits) -> Task {
 
 fn seven() -> Task {
     let words = |text: &str| vec![text.to_owned()];
-    task(&seven_axes(), &GivenLimits { range: words("-2,2"), speed: words("2.5"), effort: words("90") })
+    task(
+        &seven_axes(),
+        &GivenLimits {
+            range: words("-2,2"),
+            speed: words("2.5"),
+            effort: words("90"),
+            ..GivenLimits::default()
+        },
+    )
 }
 
 fn planned(task: &Task) -> Excitation {
@@ -95,7 +103,12 @@ fn the_gradient_is_that_of_finite_differences() {
     branched.links[6].passive[0].damping = 3.0;
     branched.links[3].passive[0].armature = 0.2;
     let words = |text: &str| vec![text.to_owned()];
-    let given = GivenLimits { range: words("-1,1"), speed: words("2.5"), effort: words("200") };
+    let given = GivenLimits {
+        range: words("-1,1"),
+        speed: words("2.5"),
+        effort: words("200"),
+        ..GivenLimits::default()
+    };
     for task in [all, task(&branched, &given)] {
         with_problem(&task, |problem| {
             let z: Vec<f64> = problem.begin(3).unwrap().iter().map(|v| 0.9 * v).collect();
@@ -186,7 +199,7 @@ fn read_again(text: &str) -> Recording {
 /// Every limit by another way: efforts by Newton and Euler, link by link, positions and rates as they stand in the CSV.
 fn assert_kept(task: &Task, plan: &Excitation) {
     let names: Vec<String> = task.limits.iter().map(|limits| limits.name.clone()).collect();
-    let text = csv(&plan.series, &joints(&task.model, &names, &[]), 1000.0);
+    let text = csv(&plan.series, &joints(&task.model, &names, &[], &[]), 1000.0);
     let lines: Vec<Vec<f64>> = text
         .lines()
         .skip(1)
@@ -223,7 +236,7 @@ fn end_to_end(model: &Model, task: &Task, seeds: std::ops::Range<u64>) -> (f64, 
     let plan = planned(task);
     assert_kept(task, &plan);
     let names: Vec<String> = task.limits.iter().map(|limits| limits.name.clone()).collect();
-    let recorded = read_again(&csv(&plan.series, &joints(model, &names, &[]), 200.0));
+    let recorded = read_again(&csv(&plan.series, &joints(model, &names, &[], &[]), 200.0));
     let options = ProblemOptions { friction: task.measured.friction.clone(), ..ProblemOptions::default() };
     let (mut held, mut all, mut ratios) = (0.0, 0.0, Vec::new());
     for seed in seeds {
@@ -281,7 +294,7 @@ fn a_message_has_a_point_for_every_time_and_a_number_for_every_joint() {
     let mut model = seven_axes();
     model.links.truncate(3);
     let names = vec!["l2_joint".to_owned()];
-    let joints = joints(&model, &names, &[("l1_joint".to_owned(), 0.7)]);
+    let joints = joints(&model, &names, &[("l1_joint".to_owned(), 0.7)], &["l1_joint".to_owned()]);
     let text = joint_trajectory(&series, &joints, 4.0);
     let lines: Vec<&str> = text.lines().collect();
     let head = ["header:", "  stamp: {sec: 0, nanosec: 0}", "  frame_id: \"\"", "joint_names:"];
@@ -401,8 +414,13 @@ fn names_of_joints_are_neither_formulas_nor_columns_nor_keys() {
     let family = Family::new(&[0.3], 1.0, 3, &[1.0]);
     let series = family.series(&vec![0.1; family.len()]);
     let names = ["=cmd|x!A1", "q,\"a\nr: [x]", "shoulder"];
-    let joint =
-        |name: &&str| FileJoint { name: (*name).to_owned(), units: ["rad", "radps"], moves: None, held: 0.0 };
+    let joint = |name: &&str| FileJoint {
+        name: (*name).to_owned(),
+        units: ["rad", "radps"],
+        moves: None,
+        held: 0.0,
+        is_commanded: true,
+    };
     let joints: Vec<FileJoint> = names.iter().map(joint).collect();
     let text = csv(&series, &joints, 10.0);
     let header = text.lines().next().unwrap();
