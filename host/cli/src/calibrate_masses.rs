@@ -5,21 +5,16 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use super::calibrate_masses_rows::{Read, read};
 use super::calibration_arguments::{CalibrateMasses, MassMethod};
-use super::loaded::Loaded;
-use super::options::trees::TreeModel;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
 use rigident::mass_properties::comparison::{Comparison, Outcome, Study, Way};
-use rigident::mass_properties::efforts::suspects;
 use rigident::mass_properties::methods::Method;
 use rigident::mass_properties::unknowns::ParameterSet;
-use rigident::mass_properties::weights::channel_sigma;
+use rigident::mass_properties::whole_mass::WholeMass;
 use rigident::present::text::{counted, significant};
-use rigident::problem::ProblemOptions;
 use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::Friction;
-use rigident_fit::{Factor, plain_factor};
 use rigident_model::{Model, remarks, write};
 
 /// The object of `--json`.
@@ -40,6 +35,14 @@ struct Object {
     chosen: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     whole_mass_kg: Option<f64>,
+    /// As rows tell it by themselves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    identified_whole_mass_kg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    identified_whole_mass_u95_kg: Option<f64>,
+    /// Constant force on the base that nothing measures, axes of the base, where one was found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    external_force_n: Option<[f64; 3]>,
     nominal_whole_mass_kg: f64,
     links: Vec<LinkObject>,
     notes: Vec<String>,
@@ -69,16 +72,6 @@ struct LinkObject {
     nominal_centre_of_mass_m: [f64; 3],
 }
 
-/// What was read.
-struct Read {
-    loaded: Vec<Loaded>,
-    factors: Vec<Factor>,
-    notes: Vec<String>,
-    warnings: Vec<String>,
-    /// A torque contradicts the model.
-    has_suspects: bool,
-}
-
 /// `rigident calibrate masses`
 pub(super) fn run(arguments: &CalibrateMasses) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.write_model {
@@ -105,13 +98,22 @@ pub(super) fn run(arguments: &CalibrateMasses) -> Result<ExitCode, Failure> {
         .compare(&ways.0, &ways.1, &|share| stages.at("ways side by side", share))
         .map_err(Failure::input)?;
     drop(stages);
-    let chosen = chosen(arguments, &compared);
+    let mut chosen = chosen(arguments, &compared);
     let mut warnings = read.warnings.clone();
+    let is_worse = chosen.is_some_and(|outcome| compared.is_better_than_nominal(outcome) == Some(false));
+    if is_worse {
+        warnings.push(
+            "what was left out is predicted no better than by the nominal model, whose masses the recordings do not improve: nothing is \
+             written; record motions that excite more, or look for a column that is wrong"
+                .to_owned(),
+        );
+        chosen = None;
+    }
     if let (Some(path), Some(outcome)) = (&arguments.write_model, chosen) {
         write::write(&outcome.model, file, path).map_err(Failure::input)?;
         warnings.extend(remarks::remarks(&outcome.model, file, path, &arguments.changes.lock));
     }
-    if chosen.is_none() {
+    if chosen.is_none() && !is_worse {
         warnings.push(
             "no way gives bodies that can be: nothing is written; take motions that excite more, or fewer unknowns by --symmetric-sides"
                 .to_owned(),
@@ -212,68 +214,6 @@ fn chosen<'a>(arguments: &CalibrateMasses, compared: &'a Comparison) -> Option<&
     }
 }
 
-/// Reads the recordings, fits each and makes the factors of their parts.
-fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read, Failure> {
-    let tree = TreeModel { model: Some(arguments.model.clone()), changes: arguments.changes.clone() };
-    let friction = Friction::parse(&arguments.friction).map_err(Failure::input)?;
-    let options = ProblemOptions { friction, ..ProblemOptions::default() };
-    let mut read = Read {
-        loaded: Vec::new(),
-        factors: Vec::new(),
-        notes: Vec::new(),
-        warnings: Vec::new(),
-        has_suspects: false,
-    };
-    for path in &arguments.recordings {
-        stages.at(&format!("reading {}", path.display()), 0.0);
-        read.loaded.push(Loaded::read(path, arguments.rig.as_deref(), None, &tree, &options, stages)?);
-    }
-    let mut sigma: Option<Vec<f64>> = None;
-    for (loaded, path) in read.loaded.iter().zip(&arguments.recordings) {
-        let Some((source, (model, _))) = loaded.problem.tree().zip(loaded.nominal()) else {
-            return Err(Failure::input(format!("{}: no recording of a tree of links", path.display())));
-        };
-        let several = arguments.recordings.len() > 1;
-        let of = |text: &String| if several { format!("{}: {text}", path.display()) } else { text.clone() };
-        read.notes.extend(loaded.notes.iter().map(of));
-        read.warnings.extend(loaded.warnings.iter().map(of));
-        for suspect in suspects(source, model).map_err(Failure::input)? {
-            read.has_suspects = true;
-            read.warnings.push(of(&suspect.text()));
-        }
-        if sigma.is_none() {
-            let progress = |stage: &str, share: f64| stages.at(stage, share);
-            sigma = Some(channel_sigma(source, &progress).map_err(Failure::input)?);
-        }
-        let sigma = sigma.as_deref().unwrap_or_default();
-        if sigma.len() != rigident_fit::RowSource::channels(source).len() {
-            return Err(Failure::input(format!(
-                "{}: has other channels than {}: give recordings of the same sensors",
-                path.display(),
-                arguments.recordings.first().map_or_else(String::new, |first| first.display().to_string())
-            )));
-        }
-        let parts = if several { 1 } else { usize::from(arguments.parts) };
-        read.factors.extend(parts_of(source, sigma, parts)?);
-    }
-    Ok(read)
-}
-
-/// Returns the factors of a source's parts of equal length.
-fn parts_of(source: &TreeSource, sigma: &[f64], parts: usize) -> Result<Vec<Factor>, Failure> {
-    let frames = &source.input().frames;
-    let length = frames.len().div_ceil(parts.max(1)).max(1);
-    let mut factors = Vec::new();
-    for part in frames.chunks(length) {
-        let own = source.of_same_model(source.input().with_frames(part.to_vec())).map_err(Failure::input)?;
-        let factor = plain_factor(&own, sigma, &rigident_fit::Silent).map_err(Failure::input)?;
-        if factor.rows() > 0 {
-            factors.push(factor);
-        }
-    }
-    Ok(factors)
-}
-
 fn object(
     arguments: &CalibrateMasses,
     read: &Read,
@@ -288,6 +228,7 @@ fn object(
     let centre = |phi: [f64; 10]| -> [f64; 3] {
         std::array::from_fn(|k| if phi[0] == 0.0 { 0.0 } else { phi[1 + k] / phi[0] })
     };
+    let whole = WholeMass::of(&read.factors, source.base());
     let links = chosen.map_or_else(Vec::new, |outcome| {
         let pairs = outcome.model.links.iter().zip(&model.links);
         let pairs = pairs.filter_map(|(own, nominal)| Some((&own.name, own.nominal?, nominal.nominal?)));
@@ -319,13 +260,16 @@ fn object(
                 setting: outcome.way.setting(),
                 is_setting_chosen: outcome.is_chosen,
                 cost: outcome.direct,
-                left_out_cost: outcome.left_out,
+                left_out_cost: outcome.left_out.map(|left| left.squares),
                 negative_masses: outcome.negative,
                 impossible_links: outcome.impossible,
             })
             .collect(),
         chosen: chosen.map(|outcome| outcome.way.name().to_owned()),
         whole_mass_kg: chosen.map(|outcome| mass(&outcome.model)),
+        identified_whole_mass_kg: whole.map(|whole| whole.kg),
+        identified_whole_mass_u95_kg: whole.map(|whole| whole.u95_kg),
+        external_force_n: read.external.map(|external| external.force_n),
         nominal_whole_mass_kg: mass(model),
         links,
         notes: read.notes.clone(),
@@ -379,8 +323,8 @@ fn words(object: &Object, compared: &Comparison) -> String {
     if let Some(way) = &object.chosen {
         let _ = writeln!(
             out,
-            "\nLinks by the way {way}, beside the model: single ones are not identified and have no interval (`rigident identify` has those of what \
-             rows tell, the whole mass among them):\n"
+            "\nLinks by the way {way}, beside the model: single ones are not identified and have no interval: as far as rows do not tell them they \
+             are the model's:\n"
         );
         let width = object.links.iter().map(|link| link.link.chars().count()).max().unwrap_or(4);
         let _ = writeln!(
@@ -410,5 +354,12 @@ fn words(object: &Object, compared: &Comparison) -> String {
     if let Some(mass) = object.whole_mass_kg {
         let _ = writeln!(out, "\n  All links: {mass:.3} kg, nominal {:.3} kg.", object.nominal_whole_mass_kg);
     }
+    let identified = object.identified_whole_mass_kg.zip(object.identified_whole_mass_u95_kg);
+    let _ = match identified {
+        Some((mass, u95)) => {
+            writeln!(out, "  The whole mass by the rows alone: {mass:.3} ± {u95:.3} kg (U95).")
+        }
+        None => writeln!(out, "  The whole mass is not identified: it is the model's."),
+    };
     out
 }

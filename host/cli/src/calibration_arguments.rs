@@ -47,6 +47,18 @@ pub enum MassMethod {
     Consistent,
 }
 
+/// Whether something that nothing measures pulls at the base.
+#[derive(ValueEnum, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ExternalWrench {
+    /// It is looked for, and eliminated where it is found
+    #[default]
+    Auto,
+    /// It is eliminated
+    Unknown,
+    /// There is none
+    None,
+}
+
 /// `rigident calibrate masses`
 #[derive(Args, Debug, Clone)]
 #[command(
@@ -94,6 +106,9 @@ pub struct CalibrateMasses {
     /// Friction columns of every joint, or of one, as in `rigident identify`. Repeatable
     #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,
+    /// A constant wrench on the base beside the ground's: a hose, a cable, a rope
+    #[arg(long, value_enum, value_name = "WHETHER", default_value_t)]
+    pub external_wrench: ExternalWrench,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub changes: ModelChanges,

@@ -23,6 +23,7 @@ mod calibrate_joints;
 mod calibrate_joints_page;
 mod calibrate_joints_words;
 mod calibrate_masses;
+mod calibrate_masses_rows;
 mod calibration_arguments;
 mod came;
 mod completions;

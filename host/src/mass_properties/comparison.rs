@@ -16,9 +16,9 @@ const CONDITIONS: [f64; 11] = [3.0, 10.0, 30.0, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e
 /// Steps that the gradient method chooses from.
 const STEPS: [usize; 8] = [5, 10, 20, 50, 100, 200, 500, 1000];
 /// Weights of the nominal model that ridge chooses from.
-const WEIGHTS: [f64; 9] = [0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0];
+const WEIGHTS: [f64; 9] = [1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.01];
 /// Relative 1 σ of the nominal model that the consistent bodies choose from.
-const TRUSTS: [f64; 4] = [0.03, 0.1, 0.3, 1.0];
+const TRUSTS: [f64; 6] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 /// A way to standard parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ impl Way {
         }
     }
 
-    /// Returns the same way with every setting that is chosen from.
+    /// Returns the same way with every setting that is chosen from, the one that stays nearest to the nominal model first.
     fn settings(&self) -> Vec<Self> {
         match self {
             Self::Relative(Method::Truncated { .. }) => {
@@ -109,8 +109,8 @@ pub struct Outcome {
     pub is_chosen: bool,
     /// Sum of squares that it leaves of all rows, in standard deviations.
     pub direct: f64,
-    /// Sum of squares of each part by what the others gave, together; `None` of one part.
-    pub left_out: Option<f64>,
+    /// What is left of each part by what the others gave, together; `None` of one part.
+    pub left_out: Option<Left>,
     /// Bodies whose mass is not positive.
     pub negative: usize,
     /// Bodies that cannot be, those among them.
@@ -132,12 +132,15 @@ pub struct Comparison {
     pub rows: u64,
     /// What the nominal model leaves.
     pub nominal: f64,
+    /// Two ways predict equally well if what they leave of what was left out differs by no more.
+    pub equal: f64,
     /// The outcomes.
     pub outcomes: Vec<Outcome>,
 }
 
 impl Study<'_> {
-    /// Returns each way with the setting that predicts best what it has not seen, and `fixed` ways as they are.
+    /// Returns each way with the setting that predicts best what it has not seen, of equally good ones the one nearest to the nominal
+    /// model, and `fixed` ways as they are.
     ///
     /// # Errors
     /// [`ModelError`] if the nominal model cannot be one, or there are no pairs of links to be symmetric.
@@ -158,13 +161,15 @@ impl Study<'_> {
         let total = (ways.len() + fixed.len()).max(1) as f64;
         for (i, way) in ways.iter().enumerate() {
             progress(i as f64 / total);
-            let mut best: Option<(Way, f64)> = None;
+            let mut tried = Vec::new();
             for setting in way.settings() {
                 let Some(left) = self.left_out(&unknowns, &held_out, &setting)? else { break };
-                if best.is_none_or(|(_, least)| left < least) {
-                    best = Some((setting, left));
-                }
+                tried.push((setting, left));
             }
+            let least = tried.iter().map(|(_, left)| *left).min_by(|a, b| a.squares.total_cmp(&b.squares));
+            let most = least.map_or(0.0, |least: Left| least.squares + least.equal(told.len()));
+            // What rows hardly tell is noise: of equally good settings the strongest trust has the least of it.
+            let best = tried.into_iter().find(|(_, left)| left.squares <= most);
             let (setting, left) = best.map_or((*way, None), |(setting, left)| (setting, Some(left)));
             let is_chosen = left.is_some() && setting != Way::Relative(Method::Bounded);
             outcomes.push(self.outcome(&unknowns, &rows, &all, setting, left, is_chosen)?);
@@ -180,6 +185,11 @@ impl Study<'_> {
             condition: sizes.max() / told.iter().copied().fold(f64::INFINITY, f64::min),
             rows: rows.count(),
             nominal: rows.cost(&unknowns.nominal),
+            equal: {
+                let left = outcomes.iter().filter_map(|outcome| outcome.left_out);
+                left.min_by(|a, b| a.squares.total_cmp(&b.squares))
+                    .map_or(0.0, |least| least.equal(told.len()))
+            },
             outcomes,
         })
     }
@@ -190,7 +200,7 @@ impl Study<'_> {
         rows: &BaseRows,
         all: &Factor,
         way: Way,
-        left_out: Option<f64>,
+        left_out: Option<Left>,
         is_chosen: bool,
     ) -> Result<Outcome, ModelError> {
         let model = self.solve(unknowns, all, way)?;
@@ -232,13 +242,13 @@ impl Study<'_> {
         unknowns: &Unknowns,
         held_out: &[(BaseRows, Factor)],
         way: &Way,
-    ) -> Result<Option<f64>, ModelError> {
-        let mut sum = None;
+    ) -> Result<Option<Left>, ModelError> {
+        let mut parts = Vec::new();
         for (rows, others) in held_out {
             let model = self.solve(unknowns, others, *way)?;
-            *sum.get_or_insert(0.0) += rows.cost(&parameters(&model));
+            parts.push((rows.cost(&parameters(&model)), rows.count() as f64));
         }
-        Ok(sum)
+        Ok(Left::of(&parts))
     }
 
     /// The model with what a way finds of the rows of a factor.
@@ -272,6 +282,35 @@ impl Study<'_> {
     }
 }
 
+/// What a way leaves of parts that it has not seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Sum of squares, in standard deviations.
+    pub squares: f64,
+    /// Standard error of that by the scatter of the parts.
+    error: f64,
+    rows: f64,
+}
+
+impl Left {
+    /// Returns it of squares and rows of each part; `None` without parts.
+    fn of(parts: &[(f64, f64)]) -> Option<Self> {
+        let (squares, rows) = parts.iter().fold((0.0, 0.0), |(s, n), (own, count)| (s + own, n + count));
+        let (mean, n) = (squares / rows, parts.len() as f64);
+        let scatter = parts.iter().map(|(own, count)| (own / count - mean).powi(2)).sum::<f64>();
+        let error = rows * (scatter / ((n - 1.0) * n).max(1.0)).sqrt();
+        (rows > 0.0).then_some(Self { squares, error, rows })
+    }
+
+    /// Returns how much more another way may leave to be as good: the standard error of what is left by the scatter of the parts (L.
+    /// Breiman and others, *Classification and Regression Trees*, 1984, section 3.4.3), and at least twice the standard deviation
+    /// `√(2 k)` of χ² of as many directions as rows tell.
+    fn equal(&self, directions: usize) -> f64 {
+        let of_a_row = (self.squares / self.rows).max(1.0);
+        self.error.max(2.0 * (2.0 * directions as f64).sqrt() * of_a_row)
+    }
+}
+
 /// Ten parameters of every body of a model.
 fn parameters(model: &Model) -> DVector<f64> {
     let bodies = model.welded();
@@ -282,11 +321,37 @@ fn parameters(model: &Model) -> DVector<f64> {
 }
 
 impl Comparison {
-    /// Returns the outcome that predicts best what it has not seen, of those whose bodies all can be; of one part the consistent one.
+    /// Returns the outcome that predicts best what it has not seen, of those whose bodies all can be: the consistent one where it does
+    /// as well as any, and of one part.
     pub fn best(&self) -> Option<&Outcome> {
         let possible = self.outcomes.iter().filter(|outcome| outcome.impossible == 0);
-        let measured = possible.clone().filter_map(|outcome| Some((outcome, outcome.left_out?)));
-        let best = measured.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(outcome, _)| outcome);
-        best.or_else(|| possible.clone().find(|outcome| matches!(outcome.way, Way::Consistent { .. })))
+        let left = |outcome: &Outcome| outcome.left_out.map_or(f64::INFINITY, |left| left.squares);
+        let best = possible.clone().min_by(|a, b| left(a).total_cmp(&left(b)))?;
+        let consistent = possible.clone().find(|outcome| matches!(outcome.way, Way::Consistent { .. }));
+        match consistent {
+            Some(own) if best.left_out.is_none() || left(own) <= left(best) + self.equal => Some(own),
+            _ => best.left_out.map(|_| best),
+        }
+    }
+
+    /// Returns true if an outcome predicts what it has not seen better than the nominal model does; `None` of one part.
+    pub fn is_better_than_nominal(&self, outcome: &Outcome) -> Option<bool> {
+        outcome.left_out.map(|left| left.squares + self.equal < self.nominal)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Left;
+
+    /// Parts of unequal length whose rows leave the same differ by chance alone; parts that differ are as good as they scatter.
+    #[test]
+    fn what_is_left_is_as_good_as_the_parts_scatter() {
+        let even = Left::of(&[(1000.0, 1000.0), (500.0, 500.0)]).unwrap();
+        assert_eq!((even.squares, even.equal(8)), (1500.0, 8.0));
+        let uneven = Left::of(&[(1000.0, 1000.0), (3000.0, 1000.0), (2000.0, 1000.0)]).unwrap();
+        // By hand: 1, 3 and 2 a row, standard deviation 1, of the mean 1/√3.
+        assert!((uneven.equal(8) - 3000.0 / 3.0_f64.sqrt()).abs() < 1e-9);
+        assert_eq!(Left::of(&[]), None);
     }
 }
