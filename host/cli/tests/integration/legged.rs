@@ -437,8 +437,8 @@ fn off(robot: &Robot, found: &Value, key: &str) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// A twentieth of the weight pulls at the base of a quadruped: it is found and eliminated, where it made masses four times as wrong as
-/// the model's; nothing is found where nothing pulls, and the whole mass is in its interval.
+/// A twentieth of the weight pulls at the base of a quadruped: it is found and eliminated, and masses are as good as where nothing
+/// pulls, which they are not if it is taken for none; nothing is found where nothing pulls, and the whole mass is in its interval.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn a_pull_at_the_base_of_a_shared_data_quadruped_is_found_and_takes_no_part_in_masses() {
@@ -452,7 +452,7 @@ fn a_pull_at_the_base_of_a_shared_data_quadruped_is_found_and_takes_no_part_in_m
     };
     let truth = 2.483_042;
     let force = Vector3::new(1.0, -0.75, 0.0);
-    for pull in [Vector3::zeros(), force] {
+    let own = [Vector3::zeros(), force].map(|pull| {
         let found = masses(&robot.pulled(pull), &[]);
         let [mass, u95] = ["identified_whole_mass_kg", "identified_whole_mass_u95_kg"]
             .map(|key| found[key].as_f64().unwrap());
@@ -467,14 +467,12 @@ fn a_pull_at_the_base_of_a_shared_data_quadruped_is_found_and_takes_no_part_in_m
             let own = Vector3::from_iterator(own.iter().map(|v| v.as_f64().unwrap()));
             assert!((own - pull).xy().norm() < 0.1, "{own}");
         }
-        let (after, before) = (off(&robot, &found, "mass_kg"), off(&robot, &found, "nominal_mass_kg"));
-        println!("{pull:?}: {after} of {before}, {mass} ± {u95}");
-        assert!(after < 1.1 * before, "{after} {before}");
-    }
+        off(&robot, &found, "mass_kg")
+    });
     let without = masses(&robot.pulled(force), &["--external-wrench", "none"]);
     let worse = off(&robot, &without, "mass_kg");
-    println!("{worse}");
-    assert!(worse > 1.5 * off(&robot, &without, "nominal_mass_kg"), "{worse}");
+    println!("{own:?}, {worse}");
+    assert!(own[1] < 1.3 * own[0] && worse > 1.5 * own[1], "{own:?}, {worse}");
 }
 
 fn lines_of(text: &str) -> &str {
