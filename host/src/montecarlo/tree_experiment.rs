@@ -75,6 +75,7 @@ impl TreeExperiment {
                 effort_noise: stated(noise.torque),
                 zero_std: None,
                 effort_gain_std: None,
+                effort_lowpass_hz: None,
             };
             recording.rig.joint = model.links.iter().skip(1).map(|link| table(&link.joint_name)).collect();
             return recording;

@@ -173,6 +173,7 @@ impl Rig {
             effort_noise: Some(noise.torque),
             zero_std: None,
             effort_gain_std: None,
+            effort_lowpass_hz: None,
         };
         let mut rig = RigFile {
             imu: (0..links).map(imu).collect(),

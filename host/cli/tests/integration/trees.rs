@@ -143,6 +143,7 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
             effort_noise: Some(0.3),
             zero_std: None,
             effort_gain_std: None,
+            effort_lowpass_hz: None,
         })
         .collect();
     // Of a jump no error of its law is estimated beside.

@@ -669,6 +669,9 @@ pub struct JointTable {
     /// 1 σ of the effort's scale, relative; that of `[tree]` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort_gain_std: Option<f64>,
+    /// Cut-off of the low-pass of first order that the effort went through, Hz; positions did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort_lowpass_hz: Option<f64>,
 }
 
 /// `[[foot]]`: a place where the ground pushes on a link, and the sensor of that wrench: columns `NAME_fx_n` … `NAME_mz_nm`, on the

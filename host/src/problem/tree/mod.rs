@@ -10,6 +10,8 @@
 pub mod columns;
 pub mod contact;
 pub mod drive;
+#[cfg(test)]
+mod effort_lowpass_tests;
 mod error;
 mod errors;
 mod frames;

@@ -60,6 +60,12 @@ impl Preparation<'_> {
                 ));
             };
             let table = tables.iter().find(|t| t.name == *name);
+            let effort = match table.and_then(|t| t.effort_lowpass_hz) {
+                Some(lowpass_hz) => {
+                    effort.map(|values| self.before_lowpass(&values, lowpass_hz, name)).transpose()?
+                }
+                None => effort,
+            };
             found.insert(
                 i,
                 JointColumns {
@@ -73,6 +79,33 @@ impl Preparation<'_> {
             );
         }
         Ok(found)
+    }
+
+    /// Returns what went into a low-pass of first order that these efforts came out of: `τ + τ̇/ω`, slopes by central differences of
+    /// fourth order.
+    fn before_lowpass(
+        &self,
+        values: &[f64],
+        lowpass_hz: f64,
+        joint: &str,
+    ) -> Result<Vec<f64>, TreePrepareError> {
+        let rate_hz = self.recording.rate_hz.unwrap_or(1.0);
+        if !(lowpass_hz.is_finite() && lowpass_hz > 0.0) || self.recording.is_static {
+            return Err(self.misfit(format!(
+                "effort_lowpass_hz = {lowpass_hz} of joint {joint}: a frequency above zero, Hz, of a recording in motion"
+            )));
+        }
+        let (last, lag) = (values.len().saturating_sub(1), rate_hz / (std::f64::consts::TAU * lowpass_hz));
+        let at = |k: usize, by: isize| values[k.saturating_add_signed(by).min(last)];
+        let slope = |k: usize| {
+            if k < 2 || k + 2 > last {
+                // At the ends, to what there is.
+                return (at(k, 1) - at(k, -1))
+                    / (k + 1).min(last).saturating_sub(k.saturating_sub(1)).max(1) as f64;
+            }
+            (8.0 * (at(k, 1) - at(k, -1)) - (at(k, 2) - at(k, -2))) / 12.0
+        };
+        Ok((0..values.len()).map(|k| values[k] + lag * slope(k)).collect())
     }
 
     /// Complains of a joint's column in a unit that is not its own.
