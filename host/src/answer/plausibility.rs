@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use super::context::Links;
 use super::states::{is_whole_body, nominal_base};
 use crate::present::text::{significant, with_u95};
-use rigident_fit::{ChannelFit, Fit, Kind, Owner};
+use rigident_fit::{ChannelFit, Fit, Kind, Owner, Parameter};
 use rigident_model::check::{DENSEST, least_density};
 
 /// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
@@ -77,18 +77,23 @@ fn too_dense(fit: &Fit) -> Option<String> {
 fn negative(fit: &Fit) -> Option<String> {
     let data = fit.data_alone();
     let cannot = |kind: Kind| matches!(kind, Kind::Viscous | Kind::Coulomb | Kind::Rotor);
-    let wrong: Vec<String> = fit
-        .parameters
-        .iter()
-        .enumerate()
-        .filter(|(_, p)| cannot(p.kind) && matches!(p.owner, Owner::Drive(_)))
-        .filter_map(|(j, p)| {
-            let sd = data.covariance(j, j)?.sqrt();
-            let value = *data.unjudged().values.get(j)?;
-            (data.is_determined(j) && value < -CERTAIN_SD * sd)
-                .then(|| format!("{} {}", p.name, with_u95(value, data.u95(j), &p.unit)))
-        })
-        .collect();
+    let own = |(j, p): (usize, &Parameter)| {
+        // At rest Stribeck's curve stands on Coulomb friction, and falls or rises from their sum to that alone.
+        let beside = p.name.strip_suffix(".stribeck").map(|drive| format!("{drive}.coulomb"));
+        let beside = beside.and_then(|name| fit.parameters.iter().position(|other| other.name == name));
+        let terms: Vec<usize> = beside.into_iter().chain([j]).collect();
+        let mut variance = 0.0;
+        for (i, k) in terms.iter().flat_map(|i| terms.iter().map(move |k| (*i, *k))) {
+            variance += data.covariance(i, k)?;
+        }
+        let sum = terms.iter().map(|k| data.unjudged().values.get(*k)).sum::<Option<f64>>()?;
+        let is_wrong = terms.iter().all(|k| data.is_determined(*k)) && sum < -CERTAIN_SD * variance.sqrt();
+        let value = *data.unjudged().values.get(j)?;
+        is_wrong.then(|| format!("{} {}", p.name, with_u95(value, data.u95(j), &p.unit)))
+    };
+    let all = fit.parameters.iter().enumerate();
+    let wrong: Vec<String> =
+        all.filter(|(_, p)| cannot(p.kind) && matches!(p.owner, Owner::Drive(_))).filter_map(own).collect();
     (!wrong.is_empty()).then(|| {
         format!(
             "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's position, rate or \

@@ -11,8 +11,10 @@ use super::result::*;
 use super::selection::SelectionError;
 use super::{Answer, Context, Finding, Links, StandardRequest, WITHHELD};
 use crate::problem::body::{BodySource, Input};
+use crate::problem::tree::drive::Friction;
 use crate::problem::{Problem, ProblemOptions};
-use crate::simulated::trees::{person_recording, two_link_recording, two_links};
+use crate::simulated::arm::ArmRun;
+use crate::simulated::trees::{person_recording, seven_axes, two_link_recording, two_links};
 use rigident_fit::prior::KnownValues;
 use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
@@ -249,7 +251,14 @@ fn a_reversed_wrench_identifies_nothing_and_says_why() {
 
 /// Returns the fit of a tree with its answer.
 fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
-    let problem = Problem::from_recording(recording, Some(model), &ProblemOptions::default()).unwrap();
+    with_friction(model, recording, &[])
+}
+
+/// Returns the same with columns of friction.
+fn with_friction(model: &Model, recording: &Recording, lists: &[&str]) -> (Fit, Answer) {
+    let friction = Friction::parse(lists).unwrap();
+    let options = ProblemOptions { friction, ..ProblemOptions::default() };
+    let problem = Problem::from_recording(recording, Some(model), &options).unwrap();
     let fit = problem.fit(&FitOptions::default(), &Silent).unwrap();
     let tree = problem.tree().unwrap();
     let input = tree.input();
@@ -267,6 +276,25 @@ fn of_tree(model: &Model, recording: &Recording) -> (Fit, Answer) {
         Context { links: Some(links), source: source(), rate_sigma: input.rate_sigma, ..Context::default() };
     let answer = Answer::new(&fit, context).unwrap();
     (fit, answer)
+}
+
+/// Dry friction that grows with the rate has a negative part of Stribeck's, and gives no energy as long as the sum is none; one of
+/// the wrong sign does.
+#[test]
+fn friction_that_grows_with_the_rate_gives_no_energy() {
+    let mut model = seven_axes();
+    model.links.truncate(3);
+    let run = ArmRun { slip: 0.1, rest_s: 0.0, motion_s: 10.0, rate_noise: 1e-5, ..ArmRun::default() };
+    let lists = ["viscous,coulomb:0,offset,stribeck:0.1"];
+    let said = |run: &ArmRun| {
+        let (fit, answer) = with_friction(&model, &run.recording(&model), &lists);
+        let j = fit.parameters.iter().position(|p| p.name == "l1_joint.stribeck").unwrap();
+        let estimate = fit.estimate.unjudged();
+        let is_far = estimate.values[j] < -5.0 * estimate.covariance[(j, j)].sqrt();
+        (is_far, answer.warnings.iter().any(|text| text.contains("friction and rotors take energy")))
+    };
+    assert_eq!(said(&run), (true, false));
+    assert!(said(&ArmRun { friction: [2.0, -4.0, 0.2], ..run }).1);
 }
 
 /// A model whose arm has a moment that no mass has, and the recording simulated with it: the model is named, not the sensors alone.
