@@ -331,7 +331,7 @@ impl<'a> Preparation<'a> {
             rate_sigma,
         };
         let asked = !options.friction.is_empty() || !options.drives.is_empty();
-        let (friction, added) = options.friction.beside(&self.model, input.is_static);
+        let (friction, added) = options.friction.beside(self.model, input.is_static);
         if asked || (input.has_efforts() && !added.is_empty()) {
             if !input.has_efforts() {
                 return Err(self.missing(
