@@ -26,6 +26,18 @@ pub struct Passive {
 }
 
 impl Passive {
+    /// Returns the numbers with the words that columns of friction have for them. A spring that is slack at q₀ adds `stiffness · q` and
+    /// the constant `−stiffness · q₀`.
+    pub fn terms(&self) -> [(&'static str, f64); 5] {
+        [
+            ("viscous", self.damping),
+            ("coulomb", self.friction),
+            ("rotor", self.armature),
+            ("spring", self.stiffness),
+            ("offset", -self.stiffness * self.spring_reference),
+        ]
+    }
+
     /// Returns the numbers with the words that MJCF has for them.
     pub(super) fn named(&self) -> [(&'static str, f64); 5] {
         [

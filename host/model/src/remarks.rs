@@ -1,6 +1,5 @@
 //! What a file that was written of a model does not say as the model does.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use rigident_shared::tree::Joint;
@@ -86,7 +85,7 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         }
     }
     if language == Some(Language::Sdf) {
-        let renamed = joint_names(model);
+        let renamed = model.separate_joint_names();
         let pairs = model.links.iter().zip(&renamed).skip(1).filter(|(l, name)| l.joint_name != **name);
         let pairs: Vec<String> = pairs.map(|(l, name)| format!("{} is {name}", l.joint_name)).collect();
         if !pairs.is_empty() {
@@ -94,17 +93,4 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         }
     }
     said
-}
-
-/// Names of the joints where no two elements may have one: joints that are named as a link have `_joint` after it.
-pub(super) fn joint_names(model: &Model) -> Vec<String> {
-    let mut taken: BTreeSet<String> = model.links.iter().map(|link| link.name.clone()).collect();
-    let free = |link: &ModelLink| {
-        let mut name = link.joint_name.clone();
-        while !taken.insert(name.clone()) {
-            name += "_joint";
-        }
-        name
-    };
-    model.links.iter().map(free).collect()
 }

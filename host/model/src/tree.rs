@@ -344,6 +344,19 @@ impl Model {
         self.links.iter().position(|l| !l.joint_name.is_empty() && l.joint_name == name)
     }
 
+    /// Returns names of the joints where no two elements may have one: joints that are named as a link have `_joint` after it.
+    pub(crate) fn separate_joint_names(&self) -> Vec<String> {
+        let mut taken: BTreeSet<String> = self.links.iter().map(|link| link.name.clone()).collect();
+        let free = |link: &ModelLink| {
+            let mut name = link.joint_name.clone();
+            while !taken.insert(name.clone()) {
+                name += "_joint";
+            }
+            name
+        };
+        self.links.iter().map(free).collect()
+    }
+
     /// The same motion with fewer links: those on fixed joints are made one with what they hang on.
     #[must_use]
     pub fn welded(&self) -> Self {

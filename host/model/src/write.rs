@@ -9,8 +9,6 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_files::new_file::{self, write_new_text};
-use rigident_shared::inertia::InertialParameters;
-use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
 
 use super::finding::ModelError;
@@ -22,7 +20,7 @@ use super::passive_edits;
 use super::passive_table;
 use super::transmission;
 use super::tree::{Mimic, Model, ModelLink, Parsed};
-use super::xml::{self, Language, escaped, rpy, vector};
+use super::xml::{self, Language, escaped, inertial, rpy, vector};
 use super::{joint_edits, mjcf, sdf, urdf};
 
 /// What was written differs by no more, relative, when it is read again: rounding of sums and rotations.
@@ -233,35 +231,6 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
         changes.push(xml::replace_child(text, &node, "inertial", inertial(&phi, language)));
     }
     Ok(xml::edit(text, changes))
-}
-
-/// The `<inertial>` of parameters about the frame's origin.
-pub(super) fn inertial(phi: &Parameters, language: Language) -> String {
-    let body = InertialParameters::<Body, f64>::from_vector(*phi);
-    // Moments without mass are about every point.
-    let (centre, i) = if body.mass == 0.0 {
-        ([0.0; 3], body.inertia)
-    } else {
-        (body.centre_of_mass().array(), body.inertia_com())
-    };
-    let [x, y, z] = centre;
-    let (m, xx, yy, zz) = (body.mass, i.m11, i.m22, i.m33);
-    let (xy, xz, yz) = (i.m12, i.m13, i.m23);
-    match language {
-        Language::Urdf => format!(
-            "<inertial>\n      <origin xyz=\"{x} {y} {z}\" rpy=\"0 0 0\"/>\n      <mass value=\"{m}\"/>\n      <inertia \
-             ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>"
-        ),
-        Language::Mjcf => {
-            format!(
-                "<inertial pos=\"{x} {y} {z}\" mass=\"{m}\" fullinertia=\"{xx} {yy} {zz} {xy} {xz} {yz}\"/>"
-            )
-        }
-        Language::Sdf => format!(
-            "<inertial>\n        <pose>{x} {y} {z} 0 0 0</pose>\n        <mass>{m}</mass>\n        <inertia><ixx>{xx}</ixx>\
-             <ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
-        ),
-    }
 }
 
 /// A file of a model.

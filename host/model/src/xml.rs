@@ -4,10 +4,13 @@ use std::ops::Range;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use rigident_shared::inertia::InertialParameters;
 use rigident_shared::printable;
+use rigident_shared::spatial::Body;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::finding::ModelError;
+use super::inertial::Parameters;
 
 /// Languages of robot descriptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -214,4 +217,33 @@ fn start_tag_end(text: &str, node: &Node) -> usize {
         }
     }
     range.end
+}
+
+/// Returns the `<inertial>` of parameters about the frame's origin.
+pub(super) fn inertial(phi: &Parameters, language: Language) -> String {
+    let body = InertialParameters::<Body, f64>::from_vector(*phi);
+    // Moments without mass are about every point.
+    let (centre, i) = if body.mass == 0.0 {
+        ([0.0; 3], body.inertia)
+    } else {
+        (body.centre_of_mass().array(), body.inertia_com())
+    };
+    let [x, y, z] = centre;
+    let (m, xx, yy, zz) = (body.mass, i.m11, i.m22, i.m33);
+    let (xy, xz, yz) = (i.m12, i.m13, i.m23);
+    match language {
+        Language::Urdf => format!(
+            "<inertial>\n      <origin xyz=\"{x} {y} {z}\" rpy=\"0 0 0\"/>\n      <mass value=\"{m}\"/>\n      <inertia \
+             ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>"
+        ),
+        Language::Mjcf => {
+            format!(
+                "<inertial pos=\"{x} {y} {z}\" mass=\"{m}\" fullinertia=\"{xx} {yy} {zz} {xy} {xz} {yz}\"/>"
+            )
+        }
+        Language::Sdf => format!(
+            "<inertial>\n        <pose>{x} {y} {z} 0 0 0</pose>\n        <mass>{m}</mass>\n        <inertia><ixx>{xx}</ixx>\
+             <ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
+        ),
+    }
 }

@@ -7,7 +7,6 @@ use std::collections::HashMap;
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::result::Answer;
-use crate::problem::tree::drive::{Term, stated};
 use rigident_fit::Parameter;
 use rigident_model::Model;
 
@@ -60,8 +59,8 @@ impl Predictor {
             let names = PARAMETER_NAMES[..10].iter().map(|name| format!("{}.{name}", link.name));
             // A link without a stated mass has one that nobody knows.
             self.values.extend(names.zip(link.nominal.into_iter().flatten()));
-            let joint = |term: Term| format!("{}.{}", link.joint_name, term.name());
-            self.values.extend(stated(&link.passive[0]).map(|(term, value)| (joint(term), value)));
+            let joint = |term: &str| format!("{}.{term}", link.joint_name);
+            self.values.extend(link.passive[0].terms().map(|(term, value)| (joint(term), value)));
         }
     }
 

@@ -5,6 +5,7 @@
 //! person ([`calibrate`]), its lengths beside those from elsewhere (`lengths`), and the model of that person ([`subject`]). May not live here: files, and whatever follows from the coordinates.
 
 pub mod calibrate;
+mod known;
 pub mod landmarks;
 mod lengths;
 pub mod marker_file;

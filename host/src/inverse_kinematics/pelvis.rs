@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
+use super::known::{ANATOMICAL_M, Known};
 use super::markers::Attached;
 use super::skeleton::Skeleton;
-use super::subject::{ANATOMICAL_M, Known};
+
 use rigident_model::Model;
 use rigident_model::human::{Person, SPINE_BEHIND};
 

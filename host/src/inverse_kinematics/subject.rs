@@ -5,20 +5,19 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, Rotation3, UnitQuaternion, Vec
 use rigident_shared::tree::Joint;
 
 use super::calibrate::{Calibrated, calibrate};
+use super::known::ANATOMICAL_M;
+pub use super::known::Known;
 use super::landmarks::{attach, is_known};
 use super::lengths::{LENGTH_SIGMA_M, Other, contradiction, lengths, unusual};
-use super::marker_file::MarkerFile;
 use super::markers::{Attached, Seen};
 use super::pelvis::{LOWEST_JOINT_SIGMA_M, pelvis, trunk};
 use super::sides::{exchanged, exchanged_pair, is_exchanged};
 use super::skeleton::{Pose, Skeleton};
 use super::solve::Solver;
 use rigident_io::motion_capture::registration::nearest_rotation;
-use rigident_model::human::{Person, Sex};
+use rigident_model::human::Person;
 use rigident_model::{Model, ModelError};
 
-/// A marker whose place is known better than this, m, tells of the stature.
-pub(super) const ANATOMICAL_M: f64 = 0.1;
 /// Fewest such markers that a pose can be begun from.
 const FEWEST: usize = 5;
 
@@ -35,30 +34,6 @@ pub enum HumanModel {
     Human34,
     /// 23 links, 58 degrees of freedom.
     Human58,
-}
-
-/// What is known of a person beside markers.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Known {
-    /// Stature, m; `None`: from the markers.
-    pub height_m: Option<f64>,
-    /// Mass, kg, that the table is scaled to.
-    pub mass_kg: f64,
-    /// Whose means the table has.
-    pub sex: Sex,
-    /// Right joints are where left ones are, mirrored.
-    pub symmetric: bool,
-    /// Markers whose names say nothing, or something else.
-    pub own_markers: MarkerFile,
-    /// Lengths from elsewhere, m, known to 15 mm (1 σ), by the names of [`Person::lengths_m`].
-    pub lengths_m: Vec<(String, f64)>,
-}
-
-impl Known {
-    /// Returns a length from elsewhere, m.
-    pub(super) fn length(&self, name: &str) -> Option<f64> {
-        self.lengths_m.iter().find(|(own, _)| own == name).map(|(_, length)| *length)
-    }
 }
 
 /// The reason that there is no model of a person.

@@ -2,7 +2,7 @@
 
 use super::page::{escape, notes};
 use super::plain::UNUSABLE;
-use super::quantities::headline;
+use super::quantities::{headline, learned};
 use super::table::printable;
 use super::text::{NOT_IDENTIFIED, significant, with_u95};
 use crate::answer::Answer;
@@ -74,24 +74,6 @@ pub(super) fn title(found: &PersonResult) -> String {
 /// Returns true if some segment is identified beside the whole mass.
 pub(super) fn tells_segments(found: &PersonResult) -> bool {
     found.segments.iter().any(|segment| segment.identified)
-}
-
-/// What the motions said of the person, and what they did not.
-pub(super) fn learned(found: &PersonResult) -> String {
-    let names = |identified: bool| -> Vec<String> {
-        found.segments.iter().filter(|s| s.identified == identified).map(|s| printable(&s.name)).collect()
-    };
-    let (known, others) = (names(true), names(false));
-    let masses = match (known.len(), others.len()) {
-        (0, 0) => "of segments nothing".to_owned(),
-        (0, _) => "of no segment more than the table knows".to_owned(),
-        (_, 0) => "the masses of all segments".to_owned(),
-        _ => format!("the masses of {}; not of {}", known.join(", "), others.join(", ")),
-    };
-    match found.mass_kg {
-        None => "Not identified: the whole mass, nor any segment".to_owned(),
-        Some(_) => format!("Identified: the whole mass; {masses}"),
-    }
 }
 
 fn says_of_her(found: &PersonResult) -> bool {

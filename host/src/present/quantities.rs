@@ -3,8 +3,10 @@
 use rigident_shared::inertia::PARAMETER_NAMES;
 
 use super::data::{self, Drift, PrincipalAxis, Quantity};
+use super::table::printable;
 use super::text::shortened;
 use crate::answer::Answer;
+use crate::answer::person::PersonResult;
 use crate::answer::result::{Measured, Parameter, ParameterState, RunVerdict, Status};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -206,7 +208,7 @@ pub(super) fn headline(answer: &Answer) -> String {
             Status::Failed => "Failed",
         };
         return match &answer.person {
-            Some(person) => super::person::learned(person),
+            Some(person) => learned(person),
             None => format!("{words}: {identified} of {} parameters identified", answer.parameters.len()),
         };
     }
@@ -271,4 +273,22 @@ pub(super) fn situation(answer: &Answer) -> Option<String> {
             m.situation, m.base_parameters, m.standard_parameters
         )
     })
+}
+
+/// Returns what the motions said of a person, and what they did not.
+pub(super) fn learned(found: &PersonResult) -> String {
+    let names = |identified: bool| -> Vec<String> {
+        found.segments.iter().filter(|s| s.identified == identified).map(|s| printable(&s.name)).collect()
+    };
+    let (known, others) = (names(true), names(false));
+    let masses = match (known.len(), others.len()) {
+        (0, 0) => "of segments nothing".to_owned(),
+        (0, _) => "of no segment more than the table knows".to_owned(),
+        (_, 0) => "the masses of all segments".to_owned(),
+        _ => format!("the masses of {}; not of {}", known.join(", "), others.join(", ")),
+    };
+    match found.mass_kg {
+        None => "Not identified: the whole mass, nor any segment".to_owned(),
+        Some(_) => format!("Identified: the whole mass; {masses}"),
+    }
 }

@@ -67,8 +67,6 @@ pub(crate) enum Carried {
 pub(crate) struct Files {
     pub trc: String,
     pub mot: String,
-    /// The largest force that no plate measured, N.
-    pub hidden_n: f64,
 }
 
 /// From 0 to 1 between two instants, without a jerk at either end.
@@ -301,11 +299,9 @@ impl Somebody {
         for plate in ["", "1_"] {
             "xyz".chars().for_each(|c| mot += &format!("\t{plate}ground_torque_{c}"));
         }
-        let mut hidden_n = 0.0_f64;
         for sample in 0..rows {
             let t = sample as f64 / 1000.0;
-            let (feet, hidden) = self.plates(motion, carried(t), t);
-            hidden_n = hidden_n.max(hidden);
+            let (feet, _) = self.plates(motion, carried(t), t);
             let _ = write!(mot, "\n{t:.4}");
             for [fx, fz, px, py, _] in feet {
                 let [fx, fy, fz] = [fx, 0.0, fz].map(|v| v + noise.normal(self.plate_n));
@@ -314,7 +310,7 @@ impl Somebody {
             }
             mot += "\t0\t0\t0\t0\t0\t0";
         }
-        Files { trc, mot: mot + "\n", hidden_n }
+        Files { trc, mot: mot + "\n" }
     }
 
     /// Names of markers, segments and places.

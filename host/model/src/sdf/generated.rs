@@ -13,11 +13,9 @@ use super::super::finding::ModelError;
 use super::super::inertial::in_parent;
 use super::super::mjcf::WORLD;
 use super::super::passive::Passive;
-use super::super::remarks::joint_names;
 use super::super::transmission;
 use super::super::tree::{Model, ModelLink};
-use super::super::write::inertial;
-use super::super::xml::{Language, escaped, rpy, vector};
+use super::super::xml::{Language, escaped, inertial, rpy, vector};
 
 /// A link that became a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +51,7 @@ impl Said {
     /// [`ModelError::Structure`] if a link that moves has no mass.
     pub fn of(model: &Model) -> Result<Self, ModelError> {
         let whole = model.with_universals();
-        let mut joints = joint_names(&whole);
+        let mut joints = whole.separate_joint_names();
         let mut own = Self { model: whole, frames: Vec::new(), joints: Vec::new() };
         let free = |link: &ModelLink| link.link.joint != Joint::Fixed;
         let links = own.model.links.iter().skip(1).filter(|link| link.is_body() && link.nominal.is_none());

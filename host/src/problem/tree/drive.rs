@@ -172,15 +172,15 @@ impl Term {
     }
 }
 
-/// Returns the columns that a joint's own friction, rotor and spring are values of. A spring that is slack at q₀ adds `stiffness · q`
-/// and the constant `−stiffness · q₀`.
+/// Returns the columns that a joint's own friction, rotor and spring are values of.
 pub fn stated(passive: &Passive) -> [(Term, f64); 5] {
+    let [viscous, coulomb, rotor, spring, offset] = passive.terms().map(|(_, value)| value);
     [
-        (Term::Viscous, passive.damping),
-        (Term::Coulomb(None), passive.friction),
-        (Term::Rotor, passive.armature),
-        (Term::Spring, passive.stiffness),
-        (Term::Offset, -passive.stiffness * passive.spring_reference),
+        (Term::Viscous, viscous),
+        (Term::Coulomb(None), coulomb),
+        (Term::Rotor, rotor),
+        (Term::Spring, spring),
+        (Term::Offset, offset),
     ]
 }
 
