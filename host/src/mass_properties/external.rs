@@ -58,7 +58,8 @@ impl External {
             return None;
         }
         let solution = with.solve(ROUNDED);
-        let own = |k: usize| solution.estimate.get(base + k).copied().unwrap_or(0.0);
+        // The ground does as much less.
+        let own = |k: usize| -solution.estimate.get(base + k).copied().unwrap_or(0.0);
         Some(Self {
             force_n: std::array::from_fn(own),
             moment_nm: std::array::from_fn(|k| own(3 + k)),
@@ -80,7 +81,7 @@ mod tests {
             for k in 0..6000 {
                 let (a, b) = ((0.37 * k as f64).sin(), (0.11 * k as f64).cos());
                 let force = if k % 6 == 1 { pull } else { 0.0 };
-                let value = 2.0 * a - b + force + noise(k);
+                let value = 2.0 * a - b - force + noise(k);
                 without.absorb([(&[a, b][..], value)]);
                 let mut row = [a, b, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
                 row[2 + k % 6] = 1.0;

@@ -48,6 +48,7 @@ mod predict;
 mod program;
 mod published_robots;
 mod rates;
+mod real_arms;
 mod report;
 mod rig_errors;
 mod simulated_people;

@@ -380,7 +380,9 @@ fn beside_the_plates(
 ) -> Beside {
     let is_used = |frame: usize| judged.dropped.get(frame).is_some_and(Option::is_none);
     let Some(forces) = Forces::of(subject, trial, &is_used, centre) else { return Beside::default() };
-    let Some(level) = forces.level() else { return Beside::default() };
+    let Some(level) = forces.level().filter(|_| forces.go_with_the_motion()) else {
+        return Beside::default();
+    };
     let frames = forces.pushed(level);
     let contacts = frames.iter().filter_map(|own| forces.contact(subject, own, level, about)).collect();
     Beside { level: Some(level), frames, contacts }
