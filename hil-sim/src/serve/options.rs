@@ -2,6 +2,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use hexapod::BodyParameters;
+use nalgebra::Matrix3;
 
 use crate::link::LinkFaults;
 use crate::links::SecondLink;
@@ -104,9 +105,19 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
 fn tensor(text: &str) -> Result<[f64; 6], String> {
     if text.split(',').count() == 3 {
         let [xx, yy, zz] = numbers::<3>(text)?;
-        return Ok([xx, yy, zz, 0.0, 0.0, 0.0]);
+        return possible([xx, yy, zz, 0.0, 0.0, 0.0]);
     }
-    numbers::<6>(text)
+    possible(numbers::<6>(text)?)
+}
+
+/// Returns the tensor if a body can have it: principal moments above zero, none larger than the sum of the others.
+fn possible(tensor: [f64; 6]) -> Result<[f64; 6], String> {
+    let [xx, yy, zz, yz, zx, xy] = tensor;
+    let principal = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz).symmetric_eigenvalues();
+    let is_possible = principal.iter().all(|own| *own > 0.0 && 2.0 * own <= principal.sum() * (1.0 + 1e-9));
+    is_possible.then_some(tensor).ok_or_else(|| {
+        "no body has this tensor: its principal moments are above zero, and none is larger than the sum of the others".to_owned()
+    })
 }
 
 /// `rigident-sim serve`
@@ -306,9 +317,9 @@ mod tests {
         assert_eq!((rig.body.mass_kg, rig.body.com_m), (40.0, [-0.3, 0.0, 0.1]));
         assert_eq!(rig.body.inertia_com_kgm2, [2.0, 2.5, 1.0, 0.0, 0.1, 0.0]);
         assert!(crate::rig::Rig::new(rig).is_ok());
-        let impossible = of("--mass 1 --com 0,0,0 --inertia 1,1,5").unwrap().serve.rig();
-        assert!(crate::rig::Rig::new(impossible).is_err(), "no moment is larger than the sum of the others");
         for wrong in [
+            "--mass 1 --com 0,0,0 --inertia 1,1,5",
+            "--mass 1 --com 0,0,0 --inertia 1,1,1,0,0,2",
             "--mass 1",
             "--com 0,0,0",
             "--mass 1 --com 0,0 --inertia 1,1,1",
