@@ -131,7 +131,8 @@ pub fn recording_mcap(bytes: &[u8]) {
     assert_eq!(first.platform, second.platform);
 }
 
-/// Any Parquet or MAT file, by how it begins: no panic, and what was read survives being written and read again.
+/// Any Parquet or MAT file, by how it begins: no panic, and what was read survives being written and read
+/// again.
 pub fn recording_table(bytes: &[u8]) {
     let name = if bytes.starts_with(b"PAR1") { "fuzz.parquet" } else { "fuzz.mat" };
     let Ok(first) = Recording::from_columns(name, bytes.to_vec(), &RigFile::default()) else { return };
@@ -148,7 +149,7 @@ pub fn recording_bag(bytes: &[u8]) {
     assert!(first.time_ns.windows(2).all(|pair| pair[0] < pair[1]));
 }
 
-/// Any description of a robot, URDF, MJCF or SDF: no panic; what can be checked, counted and written of it is.
+/// Any description of a robot, URDF, MJCF or SDF: no panic; it is checked, and a small one is counted.
 pub fn robot_model(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(parsed) = write::parse(text, "fuzz") else { return };
@@ -160,7 +161,7 @@ pub fn robot_model(bytes: &[u8]) {
     }
 }
 
-/// Any `result.json`: no panic; what was read is shown, used to predict, and survives being written and read again.
+/// Any `result.json`: no panic; it is shown, used to predict, and survives being written and read again.
 pub fn result_json(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(first) = Answer::read(text) else { return };

@@ -110,13 +110,14 @@ fn tensor(text: &str) -> Result<[f64; 6], String> {
     possible(numbers::<6>(text)?)
 }
 
-/// Returns the tensor if a body can have it: principal moments above zero, none larger than the sum of the others.
+/// Returns the tensor if a body can have it: principal moments above zero, none larger than the others' sum.
 fn possible(tensor: [f64; 6]) -> Result<[f64; 6], String> {
     let [xx, yy, zz, yz, zx, xy] = tensor;
     let principal = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz).symmetric_eigenvalues();
     let is_possible = principal.iter().all(|own| *own > 0.0 && 2.0 * own <= principal.sum() * (1.0 + 1e-9));
     is_possible.then_some(tensor).ok_or_else(|| {
-        "no body has this tensor: its principal moments are above zero, and none is larger than the sum of the others".to_owned()
+        "no body has this tensor: principal moments are above zero, none larger than the sum of the others"
+            .to_owned()
     })
 }
 

@@ -97,7 +97,7 @@ fn identify(arguments: &IdentifyBody) -> Result<ExitCode, Failure> {
     let tool = match &arguments.tool {
         Some(_) if person.fixed.contains(&arguments.tool_link) => {
             return Err(Failure::input(format!(
-                "--tool-link {0}: no marker follows {0} in all trials, so that what it holds cannot be told: put markers on it, or name the \
+                "--tool-link {0}: no marker follows {0} in all trials, so that what it holds cannot be found: put markers on it, or name the \
                  link that has some",
                 arguments.tool_link
             )));

@@ -84,13 +84,8 @@ pub(super) fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read,
 fn take_wrench(arguments: &CalibrateMasses, read: &mut Read, with: Vec<Factor>) {
     let source = read.loaded.first().and_then(|first| first.problem.tree());
     let Some(source) = source.filter(|_| !with.is_empty()) else { return };
-    let merged = |parts: &[Factor]| {
-        let mut all = Factor::new(parts.first().map_or(0, Factor::parameters));
-        parts.iter().for_each(|part| all.merge(part));
-        all
-    };
     let count = source.base().parameters.len();
-    read.external = External::found(&merged(&read.factors), &merged(&with), count);
+    read.external = External::found(&Factor::merged(&read.factors), &Factor::merged(&with), count);
     if read.external.is_none() && arguments.external_wrench != ExternalWrench::Unknown {
         return;
     }

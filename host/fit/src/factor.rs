@@ -187,6 +187,15 @@ impl Factor {
         }
     }
 
+    /// Returns the factor of the rows of all parts, which are of the same parameters; of none if there is no part.
+    #[must_use]
+    pub fn merged<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut parts = parts.into_iter().peekable();
+        let mut all = Self::new(parts.peek().map_or(0, |first| first.parameters()));
+        parts.for_each(|part| all.merge(part));
+        all
+    }
+
     /// Merges another factor of the same parameters: the result is the factor of both sets of rows.
     pub fn merge(&mut self, other: &Self) {
         let rows = self.rows;

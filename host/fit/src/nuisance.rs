@@ -128,6 +128,11 @@ impl NuisanceFit {
         if self.told() > TOLD { (self.value - self.expected) / self.drawn.sqrt() } else { 0.0 }
     }
 
+    /// Returns true if it is not as stated.
+    pub fn is_contradicted(&self) -> bool {
+        self.pull().abs() > CONTRADICTED
+    }
+
     /// Returns the share of the prior's variance that the estimate has: what the rows tell.
     pub fn told(&self) -> f64 {
         (self.drawn / self.nuisance.sigma.powi(2)).clamp(0.0, 1.0)
@@ -143,7 +148,7 @@ const DISAGREEMENT: f64 = 1e-5;
 /// Returns true if errors found contradict what was known of them: one by itself, or all together. Friction that follows
 /// another law is no error of the rig.
 pub fn contradict(nuisances: &[NuisanceFit], agreement: Option<Agreement>) -> bool {
-    nuisances.iter().any(|k| !k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED)
+    nuisances.iter().any(|k| !k.nuisance.is_of_friction() && k.is_contradicted())
         || agreement.is_some_and(|agreement| agreement.probability() < DISAGREEMENT)
 }
 

@@ -26,8 +26,8 @@ pub struct Passive {
 }
 
 impl Passive {
-    /// Returns the numbers with the words that columns of friction have for them. A spring that is slack at q₀ adds `stiffness · q` and
-    /// the constant `−stiffness · q₀`.
+    /// Returns the numbers with the words that columns of friction have for them. A spring that is slack at q₀
+    /// adds `stiffness · q` and the constant `−stiffness · q₀`.
     pub fn terms(&self) -> [(&'static str, f64); 5] {
         [
             ("viscous", self.damping),

@@ -8,9 +8,7 @@ use super::states::{LARGEST_SHARE, LEAST_EXCITATION, scales};
 use crate::present::text::{counted, significant, unit_symbol};
 use rigident_fit::FILTER_WIDTH_S;
 use rigident_fit::outliers::LIMIT_SD;
-use rigident_fit::{
-    Autocorrelation, CONTRADICTED, ChannelFit, Fit, Kind, NuisanceFit, PriorStatement, StatedNoise,
-};
+use rigident_fit::{Autocorrelation, ChannelFit, Fit, Kind, NuisanceFit, PriorStatement, StatedNoise};
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
 const ENOUGH_SPARE_ROWS: usize = 12;
@@ -209,7 +207,7 @@ fn signal_noise(fit: &Fit, rate_sigma: f64) -> Option<String> {
 
 /// Tells of dry friction that follows another law than its columns.
 fn friction_of_another_law(fit: &Fit) -> Option<String> {
-    let far = |k: &&NuisanceFit| k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED;
+    let far = |k: &&NuisanceFit| k.nuisance.is_of_friction() && k.is_contradicted();
     let drive = |k: &NuisanceFit| k.nuisance.name.splitn(3, '_').nth(2).map(str::to_owned);
     let drives: BTreeSet<String> = fit.nuisances.iter().filter(far).filter_map(drive).collect();
     (!drives.is_empty()).then(|| {

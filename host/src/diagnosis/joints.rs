@@ -178,12 +178,10 @@ fn of_rotors(case: &Case, has_efforts: bool) -> Option<Fault> {
     let what = "rotors of the drives are left out: behind a gear they count with the square of its ratio";
     let mend = "identify them: --friction viscous,coulomb,rotor";
     let friction = &case.options.friction;
-    let lists = || friction.by_drive.iter().map(|(_, terms)| terms).chain([&friction.everywhere]);
-    (has_efforts && !friction.is_empty() && !lists().any(|terms| terms.contains(&Term::Rotor))).then(|| {
+    let has_rotors = friction.lists().any(|terms| terms.contains(&Term::Rotor));
+    (has_efforts && !friction.is_empty() && !has_rotors).then(|| {
         Fault::new("rotors", what, mend, |case| {
-            let friction = &mut case.options.friction;
-            let named = friction.by_drive.iter_mut().map(|(_, terms)| terms);
-            named.chain([&mut friction.everywhere]).for_each(|terms| terms.push(Term::Rotor));
+            case.options.friction.lists_mut().for_each(|terms| terms.push(Term::Rotor));
             true
         })
     })

@@ -5,6 +5,7 @@ use rigident_model::human::Sex;
 
 /// A marker whose place is known better than this, m, tells of the stature.
 pub(super) const ANATOMICAL_M: f64 = 0.1;
+
 /// What is known of a person beside markers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {

@@ -220,14 +220,8 @@ impl Study<'_> {
 
     /// The parts but one.
     fn merged(&self, without: Option<usize>) -> Factor {
-        let count = self.parts.first().map_or(0, Factor::parameters);
-        let mut all = Factor::new(count);
-        self.parts
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| Some(*i) != without)
-            .for_each(|(_, part)| all.merge(part));
-        all
+        let kept = self.parts.iter().enumerate().filter(|(i, _)| Some(*i) != without);
+        Factor::merged(kept.map(|(_, part)| part))
     }
 
     /// The rows of each part with the factor of the others; none of a single part.

@@ -24,8 +24,7 @@ impl WholeMass {
     pub fn of(parts: &[Factor], base: &BaseParameters) -> Option<Self> {
         let weights = weights(base)?;
         let count = weights.len();
-        let mut all = Factor::new(parts.first()?.parameters());
-        parts.iter().for_each(|part| all.merge(part));
+        let all = Factor::merged(parts);
         let (kg, sd) = sum(&all, &weights)?;
         let free = (all.rows() as f64 - all.parameters() as f64).max(1.0);
         let by_rows = sd * (all.residual_sum_of_squares() / free).sqrt();

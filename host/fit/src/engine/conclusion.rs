@@ -9,8 +9,7 @@ use crate::residuals::rms;
 use crate::signal_noise::WhitenedNoise;
 use crate::weighing::Weighing;
 use crate::{
-    BlockResidual, CONTRADICTED, Channel, Convergence, Effect, Estimate, Noise, NoiseCheck, NuisanceFit,
-    RowSet, contradict, judge,
+    BlockResidual, Channel, Convergence, Effect, Estimate, Noise, NoiseCheck, RowSet, contradict, judge,
 };
 
 /// Rounds in which what a model of drives lacks is counted.
@@ -31,8 +30,7 @@ impl Engine<'_> {
         }
         for _ in 0..MODEL_ERROR_ROUNDS {
             let nuisances = self.nuisance_fits(pass, &conclusion);
-            let far = |k: &NuisanceFit| k.nuisance.is_of_friction() && k.pull().abs() > CONTRADICTED;
-            let is_other = nuisances.iter().any(far);
+            let is_other = nuisances.iter().any(|k| k.nuisance.is_of_friction() && k.is_contradicted());
             if !is_other && !contradict(&nuisances, self.agreement(pass, &conclusion.joint).0) {
                 break;
             }

@@ -7,6 +7,7 @@
 pub mod alignment;
 pub mod another;
 pub mod anthropometry;
+mod compared;
 pub mod contact;
 pub mod coordinates;
 mod cut_off;

@@ -3,58 +3,20 @@
 use nalgebra::Vector3;
 
 use super::alignment;
+use super::compared::{Compared, LEAST_CORRELATION};
 use super::error::PersonError;
 use super::people::Person;
 use super::track::UsedFrame;
 
-/// Fewest frames that tell whether plates and cameras belong together, …
-const FEWEST_TO_COMPARE: usize = 30;
-/// … of a person who moves: standard deviations of the force over the weight, …
-const MOVES: f64 = 0.03;
-/// … and the least correlation of the two.
-const LEAST_CORRELATION: f64 = 0.4;
 /// Mass over squared stature of living people, kg/m². Nobody lives long of starvation below 10 to 13 (Henry 1990), and the heaviest
 /// who still walk are near 80; forces in kgf, lbf or counts are off by 4.4 and more.
 const BODY_MASS_INDICES: [f64; 2] = [10.0, 80.0];
 
-/// Needed and measured force in the frames of a trial that are used, N.
-struct Compared {
-    pairs: Vec<[Vector3<f64>; 2]>,
-    means: [Vector3<f64>; 2],
-    /// Standard deviations about the means.
-    spread: [Vector3<f64>; 2],
-}
-
-impl Compared {
-    fn new(person: &Person, trial: usize) -> Option<Self> {
-        let pairs: Vec<_> = forces(person, trial).into_iter().map(|(_, pair)| pair).collect();
-        if pairs.len() < FEWEST_TO_COMPARE {
-            return None;
-        }
-        let n = pairs.len() as f64;
-        let means = [0, 1].map(|k| pairs.iter().map(|p| p[k]).sum::<Vector3<f64>>() / n);
-        let squares =
-            |k: usize| pairs.iter().map(|p| (p[k] - means[k]).map(|v| v * v)).sum::<Vector3<f64>>() / n;
-        let spread = [0, 1].map(|k| squares(k).map(f64::sqrt));
-        Some(Self { pairs, means, spread })
-    }
-
-    /// The correlation of the needed force along an axis with the measured one along another; `None` of who hardly moves along them.
-    fn correlation(&self, needed: usize, measured: usize) -> Option<f64> {
-        let moves = MOVES * self.means[1].z.abs();
-        let [a, b] = [self.spread[0][needed], self.spread[1][measured]];
-        let product = |p: &[Vector3<f64>; 2]| {
-            (p[0][needed] - self.means[0][needed]) * (p[1][measured] - self.means[1][measured])
-        };
-        let mean = self.pairs.iter().map(product).sum::<f64>() / self.pairs.len() as f64;
-        (a > moves && b > moves).then(|| mean / (a * b))
-    }
-}
-
 /// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little of it.
 pub(super) fn belong_together(person: &Person) -> Result<(), PersonError> {
     for (k, tracked) in person.trials.iter().enumerate() {
-        let Some(compared) = Compared::new(person, k) else { continue };
+        let pairs = forces(person, k).into_iter().map(|(_, pair)| pair).collect();
+        let Some(compared) = Compared::of(pairs) else { continue };
         let name = || tracked.name.clone();
         if let Some(correlation) = compared.correlation(2, 2).filter(|r| *r < LEAST_CORRELATION) {
             return Err(PersonError::Apart { name: name(), correlation });
@@ -68,11 +30,8 @@ pub(super) fn belong_together(person: &Person) -> Result<(), PersonError> {
         {
             return Err(PersonError::Exchanged { name: name(), correlations: [a, b] });
         }
-        // Small correlations are those of parts that no marker follows, or of noise; no honest plate pushes the other way.
-        for (axis, correlation) in ["x", "y"].into_iter().zip(own) {
-            if let Some(correlation) = correlation.filter(|r| *r < -LEAST_CORRELATION) {
-                return Err(PersonError::Flipped { name: name(), axis, correlation });
-            }
+        if let Some((axis, correlation)) = compared.flipped() {
+            return Err(PersonError::Flipped { name: name(), axis, correlation });
         }
     }
     Ok(())

@@ -11,6 +11,7 @@ use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::Vector3;
 
 use super::alignment::{self, along, needed, total};
+use super::compared::Compared;
 use crate::inverse_kinematics::skeleton::Place;
 use crate::inverse_kinematics::subject::Subject;
 use crate::problem::smoothing::Smoother;
@@ -42,8 +43,6 @@ const FADED: f64 = 0.03;
 const MARGIN_S: f64 = 0.1;
 /// A contact is at a part of the body if its line passes no farther from it, m.
 const NEAR_M: f64 = 0.25;
-/// Horizontal forces whose correlation with those that the motion needs is below this, negative, have a wrong sign.
-const AGAINST: f64 = 0.4;
 /// Frames of one piece of the work: of a long trial not everything is kept at once.
 const PIECE: usize = 30_000;
 
@@ -98,15 +97,8 @@ impl Forces {
     /// Returns false if what is measured along a horizontal axis goes against what the motion needs there: an axis with a wrong
     /// sign is no contact.
     pub(super) fn go_with_the_motion(&self) -> bool {
-        let correlation = |axis: usize| {
-            let pairs = || self.pairs.iter().flatten().map(|pair| pair.map(|v| f64::from(v[axis])));
-            let count = pairs().count() as f64;
-            let mean = [0, 1].map(|k| pairs().map(|pair| pair[k]).sum::<f64>() / count);
-            let product =
-                |i: usize, j: usize| pairs().map(|p| (p[i] - mean[i]) * (p[j] - mean[j])).sum::<f64>();
-            product(0, 1) / (product(0, 0) * product(1, 1)).sqrt()
-        };
-        (0..2).all(|axis| !(correlation(axis) < -AGAINST))
+        let pairs = self.pairs.iter().flatten().map(|pair| pair.map(|v| v.map(f64::from))).collect();
+        Compared::of(pairs).is_none_or(|compared| compared.flipped().is_none())
     }
 
     fn frames(&self, seconds: f64) -> usize {

@@ -245,10 +245,19 @@ impl Friction {
         Ok(all)
     }
 
+    /// Returns the columns everywhere, then those of each drive that is named.
+    pub fn lists(&self) -> impl Iterator<Item = &Vec<Term>> {
+        [&self.everywhere].into_iter().chain(self.by_drive.iter().map(|(_, terms)| terms))
+    }
+
+    /// Returns the same to be changed.
+    pub fn lists_mut(&mut self) -> impl Iterator<Item = &mut Vec<Term>> {
+        [&mut self.everywhere].into_iter().chain(self.by_drive.iter_mut().map(|(_, terms)| terms))
+    }
+
     /// Forgets at which speeds dry friction turns over.
     pub fn forget_speeds(&mut self) {
-        let named = self.by_drive.iter_mut().flat_map(|(_, terms)| terms);
-        for term in self.everywhere.iter_mut().chain(named) {
+        for term in self.lists_mut().flatten() {
             if let Term::Coulomb(speed) = term {
                 *speed = None;
             }
@@ -285,7 +294,7 @@ impl Friction {
 
     /// Returns true if no drive has a column.
     pub fn is_empty(&self) -> bool {
-        self.everywhere.is_empty() && self.by_drive.iter().all(|(_, terms)| terms.is_empty())
+        self.lists().all(Vec::is_empty)
     }
 
     /// Returns the columns of a drive.
