@@ -120,7 +120,7 @@ impl Moving {
             };
             // Most joints turn: their motion goes on into the state at once.
             if let (Joint::Revolute(axis), [q], [v], [dv]) = (&link.joint, own_q, own_v, own_dv) {
-                motion::step(parent, &JointMotion::revolute(link, axis, q.sin_cos(), *v, *dv), state);
+                motion::step_turning(parent, &JointMotion::revolute(link, axis, q.sin_cos(), *v, *dv), state);
             } else {
                 motion::step(parent, &joint_motion(link, own_q, own_v, own_dv), state);
             }

@@ -92,23 +92,43 @@ pub fn states<T: Scalar>(
 /// Brings a link's state to the motion of its joint beyond a parent whose state it is.
 #[inline(always)]
 pub fn step<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mut LinkState<T>) {
+    step_by::<T, true>(parent, joint, state);
+}
+
+/// Does what [`step`] does for a joint that only turns: its velocity and acceleration, both zero, are not looked at.
+#[inline(always)]
+pub fn step_turning<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mut LinkState<T>) {
+    step_by::<T, false>(parent, joint, state);
+}
+
+#[inline(always)]
+fn step_by<T: Scalar, const SLIDES: bool>(
+    parent: &LinkState<T>,
+    joint: &JointMotion<T>,
+    state: &mut LinkState<T>,
+) {
     let (omega, change) = (&parent.rate, &parent.angular_acceleration);
     let rotation = parent.rotation * joint.rotation;
     let arm = parent.rotation * joint.position;
-    let slide = parent.rotation * joint.velocity;
     let turning = rotation * joint.rate;
     let swing = omega.cross(&arm);
-    let two = T::ONE + T::ONE;
     state.rotation = rotation;
     state.position = parent.position + arm;
-    state.velocity = parent.velocity + swing + slide;
     state.rate = omega + turning;
     // d/dt (R ω_rel) = R ω̇_rel + ω_parent × R ω_rel
     state.angular_acceleration = change + rotation * joint.angular_acceleration + omega.cross(&turning);
-    state.specific_force = parent.specific_force
-        + parent.rotation * joint.acceleration
-        + change.cross(&arm)
-        + omega.cross(&(swing + slide * two));
+    if SLIDES {
+        let slide = parent.rotation * joint.velocity;
+        let two = T::ONE + T::ONE;
+        state.velocity = parent.velocity + swing + slide;
+        state.specific_force = parent.specific_force
+            + parent.rotation * joint.acceleration
+            + change.cross(&arm)
+            + omega.cross(&(swing + slide * two));
+    } else {
+        state.velocity = parent.velocity + swing;
+        state.specific_force = parent.specific_force + change.cross(&arm) + omega.cross(&swing);
+    }
 }
 
 /// One freedom of a joint in base axes about the base's origin: with it `τ = screw · [F; M]`, `[F; M]` the wrench on the
