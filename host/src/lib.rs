@@ -17,6 +17,7 @@ pub mod device;
 pub mod diagnosis;
 pub mod inverse_kinematics;
 pub mod joint_offsets;
+pub mod load_cell;
 pub mod mass_properties;
 pub mod modal_analysis;
 pub mod monitor;

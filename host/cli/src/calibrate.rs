@@ -6,7 +6,9 @@ use serde::Serialize;
 use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
-use super::{Failure, Stages, calibrate_imu, calibrate_joints, calibrate_masses, factor};
+use super::{
+    Failure, Stages, calibrate_imu, calibrate_joints, calibrate_load_cell, calibrate_masses, factor,
+};
 use rigident::present::text::{significant, unit_symbol, with_u95};
 use rigident::reference::{Calibrated, Run, calibrate};
 use rigident_fit::{COVERAGE_95, Nuisance, RowSource};
@@ -42,6 +44,7 @@ pub(super) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
     match &arguments.what {
         CalibrateWhat::Rig(arguments) => rig(arguments),
         CalibrateWhat::Imu(arguments) => calibrate_imu::run(arguments),
+        CalibrateWhat::LoadCell(arguments) => calibrate_load_cell::run(arguments),
         CalibrateWhat::Joints(arguments) => calibrate_joints::run(arguments),
         CalibrateWhat::Masses(arguments) => calibrate_masses::run(arguments),
     }

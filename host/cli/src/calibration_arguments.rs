@@ -23,6 +23,8 @@ pub enum CalibrateWhat {
     Rig(CalibrateRig),
     /// Find scales, misalignments and biases of the IMU from the motion that the platform was driven through
     Imu(CalibrateImu),
+    /// Find the 6 x 6 matrix of a load cell with bridge outputs from known weights at known places
+    LoadCell(CalibrateLoadCell),
     /// Find offsets of a robot's joint angles from poses with flat soles on a level floor
     Joints(CalibrateJoints),
     /// Find masses and centres of mass of a robot's links, relative to its model, from motions that excite them poorly
@@ -226,6 +228,46 @@ pub struct CalibrateImu {
     /// Rig file. Default: NAME.rig.toml beside the recording
     #[arg(long, value_name = "FILE")]
     pub rig: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `rigident calibrate load-cell`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Each row of LOADS is a loading: mass_kg at x_m, y_m, z_m in the cell's frame S (0 for a zero), down_x, down_y, down_z where gravity \
+                  points (0, 0, -1 if not there), and the mean voltages g1_v to g6_v, or from_s and to_s of a recording. fx_n to mz_nm instead \
+                  of a mass: a machine's wrench on the body. weight names a weight whose error several loadings share, run loadings \
+                  that share their zero. Cell upright: fz, mx, my. On its side, twice: fx, fy, mz.\n\nExit status 0 if the matrix is known to 10 % of full scale, 1 if not, 2 if a table \
+                  cannot be used or a loading contradicts the others.\n\nExamples:\n  rigident calibrate load-cell weights.csv -o \
+                  load-cell.rig.toml\n  rigident calibrate load-cell weights.csv --recording bench.csv --mass-noise-percent 0.01 --place-noise-mm 0.1"
+)]
+pub struct CalibrateLoadCell {
+    /// The loadings, CSV
+    #[arg(value_name = "LOADS")]
+    pub loads: PathBuf,
+    /// The recording that from_s and to_s are of
+    #[arg(long, value_name = "REC")]
+    pub recording: Option<PathBuf>,
+    /// 1 sigma of each weight, percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.05)]
+    pub mass_noise_percent: f64,
+    /// 1 sigma of each place along each axis, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.3)]
+    pub place_noise_mm: f64,
+    /// 1 sigma of the direction of gravity each time that the cell is turned, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 0.2)]
+    pub level_noise_deg: f64,
+    /// 1 sigma of a mean reading, V. Default: as the loadings scatter
+    #[arg(long, value_name = "V")]
+    pub reading_noise_v: Option<f64>,
+    /// Gravity where the weights hang, m/s2
+    #[arg(long, value_name = "G", default_value_t = 9.80665)]
+    pub gravity_mps2: f64,
+    /// Write the keys of the rig file; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

@@ -22,6 +22,7 @@ mod calibrate_imu;
 mod calibrate_joints;
 mod calibrate_joints_page;
 mod calibrate_joints_words;
+mod calibrate_load_cell;
 mod calibrate_masses;
 mod calibrate_masses_rows;
 mod calibration_arguments;
