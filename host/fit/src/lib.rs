@@ -49,6 +49,7 @@ mod residual_spectrum;
 mod residuals;
 mod result;
 mod rig_rows;
+mod sandwich;
 mod shifts;
 mod signal_noise;
 mod source;

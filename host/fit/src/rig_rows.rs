@@ -373,48 +373,6 @@ fn of_parameters(rows: &DMatrix<f64>, n: usize) -> (DMatrix<f64>, DMatrix<f64>) 
     (turned(&first), others)
 }
 
-/// Returns rows over `n` parameters, then errors, with standard deviations of the noise `by` times as large,
-/// one a parameter, and of all that the rows say of errors as many times as the most: what an error brings to
-/// a parameter stays.
-///
-/// `R (φ + T θ)` with `R_φφ T = R_φθ` has no column of θ: there noise alone is left.
-pub(super) fn noisier(factor: &Factor, n: usize, by: &[f64]) -> Factor {
-    let most = by.iter().copied().fold(1.0, f64::max);
-    if most <= 1.0 {
-        return factor.clone();
-    }
-    let k = factor.parameters() - n;
-    let spread = |sign: f64, moved: &DMatrix<f64>| {
-        DMatrix::from_fn(n + k, n + k, |i, j| match j.checked_sub(n) {
-            Some(j) if i < n => sign * moved[(i, j)],
-            _ => f64::from(u8::from(i == j)),
-        })
-    };
-    let moved = brought(factor, n);
-    let apart = factor.substitute(&spread(-1.0, &moved));
-    let mut all = by.to_vec();
-    all.resize(n + k, most);
-    let estimate = apart.solve(apart.rounding()).estimate;
-    apart.inflate(&estimate, &all).substitute(&spread(1.0, &moved))
-}
-
-/// Returns T with `R_φφ T = R_φθ`: what an error of one moves the parameters by, where the rows tell of
-/// these.
-fn brought(factor: &Factor, n: usize) -> DMatrix<f64> {
-    let k = factor.parameters() - n;
-    if k == 0 || n == 0 {
-        return DMatrix::zeros(n, k);
-    }
-    let r = factor.r();
-    let norms: Vec<f64> = (0..n).map(|j| r.column(j).norm()).collect();
-    let scale = DVector::from_iterator(n, norms.iter().map(|v| if *v > 0.0 { 1.0 / v } else { 0.0 }));
-    let own = r.view((0, 0), (n, n)) * DMatrix::from_diagonal(&scale);
-    let svd = own.svd(true, true);
-    let least = svd.singular_values.max() * n as f64 * 16.0 * f64::EPSILON;
-    let found = svd.solve(&r.view((0, n), (n, k)).into_owned(), least);
-    DMatrix::from_diagonal(&scale) * found.unwrap_or_else(|_| DMatrix::zeros(n, k))
-}
-
 /// See [`RigRows::shifted`]; the column may be shorter than the columns are many.
 pub(super) fn shifted(factor: &Factor, column: &[f64]) -> Factor {
     if column.iter().all(|v| *v == 0.0) {

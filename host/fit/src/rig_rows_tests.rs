@@ -32,31 +32,6 @@ fn joint() -> RigRows {
     RigRows::new(N, factor(&a, &y), vec![error("a"), error("b")], covariance).unwrap()
 }
 
-fn covariance(rows: &Factor) -> DMatrix<f64> {
-    rows.solve(1e-12).covariance
-}
-
-/// Noise is larger by its factors; what an error brings, `T Σ Tᵀ` with what the rows leave of Σ, is not.
-#[test]
-fn noise_grows_and_what_errors_bring_stays() {
-    let by = [1.0, 3.0, 1.5, 2.0];
-    let wider = |by: &[f64]| RigRows { factor: noisier(&joint().factor, N, by), ..joint() };
-    let noisier = wider(&by);
-    let given = [&joint(), &noisier].map(|rows| covariance(&rows.of_given_errors()));
-    for i in 0..N {
-        for j in 0..N {
-            let expected = given[0][(i, j)] * by[i] * by[j];
-            assert!((given[1][(i, j)] - expected).abs() < 1e-10 * (by[i] * by[j]));
-        }
-    }
-    let moved = [&joint(), &noisier].map(|rows| brought(rows.factor(), N));
-    assert!((&moved[0] - &moved[1]).norm() < 1e-10 * moved[0].norm());
-    // The rows by themselves still say the same.
-    let [before, after] = [&joint(), &noisier].map(|rows| rows.factor().solve(1e-12).estimate);
-    assert!(before.iter().zip(&after).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + a.abs())));
-    assert_eq!(wider(&[1.0; N]), joint());
-}
-
 /// `Σ + s sᵀ`, and the estimate stays.
 #[test]
 fn a_shift_is_added_to_the_covariance_with_its_correlations() {

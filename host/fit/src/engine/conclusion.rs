@@ -6,14 +6,35 @@ use crate::convergence;
 use crate::lack_of_fit::{self, LackOfFit, NoiseRows, Role};
 use crate::repetition;
 use crate::residuals::rms;
+use crate::sandwich::{Sandwich, SlowNoise};
 use crate::signal_noise::WhitenedNoise;
 use crate::weighing::Weighing;
 use crate::{
-    BlockResidual, Channel, Convergence, Effect, Estimate, Noise, NoiseCheck, RowSet, contradict, judge,
+    BlockResidual, Channel, Convergence, Effect, Estimate, Factor, Noise, NoiseCheck, RowSet, contradict,
+    judge,
 };
 
 /// Rounds in which what a model of drives lacks is counted.
 const MODEL_ERROR_ROUNDS: usize = 4;
+
+/// What residuals show beyond white noise.
+pub(super) struct BeyondWhite {
+    /// Noise that is slow; `None` where none is found.
+    slow: Option<Sandwich>,
+    /// Factor on all standard deviations, as what a model of drives lacks repeats with the motion.
+    repeated: f64,
+    /// Both, as factors on the standard deviation of each parameter; empty: none.
+    pub inflation: Vec<f64>,
+}
+
+impl BeyondWhite {
+    /// Returns rows over all columns as noisy as that; their variance is `scale` times that which is stated.
+    pub(super) fn noisier(&self, rows: &Factor, scale: f64) -> Factor {
+        let slow = self.slow.as_ref().map(|slow| slow.noisier(rows, scale));
+        let rows = slow.as_ref().unwrap_or(rows);
+        if self.repeated > 1.0 { rows.discount(self.repeated.powi(2)) } else { rows.clone() }
+    }
+}
 
 impl Engine<'_> {
     /// Draws the conclusions from a factor; where a model of drives lacks something, beside that.
@@ -34,7 +55,7 @@ impl Engine<'_> {
             if !is_other && !contradict(&nuisances, self.agreement(pass, &conclusion.joint).0) {
                 break;
             }
-            let by = self.inflation(pass, &conclusion).into_iter().fold(1.0, f64::max);
+            let by = self.beyond_white(pass, &conclusion).inflation.into_iter().fold(1.0, f64::max);
             if by <= 1.0 {
                 break;
             }
@@ -43,16 +64,17 @@ impl Engine<'_> {
         conclusion
     }
 
-    /// Returns by how much the autocorrelation of the residuals, and that they repeat with a motion, widens each parameter's
-    /// interval; empty if nothing does.
-    pub(super) fn inflation(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
-        let mut found = self.autocorrelated(pass, conclusion);
-        let by = if conclusion.check.model_error > 1.0 { 1.0 } else { self.repeated(conclusion) };
-        if by > 1.0 {
-            found.resize(self.parameters, 1.0);
-            found.iter_mut().for_each(|own| *own *= by);
+    /// Returns what residuals show beyond white noise.
+    pub(super) fn beyond_white(&self, pass: &Pass, conclusion: &Conclusion) -> BeyondWhite {
+        let slow = self.autocorrelated(pass, conclusion);
+        let repeated = if conclusion.check.model_error > 1.0 { 1.0 } else { self.repeated(conclusion) };
+        let mut inflation =
+            slow.as_ref().map_or_else(Vec::new, |slow| slow.inflation(&conclusion.joint, self.parameters));
+        if repeated > 1.0 {
+            inflation.resize(self.parameters, 1.0);
+            inflation.iter_mut().for_each(|own| *own *= repeated);
         }
-        found
+        BeyondWhite { slow, repeated, inflation }
     }
 
     /// Returns by how much intervals are too narrow because what the model of the drives lacks repeats with the motion.
@@ -75,23 +97,18 @@ impl Engine<'_> {
         repetition::factor(&measured, &drives.iter().map(left).collect::<Vec<Vec<f64>>>())
     }
 
-    fn autocorrelated(&self, pass: &Pass, conclusion: &Conclusion) -> Vec<f64> {
+    fn autocorrelated(&self, pass: &Pass, conclusion: &Conclusion) -> Option<Sandwich> {
         let (weighing, check) = (&pass.weighing, &conclusion.check);
         let whitened = autocorrelation::whitened(&conclusion.residuals, &weighing.whitening);
         let unit = vec![f64::from(self.blocks.filter().every) * check.variance_scale; weighing.sigma.len()];
         let coloured = autocorrelation::detect(&whitened, self.blocks.filter(), &unit, check.fitted);
-        if coloured.is_empty() {
-            return Vec::new();
-        }
-        autocorrelation::inflation(
-            self.rows_of(pass),
-            &conclusion.joint,
-            self.parameters,
-            &weighing.whitening,
-            &conclusion.weights,
-            &unit,
-            &coloured,
-        )
+        let slow = SlowNoise {
+            whitening: &weighing.whitening,
+            weights: &conclusion.weights,
+            variance: &unit,
+            coloured: &coloured,
+        };
+        (!coloured.is_empty()).then(|| Sandwich::new(self.rows_of(pass), conclusion.joint.len(), &slow))
     }
 
     /// Draws the conclusions from a factor beside noise that is `model_error` times as large in variance.

@@ -5,8 +5,18 @@ use rigident_shared::forgetting::Span;
 
 use super::{Conclusion, Engine, Pass};
 use crate::lack_of_fit::LackOfFit;
-use crate::rig_rows::{noisier, shifted};
-use crate::{ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, convergence};
+use crate::rig_rows::shifted;
+use crate::{ChannelFit, Convergence, Counts, Estimate, Fit, FitError, Forgotten, SignalFit, convergence};
+
+/// Returns by how much the standard deviations of one estimate are larger than those of another, 1 or more.
+fn wider(before: &Estimate, after: &Estimate) -> Vec<f64> {
+    let of = |j: usize| {
+        let ratio = (after.covariance[(j, j)] / before.covariance[(j, j)]).sqrt();
+        let both = before.is_determined(j) && after.is_determined(j);
+        if both && ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
+    };
+    (0..before.len()).map(of).collect()
+}
 
 impl Engine<'_> {
     /// Counts what makes intervals wider than white noise alone, and puts everything together.
@@ -23,7 +33,8 @@ impl Engine<'_> {
             None => (self.nuisance_fits(&pass, &conclusion), DVector::zeros(self.parameters)),
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
-        let inflation = if forgetting.is_none() { self.inflation(&pass, &conclusion) } else { Vec::new() };
+        let beyond = forgetting.is_none().then(|| self.beyond_white(&pass, &conclusion));
+        let inflation = beyond.as_ref().map_or_else(Vec::new, |beyond| beyond.inflation.clone());
         let Conclusion { mut factor, mut solved, mut estimate, unscaled, check, rows: mut joint, .. } =
             conclusion;
         if known.iter().any(|v| *v != 0.0) {
@@ -46,7 +57,7 @@ impl Engine<'_> {
             let pull = noise.pull(weighing, &informed) * conclusion.share;
             bias = (&unscaled.covariance * pull).iter().map(|b| -b).collect();
         }
-        let by: Vec<f64> = (0..self.parameters)
+        let mut by: Vec<f64> = (0..self.parameters)
             .map(|j| {
                 let all = estimate.covariance[(j, j)].max(0.0).sqrt();
                 let brought = nuisances.iter().map(|k| k.contributions.get(j).map_or(0.0, |sd| sd * sd));
@@ -63,18 +74,22 @@ impl Engine<'_> {
             .collect();
         let mut widened = Vec::new();
         if by.iter().any(|by| *by > 1.0) {
-            factor = factor.inflate(&estimate.values, &by);
+            let before = estimate.clone();
             if forgetting.is_none() {
-                joint = noisier(&joint, self.parameters, &inflation);
+                if let Some(beyond) = beyond.filter(|_| !inflation.is_empty()) {
+                    joint = beyond.noisier(&joint, check.variance_scale);
+                }
                 let change: Vec<f64> = (0..self.parameters).map(|j| lack_of_fit.shift(j)).collect();
                 joint = shifted(&shifted(&joint, &bias), &change);
                 let own = self.without_errors(&joint, pass.linearised.is_some());
                 estimate = self.estimate(&own, 1.0, estimate.noise);
                 solved = Some(own);
+                by = wider(&before, &estimate);
             } else {
                 solved = solved.map(|rows| rows.inflate(&estimate.values, &by));
                 estimate = estimate.inflate(&by);
             }
+            factor = factor.inflate(&before.values, &by);
             widened.clone_from(&by);
         }
         let rig_rows = match (forgetting, &pass.linearised) {
