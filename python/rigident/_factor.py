@@ -230,8 +230,13 @@ class Factor:
 
     @property
     def recordings(self) -> tuple[str, ...]:
-        """Names of the recordings in it."""
+        """Names of the recordings in it; of more than 64 a few names and their number, in words."""
         return tuple(self._contents["recordings"])
+
+    @property
+    def runs(self) -> int:
+        """The number of recordings in it."""
+        return int(self._contents["runs"])
 
     @property
     def r(self) -> NDArray[np.float64]:

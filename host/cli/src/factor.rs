@@ -236,7 +236,7 @@ pub(super) fn bare(
     }
     let pooled = PooledFactor::merged(factors, false).map_err(Failure::input)?;
     let tare = match runs.as_slice() {
-        [run] if pooled.sources.len() == 1 => Tare::of_run(run, pooled),
+        [run] if pooled.runs() == 1 => Tare::of_run(run, pooled),
         _ => Tare::new(pooled),
     };
     tare.map(Some).map_err(Failure::input)

@@ -91,7 +91,7 @@ fn merge_by(arguments: &Merge, files: &[PathBuf]) -> Result<ExitCode, Failure> {
     let folder = Folder::new(Some(&arguments.output), "merge")?;
     for factor in merged {
         let path = folder.write(&format!("{}.factor", factor.name), &factor.to_bytes())?;
-        say(format_args!("{} rows of {} runs in {}", factor.rows(), factor.sources.len(), path.display()));
+        say(format_args!("{} rows of {} runs in {}", factor.rows(), factor.runs(), path.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -118,6 +118,7 @@ impl Run {
             channels: channels.to_vec(),
             checks: None,
             labels: std::collections::BTreeMap::new(),
+            folded: None,
         };
         let pooled = PooledFactor {
             name,

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::pool::PooledFactor;
+use super::pool::{Folded, PooledFactor, SAMPLE};
 use rigident_shared::printable;
 
 use super::{Basis, Checks, Factor, Parameter, RigError, RigRows};
@@ -19,7 +19,10 @@ const MAGIC: &[u8; 8] = b"RIGIDFAC";
 /// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds
 /// the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
-pub const VERSION: u16 = 6;
+/// 7 says how many runs stand for one; it is written where there are such, and 6 where there are none.
+pub const VERSION: u16 = 7;
+/// Tells every run apart.
+const WITHOUT_FOLDED: u16 = 6;
 /// Holds what is known of errors in its rows.
 const ERRORS_INSIDE: u16 = 5;
 /// Has checks, and no labels.
@@ -160,6 +163,9 @@ pub struct FactorSource {
     /// What tells it from other runs of a collection: `body`, `rig` and others, each with its value.
     #[serde(skip)]
     pub labels: BTreeMap<String, String>,
+    /// What is left of several runs that are no longer told apart; `None` of one.
+    #[serde(skip)]
+    pub folded: Option<Folded>,
 }
 
 /// A parameter as it stands in a file: the terms are bounded.
@@ -266,7 +272,7 @@ impl From<StoredParameter> for Parameter {
 }
 
 /// A list of at most so many elements; room is made as they come.
-fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MOST: usize>(
+pub(super) fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MOST: usize>(
     deserializer: D,
 ) -> Result<Vec<T>, D::Error> {
     struct List<T, const MOST: usize>(std::marker::PhantomData<T>);
@@ -308,9 +314,15 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     let rigs = Rigs { differing: pooled.differing.clone(), ..Rigs::of(&pooled.rigs) };
     let inside = pooled.errors_inside;
     let numbers = rigs.numbers(header.parameters.len()) as u64;
-    let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64, numbers);
+    let folded: Vec<Option<&Folded>> = pooled.sources.iter().map(|own| own.folded.as_ref()).collect();
+    let is_folded = folded.iter().any(Option::is_some);
+    let version = if is_folded { VERSION } else { WITHOUT_FOLDED };
+    let counts = (version, header.parameters.len() as u64, header.sources.len() as u64, numbers);
     let mut body =
         postcard::to_allocvec(&(counts, header, checks, labels, scales, inside, rigs)).unwrap_or_default();
+    if is_folded {
+        body.extend(postcard::to_allocvec(&folded).unwrap_or_default());
+    }
     for rig in &pooled.rigs {
         let mut numbers = rig.factor().entries();
         if !rig.is_independent() {
@@ -462,6 +474,8 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         }
         _ => rigs_of(numbers, &mut header.sources)?,
     };
+    let numbers = if version > WITHOUT_FOLDED { folded_of(numbers, &mut header.sources)? } else { numbers };
+    check_freedom(&header)?;
     let Header {
         parameters,
         model_fingerprint,
@@ -512,6 +526,35 @@ fn rigs_of<'a>(
     scaled.for_each(|(source, own)| (source.variance_scale, source.fitted) = own);
     let ((inside, rigs), rest) = postcard::take_from_bytes(rest).map_err(|_| FactorFileError::Damaged)?;
     Ok((inside, rigs, rest))
+}
+
+/// Takes what is left of runs that are no longer told apart off the bytes.
+fn folded_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u8], FactorFileError> {
+    let (folded, rest) = of_runs::<Option<Folded>>(bytes, sources.len())?;
+    let usual = |own: &Folded| {
+        let ordered = own.sample.is_sorted() && !own.sample.is_empty() && own.sample.len() <= SAMPLE;
+        let named = !own.names.is_empty() && own.names.iter().all(|name| printable::is_name(name));
+        named
+            && ordered
+            && own.runs > 1
+            && own.runs < 1 << 48
+            && own.freedom.is_none_or(|v| (1.0..LARGEST).contains(&v))
+    };
+    if !folded.iter().flatten().all(usual) {
+        return Err(FactorFileError::Header("runs that are no longer told apart, and impossible"));
+    }
+    sources.iter_mut().zip(folded).for_each(|(source, own)| source.folded = own);
+    Ok(rest)
+}
+
+/// Refuses more degrees of freedom than parameters can have.
+fn check_freedom(header: &Header) -> Result<(), FactorFileError> {
+    let runs = header.sources.iter().map(FactorSource::runs).fold(0, u64::saturating_add);
+    let most = runs.saturating_mul(MOST_PARAMETERS as u64);
+    if header.eliminated > most || header.comparisons > most {
+        return Err(FactorFileError::Header("more degrees of freedom than its runs have parameters"));
+    }
+    Ok(())
 }
 
 fn too_large(what: &'static str, got: u64, most: u64) -> Result<(), FactorFileError> {
@@ -587,10 +630,6 @@ fn check(header: &Header) -> Result<(), FactorFileError> {
     }
     if !not_negative(header.disagreement) {
         return refuse("an impossible disagreement");
-    }
-    let most = (MOST_PARAMETERS * header.sources.len()) as u64;
-    if header.eliminated > most || header.comparisons > most {
-        return refuse("more degrees of freedom than its runs have parameters");
     }
     for source in &header.sources {
         if source.channels.is_empty()

@@ -1,6 +1,7 @@
 //! Factors of several runs as one, and what their residuals say of it.
 
 mod error;
+mod folding;
 mod merging;
 
 use std::collections::BTreeMap;
@@ -12,11 +13,13 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::factor_file::{self, FactorFileError, FactorSource, MOST_BYTES, SourceChannel};
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind,
+    Channel, ChannelFit, CheckedRun, Checks, Counts, Estimate, Factor, Filter, Fit, Judgement, Kind, Noise,
     NoiseCheck, Owner, Parameter, RigRows, RowSet, judge,
 };
 
 pub use error::{ModelDifference, PoolError, names_in_words};
+pub(super) use folding::SAMPLE;
+pub use folding::{Folded, MOST_NAMED};
 pub(super) use merging::difference;
 
 /// A disagreement less likely than this among runs of one body is told and scales the covariance.
@@ -90,6 +93,7 @@ impl PooledFactor {
                 .collect(),
             checks: None,
             labels: BTreeMap::new(),
+            folded: None,
         };
         Self {
             name: recording.to_owned(),
@@ -120,6 +124,11 @@ impl PooledFactor {
     /// Returns the number of scalar rows absorbed.
     pub fn rows(&self) -> u64 {
         self.rigs.iter().map(|rig| rig.factor().rows()).fold(0, u64::saturating_add)
+    }
+
+    /// Returns the number of runs that are in it.
+    pub fn runs(&self) -> u64 {
+        self.sources.iter().map(FactorSource::runs).fold(0, u64::saturating_add)
     }
 
     /// Returns the same with the date of its runs, s since 1970-01-01 UTC.
@@ -223,20 +232,10 @@ impl PooledFactor {
         let fitted = of_runs.unwrap_or(together);
         // What only shows between the runs is judged between the runs.
         let within = (factor.residual_sum_of_squares() - self.disagreement).max(0.0);
-        let sets: Vec<RowSet> = self
-            .sources
-            .iter()
-            .map(|s| RowSet {
-                rows: s.rows,
-                channels: s.channels.len(),
-                noise_gain: s.noise_gain,
-                sigma_given: s.sigma_given,
-            })
-            .collect();
+        let sets: Vec<RowSet> = self.sources.iter().map(FactorSource::row_set).collect();
         let mut judgement = judge(&sets, within, fitted);
-        for (set, source) in sets.iter().zip(&self.sources).filter(|(_, own)| own.variance_scale > 1.0) {
-            let of_scale = set.noise_of_scale(source.fitted.unwrap_or(0.0));
-            judgement.noise = judgement.noise.less_certain(of_scale);
+        for degrees_of_freedom in self.sources.iter().filter_map(FactorSource::freedom) {
+            judgement.noise = judgement.noise.less_certain(Noise::Estimated { degrees_of_freedom });
         }
         let dof = self.comparisons as f64;
         let chi2 = self.disagreement / judgement.variance_scale;
@@ -270,7 +269,7 @@ impl PooledFactor {
         };
         // Of a single run what its residuals show; of several each has its own.
         let of_run = match self.sources.as_slice() {
-            [run] => run.variance_scale,
+            [run] if run.folded.is_none() => run.variance_scale,
             _ => 1.0,
         };
         let sum = |count: &dyn Fn(&FactorSource) -> u64| {
@@ -295,7 +294,7 @@ impl PooledFactor {
             rig_rows,
             rounding: self.rounding,
             model_fingerprint: self.model_fingerprint,
-            fingerprints: self.sources.iter().map(|s| s.fingerprint).collect(),
+            fingerprints: self.sources.iter().flat_map(|s| s.fingerprints().to_vec()).collect(),
             prior: None,
             noise: NoiseCheck {
                 sigma_given: self.sources.iter().any(|s| s.sigma_given),
@@ -323,10 +322,7 @@ impl PooledFactor {
             runs: self
                 .sources
                 .iter()
-                .map(|source| CheckedRun {
-                    recording: source.recording.clone(),
-                    checks: source.checks.clone(),
-                })
+                .map(|source| CheckedRun { recording: source.in_words(), checks: source.checks.clone() })
                 .collect(),
             forgotten: None,
             convergence: Vec::new(),
@@ -384,7 +380,7 @@ impl PooledFactor {
         if self.parameters.iter().any(|p| p.kind == Kind::Offset) {
             return None;
         }
-        let said = if self.sources.len() > 1 {
+        let said = if self.runs() > 1 {
             "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the factors of \
              the single runs for theirs, or merge with --shared-offset if they have one between them"
         } else {
@@ -395,8 +391,9 @@ impl PooledFactor {
 
     /// Returns the names of the recordings, joined; of many the first few and their number.
     pub fn recordings(&self) -> String {
-        let names: Vec<_> = self.sources.iter().map(|s| s.recording.as_str()).collect();
-        names_in_words(&names, " + ")
+        let names: Vec<_> = self.sources.iter().flat_map(FactorSource::names).collect();
+        let hidden = self.runs().saturating_sub(names.len() as u64);
+        error::names_of_many(&names, hidden, " + ")
     }
 }
 

@@ -182,7 +182,8 @@ fn ten_thousand_runs_merge_and_are_told_in_one_line() {
     let started = std::time::Instant::now();
     let merged = PooledFactor::merged(files.clone(), false).unwrap();
     println!("10 000 factors in {:?}", started.elapsed());
-    assert_eq!((merged.sources.len(), merged.rows()), (10_000, 600_000));
+    assert_eq!((merged.runs(), merged.rows()), (10_000, 600_000));
+    assert!(merged.sources.len() == 1 && merged.to_bytes().len() < 4_000, "{}", merged.to_bytes().len());
     assert!(merged.recordings().ends_with("recording 3 + 9996 more"), "{}", merged.recordings());
     // Ten thousand alike know what one knows, a hundred times better.
     let (one, all) = (run.fit().estimate.u95(0), merged.fit().estimate.u95(0));

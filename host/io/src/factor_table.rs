@@ -212,9 +212,7 @@ fn write_group(
         texts(group.iter().map(of).collect(), rows)?;
     }
     let numbers: [&dyn Fn(&PooledFactor) -> u64; 4] =
-        [&|f| f.sources.len() as u64, &|f| f.rows(), &|f| f.parameters.len() as u64, &|f| {
-            f.model_fingerprint
-        }];
+        [&|f| f.runs(), &|f| f.rows(), &|f| f.parameters.len() as u64, &|f| f.model_fingerprint];
     for number in numbers {
         // The bits of the fingerprint, whatever sign they make.
         let values: Vec<i64> = group.iter().map(|f| number(f).cast_signed()).collect();

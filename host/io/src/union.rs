@@ -37,8 +37,12 @@ pub struct Runs {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Run {
     recording: String,
-    /// Of its readings.
+    /// Of its readings; of several runs their sum.
     fingerprint: u64,
+    /// The number of runs.
+    count: u64,
+    /// Of the readings of some of them, where there are several.
+    sample: Vec<u64>,
     /// Of what was made of them.
     made: u64,
 }
@@ -48,20 +52,26 @@ impl Runs {
     #[must_use]
     pub fn of(factor: &PooledFactor) -> Self {
         let run = |source: &FactorSource| Run {
-            recording: source.recording.clone(),
+            recording: source.in_words(),
             fingerprint: source.fingerprint,
+            count: source.runs(),
+            sample: source.folded.as_ref().map_or_else(Vec::new, |folded| folded.sample.clone()),
             made: made(factor.model_fingerprint, source),
         };
         Self { name: factor.name.clone(), runs: factor.sources.iter().map(run).collect() }
     }
 }
 
-/// Returns a fingerprint of what was made of a run's readings; its name and date do not count.
+/// Returns a fingerprint of what was made of a run's readings; its name and date do not count. Of several runs
+/// means and sums depend on their order, and do not count either.
 fn made(model: u64, source: &FactorSource) -> u64 {
     let mut hash = Fingerprint::default();
-    [model, source.samples, source.rejected, source.rows, u64::from(source.sigma_given)]
+    [model, source.samples, source.rejected, source.rows, u64::from(source.sigma_given), source.runs()]
         .into_iter()
         .for_each(|word| hash.add(word));
+    if source.folded.is_some() {
+        return hash.finish();
+    }
     [source.noise_gain, source.spurious_information].into_iter().for_each(|v| hash.add(v.to_bits()));
     for channel in &source.channels {
         hash.add_text(&channel.name);
@@ -80,11 +90,14 @@ fn made(model: u64, source: &FactorSource) -> u64 {
 pub fn counted_once(all: &[Runs]) -> Result<Vec<bool>, PoolError> {
     let mut order: Vec<(usize, &Runs)> = all.iter().enumerate().collect();
     // Those of many runs first, so that one of some of their runs is left out.
-    order.sort_by_key(|(_, own)| Reverse(own.runs.len()));
+    order.sort_by_key(|(_, own)| Reverse(own.runs.iter().map(|run| run.count).sum::<u64>()));
     let mut seen: HashMap<u64, (&str, u64)> = HashMap::new();
     let mut counts = vec![false; all.len()];
     for (k, own) in order {
-        let known = |run: &Run| seen.get(&run.fingerprint).copied();
+        let known = |run: &Run| {
+            let all = std::iter::once(&run.fingerprint).chain(&run.sample);
+            all.filter_map(|fingerprint| seen.get(fingerprint).copied()).next()
+        };
         let alike = |run: &Run| known(run).is_some_and(|(_, made)| made == run.made);
         if !own.runs.is_empty() && own.runs.iter().all(alike) {
             continue;
@@ -97,6 +110,9 @@ pub fn counted_once(all: &[Runs]) -> Result<Vec<bool>, PoolError> {
             });
         }
         seen.extend(own.runs.iter().map(|run| (run.fingerprint, (own.name.as_str(), run.made))));
+        // Made alike or not: what else is in both cannot be seen.
+        let samples = own.runs.iter().flat_map(|run| &run.sample);
+        seen.extend(samples.map(|fingerprint| (*fingerprint, (own.name.as_str(), 0))));
         if let Some(counts) = counts.get_mut(k) {
             *counts = true;
         }

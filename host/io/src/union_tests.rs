@@ -85,7 +85,7 @@ fn files_are_merged_as_factors_are() {
     // The one that is left out is not read again.
     assert_eq!(*told.lock().unwrap(), (301, 302));
     let serial = PooledFactor::merged(runs, false).unwrap();
-    assert_eq!((all.repeated, all.factor.sources.len()), (1, 150));
+    assert_eq!((all.repeated, all.factor.runs()), (1, 150));
     assert!(apart(&all.factor, &serial) < 1e-13);
     // Half-written.
     let bytes = std::fs::read(&files[7]).unwrap();
@@ -104,7 +104,7 @@ fn tables_are_merged_as_files_are() {
     runs[7].write(&single).unwrap();
     let all = union_of_files(&[table.clone(), single], false, &|_, _| ()).unwrap();
     let serial = PooledFactor::merged(runs.clone(), false).unwrap();
-    assert_eq!((all.repeated, all.factor.sources.len()), (1, 150));
+    assert_eq!((all.repeated, all.factor.runs()), (1, 150));
     assert!(apart(&all.factor, &serial) < 1e-13);
     // Some rows of a part.
     let part = parts(&table).unwrap().remove(1).only(vec![0, 3]);

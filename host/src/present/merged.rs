@@ -1,6 +1,7 @@
 //! What merging gains: the best run alone beside all of them.
 
 use super::text::{NOT_IDENTIFIED, with_u95};
+use rigident_fit::factor_file::FactorSource;
 use rigident_fit::pool::{PooledFactor, names_in_words};
 use rigident_fit::{CheckedRun, Measured, RigRows};
 
@@ -41,12 +42,12 @@ fn unnamed<'a>(rigs: impl Iterator<Item = &'a RigRows>) -> String {
 
 /// Returns what merging runs assumed of their rigs and noise, in words; nothing of one run.
 pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
-    if pooled.sources.len() < 2 {
+    if pooled.runs() < 2 {
         return Vec::new();
     }
     let mut said = Vec::new();
     let unnamed = unnamed(pooled.rigs.iter());
-    let (rigs, runs) = (pooled.rigs.len(), pooled.sources.len());
+    let (rigs, runs) = (pooled.rigs.len() as u64, pooled.runs());
     if rigs > 1 {
         let how = if unnamed.is_empty() { "" } else { ", as their rig files state different things" };
         said.push(format!(
@@ -68,8 +69,11 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
         ));
     }
     let noisy = pooled.sources.iter().filter(|run| run.variance_scale > 1.0);
-    let noisy: Vec<String> =
-        noisy.map(|run| format!("{} ({:.1} times)", run.recording, run.variance_scale.sqrt())).collect();
+    let times = |run: &FactorSource| {
+        let most = if run.runs() > 1 { "up to " } else { "" };
+        format!("{} ({most}{:.1} times)", run.in_words(), run.variance_scale.sqrt())
+    };
+    let noisy: Vec<String> = noisy.map(times).collect();
     if !noisy.is_empty() {
         said.push(format!(
             "residuals are larger than the noise stated in {}: each of these counts by what it shows, and widens no other",
@@ -78,7 +82,7 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
     }
     let contradicted =
         pooled.sources.iter().filter(|run| run.checks.as_ref().is_some_and(|c| c.contradicted));
-    let contradicted: Vec<&str> = contradicted.map(|run| run.recording.as_str()).collect();
+    let contradicted: Vec<String> = contradicted.map(FactorSource::in_words).collect();
     if !contradicted.is_empty() {
         said.push(format!(
             "{} cannot be true, so nothing of all is identified: leave it out",

@@ -3,7 +3,7 @@
 use crate::factor_file::FactorFileError;
 
 /// Names that a message lists.
-const NAMES_LISTED: usize = 4;
+pub(super) const NAMES_LISTED: usize = 4;
 
 /// Why factors are not read, merged or written.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -113,8 +113,13 @@ impl std::fmt::Display for ModelDifference {
 
 /// The first few names, and how many more there are.
 pub fn names_in_words<S: AsRef<str>>(names: &[S], between: &str) -> String {
+    names_of_many(names, 0, between)
+}
+
+/// The first few names, and how many more there are, with those that are `hidden`.
+pub(super) fn names_of_many<S: AsRef<str>>(names: &[S], hidden: u64, between: &str) -> String {
     let first: Vec<&str> = names.iter().take(NAMES_LISTED).map(AsRef::as_ref).collect();
-    match names.len() - first.len() {
+    match (names.len() - first.len()) as u64 + hidden {
         0 => first.join(between),
         more => format!("{}{between}{more} more", first.join(between)),
     }

@@ -1,9 +1,9 @@
 //! Factors of several runs as one: errors of one rig are one, and runs of one body are compared.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use super::error::ModelDifference;
-use super::{PoolError, PooledFactor};
+use super::{PoolError, PooledFactor, folding};
 use crate::{Factor, Parameter, RigRows};
 
 /// Weights of a sum that differ by less are rounding.
@@ -29,21 +29,20 @@ impl PooledFactor {
             return Ok(whole);
         }
         let mut names = vec![whole.name.clone()];
-        let mut seen: HashMap<u64, usize> = whole.sources.iter().map(|s| (s.fingerprint, 0)).collect();
+        let known = whole.sources.iter().flat_map(|source| source.fingerprints());
+        let mut seen: BTreeMap<u64, usize> = known.map(|fingerprint| (*fingerprint, 0)).collect();
         let mut ranks = whole.rank();
         let mut apart = Apart::default();
         apart.take(&whole.rigs);
         // The same with all that a difference between runs says of errors: to compare the runs.
         let mut compared = whole.rigs.clone();
         for other in factors.map(prepare) {
-            for source in &other.sources {
-                if let Some(first) = seen.insert(source.fingerprint, names.len()) {
-                    return Err(PoolError::Repeated {
-                        recording: source.recording.clone(),
-                        first: names.get(first).unwrap_or(&other.name).clone(),
-                        second: other.name,
-                    });
-                }
+            if let Some((source, first)) = folding::repeated(&other.sources, &mut seen, names.len()) {
+                return Err(PoolError::Repeated {
+                    recording: source.in_words(),
+                    first: names.get(first).unwrap_or(&other.name).clone(),
+                    second: other.name,
+                });
             }
             let rigs = other.in_order_of(&whole)?;
             ranks += other.rank();
@@ -74,6 +73,7 @@ impl PooledFactor {
         whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
         whole.differing.sort_unstable();
         whole.differing.dedup();
+        whole.sources = folding::folded(whole.sources);
         Ok(whole)
     }
 

@@ -35,6 +35,7 @@ pub(super) fn pooled(
         }],
         checks: Some(Checks::default()),
         labels: std::collections::BTreeMap::new(),
+        folded: None,
     };
     PooledFactor {
         name: name.to_owned(),
