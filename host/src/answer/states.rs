@@ -9,8 +9,8 @@
 //! One scale per owner and kind:
 //! - One whole body, of which all ten parameters are columns: its mass m, its first moment m ℓ and its largest principal
 //!   moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be known, or there is no scale. Its tensor
-//!   is identified only if that about its centre of mass is, too, by its own largest principal moment: so it does not
-//!   depend on where the origin is.
+//!   is identified only if that about its centre of mass is, too, by its own largest principal moment, and its first moments
+//!   only if the centre of mass is, by the radius of gyration about it: so nothing depends on where the origin is.
 //! - A link of which there are base parameters: of each kind the largest, as estimated less its uncertainty, or as the
 //!   nominal model has it; where first moments vanish, the moments of inertia over the link's length take their place. The
 //!   rule for one body cannot be used, because a base parameter sums several links' and no mass may be among them.
@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use super::context::Links;
-use super::derived::{inertia_com, ten};
+use super::derived::{centre_of_mass, inertia_com, ten};
 use super::result::ParameterState;
 pub use rigident_fit::LEAST_EXCITATION;
 use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
@@ -114,14 +114,14 @@ impl BodyScale {
 /// Returns the largest principal moment; where not all of the tensor is informed, the largest moment about an axis of S that
 /// is, less its uncertainty: the largest principal moment is no smaller. Zero if there is none.
 fn largest_moment(estimate: &Estimate, spurious: f64) -> f64 {
-    let phi = ten(estimate);
-    if (4..10).all(|j| tensor_informed(estimate, spurious, j)) {
+    let (phi, informed) = (ten(estimate), informed_of_body(estimate, spurious));
+    if informed == [true; 6] {
         return rigident_shared::inertia::tensor_from_elements(std::array::from_fn(|k| phi[4 + k]))
             .symmetric_eigenvalues()
             .max();
     }
     let at_least = |j: usize| phi[j] - estimate.u95(j);
-    (4..7).filter(|j| tensor_informed(estimate, spurious, *j)).map(at_least).fold(0.0, f64::max)
+    (4..7).filter(|j| informed[*j - 4]).map(at_least).fold(0.0, f64::max)
 }
 
 /// Returns the radius of the sphere of [`DENSITY`], m.
@@ -134,41 +134,56 @@ fn sphere_radius(mass: f64) -> f64 {
 /// 1/(kg m²)².
 pub fn identified_of_body(estimate: &Estimate, spurious: f64) -> usize {
     let Some(scale) = BodyScale::of(estimate, spurious) else { return 0 };
-    let resolved = |j: &usize| estimate.is_determined(*j) && resolves_element(estimate, spurious, &scale, *j);
+    let informed = informed_of_body(estimate, spurious);
+    let resolved = |j: &usize| {
+        let is_informed = j.checked_sub(4).and_then(|k| informed.get(k)).is_none_or(|informed| *informed);
+        estimate.is_determined(*j)
+            && is_informed
+            && estimate.u95(*j) <= LARGEST_SHARE * scale.of_parameter(*j)
+    };
     let count = (0..10).take_while(resolved).count();
-    let central = resolves_central(estimate);
-    let of_tensor = central.iter().take_while(|resolved| **resolved).count();
-    count.min(4 + of_tensor)
+    count.min(1 + resolves_central(estimate).iter().take_while(|resolved| **resolved).count())
 }
 
-/// Returns true if an estimate resolves parameter `j` of one whole body.
-fn resolves_element(estimate: &Estimate, spurious: f64, scale: &BodyScale, j: usize) -> bool {
-    let informed = j < 4 || tensor_informed(estimate, spurious, j);
-    informed && estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j)
-}
-
-/// Returns which elements of the tensor about the centre of mass are resolved by its own largest principal
-/// moment: that about a far origin is mostly the mass times a distance squared. All, where a parameter is not
-/// determined and there is no such tensor.
-fn resolves_central(estimate: &Estimate) -> [bool; 6] {
+/// Returns which coordinates of the centre of mass are resolved by the radius of gyration about it, and which
+/// elements of the tensor about it by its own largest principal moment: those about a far origin are mostly the
+/// mass times a distance, and its square. All, where a parameter is not determined and there is no such tensor.
+fn resolves_central(estimate: &Estimate) -> [bool; 9] {
     if !(0..10).all(|j| estimate.is_determined(j)) {
-        return [true; 6];
+        return [true; 9];
     }
-    let central = inertia_com(estimate);
-    let u95 = central.sd.map(|sd| estimate.coverage_factor() * sd);
-    let within = |largest: f64| u95.map(|u95| u95 <= LARGEST_SHARE * largest);
+    let mass = ten(estimate)[0];
+    let (central, centre) = (inertia_com(estimate), centre_of_mass(estimate));
+    let expanded = |sd: f64| estimate.coverage_factor() * sd;
+    let (of_tensor, of_centre) = (central.sd.map(expanded), centre.sd.map(expanded));
+    let within = |largest: f64| {
+        let radius = (largest / mass).max(0.0).sqrt().max(sphere_radius(mass));
+        std::array::from_fn(|k| match k.checked_sub(3) {
+            None => of_centre[k] <= LARGEST_SHARE * radius,
+            Some(k) => of_tensor[k] <= LARGEST_SHARE * largest,
+        })
+    };
     let tensor = rigident_shared::inertia::tensor_from_elements(central.value);
     let all = within(tensor.symmetric_eigenvalues().max());
-    if all == [true; 6] {
+    if all[3..] == [true; 6] {
         return all;
     }
     // The largest principal moment is no smaller than any about an axis.
-    within((0..3).map(|k| central.value[k] - u95[k]).fold(0.0, f64::max))
+    within((0..3).map(|k| central.value[k] - of_tensor[k]).fold(0.0, f64::max))
 }
 
 /// Returns true if a tensor element has more information than the gyro's noise brings.
 fn tensor_informed(estimate: &Estimate, spurious: f64, j: usize) -> bool {
     estimate.is_determined(j) && 1.0 / estimate.unjudged().covariance[(j, j)] > LEAST_EXCITATION * spurious
+}
+
+/// Returns the same of the elements of one whole body, of the tensor about its centre of mass where there is
+/// one: that about a far origin is as uncertain as the distance is.
+fn informed_of_body(estimate: &Estimate, spurious: f64) -> [bool; 6] {
+    if !(0..10).all(|k| estimate.is_determined(k)) {
+        return std::array::from_fn(|k| tensor_informed(estimate, spurious, 4 + k));
+    }
+    inertia_com(estimate).sd.map(|sd| 1.0 / (sd * sd) > LEAST_EXCITATION * spurious)
 }
 
 /// Kinds of the ten parameters of a whole body, in their order.
@@ -204,13 +219,17 @@ pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<Parameter
     let scales = scales(fit, links);
     let (all, data) = (&fit.estimate, fit.data_alone());
     let is_whole = is_whole_body(fit);
-    let central = [data, all].map(|own| if is_whole { resolves_central(own) } else { [true; 6] });
+    let central = [data, all].map(|own| if is_whole { resolves_central(own) } else { [true; 9] });
+    let informed = [data, all].map(|own| is_whole.then(|| informed_of_body(own, fit.spurious_information)));
     let resolves = |of_all: bool, j: usize, scale: f64| {
         let estimate = if of_all { all } else { data };
-        let of_tensor = j.checked_sub(4).and_then(|k| central[usize::from(of_all)].get(k));
-        is_informed(fit, estimate, j)
-            && estimate.u95(j) <= LARGEST_SHARE * scale
-            && of_tensor.is_none_or(|resolved| *resolved)
+        let of_centre = j.checked_sub(1).and_then(|k| central[usize::from(of_all)].get(k));
+        let of_tensor = informed[usize::from(of_all)].as_ref().zip(j.checked_sub(4));
+        let is_informed = match of_tensor.and_then(|(informed, k)| informed.get(k)) {
+            Some(informed) => *informed,
+            None => is_informed(fit, estimate, j),
+        };
+        is_informed && estimate.u95(j) <= LARGEST_SHARE * scale && of_centre.is_none_or(|resolved| *resolved)
     };
     (0..fit.parameters.len())
         .map(|j| match (scales.get(j).copied().flatten(), all.measured(j)) {
@@ -420,7 +439,9 @@ mod tests {
 
     fn identified(estimate: &Estimate, spurious: f64) -> Vec<bool> {
         let Some(scale) = BodyScale::of(estimate, spurious) else { return vec![false; 10] };
-        (0..10).map(|j| resolves_element(estimate, spurious, &scale, j)).collect()
+        let informed = informed_of_body(estimate, spurious);
+        let own = |j: usize| estimate.u95(j) <= LARGEST_SHARE * scale.of_parameter(j);
+        (0..10).map(|j| own(j) && (j < 4 || informed[j - 4])).collect()
     }
 
     #[test]
