@@ -11,7 +11,8 @@ use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
 /// Readings per second.
 pub const RATE_HZ: f64 = 100.0;
-const SECONDS: f64 = 15.0;
+/// Length of a recording, s.
+pub const SECONDS: f64 = 15.0;
 const G: f64 = 9.80665;
 const LEVER: [f64; 3] = [0.05, -0.02, 0.03];
 /// Full scale of the load cell, N and N m.
@@ -25,11 +26,18 @@ const OF_RECORDING: [f64; 4] = [2e-4, 0.003, 0.02, 3e-4];
 /// Noise of a reading: N, N m, m/s², rad/s.
 const NOISE: [f64; 4] = [0.1, 0.004, 0.02, 1e-3];
 
+/// Errors of a rig: 36 of the load cell, then three each of scales and axes of the accelerometer, scales and
+/// axes of the gyro, place and attitude of the IMU.
+pub const RIG_ERRORS: usize = 54;
+/// Errors of a recording beside its offsets: a line and a curve of each channel, biases of gyro and
+/// accelerometer, the delay.
+pub const RECORDING_ERRORS: usize = 19;
+
 /// Returns the rig file: what is drawn is what is stated.
-pub fn rig_file(serial: &str, errors: f64) -> RigFile {
+pub fn rig_file(serial: &str, conditions: &Conditions) -> RigFile {
     let [force, moment, accel, gyro] = NOISE;
-    let [gain, crosstalk, place, angle, scale] = OF_RIG.map(|sigma| sigma * errors);
-    let [drift, gyro_bias, accel_bias, skew] = OF_RECORDING.map(|sigma| sigma * errors);
+    let [gain, crosstalk, place, angle, scale] = conditions.of_rig();
+    let [drift, gyro_bias, accel_bias, skew] = conditions.of_recording();
     let drift = RANGE.map(|range| range * drift);
     let gain = [gain; 6];
     let text = format!(
@@ -50,8 +58,8 @@ pub fn rig_file(serial: &str, errors: f64) -> RigFile {
 #[derive(Clone, Copy)]
 pub struct Body {
     mass: f64,
-    com: Vector3<f64>,
-    central: Matrix3<f64>,
+    pub com: Vector3<f64>,
+    pub central: Matrix3<f64>,
 }
 
 impl Body {
@@ -72,16 +80,17 @@ impl Body {
         let (mc, i) = (self.mass * self.com, self.tensor());
         [self.mass, mc.x, mc.y, mc.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]]
     }
+}
 
-    /// Returns force and moment about the origin that move it: angular rate and acceleration, and the
-    /// specific force at the origin.
-    fn wrench(&self, rate: Vector3<f64>, gained: Vector3<f64>, specific: Vector3<f64>) -> [f64; 6] {
-        let c = self.com;
-        let push = self.mass * (specific + gained.cross(&c) + rate.cross(&rate.cross(&c)));
-        let i = self.tensor();
-        let moment = self.mass * c.cross(&specific) + i * gained + rate.cross(&(i * rate));
-        [push.x, push.y, push.z, moment.x, moment.y, moment.z]
-    }
+/// Returns force and moment about the origin that move a body of ten parameters.
+pub fn wrench(parameters: &[f64; 10], there: &There) -> [f64; 6] {
+    let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *parameters;
+    let There { rate, gained, specific } = there;
+    let mc = Vector3::new(x, y, z);
+    let i = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+    let push = m * specific + gained.cross(&mc) + rate.cross(&rate.cross(&mc));
+    let moment = mc.cross(specific) + i * gained + rate.cross(&(i * rate));
+    [push.x, push.y, push.z, moment.x, moment.y, moment.z]
 }
 
 fn draw(random: &mut ChaCha8Rng) -> f64 {
@@ -93,7 +102,7 @@ fn vector(random: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
 }
 
 /// The conditions of a recording.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub struct Conditions {
     /// The noise by that which is stated.
     pub noisier: f64,
@@ -103,11 +112,30 @@ pub struct Conditions {
     pub slower: f64,
     /// The factor on errors of rig and recording, as drawn and as stated.
     pub errors: f64,
+    /// The factor on those of the load cell's gains and cross-talk beside that; zero: a calibrated cell.
+    pub cell: f64,
 }
 
 impl Conditions {
     /// White noise and errors as they are stated.
-    pub const STATED: Self = Self { noisier: 1.0, slow_s: 0.0, slower: 1.0, errors: 1.0 };
+    pub const STATED: Self = Self { noisier: 1.0, slow_s: 0.0, slower: 1.0, errors: 1.0, cell: 1.0 };
+
+    /// Returns 1 σ of the errors of a rig, as [`OF_RIG`].
+    fn of_rig(&self) -> [f64; 5] {
+        let [gain, crosstalk, place, angle, scale] = OF_RIG.map(|sigma| sigma * self.errors);
+        [gain * self.cell, crosstalk * self.cell, place, angle, scale]
+    }
+
+    /// Returns 1 σ of the errors of a recording, as [`OF_RECORDING`].
+    fn of_recording(&self) -> [f64; 4] {
+        OF_RECORDING.map(|sigma| sigma * self.errors)
+    }
+
+    /// Returns 1 σ of the white noise of force, moment, specific force and angular rate.
+    pub fn noise(&self) -> [f64; 4] {
+        let [force, moment, accel, gyro] = NOISE;
+        [force * self.noisier, moment * self.noisier, accel, gyro]
+    }
 }
 
 /// Errors that all recordings of a rig share.
@@ -122,36 +150,78 @@ pub struct Rig {
 
 impl Rig {
     /// Draws a rig.
-    pub fn new(seed: u64, errors: f64) -> Self {
-        let [gain, crosstalk, place, angle, scale] = OF_RIG.map(|sigma| sigma * errors);
+    pub fn new(seed: u64, conditions: &Conditions) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
+        Self::of(&std::array::from_fn(|_| draw(&mut random)), conditions)
+    }
+
+    /// Returns the rig of given errors, each in its standard deviations.
+    pub fn of(z: &[f64; RIG_ERRORS], conditions: &Conditions) -> Self {
+        let [gain, crosstalk, place, angle, scale] = conditions.of_rig();
         let mut cell = [[0.0; 6]; 6];
         for (to, row) in cell.iter_mut().enumerate() {
             for (from, entry) in row.iter_mut().enumerate() {
-                let z = draw(&mut random);
+                let z = z[6 * to + from];
                 *entry = if to == from { 1.0 + gain * z } else { crosstalk * RANGE[to] / RANGE[from] * z };
             }
         }
-        let accel = Matrix3::from_diagonal(&vector(&mut random, scale));
+        let three = |first: usize, sigma: f64| sigma * Vector3::new(z[first], z[first + 1], z[first + 2]);
+        let accel = Matrix3::from_diagonal(&three(36, scale));
         // Axes that are not square: x leans towards y and z, y towards z.
-        let lean = vector(&mut random, angle);
+        let lean = three(39, angle);
         let lean = Matrix3::new(0.0, lean.x, lean.y, 0.0, 0.0, lean.z, 0.0, 0.0, 0.0);
-        let gyro = Matrix3::from_diagonal(&vector(&mut random, scale));
-        let turned = Rotation3::new(vector(&mut random, angle)).into_inner();
+        let gyro = Matrix3::from_diagonal(&three(42, scale));
+        let turned = Rotation3::new(three(45, angle)).into_inner();
         Self {
             cell,
-            place: Vector3::from(LEVER) + vector(&mut random, place),
-            attitude: Rotation3::new(vector(&mut random, angle)),
+            place: Vector3::from(LEVER) + three(48, place),
+            attitude: Rotation3::new(three(51, angle)),
             accel: Matrix3::identity() + accel + lean,
             gyro: (Matrix3::identity() + gyro) * turned,
         }
+    }
+
+    /// Returns the wrench that the load cell reads of one that is there, without its offset.
+    fn of_cell(&self, exact: &[f64; 6]) -> [f64; 6] {
+        self.cell.map(|row| row.iter().zip(exact).map(|(a, b)| a * b).sum())
+    }
+
+    /// Returns the wrench that the load cell would read of a body, if the IMU reads what an ideal one at the
+    /// nominal place reads of the motion; errors of the recording are in their standard deviations.
+    pub fn told(
+        &self,
+        body: &[f64; 10],
+        motion: &Motion,
+        t: f64,
+        own: &[f64; RECORDING_ERRORS],
+        conditions: &Conditions,
+    ) -> [f64; 6] {
+        let [drift, gyro_bias, accel_bias, skew] = conditions.of_recording();
+        let of = |first: usize, sigma: f64| sigma * Vector3::new(own[first], own[first + 1], own[first + 2]);
+        let seen = motion.at(t - skew * own[18]);
+        let lever = Vector3::from(LEVER);
+        let read = seen.specific + seen.gained.cross(&lever) + seen.rate.cross(&seen.rate.cross(&lever));
+        let turn = |inverse: Option<Matrix3<f64>>| self.attitude * inverse.unwrap_or_else(Matrix3::identity);
+        let (gyro, accel) = (turn(self.gyro.try_inverse()), turn(self.accel.try_inverse()));
+        let rate = gyro * (seen.rate - of(12, gyro_bias));
+        let gained = gyro * seen.gained;
+        let arm = self.place;
+        let specific =
+            accel * (read - of(15, accel_bias)) - gained.cross(&arm) - rate.cross(&rate.cross(&arm));
+        let mut told = self.of_cell(&wrench(body, &There { rate, gained, specific }));
+        let s = 2.0 * t / (SECONDS - 1.0 / RATE_HZ) - 1.0;
+        for (c, told) in told.iter_mut().enumerate() {
+            *told += drift * RANGE[c] * (own[2 * c] * s + own[2 * c + 1] * (1.5 * s * s - 0.5));
+        }
+        told
     }
 
     /// Returns the readings of a recording: what is its own, and its motion, are drawn by the seed.
     pub fn record(&self, body: &Body, seed: u64, conditions: &Conditions) -> Vec<Reading<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let motion = Motion::new(&mut random, conditions.slower);
-        let [drifting, gyro_bias, accel_bias, skew] = OF_RECORDING.map(|sigma| sigma * conditions.errors);
+        let [drifting, gyro_bias, accel_bias, skew] = conditions.of_recording();
+        let (parameters, noise) = (body.parameters(), conditions.noise());
         let mut slow = [0.0; 6];
         let kept = (-1.0 / (RATE_HZ * conditions.slow_s.max(1e-6))).exp();
         let skew = skew * draw(&mut random);
@@ -165,7 +235,7 @@ impl Rig {
             .map(|n| {
                 let t = n as f64 / RATE_HZ;
                 let there = motion.at(t);
-                let exact = body.wrench(there.rate, there.gained, there.specific);
+                let sums = self.of_cell(&wrench(&parameters, &there));
                 let late = motion.at(t + skew);
                 let arm = self.place;
                 let read = late.specific + late.gained.cross(&arm) + late.rate.cross(&late.rate.cross(&arm));
@@ -173,17 +243,16 @@ impl Rig {
                 let turned = self.gyro * (self.attitude.inverse() * late.rate) + gyro_bias;
                 let s = 2.0 * n as f64 / (last - 1) as f64 - 1.0;
                 let wrench = std::array::from_fn(|c| {
-                    let sum: f64 = self.cell[c].iter().zip(&exact).map(|(a, b)| a * b).sum();
                     let [constant, line, curve] = offsets[c];
-                    let sigma = conditions.noisier * NOISE[usize::from(c > 2)];
+                    let sigma = noise[usize::from(c > 2)];
                     let drift = constant + line * s + curve * (1.5 * s * s - 0.5);
                     if conditions.slow_s > 0.0 {
                         slow[c] = kept * slow[c] + (1.0 - kept * kept).sqrt() * sigma * draw(&mut random);
                     }
-                    sum + drift + slow[c] + sigma * draw(&mut random)
+                    sums[c] + drift + slow[c] + sigma * draw(&mut random)
                 });
-                let accel = std::array::from_fn(|k| read[k] + NOISE[2] * draw(&mut random));
-                let gyro = std::array::from_fn(|k| turned[k] + NOISE[3] * draw(&mut random));
+                let accel = std::array::from_fn(|k| read[k] + noise[2] * draw(&mut random));
+                let gyro = std::array::from_fn(|k| turned[k] + noise[3] * draw(&mut random));
                 Reading {
                     time_ns: n * 10_000_000,
                     wrench: Wrench::from_array(wrench),
@@ -196,19 +265,24 @@ impl Rig {
 }
 
 /// A platform's motion: three angles and three ways, each a sum of sines.
-struct Motion {
+pub struct Motion {
     /// Amplitude, rad or m; frequency, rad/s; phase: three of each of six.
     sines: [[[f64; 3]; 3]; 6],
 }
 
 /// Rate and its slope in the body's axes, and the specific force at the origin.
-struct There {
+pub struct There {
     rate: Vector3<f64>,
     gained: Vector3<f64>,
     specific: Vector3<f64>,
 }
 
 impl Motion {
+    /// Returns the motion of the recording of a seed.
+    pub fn of_seed(seed: u64, slower: f64) -> Self {
+        Self::new(&mut ChaCha8Rng::seed_from_u64(seed), slower)
+    }
+
     fn new(random: &mut ChaCha8Rng, slower: f64) -> Self {
         let mut sines = [[[0.0; 3]; 3]; 6];
         for (axis, sums) in sines.iter_mut().enumerate() {
@@ -241,7 +315,8 @@ impl Motion {
         Vector3::new(r - y * sp, p * cr + y * cp * sr, -p * sr + y * cp * cr)
     }
 
-    fn at(&self, t: f64) -> There {
+    /// Returns the motion at a time, s.
+    pub fn at(&self, t: f64) -> There {
         let [r, p, y] = [0, 1, 2].map(|axis| self.slope(axis, 0, t));
         let attitude = Rotation3::from_euler_angles(r, p, y);
         let way = Vector3::from_fn(|k, _| self.slope(3 + k, 2, t));

@@ -2,17 +2,20 @@
 
 use std::collections::BTreeMap;
 
+use rigident::answer::derived::{centre_of_mass, inertia_com};
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::tare::Tare;
 use rigident::fit::{Fit, FitOptions, Parameter, Silent};
 use rigident::problem::body::{BodySource, prepare};
 use rigident::problem::{Problem, Subject};
 
+#[path = "bound.rs"]
+pub mod bound;
 #[path = "laboratory.rs"]
 mod laboratory;
 
 pub use laboratory::{Body, Conditions};
-use laboratory::{RATE_HZ, Rig, rig_file};
+use laboratory::{Motion, RATE_HZ, Rig, rig_file, wrench};
 
 /// Errors in U95 of the ten parameters, and U95.
 pub type Errors = Vec<(f64, f64)>;
@@ -21,13 +24,9 @@ const TEN: [&str; 10] = ["m", "mcx", "mcy", "mcz", "Ixx", "Iyy", "Izz", "Iyz", "
 
 /// Returns what a recording alone says.
 pub fn fit(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Fit {
-    let file = rig_file(&format!("rig {rig}"), conditions.errors);
-    let input = prepare::input(
-        &file,
-        Rig::new(rig, conditions.errors).record(body, seed, conditions),
-        false,
-        RATE_HZ,
-    );
+    let file = rig_file(&format!("rig {rig}"), conditions);
+    let readings = Rig::new(rig, conditions).record(body, seed, conditions);
+    let input = prepare::input(&file, readings, false, RATE_HZ);
     let source = Box::new(BodySource::new(input, file.imu.first()));
     let subject = Subject::Body { source, gravity_columns: false };
     let problem = Problem::new(&format!("{rig} {seed}"), file, subject);
@@ -39,19 +38,27 @@ pub fn factor(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Pool
     PooledFactor::of(&fit(rig, body, seed, conditions), &format!("{rig} {seed}"))
 }
 
+/// A recording with five times the noise that is stated.
+pub const NOISY: Conditions = Conditions { noisier: 5.0, ..Conditions::STATED };
+
 /// Returns the factors of four recordings of a rig, the first with five times the noise that is stated.
 pub fn noisy_first(rig: u64, body: &Body, seed: u64) -> Vec<PooledFactor> {
-    let conditions = |k: u64| Conditions { noisier: if k == 0 { 5.0 } else { 1.0 }, ..Conditions::STATED };
+    let conditions = |k: u64| if k == 0 { NOISY } else { Conditions::STATED };
     (0..4).map(|k| factor(rig, body, seed + k, &conditions(k))).collect()
 }
 
-/// Returns how far 0.64 kg on a fixture of 6.4 kg are off, whose own recording is taken off.
-pub fn tared(rig: u64, seed: u64) -> Errors {
-    let [small, bare, both] = [0.64, 6.4, 7.04].map(Body::of_mass);
+/// A body of a tenth of its fixture, the fixture, and both.
+pub fn on_fixture() -> [Body; 3] {
+    [0.64, 6.4, 7.04].map(Body::of_mass)
+}
+
+/// Returns the fit of 0.64 kg on a fixture of 6.4 kg, whose own recording is taken off.
+pub fn tared(rig: u64, seed: u64) -> Fit {
+    let [_, bare, both] = on_fixture();
     let mut total = fit(rig, &both, seed, &Conditions::STATED);
     let tare = Tare::new(factor(rig, &bare, seed + 1, &Conditions::STATED)).unwrap();
     tare.take_off(&mut total).unwrap();
-    off(&total, &small)
+    total
 }
 
 /// Returns how far a fit is off.
@@ -62,6 +69,53 @@ pub fn off(fit: &Fit, body: &Body) -> Errors {
         Some(((measured.value - truth.get(p.name.as_str())?) / measured.u95, measured.u95))
     };
     fit.parameters.iter().enumerate().filter_map(own).collect()
+}
+
+/// Returns how far wrenches are off that a fit predicts for a motion of its own, in U95, and this.
+pub fn predicted_off(fit: &Fit, body: &Body) -> Errors {
+    let at: Vec<usize> =
+        TEN.iter().filter_map(|n| fit.parameters.iter().position(|p| p.name == *n)).collect();
+    let motion = Motion::of_seed(u64::MAX, 1.0);
+    let of_time = |t: f64| {
+        let there = motion.at(t);
+        let exact = wrench(&body.parameters(), &there);
+        let slopes: Vec<[f64; 6]> =
+            (0..10).map(|j| wrench(&std::array::from_fn(|k| f64::from(u8::from(k == j))), &there)).collect();
+        let of_channel = |c: usize| {
+            let (mut value, mut variance) = (0.0, 0.0);
+            for (own, i) in slopes.iter().zip(&at) {
+                value += own[c] * fit.estimate.measured(*i)?.value;
+                for (other, j) in slopes.iter().zip(&at) {
+                    variance += own[c] * other[c] * fit.estimate.covariance(*i, *j)?;
+                }
+            }
+            let u95 = fit.estimate.coverage_factor() * variance.sqrt();
+            Some(((value - exact[c]) / u95, u95))
+        };
+        (0..6).filter_map(of_channel).collect::<Errors>()
+    };
+    [3.0, 7.0, 11.0].into_iter().flat_map(of_time).collect()
+}
+
+/// Returns how far the centre of mass and the tensor about it are off, in U95, and this.
+pub fn central_off(fit: &Fit, body: &Body) -> Errors {
+    let k = fit.estimate.coverage_factor();
+    let off = |value: f64, sd: f64, truth: f64| ((value - truth) / (k * sd), k * sd);
+    let (centre, central) = (centre_of_mass(&fit.estimate), inertia_com(&fit.estimate));
+    let (c, i) = (body.com, body.central);
+    let i = [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]];
+    let of_centre = (0..3).map(|k| off(centre.value[k], centre.sd[k], c[k]));
+    of_centre.chain((0..6).map(|k| off(central.value[k], central.sd[k], i[k]))).collect()
+}
+
+/// Returns U95 of each parameter by `1.96` times the standard deviation of the best estimate, the geometric
+/// mean over all.
+pub fn by_best(all: &[Errors], best: &[Vec<f64>]) -> Vec<f64> {
+    let mean = |j: usize| {
+        let of = all.iter().zip(best).map(|(own, best)| (own[j].1 / (1.96 * best[j])).ln());
+        (of.sum::<f64>() / all.len().min(best.len()) as f64).exp()
+    };
+    (0..10).map(mean).collect()
 }
 
 /// Returns the share of truths outside U95.
