@@ -1,6 +1,7 @@
-//! Recordings of one rig and of several, merged: the share of truths in the intervals, and how much wider
-//! these are for the errors that do not average out.
+//! Recordings of one rig and of several, merged: the share of truths in the intervals, and how wide these
+//! are by those of the best linear unbiased estimate.
 
+use rigident::fit::Fit;
 use rigident::fit::pool::PooledFactor;
 
 use super::report::{Job, in_parallel};
@@ -8,47 +9,128 @@ use super::report::{Job, in_parallel};
 #[path = "../../../host/cli/tests/integration/merging/runs.rs"]
 mod runs;
 
-use runs::{Body, Conditions, Errors, factor, larger, noisy_first, off, outside, rms, tared};
+use runs::bound::{deviations, deviations_beyond, information};
+use runs::{Body, Conditions, Errors, NOISY};
+use runs::{by_best, central_off, factor, larger, off, on_fixture, outside, predicted_off, rms, tared};
 
 /// Rigs that each row draws.
-const RIGS: u64 = 24;
+const RIGS: usize = 500;
 /// Rigs of the row of a hundred recordings.
-const FEW: u64 = 3;
+const FEW: usize = 24;
+/// Rigs of which the best estimate is made.
+const BEST: usize = 12;
+/// Recordings that are made of each rig.
+const EACH: usize = 9;
 const MASS_KG: f64 = 3.2;
+/// Noise of a second as large as the white noise of a reading, beside a motion three times as slow.
+const SLOW: Conditions = Conditions { slow_s: 1.0, slower: 3.0, ..Conditions::STATED };
+/// A load cell whose gains and cross-talk are known.
+const CALIBRATED: Conditions = Conditions { cell: 0.0, ..Conditions::STATED };
 
 /// What is merged.
 #[derive(Clone, Copy)]
 enum Case {
     /// Recordings of one rig.
-    One(u64),
+    One(usize),
+    /// Likewise, of slow noise and slow motion.
+    Slow(usize),
     /// As many recordings of each of several rigs.
-    Rigs { rigs: u64, each: u64 },
+    Rigs { rigs: usize, each: usize },
     /// Four of one rig, the first with five times its noise.
     Noisy,
+    /// Four of one rig whose load cell is calibrated.
+    Calibrated,
     /// A body of a tenth of its fixture, whose run is taken off.
     Tare,
 }
 
+/// What a rig is asked for.
+struct Asked {
+    of_body: Errors,
+    of_centre: Errors,
+    of_wrenches: Errors,
+}
+
+impl Asked {
+    fn of(fit: &Fit, body: &Body) -> Self {
+        Self {
+            of_body: off(fit, body),
+            of_centre: central_off(fit, body),
+            of_wrenches: predicted_off(fit, body),
+        }
+    }
+}
+
+/// Which body, rig, motion and conditions a recording has.
+#[derive(Clone, Copy)]
+struct Made {
+    rig: usize,
+    recording: usize,
+    conditions: Conditions,
+}
+
+impl Made {
+    fn seed(self) -> u64 {
+        1000 * self.rig as u64 + self.recording as u64
+    }
+
+    fn factor(self) -> PooledFactor {
+        factor(self.rig as u64, &Body::of_mass(MASS_KG), self.seed(), &self.conditions)
+    }
+}
+
 impl Case {
-    fn errors(self, rig: u64) -> Errors {
-        let body = Body::of_mass(MASS_KG);
-        let merged = |files: Vec<PooledFactor>| {
-            let pooled = PooledFactor::merged(files, false).expect("recordings of one body fit together");
-            off(&pooled.fit(), &body)
+    /// Returns the recordings of a rig of this number and of others, those of each in a list.
+    fn recordings(self, rig: usize) -> Vec<Vec<Made>> {
+        let of = |rig: usize, recordings: std::ops::Range<usize>, conditions: Conditions| -> Vec<Made> {
+            recordings.map(|recording| Made { rig: rig % RIGS, recording, conditions }).collect()
         };
         match self {
-            Self::One(count) => {
-                merged((0..count).map(|k| factor(rig, &body, 1000 * rig + k, &Conditions::STATED)).collect())
-            }
+            Self::One(count) => vec![of(rig, 0..count, Conditions::STATED)],
+            Self::Slow(count) => vec![of(rig, 0..count, SLOW)],
             Self::Rigs { rigs, each } => {
-                let of = |k: u64| {
-                    factor(10_000 + rig * rigs + k / each, &body, 1000 * rig + k, &Conditions::STATED)
-                };
-                merged((0..rigs * each).map(of).collect())
+                // Those that are next to each other share no recording.
+                let own = |k: usize| of(rig + k, k * each..(k + 1) * each, Conditions::STATED);
+                (0..rigs).map(own).collect()
             }
-            Self::Noisy => merged(noisy_first(rig, &body, 1000 * rig)),
-            Self::Tare => tared(rig, 1000 * rig),
+            Self::Noisy => {
+                let noisy = Made { rig, recording: EACH, conditions: NOISY };
+                vec![std::iter::once(noisy).chain(of(rig, 1..4, Conditions::STATED)).collect()]
+            }
+            Self::Calibrated => vec![of(rig, 0..4, CALIBRATED)],
+            Self::Tare => Vec::new(),
         }
+    }
+
+    /// Returns what is asked, by factors of the stated conditions that were made before.
+    fn asked(self, rig: usize, made: &[Vec<PooledFactor>]) -> Asked {
+        if let Self::Tare = self {
+            let [small, ..] = on_fixture();
+            return Asked::of(&tared(rig as u64, 1_000_000 + 2 * rig as u64), &small);
+        }
+        let known = |own: Made| {
+            let own_conditions = own.conditions != Conditions::STATED;
+            let known = made.get(own.rig).and_then(|of_rig| of_rig.get(own.recording));
+            known.filter(|_| !own_conditions).cloned().unwrap_or_else(|| own.factor())
+        };
+        let files: Vec<PooledFactor> = self.recordings(rig).concat().into_iter().map(known).collect();
+        let pooled = PooledFactor::merged(files, false).expect("recordings of one body fit together");
+        Asked::of(&pooled.fit(), &Body::of_mass(MASS_KG))
+    }
+
+    /// Returns the standard deviations of the best estimate.
+    fn best(self, rig: usize) -> Vec<f64> {
+        if let Self::Tare = self {
+            let [_, bare, both] = on_fixture();
+            let seed = 1_000_000 + 2 * rig as u64;
+            let of = |body: &Body, seed: u64| information(body, seed, &Conditions::STATED);
+            return deviations_beyond(&of(&both, seed), &of(&bare, seed + 1));
+        }
+        let body = Body::of_mass(MASS_KG);
+        let of_rig = |own: Vec<Made>| {
+            own.into_iter().map(|made| information(&body, made.seed(), &made.conditions)).collect()
+        };
+        deviations(&self.recordings(rig).into_iter().map(of_rig).collect::<Vec<_>>())
     }
 }
 
@@ -59,28 +141,58 @@ pub fn table() -> String {
         ("4 of one rig", Case::One(4)),
         ("9 of one rig", Case::One(9)),
         ("100 of one rig", Case::One(100)),
+        ("1 of each of 4 rigs", Case::Rigs { rigs: 4, each: 1 }),
         ("1 of each of 9 rigs", Case::Rigs { rigs: 9, each: 1 }),
         ("3 of each of 3 rigs", Case::Rigs { rigs: 3, each: 3 }),
         ("4 of one rig, one with five times its noise", Case::Noisy),
+        ("4 of one rig, its load cell calibrated", Case::Calibrated),
+        ("1 recording, slow motion, noise of 1 s", Case::Slow(1)),
+        ("4 of one rig, the same", Case::Slow(4)),
         ("0.64 kg on a fixture of 6.4 kg, taken off", Case::Tare),
     ];
+    let of_rig = |rig: usize| {
+        let own = move |recording| Made { rig, recording, conditions: Conditions::STATED }.factor();
+        Box::new(move || (0..EACH).map(own).collect()) as Job<'_, Vec<PooledFactor>>
+    };
+    let made = &in_parallel((0..RIGS).map(of_rig).collect());
     let mut text = String::from(
-        "| recordings | rigs drawn | outside U95, % | rms error, σ | U95 by that of one recording |\n|---|--:|--:|--:|--:|\n",
+        "| recordings | rigs drawn | inside U95, % | c, I_c inside, % | predicted wrenches inside, % | rms error, σ | U95 \
+         by the best, least–largest | U95 by that of one recording |\n|---|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     let mut single: Vec<Errors> = Vec::new();
     for (name, case) in cases {
         let count = if matches!(case, Case::One(100)) { FEW } else { RIGS };
-        let jobs = (0..count).map(|rig| Box::new(move || case.errors(rig)) as Job<'_, _>);
+        let jobs = (0..count).map(|rig| Box::new(move || case.asked(rig, made)) as Job<'_, _>);
         let all = in_parallel(jobs.collect());
+        let inside =
+            |of: &dyn Fn(&Asked) -> Errors| 100.0 * (1.0 - outside(&all.iter().map(of).collect::<Vec<_>>()));
+        let [of_centre, of_wrenches] =
+            [inside(&|own| own.of_centre.clone()), inside(&|own| own.of_wrenches.clone())];
+        let own: Vec<Errors> = all.iter().map(|own| own.of_body.clone()).collect();
         if single.is_empty() {
-            single.clone_from(&all);
+            single.clone_from(&own);
         }
-        let wider = match case {
-            Case::Tare => String::new(),
-            _ => format!("{:.2}", larger(&all, &single[..all.len()])),
+        // The best estimate of slow noise is another.
+        let bounds = match case {
+            Case::One(100) => 2,
+            Case::Slow(_) => 0,
+            _ => BEST.min(count),
         };
-        let outside = 100.0 * outside(&all);
-        text.push_str(&format!("| {name} | {count} | {outside:.1} | {:.2} | {wider} |\n", rms(&all)));
+        let best =
+            in_parallel((0..bounds).map(|rig| Box::new(move || case.best(rig)) as Job<'_, _>).collect());
+        let ratios = by_best(&own, &best);
+        let [least, most] =
+            [f64::min, f64::max].map(|of| ratios.iter().copied().reduce(of).unwrap_or(f64::NAN));
+        let by_best = if bounds > 0 { format!("{least:.2}–{most:.2}") } else { String::new() };
+        let wider = match case {
+            Case::Tare | Case::Calibrated | Case::Slow(_) => String::new(),
+            _ => format!("{:.2}", larger(&own, &single[..own.len()])),
+        };
+        text.push_str(&format!(
+            "| {name} | {count} | {:.1} | {of_centre:.1} | {of_wrenches:.1} | {:.2} | {by_best} | {wider} |\n",
+            100.0 * (1.0 - outside(&own)),
+            rms(&own),
+        ));
     }
     text
 }
