@@ -1,21 +1,18 @@
 //! Identifies the body of a recording: `cargo run --release -p rigident --example identify_csv -- FILE.csv`
 //!
-//! This is `rigident identify FILE.csv` as a library: a recording with its rig file, the problem it poses, a fit, an answer.
+//! This is `rigident identify FILE.csv` as a library: the same function, so that every number is the same to the last bit.
 
+#[cfg(not(test))]
 use std::error::Error;
 use std::path::Path;
 
-use rigident::answer::{Answer, Context};
-use rigident::fit::{FitOptions, Silent};
-use rigident::problem::{Problem, ProblemOptions};
-use rigident::recording::Recording;
+use rigident::answer::Answer;
+use rigident::application::{self, Caller, IdentifyOptions};
 
-/// Identifies one rigid body from a CSV or MCAP file and the rig file beside it.
-pub fn identify(path: &Path) -> Result<Answer, Box<dyn Error>> {
-    let recording = Recording::load(path, None)?;
-    let problem = Problem::from_recording(&recording, None, &ProblemOptions::default())?;
-    let fit = problem.fit(&FitOptions::default(), &Silent)?;
-    Ok(Answer::new(&fit, Context { body: problem.rig.body.as_ref(), ..Context::default() })?)
+/// Identifies one rigid body, or the links of its rig file, from a recording and the rig file beside it.
+pub fn identify(path: &Path) -> Result<Answer, application::Error> {
+    let found = application::identify(path.into(), &IdentifyOptions::default(), &Caller::default())?;
+    Ok(found.answer)
 }
 
 /// Prints every parameter with its 95 % interval, or that it is not identified.
@@ -31,6 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             None => println!("{:10} not identified", parameter.name),
         }
     }
+    answer.warnings.iter().for_each(|warning| println!("{warning}"));
     answer.advice.iter().for_each(|advice| println!("{advice}"));
     Ok(())
 }

@@ -12,6 +12,7 @@
 //! library's types, is there without both.
 
 pub mod answer;
+pub mod application;
 pub mod body_segments;
 pub mod device;
 pub mod diagnosis;

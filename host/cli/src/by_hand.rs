@@ -9,14 +9,13 @@ use super::arguments::Run;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{configured, of_sensors, open};
 use super::links_on_device::check_asked;
-use super::loaded::Loaded;
 use super::next_move::NextMove;
-use super::options::calibration;
 use super::options::forgetting::RowsOf;
-use super::outcome::provenance;
 use super::zeroing::{warm_up, zero};
 use super::{Failure, Folder};
 use rigident::answer::now;
+use rigident::application::report::provenance;
+use rigident::application::{Loaded, calibrate};
 use rigident::device::session::{settings, sound};
 use rigident::platform::ByHand;
 use rigident_io::rig::RigFile;
@@ -31,7 +30,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
     refuse_programmes(arguments, &rig)?;
     arguments.load.put_into(&mut rig)?;
-    calibration::take(&mut rig, arguments.calibration.calibration.as_deref())?;
+    calibrate(&mut rig, arguments.calibration.calibration.as_deref())?;
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let parameters =
         Loaded::of_readings("run", &rig, Vec::new(), Some(rate_hz), false).source().parameters().to_vec();

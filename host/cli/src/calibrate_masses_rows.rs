@@ -1,9 +1,8 @@
 //! The rows of `rigident calibrate masses`: factors of recordings, or of the parts of one.
 
 use super::calibration_arguments::{CalibrateMasses, ExternalWrench};
-use super::loaded::Loaded;
-use super::options::trees::TreeModel;
 use super::{Failure, Stages};
+use rigident::application::{Loaded, Tree};
 use rigident::mass_properties::efforts::suspects;
 use rigident::mass_properties::external::{External, with_unknown_wrench};
 use rigident::mass_properties::weights::channel_sigma;
@@ -27,7 +26,7 @@ pub(super) struct Read {
 
 /// Reads the recordings, fits each and makes the factors of their parts.
 pub(super) fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read, Failure> {
-    let tree = TreeModel { model: Some(arguments.model.clone()), changes: arguments.changes.clone() };
+    let tree = Tree { model: Some(arguments.model.clone()), changes: arguments.changes.typed()? };
     let friction = Friction::parse(&arguments.friction).map_err(Failure::input)?;
     let options = ProblemOptions { friction, ..ProblemOptions::default() };
     let mut read = Read {
@@ -40,7 +39,14 @@ pub(super) fn read(arguments: &CalibrateMasses, stages: &Stages) -> Result<Read,
     };
     for path in &arguments.recordings {
         stages.at(&format!("reading {}", path.display()), 0.0);
-        read.loaded.push(Loaded::read(path, arguments.rig.as_deref(), None, &tree, &options, stages)?);
+        read.loaded.push(Loaded::read(
+            path,
+            arguments.rig.as_deref(),
+            None,
+            &tree,
+            &options,
+            &stages.caller(),
+        )?);
     }
     let (mut sigma, mut with): (Option<Vec<f64>>, Vec<Factor>) = (None, Vec::new());
     for (loaded, path) in read.loaded.iter().zip(&arguments.recordings) {

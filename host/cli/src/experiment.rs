@@ -14,12 +14,14 @@ use rigident_shared::wire::{
 
 use super::arguments::Output;
 use super::came::Came;
-use super::loaded::{Loaded, PLOT_POINTS};
 use super::next_move::NextMove;
 use super::options::stop_criterion::{self, StopCriterion};
-use super::run_report::RunReport;
+use super::run_report::{Outlet, finish};
 use super::tracking_error::{MotionLog, TrackingError};
 use super::{ExitStatus, Failure, Folder, Progress, Stages};
+use rigident::application::loaded::PLOT_POINTS;
+use rigident::application::tare::take_off;
+use rigident::application::{Loaded, Report};
 use rigident::device::link::TakenFactor;
 use rigident::device::session::tree::complaints;
 use rigident::device::session::{Observer, Take, widen};
@@ -381,13 +383,18 @@ impl Experiment<'_> {
         let (loaded, mut found, mcu) = match take.factor.clone() {
             Some(TakenFactor { factor, gram }) => {
                 let device = DeviceFactor { factor, gram };
-                let (loaded, found) =
-                    self.loaded.fit_device(&device, self.span, &stages).map_err(|e| kept(&e))?;
+                let (loaded, found) = self
+                    .loaded
+                    .fit_device(&device, self.span, &stages.caller())
+                    .map_err(|e| kept(&Failure::from(e)))?;
                 (loaded, found, self.mcu)
             }
             None => {
                 // The device is out of reach; what it streamed is here, and the pipeline is the same.
-                let found = self.loaded.fit(self.span, PLOT_POINTS, &stages).map_err(|e| kept(&e))?;
+                let found = self
+                    .loaded
+                    .fit(self.span, PLOT_POINTS, &stages.caller())
+                    .map_err(|e| kept(&Failure::from(e)))?;
                 let why = match &take.broken {
                     Some(_) => "could not be fetched: this one was made here, from the readings received",
                     None => "holds readings that are left out: this one was made here, from the others",
@@ -416,10 +423,10 @@ impl Experiment<'_> {
         let keeps_factor = self.tare.is_none() && self.known.is_empty();
         let factor = (!keeps_factor).then(|| loaded.factor(&found));
         if let Some(tare) = &self.tare {
-            super::factor::take_off(tare, &mut found, &mut notes).map_err(|e| kept(&e))?;
+            take_off(tare, &mut found, &mut notes).map_err(|e| kept(&e))?;
         }
         self.known.apply(&mut found).map_err(|e| kept(&e))?;
-        let mut report = RunReport::of_recording(self.started, self.output, &loaded, mcu);
+        let mut report = Report::of_recording(&loaded, mcu);
         report.asked = self.stop.asked(&self.output.estimate);
         (report.factor, report.keeps_factor) = (factor, keeps_factor);
         report.parameter_truth = self.parameter_truth;
@@ -438,7 +445,8 @@ impl Experiment<'_> {
         }
         report.warnings.extend(warnings);
         report.error = take.broken;
-        let code = report.finish(&found, || Ok(Some(folder.clone())))?;
+        let outlet = Outlet { started: self.started, output: self.output };
+        let code = finish(report, found, outlet, || Ok(Some(folder.clone())))?;
         let unmet = unmet && code == ExitCode::SUCCESS;
         Ok(if take.interrupted || unmet { ExitStatus::NotIdentified.into() } else { code })
     }

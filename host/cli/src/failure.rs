@@ -1,6 +1,7 @@
 use std::fmt;
 use std::process::ExitCode;
 
+use rigident::application::Error;
 use rigident_io::recording::RecordingError;
 use rigident_io::rig::RigFileError;
 use rigident_shared::printable;
@@ -95,6 +96,15 @@ impl Failure {
         self
     }
 
+    /// Returns the same failure, at the place of an error of the application, if that has one.
+    pub(super) fn at_place_of(self, error: &Error) -> Self {
+        match error {
+            Error::Recording(error) => Self { place: place_of(error), ..self },
+            Error::Of { error, .. } | Error::Assuming { error, .. } => self.at_place_of(error),
+            _ => self,
+        }
+    }
+
     /// Returns where it is, if it is at a place of a recording or of a rig file.
     pub fn place(&self) -> Option<&Place> {
         self.place.as_ref()
@@ -116,6 +126,8 @@ impl fmt::Display for Failure {
         f.write_str(&self.message)
     }
 }
+
+impl std::error::Error for Failure {}
 
 impl From<RecordingError> for Failure {
     fn from(error: RecordingError) -> Self {

@@ -9,13 +9,10 @@ mod tell;
 
 mod adaptive;
 mod arguments;
-mod bare_platform;
 mod bench;
 mod body;
 mod body_arguments;
 mod body_device;
-mod body_page;
-mod body_plates;
 mod by_hand;
 mod calibrate;
 mod calibrate_imu;
@@ -40,7 +37,6 @@ mod doctor;
 mod doctor_checks;
 mod doctor_finding;
 mod doctor_sensors;
-mod drift;
 mod experiment;
 mod factor;
 mod factor_arguments;
@@ -56,8 +52,6 @@ mod link;
 mod links_on_device;
 mod live;
 mod live_streams;
-mod loaded;
-mod locked_joints;
 mod merge;
 mod model;
 mod monitor;
@@ -72,11 +66,9 @@ mod montecarlo;
 mod montecarlo_motions;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
-mod motion_plots;
 mod next_move;
 mod options;
 mod outcome;
-mod payload;
 mod plan_arguments;
 mod plan_excitation;
 mod plan_motion;
@@ -113,8 +105,8 @@ mod vibration_postures;
 mod vibration_stiffness;
 mod watch;
 mod watch_arguments;
+mod worded;
 mod workspace;
-mod written_model;
 mod zeroing;
 
 use std::ffi::OsString;
@@ -122,6 +114,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use clap::CommandFactory;
+use rigident::application::recorded::{listed, named};
 
 pub use arguments::Arguments;
 pub use failure::{ExitStatus, Failure, Place};
@@ -259,15 +252,15 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         #[cfg(not(feature = "simulator"))]
         None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
         Some(Command::Identify(mut a)) => {
-            a.recording = recorded::listed(a.recording);
+            a.recording = listed(a.recording);
             identify::run(&a)
         }
         Some(Command::Replay(mut a)) => {
-            a.recording = recorded::named(a.recording);
+            a.recording = named(a.recording);
             replay::run(&a)
         }
         Some(Command::Watch(mut a)) => {
-            a.recording = recorded::named(a.recording);
+            a.recording = named(a.recording);
             watch::run(&a)
         }
         Some(Command::Run(a)) => run::run(&a),

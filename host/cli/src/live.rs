@@ -12,17 +12,16 @@ use super::experiment::{Watcher, device_notes};
 use super::link::configured;
 use super::links_on_device::check_asked;
 use super::live_streams::{Asked, Came, Streams};
-use super::loaded::{Loaded, PLOT_POINTS};
 use super::next_move::NextMove;
-use super::options::calibration;
 use super::options::microcontroller::Image;
 use super::options::stop_criterion::not_reached;
-use super::options::trees::TreeModel;
-use super::outcome::provenance;
-use super::recorded::STREAMS;
-use super::run_report::RunReport;
+use super::run_report::{Outlet, finish};
 use super::{Failure, Folder, Stages, replay};
 use rigident::answer::now;
+use rigident::application::loaded::PLOT_POINTS;
+use rigident::application::recorded::STREAMS;
+use rigident::application::report::provenance;
+use rigident::application::{Loaded, Report, Tree, calibrate};
 use rigident::device::link::Client;
 use rigident::device::session::{DeviceTiming, INTERRUPTED, Session, settings, state_imu_noise};
 use rigident::problem::ProblemOptions;
@@ -107,13 +106,13 @@ fn answer(
     let stages = Stages::new("estimate");
     let calibrated = arguments.calibration.calibration.as_deref();
     let options = ProblemOptions::default();
-    let loaded =
-        Loaded::read(listing, None, calibrated, &TreeModel::default(), &options, &stages).map_err(kept)?;
-    let mut found = loaded.fit(None, PLOT_POINTS, &stages).map_err(kept)?;
+    let loaded = Loaded::read(listing, None, calibrated, &Tree::default(), &options, &stages.caller())
+        .map_err(|e| kept(e.into()))?;
+    let mut found = loaded.fit(None, PLOT_POINTS, &stages.caller()).map_err(|e| kept(e.into()))?;
     drop(stages);
     let factor = loaded.factor(&found);
     known.apply(&mut found).map_err(|e| kept(Failure::input(e)))?;
-    let mut report = RunReport::of_recording(started, &arguments.output, &loaded, "host");
+    let mut report = Report::of_recording(&loaded, "host");
     report.asked = arguments.stop.asked(&arguments.output.estimate);
     report.factor = Some(factor);
     report.provenance = fed.device.into_iter().chain(streams.provenance()).chain(report.provenance).collect();
@@ -129,7 +128,8 @@ fn answer(
             .to_owned(),
     );
     report.error = fed.broken;
-    report.finish(&found, || Ok(Some(folder.clone())))
+    let outlet = Outlet { started, output: &arguments.output };
+    finish(report, found, outlet, || Ok(Some(folder.clone())))
 }
 
 /// Reads the rig file, if there is one; it must be of one body in motion.
@@ -152,7 +152,7 @@ fn rig_of(arguments: &Live) -> Result<RigFile, Failure> {
     if let (Some(what), Some(path)) = (what, &arguments.rig) {
         return Err(Failure::input(format!("{} has {what}", path.display())));
     }
-    calibration::take(&mut rig, arguments.calibration.calibration.as_deref())?;
+    calibrate(&mut rig, arguments.calibration.calibration.as_deref())?;
     if let Some(seconds) = arguments.at_most_s.filter(|s| !(s.is_finite() && *s > 0.0)) {
         return Err(Failure::input(format!("--at-most-s {seconds}: a positive number of seconds")));
     }

@@ -6,12 +6,13 @@ use super::arguments::Merge;
 use super::factor::{absent, check_agreement, read, refused, write_pooled, write_table};
 use super::outcome::say;
 use super::{Failure, Folder, Stages};
+use rigident::application::{self, Merged};
 use rigident::present;
 use rigident_fit::groups::{Values, grouped, values};
 use rigident_fit::parallel::{map, threads};
 use rigident_fit::pool::PooledFactor;
 use rigident_io::factor_table::{Part, is_table, parts};
-use rigident_io::union::{Union, union, union_of_files, union_of_parts};
+use rigident_io::union::{Union, union_of_parts};
 
 /// `rigident merge`
 pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
@@ -27,17 +28,19 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     let tables = files.iter().any(|file| is_table(file));
     let (runs, all) = if !tables && present::merged::is_shown(files.len()) {
         let runs = files.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-        (runs.clone(), union(runs, shared))
+        (runs.clone(), application::merge(runs, shared, arguments.force))
     } else {
         let stages = Stages::new("merging");
-        let done = |read: usize, of: usize| stages.at("reading", read as f64 / of as f64);
-        (Vec::new(), union_of_files(&files, shared, &done))
+        (Vec::new(), application::merge_files(&files, shared, arguments.force, &stages.caller()))
     };
-    let Union { factor, repeated, given } = all.map_err(refused)?;
+    let Merged { factor, repeated, given, warnings } = all?;
     if repeated > 0 {
         tell!("rigident: {repeated} of {given} factors are left out: their recordings are in others");
     }
-    write_pooled(&factor, &runs, shared, arguments.force, &arguments.output)
+    for said in &warnings {
+        tell!("rigident: {said}");
+    }
+    write_pooled(&factor, &runs, &arguments.output)
 }
 
 /// Returns the paths that stand in a list, one a line; `-` is standard input.

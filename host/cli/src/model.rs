@@ -2,14 +2,13 @@ use std::process::ExitCode;
 
 use serde_json::json;
 
-use super::options::trees::{
-    BaseParams, ModelChanges, ModelCheck, ModelCommand, ModelVerb, RowsWord, SexWord,
-};
+use super::options::trees::{BaseParams, ModelCheck, ModelCommand, ModelVerb, RowsWord};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
+use rigident::application::tree::open;
 use rigident_model::base::names::legend;
 use rigident_model::base::{BaseParameters, Rows, Situation, base_parameters};
-use rigident_model::human::{Person, Sex};
+use rigident_model::human::Person;
 use rigident_model::{Finding, Model};
 
 /// `rigident model`
@@ -18,66 +17,6 @@ pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
         ModelVerb::BaseParams(arguments) => base_params(arguments),
         ModelVerb::Check(arguments) => check(arguments),
     }
-}
-
-/// The model that the options describe, and whether it is one of the people.
-pub(super) fn open(name: &str, options: &ModelChanges) -> Result<(Model, bool), Failure> {
-    let (mut model, is_person) = read(name, options)?;
-    change(&mut model, options)?;
-    Ok((model, is_person))
-}
-
-/// The same, nothing changed yet.
-pub(super) fn read(name: &str, options: &ModelChanges) -> Result<(Model, bool), Failure> {
-    let lengths_m = options
-        .segment
-        .iter()
-        .map(|words| {
-            let (name, value) = words.split_once('=')?;
-            Some((name.to_owned(), value.trim().parse().ok()?))
-        })
-        .collect::<Option<Vec<_>>>()
-        .ok_or_else(|| Failure::input("--segment stands as NAME=METRES, for example thigh=0.44"))?;
-    let sex = match options.sex {
-        SexWord::Female => Sex::Female,
-        SexWord::Male => Sex::Male,
-    };
-    let person = Person { height_m: options.height_m, mass_kg: options.mass_kg, sex, lengths_m };
-    let (model, is_person) = rigident::named_model::open(name, &person).map_err(Failure::input)?;
-    if !is_person {
-        refuse_a_person(options)?;
-    }
-    Ok((model, is_person))
-}
-
-/// Refuses options that say whose body a person's is, where there is none.
-pub(super) fn refuse_a_person(options: &ModelChanges) -> Result<(), Failure> {
-    if options.describe_a_person() {
-        return Err(Failure::input(
-            "--height-m, --mass-kg, --sex and --segment describe human34 and human58; the model given is neither",
-        ));
-    }
-    Ok(())
-}
-
-/// The joints of `--spherical J1,J2,J3`.
-pub(super) fn three(words: &str) -> Result<[String; 3], Failure> {
-    let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
-    joints
-        .try_into()
-        .map_err(|_| Failure::input(format!("--spherical {words}: names three joints, J1,J2,J3")))
-}
-
-/// Applies the options that change a model.
-pub(super) fn change(model: &mut Model, options: &ModelChanges) -> Result<(), Failure> {
-    model.lock(&options.lock).map_err(Failure::input)?;
-    for words in &options.spherical {
-        model.declare_spherical(&three(words)?).map_err(Failure::input)?;
-    }
-    for words in &options.tool {
-        model.hold_tool(words).map_err(Failure::input)?;
-    }
-    Ok(())
 }
 
 fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
@@ -115,7 +54,7 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
 }
 
 fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {
-    let (model, is_person) = open(&arguments.model.model, &arguments.model.changes)?;
+    let (model, is_person) = open(&arguments.model.model, &arguments.model.changes.typed()?)?;
     for finding in &model.findings {
         tell!("rigident: {finding}");
     }

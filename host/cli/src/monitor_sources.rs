@@ -7,11 +7,11 @@ use std::time::{Duration, Instant, SystemTime};
 
 use rigident_shared::wire::{ModelSettings, Settings};
 
-use super::arguments::{Monitor, TreeModel};
+use super::arguments::Monitor;
 use super::link::{configured, device_settings, of_sensors, open};
-use super::loaded::Loaded;
 use super::monitor_watch::{Listener, NAP, Watch, answered, phase};
 use super::{Failure, Stages};
+use rigident::application::{Loaded, Tree};
 use rigident::device::ports;
 use rigident::device::session::Session;
 use rigident::problem::ProblemOptions;
@@ -65,8 +65,9 @@ pub(super) fn follow(path: &Path, rig: Option<&Path>, once: bool, watch: &Watch)
         seen = now;
         watch.change(|view| "reading".clone_into(&mut view.phase));
         let options = ProblemOptions::default();
-        let read = Loaded::read(path, rig, None, &TreeModel::default(), &options, &Stages::silent());
-        watch.answer(read.and_then(|loaded| {
+        let stages = Stages::silent();
+        let read = Loaded::read(path, rig, None, &Tree::default(), &options, &stages.caller());
+        watch.answer(read.map_err(Failure::from).and_then(|loaded| {
             tell_samples(&loaded, watch);
             answered(&loaded)
         }));

@@ -8,12 +8,11 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{CounterReport, EstimateReport, ReadingMessage, Reason, StateName};
 
-use super::arguments::Output;
 use super::experiment::in_words;
 use super::info::{of_reason, of_state};
-use super::loaded::{Loaded, PLOT_POINTS};
-use super::run_report::RunReport;
 use super::{Failure, Stages};
+use rigident::application::loaded::PLOT_POINTS;
+use rigident::application::{Loaded, Report};
 use rigident::device::session::{Heard, INTERRUPTED, Observer, widen};
 use rigident::monitor::{Answered, Counted, LinkHealth, View};
 use rigident_io::rig::RigFile;
@@ -114,9 +113,9 @@ impl Watch {
 
 /// Answers as `rigident identify` would.
 pub(super) fn answered(loaded: &Loaded) -> Result<Answered, Failure> {
-    let fit = loaded.fit(None, PLOT_POINTS, &Stages::silent())?;
-    let output = Output { json: false, out: None, estimate: Vec::new() };
-    let answer = RunReport::of_recording(Instant::now(), &output, loaded, "host").answer(&fit)?;
+    let stages = Stages::silent();
+    let fit = loaded.fit(None, PLOT_POINTS, &stages.caller())?;
+    let answer = Report::of_recording(loaded, "host").answer(&fit, &stages.caller())?;
     Ok(Answered::new(&answer, &fit))
 }
 

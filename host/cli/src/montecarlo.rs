@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use super::arguments::{DemoBody, Estimating, Montecarlo, NoiseReading};
 use super::experiment::check_duration;
-use super::options::trees::ModelChanges;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Progress};
+use rigident::application::Changes;
+use rigident::application::tree::read;
 use rigident::device::session::INTERRUPTED;
 use rigident::montecarlo::{
     Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict,
@@ -95,7 +96,7 @@ fn run_tree(arguments: &Montecarlo, name: &str, started: Instant) -> Result<Exit
     let model = match name {
         "two-links" => trees::two_links(),
         "seven-axes" => trees::seven_axes(),
-        name => super::model::read(name, &ModelChanges::default())?.0,
+        name => read(name, &Changes::default())?.0,
     };
     let mut experiment = TreeExperiment {
         rate_hz,

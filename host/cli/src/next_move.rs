@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
 
-use super::loaded::Loaded;
 use super::progress::Stages;
 use rigident::answer::{Answer, Context, Status};
+use rigident::application::Loaded;
 use rigident_io::rig::RigFile;
 
 /// There is a look this often at most, and for no more than a tenth of the time.
@@ -110,7 +110,7 @@ fn look(
 /// Returns what readings lack; `None` where they make no answer yet.
 fn words(rig: &RigFile, readings: Vec<Reading<f64>>, rate_hz: f64, asked: &[String]) -> Option<String> {
     let loaded = Loaded::of_readings("live", rig, readings, Some(rate_hz), false);
-    let found = loaded.fit(None, 0, &Stages::silent()).ok()?;
+    let found = loaded.fit(None, 0, &Stages::silent().caller()).ok()?;
     let answer = Answer::new(&found, Context { asked, ..Context::default() }).ok()?;
     if answer.status == Status::Identified {
         return Some(ENOUGH.to_owned());

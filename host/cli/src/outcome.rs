@@ -5,7 +5,6 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::kept;
-use rigident_io::rig::RigFile;
 use rigident_shared::printable;
 
 /// Whether anything has been printed on standard output.
@@ -71,26 +70,6 @@ fn print(to: &mut impl Write, text: &impl std::fmt::Display) -> io::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         written => written,
     }
-}
-
-/// Serial numbers and calibration dates of the rig file.
-pub fn provenance(rig: &RigFile) -> Vec<(String, String)> {
-    let mut notes = Vec::new();
-    let mut add = |what: &str, value: &Option<String>| {
-        if let Some(value) = value {
-            notes.push((what.to_owned(), value.clone()));
-        }
-    };
-    add("Load cell, serial number", &rig.load_cell.serial);
-    add("Load cell, calibrated on", &rig.load_cell.calibrated_on);
-    if let Some(calibration) = rig.calibrated() {
-        add("Rig, calibrated on", &Some(format!("{} ({})", calibration.date, calibration.name)));
-    }
-    if let Some(imu) = rig.imu.first() {
-        add("IMU, serial number", &imu.serial);
-        add("IMU, calibrated on", &imu.calibrated_on);
-    }
-    notes
 }
 
 #[cfg(test)]

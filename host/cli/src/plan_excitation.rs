@@ -11,7 +11,8 @@ use super::options::trees::RowsWord;
 use super::outcome::say;
 use super::plan_arguments::PlanExcitation;
 use super::plan_motion::ended;
-use super::{Failure, Progress, model};
+use super::{Failure, Progress};
+use rigident::application::tree::{change, read};
 use rigident::plan::excitation::boxes::{BoxFile, Boxes, boxes};
 use rigident::plan::excitation::collisions::Apart;
 use rigident::plan::excitation::files::{FileJoint, csv, joint_trajectory, joints};
@@ -166,14 +167,15 @@ fn ending(path: &Path) -> Result<Ending, Failure> {
 
 fn prepare(arguments: &PlanExcitation) -> Result<Prepared, Failure> {
     let name = &arguments.model.model;
-    let (whole, is_person) = model::read(name, &arguments.model.changes)?;
+    let changes = arguments.model.changes.typed()?;
+    let (whole, is_person) = read(name, &changes)?;
     if is_person {
         return Err(Failure::input(format!(
             "{name} is a person, whose joints no controller drives: give the model of a robot"
         )));
     }
     let mut robot = whole.clone();
-    model::change(&mut robot, &arguments.model.changes)?;
+    change(&mut robot, &changes)?;
     let shares = shares(arguments)?;
     let given = GivenLimits {
         range: arguments.range.clone(),

@@ -1,61 +1,13 @@
 //! `rigident predict` and `rigident validate`: what models say of a recording, beside what was measured.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use super::loaded::Loaded;
 use super::outcome::say;
 use super::predict_arguments::{Predict, Predicting, Validate};
-use super::{ExitStatus, Failure, Folder, Stages, recorded};
-use rigident::answer::Answer;
-use rigident::answer::predictor::Predictor;
-use rigident::answer::result::CompleteDrive;
-use rigident::present::prediction::{ChannelError, PredictedChannel, Predictions, page, text};
-use rigident::problem::ProblemOptions;
-use rigident::problem::tree::drive::{Friction, stated};
-use rigident_files::csv::field;
-use rigident_fit::{Prediction, RowSource, plain_least_squares};
-use rigident_model::human::Person;
-use rigident_model::{Model, ModelLink};
-
-/// A model that was given.
-enum Given {
-    /// result.json
-    Answer(Box<Answer>),
-    /// A robot description.
-    Model(Box<Model>),
-}
-
-impl Given {
-    /// Returns the drives that it has parameters of.
-    fn drives(&self) -> &[CompleteDrive] {
-        match self {
-            Self::Answer(answer) => answer.complete.as_ref().map_or(&[], |found| &found.drives),
-            Self::Model(_) => &[],
-        }
-    }
-}
-
-impl Given {
-    /// Returns the columns that a description has parameters of, by joints; locked ones have none.
-    fn joints(&self, locked: &[String]) -> Vec<(String, Vec<&'static str>)> {
-        let Self::Model(model) = self else { return Vec::new() };
-        let is_locked = |name: &str| {
-            locked
-                .iter()
-                .any(|words| words.split_once('=').map_or(words.as_str(), |(joint, _)| joint) == name)
-        };
-        let links = model.links.iter().skip(1).filter(|link| link.link.joint.freedoms() == 1);
-        let of = |link: &ModelLink| {
-            let terms = stated(&link.passive[0]).into_iter().filter(|(_, value)| *value != 0.0);
-            let terms = terms.map(|(term, _)| term.name());
-            (link.joint_name.clone(), terms.collect::<Vec<_>>())
-        };
-        let found = links.map(of).filter(|(_, terms)| !terms.is_empty());
-        found.filter(|(joint, _)| !is_locked(joint)).collect()
-    }
-}
+use super::{ExitStatus, Failure, Folder, Stages};
+use rigident::application::{self, PredictOptions, Predicted};
+use rigident::present::prediction::text;
 
 /// `rigident predict`
 pub(super) fn predict(arguments: &Predict) -> Result<ExitCode, Failure> {
@@ -78,83 +30,29 @@ fn run(
     needs_measured: bool,
 ) -> Result<ExitCode, Failure> {
     how.out.as_deref().map_or(Ok(()), Folder::check)?;
-    let recording = recorded::named(recording.to_owned());
+    let options = PredictOptions {
+        rig: how.rig.clone(),
+        tree: how.tree.typed()?,
+        train: train.map(Path::to_owned),
+        needs_measured,
+    };
     let stages = Stages::new(&format!("reading {}", recording.display()));
-    let given = models.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-    let mut tree = how.tree.clone();
-    let description = given.iter().zip(models).find(|(given, _)| matches!(given, Given::Model(_)));
-    if let (None, Some((_, path))) = (&tree.model, description) {
-        tree.model = Some(path.display().to_string());
-    }
-    let options = ProblemOptions { without_efforts: !needs_measured, ..options(&given, &tree.changes.lock)? };
-    let load = |path: &Path| Loaded::read(path, how.rig.as_deref(), None, &tree, &options, &stages);
-    let loaded = load(&recording)?;
-    let source = loaded.source();
-    let nominal = loaded.nominal().map(|(model, _)| model);
-    check_result_of_tree(&given, models, nominal)?;
-    let mut predictors = Vec::new();
-    if let Some(nominal) = nominal.filter(|model| needs_measured && has_bodies(model)) {
-        predictors.push(("nominal".to_owned(), Predictor::of_model(nominal)));
-    }
-    for (given, name) in given.iter().zip(names(models)) {
-        predictors.push(match given {
-            Given::Answer(answer) => (name, Predictor::of_answer(answer)),
-            Given::Model(model) => (name, Predictor::of_model(model)),
-        });
-    }
-    stages.at("prediction", 0.0);
-    let mut columns = Vec::new();
-    let mut notes = loaded.warnings.clone();
-    notes.extend(loaded.notes.iter().cloned());
-    for (name, predictor) in predictors {
-        let (values, without) = predictor.values(source.parameters());
-        if !without.is_empty() && name != "nominal" {
-            notes.push(format!(
-                "{name} says nothing of {}: they count as zero",
-                rigident::present::text::shortened(&without, 6)
-            ));
-        }
-        columns.push((name, Prediction::of(source, &values, predictor.errors()).map_err(Failure::input)?));
-    }
-    if let Some(train) = train {
-        let train = load(&recorded::named(train.to_owned()))?;
-        let progress = |stage: &str, share: f64| stages.at(stage, share);
-        let values = plain_least_squares(train.source(), &progress).map_err(Failure::input)?;
-        let names = |source: &dyn RowSource| -> Vec<String> {
-            source.parameters().iter().map(|p| p.name.clone()).collect()
-        };
-        if names(train.source()) != names(source) {
-            return Err(Failure::input(
-                "--train has other parameters than the recording: columns are missing in one of them",
-            ));
-        }
-        columns.push((
-            "least squares".to_owned(),
-            Prediction::of(source, &values, &[]).map_err(Failure::input)?,
-        ));
-    }
+    let predicted = application::predict(models, recording, &options, &stages.caller())?;
     drop(stages);
-    let has_measured =
-        needs_measured || columns.iter().any(|(_, p)| p.measured_sd.iter().any(|sd| *sd > 0.0));
-    let found = predictions(&loaded, source, &columns, has_measured, notes);
-    finish(&found, &columns, how)
+    finish(&predicted, how)
 }
 
 /// Prints and writes.
-fn finish(
-    found: &Predictions,
-    columns: &[(String, Prediction)],
-    how: &Predicting,
-) -> Result<ExitCode, Failure> {
+fn finish(predicted: &Predicted, how: &Predicting) -> Result<ExitCode, Failure> {
     if how.json {
-        say(serde_json::to_string_pretty(found).map_err(Failure::input)?);
+        say(serde_json::to_string_pretty(&predicted.found).map_err(Failure::input)?);
     } else {
-        say(text(found).trim_end());
+        say(text(&predicted.found).trim_end());
     }
     if let Some(out) = how.out.as_deref() {
         let folder = Folder::new(Some(out), "predict")?;
-        folder.write("prediction.csv", csv(found, columns).as_bytes())?;
-        let page = folder.write("report.html", page(found, columns).as_bytes())?;
+        folder.write("prediction.csv", predicted.csv().as_bytes())?;
+        let page = folder.write("report.html", predicted.page().as_bytes())?;
         if !how.json {
             say(format_args!(
                 "\nFiles in {}; open {} in a browser.",
@@ -164,154 +62,4 @@ fn finish(
         }
     }
     Ok(ExitStatus::Identified.into())
-}
-
-fn predictions(
-    loaded: &Loaded,
-    source: &dyn RowSource,
-    columns: &[(String, Prediction)],
-    has_measured: bool,
-    notes: Vec<String>,
-) -> Predictions {
-    let channel = |(c, channel): (usize, &rigident_fit::Channel)| {
-        let measured_sd = columns.first().and_then(|(_, p)| p.measured_sd.get(c)).copied();
-        let error = |(name, prediction): &(String, Prediction)| {
-            let rms = prediction.residual_rms.get(c).copied()?;
-            let nrmse = measured_sd.map(|sd| rms / sd).filter(|share| share.is_finite());
-            Some(ChannelError { model: name.clone(), rms, nrmse })
-        };
-        PredictedChannel {
-            name: channel.name.clone(),
-            unit: channel.unit.clone(),
-            measured_sd: measured_sd.filter(|_| has_measured),
-            models: if has_measured { columns.iter().filter_map(error).collect() } else { Vec::new() },
-        }
-    };
-    Predictions {
-        recording: loaded.origin("host").recording,
-        normalised_by: "standard deviation of the measured channel behind the filter".to_owned(),
-        models: columns.iter().map(|(name, _)| name.clone()).collect(),
-        channels: source.channels().iter().enumerate().map(channel).collect(),
-        notes,
-    }
-}
-
-/// Returns what is predicted over time: one row a filtered sample, cells empty where dry friction is unknown at rest.
-fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
-    let has_measured = found.channels.iter().any(|channel| channel.measured_sd.is_some());
-    let unit = |channel: &PredictedChannel| channel.unit.replace(' ', "").to_lowercase();
-    let mut out = "t_s".to_owned();
-    for channel in &found.channels {
-        if has_measured {
-            let _ = write!(out, ",{}", field(&format!("{}_{}", channel.name, unit(channel))));
-        }
-        for model in &found.models {
-            let column = format!("{}_{}_{}", channel.name, unit(channel), model.replace([' ', ','], "_"));
-            let _ = write!(out, ",{}", field(&column));
-        }
-    }
-    out.push('\n');
-    let blocks = columns.first().map_or(0, |(_, p)| p.blocks.len());
-    for k in 0..blocks {
-        let of = |column: &(String, Prediction)| column.1.blocks.get(k).cloned();
-        let all: Vec<_> = columns.iter().filter_map(of).collect();
-        let Some(first) = all.first() else { continue };
-        let _ = write!(out, "{:.6}", first.time_s);
-        for c in 0..found.channels.len() {
-            let told = first.told.get(c) != Some(&false);
-            let cell = |value: Option<&f64>| match value {
-                Some(value) if told => format!(",{value:.9}"),
-                _ => ",".to_owned(),
-            };
-            if has_measured {
-                out.push_str(&cell(first.measured.get(c)));
-            }
-            all.iter().for_each(|block| out.push_str(&cell(block.predicted.get(c))));
-        }
-        out.push('\n');
-    }
-    out
-}
-
-/// Reads a result.json.
-pub(super) fn answer_in(path: &Path) -> Result<Answer, Failure> {
-    let text = rigident_files::read_text(path)
-        .map_err(|e| Failure::input(format!("{} cannot be read: {e}", path.display())))?;
-    Answer::read(&text).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
-}
-
-/// Reads a model: result.json, or a robot description.
-fn read(path: &Path) -> Result<Given, Failure> {
-    if path.extension().is_some_and(|extension| extension == "json") {
-        let answer = answer_in(path)?;
-        return match &answer.error {
-            Some(error) => Err(Failure::input(format!("{}: this run failed: {error}", path.display()))),
-            None if answer.is_contradicted() => Err(Failure::input(format!(
-                "{}: its recording cannot be true, so nothing of it is identified and nothing can be \
-                 predicted: the warnings in it say why",
-                path.display()
-            ))),
-            None => Ok(Given::Answer(Box::new(answer))),
-        };
-    }
-    let name = path.display().to_string();
-    let (model, _) = rigident::named_model::open(&name, &Person::default()).map_err(Failure::input)?;
-    Ok(Given::Model(Box::new(model)))
-}
-
-/// Returns the columns of all drives that the models have.
-fn options(given: &[Given], locked: &[String]) -> Result<ProblemOptions, Failure> {
-    let mut lists = Vec::new();
-    let mut drives: Vec<String> = Vec::new();
-    let all: Vec<&CompleteDrive> = given.iter().flat_map(Given::drives).collect();
-    for drive in all {
-        let terms: Vec<&str> = drive.terms.iter().map(|term| term.term.as_str()).collect();
-        lists.push(format!("{}={}", drive.name, terms.join(",")));
-        let words = format!("{}={}", drive.name, drive.turns_with);
-        if drive.turns_with != drive.name && !drives.contains(&words) {
-            drives.push(words);
-        }
-    }
-    for (joint, terms) in given.iter().flat_map(|given| given.joints(locked)) {
-        lists.push(format!("{joint}={}", terms.join(",")));
-    }
-    let friction = Friction::parse(&lists).map_err(Failure::input)?;
-    Ok(ProblemOptions { friction, drives, ..ProblemOptions::default() })
-}
-
-/// Refuses results of trees without the tree.
-fn check_result_of_tree(given: &[Given], paths: &[PathBuf], nominal: Option<&Model>) -> Result<(), Failure> {
-    for (given, path) in given.iter().zip(paths) {
-        let Given::Answer(answer) = given else { continue };
-        if answer.model.is_some() != nominal.is_some() {
-            return Err(Failure::input(match nominal {
-                None => format!(
-                    "{} is of a tree of links: give the description that it was identified with, --model FILE",
-                    path.display()
-                ),
-                Some(_) => format!("{} is of one body, and --model of a tree", path.display()),
-            }));
-        }
-    }
-    Ok(())
-}
-
-fn has_bodies(model: &Model) -> bool {
-    model.links.iter().any(|link| link.nominal.is_some())
-}
-
-/// Returns the shortest names that tell files apart: of result.json that of its folder.
-fn names(paths: &[PathBuf]) -> Vec<String> {
-    let short = |path: &PathBuf| {
-        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        let folder = path.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
-        match folder {
-            Some(folder) if stem == "result" => folder,
-            _ => stem,
-        }
-    };
-    match paths {
-        [one] if one.extension().is_some_and(|e| e == "json") => vec!["identified".to_owned()],
-        all => all.iter().map(short).collect(),
-    }
 }

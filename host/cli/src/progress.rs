@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::printable;
 
-use super::{kept, tell};
+use super::{kept, tell, worded};
+use rigident::application::Caller;
 
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
 ///
@@ -112,10 +113,21 @@ impl Stages {
         Self { stage: Arc::default(), end: None, thread: None }
     }
 
+    /// Returns the caller of a job of the application, whose progress this shows.
+    pub(super) fn caller(&self) -> Caller<'_> {
+        Caller::new(self).worded_by(worded::notice)
+    }
+
     /// What is being done now, and what share of it is done; zero: that is not known. A called command ends here if it is to.
     pub(super) fn at(&self, stage: &str, share: f64) {
         kept::stop_if_asked();
         *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), share);
+    }
+}
+
+impl rigident_fit::Progress for Stages {
+    fn stage(&self, name: &str, share: f64) {
+        self.at(name, share);
     }
 }
 

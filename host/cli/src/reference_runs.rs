@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::calibration_arguments::ReferenceRuns;
-use super::options::calibration::take;
-use super::options::trees::TreeModel;
 use super::{Failure, Stages, factor, recorded};
+use rigident::application::recorded::named;
+use rigident::application::{Tree, calibrate};
 use rigident::problem::body::BodySource;
 use rigident::problem::{Problem, ProblemOptions, Subject};
 use rigident::reference::body::Mounted;
@@ -82,10 +82,10 @@ pub(super) fn read(
         RigErrors::Uncalibrated => None,
         RigErrors::Calibrated(file) => file,
     };
-    let tare = factor::tare(&arguments.tare, rig, own, &TreeModel::default(), &mut notes, &mut warnings)?;
+    let tare = factor::tare(&arguments.tare, rig, own, &Tree::default(), (&mut notes, &mut warnings))?;
     let mut all = Vec::new();
     for (k, path) in arguments.recordings.iter().enumerate() {
-        let path = recorded::named(path.clone());
+        let path = named(path.clone());
         let stages = Stages::new(&format!("reading {}", path.display()));
         recorded::refuse_streams(&path, rig, command)?;
         let mut recording = Recording::load(&path, rig).map_err(Failure::input)?;
@@ -93,7 +93,7 @@ pub(super) fn read(
         if let RigErrors::Uncalibrated = errors {
             recording.rig.calibration = None;
         }
-        take(&mut recording.rig, own)?;
+        calibrate(&mut recording.rig, own)?;
         let expired = recording.rig.calibrated().and_then(|c| c.expired(recording.recorded().as_deref()));
         let problem = Problem::from_recording(&recording, None, &ProblemOptions::default());
         let problem = problem.map_err(Failure::input)?;

@@ -8,11 +8,12 @@ use rigident_shared::wire::Source;
 use super::arguments::Replay;
 use super::experiment::{Experiment, Watcher};
 use super::link::{NamedTransport, configured};
-use super::loaded::{Loaded, is_on_springs, refuse_tree_options, tree_of};
 use super::options::calibration;
 use super::options::forgetting::{self, RowsOf};
 use super::options::microcontroller::Image;
 use super::{Failure, Folder, Stages, replay_links, replay_springs, simulated};
+use rigident::application::tree::{is_on_springs, tree_of};
+use rigident::application::{Error, Loaded, calibrate};
 use rigident::device::link::{Client, SerialTransport};
 use rigident::device::session::precision::{self, largest_numbers};
 use rigident::device::session::{DeviceTiming, Session, narrow, settings, state_imu_noise, widen};
@@ -30,20 +31,22 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     if is_on_springs(path, rig) {
         return replay_springs::run(arguments, started);
     }
-    if let Some((model, _)) = tree_of(path, rig, &arguments.tree)? {
+    let tree = arguments.tree.typed()?;
+    if let Some((model, _)) = tree_of(path, rig, &tree)? {
         calibration::refuse_for_trees(calibrated)?;
-        return replay_links::run(arguments, model, started);
+        return replay_links::run(arguments, &tree, model, started);
     }
-    refuse_tree_options(&arguments.tree.changed())?;
+    if let Some(option) = tree.asked() {
+        return Err(Error::OnlyForTrees(option).into());
+    }
     let known = arguments.known.parse()?;
     let mut recording =
         Recording::load(&arguments.recording, arguments.rig.as_deref()).map_err(Failure::input)?;
     recording.leave_out_spikes();
-    calibration::take(&mut recording.rig, calibrated)?;
+    calibrate(&mut recording.rig, calibrated)?;
     let prepared = prepare(&recording).map_err(Failure::input)?;
     let (mut notes, mut warnings) = (prepared.notes.clone(), recording.warnings.clone());
-    let tare =
-        super::factor::tare(&arguments.tare, rig, calibrated, &arguments.tree, &mut notes, &mut warnings)?;
+    let tare = super::factor::tare(&arguments.tare, rig, calibrated, &tree, (&mut notes, &mut warnings))?;
     let of_readings = |rig: &RigFile, readings: Vec<Reading<f64>>| {
         let rate_hz = (!recording.is_static).then_some(prepared.input.rate_hz);
         Loaded::of_readings(&recording.name, rig, readings, rate_hz, prepared.gravity_columns)
@@ -117,7 +120,7 @@ pub(super) fn device_sigma(
     let (mut sigma, given) = match loaded.problem.rig.load_cell.noise_n_nm {
         Some(sigma) => (sigma, true),
         None => {
-            let found = loaded.fit(span, 0, &stages)?;
+            let found = loaded.fit(span, 0, &stages.caller())?;
             let sigma: Vec<f64> = found.channels.iter().map(|c| c.sigma).collect();
             let six = sigma.first_chunk().copied();
             (six.ok_or_else(|| Failure::input("the rows are not those of a load cell"))?, false)

@@ -9,11 +9,12 @@ use super::arguments::{Mcu, Replay};
 use super::experiment::{Experiment, Watcher};
 use super::link::configured;
 use super::links_on_device::{check_asked, device_parameters};
-use super::loaded::{Loaded, change_as_recorded};
 use super::options::microcontroller::Image;
 use super::refused::refuse_for_trees;
 use super::replay;
-use super::{Failure, Folder, simulated};
+use super::{Failure, Folder, Stages, simulated};
+use rigident::application::tree::change_as_recorded;
+use rigident::application::{Loaded, Tree};
 use rigident::device::link::Client;
 use rigident::device::session::tree::{self, device_tree, tree_settings};
 use rigident::device::session::two_links::{attitude_source, two_link_settings};
@@ -23,7 +24,12 @@ use rigident_io::rig::{OffsetTable, OffsetWord};
 use rigident_model::Model;
 
 /// Replays a recording of this tree.
-pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Result<ExitCode, Failure> {
+pub(super) fn run(
+    arguments: &Replay,
+    tree: &Tree,
+    mut model: Model,
+    started: Instant,
+) -> Result<ExitCode, Failure> {
     refuse_for_trees(&[&arguments.forgetting])?;
     let known = arguments.known.parse()?;
     let mut recording =
@@ -37,10 +43,9 @@ pub(super) fn run(arguments: &Replay, mut model: Model, started: Instant) -> Res
     }
     recording.leave_out_spikes();
     let mut warnings = recording.warnings.clone();
-    let mut notes = change_as_recorded(&mut model, &arguments.tree.changes, &recording)?;
+    let mut notes = change_as_recorded(&mut model, &tree.changes, &recording, &Stages::silent().caller())?;
     let rig_path = arguments.rig.as_deref();
-    let tare =
-        super::factor::tare(&arguments.tare, rig_path, None, &arguments.tree, &mut notes, &mut warnings)?;
+    let tare = super::factor::tare(&arguments.tare, rig_path, None, tree, (&mut notes, &mut warnings))?;
     let model = &model;
     let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);

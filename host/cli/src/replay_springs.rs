@@ -8,14 +8,14 @@ use rigident_shared::estimator::frames::TreeFactor;
 use rigident_shared::wire::{EstimateReport, ReadingMessage};
 
 use super::arguments::{Mcu, Replay};
-use super::bare_platform::of_platform;
 use super::experiment::{Experiment, Watcher};
 use super::link::configured;
 use super::links_on_device::check_asked;
-use super::loaded::Loaded;
 use super::options::calibration;
 use super::refused::refuse_for_trees;
 use super::{Failure, Folder, Stages, simulated};
+use rigident::application::Loaded;
+use rigident::application::bare_platform::of_platform;
 use rigident::device::accuracy::Accuracy;
 use rigident::device::link::{Client, TakenFactor};
 use rigident::device::session::precision::{self, largest_numbers};
@@ -48,15 +48,17 @@ pub(super) fn run(arguments: &Replay, started: Instant) -> Result<ExitCode, Fail
     };
     let known = arguments.known.parse()?;
     let (path, rig_path) = (&arguments.recording, arguments.rig.as_deref());
+    let tree = arguments.tree.typed()?;
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let loaded = Loaded::read(path, rig_path, None, &arguments.tree, &ProblemOptions::default(), &stages)?;
+    let loaded = Loaded::read(path, rig_path, None, &tree, &ProblemOptions::default(), &stages.caller())?;
     let Subject::Suspended { source, .. } = &loaded.problem.subject else {
         return Err(Failure::input(format!("{}: no rows on springs come of it", path.display())));
     };
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
-    let mut tare =
-        super::factor::tare(&arguments.tare, rig_path, None, &arguments.tree, &mut notes, &mut warnings)?;
-    if let Some(platform) = loaded.problem.rig.suspension.as_ref().map(of_platform).transpose()?.flatten() {
+    let mut tare = super::factor::tare(&arguments.tare, rig_path, None, &tree, (&mut notes, &mut warnings))?;
+    if let Some(platform) =
+        loaded.problem.rig.suspension.as_ref().map(of_platform).transpose().map_err(Failure::input)?.flatten()
+    {
         if tare.is_some() {
             return Err(Failure::input(
                 "--tare: [suspension.platform] of the rig file is taken off already; leave one of them out",
@@ -125,7 +127,7 @@ fn noise(
     stages: &Stages,
     notes: &mut Vec<String>,
 ) -> Result<[f64; 6], Failure> {
-    let found = loaded.fit(None, 0, stages)?;
+    let found = loaded.fit(None, 0, &stages.caller())?;
     let gain = found.filter.noise_gain.sqrt();
     let mut own: Vec<f64> = found.channels.iter().map(|c| c.residual_sigma / gain).collect();
     let largest = largest_numbers(source, &|stage: &str, share| stages.at(stage, share));

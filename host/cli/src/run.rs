@@ -11,10 +11,8 @@ use super::consent::{self, Consent};
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{configured, device_settings, of_sensors, open};
 use super::links_on_device::{check_asked, device_parameters};
-use super::loaded::Loaded;
 use super::options::calibration;
 use super::options::forgetting::RowsOf;
-use super::outcome::provenance;
 use super::refused::refuse_for_trees;
 use super::tell::WithoutWaiting;
 use super::trace::TraceFile;
@@ -22,6 +20,8 @@ use super::tracking_error::{MotionLog, TrackingError};
 use super::zeroing::{self, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, by_hand, guards, programme};
 use rigident::answer::now;
+use rigident::application::report::provenance;
+use rigident::application::{Loaded, calibrate};
 use rigident::device::session::tree::device_tree;
 use rigident::device::session::{INTERRUPTED, Session, SessionError, settings, sound, two_links};
 use rigident::named_model::rig_links::from_tables;
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut rig = RigFile::load(&arguments.rig).map_err(Failure::input)?;
     arguments.load.put_into(&mut rig)?;
     let calibrated = arguments.calibration.calibration.as_deref();
-    calibration::take(&mut rig, calibrated)?;
+    calibrate(&mut rig, calibrated)?;
     let links = links_of(arguments, &rig)?;
     if links.is_some() {
         calibration::refuse_for_trees(calibrated)?;

@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::arguments::Summary as Arguments;
 use super::outcome::say;
-use super::predict::answer_in;
 use super::{ExitStatus, Failure};
 use rigident::answer::Answer;
 use rigident::answer::repeated::{Repeated, Summary, is_usable, summary};
+use rigident::application::predict::answer_in;
 
 /// The object of `--json`.
 #[derive(Serialize)]

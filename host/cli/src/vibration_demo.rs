@@ -7,10 +7,10 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::arguments::DemoBody;
-use super::bare_platform::take_platform_off;
 use super::outcome::say;
 use super::vibration_arguments::DemoVibration;
 use super::{ExitStatus, Failure, Folder, Stages, vibration_identify};
+use rigident::application::bare_platform::take_platform_off;
 use rigident::named_model::rig_links;
 use rigident::present::text::{NOT_IDENTIFIED, with_u95};
 use rigident::problem::suspension::free_decay::vibration;
@@ -193,7 +193,7 @@ fn object(
     let (mut alone, mut moving) = (postures.fit(), without_offsets.only(|p| p.kind.is_inertial()).fit());
     if let Some(table) = &rig.suspension {
         for found in [&mut merged, &mut alone, &mut moving] {
-            take_platform_off(table, found)?;
+            take_platform_off(table, found).map_err(Failure::input)?;
         }
     }
     let subset = Subset::new(&merged.parameters, model);

@@ -5,12 +5,12 @@ use std::process::ExitCode;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::bare_platform::take_platform_off;
-use super::loaded::Loaded;
 use super::outcome::say;
 use super::vibration_arguments::IdentifyVibration;
 use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::{Answer, Context, Source, Status};
+use rigident::application::Loaded;
+use rigident::application::bare_platform::take_platform_off;
 use rigident::present::modes_page::{self, Scene};
 use rigident::present::vibration as present;
 use rigident::problem::suspension::bare::{is_stated, massless};
@@ -197,14 +197,14 @@ fn without_platform(rig: &RigFile, fit: &mut Fit, name: &str) -> Result<Option<P
     let Some(table) = rig.suspension.as_ref().filter(|table| is_stated(table)) else {
         return Ok(None);
     };
-    take_platform_off(table, fit)?;
+    take_platform_off(table, fit).map_err(Failure::input)?;
     Ok(of_body(fit, name))
 }
 
 /// The body by its motion, as `rigident identify` has it.
 fn by_motion(recording: Recording, stages: &Stages) -> Result<Found, Failure> {
-    let loaded = Loaded::of_body(recording, None)?;
-    let mut fit = loaded.fit(None, 0, stages)?;
+    let loaded = Loaded::of_body(recording, None, &stages.caller())?;
+    let mut fit = loaded.fit(None, 0, &stages.caller())?;
     let factor = loaded.factor(&fit);
     let rig = &loaded.problem.rig;
     let body = without_platform(rig, &mut fit, &loaded.problem.name)?;

@@ -4,12 +4,12 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
-use super::bare_platform::take_platform_off;
 use super::factor::absent;
 use super::outcome::say;
-use super::recorded::is_recording;
 use super::vibration_arguments::Postures;
 use super::{ExitStatus, Failure, Stages};
+use rigident::application::bare_platform::take_platform_off;
+use rigident::application::recorded::is_recording;
 use rigident::named_model::rig_links;
 use rigident::present::posture_sets::{Bar, figure};
 use rigident::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
@@ -172,7 +172,7 @@ fn recordings(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
     let (source, mut together) =
         recorded_postures::source(&model, &support, &postures, &name).map_err(Failure::input)?;
     let pooled = PooledFactor::of(&together, &name);
-    take_platform_off(&table, &mut together)?;
+    take_platform_off(&table, &mut together).map_err(Failure::input)?;
     let mut object = object(&PosturesFile::default(), &source, &together);
     object.warnings.extend(findings);
     object.warnings.extend(settled(&table, &support, &postures));

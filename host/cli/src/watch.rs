@@ -5,11 +5,11 @@ use std::process::ExitCode;
 use rigident_shared::wire::{ChangeReport, ErrorCode, SettingName};
 use serde_json::{Value, json};
 
-use super::loaded::{change_as_recorded, tree_of};
 use super::options::microcontroller::Image;
 use super::outcome::say;
 use super::watch_arguments::Watch;
 use super::{ExitStatus, Failure, Stages, recorded, simulated};
+use rigident::application::tree::{change_as_recorded, tree_of};
 use rigident::device::link::{BAUD, Client, LinkError, SerialTransport, Transport};
 use rigident::device::session::streamed::{Pace, Watched, line_need};
 use rigident::device::session::tree::complaints;
@@ -56,15 +56,16 @@ pub(super) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
         return Err(Failure::input(format!("--settle-s {}: give 1 to 3600 s", arguments.settle_s)));
     }
     recorded::refuse_streams(path, rig, "watch")?;
+    let tree = arguments.tree.typed()?;
     let stages = Stages::new(&format!("reading {}", path.display()));
-    let Some((mut model, _)) = tree_of(path, rig, &arguments.tree)? else {
+    let Some((mut model, _)) = tree_of(path, rig, &tree)? else {
         return Err(Failure::input(
             "the firmware watches a robot whose description it is given: --model FILE",
         ));
     };
     let mut recording = Recording::load(path, rig).map_err(Failure::input)?;
     recording.leave_out_spikes();
-    let notes = change_as_recorded(&mut model, &arguments.tree.changes, &recording)?;
+    let notes = change_as_recorded(&mut model, &tree.changes, &recording, &stages.caller())?;
     let prepared = prepare(&recording, &model, &ProblemOptions::default()).map_err(Failure::input)?;
     let options =
         WatchOptions { false_alarms_per_hour: arguments.false_alarms_per_hour, settle_s: arguments.settle_s };

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::Failure;
-use rigident_io::rig::{RigCalibration, RigFile};
+use rigident::application::Error;
 
 /// The option `--calibration`.
 #[derive(Args, Debug, Clone, Default)]
@@ -14,25 +14,10 @@ pub struct CalibrationOption {
     pub calibration: Option<PathBuf>,
 }
 
-/// Takes a calibration file for a rig, if one is given.
-///
-/// # Errors
-/// Bad input: it cannot be read, or is of another rig.
-pub(crate) fn take(rig: &mut RigFile, file: Option<&Path>) -> Result<(), Failure> {
-    let Some(file) = file else { return Ok(()) };
-    let calibration = RigCalibration::load(file).map_err(Failure::input)?;
-    rig.calibrate(calibration).map_err(Failure::input)
-}
-
 /// Refuses a calibration of the rig where a tree is identified.
 ///
 /// # Errors
 /// Bad input.
 pub(crate) fn refuse_for_trees(file: Option<&Path>) -> Result<(), Failure> {
-    match file {
-        None => Ok(()),
-        Some(_) => {
-            Err(Failure::input("--calibration is for one body, and this is a tree of links: leave it out"))
-        }
-    }
+    file.map_or(Ok(()), |_| Err(Error::CalibrationOfTree.into()))
 }

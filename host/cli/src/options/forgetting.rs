@@ -3,11 +3,8 @@ use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{MemorySettings, Settings};
 
 use crate::Failure;
-use rigident::problem::body::Input;
-use rigident_fit::{RowSource, Timing, filter_width_s, row_every};
-
-/// Row blocks of which a window holds one at least in each of its parts.
-const LEAST_BLOCKS: f64 = 5.0;
+pub(crate) use rigident::application::span::RowsOf;
+use rigident::application::span::checked;
 
 /// How long rows are remembered.
 #[derive(Args, Debug, Clone, Default)]
@@ -23,58 +20,18 @@ pub struct Forgetting {
     pub window: Option<f64>,
 }
 
-/// What rows are remembered of.
-pub(crate) struct RowsOf {
-    pub(crate) rate_hz: f64,
-    pub(crate) is_static: bool,
-}
-
-impl RowsOf {
-    pub(crate) fn input(input: &Input) -> Self {
-        Self { rate_hz: input.rate_hz, is_static: input.is_static }
-    }
-
-    /// Returns what is forgotten of a source.
-    pub(crate) fn source(source: &dyn RowSource) -> Self {
-        let (rate_hz, is_static) = match source.timing() {
-            Timing::Static => (1.0, true),
-            Timing::Uniform { rate_hz } => (rate_hz, false),
-        };
-        Self { rate_hz, is_static }
-    }
-
-    /// Of a rig that moves.
-    pub(crate) fn moving(rate_hz: f64) -> Self {
-        Self { rate_hz, is_static: false }
-    }
-}
-
 impl Forgetting {
-    /// The span asked for; `None`: everything is kept, which an infinite one asks for too.
+    /// Returns the span asked for, unchecked.
+    pub(crate) fn asked(&self) -> Option<Span<f64>> {
+        self.forget.map(Span::TimeConstant).or(self.window.map(Span::Window))
+    }
+
+    /// Returns the span asked for; `None`: everything is kept, which an infinite one asks for too.
     ///
     /// # Errors
     /// Why it cannot be: bad input.
     pub(crate) fn span(&self, rows: &RowsOf) -> Result<Option<Span<f64>>, Failure> {
-        let (option, seconds, span) = match (self.forget, self.window) {
-            (Some(s), _) => ("--forget", s, Span::TimeConstant(s)),
-            (None, Some(s)) => ("--window", s, Span::Window(s)),
-            (None, None) => return Ok(None),
-        };
-        let refuse = |why: &str| Err(Failure::input(format!("{option} {seconds}: {why}")));
-        if seconds.is_nan() || seconds <= 0.0 {
-            return refuse("a positive number of seconds is wanted");
-        }
-        if rows.is_static {
-            return refuse("still poses have no time that could be forgotten by; leave it out");
-        }
-        let block_s = f64::from(row_every(rows.rate_hz)) / rows.rate_hz;
-        let width_s = filter_width_s(rows.rate_hz);
-        let least_s = if self.forget.is_some() { width_s } else { width_s.max(LEAST_BLOCKS * block_s) };
-        if seconds < least_s {
-            return refuse(&format!("shorter than the filter and its rows; at least {least_s} s are wanted"));
-        }
-        // Beyond the f32 of the wire nothing is forgotten either.
-        Ok((seconds < f64::from(f32::MAX)).then_some(span))
+        Ok(checked(self.asked(), rows)?)
     }
 }
 

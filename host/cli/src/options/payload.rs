@@ -4,10 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::Failure;
-use rigident_model::load::{Language, LoadError};
-use rigident_model::write::check_new;
-
 /// The options `--payload` and `--write-load`.
 #[derive(Args, Debug, Clone, Default)]
 #[command(next_help_heading = "Payload")]
@@ -28,25 +24,5 @@ impl PayloadOptions {
         for path in &self.write_load {
             tell!("rigident: --write-load {}: not written: {why}", path.display());
         }
-    }
-
-    /// Refuses files that cannot be written, before anything is read.
-    ///
-    /// # Errors
-    /// Bad input, with the file's name.
-    pub(crate) fn check(&self) -> Result<(), Failure> {
-        for path in &self.write_load {
-            if Language::of_path(path).is_none() {
-                return Err(Failure::input(format!(
-                    "--write-load {}: {}",
-                    path.display(),
-                    LoadError::Ending
-                )));
-            }
-            check_new(path).map_err(|error| {
-                Failure::input(error.to_string().replace("--write-model", "--write-load"))
-            })?;
-        }
-        Ok(())
     }
 }

@@ -1,5 +1,9 @@
 use clap::{Args, Subcommand};
 
+use crate::Failure;
+use rigident::application::{Changes, Tree};
+use rigident_model::human::{Person, Sex};
+
 /// `rigident model`
 #[derive(Args, Debug, Clone)]
 pub struct ModelCommand {
@@ -32,7 +36,7 @@ pub struct ModelCheck {
 }
 
 /// Which tree a recording is of.
-#[derive(Args, Debug, Clone, Default)]
+#[derive(Args, Debug, Clone)]
 #[command(next_help_heading = "Trees of links")]
 pub struct TreeModel {
     /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if there are several
@@ -44,14 +48,12 @@ pub struct TreeModel {
 }
 
 impl TreeModel {
-    /// Changes to a model by their options, and whether they are given.
-    pub(crate) fn changed(&self) -> [(&'static str, bool); 4] {
-        [
-            ("--lock", !self.changes.lock.is_empty()),
-            ("--spherical", !self.changes.spherical.is_empty()),
-            ("--tool", !self.changes.tool.is_empty()),
-            ("--height-m (as --mass-kg, --sex, --segment)", self.changes.describe_a_person()),
-        ]
+    /// Returns the tree as the application takes it.
+    ///
+    /// # Errors
+    /// Bad input: a list of joints or a length is none.
+    pub(crate) fn typed(&self) -> Result<Tree, Failure> {
+        Ok(Tree { model: self.model.clone(), changes: self.changes.typed()? })
     }
 }
 
@@ -147,30 +149,38 @@ pub struct ModelChanges {
     pub segment: Vec<String>,
 }
 
-impl Default for ModelChanges {
-    fn default() -> Self {
-        let person = rigident_model::human::Person::default();
-        Self {
-            lock: Vec::new(),
-            spherical: Vec::new(),
-            tool: Vec::new(),
-            height_m: person.height_m,
-            mass_kg: person.mass_kg,
-            sex: SexWord::default(),
-            segment: Vec::new(),
-        }
+impl ModelChanges {
+    /// Returns the changes as the application takes them.
+    ///
+    /// # Errors
+    /// Bad input: a list of joints or a length is none.
+    pub(crate) fn typed(&self) -> Result<Changes, Failure> {
+        let lengths_m = self.segment.iter().map(|words| {
+            let (name, value) = words.split_once('=')?;
+            Some((name.to_owned(), value.trim().parse().ok()?))
+        });
+        let lengths_m = lengths_m
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| Failure::input("--segment stands as NAME=METRES, for example thigh=0.44"))?;
+        let sex = match self.sex {
+            SexWord::Female => Sex::Female,
+            SexWord::Male => Sex::Male,
+        };
+        Ok(Changes {
+            lock: self.lock.clone(),
+            spherical: self.spherical.iter().map(|words| three(words)).collect::<Result<_, _>>()?,
+            tool: self.tool.clone(),
+            person: Person { height_m: self.height_m, mass_kg: self.mass_kg, sex, lengths_m },
+        })
     }
 }
 
-impl ModelChanges {
-    /// Whether any of what only people have is other than the default.
-    pub(crate) fn describe_a_person(&self) -> bool {
-        let default = rigident_model::human::Person::default();
-        self.height_m != default.height_m
-            || self.mass_kg != default.mass_kg
-            || self.sex != SexWord::default()
-            || !self.segment.is_empty()
-    }
+/// Returns the joints of `--spherical J1,J2,J3`.
+fn three(words: &str) -> Result<[String; 3], Failure> {
+    let joints: Vec<String> = words.split(',').map(|j| j.trim().to_owned()).collect();
+    joints
+        .try_into()
+        .map_err(|_| Failure::input(format!("--spherical {words}: names three joints, J1,J2,J3")))
 }
 
 /// Which rows are measured.

@@ -30,6 +30,7 @@ mod import;
 mod knocks;
 mod known;
 mod legged;
+mod library;
 mod mcap_damage;
 mod mcap_independent;
 mod merging;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use rigident::answer::WITHHELD;
+use rigident::application::{Caller, IdentifyOptions, identify};
 use rigident::present::text::with_u95;
 use rigident::recording::Recording;
 use rigident::recording::arrays::Numbers;
@@ -85,8 +86,55 @@ fn of_arrays(at: &Path, name: &str) -> Value {
     serde_json::from_str(&called.output).unwrap_or_else(|e| panic!("{e}: {:?}", called.failure))
 }
 
-const WAYS: [(&str, Way); 4] =
-    [("file", of_file), ("factor", of_factor), ("arrays", of_arrays), ("replay", of_replay)];
+/// By the library, as a program calls it.
+fn of_library(at: &Path, name: &str) -> Value {
+    let path = at.join(format!("{name}.csv"));
+    let found = identify(path.into(), &IdentifyOptions::default(), &Caller::default()).unwrap();
+    serde_json::to_value(&found.answer).unwrap()
+}
+
+/// Through the recording that a device writes.
+fn of_mcap(at: &Path, name: &str) -> Value {
+    let file = format!("{name}.mcap");
+    let packed = rigident(at, &["convert", &format!("{name}.csv"), &file]);
+    assert_eq!(status(&packed), 0, "{}", said(&packed));
+    json(&rigident(at, &["identify", &file, "--json", "--out", &format!("{name}.packed")]))
+}
+
+/// In two files with clocks of their own, the wrench in one of them.
+fn of_several_files(at: &Path, name: &str) -> Value {
+    let text = fs::read_to_string(at.join(format!("{name}.csv"))).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let rig = fs::read_to_string(at.join(format!("{name}.rig.toml"))).unwrap();
+    let mut listing = rig.lines().filter(|line| !line.starts_with("rate_hz")).collect::<Vec<_>>().join("\n");
+    for (part, is_of_the_cell) in [("cell", true), ("rest", false)] {
+        let takes = |column: &str| column == "t_s" || WRENCH.contains(&column) == is_of_the_cell;
+        let kept: Vec<usize> = (0..header.len()).filter(|k| takes(header[*k])).collect();
+        let row = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            kept.iter().map(|k| cells[*k]).collect::<Vec<_>>().join(",")
+        };
+        let file = format!("{name}-{part}.csv");
+        fs::write(at.join(&file), text.lines().map(row).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+        listing += &format!("\n[[stream]]\nfile = \"{file}\"\n");
+    }
+    let listed = format!("{name}-listed.rig.toml");
+    fs::write(at.join(&listed), listing).unwrap();
+    json(&rigident(at, &["identify", &listed, "--json", "--out", &format!("{name}.several")]))
+}
+
+const WAYS: [(&str, Way); 7] = [
+    ("file", of_file),
+    ("library", of_library),
+    ("arrays", of_arrays),
+    ("factor", of_factor),
+    ("MCAP", of_mcap),
+    ("several files", of_several_files),
+    ("replay", of_replay),
+];
+
+/// What is wrong with a recording: the columns that are multiplied, by how much, and what stands in its rig file in place of what.
+type Fault = (&'static str, &'static [&'static str], f64, [&'static str; 2], &'static str);
 
 /// Requires the verdict of an answer, and that its numbers go with it.
 #[track_caller]
@@ -114,24 +162,40 @@ fn assert_verdicts(ways: &[(&str, Way)], name: &str, csv: &str, rig: &str, verdi
     let place = tempfile::tempdir().unwrap();
     fs::write(place.path().join(format!("{name}.csv")), csv).unwrap();
     fs::write(place.path().join(format!("{name}.rig.toml")), rig).unwrap();
-    std::thread::scope(|scope| {
-        for (way, answer) in ways {
-            let at = place.path();
-            scope.spawn(move || assert_verdict(&answer(at, name), verdict, &format!("{name} by {way}")));
-        }
+    let (at, ways) = (place.path(), ways.iter());
+    let failed: Vec<String> = std::thread::scope(|scope| {
+        let running = ways.map(|(way, answer)| {
+            let of = format!("{name} by {way}");
+            scope.spawn(move || {
+                let judged = std::panic::catch_unwind(|| assert_verdict(&answer(at, name), verdict, &of));
+                judged.err().map(|_| of)
+            })
+        });
+        let running: Vec<_> = running.collect();
+        running.into_iter().filter_map(|way| way.join().unwrap()).collect()
     });
+    assert!(failed.is_empty(), "another verdict than {verdict}: {}", failed.join(", "));
 }
 
 const MOMENTS: [&str; 3] = ["mx_nm", "my_nm", "mz_nm"];
+const WRENCH: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 
 #[test]
 fn every_way_in_comes_to_one_verdict_of_a_body() {
-    let (honest, rig) = (scaled(&example("bracket.csv"), &[], 1.0), example("bracket.rig.toml"));
-    for (name, csv, verdict) in [
-        ("honest", honest.clone(), "identified"),
-        ("gyro", scaled(&honest, &["imu_gx_radps"], -1.0), "implausible"),
-    ] {
-        assert_verdicts(&WAYS, name, &csv, &rig, verdict);
+    let place = "position_m = [0.05, -0.02, 0.03]";
+    let faults: [Fault; 7] = [
+        ("honest", &[], 1.0, ["", ""], "identified"),
+        ("gyro-reversed", &["imu_gx_radps"], -1.0, ["", ""], "implausible"),
+        ("newton-millimetres", &MOMENTS, 1e3, ["", ""], "implausible"),
+        ("moments-reversed", &MOMENTS, -1.0, ["", ""], "implausible"),
+        ("in-g", &["imu_ax_mps2", "imu_ay_mps2", "imu_az_mps2"], 1.0 / 9.806_65, ["", ""], "implausible"),
+        ("degrees", &["imu_gx_radps", "imu_gy_radps", "imu_gz_radps"], 57.295_78, ["", ""], "implausible"),
+        ("imu-elsewhere", &[], 1.0, [place, "position_m = [0.35, -0.02, 0.03]"], "implausible"),
+    ];
+    let (csv, rig) = (example("bracket.csv"), example("bracket.rig.toml"));
+    for (name, columns, by, [stated, instead], verdict) in faults {
+        let rig = if stated.is_empty() { rig.clone() } else { rig.replace(stated, instead) };
+        assert_verdicts(&WAYS, name, &scaled(&csv, columns, by), &rig, verdict);
     }
 }
 
@@ -139,14 +203,15 @@ fn every_way_in_comes_to_one_verdict_of_a_body() {
 /// verdict.
 #[test]
 fn every_way_in_comes_to_one_verdict_of_a_tree() {
-    let (honest, rig) = (scaled(&example("two-links.csv"), &[], 1.0), example("two-links.rig.toml"));
-    let wrench = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
-    for (name, csv, verdict) in [
-        ("honest", honest.clone(), "identified"),
-        ("reversed", scaled(&honest, &wrench, -1.0), "implausible"),
-    ] {
+    let faults: [Fault; 3] = [
+        ("honest", &[], 1.0, ["", ""], "identified"),
+        ("reversed", &WRENCH, -1.0, ["", ""], "implausible"),
+        ("newton-millimetres", &MOMENTS, 1e3, ["", ""], "implausible"),
+    ];
+    let (csv, rig) = (example("two-links.csv"), example("two-links.rig.toml"));
+    for (name, columns, by, _, verdict) in faults {
         // The device would need the accelerometer of the second link.
-        assert_verdicts(&WAYS[..3], name, &csv, &rig, verdict);
+        assert_verdicts(&WAYS[..6], name, &scaled(&csv, columns, by), &rig, verdict);
     }
 }
 

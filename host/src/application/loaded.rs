@@ -1,23 +1,24 @@
+//! A recording that was read, with the problem that it poses.
+
 use std::path::{Path, PathBuf};
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::forgetting::Span;
 
-use super::options::calibration;
-use super::options::trees::{ModelChanges, TreeModel};
-use super::recorded::{is_rig_file, left_out_columns, listed, stream_set};
-use super::{Failure, Stages, locked_joints};
-use rigident::answer::result::Cause;
-use rigident::answer::{self, Answer, Context, Drift, Links, Source, StandardRequest, TimeBase};
-use rigident::diagnosis::{self, Case};
-use rigident::present::TimePlot;
-use rigident::problem::body::BodySource;
-use rigident::problem::body::{input_checks, prepare};
-use rigident::problem::clocks::{StreamSet, as_stamped};
-use rigident::problem::{Problem, ProblemError, ProblemOptions, Subject};
+use super::recorded::{self, assumed_columns, joints_of, left_out_columns, stream_set};
+use super::tree::{change_as_recorded, tree_in, tree_of};
+use super::{Caller, Changes, Error, Recorded, Tree, calibration, drift, motion_plots};
+use crate::answer::result::Cause;
+use crate::answer::{self, Answer, Context, Drift, Links, Source, StandardRequest, TimeBase};
+use crate::diagnosis::{self, Case};
+use crate::present::TimePlot;
+use crate::problem::body::BodySource;
+use crate::problem::body::{input_checks, prepare};
+use crate::problem::clocks::{StreamSet, as_stamped};
+use crate::problem::{Problem, ProblemError, ProblemOptions, Subject};
 use rigident_fit::pool::PooledFactor;
-use rigident_fit::{Checks, DeviceFactor, Fit, FitError, FitOptions, RowSource, Timing};
-use rigident_io::recording::{Recording, extension, rig_path};
+use rigident_fit::{Checks, DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, Timing};
+use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
 
@@ -26,16 +27,16 @@ const UNUSED_CALIBRATION: &str =
     "the calibration of the rig is not used: it is for one body, and this is a tree of links";
 
 /// Points of a convergence plot.
-pub(super) const PLOT_POINTS: usize = 200;
+pub const PLOT_POINTS: usize = 200;
 
 /// A recording with the problem that it poses.
-pub(super) struct Loaded {
+pub struct Loaded {
     /// The source of rows with its rig file.
-    pub(super) problem: Problem,
+    pub problem: Problem,
     /// Things to act on that were noticed while reading.
-    pub(super) warnings: Vec<String>,
+    pub warnings: Vec<String>,
     /// Things that were done, as information.
-    pub(super) notes: Vec<String>,
+    pub notes: Vec<String>,
     /// Rows of the recording that no sample was made of.
     unused_rows: u64,
     /// The model of a tree as its file has it, links on fixed joints on their own, and the file.
@@ -48,20 +49,20 @@ pub(super) struct Loaded {
 
 /// How standard parameters of links are sought.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct StandardOptions<'a> {
+pub struct StandardOptions<'a> {
     /// Relative standard deviation (1 σ) that the nominal model is trusted with.
-    pub(super) trust: f64,
+    pub trust: f64,
     /// Right links mirror left ones.
-    pub(super) symmetric: bool,
+    pub symmetric: bool,
     /// The file that a model with them is written to.
-    pub(super) write_model: Option<&'a Path>,
+    pub write_model: Option<&'a Path>,
     /// Joints that are locked, `JOINT` or `JOINT=VALUE`.
-    pub(super) locked: &'a [String],
+    pub locked: &'a [String],
 }
 
 impl StandardOptions<'_> {
     /// Nothing in particular is asked for.
-    pub(super) const DEFAULT: Self = Self { trust: 1.0, symmetric: false, write_model: None, locked: &[] };
+    pub const DEFAULT: Self = Self { trust: 1.0, symmetric: false, write_model: None, locked: &[] };
 
     fn required(&self) -> bool {
         self.write_model.is_some() || self.symmetric
@@ -72,64 +73,82 @@ impl Loaded {
     /// Reads a recording of one body, or of the tree that `tree` or the rig file's `[[link]]` tables say.
     ///
     /// # Errors
-    /// Bad input: the recording cannot be read, or does not fit the model.
-    pub(super) fn read(
+    /// The recording cannot be read, or does not fit the model.
+    pub fn read(
         path: &Path,
         rig: Option<&Path>,
         calibrated: Option<&Path>,
-        tree: &TreeModel,
+        tree: &Tree,
         options: &ProblemOptions,
-        stages: &Stages,
-    ) -> Result<Self, Failure> {
-        let path = &listed(path.to_owned());
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
+        let path = &recorded::listed(path.to_owned());
         let Some((nominal, file)) = tree_of(path, rig, tree)? else {
-            return Self::body(path, rig, calibrated);
+            return Self::body(path, rig, calibrated, caller);
         };
         calibration::refuse_for_trees(calibrated)?;
         if let Some(set) = stream_set(path, rig)? {
-            return Self::tree_in_streams(set, (nominal, file), &tree.changes, options, stages);
+            return Self::tree_in_streams(set, (nominal, file), &tree.changes, options, caller);
         }
         let recording = Recording::load(path, rig)?;
-        Self::tree(recording, (nominal, file), &tree.changes, options, stages)
+        Self::tree(recording, (nominal, file), &tree.changes, options, caller)
+    }
+
+    /// Reads a recording, or takes one that is in memory.
+    ///
+    /// # Errors
+    /// As [`Loaded::read`] and [`Loaded::of_recording`].
+    pub fn of(
+        recording: Recorded,
+        rig: Option<&Path>,
+        calibrated: Option<&Path>,
+        tree: &Tree,
+        options: &ProblemOptions,
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
+        match recording {
+            Recorded::File(path) => Self::read(&path, rig, calibrated, tree, options, caller),
+            Recorded::Memory(recording) => Self::of_recording(*recording, calibrated, tree, options, caller),
+        }
     }
 
     /// Takes a recording that is in memory, of one body or of a tree, as [`Loaded::read`] does one of a file.
     ///
     /// # Errors
-    /// Bad input: the recording does not fit the model.
-    pub(super) fn of_recording(
+    /// The recording does not fit the model.
+    pub fn of_recording(
         recording: Recording,
         calibrated: Option<&Path>,
-        tree: &TreeModel,
+        tree: &Tree,
         options: &ProblemOptions,
-        stages: &Stages,
-    ) -> Result<Self, Failure> {
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
         let Some(nominal) = tree_in(Path::new(&recording.name), Some(recording.rig.clone()), tree)? else {
-            return Self::of_body(recording, calibrated);
+            return Self::of_body(recording, calibrated, caller);
         };
         calibration::refuse_for_trees(calibrated)?;
-        Self::tree(recording, nominal, &tree.changes, options, stages)
+        Self::tree(recording, nominal, &tree.changes, options, caller)
     }
 
     /// Poses the problem of a recording of a tree.
     ///
     /// # Errors
-    /// Bad input: the recording does not fit the model.
+    /// The recording does not fit the model.
     fn tree(
         mut recording: Recording,
         (mut nominal, file): (Model, Option<PathBuf>),
-        changes: &ModelChanges,
+        changes: &Changes,
         options: &ProblemOptions,
-        stages: &Stages,
-    ) -> Result<Self, Failure> {
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
         recording.leave_out_spikes();
-        let mut notes = change_as_recorded(&mut nominal, changes, &recording)?;
-        stages.at("frames of the recording", 0.0);
-        let problem = Problem::from_recording(&recording, Some(&nominal), options).map_err(Failure::input)?;
+        let mut notes = change_as_recorded(&mut nominal, changes, &recording, caller)?;
+        caller.stage("frames of the recording", 0.0);
+        let problem = Problem::from_recording(&recording, Some(&nominal), options)?;
         notes.extend(problem.notes.iter().cloned());
         let (rows, recorded) = (recording.rows(), recording.recorded());
         let mut warnings = recording.warnings.clone();
-        warnings.extend(super::recorded::assumed_columns(&recording));
+        warnings.extend(assumed_columns(&recording, caller));
         warnings.extend(problem.warnings.iter().cloned());
         warnings.extend(problem.rig.calibrated().map(|_| UNUSED_CALIBRATION.to_owned()));
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
@@ -145,18 +164,18 @@ impl Loaded {
     /// Poses the problem of a tree in several files with clocks of their own.
     ///
     /// # Errors
-    /// Bad input: files that have nothing in common, or do not fit the model.
+    /// The files have nothing in common, or do not fit the model.
     fn tree_in_streams(
         set: StreamSet,
         (mut nominal, file): (Model, Option<PathBuf>),
-        changes: &ModelChanges,
+        changes: &Changes,
         options: &ProblemOptions,
-        stages: &Stages,
-    ) -> Result<Self, Failure> {
-        let stamped = as_stamped(&set).map_err(Failure::input)?;
-        let mut notes = change_as_recorded(&mut nominal, changes, &stamped)?;
-        stages.at("clocks of the files", 0.0);
-        let problem = Problem::from_streams(set, Some(&nominal), options).map_err(Failure::input)?;
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
+        let stamped = as_stamped(&set)?;
+        let mut notes = change_as_recorded(&mut nominal, changes, &stamped, caller)?;
+        caller.stage("clocks of the files", 0.0);
+        let problem = Problem::from_streams(set, Some(&nominal), options)?;
         notes.extend(problem.notes.iter().cloned());
         let mut warnings = problem.warnings.clone();
         warnings.extend(nominal.findings.iter().map(ToString::to_string));
@@ -167,12 +186,16 @@ impl Loaded {
     /// Reads a recording of one body: one file, or several with clocks of their own.
     ///
     /// # Errors
-    /// Bad input: what cannot be read, or is no recording of a body.
-    fn body(path: &Path, rig: Option<&Path>, file: Option<&Path>) -> Result<Self, Failure> {
+    /// It cannot be read, or is no recording of a body.
+    fn body(
+        path: &Path,
+        rig: Option<&Path>,
+        file: Option<&Path>,
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
         if let Some(mut set) = stream_set(path, rig)? {
-            calibration::take(&mut set.rig, file)?;
-            let problem = Problem::from_streams(set, None, &ProblemOptions::default());
-            let problem = problem.map_err(Failure::input)?;
+            calibration::calibrate(&mut set.rig, file)?;
+            let problem = Problem::from_streams(set, None, &ProblemOptions::default())?;
             let (mut notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
             notes.extend(assumed(&problem.rig));
             return Ok(Self {
@@ -185,37 +208,37 @@ impl Loaded {
                 case: None,
             });
         }
-        Self::of_body(Recording::load(path, rig)?, file)
+        Self::of_body(Recording::load(path, rig)?, file, caller)
     }
 
     /// Poses the problem of a recording of one body.
     ///
     /// # Errors
-    /// Bad input: it is no recording of a body.
-    pub(super) fn of_body(mut recording: Recording, file: Option<&Path>) -> Result<Self, Failure> {
+    /// It is no recording of a body.
+    pub fn of_body(
+        mut recording: Recording,
+        file: Option<&Path>,
+        caller: &Caller<'_>,
+    ) -> Result<Self, Error> {
         recording.leave_out_spikes();
-        calibration::take(&mut recording.rig, file)?;
-        let joints = super::recorded::joints_of(&recording);
+        calibration::calibrate(&mut recording.rig, file)?;
+        let joints = joints_of(&recording);
         let looked_at = diagnosis::looked_at(&recording);
         let problem = Problem::of_body(recording).map_err(|error| {
-            let assumed = super::recorded::assumed_columns(&looked_at);
-            let failure = Failure::input(match joints.first() {
-                None => error.to_string(),
-                Some(joint) => format!(
-                    "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description by \
-                     --model FILE"
-                ),
-            });
-            match assumed {
-                Some(assumed) => failure.after(&assumed),
-                None => failure,
+            let error = match joints.first() {
+                None => Error::from(error),
+                Some(joint) => Error::OfRobot { error, joint: joint.clone() },
+            };
+            match assumed_columns(&looked_at, caller) {
+                Some(assumed) => Error::Assuming { error: Box::new(error), assumed },
+                None => error,
             }
         })?;
         let recording = looked_at;
         let mut warnings = recording.warnings.clone();
-        warnings.extend(super::recorded::assumed_columns(&recording));
+        warnings.extend(assumed_columns(&recording, caller));
         warnings.extend(problem.warnings.iter().cloned());
-        warnings.extend(left_out_columns(&recording, &joints));
+        warnings.extend(left_out_columns(&recording, &joints).map(|notice| caller.words(&notice)));
         let recorded = recording.recorded();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
         let calibrated = recording.rig.calibrated();
@@ -228,51 +251,41 @@ impl Loaded {
     }
 
     /// Returns the source of rows.
-    pub(super) fn source(&self) -> &dyn RowSource {
+    pub fn source(&self) -> &dyn RowSource {
         self.problem.source()
     }
 
     /// Returns the nominal model of a tree, and its file.
-    pub(super) fn nominal(&self) -> Option<(&Model, Option<&Path>)> {
+    pub fn nominal(&self) -> Option<(&Model, Option<&Path>)> {
         self.nominal.as_ref().map(|(model, file)| (model, file.as_deref()))
     }
 
     /// Fits the recording; the uncertainty of skews between several clocks is counted.
     ///
     /// # Errors
-    /// Bad input: no usable rows, or a span that cannot be kept.
-    pub(super) fn fit(
-        &self,
-        span: Option<Span<f64>>,
-        points: usize,
-        stages: &Stages,
-    ) -> Result<Fit, Failure> {
+    /// There are no usable rows, or a span that cannot be kept.
+    pub fn fit(&self, span: Option<Span<f64>>, points: usize, caller: &Caller<'_>) -> Result<Fit, Error> {
         if span.is_some() && self.problem.time_base().is_some() {
-            return Err(Failure::input(
-                "--forget and --window: not of several files with clocks of their own, as the uncertainty of their skews is \
-                 that of a whole run; give one recording",
-            ));
+            return Err(Error::SpanOfStreams);
         }
         let options = FitOptions { forgetting: span, convergence_points: points };
-        let progress = |stage: &str, share: f64| stages.at(stage, share);
-        let found = self.problem.fit(&options, &progress).map_err(|error| {
+        let found = self.problem.fit(&options, caller).map_err(|error| {
             // Readings in another unit may all be beyond a sensor's range.
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
             let case = self.case.as_ref().filter(|_| no_rows);
-            let cause = case.and_then(|case| diagnosis::diagnose(case, None, &progress));
-            Failure::input(match cause {
-                Some(Cause { what, mend, .. }) => format!("{error}. Most likely {what}: {mend}"),
-                None => error.to_string(),
-            })
+            match case.and_then(|case| diagnosis::diagnose(case, None, caller)) {
+                Some(Cause { what, mend, .. }) => Error::Explained { error, what, remedy: mend },
+                None => error.into(),
+            }
         })?;
         Ok(self.with_unused(found))
     }
 
     /// Judges the answer of a fit by the faults that a recording may have; returns the one that explains it, to be explained.
-    pub(super) fn judge(&self, fit: &Fit, answer: &mut Answer) -> Option<Cause> {
-        let stages = Stages::new("looking for the cause");
-        let progress = |stage: &str, share: f64| stages.at(stage, share);
-        diagnosis::judge(self.case.as_ref()?, fit, answer, &progress)
+    pub fn judge(&self, fit: &Fit, answer: &mut Answer, caller: &Caller<'_>) -> Option<Cause> {
+        let case = self.case.as_ref()?;
+        caller.stage("looking for the cause", 0.0);
+        diagnosis::judge(case, fit, answer, caller)
     }
 
     /// Counts rows that no sample was made of as rejected.
@@ -285,24 +298,22 @@ impl Loaded {
     /// Judges a factor that a device made of this recording; the parameters are then in the device's order.
     ///
     /// # Errors
-    /// Bad input: no usable rows, or a factor of other parameters.
-    pub(super) fn fit_device(
+    /// There are no usable rows, or a factor of other parameters.
+    pub fn fit_device(
         self,
         device: &DeviceFactor,
         span: Option<Span<f64>>,
-        stages: &Stages,
-    ) -> Result<(Self, Fit), Failure> {
+        caller: &Caller<'_>,
+    ) -> Result<(Self, Fit), Error> {
         let options = FitOptions { forgetting: span, convergence_points: PLOT_POINTS };
-        let progress = |stage: &str, share: f64| stages.at(stage, share);
-        let (problem, found) =
-            self.problem.fit_device(device, &options, &progress).map_err(Failure::input)?;
+        let (problem, found) = self.problem.fit_device(device, &options, caller)?;
         let loaded = Self { problem, ..self };
         let found = loaded.with_unused(found);
         Ok((loaded, found))
     }
 
     /// Wraps the readings of one body that a device took or was given.
-    pub(super) fn of_readings(
+    pub fn of_readings(
         name: &str,
         rig: &RigFile,
         readings: Vec<Reading<f64>>,
@@ -332,12 +343,11 @@ impl Loaded {
     /// among the rows.
     ///
     /// # Errors
-    /// Bad input: the recording does not fit the model.
-    pub(super) fn of_links(recording: &Recording, model: &Model) -> Result<Self, Failure> {
+    /// The recording does not fit the model.
+    pub fn of_links(recording: &Recording, model: &Model) -> Result<Self, Error> {
         let mut read = recording.clone();
         read.imus.iter_mut().skip(1).for_each(|imu| imu.accel = None);
-        let problem = Problem::from_recording(&read, Some(model), &ProblemOptions::default());
-        let problem = problem.map_err(Failure::input)?;
+        let problem = Problem::from_recording(&read, Some(model), &ProblemOptions::default())?;
         let notes = problem.notes.clone();
         let warnings = model.findings.iter().map(ToString::to_string).collect();
         let unused_rows = (recording.rows() as u64).saturating_sub(problem.source().samples() as u64);
@@ -353,19 +363,19 @@ impl Loaded {
     }
 
     /// Returns the names of a tree's links, fixed joints welded; empty of one body.
-    pub(super) fn link_names(&self) -> Vec<String> {
+    pub fn link_names(&self) -> Vec<String> {
         let model = self.nominal.as_ref().map(|(model, _)| model.welded());
         model.map_or_else(Vec::new, |model| model.links.into_iter().map(|l| l.name).collect())
     }
 
     /// Returns the mean wrench of the same pose at the end less that at the beginning; `None` where a pose has no readings.
-    pub(super) fn drift(&self, spans: [(f64, f64); 2], found: &Fit) -> Option<Drift> {
+    pub fn drift(&self, spans: [(f64, f64); 2], found: &Fit) -> Option<Drift> {
         let Subject::Body { source, .. } = &self.problem.subject else { return None };
-        super::drift::of_body(&source.input().readings, spans, found)
+        drift::of_body(&source.input().readings, spans, found)
     }
 
     /// Returns the factor of a fit, named after the recording, with what the checks of that found.
-    pub(super) fn factor(&self, found: &Fit) -> PooledFactor {
+    pub fn factor(&self, found: &Fit) -> PooledFactor {
         let context = Context {
             links: self.links(&StandardOptions::DEFAULT),
             findings: self.problem.findings.clone(),
@@ -380,7 +390,7 @@ impl Loaded {
 
     /// Returns the same where the answer of the fit is at hand, of which the first `skipped` warnings are not
     /// of the fit.
-    pub(super) fn factor_of(&self, found: &Fit, answer: &Answer, skipped: usize) -> PooledFactor {
+    pub fn factor_of(&self, found: &Fit, answer: &Answer, skipped: usize) -> PooledFactor {
         self.checked(found, &answer.checks(found, &self.warnings, skipped))
     }
 
@@ -396,7 +406,7 @@ impl Loaded {
     }
 
     /// Returns where the numbers come from.
-    pub(super) fn origin(&self, mcu: &str) -> Source {
+    pub fn origin(&self, mcu: &str) -> Source {
         let source = self.source();
         let samples = source.samples();
         let rate_hz = match source.timing() {
@@ -415,12 +425,12 @@ impl Loaded {
     }
 
     /// Returns how several files became one recording.
-    pub(super) fn time_base(&self) -> Option<TimeBase> {
+    pub fn time_base(&self) -> Option<TimeBase> {
         self.problem.time_base().cloned()
     }
 
     /// Returns the tree for an answer; `None` of one body.
-    pub(super) fn links<'a>(&'a self, options: &StandardOptions) -> Option<Links<'a>> {
+    pub fn links<'a>(&'a self, options: &StandardOptions) -> Option<Links<'a>> {
         self.problem.links(self.nominal.as_ref().map(|(nominal, _)| StandardRequest {
             nominal,
             trust: options.trust,
@@ -430,110 +440,13 @@ impl Loaded {
     }
 
     /// Returns the motion over time for the plots; times count from the first sample.
-    pub(super) fn motion(&self) -> Vec<TimePlot> {
+    pub fn motion(&self) -> Vec<TimePlot> {
         match &self.problem.subject {
             Subject::Body { source, gravity_columns } => {
-                super::motion_plots::of_body(source.input(), *gravity_columns)
+                motion_plots::of_body(source.input(), *gravity_columns)
             }
             Subject::Tree { .. } | Subject::Suspended { .. } => Vec::new(),
         }
-    }
-}
-
-/// Returns the tree that a recording is of, as its source has it, and the robot description that it was read from: by
-/// --model, or the `[[link]]` tables of its rig file if there are several; `None` if it is of a single body.
-///
-/// # Errors
-/// Bad input: the tree is none.
-pub(super) fn tree_of(
-    recording: &Path,
-    rig: Option<&Path>,
-    options: &TreeModel,
-) -> Result<Option<(Model, Option<PathBuf>)>, Failure> {
-    let of_file = if options.model.is_some() { None } else { rig_of(recording, rig) };
-    tree_in(recording, of_file, options)
-}
-
-/// Returns the same where the rig file has been read.
-///
-/// # Errors
-/// Bad input: the tree is none.
-pub(super) fn tree_in(
-    recording: &Path,
-    rig: Option<RigFile>,
-    options: &TreeModel,
-) -> Result<Option<(Model, Option<PathBuf>)>, Failure> {
-    if let Some(name) = &options.model {
-        let (model, is_person) = super::model::read(name, &options.changes)?;
-        return Ok(Some((model, (!is_person).then(|| Path::new(name).to_owned()))));
-    }
-    let Some(rig) = rig.filter(|rig| rig.link.len() > 1) else { return Ok(None) };
-    super::model::refuse_a_person(&options.changes)?;
-    let name = recording.display().to_string();
-    let mut model =
-        rigident::named_model::rig_links::from_tables(&rig.link, &name).map_err(Failure::input)?;
-    let stem = recording.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
-    model.name = stem.strip_suffix(".rig").unwrap_or(&stem).to_owned();
-    Ok(Some((model, None)))
-}
-
-/// Returns true if the rig file of a recording says that springs carry the platform.
-pub(super) fn is_on_springs(recording: &Path, rig: Option<&Path>) -> bool {
-    rig_of(recording, rig).is_some_and(|rig| rig.suspension.is_some())
-}
-
-/// Changes a tree as the options say, joints being locked where the recording has them; returns what to know of it.
-///
-/// # Errors
-/// Bad input: no such joint or link, or a joint to be locked moves.
-pub(super) fn change_as_recorded(
-    model: &mut Model,
-    changes: &ModelChanges,
-    recording: &Recording,
-) -> Result<Vec<String>, Failure> {
-    let mut changes = changes.clone();
-    let mut told = locked_joints::lock(model, &std::mem::take(&mut changes.lock), recording)?;
-    locked_joints::meet(model, &std::mem::take(&mut changes.spherical), recording)?;
-    super::model::change(model, &changes)?;
-    told.extend(changes.tool.iter().map(|words| note_on_tool(words)));
-    Ok(told)
-}
-
-fn note_on_tool(words: &str) -> String {
-    let link = words.split('@').next().unwrap_or(words);
-    format!(
-        "--tool {words} changes nothing of the answer: what {link} holds is one body with it, and {link}'s base parameters are \
-         those of both. It has no nominal model, so that it is not among the full parameters and not written: they count it to \
-         {link}. Identify without the tool, too, and take the difference"
-    )
-}
-
-/// Returns the rig file that the recording has; one that cannot be read is another's to complain of.
-fn rig_of(path: &Path, rig: Option<&Path>) -> Option<RigFile> {
-    let rig = match rig {
-        Some(rig) => rig.to_owned(),
-        None if is_rig_file(path) => path.to_owned(),
-        None => rig_path(path),
-    };
-    let beside = RigFile::load(&rig).ok();
-    if beside.is_some() || path.is_dir() {
-        return beside;
-    }
-    // A recording may carry its rig file.
-    let is_mcap = extension(path) == "mcap";
-    is_mcap.then(|| Recording::load(path, None).ok().map(|r| r.rig)).flatten()
-}
-
-/// Refuses options of trees where nothing says which tree.
-///
-/// # Errors
-/// Bad input, with the option's name.
-pub(super) fn refuse_tree_options(given: &[(&str, bool)]) -> Result<(), Failure> {
-    match given.iter().find(|(_, given)| *given) {
-        None => Ok(()),
-        Some((option, _)) => Err(Failure::input(format!(
-            "{option} is for trees of links: say which by --model, or by [[link]] tables in the rig file"
-        ))),
     }
 }
 

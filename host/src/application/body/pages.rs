@@ -2,13 +2,14 @@
 
 use nalgebra::Vector3;
 
-use rigident::body_segments::Study;
-use rigident::body_segments::left_out::LeftOutMotions;
-use rigident::inverse_kinematics::skeleton::{Place, Skeleton};
-use rigident::inverse_kinematics::subject::Subject;
-use rigident::present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
-use rigident::problem::person::track::SHOWN_S;
-use rigident::problem::person::{Person, Tracked};
+use crate::answer::person::LeftOut;
+use crate::body_segments::Study;
+use crate::body_segments::left_out::LeftOutMotions;
+use crate::inverse_kinematics::skeleton::{Place, Skeleton};
+use crate::inverse_kinematics::subject::Subject;
+use crate::present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
+use crate::problem::person::track::SHOWN_S;
+use crate::problem::person::{Person, Tracked};
 use rigident_io::motion_capture::trial::Trial;
 
 /// Frames a second that are kept, at most.
@@ -82,7 +83,7 @@ fn page(
     }
 }
 
-fn error(of: &rigident::answer::person::LeftOut) -> ErrorRow {
+fn error(of: &LeftOut) -> ErrorRow {
     let percent = of.percent_of_weight;
     ErrorRow {
         name: capital(&of.name),

@@ -2,7 +2,7 @@
 
 use rigident_shared::calibration::Reading;
 
-use rigident::answer::{Drift, DriftChange};
+use crate::answer::{Drift, DriftChange};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
 
 /// The edges of a pose still shake, s.

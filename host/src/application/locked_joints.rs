@@ -4,9 +4,9 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::tree::Joint;
 
-use super::Failure;
-use rigident::problem::tree::columns::{self, Column, Quantity};
-use rigident::problem::tree::joints::{Resolved, Seen, attitude, resolve};
+use super::{Caller, Error, Notice};
+use crate::problem::tree::columns::{self, Column, Quantity};
+use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
 use rigident_model::idle::{DEVIATION, Spread};
@@ -15,19 +15,20 @@ use rigident_model::idle::{DEVIATION, Spread};
 const HELD: f64 = 2e-3;
 const HELD_BY_ATTITUDES: f64 = 0.02;
 
-/// Locks joints, given as `JOINT` or `JOINT=VALUE`; what was taken for granted, in words.
+/// Locks joints, given as `JOINT` or `JOINT=VALUE`; returns what was taken for granted, in words.
 ///
 /// # Errors
-/// Bad input: no such joint, or one that moves in the recording.
+/// There is no such joint, or it moves in the recording.
 pub(super) fn lock(
     model: &mut Model,
     words: &[String],
     recording: &Recording,
-) -> Result<Vec<String>, Failure> {
+    caller: &Caller<'_>,
+) -> Result<Vec<String>, Error> {
     let (mut notes, mut unseen) = (Vec::new(), Vec::new());
     let mut places = Vec::new();
     for words in words {
-        let (name, stated) = model.locked(words).map_err(Failure::input)?;
+        let (name, stated) = model.locked(words)?;
         let Some(i) = model.joint(name) else { continue };
         let seen = match positions(model, i, recording)? {
             Some((column, values)) => Some((column, Stand::of(&values, HELD))),
@@ -42,14 +43,14 @@ pub(super) fn lock(
         };
         let unit = if matches!(model.links[i].link.joint, Joint::Prismatic(_)) { "m" } else { "rad" };
         if stand.moves {
-            return Err(Failure::input(format!(
-                "--lock {name}: {source} in {} moves, from {:.4} to {:.4} {unit} (standard deviation {:.2e}): a joint that moves \
-                 cannot be taken for locked; leave it out of --lock",
+            let moves = format!(
+                "{source} in {} moves, from {:.4} to {:.4} {unit} (standard deviation {:.2e})",
                 recording.file(),
                 stand.least,
                 stand.largest,
                 stand.deviation
-            )));
+            );
+            return Err(Error::LockedMoves { joint: name.to_owned(), moves });
         }
         let value = stated.unwrap_or(stand.mean);
         if stated.is_none() {
@@ -72,14 +73,9 @@ pub(super) fn lock(
         }
     }
     if !unseen.is_empty() {
-        notes.push(format!(
-            "{} {} locked at zero: the recording has no column of {}; say --lock JOINT=VALUE (rad or m) if it stood elsewhere",
-            unseen.join(", "),
-            if unseen.len() == 1 { "is" } else { "are" },
-            if unseen.len() == 1 { "it" } else { "them" }
-        ));
+        notes.push(caller.words(&Notice::LockedAtZero(unseen)));
     }
-    model.lock(&places).map_err(Failure::input)?;
+    model.lock(&places)?;
     Ok(notes)
 }
 
@@ -87,19 +83,18 @@ pub(super) fn lock(
 /// what is between them is no body.
 ///
 /// # Errors
-/// Bad input: they are no such joint.
-pub(super) fn meet(model: &mut Model, words: &[String], recording: &Recording) -> Result<(), Failure> {
-    for words in words {
-        let joints = super::model::three(words)?;
+/// They are no such joint.
+pub(super) fn meet(model: &mut Model, groups: &[[String; 3]], recording: &Recording) -> Result<(), Error> {
+    for joints in groups {
         let recorded = |name: &String| {
             let i = model.joint(name);
             let column = i.and_then(|i| source(model, i, recording));
             column.is_some_and(|column| recording.extra.iter().any(|(name, _)| *name == column.name))
         };
         if joints.iter().all(recorded) {
-            model.declare_meeting(&joints).map_err(Failure::input)?;
+            model.declare_meeting(joints)?;
         } else {
-            model.declare_spherical(&joints).map_err(Failure::input)?;
+            model.declare_spherical(joints)?;
         }
     }
     Ok(())
@@ -138,10 +133,10 @@ fn source(model: &Model, i: usize, recording: &Recording) -> Option<Column> {
 /// Positions of a joint that has a column, and which.
 ///
 /// # Errors
-/// Bad input: one of them is no number.
-fn positions(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Failure> {
+/// One of them is no number.
+fn positions(model: &Model, i: usize, recording: &Recording) -> Result<Option<(String, Vec<f64>)>, Error> {
     let Some(column) = source(model, i, recording) else { return Ok(None) };
-    let values = columns::numbers(recording, &column).map_err(Failure::input)?;
+    let values = columns::numbers(recording, &column)?;
     Ok(values.map(|values| (format!("column {}", column.name), values)))
 }
 

@@ -1,12 +1,12 @@
-//! The model that `--write-model` writes of an answer: links, friction, rotors and springs as it has them.
+//! The model that is written of an answer: links, friction, rotors and springs as it has them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::Failure;
+use super::Error;
 use super::loaded::{Loaded, StandardOptions};
-use rigident::answer::Answer;
-use rigident::answer::result::{Complete, CompleteDrive, CompleteTerm};
-use rigident::answer::standard_parameters::nearest_with_rotors;
+use crate::answer::Answer;
+use crate::answer::result::{Complete, CompleteDrive, CompleteTerm};
+use crate::answer::standard_parameters::nearest_with_rotors;
 use rigident_fit::Fit;
 use rigident_model::passive::Passive;
 use rigident_model::xml::Language;
@@ -14,22 +14,23 @@ use rigident_model::{Model, remarks, write};
 use rigident_shared::tree::Joint;
 
 /// A model that is to be written.
-pub(super) struct WrittenModel<'a> {
+#[derive(Clone, Debug)]
+pub struct WrittenModel {
     model: Model,
-    source: Option<&'a Path>,
-    path: &'a Path,
+    source: Option<PathBuf>,
+    path: PathBuf,
     /// What whoever uses it should know.
-    pub(super) remarks: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
-impl<'a> WrittenModel<'a> {
+impl WrittenModel {
     /// Returns the model of an answer; `None` where it has no standard parameters.
     pub(super) fn of(
-        loaded: &'a Loaded,
-        standard: &StandardOptions,
+        loaded: &Loaded,
+        standard: &StandardOptions<'_>,
         fit: &Fit,
         answer: &Answer,
-        path: &'a Path,
+        path: &Path,
     ) -> Option<Self> {
         let ((nominal, source), found) = (loaded.nominal()?, answer.standard_parameters.as_ref()?);
         let links = found.links.iter().map(|link| (link.name.as_str(), link.parameters));
@@ -57,16 +58,16 @@ impl<'a> WrittenModel<'a> {
         }
         let mut remarks = remarks::remarks(&model, source, path, standard.locked);
         remarks.extend(said.into_iter().map(|text| format!("{}: {text}", path.display())));
-        Some(Self { model, source, path, remarks })
+        Some(Self { model, source: source.map(Path::to_owned), path: path.to_owned(), remarks })
     }
 
-    /// Writes it; returns what to say of it.
+    /// Writes it and returns its path.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub(super) fn write(&self) -> Result<String, Failure> {
-        write::write(&self.model, self.source, self.path).map_err(Failure::input)?;
-        Ok(format!("; the model is {}", self.path.display()))
+    /// [`Error::Model`] if the file cannot be written.
+    pub fn write(&self) -> Result<&Path, Error> {
+        write::write(&self.model, self.source.as_deref(), &self.path)?;
+        Ok(&self.path)
     }
 }
 

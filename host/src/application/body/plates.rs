@@ -1,21 +1,20 @@
 //! What is told of force plates that contradict a person's motion, or one another.
 
-use super::Failure;
-use rigident::answer::Finding;
-use rigident::body_segments::Study;
-use rigident::body_segments::plates::{PlateErrors, plate_errors};
-use rigident::problem::person::Person;
+use crate::answer::Finding;
+use crate::body_segments::plates::{PlateErrors, plate_errors};
+use crate::body_segments::{Study, StudyError};
+use crate::problem::person::Person;
 use rigident_fit::COVERAGE_95;
 
 /// Returns plates that are not where the file has them, and plates with different scales. Of such a scale no
 /// interval counts anything: the trials contradict each other.
-pub(super) fn doubtful_plates(person: &Person, study: &Study) -> Result<Vec<Finding>, Failure> {
+pub(super) fn doubtful_plates(person: &Person, study: &Study) -> Result<Vec<Finding>, StudyError> {
     // A slope, or axes of a belt: far more than any interval counts.
     let leans =
         person.trials.iter().filter(|tracked| tracked.report.tilt.is_some_and(|tilt| tilt.is_a_slope()));
     let mut findings: Vec<Finding> =
         leans.filter_map(|tracked| Some(Finding::contradiction(tracked.tilt_words()?))).collect();
-    for found in plate_errors(study, person).map_err(Failure::input)? {
+    for found in plate_errors(study, person)? {
         let name = person.trials.get(found.trial).map_or("", |tracked| &tracked.name);
         findings.extend(shifts(name, &found).into_iter().map(Finding::warning));
         findings.extend(scales(name, &found).into_iter().map(Finding::contradiction));

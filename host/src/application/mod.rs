@@ -1,0 +1,62 @@
+//! The jobs of Rigident as plain functions: typed options in, typed answers out; nothing is printed, and no process ends.
+//!
+//! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its body, [`merge`] joins factors,
+//! [`solve`] answers by one, [`predict`](predict()) computes what a model says of a recording, [`body`](body()) goes from
+//! trials to a person's segments. The command line and Python call
+//! these functions, so that their numbers are the same to the last bit. Whoever calls shows progress, may stop the work and words
+//! remedies: [`Caller`]. Why there is no answer is an [`Error`].
+//!
+//! ```
+//! use rigident::application::{Caller, IdentifyOptions, identify};
+//!
+//! let bracket = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+//! let found = identify(bracket.into(), &IdentifyOptions::default(), &Caller::default())?;
+//! assert!((found.answer.mass_kg.unwrap() - 3.2).abs() < 0.03);
+//! # Ok::<(), rigident::application::Error>(())
+//! ```
+//!
+//! Lives here: what a job takes and in which order it is done. May not live here: words of options, printing, exit statuses; and
+//! mathematics, which is in the rooms below.
+
+pub mod bare_platform;
+pub mod body;
+mod body_error;
+mod calibration;
+mod caller;
+mod drift;
+mod error;
+pub mod factor;
+mod identify;
+pub mod loaded;
+mod locked_joints;
+mod merge;
+mod motion_plots;
+pub mod notice;
+pub mod payload;
+pub mod predict;
+pub mod recorded;
+pub mod report;
+mod solve;
+pub mod span;
+pub mod tare;
+pub mod tree;
+mod written_model;
+
+pub use body::{BodyOptions, IdentifiedPerson, body};
+pub use body_error::{BodyError, BodyOption};
+pub use calibration::calibrate;
+pub use caller::Caller;
+pub use error::{Error, ListingError, TreeOption};
+pub use factor::{FactorOptions, Reduced, factor};
+pub use identify::{IdentifyOptions, identify};
+pub use loaded::Loaded;
+pub use merge::{Merged, agreement, merge, merge_files};
+pub use notice::Notice;
+pub use payload::{Load, write_loads};
+pub use predict::{PredictOptions, Predicted, predict};
+pub use recorded::Recorded;
+pub use report::{Identified, Report};
+pub use solve::{SolveOptions, solve};
+pub use tare::Fixture;
+pub use tree::{Changes, Tree};
+pub use written_model::WrittenModel;
