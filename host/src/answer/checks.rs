@@ -48,7 +48,7 @@ impl Answer {
                 percent(cause.residuals_left)
             )
         };
-        let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.mend);
+        let said = format!("most likely {}{}: {effect}; {}", cause.what, others.concat(), cause.remedy);
         if cause.confirmed || cause.ambiguous {
             self.notes.extend(self.warnings.drain(kept.min(self.warnings.len())..));
         }

@@ -260,7 +260,8 @@ pub struct Cause {
     /// The fault in words.
     pub what: String,
     /// What to do about it.
-    pub mend: String,
+    #[serde(alias = "mend")]
+    pub remedy: String,
     /// True if the recording can be true without this fault, and without no other one. Else it only leaves
     /// much less unexplained, or is one of several.
     pub confirmed: bool,

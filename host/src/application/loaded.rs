@@ -274,7 +274,7 @@ impl Loaded {
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
             let case = self.case.as_ref().filter(|_| no_rows);
             match case.and_then(|case| diagnosis::diagnose(case, None, caller)) {
-                Some(Cause { what, mend, .. }) => Error::Explained { error, what, remedy: mend },
+                Some(Cause { what, remedy, .. }) => Error::Explained { error, what, remedy },
                 None => error.into(),
             }
         })?;

@@ -125,7 +125,7 @@ pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
 fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> {
     let degrees = std::f64::consts::PI / 180.0;
     let mut all = Vec::new();
-    let mend =
+    let remedy =
         "give each its scale in [[joint]] of the rig file: position = { name = \"…\", scale = 0.01745329 }";
     let what = if has_rates {
         "positions and rates of the joints are in degrees"
@@ -133,17 +133,17 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
         "positions of the joints are in degrees"
     };
     let own = joints.to_vec();
-    all.push(Fault::new("unit of the joints", what, mend, move |case| {
+    all.push(Fault::new("unit of the joints", what, remedy, move |case| {
         case.options.friction.forget_speeds();
         scale_all(&own, case, &MOTION, degrees)
     }));
     for (unit, factor) in UNITS.into_iter().filter(|_| has_efforts) {
         let own = joints.to_vec();
         let what = format!("the efforts are in {unit}");
-        let mend = format!(
+        let remedy = format!(
             "give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
         );
-        all.push(Fault::new(format!("efforts in {unit}"), what, mend, move |case| {
+        all.push(Fault::new(format!("efforts in {unit}"), what, remedy, move |case| {
             scale_all(&own, case, &[Quantity::Effort], factor)
         }));
     }
@@ -153,10 +153,10 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
     {
         let own = joint.clone();
         let what = format!("the effort of {} is in {unit}", joint.name);
-        let mend = format!(
+        let remedy = format!(
             "give its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
         );
-        all.push(Fault::new(format!("unit of {}", joint.name), what, mend, move |case| {
+        all.push(Fault::new(format!("unit of {}", joint.name), what, remedy, move |case| {
             own.scale(case, &[Quantity::Effort], factor)
         }));
     }
@@ -165,9 +165,9 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
 
 fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
     let what = "friction of the joints is left out";
-    let mend = "identify it: --friction viscous,coulomb";
+    let remedy = "identify it: --friction viscous,coulomb";
     (has_efforts && case.options.friction.is_empty()).then(|| {
-        Fault::new("friction", what, mend, |case| {
+        Fault::new("friction", what, remedy, |case| {
             case.options.friction = vec![Term::Viscous, Term::Coulomb(None)].into();
             true
         })
@@ -176,11 +176,11 @@ fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
 
 fn of_rotors(case: &Case, has_efforts: bool) -> Option<Fault> {
     let what = "rotors of the drives are left out: behind a gear they count with the square of its ratio";
-    let mend = "identify them: --friction viscous,coulomb,rotor";
+    let remedy = "identify them: --friction viscous,coulomb,rotor";
     let friction = &case.options.friction;
     let has_rotors = friction.lists().any(|terms| terms.contains(&Term::Rotor));
     (has_efforts && !friction.is_empty() && !has_rotors).then(|| {
-        Fault::new("rotors", what, mend, |case| {
+        Fault::new("rotors", what, remedy, |case| {
             case.options.friction.lists_mut().for_each(|terms| terms.push(Term::Rotor));
             true
         })
@@ -189,10 +189,10 @@ fn of_rotors(case: &Case, has_efforts: bool) -> Option<Fault> {
 
 fn of_signs(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
     let mut all = Vec::new();
-    let mend = "give it scale = -1 in [[joint]] of the rig file";
+    let remedy = "give it scale = -1 in [[joint]] of the rig file";
     if has_efforts {
         let own = joints.to_vec();
-        all.push(Fault::new("sign of the efforts", "all efforts are reversed", mend, move |case| {
+        all.push(Fault::new("sign of the efforts", "all efforts are reversed", remedy, move |case| {
             scale_all(&own, case, &[Quantity::Effort], -1.0)
         }));
     }
@@ -212,7 +212,7 @@ fn of_signs(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
             }
             let own = joint.clone();
             // Of two joints either reversed sign explains as much: the other makes bodies of negative mass.
-            all.push(Fault::new(what.clone(), what, mend, move |case| own.scale(case, quantities, -1.0)));
+            all.push(Fault::new(what.clone(), what, remedy, move |case| own.scale(case, quantities, -1.0)));
         }
     }
     all
@@ -225,11 +225,11 @@ fn of_zeros(joints: &[Named]) -> Vec<Fault> {
         for degrees in [90.0, -90.0, 180.0_f64] {
             let own = joint.clone();
             let what = format!("the zero of {} is off by {degrees}°", joint.name);
-            let mend = format!(
+            let remedy = format!(
                 "give it offset = {:.6} in [[joint]] of the rig file: position = {{ name = \"…\", offset = … }}",
                 -degrees.to_radians()
             );
-            all.push(Fault::new(what.clone(), what, mend, move |case| {
+            all.push(Fault::new(what.clone(), what, remedy, move |case| {
                 let Some(mut column) = own.column(case, Quantity::Position) else { return false };
                 column.offset -= degrees.to_radians();
                 own.set(case, Quantity::Position, column);
@@ -244,7 +244,7 @@ fn of_order(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
     let mut all = Vec::new();
     let count = joints.len();
     let most = count.min(MOST_JOINTS);
-    let mend = "name the columns in [[joint]] of the rig file";
+    let remedy = "name the columns in [[joint]] of the rig file";
     let mut orders: Vec<(String, String, Vec<usize>)> = Vec::new();
     for a in 0..most {
         for b in a + 1..most {
@@ -271,7 +271,7 @@ fn of_order(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
                 continue;
             }
             let (own, order) = (joints.to_vec(), order.clone());
-            all.push(Fault::new("order of the joints", what, mend, move |case| {
+            all.push(Fault::new("order of the joints", what, remedy, move |case| {
                 rename(case, &own, &order, quantities)
             }));
         }
@@ -297,8 +297,8 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
     others
         .map(|(words, down)| {
             let what = format!("the base stands {words}");
-            let mend = format!("give gravity_direction = {down:?} in [recording] of the rig file");
-            Fault::new("gravity", what, mend, move |case| {
+            let remedy = format!("give gravity_direction = {down:?} in [recording] of the rig file");
+            Fault::new("gravity", what, remedy, move |case| {
                 case.recording.rig.recording.gravity_direction = down;
                 true
             })
@@ -315,9 +315,9 @@ fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) 
     ] {
         for (rows, s) in delays(case).into_iter().filter(|_| needs) {
             let own = joints.to_vec();
-            let mend = "stamp readings where they are taken, or shift the columns";
+            let remedy = "stamp readings where they are taken, or shift the columns";
             let kind = format!("delay of the {what}");
-            all.push(Fault::new(kind, late(&format!("the {what}"), s), mend, move |case| {
+            all.push(Fault::new(kind, late(&format!("the {what}"), s), remedy, move |case| {
                 let columns: Vec<String> =
                     own.iter().filter_map(|joint| Some(joint.column(case, quantity)?.name)).collect();
                 for (name, cells) in &mut case.recording.extra {

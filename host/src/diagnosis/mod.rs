@@ -59,7 +59,7 @@ pub struct Fault {
     /// The fault in words.
     pub what: String,
     /// What to do about it.
-    pub mend: String,
+    pub remedy: String,
     undo: Undo,
 }
 
@@ -67,10 +67,10 @@ impl Fault {
     fn new(
         kind: impl Into<String>,
         what: impl Into<String>,
-        mend: impl Into<String>,
+        remedy: impl Into<String>,
         undo: impl Fn(&mut Case) -> bool + Send + Sync + 'static,
     ) -> Self {
-        Self { kind: kind.into(), what: what.into(), mend: mend.into(), undo: Box::new(undo) }
+        Self { kind: kind.into(), what: what.into(), remedy: remedy.into(), undo: Box::new(undo) }
     }
 
     /// Returns the case without the fault; `None` if it cannot have it.
@@ -163,7 +163,7 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     let first = plausible.first()?;
     Some(Cause {
         what: first.fault.what.clone(),
-        mend: if ambiguous { WHICH.to_owned() } else { first.fault.mend.clone() },
+        remedy: if ambiguous { WHICH.to_owned() } else { first.fault.remedy.clone() },
         confirmed,
         ambiguous,
         residuals_left: (first.left - before).exp(),

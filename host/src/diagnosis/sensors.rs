@@ -136,10 +136,10 @@ fn of_place(case: &Case) -> Option<Fault> {
     let [px, py, pz] = place.map(|v| format!("{v:.3}"));
     let what =
         format!("the IMU does not sit at the load cell's origin, but at about {px}, {py}, {pz} m from it");
-    let mend =
+    let remedy =
         format!("measure it, and give position_m = [{px}, {py}, {pz}] or better in [[imu]] of the rig file");
     far.then(|| {
-        Fault::new("place of the IMU", what, mend, move |case| {
+        Fault::new("place of the IMU", what, remedy, move |case| {
             own_table(&mut case.recording.rig).position_m = place;
             true
         })
@@ -259,8 +259,8 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
 fn of_units(triple: Triple) -> impl Iterator<Item = Fault> {
     triple.units().iter().map(move |(unit, factor)| {
         let what = format!("{} is in {unit}", triple.name());
-        let mend = format!("give scale = {factor:.6} in [recording] columns of the rig file");
-        Fault::new(format!("unit of {}", triple.name()), what, mend, move |case| {
+        let remedy = format!("give scale = {factor:.6} in [recording] columns of the rig file");
+        Fault::new(format!("unit of {}", triple.name()), what, remedy, move |case| {
             triple.each(case, &|v| v.map(|v| factor * v))
         })
     })
@@ -268,20 +268,20 @@ fn of_units(triple: Triple) -> impl Iterator<Item = Fault> {
 
 fn of_wrench_sign(case: &Case) -> Option<Fault> {
     let what = "the wrench has the sign of the other body: that on the sensor, not that on the body";
-    let mend = "correct wrench_sign in [recording] of the rig file";
+    let remedy = "correct wrench_sign in [recording] of the rig file";
     let undo = |case: &mut Case| {
         let reversed = |v: [f64; 3]| v.map(|v| -v);
         Triple::Force.each(case, &reversed) && Triple::Moment.each(case, &reversed)
     };
-    case.recording.wrench.as_ref().map(|_| Fault::new("wrench sign", what, mend, undo))
+    case.recording.wrench.as_ref().map(|_| Fault::new("wrench sign", what, remedy, undo))
 }
 
 fn of_axes(triple: Triple) -> impl Iterator<Item = Fault> {
     signed_permutations().into_iter().map(move |axes| {
         let what = format!("{} {}", triple.name(), axes_in_words(axes));
-        let mend = "correct its axes and signs: name the columns in [recording] columns of the rig file, with scale = -1 \
+        let remedy = "correct its axes and signs: name the columns in [recording] columns of the rig file, with scale = -1 \
                     where one is reversed";
-        Fault::new(format!("axes of {}", triple.name()), what, mend, move |case| triple.each(case, &|v| turned(axes, v)))
+        Fault::new(format!("axes of {}", triple.name()), what, remedy, move |case| triple.each(case, &|v| turned(axes, v)))
     })
 }
 
@@ -306,8 +306,8 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
     let rotations = signed_permutations().into_iter().filter(|axes| matrix(*axes).determinant() > 0.0);
     for axes in rotations.filter(|_| case.recording.imus.first().is_some_and(|imu| imu.gyro.is_some())) {
         let what = format!("the IMU {}", axes_in_words(axes));
-        let mend = "correct rotation_wxyz in [[imu]] of the rig file";
-        all.push(Fault::new("attitude of the IMU", what, mend, move |case| {
+        let remedy = "correct rotation_wxyz in [[imu]] of the rig file";
+        all.push(Fault::new("attitude of the IMU", what, remedy, move |case| {
             Triple::Accel.each(case, &|v| turned(axes, v)) && Triple::Gyro.each(case, &|v| turned(axes, v))
         }));
     }
@@ -321,9 +321,9 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
         .into_iter()
         .filter(|(_, q)| *q != own.rotation_wxyz && *q != own.rotation_wxyz.map(|v| -v))
     {
-        let mend =
+        let remedy =
             "correct rotation_wxyz in [[imu]] of the rig file: w, x, y, z of the attitude of the IMU in S";
-        all.push(Fault::new("rotation_wxyz", what, mend, move |case| {
+        all.push(Fault::new("rotation_wxyz", what, remedy, move |case| {
             table(&mut case.recording.rig, |imu| imu.rotation_wxyz = rotation)
         }));
     }
@@ -343,8 +343,8 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
             },
         ));
     }
-    let mend = "correct position_m in [[imu]] of the rig file: from the load cell's origin to the IMU, in the axes of S";
-    all.push(Fault::new("place of the IMU", "position_m of the IMU is reversed", mend, move |case| {
+    let remedy = "correct position_m in [[imu]] of the rig file: from the load cell's origin to the IMU, in the axes of S";
+    all.push(Fault::new("place of the IMU", "position_m of the IMU is reversed", remedy, move |case| {
         table(&mut case.recording.rig, |imu| imu.position_m = imu.position_m.map(|v| -v))
     }));
     all
@@ -360,13 +360,13 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
         groups.into_iter().filter(|(name, _, gyro)| has_gyro || (*name == "the IMU" && !gyro))
     {
         for (rows, s) in delays(case) {
-            let mend = match (accel, gyro) {
+            let remedy = match (accel, gyro) {
                 (true, true) => {
                     "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are taken"
                 }
                 _ => "stamp readings where they are taken; sensors of one IMU have one clock",
             };
-            all.push(Fault::new(format!("delay of {name}"), late(name, s), mend, move |case| {
+            all.push(Fault::new(format!("delay of {name}"), late(name, s), remedy, move |case| {
                 let Some(imu) = case.recording.imus.first_mut() else { return false };
                 if let Some(values) = imu.accel.as_mut().filter(|_| accel) {
                     earlier(values, rows);

@@ -121,7 +121,7 @@ fn an_imu_that_sits_elsewhere_is_named_with_its_place() {
     fs::write(at.join("o.toml"), rig.replace(line, "position_m = [0.0, 0.0, 0.0]")).unwrap();
     let output = rigident(at, &["identify", "a.csv", "--rig", "o.toml", "--json", "--out", "o"]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    let cause = json(&output)["cause"]["mend"].as_str().unwrap().to_owned();
+    let cause = json(&output)["cause"]["remedy"].as_str().unwrap().to_owned();
     let found: Vec<f64> = cause.split(['[', ']', ',']).filter_map(|cell| cell.trim().parse().ok()).collect();
     assert_eq!(found.len(), 3, "{cause}");
     assert!(found.iter().zip(&stated).all(|(a, b)| (a - b).abs() < 0.003), "{cause} {stated:?}");

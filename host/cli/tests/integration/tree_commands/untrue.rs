@@ -125,8 +125,8 @@ fn a_base_on_a_wall_is_told_and_its_key_mends_it() {
     std::fs::write(place.join("arm.urdf"), turned).unwrap();
     let found = identified(place, "arm.csv", &FRICTION);
     assert_cause(&found, "on a wall, y down");
-    let mend = found.1["cause"]["mend"].as_str().unwrap();
-    assert!(mend.contains("gravity_direction = [0.0, 1.0, 0.0]"), "{mend}");
+    let remedy = found.1["cause"]["remedy"].as_str().unwrap();
+    assert!(remedy.contains("gravity_direction = [0.0, 1.0, 0.0]"), "{remedy}");
     let rig = "[recording]\ngravity_direction = [0.0, 2.0, 0.0]\n[tree]\nclass = \"exact\"\n";
     std::fs::write(place.join("arm.rig.toml"), rig).unwrap();
     let (_, found) = identified(place, "arm.csv", &FRICTION);
