@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rigident import _rigident
-from rigident._errors import RigidentError
+from rigident._errors import Place, RigidentError
 
 PathLike = str | os.PathLike[str]
 """A path of a file."""
@@ -99,9 +101,54 @@ def repeated(name: str, values: Iterable[object] | str) -> list[str]:
     return [word for value in values for word in option(name, value)]
 
 
-def known_words(known: Known, symmetry: Mapping[str, float] | Iterable[str] | str) -> list[str]:
-    """Returns the words of what is known beforehand."""
-    words = [f"--known={name}={float(value)!r}±{float(sigma)!r}" for name, (value, sigma) in known.items()]
+@contextlib.contextmanager
+def rig_file(rig: Rig | None) -> Iterator[Path | None]:
+    """Gives the path of a rig file; one of nested mappings is in a file meanwhile, which no message names."""
+    if rig is None or not isinstance(rig, Mapping):
+        yield None if rig is None else Path(rig)
+        return
+    with tempfile.TemporaryDirectory(prefix="rigident-") as folder:
+        path = rig_path(rig, Path(folder))
+        try:
+            yield path
+        except RigidentError as error:
+            words = str(error).replace(str(path), "the rig")
+            place = error.place
+            if place is not None and place.file == str(path):
+                place = Place("the rig", None, place.index, place.column)
+            raise type(error)(words, error.status, place, error.told) from None
+
+
+def listed(values: Iterable[str] | str) -> list[str]:
+    """Returns several texts as a list; a text is one value."""
+    return [values] if isinstance(values, str) else list(values)
+
+
+def split(values: Iterable[str] | str) -> list[str]:
+    """Returns the same, texts with commas parted there."""
+    return [part for value in listed(values) for part in value.split(",")]
+
+
+def known_values(known: Known | None) -> list[tuple[str, float, float]]:
+    """Returns what is known beforehand: name, value, standard uncertainty.
+
+    Raises:
+        TypeError: A value has no standard uncertainty beside it.
+    """
+    values = []
+    for name, pair in (known or {}).items():
+        try:
+            value, sigma = pair
+            values.append((name, float(value), float(sigma)))
+        except (TypeError, ValueError) as error:
+            raise TypeError(
+                f"known: {name}: {pair!r} is no pair of a value and its standard uncertainty (1 σ): give ({name!r}: (value, sigma))"
+            ) from error
+    return values
+
+
+def planes(symmetry: Mapping[str, float] | Iterable[str] | str) -> list[str]:
+    """Returns planes of symmetry as texts."""
     if isinstance(symmetry, Mapping):
-        return words + [f"--symmetry={axis}±{float(sigma)!r}" for axis, sigma in symmetry.items()]
-    return words + repeated("--symmetry", symmetry)
+        return [f"{axis}±{float(sigma)!r}" for axis, sigma in symmetry.items()]
+    return listed(symmetry)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import tempfile
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +13,10 @@ from numpy.typing import NDArray
 
 from rigident import _rigident
 from rigident._arrays import Arrays
-from rigident._call import Known, PathLike, Rig, command, known_words, option, repeated, rig_path
+from rigident._call import Known, PathLike, Rig, rig_file
 from rigident._errors import RigidentError
-from rigident._identify import answered, reduced, tare_words, tree_words
+from rigident._identify import ask_options, given, read_options
+from rigident._results import result_of
 
 if TYPE_CHECKING:
     from rigident._results import Result
@@ -24,14 +24,11 @@ if TYPE_CHECKING:
 Key = TypeVar("Key", bound=Hashable)
 
 
-def _named(text: str, paths: list[Path], factors: tuple[Factor, ...]) -> str:
-    """Returns the text with each factor's number and recording instead of the path at which it was for a moment."""
-    for number, (path, factor) in enumerate(zip(paths, factors, strict=True), start=1):
-        if str(path) in text:
-            first, *more = factor.recordings
-            others = f" and {len(more)} more" if more else ""
-            text = text.replace(str(path), f"factor {number} ({first}{others})")
-    return text
+def _named(number: int, factor: Factor) -> str:
+    """Returns what messages call a factor: its number, and its recordings."""
+    first, *more = factor.recordings
+    others = f" and {len(more)} more" if more else ""
+    return f"factor {number} ({first}{others})"
 
 
 @dataclass(frozen=True)
@@ -77,17 +74,10 @@ class Factor:
         Raises:
             RigidentError: The recording cannot be used.
         """
-        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
-            folder = Path(temporary)
-            path = folder / "new.factor"
-            words = [
-                *option("--calibration", calibration),
-                *tree_words(model, lock, spherical, tool, height_m, mass_kg, sex),
-                f"--output={path}",
-            ]
-            called = reduced("factor", recording, rig, name, words, folder)
-            factor = cls.from_bytes(path.read_bytes(), name)
-            return cls(factor.data, factor.recordings[0], called.told)
+        with rig_file(rig) as path:
+            options = read_options(path, calibration, model, lock, spherical, tool, height_m, mass_kg, sex)
+            data, told = _rigident.factor(given(recording, name, path), options)
+        return cls(data, cls.from_bytes(data, name).recordings[0], tuple(told))
 
     @classmethod
     def from_bytes(cls, data: bytes, name: str = "factor") -> Factor:
@@ -129,20 +119,9 @@ class Factor:
         for one in factors:
             if not isinstance(one, Factor):
                 raise TypeError(f"{type(one).__name__} is no factor: Factor.from_bytes and Factor.read make one")
-        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
-            folder = Path(temporary)
-            paths = [folder / f"{number}.factor" for number in range(len(factors))]
-            for factor, path in zip(factors, paths, strict=True):
-                factor.write(path)
-            out = folder / "merged"
-            words = [*option("--shared-offset", shared_offset), *option("--force", force), f"--output={out}"]
-            try:
-                called = command("merge", *words, "--", *paths)
-            except RigidentError as error:
-                raise RigidentError(
-                    _named(str(error), paths, factors), error.status, told=error.told
-                ) from None
-            return cls(out.read_bytes(), "merged", tuple(_named(line, paths, factors) for line in called.told))
+        named = [(factor.data, _named(number, factor)) for number, factor in enumerate(factors, start=1)]
+        data, told = _rigident.merge(named, shared_offset, force)
+        return cls(data, "merged", tuple(told))
 
     @classmethod
     def merge_by_key(cls, pairs: Iterable[tuple[Key, Factor]]) -> dict[Key, Factor]:
@@ -176,17 +155,9 @@ class Factor:
         Raises:
             RigidentError: There is no answer.
         """
-        with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
-            folder = Path(temporary)
-            path = folder / "own.factor"
-            self.write(path)
-            words = [
-                *repeated("--estimate", estimate),
-                *known_words(known or {}, symmetry),
-                *tare_words(tare, folder),
-                *option("--without-platform", without_platform),
-            ]
-            return answered("solve", path, rig_path(rig, folder), self.name, words, folder)
+        ask = ask_options(estimate, known, symmetry, tare)
+        with rig_file(rig) as path:
+            return result_of(_rigident.solve((self.data, self.name), path, ask, without_platform))
 
     def to_bytes(self) -> bytes:
         """Returns the bytes of the factor file."""

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rigident import _rigident
 from rigident._arrays import Arrays, is_arrays, recording_of
-from rigident._call import (
-    Called,
-    Known,
-    PathLike,
-    Rig,
-    command,
-    known_words,
-    option,
-    repeated,
-    rig_path,
-)
+from rigident._call import Known, PathLike, Rig, known_values, listed, planes, rig_file, split
 from rigident._errors import RigidentError
 from rigident._results import Result, result_of
 
@@ -95,65 +85,35 @@ def identify(
     ((3,), (3, 3))
     """
     loads = [write_load] if isinstance(write_load, (str, os.PathLike)) else list(write_load)
-    with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
-        folder = Path(temporary)
-        words = [
-            *repeated("--estimate", estimate),
-            *known_words(known or {}, symmetry),
-            *tare_words(tare, folder),
-            *option("--calibration", calibration),
-            *option("--forget", None if forget_s is None else float(forget_s)),
-            *option("--window", None if window_s is None else float(window_s)),
-            *tree_words(model, lock, spherical, tool, height_m, mass_kg, sex),
-            *repeated("--friction", friction),
-            *repeated("--drive", drive),
-            *option("--nominal-sigma", None if nominal_sigma is None else float(nominal_sigma)),
-            *option("--symmetric-sides", symmetric_sides),
-            *option("--payload", payload),
-            *option("--write-model", write_model),
-            *repeated("--write-load", loads),
-        ]
-        return answered("identify", recording, rig, name, words, folder)
+    with rig_file(rig) as path:
+        options = {
+            "read": read_options(path, calibration, model, lock, spherical, tool, height_m, mass_kg, sex),
+            "ask": ask_options(estimate, known, symmetry, tare),
+            "forget_s": _number(forget_s),
+            "window_s": _number(window_s),
+            "friction": listed(friction),
+            "drive": listed(drive),
+            "nominal_sigma": _number(nominal_sigma),
+            "symmetric_sides": symmetric_sides,
+            "payload": payload,
+            "write_model": write_model,
+            "write_load": loads,
+        }
+        return result_of(_rigident.identify(given(recording, name, path), options))
 
 
-def answered(
-    verb: str,
-    recording: PathLike | Arrays,
-    rig: Rig | None,
-    name: str,
-    words: list[str],
-    folder: Path,
-) -> Result:
-    """Calls a command that answers and reads what it printed and wrote."""
-    from rigident._factor import Factor
-
-    out = folder / "answer"
-    called = reduced(verb, recording, rig, name, [*words, "--json", f"--out={out}"], folder)
-    page = (out / "report.html").read_text(encoding="utf-8")
-    kept = sorted(out.glob("*.factor"))
-    factor = Factor.from_bytes(kept[0].read_bytes(), kept[0].stem) if kept else None
-    return result_of(called.output, called.status, called.told, page, factor)
-
-
-def reduced(
-    verb: str,
-    recording: PathLike | Arrays,
-    rig: Rig | None,
-    name: str,
-    words: list[str],
-    folder: Path,
-) -> Called:
-    """Calls a command that takes a recording, from a file or from memory."""
-    path = rig_path(rig, folder)
-    words = [*words, *option("--rig", path)]
+def given(recording: PathLike | Arrays, name: str, rig: Path | None) -> PathLike | _rigident.Recording:
+    """Returns the path of a recording, or one in memory."""
     if not is_arrays(recording):
-        return command(verb, *words, "--", _path(recording))
+        return _path(recording)
     if not name:
         raise RigidentError("the recording needs a name: name=…")
-    return command(verb, *words, "--", name, recording=recording_of(recording, name, path))
+    return recording_of(recording, name, rig)
 
 
-def tree_words(
+def read_options(
+    rig: Path | None,
+    calibration: PathLike | None,
     model: PathLike | None,
     lock: Iterable[str] | str,
     spherical: Iterable[str] | str,
@@ -161,33 +121,40 @@ def tree_words(
     height_m: float | None,
     mass_kg: float | None,
     sex: str | None,
-) -> list[str]:
-    """Returns the words that say which tree, and what is changed about it."""
-    return [
-        *option("--model", model),
-        *repeated("--lock", lock),
-        *repeated("--spherical", spherical),
-        *repeated("--tool", tool),
-        *option("--height-m", None if height_m is None else float(height_m)),
-        *option("--mass-kg", None if mass_kg is None else float(mass_kg)),
-        *option("--sex", sex),
-    ]
+) -> dict[str, Any]:
+    """Returns how a recording is read: its rig, and which tree it is of."""
+    tree = {
+        "model": None if model is None else os.fspath(model),
+        "lock": split(lock),
+        "spherical": listed(spherical),
+        "tool": listed(tool),
+        "height_m": _number(height_m),
+        "mass_kg": _number(mass_kg),
+        "sex": sex,
+    }
+    return {"rig": rig, "calibration": calibration, "tree": tree}
 
 
-def tare_words(tare: Any, folder: Path) -> list[str]:
-    """Returns the words of runs with the bare fixture; factors are written into the folder."""
+def ask_options(
+    estimate: Iterable[str] | str,
+    known: Known | None,
+    symmetry: Mapping[str, float] | Iterable[str] | str,
+    tare: PathLike | Factor | Iterable[PathLike | Factor],
+) -> dict[str, Any]:
+    """Returns what is asked of an answer, and what is known beside the rows."""
     from rigident._factor import Factor
 
-    words = []
-    runs = [tare] if _is_path(tare) or isinstance(tare, Factor) else list(tare)
-    for number, run in enumerate(runs):
-        if isinstance(run, Factor):
-            path = folder / f"tare-{number}.factor"
-            run.write(path)
-            words.append(f"--tare={path}")
-        else:
-            words.append(f"--tare={_path(run)}")
-    return words
+    runs = [tare] if _is_path(tare) or isinstance(tare, Factor) else list(tare)  # type: ignore[arg-type]
+    return {
+        "estimate": listed(estimate),
+        "known": known_values(known),
+        "symmetry": planes(symmetry),
+        "tare": [(run.data, run.name) if isinstance(run, Factor) else _path(run) for run in runs],
+    }
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def _is_path(value: object) -> bool:

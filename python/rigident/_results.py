@@ -168,8 +168,11 @@ def framed(page: str) -> str:
     )
 
 
-def result_of(text: str, exit_status: int, told: tuple[str, ...], page: str, factor: Factor | None) -> Result:
-    """Reads the object of ``--json``."""
+def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None]) -> Result:
+    """Takes an answer of the compiled part: its object, exit status, what was said beside it, page, and factor with its name."""
+    from rigident._factor import Factor
+
+    text, exit_status, told, page, kept = answered
     whole = json.loads(text)
 
     def vector(key: str) -> NDArray[np.float64] | None:
@@ -210,8 +213,8 @@ def result_of(text: str, exit_status: int, told: tuple[str, ...], page: str, fac
         advice=tuple(whole.get("advice", [])),
         warnings=tuple(whole.get("warnings", [])),
         notes=tuple(whole.get("notes", [])),
-        told=told,
+        told=tuple(told),
         json=text,
         page=page,
-        factor=factor,
+        factor=None if kept is None else Factor.from_bytes(*kept),
     )

@@ -1,20 +1,44 @@
 """The compiled part of the package."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Recording", "Tree", "call", "contents", "main", "toml_of"]
+__all__ = [
+    "Recording",
+    "Tree",
+    "call",
+    "contents",
+    "factor",
+    "identify",
+    "main",
+    "merge",
+    "solve",
+    "toml_of",
+]
 
 _Matrix = NDArray[np.float64]
+_Given = str | PathLike[str] | Recording
+_Answered = tuple[str, int, list[str], str, tuple[bytes, str] | None]
 
 def main(words: Sequence[str]) -> int: ...
 def call(
     words: Sequence[str], recording: Recording | None = None
 ) -> tuple[int, str, list[str]]: ...
+def identify(recording: _Given, options: Mapping[str, Any]) -> _Answered: ...
+def factor(recording: _Given, options: Mapping[str, Any]) -> tuple[bytes, list[str]]: ...
+def merge(
+    factors: Sequence[tuple[bytes, str]], shared_offset: bool, force: bool
+) -> tuple[bytes, list[str]]: ...
+def solve(
+    factor: tuple[bytes, str],
+    rig: PathLike[str] | None,
+    ask: Mapping[str, Any],
+    without_platform: bool,
+) -> _Answered: ...
 def contents(bytes: bytes, name: str) -> dict[str, Any]: ...
 def toml_of(json: str) -> str: ...
 @final

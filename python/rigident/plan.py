@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigident._call import PathLike, Rig, command, option, repeated, rig_path
-from rigident._identify import tree_words
 
 __all__ = ["Plan", "Trajectory", "excitation", "motion", "poses"]
 
@@ -179,7 +178,9 @@ def excitation(
     with tempfile.TemporaryDirectory(prefix="rigident-") as temporary:
         table, points = Path(temporary) / "trajectory.csv", Path(temporary) / "trajectory.yaml"
         words = [
-            *tree_words(None, lock, spherical, tool, None, None, None),
+            *repeated("--lock", lock),
+            *repeated("--spherical", spherical),
+            *repeated("--tool", tool),
             *repeated("--joints", joints),
             *repeated("--start", start),
             *option("--duration-s", float(duration_s)),

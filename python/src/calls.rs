@@ -40,13 +40,29 @@ pub fn call(
     recording: Option<&Recording>,
 ) -> PyResult<(i32, String, Vec<String>)> {
     let memory = recording.map(|recording| recording.inner.clone());
+    let called = watched(py, move |stop| cli::call(words, memory, stop))?;
+    let Called { status, output, told, failure } = called;
+    match failure {
+        Some(failure) => Err(raised(py, &failure, &told)),
+        None => Ok((status as i32, output, told)),
+    }
+}
+
+/// Does work in a thread of its own without Python's lock; Ctrl-C sets the token that the work gets and raises `KeyboardInterrupt`.
+///
+/// # Errors
+/// Raises `KeyboardInterrupt`, or `RuntimeError` if the work panicked.
+pub fn watched<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(Arc<AtomicBool>) -> T + Send + 'static,
+) -> PyResult<T> {
     let stop = Arc::new(AtomicBool::new(false));
     let (ended, end) = sync_channel::<()>(1);
-    let told = Arc::clone(&stop);
+    let token = Arc::clone(&stop);
     let work = move || {
         // Dropped when the work is over, and when it panics.
         let _ended = ended;
-        cli::call(words, memory, told)
+        work(token)
     };
     let thread = std::thread::Builder::new().stack_size(STACK_BYTES).spawn(work)?;
     // Shared with nobody; only so that it may be waited for without the lock.
@@ -66,16 +82,11 @@ pub fn call(
     }
 }
 
-fn finished(py: Python<'_>, thread: JoinHandle<Called>) -> PyResult<(i32, String, Vec<String>)> {
+fn finished<T: Send>(py: Python<'_>, thread: JoinHandle<T>) -> PyResult<T> {
     let joined = py.detach(|| thread.join());
-    let called = joined.map_err(|panic| {
+    joined.map_err(|panic| {
         let words = panic.downcast_ref::<String>().map(String::as_str);
         let words = words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason told");
         PyRuntimeError::new_err(format!("a fault of rigident itself, please report it: {words}"))
-    })?;
-    let Called { status, output, told, failure } = called;
-    match failure {
-        Some(failure) => Err(raised(py, &failure, &told)),
-        None => Ok((status as i32, output, told)),
-    }
+    })
 }

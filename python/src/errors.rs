@@ -1,14 +1,49 @@
 //! Failures as exceptions.
 
 use pyo3::prelude::*;
+use rigident::application::Error;
 use rigident_cli::{Failure, Place};
+use rigident_shared::printable;
+
+use crate::worded;
+
+/// Why a job has no answer, worded for Python, with its exit status and its place.
+#[derive(Debug)]
+pub struct Refused {
+    message: String,
+    failure: Failure,
+}
+
+impl From<Error> for Refused {
+    fn from(error: Error) -> Self {
+        let message = printable::lines(&worded::error(&error)).to_string();
+        Self { message, failure: error.into() }
+    }
+}
+
+impl Refused {
+    /// Returns that of arguments that cannot be.
+    pub fn usage(message: String) -> Self {
+        let failure = Failure::input(message);
+        Self { message: failure.to_string(), failure }
+    }
+
+    /// Makes the exception.
+    pub fn raised(&self, py: Python<'_>, told: &[String]) -> PyErr {
+        exception(py, &self.message, &self.failure, told)
+    }
+}
 
 /// Makes the exception of a failure.
 pub fn raised(py: Python<'_>, failure: &Failure, told: &[String]) -> PyErr {
+    exception(py, &failure.to_string(), failure, told)
+}
+
+fn exception(py: Python<'_>, message: &str, failure: &Failure, told: &[String]) -> PyErr {
     let place = failure.place().map(|Place { file, line, index, column }| (file, line, index, column));
     let exception = py
         .import("rigident._errors")
         .and_then(|module| module.getattr("RigidentError"))
-        .and_then(|class| class.call1((failure.to_string(), failure.status() as i32, place, told)));
+        .and_then(|class| class.call1((message, failure.status() as i32, place, told)));
     exception.map_or_else(|error| error, PyErr::from_value)
 }

@@ -1,13 +1,15 @@
 //! Rigident in Python: what the package `rigident` calls.
 //!
-//! Lives here: commands called in this process without Python's lock, recordings from arrays, factors' contents, rows of models. May
+//! Lives here: the application's jobs and any command called in this process without Python's lock, recordings from arrays, factors' contents, rows of models. May
 //! not live here: how a result looks in Python, which is the package's; and what a command does, which is the host's.
 
 mod calls;
 mod errors;
 mod factors;
+mod jobs;
 mod models;
 mod recordings;
+mod worded;
 
 use pyo3::pymodule;
 
@@ -18,6 +20,8 @@ mod _rigident {
     use crate::calls::{call, main};
     #[pymodule_export]
     use crate::factors::contents;
+    #[pymodule_export]
+    use crate::jobs::{factor, identify, merge, solve};
     #[pymodule_export]
     use crate::models::Tree;
     #[pymodule_export]
