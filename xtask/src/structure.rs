@@ -1,12 +1,13 @@
 //! The verb `structure`: what must hold of the sources as a whole.
 //!
-//! No circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in
+//! No options of the command line in texts of crates below it, no circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in
 //! one file of the host, answers judged in one room. What is not so yet stands in lists here, each entry with
 //! its reason; an entry that is no longer needed fails too.
 
 mod circles;
 mod judgements;
 mod modules;
+mod options;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -73,6 +74,64 @@ const KNOWN_ARROWS: [KnownArrow; 25] = [
 /// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
 const KNOWN_SIZES: [(&str, &str); 0] = [];
 
+/// Crates that know no options: the command line and Python word the remedy in their own terms.
+const WITHOUT_OPTIONS: [&str; 6] = ["shared", "hexapod", "host/fit", "host/io", "host/model", "host"];
+
+/// Files of these crates whose texts still name options, crate and file: the list may only become shorter.
+const KNOWN_OPTIONS: [(&str, &str); 51] = [
+    ("host", "answer/excitation_advice.rs"),
+    ("host", "answer/new.rs"),
+    ("host", "answer/remarks.rs"),
+    ("host", "answer/selection.rs"),
+    ("host", "body_segments/error.rs"),
+    ("host", "body_segments/opensim.rs"),
+    ("host", "body_segments/tool.rs"),
+    ("host", "device/link/client.rs"),
+    ("host", "device/link/transport.rs"),
+    ("host", "device/ports.rs"),
+    ("host", "device/session/mod.rs"),
+    ("host", "device/session/tree.rs"),
+    ("host", "device/settings_file.rs"),
+    ("host", "diagnosis/joints.rs"),
+    ("host", "inverse_kinematics/subject.rs"),
+    ("host", "joint_offsets/faults.rs"),
+    ("host", "montecarlo/mod.rs"),
+    ("host", "plan/carried.rs"),
+    ("host", "plan/excitation/limits.rs"),
+    ("host", "plan/excitation/plan.rs"),
+    ("host", "plan/machine.rs"),
+    ("host", "plan/motion/plan.rs"),
+    ("host", "plan/motion/program.rs"),
+    ("host", "plan/plan_file.rs"),
+    ("host", "plan/poses/plan.rs"),
+    ("host", "plan/poses/reach.rs"),
+    ("host", "plan/poses/statics.rs"),
+    ("host", "present/prediction.rs"),
+    ("host", "problem/body/prepare.rs"),
+    ("host", "problem/clocks/mod.rs"),
+    ("host", "problem/person/error.rs"),
+    ("host", "problem/person/people.rs"),
+    ("host", "problem/person/zeros.rs"),
+    ("host", "problem/suspension/prepare.rs"),
+    ("host", "problem/tree/drive.rs"),
+    ("host", "problem/tree/prepare/joints.rs"),
+    ("host", "problem/tree/prepare/mod.rs"),
+    ("host", "problem/tree/prepare/sources.rs"),
+    ("host", "problem/tree/standstill.rs"),
+    ("host", "reference/cause.rs"),
+    ("host/fit", "pool.rs"),
+    ("host/fit", "pool/error.rs"),
+    ("host/fit", "prior/error.rs"),
+    ("host/io", "sources/source.rs"),
+    ("host/model", "edit.rs"),
+    ("host/model", "human.rs"),
+    ("host/model", "idle.rs"),
+    ("host/model", "sdf/generated.rs"),
+    ("host/model", "symmetry.rs"),
+    ("host/model", "urdf.rs"),
+    ("host/model", "write.rs"),
+];
+
 /// The room that judges answers: nothing else sets a status or a state of a parameter.
 const JUDGE: (&str, &str) = ("host", "answer");
 
@@ -92,6 +151,9 @@ pub fn run() -> Result<()> {
         );
         if folder.starts_with("host") {
             complaints.extend(size_complaints(folder, &parsed.files_naming(&SIZES), &KNOWN_SIZES));
+        }
+        if WITHOUT_OPTIONS.contains(&folder) {
+            complaints.extend(option_complaints(folder, &parsed.files_with(options::names_an_option)));
         }
         complaints.extend(judgement_complaints(folder, &parsed.files_with(judgements::sets_judgement)));
     }
@@ -188,6 +250,23 @@ fn judgement_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> 
         )
     };
     elsewhere.map(words).collect()
+}
+
+/// Returns files whose texts name options and may not, and listed ones that do not any more.
+fn option_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
+    let known: Vec<&Path> =
+        KNOWN_OPTIONS.iter().filter(|(of, _)| *of == folder).map(|(_, file)| Path::new(file)).collect();
+    let new = files.iter().filter(|file| !known.contains(&file.as_path())).map(|file| {
+        format!(
+            "{folder}/src/{}: a text names an option of the command line: return what is wrong as a value, and let the command line \
+             word the remedy",
+            file.display()
+        )
+    });
+    let gone = known.iter().filter(|file| !files.contains(**file)).map(|file| {
+        format!("{folder}/src/{}: names no options any more: take it off the list", file.display())
+    });
+    new.chain(gone).collect()
 }
 
 /// Returns packages for Unix alone that are not optional.

@@ -1,0 +1,79 @@
+//! Where a text names an option of the command line.
+
+use syn::visit::{self, Visit};
+use syn::{Attribute, Item, LitStr, Macro, Meta};
+
+use super::modules::{is_test, item_attributes};
+
+/// Returns true if code that is no test has a text with an option (`--x`) in it; comments do not count.
+pub fn names_an_option(items: &[Item]) -> bool {
+    let mut texts = Texts::default();
+    items.iter().filter(|item| !matches!(item, Item::Mod(_))).for_each(|item| texts.visit_item(item));
+    texts.found
+}
+
+/// Returns true if there are two hyphens with a letter behind them that are no property of a style sheet.
+fn has_option(text: &str) -> bool {
+    text.match_indices("--").any(|(place, _)| {
+        let behind = &text[place + 2..];
+        let end = behind.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(behind.len());
+        let is_style = text[..place].ends_with("var(")
+            || behind[end..].strip_prefix(':').is_some_and(|value| !value.starts_with(' '));
+        behind.starts_with(|c: char| c.is_ascii_lowercase()) && !text[..place].ends_with('!') && !is_style
+    })
+}
+
+#[derive(Default)]
+struct Texts {
+    found: bool,
+}
+
+impl<'a> Visit<'a> for Texts {
+    fn visit_item(&mut self, item: &'a Item) {
+        if !is_test(item_attributes(item)) {
+            visit::visit_item(self, item);
+        }
+    }
+
+    fn visit_impl_item_fn(&mut self, function: &'a syn::ImplItemFn) {
+        if !is_test(&function.attrs) {
+            visit::visit_impl_item_fn(self, function);
+        }
+    }
+
+    fn visit_attribute(&mut self, attribute: &'a Attribute) {
+        // A comment is an attribute with a value; the words of an error are in a list.
+        if let Meta::List(list) = &attribute.meta {
+            self.found |= has_option(&list.tokens.to_string());
+        }
+    }
+
+    fn visit_macro(&mut self, called: &'a Macro) {
+        self.found |= has_option(&called.tokens.to_string());
+    }
+
+    fn visit_lit_str(&mut self, text: &'a LitStr) {
+        self.found |= has_option(&text.value());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_is_found_in_every_text_and_not_in_comments_and_tests() {
+        for (text, names) in [
+            ("fn f() -> &'static str { \"give it by --rig\" }", true),
+            ("fn f(x: u8) -> String { format!(\"--known {x}: no\") }", true),
+            ("#[derive(Error)] enum E { #[error(\"--sex {0}\")] Sex(String) }", true),
+            ("impl S { fn f(&self) { self.say(\"`rigident --json`\") } }", true),
+            ("/// By --rig.\nfn f() -> &'static str { \"a -- b, 3--4\" }", false),
+            ("fn f() -> &'static str { \":root{--ink:#111}a{color:var(--ink)}<!--note-->\" }", false),
+            ("#[cfg(test)] fn f() -> &'static str { \"--rig\" }", false),
+            ("impl S { #[test] fn f() { assert!(x.contains(\"--rig\")) } }", false),
+        ] {
+            assert_eq!(names_an_option(&syn::parse_file(text).unwrap().items), names, "{text}");
+        }
+    }
+}
