@@ -37,7 +37,7 @@ pub enum Error {
     Listing(#[from] ListingError),
     /// Recording, rig and model pose no problem, or it has no fit.
     #[error(transparent)]
-    Problem(#[from] ProblemError),
+    Problem(Box<ProblemError>),
     /// A model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -93,7 +93,7 @@ pub enum Error {
     #[error("{error}. Most likely {what}: {remedy}")]
     Explained {
         /// Why there is no fit.
-        error: ProblemError,
+        error: Box<ProblemError>,
         /// The fault.
         what: String,
         /// What to do about it.
@@ -105,7 +105,7 @@ pub enum Error {
     )]
     OfRobot {
         /// Why it is none of a body.
-        error: ProblemError,
+        error: Box<ProblemError>,
         /// The first of the joints.
         joint: String,
     },
@@ -229,6 +229,12 @@ pub enum Error {
     /// The caller stopped the job.
     #[error("stopped before there was an answer")]
     Stopped,
+}
+
+impl From<ProblemError> for Error {
+    fn from(error: ProblemError) -> Self {
+        Self::Problem(Box::new(error))
+    }
 }
 
 impl From<RigFileError> for Error {

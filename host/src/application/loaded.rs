@@ -227,7 +227,7 @@ impl Loaded {
         let problem = Problem::of_body(recording).map_err(|error| {
             let error = match joints.first() {
                 None => Error::from(error),
-                Some(joint) => Error::OfRobot { error, joint: joint.clone() },
+                Some(joint) => Error::OfRobot { error: Box::new(error), joint: joint.clone() },
             };
             match assumed_columns(&looked_at, caller) {
                 Some(assumed) => Error::Assuming { error: Box::new(error), assumed },
@@ -274,7 +274,7 @@ impl Loaded {
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
             let case = self.case.as_ref().filter(|_| no_rows);
             match case.and_then(|case| diagnosis::diagnose(case, None, caller)) {
-                Some(Cause { what, remedy, .. }) => Error::Explained { error, what, remedy },
+                Some(Cause { what, remedy, .. }) => Error::Explained { error: Box::new(error), what, remedy },
                 None => error.into(),
             }
         })?;
