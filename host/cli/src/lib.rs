@@ -58,6 +58,7 @@ mod monitor;
 #[cfg(feature = "simulator")]
 mod monitor_demo;
 mod monitor_sources;
+#[cfg_attr(target_family = "wasm", path = "no_terminal.rs")]
 mod monitor_terminal;
 mod monitor_watch;
 #[cfg(feature = "simulator")]
@@ -111,6 +112,7 @@ mod zeroing;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+#[cfg(not(target_family = "wasm"))]
 use std::sync::atomic::Ordering;
 
 use clap::CommandFactory;
@@ -147,19 +149,7 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
             error.exit()
         }
     };
-    // Without a handler Ctrl-C would end the program at once, files half-written: a second one still does.
-    let handler = ctrlc::set_handler(move || {
-        if rigident::device::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
-            if json {
-                outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
-            }
-            std::process::exit(ExitStatus::Interrupted as i32);
-        }
-        tell!("\nstopping (Ctrl-C again ends at once)");
-    });
-    if let Err(error) = handler {
-        tell!("rigident: Ctrl-C will end the program at once: {error}");
-    }
+    listen_for_interrupts(json);
     let outcome = dispatch(arguments).and_then(|code| match outcome::unwritten() {
         Some(error) => Err(Failure::input(format!(
             "the answer cannot be written to standard output: {error}; make room there, or write it elsewhere"
@@ -178,6 +168,28 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
         }
     }
 }
+
+/// Has Ctrl-C end a command at its next stage. Without this it would end the program at once, files half-written: a second one
+/// still does.
+#[cfg(not(target_family = "wasm"))]
+fn listen_for_interrupts(json: bool) {
+    let handler = ctrlc::set_handler(move || {
+        if rigident::device::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
+            if json {
+                outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
+            }
+            std::process::exit(ExitStatus::Interrupted as i32);
+        }
+        tell!("\nstopping (Ctrl-C again ends at once)");
+    });
+    if let Err(error) = handler {
+        tell!("rigident: Ctrl-C will end the program at once: {error}");
+    }
+}
+
+/// There are no signals in a browser: its page ends the worker.
+#[cfg(target_family = "wasm")]
+fn listen_for_interrupts(_: bool) {}
 
 /// The whole command line. A negative number is a value, which each command refuses in its own words, not an unknown option.
 fn command() -> clap::Command {

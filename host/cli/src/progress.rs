@@ -9,6 +9,9 @@ use rigident_shared::printable;
 use super::{kept, tell, worded};
 use rigident::application::Caller;
 
+/// False in a browser, whose page shows the lines as they come.
+const HAS_THREADS: bool = cfg!(not(target_family = "wasm"));
+
 /// One line on standard error that is written over on a terminal, and now and then elsewhere.
 ///
 /// Nothing is shown for work that ends within a second, and of a command that a program called.
@@ -40,9 +43,10 @@ impl Progress {
 
     /// Shows a line if it is time for one; `line` is only called then.
     pub fn show(&mut self, line: impl FnOnce() -> String) {
-        let every = if self.terminal { Duration::from_millis(200) } else { Duration::from_secs(5) };
+        let every =
+            if self.terminal || !HAS_THREADS { Duration::from_millis(200) } else { Duration::from_secs(5) };
         let due = match self.last {
-            None => self.started.elapsed() >= Duration::from_secs(1),
+            None => !HAS_THREADS || self.started.elapsed() >= Duration::from_secs(1),
             Some(last) => last.elapsed() >= every,
         };
         if self.called || !due {
@@ -85,6 +89,8 @@ pub(super) struct Stages {
     stage: Arc<Mutex<(String, f64)>>,
     end: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
+    /// Where there are no threads, each stage is shown as it begins.
+    shown: Option<Mutex<Progress>>,
 }
 
 impl Stages {
@@ -92,6 +98,12 @@ impl Stages {
     pub(super) fn new(stage: &str) -> Self {
         if kept::is_called() {
             return Self::silent();
+        }
+        if !HAS_THREADS {
+            let mut stages = Self::silent();
+            stages.shown = Some(Mutex::new(Progress::new()));
+            stages.at(stage, 0.0);
+            return stages;
         }
         let stage = Arc::new(Mutex::new((stage.to_owned(), 0.0)));
         let (end, ended) = channel();
@@ -105,12 +117,12 @@ impl Stages {
                 });
             }
         });
-        Self { stage, end: Some(end), thread: Some(thread) }
+        Self { stage, end: Some(end), thread: Some(thread), shown: None }
     }
 
     /// Shows nothing: for work beside other work, or while the terminal is another's.
     pub(super) fn silent() -> Self {
-        Self { stage: Arc::default(), end: None, thread: None }
+        Self { stage: Arc::default(), end: None, thread: None, shown: None }
     }
 
     /// Returns the caller of a job of the application, whose progress this shows.
@@ -121,6 +133,11 @@ impl Stages {
     /// What is being done now, and what share of it is done; zero: that is not known. A called command ends here if it is to.
     pub(super) fn at(&self, stage: &str, share: f64) {
         kept::stop_if_asked();
+        if let Some(shown) = &self.shown {
+            let mut shown = shown.lock().unwrap_or_else(PoisonError::into_inner);
+            let elapsed = shown.started.elapsed();
+            shown.show(|| line(stage, share, elapsed));
+        }
         *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), share);
     }
 }

@@ -39,6 +39,17 @@ pub fn in_order<R: Send + Clone + Default>(
     }
 }
 
+/// Does two different jobs, at the same time where there are two cores; returns both results.
+pub fn both<A, B: Send>(first: impl FnOnce() -> A, second: impl FnOnce() -> B + Send) -> (A, B) {
+    if threads() == 1 {
+        return (first(), second());
+    }
+    thread::scope(|scope| {
+        let second = scope.spawn(second);
+        (first(), second.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
+
 /// Does job 0 … `count − 1`, each on whichever thread is free; results in the order of the jobs.
 pub fn map<R: Send>(threads: usize, count: usize, job: impl Fn(usize) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);

@@ -3,6 +3,7 @@
 //! Lives here: the object [`View`], made of an answer and of what is counted on the way, and what is made of it. May not live
 //! here: where readings come from, threads that fit them, keys of a terminal (`cli`).
 
+#[cfg(not(target_family = "wasm"))]
 pub mod draw;
 pub mod foxglove;
 mod view;

@@ -13,6 +13,7 @@ use super::opensim::ground_reaction::ground_wrenches;
 use super::opensim::storage::Rows;
 use super::opensim::trc::Trc;
 use crate::recording::extension;
+use rigident_fit::parallel;
 
 /// The reason that a file is no trial.
 #[derive(Debug, thiserror::Error)]
@@ -158,11 +159,8 @@ impl Trial {
                 rows.map_err(|error| refuse(name, error))
             }
         };
-        let (trc, wrenches) = std::thread::scope(|scope| {
-            let forces = scope.spawn(forces);
-            let trc = trc.read(frames).map_err(|error| refuse(name, error));
-            (trc, forces.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-        });
+        let points = || trc.read(frames).map_err(|error| refuse(name, error));
+        let (trc, wrenches) = parallel::both(points, forces);
         let (trc, wrenches) = (trc?, wrenches?);
         let mut trial = Self {
             name: name.to_owned(),

@@ -1,0 +1,29 @@
+//! Stands in for the terminal where there is none: in a browser.
+
+use super::Failure;
+use super::monitor_watch::Watch;
+use rigident::monitor::View;
+
+/// Refuses: nothing can be drawn.
+///
+/// # Errors
+/// Always: bad usage.
+pub(super) fn check() -> Result<(), Failure> {
+    Err(Failure::input("there is no terminal in a browser: --json prints one object after the other"))
+}
+
+/// Refuses likewise.
+///
+/// # Errors
+/// Always: bad usage.
+pub(super) fn show(_: &Watch, _: &mut dyn FnMut(&View)) -> Result<(), Failure> {
+    check()
+}
+
+/// Refuses likewise.
+///
+/// # Errors
+/// Always: bad usage.
+pub(super) fn text(_: &View) -> Result<String, Failure> {
+    check().map(|()| String::new())
+}
