@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Failure;
 use super::arguments::{Decimal, Import, Sign};
 use super::confirm::answered;
+use super::import_look;
 use super::outcome::say;
 use rigident::device::session::INTERRUPTED;
 use rigident_io::recording::columns::{Known, TIME};
@@ -18,6 +19,9 @@ use rigident_io::rig::{DecimalMark, RecordingTable, RigFile, Unit, WrenchSign};
 
 /// `rigident import`
 pub(super) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
+    if arguments.look {
+        return import_look::run(arguments);
+    }
     let to = target(arguments)?;
     if to.symlink_metadata().is_ok() {
         return Err(Failure::input(format!(
@@ -88,7 +92,7 @@ fn target(arguments: &Import) -> Result<PathBuf, Failure> {
 }
 
 /// Returns what the options say.
-fn choices(arguments: &Import) -> Result<Choices, Failure> {
+pub(super) fn choices(arguments: &Import) -> Result<Choices, Failure> {
     let mut choices = Choices {
         decimal: arguments.decimal.map(|mark| match mark {
             Decimal::Point => DecimalMark::Point,
@@ -121,7 +125,7 @@ fn choices(arguments: &Import) -> Result<Choices, Failure> {
 }
 
 /// Refuses a choice of a column that no file has.
-fn check_choices(files: &[Understood], choices: &Choices) -> Result<(), Failure> {
+pub(super) fn check_choices(files: &[Understood], choices: &Choices) -> Result<(), Failure> {
     let all: Vec<&str> =
         files.iter().flat_map(|file| &file.columns).map(|column| column.name.as_str()).collect();
     let chosen = choices.columns.values().map(|(name, _)| name).chain(choices.units.keys());
@@ -182,7 +186,11 @@ fn decided(
 }
 
 /// Returns whose sign the wrench has.
-fn sign(arguments: &Import, proposals: &[Proposed<'_>], is_asked: bool) -> Result<WrenchSign, Failure> {
+pub(super) fn sign(
+    arguments: &Import,
+    proposals: &[Proposed<'_>],
+    is_asked: bool,
+) -> Result<WrenchSign, Failure> {
     let has_wrench = proposals.iter().any(|(_, columns)| columns.contains_key("fz_n"));
     match arguments.sign {
         Some(Sign::OnBody) => Ok(WrenchSign::OnBody),
@@ -217,7 +225,7 @@ fn ask(question: &str) -> Result<String, Failure> {
 }
 
 /// Reads a file with what is proposed; `None` of one of several without a time of its own.
-fn read(
+pub(super) fn read(
     file: &Understood,
     columns: &BTreeMap<String, (String, Option<String>)>,
     sign: WrenchSign,

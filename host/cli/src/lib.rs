@@ -45,6 +45,7 @@ mod folder;
 mod guards;
 mod identify;
 mod import;
+mod import_look;
 mod in_process;
 mod info;
 mod kept;

@@ -85,3 +85,36 @@ fn what_the_file_does_not_say_is_asked_for() {
     );
     assert_eq!(read.rate_hz, Some(500.0));
 }
+
+#[test]
+fn a_look_says_what_is_missing_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..50).map(|k| format!("{};1,5;2;19,6;0;0;{},25\n", k * 10, k % 3)).collect();
+    fs::write(folder.path().join("a.csv"), format!("Zeit;Fx;Fy;Fz;Mx;My;Mz\n{rows}")).unwrap();
+    let look = |more: &[&str]| {
+        let words = [&["import", "--look", "a.csv"], more].concat();
+        let output = rigident(folder.path(), &words);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let mut object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        object["files"][0].take()
+    };
+    let first = look(&[]);
+    assert_eq!(first["written"]["separator"], "semicolon", "{first}");
+    assert!(first["missing_units"].as_array().unwrap().contains(&"Fx".into()), "{first}");
+    assert!(first["recording"].is_null() && first["error"].is_string(), "{first}");
+    let units: Vec<String> = ["Zeit=ms", "Fx=N", "Fy=N", "Fz=N", "Mx=N m", "My=N m", "Mz=N m"]
+        .iter()
+        .flat_map(|unit| ["--unit".to_owned(), (*unit).to_owned()])
+        .collect();
+    let units: Vec<&str> = units.iter().map(String::as_str).collect();
+    let found = look(&units);
+    assert!(found["error"].is_null(), "{found}");
+    assert_eq!((&found["recording"]["rows"], &found["recording"]["rate_hz"]), (&50.into(), &100.0.into()));
+    let rig = found["rig"].as_str().unwrap();
+    assert!(RigFile::parse(rig).unwrap().recording.columns.contains_key("fz_n"), "{rig}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is written");
+    // With the rig file beside it nothing is asked.
+    fs::write(folder.path().join("a.rig.toml"), rig).unwrap();
+    let beside = look(&[]);
+    assert_eq!((&beside["rig_file"], &beside["recording"]["rows"]), (&"a.rig.toml".into(), &50.into()));
+}

@@ -14,6 +14,7 @@ pub mod error;
 pub mod import;
 pub mod mcap;
 pub mod new_file;
+pub mod overview;
 mod settle;
 pub(crate) mod text;
 pub mod time;
