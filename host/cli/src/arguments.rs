@@ -83,6 +83,8 @@ pub enum Command {
     Live(Live),
     /// Watch an experiment as it runs: parameters with their intervals, the weakest direction, sensors, link
     Monitor(Monitor),
+    /// Serve the page to this computer and open it: a recording is chosen, looked at and identified in the browser
+    Ui(Ui),
     /// Convert a recording between CSV and MCAP without loss
     Convert(Convert),
     /// Show how files of other programs are understood, and write a rig file that says so
@@ -107,6 +109,23 @@ pub enum Command {
     Completions(Completions),
     /// Write the manual's pages
     Man(Man),
+}
+
+/// `rigident ui`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Examples:\n  rigident ui\n  rigident ui --no-open --port 9000\n  rigident ui --site target/web/site"
+)]
+pub struct Ui {
+    /// The port on this computer; what the page keeps is kept for it
+    #[arg(long, default_value_t = 8766)]
+    pub port: u16,
+    /// Open no browser
+    #[arg(long)]
+    pub no_open: bool,
+    /// A folder with the page as `cargo xtask web` makes it, in place of that in the program
+    #[arg(long, value_name = "FOLDER")]
+    pub site: Option<PathBuf>,
 }
 
 /// `rigident schema`

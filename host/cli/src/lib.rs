@@ -97,6 +97,12 @@ mod statics;
 mod summary;
 mod trace;
 mod tracking_error;
+#[cfg(not(target_family = "wasm"))]
+mod ui;
+#[cfg(all(feature = "page", not(target_family = "wasm")))]
+mod ui_files;
+#[cfg(not(target_family = "wasm"))]
+mod ui_server;
 mod verify;
 mod vibration;
 mod vibration_arguments;
@@ -292,6 +298,10 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Doctor(a)) => doctor::run(&a),
         Some(Command::Completions(a)) => completions::completions(&a),
         Some(Command::Man(a)) => completions::man(&a),
+        #[cfg(not(target_family = "wasm"))]
+        Some(Command::Ui(a)) => ui::run(&a),
+        #[cfg(target_family = "wasm")]
+        Some(Command::Ui(_)) => Err(Failure::input("this is the page already")),
         Some(Command::Convert(a)) => convert(&a),
         Some(Command::Import(a)) => import::run(&a),
         #[cfg(not(feature = "simulator"))]
