@@ -28,6 +28,7 @@ mod tables;
 mod testing;
 mod toolchain;
 mod verify;
+mod web;
 
 use std::process::ExitCode;
 
@@ -83,6 +84,8 @@ enum Verb {
     Faults(faults::Options),
     /// Build the Python wheel, install it, and test functions, examples, types and notebooks.
     Python,
+    /// Build the page for browsers, check its size, and test it in one.
+    Web(web::Options),
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -118,6 +121,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Faults(options) => faults::run(options, core),
         Verb::Safety(options) => safety::run(options),
         Verb::Python => python::run(),
+        Verb::Web(options) => web::run(options),
         Verb::Tables(options) => tables::run(options),
     }
 }
