@@ -128,7 +128,29 @@ fn counted(
 
 #[cfg(not(unix))]
 fn counted(_: &io::Stdin, seconds: u64, interrupted: &AtomicBool, each: impl FnMut(u64)) -> Counted {
-    watched(seconds, &|| false, interrupted, each)
+    use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
+    // Each key by itself, and unseen. Where there is no console nobody types.
+    let is_console = enable_raw_mode().is_ok();
+    let ended = watched(seconds, &|| is_console && key_typed(), interrupted, each);
+    if is_console {
+        let _ = disable_raw_mode();
+    }
+    ended
+}
+
+/// Takes what waits at the console; true if a key is among it.
+#[cfg(not(unix))]
+fn key_typed() -> bool {
+    use ratatui::crossterm::event::{Event, KeyEventKind, poll, read};
+    let mut typed = false;
+    while poll(Duration::ZERO).unwrap_or(false) {
+        match read() {
+            Ok(Event::Key(key)) => typed |= key.kind == KeyEventKind::Press,
+            Ok(_) => {}
+            Err(_) => break,
+        }
+    }
+    typed
 }
 
 fn watched(
@@ -163,7 +185,9 @@ fn forget_typed(terminal: &impl std::os::fd::AsFd) {
 }
 
 #[cfg(not(unix))]
-fn forget_typed(_: &io::Stdin) {}
+fn forget_typed(_: &io::Stdin) {
+    key_typed();
+}
 
 /// What `read` gives, in a thread that is left behind if nobody answers before `interrupted`: `None` then.
 pub(super) fn answered(

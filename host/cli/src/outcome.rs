@@ -67,9 +67,17 @@ pub(super) fn unwritten() -> Option<&'static str> {
 /// Prints a line. A reader that has gone away is no failure: it has read as much as it wanted.
 fn print(to: &mut impl Write, text: &impl std::fmt::Display) -> io::Result<()> {
     match writeln!(to, "{text}").and_then(|()| to.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(error) if is_reader_gone(&error) => Ok(()),
         written => written,
     }
+}
+
+/// Tells whether nobody reads any more. On Windows a pipe whose reader never connected, or left early, says so by a number that
+/// `std` has no kind for: ERROR_PIPE_NOT_CONNECTED.
+fn is_reader_gone(error: &io::Error) -> bool {
+    const PIPE_NOT_CONNECTED: i32 = 233;
+    let is_windows_own = cfg!(windows) && error.raw_os_error() == Some(PIPE_NOT_CONNECTED);
+    error.kind() == io::ErrorKind::BrokenPipe || is_windows_own
 }
 
 #[cfg(test)]
@@ -105,5 +113,6 @@ mod tests {
         let full = print(&mut Broken(io::ErrorKind::StorageFull), &"answer").unwrap_err();
         assert_eq!(full.kind(), io::ErrorKind::StorageFull);
         print(&mut Broken(io::ErrorKind::BrokenPipe), &"answer").unwrap();
+        assert_eq!(is_reader_gone(&io::Error::from_raw_os_error(233)), cfg!(windows));
     }
 }
