@@ -4,3 +4,4 @@ mod golden;
 mod independence;
 mod noise;
 mod samples;
+mod ten_parameters;
