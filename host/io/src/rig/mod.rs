@@ -4,6 +4,7 @@
 //! `read`. May not live here: what the numbers are used for.
 
 pub mod calibration;
+pub mod certificate;
 pub mod classes;
 mod known_errors;
 pub mod labels;
@@ -21,6 +22,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use calibration::{CalibrationTable, RigCalibration};
+pub use certificate::CertificateTable;
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
 pub use read::{RigFileError, files_outside};
 pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
@@ -50,6 +52,9 @@ pub struct RigFile {
     /// The customer's frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyTable>,
+    /// What a certificate says beside the numbers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<CertificateTable>,
     /// The hexapod.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub platform: Option<PlatformTable>,
