@@ -59,15 +59,16 @@ fn symbol(unit: &str) -> String {
 
 /// Returns the tables of the page.
 pub(super) fn html(answer: &Answer) -> String {
-    format!("{}{}", budget(answer), errors(answer))
+    format!("{}{}", budget(&answer.budget, answer.improvement.as_deref()), errors(answer))
 }
 
-fn budget(answer: &Answer) -> String {
-    if answer.budget.is_empty() {
+/// Returns the table of a budget, and the words on what would make it smaller.
+pub(super) fn budget(budget: &[Budget], improvement: Option<&str>) -> String {
+    if budget.is_empty() {
         return String::new();
     }
     let mut sources: Vec<(&str, f64)> = Vec::new();
-    for contribution in answer.budget.iter().flat_map(|b| &b.contributions) {
+    for contribution in budget.iter().flat_map(|b| &b.contributions) {
         match sources.iter_mut().find(|(name, _)| *name == contribution.source) {
             Some((_, share)) => *share += contribution.share,
             None => sources.push((&contribution.source, contribution.share)),
@@ -77,7 +78,7 @@ fn budget(answer: &Answer) -> String {
     let share = |own: &Budget, source: &str| {
         own.contributions.iter().find(|c| c.source == source).map_or(0.0, |c| c.share)
     };
-    sources.retain(|(name, _)| answer.budget.iter().any(|own| share(own, name) >= LEAST_SHARE));
+    sources.retain(|(name, _)| budget.iter().any(|own| share(own, name) >= LEAST_SHARE));
     let quantity = |own: &Budget| {
         let (sd, unit) = (number(&significant(own.sd, 2)), unit_symbol(&own.unit));
         [escape(&own.quantity), format!("{sd} {}", escape(&unit))]
@@ -89,10 +90,10 @@ fn budget(answer: &Answer) -> String {
     };
     let column = |name: &str| format!("<th class=\"right\" scope=\"col\">{name}</th>");
     // The longer list goes down the page.
-    let (head, rows) = if sources.len() > answer.budget.len() {
-        let head: String = answer.budget.iter().map(|own| column(&quantity(own).join("<br>"))).collect();
+    let (head, rows) = if sources.len() > budget.len() {
+        let head: String = budget.iter().map(|own| column(&quantity(own).join("<br/>"))).collect();
         let row = |name: &str| {
-            let cells: String = answer.budget.iter().map(|own| cell(own, name)).collect();
+            let cells: String = budget.iter().map(|own| cell(own, name)).collect();
             format!("<tr><th scope=\"row\">{}, %</th>{cells}</tr>\n", escape(name))
         };
         let rows: String = sources.iter().map(|(name, _)| row(name)).collect();
@@ -104,11 +105,10 @@ fn budget(answer: &Answer) -> String {
             let cells: String = sources.iter().map(|(name, _)| cell(own, name)).collect();
             format!("<tr><th scope=\"row\">{name}</th><td class=\"right\">{sd}</td>{cells}</tr>\n")
         };
-        let rows: String = answer.budget.iter().map(row).collect();
+        let rows: String = budget.iter().map(row).collect();
         (format!("<th scope=\"col\">quantity</th>{}{head}", column("standard uncertainty")), rows)
     };
-    let improvement =
-        answer.improvement.iter().map(|text| format!("<p>{}</p>\n", escape(text))).collect::<String>();
+    let improvement = improvement.map_or_else(String::new, |text| format!("<p>{}</p>\n", escape(text)));
     format!(
         "<h2>Uncertainty budget</h2>\n<p class=\"soft\">Standard uncertainty of each quantity, and the share of its variance \
          that each source brings, after JCGM 100.</p>\n{improvement}<div class=\"scroll\"><table class=\"tight\"><thead><tr>\

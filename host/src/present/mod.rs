@@ -6,6 +6,7 @@
 //! [`crate::answer`].
 
 mod budget;
+pub mod certificate;
 mod data;
 pub mod directions;
 mod envelope;
