@@ -24,6 +24,7 @@ mod calibrate_masses;
 mod calibrate_masses_rows;
 mod calibration_arguments;
 mod came;
+mod certificate;
 mod completions;
 mod configure;
 mod confirm;
@@ -247,7 +248,7 @@ fn in_one_line(said: &str) -> String {
     first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Refuses a folder that cannot be written into before anything is done, or moves.
+/// Refuses a folder that cannot be written into, and a certificate that cannot, before anything is done, or moves.
 fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
     let output = match command {
         Some(Command::Demo(a)) => &a.output,
@@ -258,6 +259,7 @@ fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
         Some(Command::Solve(a)) => &a.output,
         _ => return Ok(()),
     };
+    certificate::check(output)?;
     output.out.as_deref().map_or(Ok(()), Folder::check)
 }
 
@@ -272,10 +274,12 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
         Some(Command::Identify(mut a)) => {
             a.recording = listed(a.recording);
+            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
             identify::run(&a)
         }
         Some(Command::Replay(mut a)) => {
             a.recording = named(a.recording);
+            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
             replay::run(&a)
         }
         Some(Command::Watch(mut a)) => {
@@ -290,7 +294,10 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Validate(a)) => predict::validate(&a),
         Some(Command::Factor(a)) => factor::make(&a),
         Some(Command::Merge(a)) => merge::merge(&a),
-        Some(Command::Solve(a)) => factor::solve(&a),
+        Some(Command::Solve(mut a)) => {
+            a.output.evidence = certificate::evidence(&a.factor, a.rig.as_deref());
+            factor::solve(&a)
+        }
         Some(Command::Ports(a)) => ports::run(&a),
         Some(Command::Info(a)) => info::run(&a),
         Some(Command::Configure(a)) => configure::run(&a),

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::arguments::Output;
 use super::outcome::say;
-use super::{ExitStatus, Failure, Folder, Stages};
+use super::{ExitStatus, Failure, Folder, Stages, certificate};
 use rigident::application::{Identified, Load, Report};
 use rigident::present;
 use rigident_fit::Fit;
@@ -58,6 +58,15 @@ pub(super) fn show(
     for Load { path, refused } in &loads {
         if let Some(why) = refused {
             tell!("rigident: --write-load {}: not written: {why}", path.display());
+        }
+    }
+    if output.certificate.is_some() {
+        let own = folder.as_ref().filter(|_| output.evidence.is_empty());
+        let own = own.map(|folder| certificate::in_folder(folder.path()));
+        let files = own.as_ref().unwrap_or(&output.evidence);
+        let written = certificate::write(output, &identified.rig, files, &identified.answer)?;
+        if let Some(path) = written.filter(|_| !output.json) {
+            say(format_args!("Certificate: {}; print it from a browser", path.display()));
         }
     }
     if let Some(folder) = folder {

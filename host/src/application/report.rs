@@ -113,7 +113,8 @@ impl<'a> Report<'a> {
             decisions: self.decisions,
             provenance: self.provenance,
         };
-        Ok(Identified { answer, fit, factor: self.factor, model, error: self.error, shown })
+        let rig = self.rig.clone();
+        Ok(Identified { answer, fit, rig, factor: self.factor, model, error: self.error, shown })
     }
 
     /// Concludes the answer alone; the report's notes and warnings go into it.
@@ -173,6 +174,8 @@ pub struct Identified {
     pub answer: Answer,
     /// The fit that it is of.
     pub fit: Fit,
+    /// The rig file.
+    pub rig: RigFile,
     /// All that the recording says, to merge and to solve again; `None` of a factor's own answer.
     pub factor: Option<PooledFactor>,
     /// The model to be written; `None` if none was asked for, or the answer has no standard parameters.

@@ -14,6 +14,7 @@ mod calibrate_joints;
 mod calibrate_joints_contacts;
 mod calibrate_joints_faults;
 mod calibration;
+mod certificate;
 mod command_line;
 mod commands;
 mod device_precision;
