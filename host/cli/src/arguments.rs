@@ -12,6 +12,8 @@ pub use super::options::forgetting::Forgetting;
 pub use super::options::known_values::KnownQuantities;
 pub use super::options::load::LoadOptions;
 pub use super::options::microcontroller::Mcu;
+#[cfg(feature = "simulator")]
+pub use super::options::own_body::OwnBody;
 pub use super::options::payload::PayloadOptions;
 pub use super::options::stop_criterion::StopCriterion;
 pub use super::options::test_body::DemoBody;
@@ -167,7 +169,7 @@ pub struct Output {
 #[command(
     after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
                         answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01 --estimate m,Ixx\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
-                        rigident demo --plan motion.json\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
+                        rigident demo --plan motion.json\n  rigident demo --mass 3 --com 0,10,50mm --noise 2 --explain\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
                         --mcu qemu --duration-s 20"
 )]
 pub struct Demo {
@@ -186,6 +188,13 @@ pub struct Demo {
     /// Noise, bias and bandwidth off; the converters still quantise
     #[arg(long)]
     pub ideal: bool,
+    #[cfg(feature = "simulator")]
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub own: OwnBody,
+    /// Say in ten steps how the readings become the answer, with the numbers of this run
+    #[arg(long, conflicts_with = "json")]
+    pub explain: bool,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub adaptive: Adaptive,

@@ -12,7 +12,8 @@ use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::configured;
 use super::options::forgetting::{self, RowsOf};
 use super::options::load::LoadOptions;
-use super::{Failure, Folder, demo_links, guards, programme, simulated, zeroing};
+use super::outcome::say;
+use super::{Failure, Folder, Stages, demo_links, explain, guards, programme, simulated, zeroing};
 use rigident::application::Loaded;
 use rigident::application::report::provenance;
 use rigident::device::link::Client;
@@ -31,6 +32,9 @@ pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     match arguments.body {
         Demonstrated::Horizontal => one_body(arguments, DemoBody::Horizontal),
         Demonstrated::Vertical => one_body(arguments, DemoBody::Vertical),
+        Demonstrated::TwoLinks | Demonstrated::Human34 if arguments.own.is_given() || arguments.explain => {
+            Err(Failure::input("--mass, --noise and --explain: of one body, not of several links"))
+        }
         Demonstrated::TwoLinks => demo_links::two_links(arguments),
         Demonstrated::Human34 => demo_links::human34(arguments),
     }
@@ -47,6 +51,8 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     if arguments.ideal {
         config = config.with_sensors(SensorModels::ideal());
     }
+    let (config, own_name) = arguments.own.put_into(config, BOUND)?;
+    let body_name = own_name.as_deref().unwrap_or(body_name);
     let geometry = config.geometry.clone();
     arguments.adaptive.check()?;
     let rig = Rig::new(config.clone()).map_err(Failure::input)?;
@@ -105,6 +111,10 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
         came = Some(concluded.came);
     }
     let loaded = Loaded::of_readings("demo", &file, std::mem::take(&mut take.readings), Some(RATE_HZ), false);
+    if arguments.explain {
+        let fit = loaded.fit(None, 0, &Stages::silent().caller())?;
+        say(explain::text(&loaded, &fit)?);
+    }
     Experiment {
         started,
         output: &arguments.output,

@@ -39,6 +39,8 @@ mod doctor_checks;
 mod doctor_finding;
 mod doctor_sensors;
 mod experiment;
+#[cfg(feature = "simulator")]
+mod explain;
 mod factor;
 mod factor_arguments;
 mod failure;

@@ -5,6 +5,8 @@ pub(crate) mod forgetting;
 pub(crate) mod known_values;
 pub(crate) mod load;
 pub(crate) mod microcontroller;
+#[cfg(feature = "simulator")]
+pub(crate) mod own_body;
 pub(crate) mod payload;
 pub(crate) mod stop_criterion;
 pub(crate) mod test_body;

@@ -56,6 +56,7 @@ mod rig_errors;
 mod simulated_people;
 mod still_poses_faults;
 mod streams;
+mod students;
 mod study_length;
 mod support;
 mod trajectory_independent;
