@@ -15,6 +15,8 @@ mod firmware;
 mod flash;
 mod fuzz;
 mod goldens;
+mod macos;
+mod package;
 mod picture;
 mod places;
 mod process;
@@ -29,6 +31,8 @@ mod testing;
 mod toolchain;
 mod verify;
 mod web;
+mod windows;
+mod workflows;
 
 use std::process::ExitCode;
 
@@ -86,6 +90,14 @@ enum Verb {
     Python,
     /// Build the page for browsers, check its size, and test it in one.
     Web(web::Options),
+    /// Build the program for Windows and run it and the host's tests in Wine.
+    Windows(windows::Options),
+    /// Check the types of the program for macOS.
+    Macos(macos::Options),
+    /// Make what a release holds for a system, and try it: program, manual, notices, bill of materials; or the wheel.
+    Package(package::Options),
+    /// Look at the workflows: their schema, rights and secrets.
+    Workflows,
     /// Make the tables of docs/estimation.md, docs/platform.md and docs/trees.md anew.
     Tables(tables::Options),
 }
@@ -122,6 +134,10 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Safety(options) => safety::run(options),
         Verb::Python => python::run(),
         Verb::Web(options) => web::run(options),
+        Verb::Workflows => workflows::run(),
+        Verb::Windows(options) => windows::run(options, core),
+        Verb::Macos(options) => macos::run(options, core),
+        Verb::Package(options) => package::run(options, core),
         Verb::Tables(options) => tables::run(options),
     }
 }

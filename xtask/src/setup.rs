@@ -74,6 +74,12 @@ pub const WHEEL: Module = Module {
         "scipy==1.17.1",
     ],
 };
+/// What looks at the workflows.
+pub const LINTERS: Module = Module {
+    name: "zizmor, check-jsonschema",
+    look: "from importlib.metadata import version; version('zizmor'); version('check-jsonschema')",
+    packages: &["zizmor==1.32.0", "check-jsonschema==0.39.0"],
+};
 /// OpenSim itself, which reads its own files.
 pub const OPENSIM: Module = Module { name: "opensim", look: "import opensim", packages: &["opensim==4.6"] };
 

@@ -164,7 +164,7 @@ pub fn is_ci() -> bool {
 
 /// Runs tests, passes their output on and adds up its last lines. With a filter, tests that were filtered out are not
 /// skipped.
-fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<BTreeSet<String>> {
+pub fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<BTreeSet<String>> {
     let shown = process::shown(command);
     eprintln!("$ {shown}");
     let mut child =

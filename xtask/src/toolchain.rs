@@ -91,6 +91,32 @@ pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
 
 /// The same for another target than that of the first boards; see [`have`].
 pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
+    let mut command = cargo_for(core, verb, folder, target);
+    if core == Core::Debian {
+        command
+            .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"])
+            .env(linker_variable(target), "ld.lld");
+    }
+    command.env("CARGO_TARGET_DIR", build_folder(core));
+    command
+}
+
+/// Cargo for a program on another system, whose target has `std`: rustup downloads it, Debian's compiler builds it.
+pub fn system_cargo(core: Core, verb: &str, target: &str) -> Command {
+    let mut command = cargo_for(core, verb, places::root(), target);
+    if core == Core::Debian {
+        command.arg("-Zbuild-std=std,test,panic_abort,panic_unwind");
+    }
+    command
+}
+
+/// The variable by which cargo takes a target's linker.
+pub fn linker_variable(target: &str) -> String {
+    format!("CARGO_TARGET_{}_LINKER", target.to_uppercase().replace(['-', '.'], "_"))
+}
+
+/// Cargo for a target, by the compiler of this way.
+fn cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
     let mut command = match core {
         Core::Rustup => process::cargo(folder),
         // Through cargo, another toolchain's clippy would be found first.
@@ -101,16 +127,31 @@ pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> C
     command.args(["--target", target]);
     if core == Core::Debian {
         command
-            .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"])
             .env("RUSTC_BOOTSTRAP", "1")
             .env("CARGO", DEBIAN_CARGO)
             .env("RUSTC", DEBIAN_RUSTC)
-            .env(format!("CARGO_TARGET_{}_LINKER", target.to_uppercase().replace(['-', '.'], "_")), "ld.lld")
             .env_remove("RUSTUP_TOOLCHAIN")
             .env_remove("LD_LIBRARY_PATH");
     }
-    command.env("CARGO_TARGET_DIR", build_folder(core));
     command
+}
+
+/// Chooses for another system's target as [`choose`] does for the boards': what was asked for, else what is there, else rustup,
+/// else Debian's packages.
+pub fn choose_for(asked: Option<Core>, target: &str) -> Result<Core> {
+    let core = match asked {
+        Some(core) => core,
+        None if rustup_core_is_installed(target) => Core::Rustup,
+        None if debian_is_installed() => Core::Debian,
+        None if process::is_installed("rustup") && add_by_rustup(target)? => Core::Rustup,
+        None => Core::Debian,
+    };
+    if core == Core::Debian {
+        install_debian()?;
+    }
+    have(core, target)?;
+    eprintln!("std for {target}: by {core}");
+    Ok(core)
 }
 
 /// Makes sure that this way can build for another target: rustup downloads its `core`, Debian's compiler builds it.
