@@ -9,7 +9,7 @@ fn documents() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut found: Vec<_> =
         ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| root.join(name)).into();
-    for folder in ["docs", "docs/examples"] {
+    for folder in ["docs", "docs/examples", "docs/tutorials"] {
         let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         found.extend(files.filter(|path| path.extension().is_some_and(|ending| ending == "md")));
     }
@@ -48,6 +48,16 @@ fn links_lead_somewhere() {
         }
     }
     assert!(links > 40, "{links}");
+}
+
+#[test]
+fn the_book_has_every_document() {
+    let summary = document("docs/SUMMARY.md");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    for path in documents().iter().filter(|path| path.starts_with(&root) && !path.ends_with("SUMMARY.md")) {
+        let name = path.strip_prefix(&root).unwrap().to_string_lossy().replace('\\', "/");
+        assert!(summary.contains(&format!("]({name})")), "docs/SUMMARY.md has no {name}");
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod command_line;
 mod formats;
 mod links;
+mod tutorials;
 
 use std::collections::BTreeSet;
 
