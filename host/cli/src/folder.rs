@@ -117,6 +117,7 @@ fn not_empty(path: &Path) -> Failure {
 
 /// Temporary files are private unless told otherwise; an answer is not.
 fn readable_by_others() -> tempfile::Builder<'static, 'static> {
+    #[cfg_attr(not(unix), allow(unused_mut, reason = "permissions are Unix'"))]
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
