@@ -17,7 +17,7 @@ use rigident::device::ports::{self, Attached, Port};
 use rigident::device::session::Session;
 
 /// What lets a user open a board's port without being in a group.
-pub(super) const UDEV_RULE: &str = include_str!("../../../docs/60-rigident.rules");
+pub(super) const UDEV_RULE: &str = include_str!("../60-rigident.rules");
 const UDEV_FOLDERS: [&str; 4] =
     ["/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d"];
 const UDEV_NAME: &str = "60-rigident.rules";
