@@ -131,10 +131,15 @@ pub fn recording_mcap(bytes: &[u8]) {
     assert_eq!(first.platform, second.platform);
 }
 
-/// Any Parquet or MAT file, by how it begins: no panic, and what was read survives being written and read
+/// Any Parquet, XLSX, TDMS or MAT file, by how it begins: no panic, and what was read survives being written and read
 /// again.
 pub fn recording_table(bytes: &[u8]) {
-    let name = if bytes.starts_with(b"PAR1") { "fuzz.parquet" } else { "fuzz.mat" };
+    let name = match bytes {
+        [b'P', b'A', b'R', b'1', ..] => "fuzz.parquet",
+        [b'P', b'K', ..] => "fuzz.xlsx",
+        [b'T', b'D', b'S', b'm', ..] => "fuzz.tdms",
+        _ => "fuzz.mat",
+    };
     let Ok(first) = Recording::from_columns(name, bytes.to_vec(), &RigFile::default()) else { return };
     let (rig, _) = first.rig_in_notation();
     let again = Recording::from_csv_bytes("fuzz.csv", first.to_csv().as_bytes(), &rig).expect("we wrote it");
@@ -143,7 +148,7 @@ pub fn recording_table(bytes: &[u8]) {
     assert_eq!(first.imus, again.imus);
 }
 
-/// Any bag of ROS 2 in an SQLite database: no panic, and no end that does not come.
+/// Any bag of ROS 2 in an SQLite database, or of ROS 1: no panic, and no end that does not come.
 pub fn recording_bag(bytes: &[u8]) {
     let Ok(first) = Recording::from_mcap_bytes("fuzz.db3", bytes, None) else { return };
     assert!(first.time_ns.windows(2).all(|pair| pair[0] < pair[1]));

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::columnar::Table;
 use super::columns::Cells;
 use super::csv::Reader;
 use super::{Recording, RecordingError};
@@ -78,6 +79,15 @@ impl Recording {
         arrays: &[(String, Numbers<'_>)],
         rig: &RigFile,
     ) -> Result<Self, RecordingError> {
+        Self::read_columns(name, arrays, Reader::new(name, rig.clone(), Vec::new()))
+    }
+
+    /// Reads columns by a reader that knows what else is said of them.
+    fn read_columns(
+        name: &str,
+        arrays: &[(String, Numbers<'_>)],
+        mut reader: Reader<'_>,
+    ) -> Result<Self, RecordingError> {
         let rows = arrays.first().map_or(0, |(_, numbers)| numbers.len());
         if let (Some((first, _)), Some((other, numbers))) =
             (arrays.first(), arrays.iter().find(|(_, numbers)| numbers.len() != rows))
@@ -94,7 +104,6 @@ impl Recording {
             let reason = "there are no rows in its columns".to_owned();
             return Err(RecordingError::NotARecording { name: name.to_owned(), reason });
         }
-        let mut reader = Reader::new(name, rig.clone(), Vec::new());
         reader.name_columns(arrays.iter().map(|(name, _)| name.clone()).collect())?;
         let mut cell = String::new();
         for (column, (column_name, numbers)) in arrays.iter().enumerate() {
@@ -119,6 +128,19 @@ impl Recording {
         let columns: Vec<_> =
             columns.iter().map(|(name, cells)| (name.clone(), Numbers::Cells(cells))).collect();
         Self::of_columns(name, &columns, rig)
+    }
+
+    /// Makes a recording of a file's table.
+    ///
+    /// # Errors
+    /// As [`Recording::from_arrays`].
+    pub(super) fn of_table(name: &str, table: Table, rig: &RigFile) -> Result<Self, RecordingError> {
+        let rig = table.rig(name, rig)?;
+        let reader = Reader::new(name, rig, Vec::new()).with_words(table.units, table.above);
+        let columns = table.columns.iter().map(|(name, cells)| (name.clone(), Numbers::Cells(cells)));
+        let mut recording = Self::read_columns(name, &columns.collect::<Vec<_>>(), reader)?;
+        recording.warnings.extend(table.warnings);
+        Ok(recording)
     }
 }
 

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::columns::{Group, Known};
+use super::text::vendors::is_catman_time;
 use crate::rig::{ColumnSource, Quantity, ScaledColumn, Unit};
 
 /// Words for a time.
@@ -29,6 +30,8 @@ const TIMES: &[&str] = &[
     "datetime",
     "datumzeit",
     "zeitachse",
+    "abstime",
+    "abszeit",
 ];
 
 /// Words that stand before or after an axis, and the quantity.
@@ -93,7 +96,7 @@ pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
         return None;
     }
     let plain: String = base.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-    if TIMES.contains(&plain.as_str()) {
+    if TIMES.contains(&plain.as_str()) || is_catman_time(base.trim()) {
         let fits = measured.is_none_or(|quantity| quantity == Quantity::Time);
         return fits.then(|| Meaning { known: "t_s".to_owned(), quantity: Quantity::Time, unit });
     }

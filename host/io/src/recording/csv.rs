@@ -15,8 +15,9 @@ use rigident_shared::printable;
 
 use self::group_rows::GroupRows;
 use super::columns::{Group, Known, TIME, is_printable, nearest_known, other_unit};
+pub use super::text::rows::separator;
 use super::time::{self, Time};
-use super::{Recording, RecordingError, conventions, stem};
+use super::{Recording, RecordingError, conventions, sheet, stem};
 use crate::rig::spelling::nearest;
 use crate::rig::{ColumnSource, Quantity, RecordingTable, RigFile, Unit, WrenchSign};
 
@@ -57,6 +58,8 @@ pub(super) struct Reader<'a> {
     clocks: Vec<usize>,
     /// Where its columns were found by their names and units.
     assumed: Option<String>,
+    /// The program that wrote the file, where its way of writing counts.
+    program: Option<&'static str>,
     /// What was noticed.
     warnings: Vec<String>,
 }
@@ -77,6 +80,18 @@ impl Recording {
             Some(recording) => Ok(recording),
             None => Self::from_csv_with_care(label, bytes, rig),
         }
+    }
+
+    /// Reads the bytes of a workbook.
+    ///
+    /// # Errors
+    /// As [`Recording::from_csv_bytes`].
+    pub(super) fn from_workbook(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
+        let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
+        let sheet = sheet::read(bytes, rig.recording.decimal).map_err(not)?;
+        let mut recording = Self::from_sheet(label, &sheet.text, rig)?;
+        recording.warnings.extend(sheet.warning());
+        Ok(recording)
     }
 
     /// Writes CSV that holds the recording without loss, in the notation's names, units and signs.
@@ -150,8 +165,15 @@ impl<'a> Reader<'a> {
             above: Vec::new(),
             clocks: Vec::new(),
             assumed: None,
+            program: None,
             warnings: Vec::new(),
         }
+    }
+
+    /// Returns one that knows the units of its columns, and what a file says of itself line by line.
+    pub(super) fn with_words(mut self, units: Vec<Option<String>>, above: Vec<String>) -> Self {
+        (self.units, self.above) = (units, above);
+        self
     }
 
     /// Finds out what each column is.
@@ -259,8 +281,11 @@ impl<'a> Reader<'a> {
             (name, 1.0) => format!("{known} = {name:?}"),
             (name, scale) => format!("{known} = {name:?} times {scale:?}"),
         });
-        self.assumed =
-            Some(format!("columns taken by their names and units: {}", said.collect::<Vec<_>>().join(", ")));
+        let program = self.program.map_or_else(String::new, |program| format!(" as {program} writes them"));
+        self.assumed = Some(format!(
+            "columns taken by their names and units{program}: {}",
+            said.collect::<Vec<_>>().join(", ")
+        ));
         self.rig.recording.columns = columns;
         Ok(())
     }
@@ -595,24 +620,6 @@ fn header(line: &str, separator: u8) -> Option<Vec<String>> {
     Some(reader.headers().ok()?.iter().map(str::to_owned).collect())
 }
 
-/// What may separate columns; of equally many in a header the last one is taken: a comma.
-const SEPARATORS: [u8; 4] = *b"|\t;,";
-
-/// Returns what separates the columns: what stands most often in the first line that is not empty, outside of quotes.
-pub fn separator(body: &str) -> u8 {
-    let (mut counts, mut quoted) = ([0_usize; SEPARATORS.len()], false);
-    for byte in body.trim_start_matches(['\n', '\r']).bytes() {
-        match byte {
-            b'"' => quoted = !quoted,
-            b'\n' | b'\r' if !quoted => break,
-            _ if quoted => {}
-            _ => counts.iter_mut().zip(SEPARATORS).for_each(|(count, of)| *count += usize::from(of == byte)),
-        }
-    }
-    let most = SEPARATORS.into_iter().zip(counts).max_by_key(|(_, count)| *count);
-    most.map_or(b',', |(separator, _)| separator)
-}
-
 /// What the system said, as it said it: a full disk is told from other failures by its kind.
 fn of_system(error: csv::Error) -> std::io::Error {
     match error.into_kind() {
@@ -655,6 +662,6 @@ fn shorten(text: &str) -> String {
 }
 
 #[cfg(test)]
-mod exports_tests;
+pub(super) mod exports_tests;
 #[cfg(test)]
 mod tests;

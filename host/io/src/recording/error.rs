@@ -26,7 +26,7 @@ pub enum RecordingError {
     Exists(String),
     /// The ending says none of the kinds that are read.
     #[error(
-        "{0} is no recording by its name: it must end in .csv, .mcap, .db3, .parquet or .mat (text also in .tsv, .txt, .lvm, .asc, .dat or .log)"
+        "{0} is no recording by its name: it must end in .csv, .mcap, .db3, .bag, .parquet, .mat, .tdms or .xlsx (text also in .tsv, .txt, .lvm, .asc, .dat or .log)"
     )]
     UnknownKind(String),
     /// The ending says a kind that another program saves as text.

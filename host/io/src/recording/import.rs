@@ -9,8 +9,8 @@ use super::conventions::{self, Meaning};
 use super::csv::careful;
 use super::text::clock::Stamp;
 use super::text::encoding::decode;
-use super::text::rows::Rows;
-use super::{Recording, RecordingError, columnar, extension, is_text};
+use super::text::layout::Stepper;
+use super::{Recording, RecordingError, columnar, extension, is_text, sheet};
 use crate::rig::{ColumnSource, DecimalMark, RigFile, ScaledColumn, Unit, WrenchSign};
 
 /// Rows that are shown.
@@ -63,34 +63,55 @@ pub struct Choices {
 pub fn understand(path: &Path) -> Result<Understood, RecordingError> {
     let file = path.file_name().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let kind = extension(path);
-    if !is_text(&kind) && !columnar::is_columnar(&kind) {
+    let is_workbook = sheet::is_workbook(&kind);
+    if !is_text(&kind) && !columnar::is_columnar(&kind) && !is_workbook {
         return Err(super::unknown(path, &kind));
     }
-    let bytes = std::fs::read(path).map_err(|e| RecordingError::Unreadable {
-        path: path.display().to_string(),
-        reason: e.to_string(),
+    let bytes = rigident_files::read_or_pipe(path, rigident_files::MOST_OF_RECORDING).map_err(|e| {
+        RecordingError::Unreadable { path: path.display().to_string(), reason: e.to_string() }
     })?;
     if columnar::is_columnar(&kind) {
         return of_columns(file, &kind, bytes);
     }
     let not = |reason: String| RecordingError::NotARecording { name: file.clone(), reason };
+    if is_workbook {
+        let sheet = sheet::read(&bytes, None).map_err(not)?;
+        let written = vec![("form", kind), ("sheet", sheet.name.clone())];
+        return of_text(file.clone(), &sheet.text, written, true, bytes.clone());
+    }
     let (text, encoding) = decode(&bytes).map_err(not)?;
-    let found = careful::find(&file, &text, &RigFile::default())?;
+    of_text(file.clone(), &text, vec![("encoding", encoding.to_owned())], false, bytes.clone())
+}
+
+fn of_text(
+    file: String,
+    text: &str,
+    mut written: Vec<(&'static str, String)>,
+    is_plain: bool,
+    bytes: Vec<u8>,
+) -> Result<Understood, RecordingError> {
+    let mut found = careful::find(&file, text, &RigFile::default())?;
+    found.layout.is_plain = is_plain;
     let layout = &found.layout;
-    let mut rows =
-        Rows::new(found.body.get(layout.body..).unwrap_or_default(), layout.line, layout.separator);
+    let (mut rows, mut stepper) = (layout.rows(found.body), Stepper::default());
     let (mut cells, mut shown) = (Vec::new(), vec![Vec::new(); layout.names.len()]);
     for _ in 0..SHOWN {
-        if rows.next(&mut cells).is_none() {
-            break;
-        }
+        let Some(line) = rows.next(&mut cells) else { break };
+        layout.complete(&mut cells, &mut stepper).map_err(|reason| RecordingError::At {
+            name: file.clone(),
+            line,
+            column: None,
+            reason,
+        })?;
         shown.iter_mut().zip(&cells).for_each(|(column, cell)| column.push(cell.to_string()));
     }
-    let written = vec![
-        ("encoding", encoding.to_owned()),
-        ("separator", layout.separator.name().to_owned()),
-        ("numbers", careful::numbers(&found)),
-    ];
+    if let Some(program) = layout.program {
+        written.insert(0, ("program", program.to_owned()));
+    }
+    if !is_plain {
+        written.push(("separator", layout.separator.name().to_owned()));
+        written.push(("numbers", careful::numbers(&found)));
+    }
     let meanings = conventions::meanings(&layout.names, &layout.units, &layout.preamble);
     let header_line = Some(layout.line.saturating_sub(1));
     let columns = layout.names.iter().zip(meanings).zip(shown).enumerate();
@@ -104,18 +125,23 @@ pub fn understand(path: &Path) -> Result<Understood, RecordingError> {
         is_clock: cells.first().is_some_and(|cell| Stamp::parse(cell).is_some()),
         cells,
     });
-    let columns = columns.collect();
-    drop(text);
-    Ok(Understood { file, written, header_line, columns, bytes })
+    Ok(Understood { columns: columns.collect(), file, written, header_line, bytes })
 }
 
 fn of_columns(file: String, kind: &str, bytes: Vec<u8>) -> Result<Understood, RecordingError> {
     let table = columnar::columns(&file, kind, bytes.clone())?;
     let in_seconds = |name: &String| table.times.iter().any(|(own, _)| own == name);
-    let columns = table.columns.iter().map(|(name, cells)| FileColumn {
+    let names: Vec<String> = table.columns.iter().map(|(name, _)| name.clone()).collect();
+    let unit = |(k, name): (usize, &String)| {
+        in_seconds(name).then(|| "s".to_owned()).or_else(|| table.units.get(k).cloned().flatten())
+    };
+    let units: Vec<Option<String>> = names.iter().enumerate().map(unit).collect();
+    let meanings = conventions::meanings(&names, &units, &table.above);
+    let columns = table.columns.iter().zip(units).zip(meanings);
+    let columns = columns.map(|(((name, cells), unit), meaning)| FileColumn {
         name: name.clone(),
-        unit: in_seconds(name).then(|| "s".to_owned()),
-        meaning: conventions::meaning(name, in_seconds(name).then_some("s")),
+        unit: meaning.as_ref().and_then(|m| m.unit.clone()).or(unit),
+        meaning,
         is_clock: false,
         cells: cells.iter().take(SHOWN).cloned().collect(),
     });

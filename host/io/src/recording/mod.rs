@@ -16,6 +16,7 @@ pub mod mcap;
 pub mod new_file;
 pub mod overview;
 mod settle;
+mod sheet;
 pub(crate) mod text;
 pub mod time;
 
@@ -186,7 +187,7 @@ impl Recording {
         (self.rig.clone(), text)
     }
 
-    /// Reads a CSV, Parquet, MAT, MCAP or `.db3` file, or the folder of a ROS 2 bag. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
+    /// Reads a CSV, Parquet, MAT, TDMS, XLSX, MCAP, `.db3` or `.bag` file, or the folder of a ROS 2 bag. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
     /// inside it, or none.
     ///
     /// # Errors
@@ -196,7 +197,7 @@ impl Recording {
         let kind = extension(path);
         let is_bag = mcap::folder::is_bag_file(path) || mcap::folder::is_bag_folder(path);
         let is_text = !is_bag && is_text(&kind);
-        let has_columns = is_text || columnar::is_columnar(&kind);
+        let has_columns = is_text || columnar::is_columnar(&kind) || sheet::is_workbook(&kind);
         if !has_columns && !is_bag {
             return Err(unknown(path, &kind));
         }
@@ -242,19 +243,19 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Reads the bytes of a file of columns: CSV, or by the ending of its name Parquet or MAT.
+    /// Reads the bytes of a file of columns: CSV, or by the ending of its name Parquet, MAT, TDMS or an Excel workbook.
     ///
     /// # Errors
     /// As [`Recording::from_csv_bytes`] and [`Recording::from_arrays`].
     pub fn from_columns(file: &str, bytes: Vec<u8>, rig: &RigFile) -> Result<Self, RecordingError> {
         let ending = extension(Path::new(file));
+        if sheet::is_workbook(&ending) {
+            return Self::from_workbook(file, &bytes, rig);
+        }
         if !columnar::is_columnar(&ending) {
             return Self::from_csv_bytes(file, &bytes, rig);
         }
-        let table = columnar::columns(file, &ending, bytes)?;
-        let mut recording = Self::of_cells(file, &table.columns, &table.rig(file, rig)?)?;
-        recording.warnings.extend(table.warnings);
-        Ok(recording)
+        Self::of_table(file, columnar::columns(file, &ending, bytes)?, rig)
     }
 
     /// Puts a group's rows in their place.
@@ -343,8 +344,8 @@ pub fn measured_rate(time_ns: &[u64]) -> Option<f64> {
 fn unknown(path: &Path, ending: &str) -> RecordingError {
     let path = path.display().to_string();
     let advice = match ending {
-        "xlsx" | "xlsm" | "xls" | "ods" => "CSV; separator, decimal mark and encoding are found",
-        "tdms" => ".lvm or CSV",
+        "xlsb" | "xls" | "ods" => ".xlsx, or CSV; separator, decimal mark and encoding are found",
+        "tdms_index" => "the .tdms file beside it; this one is its index",
         _ => return RecordingError::UnknownKind(path),
     };
     RecordingError::SavedElsewhere { path, advice }

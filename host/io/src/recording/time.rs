@@ -78,7 +78,8 @@ fn decimal(cell: &str, shift: usize) -> Option<i128> {
     Some(if negative { -ns } else { ns })
 }
 
-fn signed_text(ns: i128) -> String {
+/// Signed nanoseconds as seconds with all their digits.
+pub(super) fn signed_text(ns: i128) -> String {
     let sign = if ns < 0 { "-" } else { "" };
     let ns = ns.unsigned_abs();
     let text = format!("{sign}{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000);

@@ -85,7 +85,7 @@ const UNITS: &[(Quantity, f64, &[&str])] = &[
     (Quantity::Force, LBF, &["lbf", "lbs", "lb"]),
     (Quantity::Force, OZF, &["ozf", "oz"]),
     (Quantity::Moment, 1.0, &["Nm"]),
-    (Quantity::Moment, 1e-3, &["Nmm", "mNm"]),
+    (Quantity::Moment, 1e-3, &["Nmm", "mNm", "mmN"]),
     (Quantity::Moment, 1e-2, &["Ncm"]),
     (Quantity::Moment, 1e3, &["kNm"]),
     (Quantity::Moment, G, &["kgfm", "kpm"]),

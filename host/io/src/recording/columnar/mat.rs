@@ -108,7 +108,7 @@ pub(super) fn table(bytes: &[u8]) -> Result<Table, String> {
     if !left_out.is_empty() {
         warnings.push(format!("left out, as not of {} rows: {}", rows.unwrap_or(0), left_out.join(", ")));
     }
-    Ok(Table { columns, times: Vec::new(), warnings })
+    Ok(Table { columns, warnings, ..Table::default() })
 }
 
 impl Array {

@@ -1,9 +1,10 @@
-//! Recordings as tables of columns: Parquet and MAT files. Their columns are read as those of a CSV are.
+//! Recordings as tables of columns: Parquet, MAT and TDMS files. Their columns are read as those of a CSV are.
 //!
 //! Lives here: how the files hold columns. May not live here: what columns mean ([`super::csv`]).
 
 mod mat;
 mod parquet;
+mod tdms;
 
 use super::columns::Cells;
 use super::error::RecordingError;
@@ -17,14 +18,14 @@ const LEAST_ROOM: usize = 256 << 20;
 const CELL: usize = 48;
 
 /// The bytes that a file's columns may still take.
-struct Room(usize);
+pub(super) struct Room(usize);
 
 impl Room {
-    fn of_file(bytes: usize) -> Self {
+    pub(super) fn of_file(bytes: usize) -> Self {
         Self(bytes.saturating_mul(MOST_TIMES).saturating_add(LEAST_ROOM))
     }
 
-    fn take(&mut self, bytes: usize) -> Result<(), String> {
+    pub(super) fn take(&mut self, bytes: usize) -> Result<(), String> {
         self.0 = self.0.checked_sub(bytes).ok_or(
             "it unpacks to far more than a recording of its size: it is packed in a way that no recording is",
         )?;
@@ -32,14 +33,14 @@ impl Room {
     }
 
     /// Takes room for cells of `bytes` of text in all.
-    fn take_cells(&mut self, count: usize, bytes: usize) -> Result<(), String> {
+    pub(super) fn take_cells(&mut self, count: usize, bytes: usize) -> Result<(), String> {
         self.take(count.saturating_mul(CELL).saturating_add(bytes))
     }
 }
 
 /// Returns true for the ending of a file of columns.
 pub(super) fn is_columnar(ending: &str) -> bool {
-    matches!(ending, "parquet" | "mat")
+    matches!(ending, "parquet" | "mat" | "tdms")
 }
 
 /// What a file holds.
@@ -49,6 +50,10 @@ pub(super) struct Table {
     pub(super) columns: Vec<Cells>,
     /// Columns that the file says are times, which are in s here, with the unit that they have in the file, s.
     pub(super) times: Vec<(String, f64)>,
+    /// Units of its columns, as far as the file says; empty where it cannot.
+    pub(super) units: Vec<Option<String>>,
+    /// What it says of itself, line by line.
+    pub(super) above: Vec<String>,
     /// What was left out of it.
     pub(super) warnings: Vec<String>,
 }
@@ -87,6 +92,7 @@ impl Table {
 pub(super) fn columns(label: &str, ending: &str, bytes: Vec<u8>) -> Result<Table, RecordingError> {
     let table = match ending {
         "parquet" => parquet::table(bytes),
+        "tdms" => tdms::table(&bytes),
         _ => mat::table(&bytes),
     };
     table.map_err(|reason| RecordingError::NotARecording { name: label.to_owned(), reason })

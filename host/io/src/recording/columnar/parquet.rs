@@ -43,7 +43,7 @@ fn of_reader(reader: &SerializedFileReader<bytes::Bytes>, mut room: Room) -> Res
             cells.extend(found);
         }
     }
-    Ok(Table { columns, times, warnings: Vec::new() })
+    Ok(Table { columns, times, ..Table::default() })
 }
 
 /// Returns the decimal places of a whole number that the file says is a time, in s.

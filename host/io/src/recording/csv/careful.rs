@@ -7,7 +7,7 @@ use crate::recording::columns::Known;
 use crate::recording::text::clock::{Clock, Stamp, Survey};
 use crate::recording::text::decimal::{Form, Forms, Unclear};
 use crate::recording::text::encoding::decode;
-use crate::recording::text::layout::{Layout, is_comment};
+use crate::recording::text::layout::{Layout, Stepper, is_comment};
 use crate::recording::text::rows::{Rows, Separator};
 use crate::recording::time::Time;
 use crate::recording::{Recording, RecordingError};
@@ -64,12 +64,15 @@ pub(in crate::recording) fn find<'a>(
 /// Returns in words how the numbers of a table are written, by all columns that hold nothing else.
 pub(in crate::recording) fn numbers(found: &Found<'_>) -> String {
     let layout = &found.layout;
-    let body = found.body.get(layout.body..).unwrap_or_default();
     let reader = Reader::new("", RigFile::default(), Vec::new());
-    let seen = reader.survey(Rows::new(body, layout.line, layout.separator), layout);
+    let seen = reader.survey(layout.rows(found.body), layout);
     let columns =
         seen.into_iter().flatten().filter(|seen| seen.stamps.is_none()).filter_map(|seen| seen.forms);
-    let first = layout.comma.map_or(Forms::ALL, Forms::with_decimal);
+    let first = match layout.comma {
+        _ if layout.is_plain => Forms::PLAIN,
+        Some(comma) => Forms::with_decimal(comma),
+        None => Forms::ALL,
+    };
     match columns.fold(first, Forms::join).form(reader.has_points(layout)) {
         Ok(form) => form.name(),
         Err(_) => "unclear: decimals or thousands".to_owned(),
@@ -113,7 +116,21 @@ impl Recording {
             return Err(not("it is an MCAP file: give it the ending .mcap".to_owned()));
         }
         let (text, _) = decode(bytes).map_err(not)?;
-        let Found { layout, comments, body } = find(label, &text, rig)?;
+        Self::from_found(label, find(label, &text, rig)?, rig)
+    }
+
+    /// Reads the rows of a sheet, whose numbers have points and nothing between thousands.
+    pub(super) fn from_sheet(label: &str, text: &str, rig: &RigFile) -> Result<Self, RecordingError> {
+        let mut rig = rig.clone();
+        // Which mark cells of text have is settled.
+        rig.recording.decimal = None;
+        let mut found = find(label, text, &rig)?;
+        found.layout.is_plain = true;
+        Self::from_found(label, found, &rig)
+    }
+
+    fn from_found(label: &str, found: Found<'_>, rig: &RigFile) -> Result<Self, RecordingError> {
+        let Found { layout, comments, body } = found;
         let mut reader = Reader::new(label, rig.clone(), comments);
         reader.apply_comments()?;
         reader.read(&layout, body)?;
@@ -129,11 +146,9 @@ impl Reader<'_> {
 
     /// Reads the rows of a text.
     fn read(&mut self, layout: &Layout, body: &str) -> Result<(), RecordingError> {
-        let rows = || {
-            let rest = body.get(layout.body..).unwrap_or_default();
-            Rows::new(rest, layout.line, layout.separator)
-        };
+        let rows = || layout.rows(body);
         let width = layout.names.len();
+        self.program = layout.program;
         self.units.clone_from(&layout.units);
         self.above.clone_from(&layout.preamble);
         let seen = self.survey(rows(), layout)?;
@@ -141,18 +156,13 @@ impl Reader<'_> {
         self.clocks = clocks.map(|(k, _)| k).collect();
         self.name_columns(layout.names.clone())?;
         let mut ways = self.ways(rows(), layout, seen)?;
-        let (mut rows, mut cells) = (rows(), Vec::new());
+        let (mut rows, mut cells, mut stepper) = (rows(), Vec::new(), Stepper::default());
         while let Some(line) = rows.next(&mut cells) {
-            if cells.len() != width && is_comment(&cells) {
+            if cells.len() != layout.width() && is_comment(&cells) {
                 continue;
             }
             self.check_width(layout, &cells, line)?;
-            if let Some((start, step)) = layout.steps
-                && let Some(cell) = cells.first_mut()
-            {
-                let time_s = start + step * self.lines.len() as f64;
-                *cell = Cow::Owned(format!("{time_s:.9}"));
-            }
+            layout.complete(&mut cells, &mut stepper).map_err(|reason| self.at(line, None, reason))?;
             for k in 0..width {
                 let cell = cells.get(k).map_or("", Cow::as_ref);
                 let Some(way) = ways.columns.get_mut(k) else { continue };
@@ -171,7 +181,7 @@ impl Reader<'_> {
     }
 
     fn check_width(&self, layout: &Layout, cells: &[Cow<'_, str>], line: u64) -> Result<(), RecordingError> {
-        let width = layout.names.len();
+        let width = layout.width();
         let is_rest_empty = cells.iter().skip(width).all(|cell| cell.is_empty());
         if (cells.len() == width || (cells.len() > width && is_rest_empty))
             || (cells.len() < width && layout.may_be_short)
@@ -210,11 +220,11 @@ impl Reader<'_> {
         let mut cells = Vec::new();
         let mut count = 0;
         while rows.next(&mut cells).is_some() {
-            if cells.len() != layout.names.len() && is_comment(&cells) {
+            if cells.len() != layout.width() && is_comment(&cells) {
                 continue;
             }
             count += 1;
-            for (seen, cell) in all.iter_mut().zip(&cells) {
+            for (seen, cell) in all.iter_mut().take(layout.width()).zip(&cells) {
                 if let Some(survey) = &mut seen.stamps {
                     match Stamp::parse(cell) {
                         Some(stamp) => survey.see(&stamp),
@@ -233,6 +243,8 @@ impl Reader<'_> {
                 }
             }
         }
+        // A column that is made holds no times of day.
+        all.iter_mut().skip(layout.width()).for_each(|seen| *seen = Seen::default());
         if count == 0 {
             all.iter_mut().for_each(|seen| *seen = Seen::default());
         }
@@ -245,7 +257,11 @@ impl Reader<'_> {
             Some(mark) => Some(mark == DecimalMark::Comma),
             None => layout.comma,
         };
-        let first = stated.map_or(Forms::ALL, Forms::with_decimal);
+        let first = match stated {
+            _ if layout.is_plain => Forms::PLAIN,
+            Some(comma) => Forms::with_decimal(comma),
+            None => Forms::ALL,
+        };
         let is_number = |k: usize| {
             let sink = self.columns.get(k).map(|column| &column.sink);
             matches!(sink, Some(Sink::Number { .. } | Sink::Time { .. })) && !self.clocks.contains(&k)
@@ -297,10 +313,10 @@ impl Reader<'_> {
         let numbers: Vec<usize> = (0..layout.names.len()).filter(|k| is_number(*k)).collect();
         let mut cells = Vec::new();
         while let Some(line) = rows.next(&mut cells) {
-            if cells.len() != layout.names.len() && is_comment(&cells) {
+            if cells.len() != layout.width() && is_comment(&cells) {
                 continue;
             }
-            for k in &numbers {
+            for k in numbers.iter().filter(|k| **k < layout.width()) {
                 let Some(cell) = cells.get(*k) else { continue };
                 if !forms.see(cell) {
                     let header = layout.names.get(*k).map(String::as_str);

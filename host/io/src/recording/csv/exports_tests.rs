@@ -26,12 +26,12 @@ const LOCALES: [Locale; 8] = [
     locale(';', ',', "\u{a0}"),
     locale('|', ',', " "),
 ];
-const ROWS: usize = 40;
+pub(in crate::recording) const ROWS: usize = 40;
 const NAMES: [&str; 7] = ["Time", "Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const UNITS: [&str; 7] = ["s", "N", "N", "N", "Nm", "Nm", "Nm"];
 
 /// Whole thousandths of every cell: known numbers without a rounding.
-fn thousandths(row: usize, k: usize) -> i64 {
+pub(in crate::recording) fn thousandths(row: usize, k: usize) -> i64 {
     let (row, k) = (row as i64, k as i64);
     match k {
         0 => 2 * row,
@@ -41,7 +41,7 @@ fn thousandths(row: usize, k: usize) -> i64 {
     }
 }
 
-fn number(thousandths: i64) -> f64 {
+pub(in crate::recording) fn number(thousandths: i64) -> f64 {
     format!(
         "{}{}.{:03}",
         if thousandths < 0 { "-" } else { "" },
@@ -82,7 +82,7 @@ fn read(bytes: &[u8], rig: &str) -> Result<Recording, RecordingError> {
 }
 
 #[track_caller]
-fn check(recording: &Recording, what: &str) {
+pub(in crate::recording) fn check(recording: &Recording, what: &str) {
     let wrench = recording.wrench.as_ref().unwrap_or_else(|| panic!("{what}: no wrench"));
     assert_eq!(wrench.len(), ROWS, "{what}");
     let start = recording.time_ns[0];

@@ -94,15 +94,9 @@ fn same_type(found: &str, wanted: &str) -> bool {
 }
 
 fn no_wrench(label: &str, contents: &Contents<'_>) -> RecordingError {
-    let ros1 = contents.channels.values().any(|c| c.encoding == "ros1");
     RecordingError::Columns {
         name: label.to_owned(),
-        reason: format!(
-            "no topic holds {} messages of ROS 2{}; {}",
-            schemas::WRENCH_STAMPED.name,
-            if ros1 { " (this is a bag of ROS 1: convert it to ROS 2)" } else { "" },
-            topics_of(contents)
-        ),
+        reason: format!("no topic holds {} messages; {}", schemas::WRENCH_STAMPED.name, topics_of(contents)),
     }
 }
 

@@ -39,7 +39,7 @@ pub fn is_bag_folder(path: &Path) -> bool {
 /// Returns true of a file's name that is that of a bag, packed as a whole or not.
 pub(in crate::recording) fn is_bag_file(path: &Path) -> bool {
     match extension(path).as_str() {
-        "mcap" | "db3" => true,
+        "mcap" | "db3" | "bag" => true,
         "zstd" => {
             path.file_stem().is_some_and(|stem| matches!(extension(Path::new(stem)).as_str(), "mcap" | "db3"))
         }
@@ -129,7 +129,9 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<Vec<u8>, String> {
 /// Returns the files of a bag in a folder, in the order of their numbers: `run_2.mcap` before `run_10.mcap`.
 fn bags_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut files: Vec<PathBuf> = entries.filter(|path| is_bag_file(path) && path.is_file()).collect();
+    // Bags of ROS 1 are files by themselves.
+    let is_part = |path: &PathBuf| is_bag_file(path) && extension(path) != "bag" && path.is_file();
+    let mut files: Vec<PathBuf> = entries.filter(is_part).collect();
     files.sort_by_key(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         (name.len(), name)

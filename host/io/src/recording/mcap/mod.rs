@@ -2,7 +2,7 @@
 //!
 //! Lives here: the container ([`container`] reads it, [`mod@write`] writes it), the messages and their encoding
 //! ([`messages`], [`cdr`], [`schemas`]), recordings of our own ([`read`]) and bags recorded elsewhere
-//! ([`bag`]), the folders that they come in ([`folder`]). May not live here: what columns and units mean ([`super::csv`], [`super`]).
+//! ([`bag`]), the folders that they come in ([`folder`]), bags of ROS 1 (`ros1`). May not live here: what columns and units mean ([`super::csv`], [`super`]).
 //!
 //! | topic | message | content |
 //! |---|---|---|
@@ -18,11 +18,13 @@
 //! named `rigident`. All messages of a row have the same log time, to the nanosecond.
 
 pub mod bag;
+mod bzip2;
 pub mod cdr;
 pub mod container;
 pub mod folder;
 pub mod messages;
 pub mod read;
+mod ros1;
 pub mod schemas;
 mod sqlite;
 mod topic;

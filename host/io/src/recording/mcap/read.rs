@@ -13,7 +13,7 @@ use super::{
     COMMANDED_TOPIC, GAUGES_TOPIC, GRAVITY_TOPIC, METADATA, PLATFORM_TOPIC, RIG_ATTACHMENT, ROW_TOPIC,
     WRENCH_TOPIC, topic_number,
 };
-use super::{bag, folder, topic};
+use super::{bag, folder, ros1, topic};
 use crate::recording::columns::{Cells, MOST_LINKS, is_printable};
 use crate::recording::time;
 use crate::recording::{Recording, RecordingError, stem};
@@ -45,7 +45,7 @@ impl Recording {
             files.bytes.iter().map(|bytes| Bag::open(label, bytes)).collect::<Result<Vec<_>, _>>()?;
         let bag = match bags.len() {
             1 if !files.packed_messages => bags.swap_remove(0),
-            _ => Bag::Sqlite(together(label, &bags, files.packed_messages)?),
+            _ => Bag::Stored(together(label, &bags, files.packed_messages)?),
         };
         Self::of_bag(label, &bag, rig)
     }
@@ -108,7 +108,7 @@ impl Recording {
     }
 }
 
-/// Returns the columns of one topic of a bag, MCAP or `.db3`, a row a message.
+/// Returns the columns of one topic of a bag, MCAP, `.db3` or `.bag`, a row a message.
 ///
 /// # Errors
 /// [`RecordingError`]: it is no bag, or the topic is not there or none that is read.
@@ -119,7 +119,7 @@ pub fn topic_columns(label: &str, bytes: &[u8], topic: &str) -> Result<Vec<Cells
 /// A bag of either kind.
 enum Bag<'a> {
     Mcap(Unpacked<'a>),
-    Sqlite(Stored),
+    Stored(Stored),
 }
 
 impl<'a> Bag<'a> {
@@ -127,7 +127,10 @@ impl<'a> Bag<'a> {
     fn open(label: &str, bytes: &'a [u8]) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
         if sqlite::is_database(bytes) {
-            return sqlite::Stored::new(bytes).map(Self::Sqlite).map_err(not);
+            return sqlite::Stored::new(bytes).map(Self::Stored).map_err(not);
+        }
+        if ros1::is_bag(bytes) {
+            return ros1::read(bytes).map(Self::Stored).map_err(not);
         }
         Unpacked::new(bytes).map(Self::Mcap).map_err(|e| not(e.to_string()))
     }
@@ -136,7 +139,7 @@ impl<'a> Bag<'a> {
     fn contents(&self, label: &str) -> Result<Contents<'_>, RecordingError> {
         let contents = match self {
             Self::Mcap(unpacked) => unpacked.contents(),
-            Self::Sqlite(stored) => stored.contents(),
+            Self::Stored(stored) => stored.contents(),
         };
         let names =
             |c: &Channel| [&c.topic, &c.schema, &c.encoding].into_iter().all(|t| printable::is_name(t));

@@ -51,6 +51,9 @@ impl Forms {
     /// Every form.
     pub(crate) const ALL: Self = Self { left: 0xff, commas: false, points: false };
 
+    /// The plainest form alone: a point, and nothing between thousands.
+    pub(crate) const PLAIN: Self = Self { left: 1, ..Self::ALL };
+
     /// Returns those with a point, or a comma, before the decimals.
     pub(crate) fn with_decimal(comma: bool) -> Self {
         Self { left: if comma { COMMA } else { POINT }, ..Self::ALL }
@@ -191,7 +194,7 @@ fn mark(letter: char) -> Option<char> {
 }
 
 /// Returns true if a cell is a number in some form.
-pub(super) fn is_number(cell: &str) -> bool {
+pub(crate) fn is_number(cell: &str) -> bool {
     fits(cell).0 != 0
 }
 

@@ -38,18 +38,90 @@ pub(crate) struct Layout {
     pub(crate) line: u64,
     /// The file says that decimals have a comma, or a point.
     pub(crate) comma: Option<bool>,
+    /// Numbers have a point before their decimals and nothing between thousands.
+    pub(crate) is_plain: bool,
     /// A row may lack its last cells.
     pub(crate) may_be_short: bool,
-    /// Time of the first row and between rows, s, where no column has it.
-    pub(crate) steps: Option<(f64, f64)>,
+    /// How the time of a row is made, where no column has it.
+    pub(crate) steps: Option<Steps>,
+    /// Where its rows end: bytes from the text's beginning; `None` of a text that ends with them.
+    pub(crate) end: Option<usize>,
+    /// The program that wrote it, where the file shows that and its own way of writing counts.
+    pub(crate) program: Option<&'static str>,
+    /// Counts for a unit, column by column, by which the cells are divided; empty where cells are in units.
+    pub(crate) counts: Vec<Option<f64>>,
+}
+
+/// Times of rows that are written nowhere: `start_s + step_s n`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Steps {
+    pub(crate) start_s: f64,
+    pub(crate) step_s: f64,
+    /// The column that the time takes the place of; `None`: one after the others, which the file does not have.
+    pub(crate) column: Option<usize>,
+    /// The columns that count n from the first row on; `None`: n is the number of the row.
+    pub(crate) counter: Option<Counter>,
+}
+
+/// Columns that count the readings of a device.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Counter {
+    pub(crate) column: usize,
+    /// A column that counts within one count of the other, and how many there are in it.
+    pub(crate) within: Option<(usize, u64)>,
+    /// It begins at zero again after this many.
+    pub(crate) wraps_at: u64,
+}
+
+/// Makes the times of rows one after the other.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Stepper {
+    rows: u64,
+    first: Option<u64>,
+    before: u64,
+    turns: u64,
+}
+
+impl Stepper {
+    /// Returns the time of the next row, s, as text.
+    ///
+    /// # Errors
+    /// The counter is no whole number, or runs backwards.
+    pub(crate) fn next(&mut self, steps: &Steps, cells: &[Cow<'_, str>]) -> Result<String, String> {
+        let row = self.rows;
+        self.rows += 1;
+        let Some(counter) = &steps.counter else {
+            return Ok(format!("{:.9}", steps.start_s + steps.step_s * row as f64));
+        };
+        let of = |column: usize| {
+            let cell = cells.get(column).map_or("", Cow::as_ref);
+            cell.parse::<u64>().map_err(|_| format!("{cell:?} is not a number that counts readings"))
+        };
+        let whole = of(counter.column)?;
+        if self.first.is_some() && whole < self.before {
+            // It has begun anew if it was near its end.
+            if self.before < counter.wraps_at / 4 * 3 || whole > counter.wraps_at / 4 {
+                return Err(format!("the count of readings runs backwards, from {} to {whole}", self.before));
+            }
+            self.turns += 1;
+        }
+        self.before = whole;
+        let count = self.turns.saturating_mul(counter.wraps_at).saturating_add(whole);
+        let count = match counter.within {
+            Some((column, parts)) => count.saturating_mul(parts).saturating_add(of(column)?),
+            None => count,
+        };
+        let first = *self.first.get_or_insert(count);
+        Ok(format!("{:.9}", steps.start_s + steps.step_s * count.saturating_sub(first) as f64))
+    }
 }
 
 /// A line of the sample.
-struct Line<'a> {
+pub(super) struct Line<'a> {
     /// Where it begins, with the line's number, and where the next one does.
-    from: (usize, u64),
+    pub(super) from: (usize, u64),
     to: usize,
-    cells: Vec<Cow<'a, str>>,
+    pub(super) cells: Vec<Cow<'a, str>>,
     numbers: usize,
     others: usize,
 }
@@ -60,7 +132,7 @@ impl Line<'_> {
     }
 
     /// Cells without empty ones at the end.
-    fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1)
     }
 
@@ -140,8 +212,57 @@ impl Layout {
         preamble: Vec<String>,
         (body, line): (usize, u64),
     ) -> Self {
-        let (comma, may_be_short, steps) = (None, false, None);
-        Self { separator, names, units, preamble, body, line, comma, may_be_short, steps }
+        Self {
+            separator,
+            names,
+            units,
+            preamble,
+            body,
+            line,
+            comma: None,
+            is_plain: false,
+            may_be_short: false,
+            steps: None,
+            end: None,
+            program: None,
+            counts: Vec::new(),
+        }
+    }
+
+    /// Returns the rows of the text that the layout was found in.
+    pub(crate) fn rows<'a>(&self, text: &'a str) -> Rows<'a> {
+        let end = self.end.unwrap_or(text.len());
+        Rows::new(text.get(self.body..end).unwrap_or_default(), self.line, self.separator)
+    }
+
+    /// Puts the time that is made into the cells of a row, and divides what is in counts.
+    ///
+    /// # Errors
+    /// Says why no time can be made.
+    pub(crate) fn complete(
+        &self,
+        cells: &mut Vec<Cow<'_, str>>,
+        stepper: &mut Stepper,
+    ) -> Result<(), String> {
+        for (cell, counts) in cells.iter_mut().zip(&self.counts) {
+            if let (Some(counts), Ok(value)) = (counts, cell.parse::<f64>()) {
+                *cell = Cow::Owned(format!("{:?}", value / counts));
+            }
+        }
+        let Some(steps) = &self.steps else { return Ok(()) };
+        let time = stepper.next(steps, cells)?;
+        let place = steps.column.unwrap_or(self.width());
+        cells.resize(self.names.len().max(place + 1), Cow::Borrowed(""));
+        if let Some(cell) = cells.get_mut(place) {
+            *cell = Cow::Owned(time);
+        }
+        Ok(())
+    }
+
+    /// Returns how many cells a row of the file has: all columns but one that is made.
+    pub(crate) fn width(&self) -> usize {
+        let made = self.steps.as_ref().is_some_and(|steps| steps.column.is_none());
+        self.names.len() - usize::from(made && !self.names.is_empty())
     }
 
     /// Finds the table in a text; `line` is its first line's number, `above` the last line of comment before it.
@@ -151,6 +272,9 @@ impl Layout {
     /// Says what is wrong with a file that names its own layout.
     pub(crate) fn find(text: &str, line: u64, above: Option<&str>) -> Result<Option<Self>, String> {
         if let Some(found) = super::lvm::find(text, line) {
+            return found.map(Some);
+        }
+        if let Some(found) = super::vendors::find(text, line) {
             return found.map(Some);
         }
         let mut best: Option<(f64, Self)> = None;
@@ -212,7 +336,7 @@ impl Layout {
 }
 
 /// Cuts the beginning of a text.
-fn sample(text: &str, line: u64, separator: Separator) -> Vec<Line<'_>> {
+pub(super) fn sample(text: &str, line: u64, separator: Separator) -> Vec<Line<'_>> {
     let end = (0..=SAMPLE.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0);
     let part = text.get(..end).unwrap_or_default();
     let mut rows = Rows::new(part, line, separator);
@@ -236,7 +360,7 @@ fn sample(text: &str, line: u64, separator: Separator) -> Vec<Line<'_>> {
 }
 
 /// Returns the longest run of rows of one width.
-fn longest_run(lines: &[Line<'_>]) -> Option<(usize, usize)> {
+pub(super) fn longest_run(lines: &[Line<'_>]) -> Option<(usize, usize)> {
     let (mut best, mut k) = (None, 0);
     while k < lines.len() {
         let first = lines.get(k)?;
@@ -259,7 +383,7 @@ fn longest_run(lines: &[Line<'_>]) -> Option<(usize, usize)> {
 }
 
 /// Returns the names of columns; those that are empty or there twice begin with the group above them.
-fn names(cells: &[Cow<'_, str>], group: Option<&[Cow<'_, str>]>, width: usize) -> Vec<String> {
+pub(super) fn names(cells: &[Cow<'_, str>], group: Option<&[Cow<'_, str>]>, width: usize) -> Vec<String> {
     let cell = |k: usize| cells.get(k).map_or("", |cell| cell.as_ref());
     let is_clear = |k: usize| !cell(k).is_empty() && (0..width).filter(|j| cell(*j) == cell(k)).count() == 1;
     let mut above = "";

@@ -1,7 +1,7 @@
 //! LabVIEW measurement files, after NI's *Specification for the LabVIEW Measurement File*: a header of keys, a
 //! header of channels, then rows.
 
-use super::layout::Layout;
+use super::layout::{Layout, Steps};
 use super::rows::{Rows, Separator};
 
 const MARK: &str = "LabVIEW Measurement";
@@ -77,9 +77,11 @@ fn layout(text: &str, line: u64) -> Result<Layout, String> {
         None
     } else {
         let none = || "it has no times: its header has no X0 and Delta_X".to_owned();
-        Some((x0.ok_or_else(none)?, delta.filter(|step| *step > 0.0).ok_or_else(none)?))
+        let (start_s, step_s) = (x0.ok_or_else(none)?, delta.filter(|step| *step > 0.0).ok_or_else(none)?);
+        Some(Steps { start_s, step_s, column: Some(0), counter: None })
     };
     let mut layout = Layout::new(Separator::One(separator), names, all, preamble, place);
     (layout.comma, layout.may_be_short, layout.steps) = (comma, true, steps);
+    layout.program = Some("LabVIEW");
     Ok(layout)
 }

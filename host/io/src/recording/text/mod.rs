@@ -9,3 +9,4 @@ pub(super) mod encoding;
 pub(super) mod layout;
 mod lvm;
 pub(super) mod rows;
+pub(super) mod vendors;

@@ -24,6 +24,24 @@ impl Separator {
     }
 }
 
+/// What may separate columns; of equally many in a header the last one is taken: a comma.
+const SEPARATORS: [u8; 4] = *b"|\t;,";
+
+/// Returns what separates the columns: what stands most often in the first line that is not empty, outside of quotes.
+pub fn separator(body: &str) -> u8 {
+    let (mut counts, mut quoted) = ([0_usize; SEPARATORS.len()], false);
+    for byte in body.trim_start_matches(['\n', '\r']).bytes() {
+        match byte {
+            b'"' => quoted = !quoted,
+            b'\n' | b'\r' if !quoted => break,
+            _ if quoted => {}
+            _ => counts.iter_mut().zip(SEPARATORS).for_each(|(count, of)| *count += usize::from(of == byte)),
+        }
+    }
+    let most = SEPARATORS.into_iter().zip(counts).max_by_key(|(_, count)| *count);
+    most.map_or(b',', |(separator, _)| separator)
+}
+
 /// Rows of a text; those without a word in them are left out.
 #[derive(Clone, Debug)]
 pub(crate) struct Rows<'a> {

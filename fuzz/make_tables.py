@@ -1,0 +1,196 @@
+"""Writes the tables and bags of other programs in corpus/, by openpyxl, XlsxWriter, nptdms, pandas and rosbags.
+
+    pip install openpyxl XlsxWriter nptdms pandas rosbags lz4
+    python fuzz/make_tables.py
+
+Row n has the numbers that the tests of rigident-io compute by themselves (csv/exports_tests.rs): the time is
+2 n ms; column k (fx 1 ... mz 6) is `value(n, k)`.
+"""
+
+import datetime
+import pathlib
+
+import numpy as np
+
+ROWS = 40
+NAMES = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+UNITS = ["N", "N", "N", "Nm", "Nm", "Nm"]
+TABLES = pathlib.Path(__file__).parent / "corpus" / "recording_table"
+
+
+def thousandths(row, k):
+    if k == 1:
+        return 1_234_567 + 17 * row
+    if k == 3:
+        return -2_000_500 - row
+    return (row * 37 + k * 101) % 4001 - 2000
+
+
+def value(row, k):
+    return thousandths(row, k) / 1000
+
+
+def openpyxl_sheet():
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    cover = book.active
+    cover.title = "Deckblatt"
+    cover.append(["Prüfling", "Halter 4711"])
+    cover.append(["Prüfer", "M. Muster"])
+    sheet = book.create_sheet("Messung 1")
+    sheet.append(["Prüfling:", 'Halter "4711"'])
+    sheet.append(["Datum:", datetime.date(2026, 11, 20)])
+    sheet.append([])
+    sheet.append(["Zeit", *[f"Kraft {a}" for a in "XYZ"], *[f"Moment {a}" for a in "XYZ"], "Bemerkung"])
+    sheet.append([None, *[f"[{u}]" for u in UNITS]])
+    start = datetime.datetime(2026, 11, 20, 10, 12, 33)
+    for row in range(ROWS):
+        stamp = start + datetime.timedelta(milliseconds=2 * row)
+        sheet.append([stamp, *[value(row, k) for k in range(1, 7)], "Start" if row == 0 else None])
+        sheet.cell(sheet.max_row, 1).number_format = "dd.mm.yyyy hh:mm:ss.000"
+    book.save(TABLES / "openpyxl.xlsx")
+
+
+def xlsxwriter_sheet():
+    import pandas
+
+    columns = {"Time [ms]": [2 * row for row in range(ROWS)]}
+    for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+        columns[f"{name} [{unit}]"] = [value(row, k) for row in range(ROWS)]
+    table = pandas.DataFrame(columns)
+    with pandas.ExcelWriter(TABLES / "pandas.xlsx", engine="xlsxwriter") as writer:
+        table.to_excel(writer, sheet_name="run 1", index=False)
+        table.to_excel(writer, sheet_name="run 2", index=False)
+    # Numbers as text, decimals with a comma: those of a program that knows no numbers.
+    text = table.map(lambda v: f"{v:.3f}".replace(".", ",") if isinstance(v, float) else v)
+    text["Note"] = ["0,5"] * ROWS
+    with pandas.ExcelWriter(TABLES / "text_cells.xlsx", engine="xlsxwriter") as writer:
+        text.to_excel(writer, sheet_name="run", index=False)
+    for name in text.columns[1:]:
+        text[name] = [f"1,{500 + row}" for row in range(ROWS)]
+    with pandas.ExcelWriter(TABLES / "unclear_cells.xlsx", engine="xlsxwriter") as writer:
+        text.to_excel(writer, sheet_name="run", index=False)
+
+
+def tdms_files():
+    from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+    from nptdms.types import Int32, Uint32
+
+    root = RootObject({"Operator": "M. Muster"})
+    start = np.datetime64("2026-11-20T10:12:33.000000")
+    with TdmsWriter(TABLES / "waveform.tdms") as writer:
+        for rows in (range(25), range(25, ROWS)):
+            channels = []
+            for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+                properties = {
+                    "unit_string": unit,
+                    "wf_increment": 0.002,
+                    "wf_start_offset": 0.0,
+                    "wf_start_time": start,
+                }
+                data = np.array([value(row, k) for row in rows])
+                channels.append(ChannelObject("Load cell", name, data, properties))
+            settings = ChannelObject("Settings", "gain", np.array([1.0, 2.0]))
+            writer.write_segment([root, GroupObject("Load cell"), *channels, *([settings] if rows[0] == 0 else [])])
+    with TdmsWriter(TABLES / "scaled.tdms") as writer:
+        channels = [
+            ChannelObject("run", "Zeit", np.array([start + np.timedelta64(2 * row, "ms") for row in range(ROWS)])),
+            ChannelObject("run", "note", [f"row {row}" for row in range(ROWS)]),
+        ]
+        for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+            data = np.array([thousandths(row, k) for row in range(ROWS)], np.int32)
+            properties = {
+                "unit_string": unit,
+                "NI_Number_Of_Scales": Int32(1),
+                "NI_Scaling_Status": "unscaled",
+                "NI_Scale[0]_Scale_Type": "Linear",
+                "NI_Scale[0]_Linear_Slope": 0.001,
+                "NI_Scale[0]_Linear_Y_Intercept": 0.25,
+                "NI_Scale[0]_Linear_Input_Source": Uint32(0xFFFFFFFF),
+            }
+            channels.append(ChannelObject("run", name, data, properties))
+        writer.write_segment([root, *channels])
+
+
+def ros1_bags():
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    transforms = "geometry_msgs/TransformStamped[] transforms"
+    store.register(get_types_from_msg(transforms, "tf2_msgs/msg/TFMessage"))
+    types = store.types
+
+    def kind(name):
+        return types[name]
+
+    def header(ns, seq):
+        stamp = kind("builtin_interfaces/msg/Time")(sec=ns // 10**9, nanosec=ns % 10**9)
+        return kind("std_msgs/msg/Header")(seq=seq, stamp=stamp, frame_id="tool0")
+
+    vector = kind("geometry_msgs/msg/Vector3")
+    turn = kind("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=0.0, w=1.0)
+    for name, packing in (("ros1", None), ("ros1_bz2", "BZ2"), ("ros1_lz4", "LZ4")):
+        path = TABLES.parent / "recording_bag" / f"{name}.bag"
+        path.unlink(missing_ok=True)
+        writer = Writer(path)
+        if packing:
+            writer.set_compression(Writer.CompressionFormat[packing])
+        with writer:
+            topics = {}
+            for topic, of in (
+                ("/ft", "geometry_msgs/msg/WrenchStamped"),
+                ("/imu", "sensor_msgs/msg/Imu"),
+                ("/joint_states", "sensor_msgs/msg/JointState"),
+                ("/tf", "tf2_msgs/msg/TFMessage"),
+                ("/chatter", "std_msgs/msg/String"),
+            ):
+                topics[topic] = writer.add_connection(topic, of, typestore=store)
+            for row in range(ROWS):
+                ns = 1_795_169_553_000_000_000 + 2_000_000 * row
+                w = [(10 * row + k) / 8 for k in range(6)]
+                head = header(ns, row)
+                wrench = kind("geometry_msgs/msg/Wrench")(force=vector(*w[:3]), torque=vector(*w[3:]))
+                sigma = np.full(9, 0.25)
+                messages = {
+                    "/ft": kind("geometry_msgs/msg/WrenchStamped")(header=head, wrench=wrench),
+                    "/imu": kind("sensor_msgs/msg/Imu")(
+                        header=head,
+                        orientation=turn,
+                        orientation_covariance=sigma,
+                        angular_velocity=vector(row / 10, -0.25, 0.125),
+                        angular_velocity_covariance=sigma,
+                        linear_acceleration=vector(float(row), -7.5, 9.5),
+                        linear_acceleration_covariance=sigma,
+                    ),
+                    "/joint_states": kind("sensor_msgs/msg/JointState")(
+                        header=head,
+                        name=["shoulder", "elbow"],
+                        position=np.array([0.5, row + 0.25]),
+                        velocity=np.array([0.0, 1.0]),
+                        effort=np.array([2.0, -float(row)]),
+                    ),
+                    "/tf": kind("tf2_msgs/msg/TFMessage")(
+                        transforms=[
+                            kind("geometry_msgs/msg/TransformStamped")(
+                                header=head,
+                                child_frame_id="tool0",
+                                transform=kind("geometry_msgs/msg/Transform")(
+                                    translation=vector(row / 8, 0.0, 1.0), rotation=turn
+                                ),
+                            )
+                        ]
+                    ),
+                    "/chatter": kind("std_msgs/msg/String")(data=f"row {row}"),
+                }
+                for topic, message in messages.items():
+                    connection = topics[topic]
+                    writer.write(connection, ns, store.serialize_ros1(message, connection.msgtype))
+
+
+if __name__ == "__main__":
+    openpyxl_sheet()
+    xlsxwriter_sheet()
+    tdms_files()
+    ros1_bags()

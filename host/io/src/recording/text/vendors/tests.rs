@@ -1,0 +1,194 @@
+use std::fmt::Write as _;
+
+use crate::recording::import::{Choices, Undecided, understand};
+use crate::recording::{Recording, RecordingError};
+use crate::rig::RigFile;
+
+fn read(text: &str) -> Result<Recording, RecordingError> {
+    Recording::from_csv_bytes("export.txt", text.as_bytes(), &RigFile::default())
+}
+
+fn rows(count: usize, row: impl Fn(usize) -> String) -> String {
+    (0..count).fold(String::new(), |mut text, k| {
+        let _ = writeln!(text, "{}", row(k));
+        text
+    })
+}
+
+const XSENS: &str =
+    "// Start Time: Unknown\n// Sample rate: 100.0Hz\n// Scenario: 4.9\n// Firmware Version: 4.0.2\n";
+const XSENS_NAMES: &str =
+    "PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tFreeAcc_X\tGyr_X\tGyr_Y\tGyr_Z\tMag_X\n";
+
+#[test]
+fn xsens_counters_make_the_time_over_a_lost_packet_and_a_turn() {
+    // Packets 65 530 … 65 535, 0 …, one of them lost; no SampleTimeFine.
+    let number = |k: usize| (65_530 + k + usize::from(k > 20)) % 65_536;
+    let body = rows(40, |k| format!("{:05}\t\t0.5\t-0.25\t9.8\t0.01\t0.1\t-0.2\t0.0{k}\t0.4\t", number(k)));
+    let recording = read(&format!("{XSENS}{XSENS_NAMES}{body}")).unwrap();
+    let imu = &recording.imus[0];
+    assert_eq!(imu.accel.as_ref().unwrap()[3], [0.5, -0.25, 9.8]);
+    assert_eq!(imu.gyro.as_ref().unwrap()[3], [0.1, -0.2, 0.03]);
+    assert_eq!(recording.time_ns[20], 200_000_000);
+    assert_eq!(recording.time_ns[21], 220_000_000);
+    assert!(recording.assumed.as_ref().unwrap().contains("as Xsens MT Manager writes them"));
+    // A count that falls is no turn.
+    let body = rows(40, |k| {
+        format!("{}\t\t0.5\t-0.25\t9.8\t0.01\t0.1\t-0.2\t0.0{k}\t0.4\t", 5000 + k - 900 * (k / 30))
+    });
+    let said = read(&format!("{XSENS}{XSENS_NAMES}{body}")).unwrap_err().to_string();
+    assert!(said.contains("line 36: the count of readings runs backwards, from 5029 to 4130"), "{said}");
+    // A clock of 10 kHz comes before the count.
+    let names = XSENS_NAMES.replace('\t', ";");
+    let body = rows(40, |k| {
+        format!(
+            "{k:05};{};0.5;-0.25;9.8;0.01;0.1;-0.2;0.0{k};0.4",
+            (4_294_966_000_u64 + 50 * k as u64) % (1 << 32)
+        )
+    });
+    let recording = read(&format!("// Start Time: Unknown\n{names}{body}")).unwrap();
+    assert_eq!((recording.rate_hz, recording.time_ns[39]), (Some(200.0), 195_000_000));
+    // Without either nothing is guessed.
+    let body = rows(40, |k| format!("{k}\t\t0.5\t-0.25\t9.8\t0.01\t0.1\t-0.2\t0.0{k}\t0.4"));
+    let said = read(&format!("// Start Time: Unknown\n{XSENS_NAMES}{body}")).unwrap_err().to_string();
+    assert!(said.contains("export it with SampleTimeFine"), "{said}");
+}
+
+fn vicon(separator: &str, moment: &str) -> String {
+    let text = format!(
+        "Devices\n1000\n,,Kistler Force Plate 1 - Force,,,Kistler Force Plate 1 - Moment,,,\n\
+         Frame,Sub Frame,Fx,Fy,Fz,Mx,My,Mz\n,,N,N,N,{moment},{moment},{moment}\n"
+    );
+    let body = rows(60, |k| format!("{},{},0.5,-1.5,{},120,-3400,56", 3 + k / 10, k % 10, 700 + k));
+    let markers = "\nTrajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n3,0,1,2,3\n4,0,1,2,3\n";
+    format!("{text}{body}{markers}").replace(',', separator)
+}
+
+#[test]
+fn vicon_sections_are_read_by_their_rate_and_end() {
+    for (separator, moment) in [(",", "N.mm"), ("\t", "mm.N"), (",", "N.m")] {
+        let recording = read(&vicon(separator, moment)).unwrap();
+        assert_eq!((recording.rows(), recording.rate_hz), (60, Some(1000.0)));
+        let scale = if moment == "N.m" { 1.0 } else { 1e-3 };
+        let own = recording.wrench.as_ref().unwrap()[59];
+        assert_eq!(own[..3], [0.5, -1.5, 759.0]);
+        assert_eq!(own[3..], [120.0 * scale, -3400.0 * scale, 56.0 * scale]);
+        assert_eq!(recording.place(0), "line 6");
+    }
+    // A frame that is missing is a gap in time.
+    let text = vicon(",", "N.m").replace("\n5,", "\n6,");
+    assert!(read(&text).is_err() || read(&text).unwrap().time_ns[20] == 30_000_000);
+    let said = read("Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,1,2,3\n").unwrap_err();
+    assert!(said.to_string().contains("without the section Devices"), "{said}");
+    let said = read(&vicon(",", "N.m").replace("1000", "?")).unwrap_err();
+    assert!(said.to_string().contains("no rate"), "{said}");
+}
+
+#[test]
+fn qualisys_plates_need_their_units_and_have_the_rate_of_the_header() {
+    let keys = "NO_OF_SAMPLES\t40\nFREQUENCY\t500\nTIME_STAMP\t2026-11-20, 10:12:33.002\t12.5\nDATA_INCLUDED\tFORCE\n\
+                FORCE_PLATE_TYPE\tBertec\nFORCE_PLATE_NAME\tForce-plate 1\nFORCE_PLATE_OFFSET_X\t0.000\n";
+    let own = |k: usize| format!("0.5\t-1.5\t{}\t12\t-34\t56\t1.5\t2.5\t0", 700 + k);
+    let (bare, named) =
+        (rows(40, own), rows(40, |k| format!("{}\t{:.6}\t{}", k + 1, 0.002 * k as f64, own(k))));
+    let names =
+        "SAMPLE\tTIME\tForce_X\tForce_Y\tForce_Z\tMoment_X\tMoment_Y\tMoment_Z\tCOP_X\tCOP_Y\tCOP_Z\n";
+    let folder = tempfile::tempdir().unwrap();
+    for text in [format!("{keys}{bare}"), format!("{keys}{named}"), format!("{keys}{names}{named}")] {
+        let said = read(&text).unwrap_err().to_string();
+        assert!(said.contains("the unit of Force_X") && said.contains("written nowhere"), "{said}");
+        let path = folder.path().join("plate.tsv");
+        std::fs::write(&path, &text).unwrap();
+        let found = understand(&path).unwrap();
+        assert_eq!(found.written[0], ("program", "Qualisys Track Manager".to_owned()));
+        let mut choices = Choices::default();
+        assert!(matches!(found.proposal(&choices), Err(Undecided::Units(_))));
+        for (what, unit) in [("Force", "N"), ("Moment", "N mm")] {
+            for axis in ["X", "Y", "Z"] {
+                choices.units.insert(format!("{what}_{axis}"), unit.to_owned());
+            }
+        }
+        let columns = found.proposal(&choices).unwrap();
+        let mut rig = RigFile::default();
+        rig.recording.columns = crate::recording::import::sources(&columns);
+        let recording = found.read(&rig).unwrap();
+        assert_eq!((recording.rows(), recording.rate_hz), (40, Some(500.0)));
+        assert_eq!(recording.wrench.unwrap()[39], [0.5, -1.5, 739.0, 0.012, -0.034, 0.056]);
+    }
+    // Analog channels are named in the header.
+    let analog = "NO_OF_SAMPLES\t40\nTOT_NO_OF_CHAN\t6\nFREQUENCY\t500\nDATA_INCLUDED\tANALOG\n\
+                  CHANNEL_NAMES\tFx [N]\tFy [N]\tFz [N]\tMx [Nm]\tMy [Nm]\tMz [Nm]\n";
+    let text = format!("{analog}{}", rows(40, |k| format!("0.5\t-1.5\t{}\t12\t-34\t56", 700 + k)));
+    assert_eq!(read(&text).unwrap().wrench.unwrap()[1], [0.5, -1.5, 701.0, 12.0, -34.0, 56.0]);
+    let said = read("NO_OF_FRAMES\t2\nFREQUENCY\t100\nMARKER_NAMES\tA\tB\n1\t2\t3\t4\t5\t6\n").unwrap_err();
+    assert!(said.to_string().contains("export them as C3D"), "{said}");
+}
+
+#[test]
+fn counts_of_a_net_ft_are_divided() {
+    let head = "Start Time: 11/20/26 10:12 AM\nRDT Sample Rate: 7000\n\"PLEASE NOTE: The sample rate is read …\"\n\
+                Force Units: N\nCounts per Unit Force: 1000000.0\nTorque Units: Nm\nCounts per Unit Torque: 1000000.0\n\
+                Status (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz, Tx, Ty, Tz, Time\n";
+    let body = |fx: &str| {
+        rows(40, |k| {
+            format!(
+                "0x00000000, {}, {}, {fx}, -250000, {}, 12000, -34000, 56, 11/20/26 10:12 AM",
+                k + 1,
+                k + 9,
+                700 + k
+            )
+        })
+    };
+    let recording = read(&format!("{head}{}", body("1500000"))).unwrap();
+    assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 0.0007, 0.012, -0.034, 56e-6]);
+    assert!((recording.rate_hz.unwrap() - 7000.0).abs() < 1e-3);
+    let said = read(&format!("{head}{}", body("1.5"))).unwrap_err().to_string();
+    assert!(said.contains("in counts, and line 9 has one that is no whole number"), "{said}");
+    // Pounds stay pounds.
+    let pounds = format!("{head}{}", body("1500000"))
+        .replace("Units: Nm", "Units: lbf-in")
+        .replace("Units: N\n", "Units: lbf\n");
+    let own = read(&pounds).unwrap().wrench.unwrap()[0];
+    assert!(
+        (own[0] - 1.5 * 4.448_221_615).abs() < 1e-8 && (own[3] - 0.012 * 0.112_984_829).abs() < 1e-10,
+        "{own:?}"
+    );
+}
+
+#[test]
+fn catman_names_its_time_above_lines_of_what_is_known_of_channels() {
+    let words = |cells: [&str; 7]| cells.join("\t") + "\t\n";
+    let about = (0..33).map(|k| {
+        words(["x", "MX840A_0", "SlotInfo", "NullWert=0", "Typ", "1", "n/a"])
+            .replace('x', &format!("Zeile {k}"))
+    });
+    let head = "HBM catman AP V5.5\nDatei: Versuch 7\n\n".to_owned()
+        + &words(["Zeit  1 - Standardmessrate", "Fx", "Fy", "Fz", "Mx", "My", "Mz"])
+        + &words(["s", "N", "N", "kN", "Nm", "Nm", "Nm"])
+        + &about.collect::<String>();
+    let body =
+        rows(40, |k| format!("{},{:03}\t0,5\t-1,25\t{},5\t12,5\t-34\t5,6\t", k / 100, 10 * (k % 100), 7 + k));
+    let recording = read(&(head.clone() + &body)).unwrap();
+    assert_eq!(recording.wrench.as_ref().unwrap()[39], [0.5, -1.25, 46_500.0, 12.5, -34.0, 5.6]);
+    assert_eq!((recording.rate_hz, recording.place(0)), (Some(100.0), "line 39".to_owned()));
+    // Names with units, no more lines.
+    let plain = "Time  1 - default sample rate [s];Fx [N];Fy [N];Fz [kN];Mx [Nm];My [Nm];Mz [Nm]\n"
+        .to_owned()
+        + &body.replace('\t', ";");
+    assert_eq!(read(&plain).unwrap().wrench, recording.wrench);
+    // Two rates have two times, and none is taken.
+    let two = head.replace("Mx\tMy", "Zeit  2 - Schnelle Messrate\tMy") + &body;
+    assert!(read(&two).is_err());
+}
+
+#[test]
+fn bioware_times_are_absolute() {
+    let head = "BioWare Export\nFile Name: walk\n".to_owned() + &"x: y\n".repeat(14);
+    let names = "abs time (s)\tFx\tFy\tFz\tMx\tMy\tMz\tAx\tAy\ns\tN\tN\tN\tN.m\tN.m\tN.m\tm\tm\n";
+    let body = rows(40, |k| {
+        format!("{:.6}\t0.5\t-1.25\t{}.125\t12.5\t-34.0\t5.6\t0.1\t0.2", 0.001 * k as f64, 700 + k)
+    });
+    let recording = read(&format!("{head}{names}{body}")).unwrap();
+    assert_eq!(recording.wrench.as_ref().unwrap()[39], [0.5, -1.25, 739.125, 12.5, -34.0, 5.6]);
+    assert_eq!(recording.rate_hz, Some(1000.0));
+}
