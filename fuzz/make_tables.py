@@ -73,6 +73,54 @@ def xlsxwriter_sheet():
         text.to_excel(writer, sheet_name="run", index=False)
 
 
+# Name, separator, decimal mark, mark between thousands, date and time.
+LOCALES = [
+    ("de", ";", ",", ".", "%d.%m.%Y %H:%M:%S"),
+    ("fr", ";", ",", "\u202f", "%d.%m.%Y %H:%M:%S"),
+    ("ch", ";", ".", "'", "%d.%m.%Y %H:%M:%S"),
+    ("us", ",", ".", ",", "%m/%d/%Y %I:%M:%S"),
+    ("gb", "\t", ".", ",", "%Y-%m-%d %H:%M:%S"),
+    ("pl", ";", ",", "\u00a0", "%Y-%m-%d %H:%M:%S"),
+]
+
+
+def tables_of_text():
+    """Five tables in each of six locales, by pandas: as it writes them, in UTF-16, in Windows-1252, quoted under a
+    preamble, and with dates."""
+    import csv
+
+    import pandas
+
+    folder = TABLES.parent / "recording_csv"
+    start = datetime.datetime(2026, 11, 20, 10, 12, 33)
+    for name, separator, decimal, thousands, date in LOCALES:
+        def written(thousandth):
+            whole, rest = divmod(abs(thousandth), 1000)
+            sign = "-" if thousandth < 0 else ""
+            return f"{sign}{whole:,}".replace(",", thousands) + f"{decimal}{rest:03}"
+
+        def stamp(row):
+            moment = start + datetime.timedelta(milliseconds=2 * row)
+            clock = f"{decimal}{moment.microsecond // 1000:03}"
+            return moment.strftime(date) + clock + (" AM" if "%I" in date else "")
+
+        columns = {"Time [s]": [written(2 * row) for row in range(ROWS)]}
+        for k, (column, unit) in enumerate(zip(NAMES, UNITS), 1):
+            columns[f"{column} [{unit}]"] = [written(thousandths(row, k)) for row in range(ROWS)]
+        table = pandas.DataFrame(columns)
+        options = {"sep": separator, "index": False}
+        table.to_csv(folder / f"pandas_{name}", **options)
+        table.to_csv(folder / f"pandas_{name}_utf16", encoding="utf-16", **options)
+        narrow = table.map(lambda cell: cell.replace("\u202f", "\u00a0"))
+        narrow["Gerät"] = "Prüfstand"
+        narrow.to_csv(folder / f"pandas_{name}_cp1252", encoding="cp1252", lineterminator="\r\n", **options)
+        text = table.to_csv(quoting=csv.QUOTE_ALL, **options)
+        preamble = f"Prüfling{separator}Halter 4711\nDatum{separator}20.11.2026\n\n"
+        (folder / f"pandas_{name}_quoted").write_text(preamble + text, encoding="utf-8")
+        dated = table.rename(columns={"Time [s]": "Time"}).assign(Time=[stamp(row) for row in range(ROWS)])
+        dated.to_csv(folder / f"pandas_{name}_dates", **options)
+
+
 def tdms_files():
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
     from nptdms.types import Int32, Uint32
@@ -192,5 +240,6 @@ def ros1_bags():
 if __name__ == "__main__":
     openpyxl_sheet()
     xlsxwriter_sheet()
+    tables_of_text()
     tdms_files()
     ros1_bags()

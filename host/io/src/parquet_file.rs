@@ -44,6 +44,14 @@ pub fn open_bytes(bytes: Vec<u8>) -> Result<SerializedFileReader<Bytes>, String>
 /// # Errors
 /// That of `read`, or that it panicked.
 pub fn guarded<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    guarded_as(DAMAGED, read)
+}
+
+/// As [`guarded`], of a file of any kind; `damaged` is what is said of one on which the decoder panics.
+///
+/// # Errors
+/// As [`guarded`].
+pub fn guarded_as<T>(damaged: &str, read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     // Nothing outlives a panic but the error.
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(DAMAGED.to_owned()))
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(damaged.to_owned()))
 }

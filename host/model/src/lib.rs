@@ -28,7 +28,7 @@ mod passive_edits;
 mod passive_table;
 #[cfg(test)]
 mod passive_tests;
-mod possible;
+pub mod possible;
 pub mod remarks;
 pub mod rows;
 pub mod sdf;

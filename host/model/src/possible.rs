@@ -45,7 +45,45 @@ fn mended(phi: &Parameters, rounded_only: bool) -> Option<(Parameters, String)> 
     impossibility(&new).is_none().then_some((new, text))
 }
 
+/// What was done to a link whose inertia no body has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Repair {
+    /// The link.
+    pub link: String,
+    /// Why no body has its inertia.
+    pub why: String,
+    /// What is taken instead, in words; `None` where nothing near it is a body's, and it stays as it is.
+    pub taken: Option<String>,
+    /// Norm of the change of the tensor about the centre of mass over that of the tensor.
+    pub change: f64,
+}
+
 impl Model {
+    /// Returns the model with the nearest inertia that a body can have in the place of every one that no body has: the mass and
+    /// its centre stay, and the second moments about it are the nearest, by the sum of squares, that are those of a body no flatter
+    /// than a plate a tenth as thick as wide. What has no mass, or a negative one, stays.
+    #[must_use]
+    pub fn repaired(&self) -> (Self, Vec<Repair>) {
+        let (mut out, mut repairs) = (self.clone(), Vec::new());
+        for link in out.links.iter_mut().filter(|link| link.is_body()) {
+            let Some((phi, why)) = link.nominal.and_then(|phi| Some((phi, impossibility(&phi)?))) else {
+                continue;
+            };
+            let found = mended(&phi, false);
+            let tensor = |phi: &Parameters| InertialParameters::<Body, f64>::from_vector(*phi).inertia_com();
+            let change = found.as_ref().map_or(0.0, |(new, _)| {
+                let before = tensor(&phi);
+                (tensor(new) - before).norm() / before.norm().max(f64::MIN_POSITIVE)
+            });
+            if let Some((new, _)) = &found {
+                link.nominal = Some(*new);
+            }
+            let taken = found.map(|(_, text)| text);
+            repairs.push(Repair { link: link.name.clone(), why, taken, change });
+        }
+        (out, repairs)
+    }
+
     /// Returns the inertias of all links as bodies have them, and what was found of those that none has: a link's index and why.
     ///
     /// What is fixed together is judged as one. If that is a body, each link of it is mended, or left out where it has moments and
@@ -76,5 +114,47 @@ impl Model {
             found.push((i, text));
         }
         (out, found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_inertia_keeps_mass_centre_and_what_is_possible() {
+        let urdf = |moments: &str, mass: f64| {
+            format!(
+                "<robot name='r'><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2' rpy='0 0 0.3'/><mass \
+                 value='{mass}'/><inertia {moments} ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' type='revolute'><parent \
+                 link='base'/><child link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint></robot>"
+            )
+        };
+        let read = |text: &str| crate::write::parse(text, "a.urdf").unwrap();
+        let repaired = |moments: &str, mass: f64| {
+            let parsed = read(&urdf(moments, mass));
+            parsed.model.repaired()
+        };
+        // The sum of two is less than the third: by the triangle inequality 0.45 − 0.2 is missing.
+        let (model, repairs) = repaired("ixx='0.1' iyy='0.1' izz='0.45'", 2.0);
+        let arm = model.link("arm").unwrap();
+        let phi = model.links[arm].nominal.unwrap();
+        assert_eq!((repairs.len(), repairs[0].link.as_str()), (1, "arm"));
+        assert_eq!(impossibility(&phi), None);
+        assert!((phi[0] - 2.0).abs() < 1e-12 && (phi[1] - 0.2).abs() < 1e-12 && (phi[3] - 0.4).abs() < 1e-12);
+        // Second moments (trace/2 − I) are 0.225, 0.225 and −0.125; the last becomes 0.00225, and I_xx that much more.
+        let tensor = InertialParameters::<Body, f64>::from_vector(phi).inertia_com();
+        let mut moments: Vec<f64> = tensor.symmetric_eigenvalues().iter().copied().collect();
+        moments.sort_by(f64::total_cmp);
+        for (found, wanted) in moments.iter().zip([0.22725, 0.22725, 0.45]) {
+            assert!((found - wanted).abs() < 1e-9, "{moments:?}");
+        }
+        // What a body has stays to the last bit; what has no mass cannot be repaired.
+        let good = read(&urdf("ixx='0.1' iyy='0.2' izz='0.25'", 2.0));
+        let (same, none) = good.model.repaired();
+        assert!(none.is_empty());
+        assert_eq!(same.links[arm].nominal, good.model.links[arm].nominal);
+        let (_, left) = repaired("ixx='0.1' iyy='0.1' izz='0.1'", -1.0);
+        assert!(left.len() == 1 && left[0].taken.is_none() && left[0].why.contains("negative"));
     }
 }

@@ -10,4 +10,5 @@ pub mod markers;
 pub mod opensim;
 pub mod registration;
 pub mod trial;
+mod upright;
 pub mod zeroing;

@@ -12,6 +12,7 @@ use super::opensim::OpenSimError;
 use super::opensim::ground_reaction::ground_wrenches;
 use super::opensim::storage::Rows;
 use super::opensim::trc::Trc;
+use super::upright::{Both, turn_of_markers};
 use crate::recording::extension;
 use rigident_fit::parallel;
 
@@ -173,6 +174,7 @@ impl Trial {
         };
         trial.forget_zeros();
         trial.same_signs()?;
+        trial.turn_markers()?;
         trial.turn_upright(Vector3::y())?;
         Ok(trial)
     }
@@ -276,6 +278,35 @@ impl Trial {
             _ => return Ok(()),
         };
         self.turn(&turn);
+        Ok(())
+    }
+
+    /// Turns markers whose vertical is another than that of the forces beside them.
+    fn turn_markers(&mut self) -> Result<(), TrialError> {
+        let both = Both {
+            markers: &self.markers,
+            labels: self.labels.len(),
+            rate_hz: self.rate_hz,
+            first_s: self.first_s,
+            ground: &self.ground,
+            push: self.mean_push(),
+        };
+        let turn = turn_of_markers(&both).map_err(|what| TrialError::Contents {
+            name: self.name.clone(),
+            what,
+            advice: "export markers and forces in the same axes".to_owned(),
+        })?;
+        if let Some(turn) = turn {
+            self.markers.change(|p| {
+                let turned: [f64; 3] = (turn * Vector3::from(p.map(f64::from))).into();
+                turned.map(|v| v as f32)
+            });
+            self.notes.push(format!(
+                "{}: markers and forces have different axes upwards; the markers are turned such that the feet are over the centres of \
+                 pressure",
+                self.name
+            ));
+        }
         Ok(())
     }
 

@@ -150,7 +150,48 @@ fn of_columns(file: String, kind: &str, bytes: Vec<u8>) -> Result<Understood, Re
     Ok(Understood { file, written, header_line: None, columns, bytes })
 }
 
+/// Joints of Universal Robots' arms, from the base on, as their URDF names them.
+const UR_JOINTS: [&str; 6] = [
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+];
+
+/// The columns of a joint in a robot's own log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointColumns {
+    /// The joint in the robot's model.
+    pub name: &'static str,
+    /// Its angle, rad.
+    pub position: String,
+    /// Its rate, rad/s.
+    pub rate: Option<String>,
+    /// Its torque, N m.
+    pub effort: Option<String>,
+    /// The current of its motor, A.
+    pub current: Option<String>,
+}
+
 impl Understood {
+    /// Returns the joints whose columns are named as outputs of Universal Robots' controller are; none of other files.
+    pub fn joints(&self) -> Vec<JointColumns> {
+        let has = |name: String| self.columns.iter().any(|column| column.name == name).then_some(name);
+        let joint = |(k, name): (usize, &&'static str)| {
+            Some(JointColumns {
+                name,
+                position: has(format!("actual_q_{k}"))?,
+                rate: has(format!("actual_qd_{k}")),
+                effort: has(format!("actual_current_as_torque_{k}")),
+                current: has(format!("actual_current_{k}")),
+            })
+        };
+        let found: Vec<JointColumns> = UR_JOINTS.iter().enumerate().filter_map(joint).collect();
+        if found.len() == UR_JOINTS.len() { found } else { Vec::new() }
+    }
+
     /// Returns the known columns with where they are: as a user says, by a name of the notation, or by what other
     /// programs call them; a group only if all of it is there.
     ///
@@ -310,10 +351,15 @@ fn write_rig(
                 None => writeln!(text, "{known} = {}", quoted(name))?,
             }
         }
-        let used: Vec<&String> = columns.values().map(|(name, _)| name).collect();
+        let joints = file.joints();
+        let of_joints = joints.iter().flat_map(|j| [Some(&j.position), j.rate.as_ref(), j.effort.as_ref()]);
+        let used: Vec<&String> = columns.values().map(|(name, _)| name).chain(of_joints.flatten()).collect();
         for column in file.columns.iter().filter(|column| !used.contains(&&column.name)) {
             writeln!(text, "# not used: {}", one_line(&column.name))?;
         }
+    }
+    for (file, _) in files {
+        write_joints(text, &file.joints())?;
     }
     if has(|group| matches!(group, Group::Accel(_) | Group::Gyro(_))) {
         writeln!(
@@ -321,6 +367,34 @@ fn write_rig(
             "\n# Write its origin in the axes of the load cell, m, and the rotation from its axes to those of the load cell, w, x, y, z.\n\
              [[imu]]\n# position_m = [0.0, 0.0, 0.0]\n# rotation_wxyz = [1.0, 0.0, 0.0, 0.0]"
         )?;
+    }
+    Ok(())
+}
+
+/// Writes the columns of a robot's joints.
+fn write_joints(text: &mut String, joints: &[JointColumns]) -> std::fmt::Result {
+    if !joints.is_empty() {
+        writeln!(
+            text,
+            "\n# Joints as Universal Robots' URDF names them; angles in rad, rates in rad/s. Forces at the TCP are in axes of the base, and \
+             not used."
+        )?;
+    }
+    for joint in joints {
+        writeln!(text, "\n[[joint]]\nname = {}\nposition = {}", quoted(joint.name), quoted(&joint.position))?;
+        if let Some(rate) = &joint.rate {
+            writeln!(text, "rate = {}", quoted(rate))?;
+        }
+        match (&joint.effort, &joint.current) {
+            (Some(effort), _) => writeln!(text, "effort = {}", quoted(effort))?,
+            (None, Some(current)) => writeln!(
+                text,
+                "# {} is a current, A, and no torque: give N m for an ampere as scale\n# effort = {{ name = {}, scale = 10.0 }}",
+                one_line(current),
+                quoted(current)
+            )?,
+            (None, None) => {}
+        }
     }
     Ok(())
 }

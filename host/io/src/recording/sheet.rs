@@ -12,8 +12,10 @@ use calamine::{Cell, DataRef, ExcelDateTime, Reader as _, Xlsx, XlsxError};
 use super::columnar::Room;
 use super::text::decimal::{self, Forms};
 use super::text::layout::Layout;
+use crate::parquet_file::guarded_as;
 use crate::rig::DecimalMark;
 
+const TORN: &str = "as a workbook it is damaged or cut off";
 /// Sheets that are looked at.
 const MOST_SHEETS: usize = 256;
 /// The last column up to which rows are filled with empty cells.
@@ -61,6 +63,10 @@ type Place = (u32, u32, String);
 /// # Errors
 /// Says why there is none.
 pub(super) fn read(bytes: &[u8], stated: Option<DecimalMark>) -> Result<Sheet, String> {
+    guarded_as(TORN, || unguarded(bytes, stated))
+}
+
+fn unguarded(bytes: &[u8], stated: Option<DecimalMark>) -> Result<Sheet, String> {
     let mut room = Room::of_file(bytes.len());
     check_unpacked(bytes, &mut room)?;
     let mut room = Room::of_file(bytes.len());
@@ -90,14 +96,14 @@ pub(super) fn read(bytes: &[u8], stated: Option<DecimalMark>) -> Result<Sheet, S
 fn damaged(error: XlsxError) -> String {
     match error {
         XlsxError::Password => "it is protected by a password: save it without one".to_owned(),
-        other => format!("as a workbook it is damaged or cut off: {other}"),
+        other => format!("{TORN}: {other}"),
     }
 }
 
 /// Refuses a file that unpacks to more than a recording of its size.
 fn check_unpacked(bytes: &[u8], room: &mut Room) -> Result<(), String> {
     use std::io::Read as _;
-    let torn = |error: &dyn std::fmt::Display| format!("as a workbook it is damaged or cut off: {error}");
+    let torn = |error: &dyn std::fmt::Display| format!("{TORN}: {error}");
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| torn(&e))?;
     let mut piece = vec![0; 1 << 16];
     for k in 0..archive.len() {

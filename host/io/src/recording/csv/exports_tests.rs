@@ -122,6 +122,23 @@ fn every_country_and_encoding_gives_the_same_numbers() {
     }
 }
 
+/// Five tables in each of six locales, which pandas wrote (`fuzz/make_tables.py`): the numbers that were written.
+#[test]
+fn thirty_tables_of_pandas_in_six_locales_are_read() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_csv");
+    for locale in ["de", "fr", "ch", "us", "gb", "pl"] {
+        for kind in ["", "_utf16", "_cp1252", "_quoted", "_dates"] {
+            let name = format!("pandas_{locale}{kind}");
+            let bytes = std::fs::read(folder.join(&name)).unwrap();
+            let recording = read(&bytes, "").unwrap_or_else(|error| panic!("{name}: {error}"));
+            check(&recording, &name);
+            let begins = recording.time_ns[0];
+            let wanted = if kind == "_dates" { 1_795_169_553_000_000_000 } else { 0 };
+            assert_eq!(begins, wanted, "{name}");
+        }
+    }
+}
+
 #[test]
 fn lines_that_are_no_rows_do_not_matter() {
     let german = &LOCALES[0];

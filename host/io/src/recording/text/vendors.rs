@@ -1,7 +1,7 @@
 //! Layouts that programs of laboratories write and that their own words announce: each gives what its file does not
 //! say in the table itself: a rate instead of times, counts instead of units, where the rows end.
 //!
-//! Sources: Xsens, *MT Low Level Communication Protocol* (counters, units); Vicon, *Nexus User Guide*, ASCII export;
+//! Sources: Universal Robots, *RTDE Guide* (names and units of outputs); Xsens, *MT Low Level Communication Protocol* (counters, units); Vicon, *Nexus User Guide*, ASCII export;
 //! Qualisys, *QTM User Manual*, TSV export; ATI, *Net F/T Manual*, Java demonstration; HBK, *catman*, ASCII export.
 
 use std::borrow::Cow;
@@ -58,6 +58,7 @@ pub(super) fn find(text: &str, line: u64) -> Option<Result<Layout, String>> {
         .or_else(|| vicon(text, line))
         .or_else(|| qualisys(text, line))
         .or_else(|| net_ft(text, line))
+        .or_else(|| universal_robots(text, line))
         .or_else(|| catman(text, line))
 }
 
@@ -286,6 +287,30 @@ fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
         }
         None => with_time(layout, 1.0 / rate, counter),
     }))
+}
+
+/// Recorders of Universal Robots' RTDE: names of outputs, the controller's time in s among them.
+fn universal_robots(text: &str, line: u64) -> Option<Result<Layout, String>> {
+    let header = lines(text, line).find(|line| !line.is_blank())?;
+    if !header.text.contains("timestamp") || !header.text.contains("actual_q_0") {
+        return None;
+    }
+    let has = |mark: char| header.text.contains(mark);
+    let own = if has(',') || has(';') || has('\t') {
+        Separator::One(separator(header.text))
+    } else {
+        Separator::Blanks
+    };
+    // numpy writes names as a comment.
+    let bare = header.text.trim_start_matches(['#', ' ']);
+    let (mut rows, mut cells) = (Rows::new(bare, header.number, own), Vec::new());
+    rows.next(&mut cells)?;
+    let names: Vec<String> = cells.iter().map(|cell| cell.to_string()).collect();
+    let units = names.iter().map(|name| (name == "timestamp").then(|| "s".to_owned())).collect();
+    let mut layout = Layout::new(own, names, units, Vec::new(), header.after());
+    layout.program = Some("Universal Robots RTDE");
+    layout.comma = (own != Separator::One(b';')).then_some(false);
+    Some(Ok(layout))
 }
 
 /// HBK catman: names, units, then up to forty lines of what is known of the channels, then rows.

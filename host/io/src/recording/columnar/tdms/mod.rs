@@ -115,7 +115,7 @@ fn add_time(table: &mut Table, channels: &[&Object], rows: usize, room: &mut Roo
     }
     let begin = |channel: &Object| {
         let start = channel.time("wf_start_time").filter(|ns| *ns > 0).unwrap_or(0);
-        start + (1e9 * channel.number("wf_start_offset").unwrap_or(0.0)).round() as i128
+        start.saturating_add((1e9 * channel.number("wf_start_offset").unwrap_or(0.0)).round() as i128)
     };
     let start = begin(first);
     if let Some((other, own)) = stated.iter().find(|(c, own)| own != step || begin(c).abs_diff(start) > 1_000)
@@ -132,7 +132,7 @@ fn add_time(table: &mut Table, channels: &[&Object], rows: usize, room: &mut Roo
     let name = if table.columns.iter().any(|(name, _)| name == TIME) { "wf_time" } else { TIME };
     let mut cells = Vec::with_capacity(rows);
     for row in 0..rows {
-        let cell = time::signed_text(start + (1e9 * step * row as f64).round() as i128);
+        let cell = time::signed_text(start.saturating_add((1e9 * step * row as f64).round() as i128));
         room.take_cells(1, cell.len())?;
         cells.push(cell);
     }

@@ -192,3 +192,39 @@ fn bioware_times_are_absolute() {
     assert_eq!(recording.wrench.as_ref().unwrap()[39], [0.5, -1.25, 739.125, 12.5, -34.0, 5.6]);
     assert_eq!(recording.rate_hz, Some(1000.0));
 }
+
+#[test]
+fn joints_of_a_universal_robot_become_those_of_its_model() {
+    let of = |what: &str| (0..6).map(|k| format!("{what}_{k}")).collect::<Vec<_>>().join(" ");
+    let head = format!("timestamp {} {} {}\n", of("actual_q"), of("actual_qd"), of("actual_current"));
+    let row = |k: usize| {
+        let of = |scale: f64| {
+            (0..6).map(|j| format!("{:.4}", scale * (k + j) as f64)).collect::<Vec<_>>().join(" ")
+        };
+        format!("{:.3} {} {} {}", 7.0 + 0.002 * k as f64, of(0.01), of(0.1), of(0.3))
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.csv");
+    for separator in [" ", ","] {
+        std::fs::write(&path, (head.clone() + &rows(40, row)).replace(' ', separator)).unwrap();
+        let found = understand(&path).unwrap();
+        assert_eq!(found.written[0], ("program", "Universal Robots RTDE".to_owned()));
+        let joints = found.joints();
+        assert_eq!((joints.len(), joints[2].name), (6, "elbow_joint"));
+        assert_eq!((joints[2].position.as_str(), joints[2].effort.as_deref()), ("actual_q_2", None));
+        let columns = found.proposal(&Choices::default()).unwrap();
+        assert_eq!(columns["t_s"], ("timestamp".to_owned(), Some("s".to_owned())));
+        let sign = crate::rig::WrenchSign::OnBody;
+        let text = crate::recording::import::rig_text(&[(&found, columns)], &[None], sign, None);
+        let rig = RigFile::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        assert_eq!(rig.joint.len(), 6, "{text}");
+        assert!(text.contains("actual_current_2 is a current, A, and no torque"), "{text}");
+        let recording = found.read(&rig).unwrap();
+        assert_eq!((recording.rate_hz, recording.rows()), (Some(500.0), 40));
+    }
+    // Torques that the controller makes of the currents are efforts.
+    let torque = head.replace("actual_current_", "actual_current_as_torque_") + &rows(40, row);
+    std::fs::write(&path, torque).unwrap();
+    let joints = understand(&path).unwrap().joints();
+    assert_eq!(joints[5].effort.as_deref(), Some("actual_current_as_torque_5"));
+}
