@@ -166,12 +166,13 @@ impl Loaded {
     /// # Errors
     /// The files have nothing in common, or do not fit the model.
     fn tree_in_streams(
-        set: StreamSet,
+        mut set: StreamSet,
         (mut nominal, file): (Model, Option<PathBuf>),
         changes: &Changes,
         options: &ProblemOptions,
         caller: &Caller<'_>,
     ) -> Result<Self, Error> {
+        set.settle(false)?;
         let stamped = as_stamped(&set)?;
         let mut notes = change_as_recorded(&mut nominal, changes, &stamped, caller)?;
         caller.stage("clocks of the files", 0.0);

@@ -90,8 +90,8 @@ const SIDED: &[Landmark] = &[
         [0.0, 0.05, 0.12],
         ANYWHERE,
     ),
-    mark(&["ELB", "ELBOW", "ELBOWLAT", "LEL"], On::UpperArm, From::Elbow, [0.0, 0.043, 0.0], 0.015),
-    mark(&["ELBOWMED", "ELBIN", "MEL"], On::UpperArm, From::Elbow, [0.0, -0.04, 0.0], 0.015),
+    mark(&["ELB", "ELBOW", "ELBOWLAT", "LEL", "LELBOW"], On::UpperArm, From::Elbow, [0.0, 0.043, 0.0], 0.015),
+    mark(&["ELBOWMED", "ELBIN", "MEL", "MELBOW"], On::UpperArm, From::Elbow, [0.0, -0.04, 0.0], 0.015),
     mark(
         &["FRA", "FOREARM", "FRM", "FA1", "FA2", "FA3", "FASUPERIOR"],
         On::Forearm,
@@ -99,8 +99,8 @@ const SIDED: &[Landmark] = &[
         [0.0, 0.04, 0.12],
         ANYWHERE,
     ),
-    mark(&["WRA", "WRISTLAT", "RSP", "FARADIUS"], On::Wrist, From::Wrist, [0.033, 0.0, 0.0], 0.015),
-    mark(&["WRB", "WRISTMED", "USP", "FAULNA"], On::Wrist, From::Wrist, [-0.033, 0.0, 0.0], 0.015),
+    mark(&["WRA", "WRISTLAT", "RSP", "FARADIUS", "LWRIST"], On::Wrist, From::Wrist, [0.033, 0.0, 0.0], 0.015),
+    mark(&["WRB", "WRISTMED", "USP", "FAULNA", "MWRIST"], On::Wrist, From::Wrist, [-0.033, 0.0, 0.0], 0.015),
     mark(&["WRIST"], On::Wrist, From::Wrist, [0.0, 0.025, 0.0], 0.025),
     mark(&["FIN", "HAND", "HM2"], On::Hand, From::Wrist, [0.0, 0.02, -0.08], 0.02),
     mark(&["TROC", "GTR", "TROCHANTER"], On::Thigh, From::Hip, [0.0, 0.08, -0.01], 0.04),
@@ -111,6 +111,9 @@ const SIDED: &[Landmark] = &[
             "THIGHUPPER",
             "THIGHFRONT",
             "THIGHREAR",
+            "THIGH1",
+            "THIGH2",
+            "THIGH3",
             "TH1",
             "TH2",
             "TH3",
@@ -127,7 +130,13 @@ const SIDED: &[Landmark] = &[
         ANYWHERE,
     ),
     mark(&["KNE", "KNEE", "KNEELAT", "LFC", "FLE"], On::Thigh, From::Knee, [0.0, 0.056, 0.0], 0.012),
-    mark(&["KNEEMED", "KNEIN", "MKNE", "MFC", "FME"], On::Thigh, From::Knee, [0.0, -0.054, 0.0], 0.012),
+    mark(
+        &["KNEEMED", "KNEIN", "MKNE", "MKNEE", "MFC", "FME"],
+        On::Thigh,
+        From::Knee,
+        [0.0, -0.054, 0.0],
+        0.012,
+    ),
     mark(
         &[
             "TIB",
@@ -151,11 +160,11 @@ const SIDED: &[Landmark] = &[
         ANYWHERE,
     ),
     mark(&["ANK", "ANKLE", "ANKLELAT", "FAL"], On::Shank, From::Ankle, [0.0, 0.043, 0.0], 0.012),
-    mark(&["ANKLEMED", "ANKIN", "MMA", "TAM"], On::Shank, From::Ankle, [0.0, -0.04, 0.005], 0.012),
-    mark(&["HEE", "HEEL", "CAL", "FCC"], On::Foot, From::Ankle, [-0.07, 0.0, -0.035], 0.02),
+    mark(&["ANKLEMED", "ANKIN", "MMA", "MANKLE", "TAM"], On::Shank, From::Ankle, [0.0, -0.04, 0.005], 0.012),
+    mark(&["HEE", "HEEL", "CAL", "CALC", "FCC"], On::Foot, From::Ankle, [-0.07, 0.0, -0.035], 0.02),
     mark(&["TOE", "MT2", "FM2"], On::Foot, From::Ankle, [0.125, 0.0, -0.04], 0.03),
     mark(&["TOETIP", "HLX"], On::Foot, From::Ankle, [0.18, 0.0, -0.045], 0.03),
-    mark(&["MT5", "MTP5", "FM5", "TOELAT"], On::Foot, From::Ankle, [0.1, 0.045, -0.045], 0.03),
+    mark(&["MT5", "MTP5", "5META", "FM5", "TOELAT"], On::Foot, From::Ankle, [0.1, 0.045, -0.045], 0.03),
     mark(&["MT1", "MTP1", "FM1", "TOEMED"], On::Foot, From::Ankle, [0.12, -0.04, -0.045], 0.03),
     mark(&["MIDFOOTSUP", "MIDFOOTLAT", "MFOOT"], On::Foot, From::Ankle, [0.05, 0.02, -0.03], ANYWHERE),
 ];
@@ -177,9 +186,88 @@ const MIDDLE: &[Landmark] = &[
     mark(&["TOPHEAD", "HEADTOP", "VERTEX"], On::Head, From::Neck, [0.0, 0.0, 0.243], 0.03),
 ];
 
-/// Returns a name in capitals and digits.
+/// Joint centres, as programs that see people without markers name them.
+const CENTRES: &[Landmark] = &[
+    mark(&["HIP", "HJC"], On::Thigh, From::Hip, [0.0; 3], 0.03),
+    mark(&["KNEE"], On::Thigh, From::Knee, [0.0; 3], 0.03),
+    mark(&["ANKLE"], On::Shank, From::Ankle, [0.0; 3], 0.03),
+    mark(&["SHOULDER"], On::UpperArm, From::Shoulder, [0.0; 3], 0.03),
+    mark(&["ELBOW"], On::UpperArm, From::Elbow, [0.0; 3], 0.03),
+    mark(&["WRIST"], On::Wrist, From::Wrist, [0.0; 3], 0.03),
+];
+
+/// Returns a name in capitals and digits; what OpenCap adds to the names of its anatomical markers is taken off.
 fn plain(name: &str) -> String {
-    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect()
+    let all: String =
+        name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect();
+    all.strip_suffix("STUDY").map(str::to_owned).unwrap_or(all)
+}
+
+/// Returns true of the names of a recording without markers (OpenPose, Theia, OpenCap's cameras): hips are in it, which no marker
+/// shows, and knees and ankles by these words alone.
+pub fn are_keypoints(labels: &[String]) -> bool {
+    let plain: Vec<String> = labels.iter().map(|label| plain(label)).collect();
+    let has = |core: &str| {
+        ["L", "R"].iter().all(|side| plain.iter().any(|own| *own == format!("{side}{core}")))
+            || ["LEFT", "RIGHT"].iter().all(|side| plain.iter().any(|own| *own == format!("{side}{core}")))
+    };
+    has("HIP") && has("KNEE") && has("ANKLE")
+}
+
+/// Returns the landmark of a name, and its side, where `centres` says that names of joints are their centres.
+fn find_in(name: &str, centres: bool) -> Option<(&'static Landmark, f64)> {
+    let own = || {
+        let name = plain(name);
+        let sides = [("LEFT", 1.0), ("RIGHT", -1.0), ("L", 1.0), ("R", -1.0)];
+        sides.iter().find_map(|(word, side)| {
+            let core = name.strip_prefix(word)?;
+            Some((CENTRES.iter().find(|l| l.names.contains(&core))?, *side))
+        })
+    };
+    if centres { own().or_else(|| find(name)) } else { find(name) }
+}
+
+/// Where a marker of a known name is taken to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// The segment that it is fixed to.
+    pub segment: String,
+    /// The joint whose centre it is measured from.
+    pub joint: String,
+    /// Forward, to the left and up of that centre, m, of a standing adult 1.741 m tall.
+    pub at_m: [f64; 3],
+    /// How well that is known, 1 σ, m; [`ANYWHERE`] of a marker that may be anywhere on its segment.
+    pub sigma_m: f64,
+}
+
+impl Place {
+    /// Returns true of a marker that may be anywhere on its segment.
+    pub fn is_anywhere(&self) -> bool {
+        self.sigma_m >= ANYWHERE
+    }
+}
+
+/// Returns where each marker is taken to be by its name, `None` of those that are not known.
+pub fn places(labels: &[String]) -> Vec<Option<Place>> {
+    let centres = are_keypoints(labels);
+    let of = |label: &String| {
+        let (found, side) = find_in(label, centres)?;
+        let side_word = |names: [&str; 2]| names[1].replace("S_", if side > 0.0 { "l_" } else { "r_" });
+        let [x, y, z] = found.at;
+        let joint = match found.from {
+            From::MidHip => "middle of the hips".to_owned(),
+            From::Neck => "neck".to_owned(),
+            From::Shoulder => side_word(["", "S_shoulder"]),
+            From::Elbow => side_word(["", "S_elbow"]),
+            From::Wrist => side_word(["", "S_wrist"]),
+            From::Hip => side_word(["", "S_hip"]),
+            From::Knee => side_word(["", "S_knee"]),
+            From::Ankle => side_word(["", "S_ankle"]),
+        };
+        let at_m = [x, if side == 0.0 { y } else { y * side }, z];
+        Some(Place { segment: side_word(on_links(found.on)), joint, at_m, sigma_m: found.sigma })
+    };
+    labels.iter().map(of).collect()
 }
 
 /// Returns the landmark of a name, and its side: 1 left, −1 right, 0 in the middle.
@@ -219,8 +307,9 @@ pub fn attach(model: &Model, skeleton: &Skeleton, labels: &[String], height_m: f
         names.iter().find_map(|name| model.link(&name.replace("S_", side)))
     };
     let scale = height_m / STATURE_M;
+    let centres = are_keypoints(labels);
     let attached = labels.iter().enumerate().filter_map(|(label, name)| {
-        let (found, side) = find(name)?;
+        let (found, side) = find_in(name, centres)?;
         let on = link(on_links(found.on), side)?;
         let from = link(from_links(found.from), side)?;
         let [x, y, z] = found.at;

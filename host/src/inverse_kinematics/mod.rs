@@ -9,6 +9,7 @@ mod known;
 pub mod landmarks;
 mod lengths;
 pub mod marker_file;
+pub mod marker_sets;
 pub mod markers;
 mod normal;
 mod pelvis;

@@ -195,10 +195,11 @@ impl Problem {
     /// # Errors
     /// [`ProblemError`] if they have nothing in common, or cannot be identified.
     pub fn from_streams(
-        set: StreamSet,
+        mut set: StreamSet,
         model: Option<&Model>,
         options: &ProblemOptions,
     ) -> Result<Self, ProblemError> {
+        set.settle(model.is_none())?;
         let tree = model.map(|model| (model.clone(), options.clone()));
         let aligned = match &tree {
             None => align(&set, None)?,

@@ -77,9 +77,25 @@ pub struct StreamSet {
     pub reference: usize,
     /// What was noticed.
     pub warnings: Vec<String>,
+    /// Clocks that share no origin have been set, or are known to have one.
+    pub is_settled: bool,
 }
 
 impl StreamSet {
+    /// Sets the clocks of streams that do not fit the wrench as they are stamped, by what both see of the motion; what was
+    /// found is the first of the warnings. Of a tree, no single body, only where they have no time in common. Done once.
+    ///
+    /// # Errors
+    /// [`StreamError::NoClock`] if a stream has no time in common with the wrench and nothing aligns them.
+    pub fn settle(&mut self, is_body: bool) -> Result<(), StreamError> {
+        if !self.is_settled {
+            self.is_settled = true;
+            let said = super::origin::settle(self, is_body)?;
+            self.warnings.splice(0..0, said);
+        }
+        Ok(())
+    }
+
     /// Reads the files that a rig file lists from a folder, by default the rig file's own.
     ///
     /// # Errors
@@ -142,6 +158,7 @@ impl StreamSet {
             streams: Vec::new(),
             reference,
             warnings: Vec::new(),
+            is_settled: false,
         };
         set.rig = on_grid(rig);
         for mut raw in raw {

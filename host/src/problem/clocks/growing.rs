@@ -201,6 +201,7 @@ impl Growing {
             streams,
             reference,
             warnings: Vec::new(),
+            is_settled: true,
         })
     }
 }

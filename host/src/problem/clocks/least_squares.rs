@@ -69,32 +69,42 @@ impl Fit {
         Self { solution, influence, independent, lost }
     }
 
-    /// Sandwich with Bartlett's weights, scaled so that 1.96 σ are 95 %; its variances at least those of noise that was white
-    /// before a filter of this noise gain.
+    /// As [`sandwich`], of its own rows.
     pub(super) fn covariance(&self, skews: usize, noise_gain: f64) -> DMatrix<f64> {
-        let count = self.influence.len();
-        let lags = ((FRACTION * count as f64).ceil() as usize).max(1);
-        let mut sum = DMatrix::zeros(skews, skews);
-        for lag in 0..lags.min(count) {
-            let weight = 1.0 - lag as f64 / lags as f64;
-            let mut gamma = DMatrix::<f64>::zeros(skews, skews);
-            for (now, before) in self.influence.iter().skip(lag).zip(&self.influence) {
-                gamma.ger(weight, now, before, 1.0);
-            }
-            if lag > 0 {
-                gamma += gamma.transpose();
-            }
-            sum += gamma;
-        }
-        sum *= (FACTOR / 1.96_f64).powi(2);
-        let wider: Vec<f64> = self
-            .independent
-            .iter()
-            .enumerate()
-            .map(|(i, independent)| (independent / noise_gain / sum[(i, i)]).max(1.0).sqrt())
-            .collect();
-        DMatrix::from_fn(skews, skews, |i, j| sum[(i, j)] * wider[i] * wider[j])
+        sandwich(&self.influence, &self.independent, skews, noise_gain)
     }
+}
+
+/// Sandwich with Bartlett's weights over the influence of each instant, scaled so that 1.96 σ are 95 %; its variances at
+/// least those of noise that was white before a filter of this noise gain, of which `independent` are those of rows that
+/// are independent.
+pub(super) fn sandwich(
+    influence: &[DVector<f64>],
+    independent: &[f64],
+    skews: usize,
+    noise_gain: f64,
+) -> DMatrix<f64> {
+    let count = influence.len();
+    let lags = ((FRACTION * count as f64).ceil() as usize).max(1);
+    let mut sum = DMatrix::zeros(skews, skews);
+    for lag in 0..lags.min(count) {
+        let weight = 1.0 - lag as f64 / lags as f64;
+        let mut gamma = DMatrix::<f64>::zeros(skews, skews);
+        for (now, before) in influence.iter().skip(lag).zip(influence) {
+            gamma.ger(weight, now, before, 1.0);
+        }
+        if lag > 0 {
+            gamma += gamma.transpose();
+        }
+        sum += gamma;
+    }
+    sum *= (FACTOR / 1.96_f64).powi(2);
+    let wider: Vec<f64> = independent
+        .iter()
+        .enumerate()
+        .map(|(i, independent)| (independent / noise_gain / sum[(i, i)]).max(1.0).sqrt())
+        .collect();
+    DMatrix::from_fn(skews, skews, |i, j| sum[(i, j)] * wider[i] * wider[j])
 }
 
 /// Inverse over what the rows determine, columns scaled; and which of the first parameters they do not.

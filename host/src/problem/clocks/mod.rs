@@ -1,7 +1,7 @@
 //! Several files, each with a clock and a rate of its own, as one recording.
 //!
 //! Lives here: reading the files that a rig file lists ([`files`]), streams while they grow ([`growing`]), the one local polynomial that every stream goes
-//! through ([`kernel`]), the common time base ([`grid`]), how late the stamps of each stream are ([`skew`]), by how much
+//! through ([`kernel`]), the common time base ([`grid`]), clocks without a common origin (`origin`), how late the stamps of each stream are ([`skew`]), by how much
 //! that uncertainty moves the estimate ([`shifts`]) and whether attitudes and accelerometer agree on gravity. May not live
 //! here: the fit, which sees an ordinary recording.
 //!
@@ -16,6 +16,7 @@ pub mod grid;
 pub mod growing;
 pub mod kernel;
 mod least_squares;
+mod origin;
 pub mod shifts;
 pub mod skew;
 mod source_skew;
@@ -100,6 +101,19 @@ pub enum StreamError {
         second: String,
         /// Its times.
         second_s: String,
+    },
+    /// The streams have no time in common, and nothing that both see tells the offset of their clocks.
+    #[error(
+        "the clocks of {first} and {second} do not overlap, and what both see of the motion does not align them: {why}; check the \
+         scale of t_s of both, and that they are of one run, or write clock_offset_s in [[stream]]"
+    )]
+    NoClock {
+        /// The stream with the wrench.
+        first: String,
+        /// The other one.
+        second: String,
+        /// Why not.
+        why: String,
     },
     /// An overlap without a usable instant.
     #[error(

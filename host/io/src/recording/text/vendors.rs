@@ -262,14 +262,14 @@ fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let counts: Vec<Option<f64>> = names.iter().map(axis).collect();
     let (mut rows, mut cells) = (Rows::new(text.get(from..).unwrap_or_default(), number, comma), Vec::new());
     for _ in 0..MOST_LINES {
-        let Some(line) = rows.next(&mut cells) else { break };
+        if rows.next(&mut cells).is_none() {
+            break;
+        }
         let is_count =
             |(cell, counts): (&Cow<'_, str>, &Option<f64>)| counts.is_none() || cell.parse::<i64>().is_ok();
+        // Other programs write the same lines above numbers in units: a count has no decimals.
         if !cells.iter().zip(&counts).all(is_count) {
-            return Some(Err(format!(
-                "its header says that forces are in counts, and line {line} has one that is no whole number: take the lines \
-                 with \"Counts per Unit\" out if its numbers are in units"
-            )));
+            return None;
         }
     }
     let none = vec![None; names.len()];

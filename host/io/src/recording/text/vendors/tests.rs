@@ -142,8 +142,19 @@ fn counts_of_a_net_ft_are_divided() {
     let recording = read(&format!("{head}{}", body("1500000"))).unwrap();
     assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 0.0007, 0.012, -0.034, 56e-6]);
     assert!((recording.rate_hz.unwrap() - 7000.0).abs() < 1e-3);
-    let said = read(&format!("{head}{}", body("1.5"))).unwrap_err().to_string();
-    assert!(said.contains("in counts, and line 9 has one that is no whole number"), "{said}");
+    // Numbers with decimals under the same lines are in units already, and have the times of their own column.
+    let decimals = rows(40, |k| {
+        format!(
+            "0x00000000, {}, {}, 1.5, -0.25, {}.0, 0.012, -0.034, 0.056, 11/20/26 10:12:33.{:03} AM",
+            k + 1,
+            k + 9,
+            700 + k,
+            2 * k
+        )
+    });
+    let recording = read(&format!("{head}{decimals}")).unwrap();
+    assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 700.0, 0.012, -0.034, 0.056]);
+    assert_eq!((recording.rate_hz, recording.time_ns[0]), (Some(500.0), 1_795_169_553_000_000_000));
     // Pounds stay pounds.
     let pounds = format!("{head}{}", body("1500000"))
         .replace("Units: Nm", "Units: lbf-in")
