@@ -22,6 +22,7 @@ use rigident_fit::Fit;
 pub(super) fn run(body: &Body) -> Result<ExitCode, Failure> {
     match &body.command {
         BodyCommand::Identify(arguments) => identify(arguments),
+        BodyCommand::Markers(arguments) => super::body_markers::run(arguments),
     }
 }
 

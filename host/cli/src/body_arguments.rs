@@ -23,6 +23,25 @@ pub struct Body {
 pub enum BodyCommand {
     /// Identify the segments of a person from markers and force plates
     Identify(Box<IdentifyBody>),
+    /// Show which markers of trials are known by their names, where they are taken to be, and what is missing
+    Markers(BodyMarkers),
+}
+
+/// `rigident body markers`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Sets that are told by name: Plug-in Gait, CGM2, Qualisys Sports, IOR, OpenCap's anatomical markers, and keypoints of \
+                  OpenPose, Theia and OpenCap, which are joint centres. What is not known is named in a file for --markers of body \
+                  identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file cannot be read.\n\nExamples:\n  \
+                  rigident body markers walk.c3d\n  rigident body markers walk.trc --json"
+)]
+pub struct BodyMarkers {
+    /// A trial: C3D or TRC
+    #[arg(value_name = "TRIAL")]
+    pub trial: PathBuf,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Which model of people.

@@ -155,7 +155,9 @@ fn decided(
             ..choices.clone()
         };
         let missing = match file.proposal(&own) {
-            Ok(found) if found.keys().any(|known| known != TIME) => return Ok(found),
+            Ok(found) if found.keys().any(|known| known != TIME) || !file.joints().is_empty() => {
+                return Ok(found);
+            }
             Ok(_) => {
                 return Err(Failure::input(format!(
                     "{}: none of its columns is known by its name: say which is which by --column, as in --column fx_n=NAME:N",
@@ -267,6 +269,10 @@ fn show_proposed((file, columns): &Proposed<'_>, recording: Option<&Recording>) 
     for (known, (name, unit)) in columns {
         let unit = unit.as_deref().map_or_else(String::new, |unit| format!(" in {unit}"));
         text += &format!("\n  {known} = {name:?}{unit}");
+    }
+    for joint in file.joints() {
+        let effort = joint.effort.map_or_else(String::new, |effort| format!(", effort {effort:?}"));
+        text += &format!("\n  joint {} = {:?}{effort}", joint.name, joint.position);
     }
     if let Some(recording) = recording {
         let rate = recording.rate_hz.map_or_else(String::new, |rate| format!(", {rate:.6} rows per second"));

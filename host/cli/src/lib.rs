@@ -13,6 +13,7 @@ mod bench;
 mod body;
 mod body_arguments;
 mod body_device;
+mod body_markers;
 mod by_hand;
 mod calibrate;
 mod calibrate_imu;

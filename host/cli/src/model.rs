@@ -2,20 +2,21 @@ use std::process::ExitCode;
 
 use serde_json::json;
 
-use super::options::trees::{BaseParams, ModelCheck, ModelCommand, ModelVerb, RowsWord};
+use super::options::trees::{BaseParams, ModelCheck, ModelCommand, ModelRepair, ModelVerb, RowsWord};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
 use rigident::application::tree::open;
 use rigident_model::base::names::legend;
 use rigident_model::base::{BaseParameters, Rows, Situation, base_parameters};
 use rigident_model::human::Person;
-use rigident_model::{Finding, Model};
+use rigident_model::{Finding, Model, write};
 
 /// `rigident model`
 pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
     match &command.verb {
         ModelVerb::BaseParams(arguments) => base_params(arguments),
         ModelVerb::Check(arguments) => check(arguments),
+        ModelVerb::Repair(arguments) => repair(arguments),
     }
 }
 
@@ -51,6 +52,45 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
         ));
     }
     Ok(ExitStatus::of(checked.findings.is_empty()).into())
+}
+
+fn repair(arguments: &ModelRepair) -> Result<ExitCode, Failure> {
+    write::check_target(&arguments.write).map_err(Failure::input)?;
+    let name = arguments.model.display().to_string();
+    let (model, _) = rigident::named_model::read(&name, &Person::default()).map_err(Failure::input)?;
+    let (new, repairs) = model.repaired();
+    let is_changed = repairs.iter().any(|repair| repair.taken.is_some());
+    if is_changed {
+        write::write(&new, Some(arguments.model.as_path()), &arguments.write).map_err(Failure::input)?;
+    }
+    if arguments.json {
+        let listed = repairs.iter().map(|repair| {
+            json!({"link": repair.link, "why": repair.why, "taken": repair.taken, "change": repair.change})
+        });
+        say(json!({
+            "model": model.name,
+            "written": is_changed.then(|| arguments.write.display().to_string()),
+            "repairs": listed.collect::<Vec<_>>(),
+        }));
+    } else {
+        for repair in &repairs {
+            match &repair.taken {
+                Some(taken) => say(format_args!(
+                    "{}: {}; taken as {taken}, a change by {:.1} % of the tensor",
+                    repair.link,
+                    repair.why,
+                    100.0 * repair.change
+                )),
+                None => say(format_args!("{}: {}; give it the mass that it has", repair.link, repair.why)),
+            }
+        }
+        say(match (repairs.len(), is_changed) {
+            (0, _) => format!("{}: every inertia is possible; nothing is written", model.name),
+            (_, true) => format!("{}: written", arguments.write.display()),
+            (_, false) => format!("{}: nothing is written", model.name),
+        });
+    }
+    Ok(ExitStatus::of(repairs.iter().all(|repair| repair.taken.is_some())).into())
 }
 
 fn base_params(arguments: &BaseParams) -> Result<ExitCode, Failure> {

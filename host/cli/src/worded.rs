@@ -171,7 +171,7 @@ fn factors(error: &PoolError) -> String {
         _ => "",
     };
     match extension(Path::new(name)).as_str() {
-        "csv" | "mcap" | "db3" | "mat" => format!(
+        "csv" | "mcap" | "db3" | "bag" | "mat" | "tdms" | "xlsx" | "xlsm" => format!(
             "{error}; it is a recording by its name: `rigident factor {name} -o NEW.factor` makes one of it"
         ),
         "parquet" => format!("{error}; of a table of factors `rigident merge` makes one"),

@@ -145,7 +145,10 @@ pub fn is_recording(path: &Path) -> bool {
     is_rig_file(path)
         || path.is_dir()
         || is_text(&extension(path))
-        || matches!(extension(path).as_str(), "mcap" | "db3" | "parquet" | "mat")
+        || matches!(
+            extension(path).as_str(),
+            "mcap" | "db3" | "bag" | "parquet" | "mat" | "tdms" | "xlsx" | "xlsm"
+        )
 }
 
 /// Returns true if a path is a rig file's, by its name.

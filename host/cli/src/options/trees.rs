@@ -19,6 +19,27 @@ pub enum ModelVerb {
     BaseParams(BaseParams),
     /// Look for inertias that no body has, and for ones that are in another frame, unit or place than they should be
     Check(ModelCheck),
+    /// Write a model in which inertias that no body has are the nearest ones that a body can have
+    Repair(ModelRepair),
+}
+
+/// `rigident model repair`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Mass and centre of mass stay as they are. A file of the same kind is kept but for these inertias. Exit status 0 if \
+                        all are possible now, 1 if one cannot be repaired (no mass, or a negative one), 2 if the model cannot be \
+                        read.\n\nExamples:\n  rigident model repair robot.urdf --write repaired.urdf\n  rigident model repair robot.xml \
+                        --write repaired.urdf --json"
+)]
+pub struct ModelRepair {
+    /// The tree: a URDF, MJCF (.xml, .mjcf) or SDF
+    pub model: std::path::PathBuf,
+    /// The file to write: .urdf, .xml (MJCF) or .sdf; must not exist. Not written if nothing is to be repaired
+    #[arg(long, value_name = "FILE")]
+    pub write: std::path::PathBuf,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `rigident model check`

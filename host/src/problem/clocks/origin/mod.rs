@@ -28,7 +28,7 @@ const NEAR_S: f64 = 0.4;
 /// The share of the wrench's variance that the right clock explains at least.
 const EXPLAINED: f64 = 0.5;
 /// What the right clock leaves is less than this share of what any other leaves.
-const CLEARLY_LESS: f64 = 0.85;
+const CLEARLY_LESS: f64 = 0.9;
 /// Motion is this many times larger than noise.
 const LIVELY: f64 = 25.0;
 
