@@ -6,7 +6,6 @@
 pub mod bare;
 mod bridged;
 pub mod by_modes;
-mod damping;
 pub mod free_decay;
 mod imu_errors;
 pub mod modal;

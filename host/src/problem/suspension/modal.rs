@@ -20,7 +20,6 @@ use rigident_shared::inertia::InertialParameters;
 use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::Body;
 
-use super::damping;
 use super::springs::COORDINATES;
 use super::support::Support;
 use crate::modal_analysis::Shapes;
@@ -153,8 +152,7 @@ impl<'a> Problem<'a> {
                 measured[from + r * (1 + c)] = mode.angular;
                 measured.rows_mut(from + r * (1 + c) + 1, c).copy_from(&mode.shape);
             }
-            let own = shapes.covariance.select_rows(&kept).select_columns(&kept)
-                + damping::covariance(&shapes.modes);
+            let own = shapes.covariance.select_rows(&kept).select_columns(&kept);
             covariance.view_mut((from, from), (kept.len(), kept.len())).copy_from(&own);
             from += kept.len();
         }
