@@ -1,13 +1,12 @@
 //! What the program for Windows has to do in Wine beside its tests: the numbers of this system's program, files as Windows writes
 //! them, ports by name, closed pipes, sensors over UDP.
 
-use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 use super::wine::Wine;
@@ -129,19 +128,12 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// A port that is there, of the simulated rig, and one that is not.
+    /// A port that is not there is named. Real ones Wine cannot show.
     fn ports(&self) -> Result<()> {
         let missing = self.windows(&["info", "--port", "COM77"]).output()?;
         let words = said(&missing);
         ensure!(missing.status.code() == Some(3), "{:?}: {words}", missing.status);
         ensure!(words.contains("COM77") && words.contains("rigident ports"), "{words}");
-        let mut rig = Served::start(&self.folder)?;
-        self.wine.connect("com5", &rig.port)?;
-        let output = self.windows(&["info", "--port", "COM5", "--json"]).output();
-        rig.stop()?;
-        let output = output?;
-        let found: Value = object(&output).with_context(|| said(&output))?;
-        println!("COM5: {found}");
         Ok(())
     }
 
@@ -194,41 +186,6 @@ fn play(text: &str, sender: &UdpSocket, child: &mut Child) -> Result<()> {
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
-}
-
-/// The simulated rig, served on a pseudo-terminal by this system's program.
-struct Served {
-    child: Child,
-    port: PathBuf,
-}
-
-impl Served {
-    fn start(folder: &Path) -> Result<Self> {
-        let place = folder.join("rig");
-        std::fs::create_dir_all(&place)?;
-        let mut command = process::command(places::built("rigident-sim"), &place);
-        command.args(["serve", "--write-rig", "rig.rig.toml"]).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = command.spawn().context("cannot start rigident-sim")?;
-        let link = place.join("rigident-rig");
-        if let Some(output) = child.stdout.take() {
-            // It prints a line when the port is there.
-            BufReader::new(output).read_line(&mut String::new())?;
-        }
-        for _ in 0..100 {
-            if let Ok(port) = link.canonicalize() {
-                return Ok(Self { child, port });
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        child.kill()?;
-        bail!("rigident-sim serves no port")
-    }
-
-    fn stop(&mut self) -> Result<()> {
-        self.child.kill()?;
-        self.child.wait()?;
-        Ok(())
-    }
 }
 
 fn said(output: &Output) -> String {

@@ -71,19 +71,6 @@ impl Wine {
             .env("WINEDLLOVERRIDES", "mscoree,mshtml=")
             .env_remove("DISPLAY");
     }
-
-    /// Connects a name as `COM5` with a serial port of this system.
-    ///
-    /// # Errors
-    /// The link cannot be made.
-    pub fn connect(&self, name: &str, port: &Path) -> Result<()> {
-        let link = self.prefix.join("dosdevices").join(name.to_lowercase());
-        if link.symlink_metadata().is_ok() {
-            std::fs::remove_file(&link)?;
-        }
-        let mut command = process::command("ln", places::root());
-        process::run(command.arg("-s").arg(port).arg(&link))
-    }
 }
 
 /// Tells whether there is a Wine for programs of 64 bits.
