@@ -66,7 +66,7 @@ function axes(svg, [cx, cy], rotation, length, label, name) {
     const far = 1.2 + 6 / Math.max(length, 1);
     svg.append(element("text", { x: cx + dx * far, y: cy + dy * far + 4, class: "mid" }, `${label}${axis}`));
   }
-  svg.append(element("text", { x: cx, y: cy + 30, class: "mid name" }, name));
+  svg.append(element("text", { x: cx, y: cy + 44, class: "mid name" }, name));
 }
 
 /** Draws the sketch into an SVG element. `position_m` is the IMU's origin in the axes of the load cell; null: there is none. */
