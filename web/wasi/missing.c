@@ -58,3 +58,10 @@ int __wrap_link(const char *old, const char *new) {
     errno = error;
     return -1;
 }
+
+int __wrap_linkat(int from, const char *old, int to, const char *new, int flags) {
+    (void)from;
+    (void)to;
+    (void)flags;
+    return __wrap_link(old, new);
+}

@@ -118,7 +118,7 @@ fn compile() -> Result<()> {
     )?;
     let flags = format!(
         "-C link-self-contained=no -C linker-flavor=wasm-ld -L native={LIBRARY} -C target-feature=+crt-static \
-         -C link-arg={LIBRARY}/crt1-command.o -C link-arg=--wrap=link -C link-arg={}",
+         -C link-arg={LIBRARY}/crt1-command.o -C link-arg=--wrap=link -C link-arg=--wrap=linkat -C link-arg={}",
         missing.display()
     );
     let [rustc, cargo] = COMPILER;
