@@ -118,3 +118,88 @@ fn a_look_says_what_is_missing_and_writes_nothing() {
     let beside = look(&[]);
     assert_eq!((&beside["rig_file"], &beside["recording"]["rows"]), (&"a.rig.toml".into(), &50.into()));
 }
+
+/// Files that nptdms and openpyxl wrote: proposed, read, and told by `info`.
+#[test]
+fn workbooks_and_tdms_files_are_imported_and_told() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_table");
+    let folder = tempfile::tempdir().unwrap();
+    for (name, form) in [("waveform.tdms", "tdms"), ("openpyxl.xlsx", "xlsx")] {
+        fs::copy(corpus.join(name), folder.path().join(name)).unwrap();
+        let output = rigident(folder.path(), &["import", name, "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let file = &object["files"][0];
+        assert_eq!((&file["written"]["form"], &file["rows"]), (&form.into(), &40.into()), "{object}");
+        assert_eq!(file["rate_hz"].as_f64().map(f64::round), Some(500.0));
+        let read = Recording::load(&folder.path().join(name), None).unwrap();
+        assert_eq!(read.wrench.unwrap()[3][0], 1234.618);
+        let output = rigident(folder.path(), &["convert", name, &format!("{form}.csv")]);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let again = Recording::load(&folder.path().join(format!("{form}.csv")), None).unwrap();
+        assert_eq!(again.wrench.unwrap()[3][0], 1234.618);
+    }
+}
+
+#[test]
+fn an_impossible_model_is_repaired_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = |izz: &str| {
+        format!(
+            "<?xml version='1.0'?>\n<robot name='r'><!-- kept --><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2'/>\
+             <mass value='2'/><inertia ixx='0.1' iyy='0.1' izz='{izz}' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' \
+             type='revolute'><parent link='base'/><child link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' \
+             velocity='1'/></joint></robot>\n"
+        )
+    };
+    fs::write(folder.path().join("bad.urdf"), urdf("0.45")).unwrap();
+    fs::write(folder.path().join("good.urdf"), urdf("0.15")).unwrap();
+    let output = rigident(folder.path(), &["model", "repair", "bad.urdf", "--write", "new.urdf", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&object["written"], &object["repairs"][0]["link"]), (&"new.urdf".into(), &"arm".into()));
+    let text = fs::read_to_string(folder.path().join("new.urdf")).unwrap();
+    assert!(text.contains("<!-- kept -->"), "{text}");
+    let again = rigident(folder.path(), &["model", "repair", "new.urdf", "--write", "newer.urdf"]);
+    assert!(said(&again).contains("every inertia is possible; nothing is written"), "{}", said(&again));
+    let good = rigident(folder.path(), &["model", "repair", "good.urdf", "--write", "newer.urdf"]);
+    assert_eq!(good.status.code(), Some(0), "{}", said(&good));
+    assert!(!folder.path().join("newer.urdf").exists());
+    let taken = rigident(folder.path(), &["model", "repair", "bad.urdf", "--write", "good.urdf"]);
+    assert_eq!(taken.status.code(), Some(2), "{}", said(&taken));
+}
+
+#[test]
+fn markers_are_shown_with_their_places_and_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE odd";
+    let labels: Vec<&str> = names.split(' ').collect();
+    let head = labels.iter().map(|name| format!("{name}\t\t")).collect::<Vec<_>>().join("\t");
+    let axes = (1..=labels.len()).map(|k| format!("X{k}\tY{k}\tZ{k}")).collect::<Vec<_>>().join("\t");
+    let row = |frame: usize| {
+        let points = (0..labels.len()).map(|k| format!("{}.5\t{}.25\t3.5", 100 + k, 900 + frame));
+        format!("{}\t{:.3}\t{}\n", frame + 1, 0.01 * frame as f64, points.collect::<Vec<_>>().join("\t"))
+    };
+    let text = format!(
+        "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\t\
+         OrigNumFrames\n100\t100\t20\t{}\tmm\t100\t1\t20\nFrame#\tTime\t{head}\n\t\t{axes}\n\n{}",
+        labels.len(),
+        (0..20).map(row).collect::<String>()
+    );
+    fs::write(folder.path().join("walk.trc"), text).unwrap();
+    let output = rigident(folder.path(), &["body", "markers", "walk.trc"]);
+    let words = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    for part in [
+        "LKNE: l_thigh, 0 mm forward, 56 mm left, 0 mm up of l_knee",
+        "odd: not known",
+        "Plug-in Gait: 15 of its 16 markers; RTOE missing",
+        "torso: 0 of the 2 markers",
+        "[marker.\"odd\"]",
+    ] {
+        assert!(words.contains(part), "{part}: {words}");
+    }
+    let output = rigident(folder.path(), &["body", "markers", "walk.trc", "--json"]);
+    let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&object["set"], &object["unknown"][0]), (&"Plug-in Gait".into(), &"odd".into()));
+}
