@@ -30,7 +30,7 @@ pub enum BodyCommand {
 /// `rigident body markers`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Sets that are told by name: Plug-in Gait, CGM2, Qualisys Sports, IOR, OpenCap's anatomical markers, and keypoints of \
+    after_help = "Sets that are recognised by their names: Plug-in Gait, CGM2, Qualisys Sports, IOR, OpenCap's anatomical markers, and keypoints of \
                   OpenPose, Theia and OpenCap, which are joint centres. What is not known is named in a file for --markers of body \
                   identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file cannot be read.\n\nExamples:\n  \
                   rigident body markers walk.c3d\n  rigident body markers walk.trc --json"

@@ -8,7 +8,7 @@ struct MarkerSet {
     labels: &'static [&'static str],
 }
 
-/// Sets whose names are told apart. Vicon, *Plug-in Gait Reference Guide*; Leboeuf et al., *pyCGM2*, 2019; Qualisys, *QTM
+/// Sets that are recognised by their names. Vicon, *Plug-in Gait Reference Guide*; Leboeuf et al., *pyCGM2*, 2019; Qualisys, *QTM
 /// Marker Set Guide* (Sports); Leardini et al., *Gait & Posture* 26, 2007 (IOR); Uhlrich et al., *OpenCap*, 2023; Cao et
 /// al., *OpenPose*, 2019 (BODY_25). Names are compared in capitals and digits.
 const SETS: &[MarkerSet] = &[

@@ -11,10 +11,14 @@ use rigident::fit::pool::PooledFactor;
 mod runs;
 
 use runs::bound::{deviations, information};
-use runs::{
-    Body, Conditions, by_best, central_off, factor, fit, larger, noisy_first, off, on_fixture, outside,
-};
+use runs::{Body, Conditions, by_best, central_off, factor, fit, larger, off, on_fixture, outside};
 use runs::{predicted_off, rms, tared};
+
+/// Returns the factors of four recordings of a rig, the first with five times the noise that is stated.
+fn noisy_first(rig: u64, body: &Body, seed: u64) -> Vec<PooledFactor> {
+    let conditions = |k: u64| if k == 0 { runs::NOISY } else { Conditions::STATED };
+    (0..4).map(|k| factor(rig, body, seed + k, &conditions(k))).collect()
+}
 
 /// Nine recordings of a rig know hardly more than one, and nine rigs three times as much; if the rig's errors
 /// were averaged as noise is, two of three truths would lie outside.

@@ -103,6 +103,7 @@ pub fn deviations(rigs: &[Vec<DMatrix<f64>>]) -> Vec<f64> {
 }
 
 /// Returns those of a body by a recording with its fixture and one of the fixture alone, of one rig.
+#[allow(dead_code, reason = "the table alone compares a tare with it")]
 pub fn deviations_beyond(both: &DMatrix<f64>, bare: &DMatrix<f64>) -> Vec<f64> {
     let spread = |shares: [f64; 2]| {
         DMatrix::from_fn(KEPT, KEPT + 10, |i, j| match j {

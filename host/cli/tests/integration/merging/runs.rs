@@ -41,12 +41,6 @@ pub fn factor(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Pool
 /// A recording with five times the noise that is stated.
 pub const NOISY: Conditions = Conditions { noisier: 5.0, ..Conditions::STATED };
 
-/// Returns the factors of four recordings of a rig, the first with five times the noise that is stated.
-pub fn noisy_first(rig: u64, body: &Body, seed: u64) -> Vec<PooledFactor> {
-    let conditions = |k: u64| if k == 0 { NOISY } else { Conditions::STATED };
-    (0..4).map(|k| factor(rig, body, seed + k, &conditions(k))).collect()
-}
-
 /// A body of a tenth of its fixture, the fixture, and both.
 pub fn on_fixture() -> [Body; 3] {
     [0.64, 6.4, 7.04].map(Body::of_mass)
