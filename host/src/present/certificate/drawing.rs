@@ -140,9 +140,8 @@ mod tests {
     #[test]
     fn axes_are_right_handed_as_they_are_drawn() {
         let [x, y, z] = [0, 1, 2].map(|k| projected(&Vector3::ith(k, 1.0)));
-        // Looked at from outside, x, y and z turn against the clock; the sheet's second axis points down.
-        let turns = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0] < 0.0;
-        assert!(turns(x, y) && turns(y, z) && turns(z, x));
+        // Looked at from above, x turns to y against the clock; the sheet's second axis points down.
+        assert!(x[0] * y[1] - x[1] * y[0] < 0.0 && z == [0.0, -1.0]);
         for axis in [x, y, z] {
             assert!((axis[0].hypot(axis[1]) - 1.0).abs() < 1e-12);
         }
