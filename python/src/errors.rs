@@ -11,13 +11,13 @@ use crate::worded;
 #[derive(Debug)]
 pub struct Refused {
     message: String,
-    failure: Failure,
+    failure: Box<Failure>,
 }
 
 impl From<Error> for Refused {
     fn from(error: Error) -> Self {
         let message = printable::lines(&worded::error(&error)).to_string();
-        Self { message, failure: error.into() }
+        Self { message, failure: Box::new(error.into()) }
     }
 }
 
@@ -25,7 +25,7 @@ impl Refused {
     /// Returns that of arguments that cannot be.
     pub fn usage(message: String) -> Self {
         let failure = Failure::input(message);
-        Self { message: failure.to_string(), failure }
+        Self { message: failure.to_string(), failure: Box::new(failure) }
     }
 
     /// Makes the exception.

@@ -53,7 +53,7 @@ pub fn run(options: &Options) -> Result<()> {
         compile()?;
         assemble()?;
     }
-    weigh()?;
+    let bytes = weigh()?;
     if options.build {
         return Ok(());
     }
@@ -74,7 +74,9 @@ pub fn run(options: &Options) -> Result<()> {
     if let Some(folder) = &options.pictures {
         test.env("RIGIDENT_PICTURES", std::path::absolute(folder)?);
     }
-    process::run(&mut test)
+    process::run(&mut test)?;
+    ensure!(bytes <= MOST_BYTES, "{bytes} B: the page may take {MOST_BYTES}");
+    Ok(())
 }
 
 /// Where npm's packages are.
@@ -176,8 +178,8 @@ fn assemble() -> Result<()> {
     process::run(gzip.args(["--keep", "--force", "-9", "rigident.wasm"]))
 }
 
-/// Checks what a browser has to load.
-fn weigh() -> Result<()> {
+/// Returns the bytes that a browser has to load.
+fn weigh() -> Result<u64> {
     let packed = std::fs::metadata(site().join("rigident.wasm.gz"))
         .context("the page is not built: cargo xtask web")?
         .len();
@@ -189,6 +191,5 @@ fn weigh() -> Result<()> {
         }
     }
     println!("program {packed} B packed, page {rest} B; in {}", site().display());
-    ensure!(packed + rest <= MOST_BYTES, "{} B: the page may take {MOST_BYTES}", packed + rest);
-    Ok(())
+    Ok(packed + rest)
 }

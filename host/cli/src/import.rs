@@ -8,7 +8,6 @@ use serde_json::{Value, json};
 use super::Failure;
 use super::arguments::{Decimal, Import, Sign};
 use super::confirm::answered;
-use super::import_look;
 use super::outcome::say;
 use rigident::device::session::INTERRUPTED;
 use rigident_io::recording::columns::{Known, TIME};
@@ -19,9 +18,6 @@ use rigident_io::rig::{DecimalMark, RecordingTable, RigFile, Unit, WrenchSign};
 
 /// `rigident import`
 pub(super) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
-    if arguments.look {
-        return import_look::run(arguments);
-    }
     let to = target(arguments)?;
     if to.symlink_metadata().is_ok() {
         return Err(Failure::input(format!(

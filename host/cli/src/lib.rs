@@ -313,6 +313,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         #[cfg(target_family = "wasm")]
         Some(Command::Ui(_)) => Err(Failure::input("this is the page already")),
         Some(Command::Convert(a)) => convert(&a),
+        Some(Command::Import(a)) if a.look => import_look::run(&a),
         Some(Command::Import(a)) => import::run(&a),
         #[cfg(not(feature = "simulator"))]
         Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),

@@ -148,7 +148,8 @@ fn a_loading_with_a_slip_is_named_by_its_line_and_honest_ones_are_not() {
     for seed in 0..12 {
         let (rows, _) = World::new(100 + seed).table(3);
         let at = 3 + 3 * (seed as usize) % (rows.len() - 4);
-        let slips: [(&str, fn(&mut [f64; 13])); 3] = [
+        type Slip = fn(&mut [f64; 13]);
+        let slips: [(&str, Slip); 3] = [
             ("mass", |row| row[0] = if row[0] == 0.0 { 1.0 } else { 1.5 * row[0] }),
             ("place", |row| row.swap(1, 2)),
             ("reading", |row| row[8] += 2e-4),

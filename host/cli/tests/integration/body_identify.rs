@@ -135,9 +135,9 @@ fn standing_alone_shared_data_tell_the_mass_and_little_else() {
     // Two plates that were always loaded, each with a zero known to 5 N: 1.96 · √2 · 5 N / g = 1.41 kg; and a scale of 0.5 % that both share and
     // 0.5 % of each: 1.96 · 0.5 % · √1.5 · 60.75 kg = 0.73 kg. Together 1.59 kg.
     assert!((value - 60.75).abs() < 0.05 && (1.55..1.65).contains(&u95), "{value} ± {u95}");
-    // Breathing and skin move as much as the segments do: of these nothing is said, and no model is made.
-    assert_eq!(found["person"]["segments"].as_array().unwrap().len(), 0);
-    assert!(found["warnings"].to_string().contains("no rigid segments explain the forces"));
+    // Breathing and skin move as much as the segments do, and count as slow noise: of these nothing is said beyond the table.
+    let segments = found["person"]["segments"].as_array().unwrap();
+    assert!(segments.iter().all(|segment| segment["identified"] == false), "{segments:?}");
     // With the walk, in which both plates have time without load, their zeros are known. Standing, they read 595.72 N together;
     // without load in the walk 0.80 N and −2.77 N (medians): 597.69 N, 60.95 kg.
     let files = [files[0], ("", "human_btk_pig_60kg_functional/FunctionalWalk.c3d")];

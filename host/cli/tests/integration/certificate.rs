@@ -9,6 +9,9 @@ use crate::program::{complaint, json, rigident, said, status};
 
 const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/");
 
+/// Caption of the table of centre and tensor.
+const CENTRE: &str = "Centre of mass in S";
+
 /// Everything that a certificate has to say.
 const STATED: &str = r#"
 [certificate]
@@ -97,11 +100,11 @@ fn a_certificate_has_the_results_numbers_in_the_customers_units_and_its_files_ha
     close(&row(&page, "Mass", "m"), mass["value"].as_f64().unwrap(), mass["u95"].as_f64().unwrap(), "kg");
     for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
         let of = |field: &str| 1e3 * result[field][k].as_f64().unwrap();
-        close(&row(&page, "About the centre of mass", axis), of("com_m"), of("com_u95_m"), "mm");
+        close(&row(&page, CENTRE, axis), of("com_m"), of("com_u95_m"), "mm");
     }
     for (k, name) in ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"].into_iter().enumerate() {
         let of = |field: &str| 1e4 * result[field][k].as_f64().unwrap();
-        let cells = row(&page, "About the centre of mass", name);
+        let cells = row(&page, CENTRE, name);
         close(&cells, of("inertia_com_kgm2"), of("inertia_com_u95_kgm2"), "kg cm²");
     }
     // Another program's hash of the example, which no run may change.
@@ -121,7 +124,7 @@ fn a_certificate_has_the_results_numbers_in_the_customers_units_and_its_files_ha
 #[test]
 fn what_is_missing_is_listed_and_makes_a_draft() {
     let place = tempfile::tempdir().unwrap();
-    fs::copy(format!("{EXAMPLES}bracket.csv"), place.path().join("bracket.csv")).unwrap();
+    bracket(place.path(), "");
     let words = ["identify", "bracket.csv", "--out", "out", "--certificate", "c.html", "--certify"];
     let output = rigident(place.path(), &[&words[..], &["number=\u{1}"]].concat());
     assert!(complaint(&output).contains("control characters"));

@@ -33,7 +33,7 @@ fn bad_input_ends_with_two_and_words_that_help() {
     fs::write(at.join("good.csv"), &good).unwrap();
     for (arguments, words) in [
         (&["identify", "none.csv"][..], "none.csv"),
-        (&["identify", "noise.png"], ".csv, .mcap, .db3, .parquet or .mat"),
+        (&["identify", "noise.png"], ".csv, .mcap, .db3, .bag, .parquet, .mat, .tdms or .xlsx"),
         (&["identify", "binary.csv"], "binary"),
         (&["identify", "binary.mcap"], "binary"),
         (&["identify", "nan.csv"], "NaN"),

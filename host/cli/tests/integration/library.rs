@@ -8,7 +8,6 @@ use rigident::application::{
 };
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::prior::KnownValues;
-use rigident::problem::tree::drive::Friction;
 use rigident_shared::forgetting::Span;
 
 use crate::program::{rigident, said, status};
@@ -236,14 +235,6 @@ fn cases(at: &Path) -> Vec<Case> {
         ),
         ("two-links.csv", &["--nominal-sigma", "0.2"], with(|o| o.nominal_sigma = 0.2)),
         ("picks-up.csv", &["--model", "picks-up.urdf"], with(|o| o.tree = tree_of(at))),
-        (
-            "picks-up.csv",
-            &["--model", "picks-up.urdf", "--friction", "viscous,coulomb"],
-            with(|o| {
-                o.tree = tree_of(at);
-                o.friction = Friction::parse(&["viscous,coulomb"]).unwrap();
-            }),
-        ),
     ];
     all.extend(more);
     all

@@ -135,9 +135,9 @@ fn both(own: Option<Checks>, other: Option<&Checks>) -> Option<Checks> {
     Some(own)
 }
 
-/// Returns the runs of a factor; more than [`MOST_NAMED`] are folded.
+/// Returns the runs of a factor; more than [`MOST_NAMED`] are folded, and any with those that were.
 pub(super) fn folded(sources: Vec<FactorSource>) -> Vec<FactorSource> {
-    if sources.len() <= MOST_NAMED {
+    if sources.len() <= MOST_NAMED && sources.iter().all(|source| source.folded.is_none()) {
         return sources;
     }
     let mut all: Vec<FactorSource> = Vec::new();

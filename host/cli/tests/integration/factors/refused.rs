@@ -86,7 +86,10 @@ fn bad_input_is_named_and_nothing_is_written() {
         (&["merge", "-o", "x"], &["<F>"]),
         (&["factor", "a.csv", "again.csv", "-o", "x"], &["again.csv", "twice"]),
         (&["factor", "a.csv", "-o", "a.factor"], &["a.factor is there already"]),
-        (&["factor", "a.factor", "-o", "x"], &["a.factor", ".csv, .mcap, .db3, .parquet or .mat"]),
+        (
+            &["factor", "a.factor", "-o", "x"],
+            &["a.factor", ".csv, .mcap, .db3, .bag, .parquet, .mat, .tdms or .xlsx"],
+        ),
         (&["factor", "zero.csv", "-o", "x"], &["load_cell.noise_n_nm", "greater than zero"]),
         (&["factor", "nan.csv", "-o", "x"], &["nan.csv", "line 31", "NaN"]),
         (&["factor", "a.csv", "short.csv", "-o", "x"], &["short.csv", "no usable rows"]),

@@ -92,7 +92,7 @@ fn xsens(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let names: Vec<String> = names.into_iter().rev().skip_while(String::is_empty).collect();
     let names: Vec<String> = names.into_iter().rev().collect();
     let place = |name: &str| names.iter().position(|own| own == name);
-    if place("PacketCounter").is_none() || !names.iter().any(|name| name.starts_with("Acc_")) {
+    if place("PacketCounter").is_none() || place("Acc_X").is_none() {
         return None;
     }
     let mut first = Vec::new();

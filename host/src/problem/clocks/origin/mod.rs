@@ -119,28 +119,26 @@ pub(super) fn found(signals: &Signals) -> Verdict {
     if near >= AS_STAMPED * best && near > AS_STAMPED_LEAST {
         return Verdict::Fits;
     }
+    // As stamped a skew may still be found, and the motion may be one that tells little.
+    let may_be_stamped = near > 0.5 * best && signals.overlap_s() > 0.0;
+    let nothing = |why: String| if may_be_stamped { Verdict::Unclear } else { Verdict::None(why) };
     let candidates = search.candidates();
     let mut refined: Vec<Refined> =
         candidates.iter().filter_map(|clock| refine::refine(signals, *clock)).collect();
     refined.sort_by(|a, b| a.left.total_cmp(&b.left));
     let Some(first) = refined.first() else {
-        return Verdict::None("they have too little in common at any offset".to_owned());
+        return nothing("they have too little in common at any offset".to_owned());
     };
     let middle = |refined: &Refined| refined.found.offset_s + refined.found.rate * signals.middle_s();
     let second = refined.iter().skip(1).find(|other| (middle(other) - middle(first)).abs() > 0.02);
     if 1.0 - first.left < EXPLAINED {
-        // As stamped a skew may still be found, and the motion may be one that tells little.
-        return if near > 0.5 * best && signals.overlap_s() > 0.0 {
-            Verdict::Unclear
-        } else {
-            Verdict::None(format!(
-                "what it sees explains {:.0} % of the wrench's variance at best: is it of another body, or another run?",
-                100.0 * (1.0 - first.left)
-            ))
-        };
+        return nothing(format!(
+            "what it sees explains {:.0} % of the wrench's variance at best: is it of another body, or another run?",
+            100.0 * (1.0 - first.left)
+        ));
     }
     if let Some(second) = second.filter(|second| first.left > CLEARLY_LESS * second.left) {
-        return Verdict::None(format!(
+        return nothing(format!(
             "offsets of {} s and {} s fit alike: a motion that repeats itself does not show them; move irregularly once",
             significant(first.found.offset_s, 5),
             significant(second.found.offset_s, 5)

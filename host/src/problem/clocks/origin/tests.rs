@@ -38,7 +38,9 @@ impl Hand {
     fn new(rng: &mut ChaCha8Rng, repeats: bool) -> Self {
         let mut draw = |low: f64, high: f64| Uniform::new(low, high).unwrap().sample(rng);
         let mut sines = |size: f64| -> Vec<(f64, f64, f64)> {
-            (0..5).map(|_| (size * draw(0.2, 1.0), draw(0.15, 1.8), draw(0.0, 6.28))).collect()
+            (0..5)
+                .map(|_| (size * draw(0.2, 1.0), draw(0.15, 1.8), draw(0.0, std::f64::consts::TAU)))
+                .collect()
         };
         let angles = [sines(0.25), sines(0.25), sines(0.3)];
         let places = [sines(0.03), sines(0.03), sines(0.03)];
