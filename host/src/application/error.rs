@@ -31,7 +31,7 @@ pub enum Error {
     Recording(#[from] RecordingError),
     /// Several files with clocks of their own.
     #[error(transparent)]
-    Streams(#[from] StreamError),
+    Streams(Box<StreamError>),
     /// How several files were given.
     #[error(transparent)]
     Listing(#[from] ListingError),
@@ -229,6 +229,12 @@ pub enum Error {
     /// The caller stopped the job.
     #[error("stopped before there was an answer")]
     Stopped,
+}
+
+impl From<StreamError> for Error {
+    fn from(error: StreamError) -> Self {
+        Self::Streams(Box::new(error))
+    }
 }
 
 impl From<ProblemError> for Error {
