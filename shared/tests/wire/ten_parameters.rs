@@ -1,9 +1,9 @@
 //! The example for one's own firmware finds the body that it simulates, and needs nothing but `core`.
 
 #[path = "../../examples/ten_parameters.rs"]
-mod ten_parameters;
+mod example;
 
-use ten_parameters::{identify, truth};
+use example::{identify, truth};
 
 /// Sixteen numbers in twenty runs, each beyond 1.96 standard deviations in one of twenty.
 #[test]

@@ -11,7 +11,7 @@ fn factors(count: u64) -> Vec<PooledFactor> {
         if let Some(source) = run.sources.first_mut() {
             source.fitted = Some(16.0);
             source.fingerprint = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            if seed % 7 == 0 {
+            if seed.is_multiple_of(7) {
                 source.variance_scale = 1.5;
             }
         }
