@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -113,6 +114,7 @@ def rig_file(rig: Rig | None) -> Iterator[Path | None]:
             yield path
         except RigidentError as error:
             words = str(error).replace(str(path), "the rig")
+            words = re.sub(r"the rig, line \d+(, column \d+)?", "the rig", words)
             place = error.place
             if place is not None and place.file == str(path):
                 place = Place("the rig", None, place.index, place.column)
