@@ -11,6 +11,8 @@ use super::rows::Loadings;
 const WRONGLY: f64 = 1e-4;
 /// The others agree this many times better without it, or it is one of many that do not quite fit.
 const MATTERS: f64 = 1.5;
+/// A loading that is off by less than this share of the largest reading is right: rounding is no slip.
+const RIGHT: f64 = 1e-6;
 
 /// Why loadings are not used.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +96,10 @@ pub(super) fn find(rows: &Loadings, answers: &Matrix6<f64>, sigma: f64) -> Optio
     let rest = (all - taken).max(all * f64::EPSILON);
     let times = (all / rest).sqrt();
     let chance = 1.0 - FisherSnedecor::new(6.0, free).ok()?.cdf((taken / 6.0) / (rest / free));
+    let largest = rows.loadings().iter().flat_map(|own| own.gauges_v).fold(0.0, |a: f64, v| a.max(v.abs()));
+    if taken.sqrt() * sigma < RIGHT * largest {
+        return None;
+    }
     let line = rows.loadings().get(worst).map_or(0, |loading| loading.line);
     (chance * (count as f64) < WRONGLY && times > MATTERS).then_some(Contradiction::Loading { line, times })
 }
