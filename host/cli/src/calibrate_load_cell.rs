@@ -14,8 +14,8 @@ use rigident::present::text::significant;
 use rigident_io::recording::Recording;
 use rigident_io::recording::new_file::write_new_text;
 
-/// Residuals above this share of full scale are said: a cell of class 0.1 leaves less.
-const LARGE_RESIDUAL: f64 = 2e-3;
+/// Residuals above this share of full scale are said: places known to 0.3 mm leave less.
+const LARGE_RESIDUAL: f64 = 5e-3;
 /// A stretch of a recording has at least this many readings.
 const FEWEST: usize = 10;
 
