@@ -25,6 +25,7 @@ pub mod monitor;
 #[cfg(feature = "simulator")]
 pub mod montecarlo;
 pub mod named_model;
+mod named_table;
 pub mod plan;
 pub mod platform;
 pub mod present;

@@ -144,12 +144,20 @@ pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
     Ok(ExitStatus::of(answer.offsets.iter().all(|offset| offset.measured.is_some())).into())
 }
 
-fn text_of(path: &Path) -> Result<String, Failure> {
+/// Returns the text of a file.
+///
+/// # Errors
+/// Bad input: it cannot be read.
+pub(super) fn text_of(path: &Path) -> Result<String, Failure> {
     rigident_files::read_text(path)
         .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))
 }
 
-fn positive(option: &str, value: f64) -> Result<f64, Failure> {
+/// Returns the value of an option that must be greater than zero.
+///
+/// # Errors
+/// Bad input: it is not.
+pub(super) fn positive(option: &str, value: f64) -> Result<f64, Failure> {
     if value.is_finite() && value > 0.0 {
         return Ok(value);
     }

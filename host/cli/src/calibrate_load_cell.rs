@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
+use super::calibrate_joints::{positive, text_of};
 use super::calibration_arguments::CalibrateLoadCell;
 use super::outcome::say;
 use super::{ExitStatus, Failure, factor};
@@ -53,16 +54,14 @@ pub(super) fn run(arguments: &CalibrateLoadCell) -> Result<ExitCode, Failure> {
         return Err(Failure::input(format!("--gravity-mps2 {given}: on Earth it is between 9.76 and 9.84")));
     }
     let source = arguments.loads.display().to_string();
-    let text = rigident_files::read_text(&arguments.loads)
-        .map_err(|error| Failure::input(format!("{source}: cannot be read: {error}")))?;
+    let text = text_of(&arguments.loads)?;
     let recording = arguments.recording.as_ref().map(|path| Recording::load(path, None)).transpose();
     let recording = recording.map_err(Failure::input)?;
     let stretch = recording.as_ref().map(|recording| |from: f64, to: f64| mean_gauges(recording, from, to));
     let stretch = stretch.as_ref().map(|stretch| stretch as table::Stretch<'_>);
     let loadings = table::parse(&text, &source, arguments.gravity_mps2, stretch).map_err(Failure::input)?;
-    let matrix = calibrate(&loadings, &uncertainty).map_err(|error| {
-        Failure::input(format!("{source}: {error}").replacen(&format!("{source}: {source}"), &source, 1))
-    })?;
+    let matrix =
+        calibrate(&loadings, &uncertainty).map_err(|error| Failure::input(format!("{source}: {error}")))?;
     let good = matrix.worst_u95() <= COARSEST;
     let warnings = warnings(&matrix, good);
     warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
@@ -105,12 +104,8 @@ fn uncertainty(arguments: &CalibrateLoadCell) -> Result<Uncertainty, Failure> {
             Err(Failure::input(format!("{option} {value}: must be from 0 to {most}")))
         }
     };
-    let reading_v = match arguments.reading_noise_v {
-        Some(noise) if !(noise.is_finite() && noise > 0.0) => {
-            return Err(Failure::input(format!("--reading-noise-v {noise}: must be greater than zero")));
-        }
-        noise => noise,
-    };
+    let noise = arguments.reading_noise_v;
+    let reading_v = noise.map(|noise| positive("--reading-noise-v", noise)).transpose()?;
     Ok(Uncertainty {
         mass: 1e-2 * from_zero("--mass-noise-percent", arguments.mass_noise_percent, 10.0)?,
         place_m: 1e-3 * from_zero("--place-noise-mm", arguments.place_noise_mm, 50.0)?,

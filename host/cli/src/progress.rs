@@ -89,7 +89,7 @@ pub(super) struct Stages {
     stage: Arc<Mutex<(String, f64)>>,
     end: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
-    /// Where there are no threads, each stage is shown as it begins.
+    /// Shows each stage as it begins where there are no threads.
     shown: Option<Mutex<Progress>>,
 }
 

@@ -9,7 +9,7 @@ use super::arguments::Ui;
 use super::outcome::say;
 use super::ui_server::{Server, Site};
 
-/// What must be there for the page to work.
+/// Files that a page needs to work.
 const NEEDED: [&str; 2] = ["index.html", "rigident.wasm.gz"];
 
 /// `rigident ui`

@@ -14,16 +14,16 @@ const MOST_OF_HEAD: usize = 16 << 10;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Clients at the same time.
 const MOST_CLIENTS: usize = 32;
-/// How often there is a look whether it is to end.
+/// Time between two looks whether it is to end.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The largest file of a page, bytes.
 const MOST_OF_FILE: u64 = 64 << 20;
-/// What a browser may do with the page: run its own scripts, and talk to nobody else.
+/// Lets a browser run the page's own scripts, and talk to nobody else.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self'; style-src \
                       'self' 'unsafe-inline'; img-src 'self' data: blob:; frame-src blob:; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
-/// Where the files of a page are.
+/// Holds the files of a page.
 #[derive(Clone, Debug)]
 pub(super) enum Site {
     /// In this program, by their names.
@@ -120,7 +120,7 @@ fn attend(mut stream: TcpStream, site: &Site, port: u16) -> io::Result<()> {
     stream.flush()
 }
 
-/// What is answered.
+/// Answers a request.
 struct Reply {
     status: &'static str,
     kind: &'static str,

@@ -3,6 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::{JointTree, Pose, Setup};
+use crate::named_table::NamedTable;
 
 /// Endings of the four columns of a link's attitude.
 const QUATERNION: [&str; 4] = ["_qw", "_qx", "_qy", "_qz"];
@@ -21,9 +22,7 @@ const CONTACT: &str = "contact";
 #[derive(Clone, Debug)]
 pub struct PosesTable {
     what: String,
-    header: Vec<String>,
-    /// Line in the file and cells of each row.
-    rows: Vec<(u64, Vec<String>)>,
+    table: NamedTable,
 }
 
 impl PosesTable {
@@ -32,32 +31,15 @@ impl PosesTable {
     /// # Errors
     /// Says which line cannot be read.
     pub fn parse(text: &str, what: &str) -> Result<Self, String> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader =
-            csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header: Vec<String> = match reader.headers() {
-            Ok(header) => header.iter().map(str::to_owned).collect(),
-            Err(error) => return Err(format!("{what}: {error}")),
-        };
-        for (k, name) in header.iter().enumerate() {
-            if header.iter().take(k).any(|other| other == name) {
-                return Err(format!("{what}: column {name} is there twice"));
-            }
-        }
-        let mut rows = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|error| format!("{what}: {error}"))?;
-            let line = record.position().map_or(0, csv::Position::line);
-            rows.push((line, record.iter().map(str::to_owned).collect()));
-        }
-        if rows.is_empty() {
+        let table = NamedTable::parse(text).map_err(|why| format!("{what}: {why}"))?;
+        if table.rows.is_empty() {
             return Err(format!("{what}: there is no pose in it"));
         }
-        Ok(Self { what: what.to_owned(), header, rows })
+        Ok(Self { what: what.to_owned(), table })
     }
 
     fn column(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|own| own == name)
+        self.table.column(name)
     }
 
     /// Returns the links whose attitudes the file has, in the model's order.
@@ -67,6 +49,7 @@ impl PosesTable {
     pub fn measured_links(&self, tree: &JointTree) -> Result<Vec<usize>, String> {
         let mut found = Vec::new();
         let stems = self
+            .table
             .header
             .iter()
             .filter_map(|name| QUATERNION.iter().find_map(|ending| name.strip_suffix(ending)))
@@ -117,8 +100,8 @@ impl PosesTable {
             ));
         }
         let (named, contact) = (self.column(POSE), self.column(CONTACT));
-        let mut poses: Vec<Pose> = Vec::with_capacity(self.rows.len());
-        for (n, (line, cells)) in self.rows.iter().enumerate() {
+        let mut poses: Vec<Pose> = Vec::with_capacity(self.table.rows.len());
+        for (n, (line, cells)) in self.table.rows.iter().enumerate() {
             let place = |what: &str| format!("{}, line {line}: {what}", self.what);
             let cell = |column: usize| cells.get(column).map_or("", String::as_str);
             let number = |column: usize| self.number(column, cell(column)).map_err(|why| place(&why));
@@ -168,7 +151,7 @@ impl PosesTable {
 
     fn number(&self, column: usize, cell: &str) -> Result<f64, String> {
         cell.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-            let name = self.header.get(column).map_or("", String::as_str);
+            let name = self.table.header.get(column).map_or("", String::as_str);
             format!("{name} is {cell:?} and not a finite number")
         })
     }

@@ -35,14 +35,13 @@ pub struct Matrix {
 
 impl Matrix {
     /// Reads the fit; `None` if the bridges' answers cannot be inverted or were not all determined.
-    pub(super) fn new(rows: &Loadings, fit: &Fit) -> Option<Self> {
+    pub(super) fn new(rows: &Loadings, fit: &Fit, answers: &Matrix6<f64>) -> Option<Self> {
         let (runs, each) = (rows.runs(), rows.runs() + 6);
         let found = fit.estimate.unjudged();
         let place = |bridge: usize, k: usize| each * bridge + runs + k;
         if (0..36).any(|n| !fit.estimate.is_determined(place(n / 6, n % 6))) {
             return None;
         }
-        let answers = answers(rows, fit);
         let full_scale = rows.full_scale();
         let scale = |k: usize| full_scale[k / 3];
         let scaled = Matrix6::from_fn(|j, k| answers[(j, k)] * scale(k));
@@ -64,7 +63,7 @@ impl Matrix {
         let beside = (0..36).filter(|n| n / 6 != n % 6).map(|n| error[n / 6][n % 6].powi(2)).sum::<f64>();
         let zeros_v: Vec<[f64; 6]> =
             (0..runs).map(|run| std::array::from_fn(|j| found.values[each * j + run])).collect();
-        let residuals = residuals(rows, &matrix, &answers, &zeros_v);
+        let residuals = residuals(rows, &matrix, answers, &zeros_v);
         let largest = |residual: &[f64; 6]| (0..6).fold(0.0, |l: f64, k| l.max(residual[k].abs() / scale(k)));
         Some(Self {
             matrix: std::array::from_fn(|a| std::array::from_fn(|b| matrix[(a, b)])),

@@ -142,5 +142,5 @@ pub fn calibrate(loadings: &[Loading], uncertainty: &Uncertainty) -> Result<Matr
             unit: error.nuisance.unit.clone(),
         }));
     }
-    Matrix::new(&rows, &found).ok_or(LoadCellError::Lacks { component: rows.weakest() })
+    Matrix::new(&rows, &found, &answers).ok_or(LoadCellError::Lacks { component: rows.weakest() })
 }

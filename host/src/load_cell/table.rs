@@ -7,6 +7,7 @@
 //! `run` loadings that share their zero, `note` is for people.
 
 use super::LoadCellError;
+use crate::named_table::NamedTable;
 
 /// A place is no farther from the cell, m.
 const FARTHEST_M: f64 = 10.0;
@@ -90,15 +91,15 @@ struct Table<'a> {
 
 /// The cells of one row by the names of their columns.
 struct Cells<'a> {
-    header: &'a [String],
-    cells: csv::StringRecord,
+    table: &'a NamedTable,
+    cells: &'a [String],
     line: u64,
 }
 
 impl Cells<'_> {
     fn text(&self, name: &str) -> Option<&str> {
-        let at = self.header.iter().position(|own| own == name)?;
-        self.cells.get(at).filter(|text| !text.is_empty())
+        let cell = self.cells.get(self.table.column(name)?)?;
+        Some(cell.as_str()).filter(|text| !text.is_empty())
     }
 
     fn number(&self, name: &str) -> Result<Option<f64>, String> {
@@ -133,32 +134,19 @@ impl Cells<'_> {
 
 impl Table<'_> {
     fn read(&self, text: &str) -> Result<Vec<Loading>, String> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader =
-            csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
-        let header: Vec<String> =
-            reader.headers().map_err(|error| error.to_string())?.iter().map(str::to_owned).collect();
-        for (k, name) in header.iter().enumerate() {
-            if header.iter().take(k).any(|other| other == name) {
-                return Err(format!("column {name} is there twice"));
-            }
-            if !KNOWN.contains(&name.as_str()) {
-                return Err(format!("column {name} is none of a table of loadings: {}", KNOWN.join(", ")));
-            }
+        let table = NamedTable::parse(text)?;
+        if let Some(name) = table.header.iter().find(|name| !KNOWN.contains(&name.as_str())) {
+            return Err(format!("column {name} is none of a table of loadings: {}", KNOWN.join(", ")));
         }
-        let mut loadings = Vec::new();
-        for record in reader.records() {
-            let cells = record.map_err(|error| error.to_string())?;
-            let line = cells.position().map_or(0, csv::Position::line);
-            if loadings.len() == MOST {
-                return Err(format!("it has more than {MOST} loadings"));
-            }
-            loadings.push(self.loading(&Cells { header: &header, cells, line })?);
-        }
-        if loadings.is_empty() {
+        if table.rows.is_empty() {
             return Err("there is no loading in it".to_owned());
         }
-        Ok(loadings)
+        if table.rows.len() > MOST {
+            return Err(format!("it has more than {MOST} loadings"));
+        }
+        let loading =
+            |(line, cells): &(u64, Vec<String>)| self.loading(&Cells { table: &table, cells, line: *line });
+        table.rows.iter().map(loading).collect()
     }
 
     fn loading(&self, cells: &Cells<'_>) -> Result<Loading, String> {

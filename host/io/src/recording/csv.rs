@@ -558,10 +558,7 @@ impl<'a> Reader<'a> {
 impl Column {
     fn push(&mut self, cell: &str, groups: &mut [(Group, GroupRows)]) -> Result<(), String> {
         match &mut self.sink {
-            // A text of TDMS or Parquet may hold anything; a table is written as text.
-            Sink::Text(cells) => {
-                cells.push(cell.chars().map(|c| if c.is_control() { ' ' } else { c }).collect());
-            }
+            Sink::Text(cells) => cells.push(cell.to_owned()),
             Sink::Time { scale, times } => times.push(time::parse(cell, *scale).ok_or_else(|| refuse(cell))?),
             Sink::Number { known, group, scale, offset, count, cells } => {
                 let value = number(cell, *scale, *offset)?;

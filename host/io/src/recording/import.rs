@@ -10,6 +10,7 @@ use super::csv::careful;
 use super::text::clock::Stamp;
 use super::text::encoding::decode;
 use super::text::layout::Stepper;
+use super::text::one_line;
 use super::{Recording, RecordingError, columnar, extension, is_text, sheet};
 use crate::rig::{ColumnSource, DecimalMark, RigFile, ScaledColumn, Unit, WrenchSign};
 
@@ -402,11 +403,6 @@ fn write_joints(text: &mut String, joints: &[JointColumns]) -> std::fmt::Result 
 /// Returns a text as TOML writes it.
 fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
-}
-
-/// Returns a text without what would end a line of comment.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// Returns where columns are, as a rig file has it.

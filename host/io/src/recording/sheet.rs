@@ -12,6 +12,7 @@ use calamine::{Cell, DataRef, ExcelDateTime, Reader as _, Xlsx, XlsxError};
 use super::columnar::Room;
 use super::text::decimal::{self, Forms};
 use super::text::layout::Layout;
+use super::text::one_line;
 use crate::parquet_file::guarded_as;
 use crate::rig::DecimalMark;
 
@@ -150,12 +151,9 @@ fn cells(
 const WRITTEN: char = '\u{1}';
 
 fn cell_text(cell: &Cell<DataRef<'_>>) -> String {
-    let written = |text: &str| {
-        let bare: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        match bare.trim() {
-            "" => String::new(),
-            bare => format!("{WRITTEN}{bare}"),
-        }
+    let written = |text: &str| match one_line(text).trim() {
+        "" => String::new(),
+        bare => format!("{WRITTEN}{bare}"),
     };
     match cell.get_value() {
         DataRef::Int(value) => value.to_string(),

@@ -10,6 +10,7 @@ use ::parquet::schema::types::ColumnDescriptor;
 use super::{Room, Table, number};
 use crate::parquet_file::{guarded, open_bytes};
 use crate::recording::columns::Cells;
+use crate::recording::text::one_line;
 
 /// Rows that are read at once.
 const AT_ONCE: usize = 4096;
@@ -96,7 +97,7 @@ fn read(
     let is_unsigned = matches!(column.logical_type_ref(), Some(LogicalType::Integer(whole)) if !whole.is_signed)
         || matches!(column.converted_type(), ConvertedType::UINT_32 | ConvertedType::UINT_64);
     let text = |bytes: &ByteArray| {
-        bytes.as_utf8().map(str::to_owned).map_err(|_| "it holds text that is not UTF-8".to_owned())
+        bytes.as_utf8().map(one_line).map_err(|_| "it holds text that is not UTF-8".to_owned())
     };
     match group.get_column_reader(n).map_err(told)? {
         ColumnReader::BoolColumnReader(reader) => cells(reader, room, |v| Ok(u8::from(*v).to_string())),

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use self::segments::{Object, Values};
 use super::{Room, Table, number};
 use crate::recording::conventions;
+use crate::recording::text::one_line;
 use crate::recording::time;
 
 /// Name of the column of a time that channels have by their increment.
@@ -94,7 +95,7 @@ fn cells(channel: &Object, objects: &[Object], room: &mut Room) -> Result<Vec<St
             values.iter().try_for_each(|v| push(number(scale.apply(*v as f64))))?;
         }
         (Some(Values::Times(values)), _) => values.iter().try_for_each(|ns| push(time::signed_text(*ns)))?,
-        (Some(Values::Texts(values)), _) => values.iter().try_for_each(|text| push(text.clone()))?,
+        (Some(Values::Texts(values)), _) => values.iter().try_for_each(|text| push(one_line(text)))?,
         (None, _) => {}
     }
     Ok(all)
