@@ -128,6 +128,7 @@ impl<F: Fn(Part) -> bool> Job<F> {
         }
         steps
             .run("tests of the developer jobs", || here.test(&["--package", "xtask"], &[], counts).map(drop));
+        steps.run("a program outside", || here.test(&outside(self.nightly), &[], counts).map(drop));
         steps.run("goldens", || {
             // After each change the program that the tests have just built, at night the released one.
             let binary = (!self.nightly).then(|| places::built("rigident"));
@@ -161,6 +162,13 @@ impl<F: Fn(Part) -> bool> Job<F> {
 /// The developer jobs were built by themselves, with fewer features of what they share with the others; they stay so.
 const WITHOUT_XTASK: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
+/// Programs of users, in a workspace of their own: at night those on the host's library, too, which is built for them.
+fn outside(nightly: bool) -> Vec<&'static str> {
+    let mut words = vec!["--manifest-path", "tests/outside/Cargo.toml", "--target-dir", "target/outside"];
+    words.extend(if nightly { &["--workspace"][..] } else { &["--package", "in-firmware"] });
+    words
+}
+
 fn compile_tests() -> Result<()> {
     process::run(process::cargo(places::root()).args(["test", "--no-run"]).args(WITHOUT_XTASK))
 }
@@ -190,6 +198,7 @@ fn formatting(steps: &mut Steps) {
     // With `--all`, cargo would follow paths out of the workspace and do the host's crates again.
     let host: &[&str] = &["fmt", "--all", "--check"];
     let one: &[&str] = &["fmt", "--check"];
+    let outside: &[&str] = &["fmt", "--check", "--package", "outside", "--package", "in-firmware"];
     let workspaces = [
         ("host", places::root().to_owned(), host),
         ("board", places::board(), one),
@@ -197,6 +206,7 @@ fn formatting(steps: &mut Steps) {
         ("RP2350", places::board_named(places::PICO), one),
         ("boards' common part", places::board_named("cortex-m"), one),
         ("fuzz targets", places::fuzz(), one),
+        ("programs outside", places::root().join("tests/outside"), outside),
     ];
     for (name, folder, arguments) in workspaces {
         steps.run(&format!("format, {name}"), || process::run(process::cargo(&folder).args(arguments)));

@@ -1,13 +1,12 @@
 //! The emulated firmware's log: defmt frames on the emulator's standard output.
 
 use std::collections::VecDeque;
-use std::io::{self, Read};
-use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use defmt_decoder::{DecodeError, Table};
-
-use super::error::RunnerError;
+#[cfg(feature = "firmware-log")]
+pub(super) use super::emulator_log_decoded::Decoder;
+#[cfg(not(feature = "firmware-log"))]
+pub(super) use undecoded::Decoder;
 
 /// Lines kept for an error message.
 const KEPT: usize = 50;
@@ -31,7 +30,7 @@ impl Log {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn push(&self, line: LogLine) {
+    pub(super) fn push(&self, line: LogLine) {
         let mut lines = self.lines();
         if lines.len() == KEPT {
             lines.pop_front();
@@ -51,47 +50,29 @@ impl Log {
     }
 }
 
-/// The format strings of a firmware image.
-///
-/// # Errors
-/// [`RunnerError::NotFirmware`] if there are none.
-pub(super) fn table(image: &[u8], path: &Path) -> Result<Table, RunnerError> {
-    let refuse = |reason: String| RunnerError::NotFirmware { path: path.to_owned(), reason };
-    Table::parse(image)
-        .map_err(|e| refuse(e.to_string()))?
-        .ok_or_else(|| refuse("it has no log table".to_owned()))
-}
+/// A build without the decoder reads the log, so that the emulator does not wait, and keeps nothing of it.
+#[cfg(not(feature = "firmware-log"))]
+mod undecoded {
+    use std::io::{self, Read};
+    use std::path::Path;
 
-/// Decodes until the emulator closes its output.
-pub(super) fn follow(
-    table: &Table,
-    output: &mut impl Read,
-    log: &Log,
-    mut each: impl FnMut(&LogLine),
-) -> io::Result<()> {
-    let mut decoder = table.new_stream_decoder();
-    let mut chunk = [0; 1024];
-    loop {
-        let n = match output.read(&mut chunk) {
-            Ok(0) => return Ok(()),
-            Ok(n) => n,
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
-            Err(e) => return Err(e),
-        };
-        decoder.received(&chunk[..n]);
-        loop {
-            let line = match decoder.decode() {
-                Ok(frame) => LogLine {
-                    level: frame.level().map_or("print", |level| level.as_str()),
-                    message: frame.display_message().to_string(),
-                },
-                Err(DecodeError::UnexpectedEof) => break,
-                Err(DecodeError::Malformed) => {
-                    LogLine { level: "error", message: "a log frame that cannot be decoded".to_owned() }
-                }
-            };
-            each(&line);
-            log.push(line);
+    use super::{Log, LogLine};
+    use crate::runner::error::RunnerError;
+
+    pub(in crate::runner) struct Decoder;
+
+    impl Decoder {
+        pub(in crate::runner) fn new(_image: &[u8], _path: &Path) -> Result<Self, RunnerError> {
+            Ok(Self)
+        }
+
+        pub(in crate::runner) fn follow(
+            &self,
+            output: &mut impl Read,
+            _log: &Log,
+            _each: impl FnMut(&LogLine),
+        ) -> io::Result<()> {
+            io::copy(output, &mut io::sink()).map(drop)
         }
     }
 }

@@ -14,6 +14,8 @@ use std::time::Duration;
 mod bus_flash;
 #[cfg(feature = "emulator")]
 mod emulator_log;
+#[cfg(feature = "firmware-log")]
+mod emulator_log_decoded;
 #[cfg(feature = "emulator")]
 mod error;
 mod frame_bus;

@@ -12,7 +12,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use defmt_decoder::Table;
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags};
@@ -20,7 +19,7 @@ use nix::sys::stat::Mode;
 use serialport::{SerialPort, TTYPort};
 use tempfile::TempDir;
 
-use super::emulator_log::{self, Log, LogLine};
+use super::emulator_log::{Decoder, Log, LogLine};
 use super::error::RunnerError;
 use super::requests::answer_requests;
 use super::sensor_bus::{PacedRig, SensorBus};
@@ -132,7 +131,7 @@ impl Qemu {
             .canonicalize()
             .map_err(|_| RunnerError::FirmwareMissing { path: options.elf.clone() })?;
         let image = fs::read(&elf).map_err(io("reading the firmware"))?;
-        let table = emulator_log::table(&image, &elf)?;
+        let decoder = Decoder::new(&image, &elf)?;
 
         let folder = tempfile::Builder::new()
             .prefix("rigident-")
@@ -161,7 +160,7 @@ impl Qemu {
         let mut threads = Vec::new();
         if let Some(output) = child.stdout.take() {
             let (log, show) = (Arc::clone(&log), options.show_log);
-            threads.push(thread::spawn(move || follow_log(&table, output, &log, show)));
+            threads.push(thread::spawn(move || follow_log(&decoder, output, &log, show)));
         }
         let (bus_log, bus_leave) = (Arc::clone(&log), Arc::clone(&leave));
         threads.push(thread::spawn(move || serve_bus(requests, answers, bus, &bus_log, &bus_leave)));
@@ -352,13 +351,13 @@ fn command(options: &QemuOptions, elf: &Path, port: &str) -> Command {
     command
 }
 
-fn follow_log(table: &Table, mut output: ChildStdout, log: &Log, show: bool) {
+fn follow_log(decoder: &Decoder, mut output: ChildStdout, log: &Log, show: bool) {
     let each = |line: &LogLine| {
         if show {
             eprintln!("firmware {}: {}", line.level, line.message);
         }
     };
-    if let Err(e) = emulator_log::follow(table, &mut output, log, each) {
+    if let Err(e) = decoder.follow(&mut output, log, each) {
         log.error(format!("the log broke off: {e}"));
     }
 }
