@@ -49,6 +49,7 @@ mod folder;
 mod guards;
 mod identify;
 mod import;
+mod import_arguments;
 mod import_look;
 mod in_process;
 mod info;
@@ -68,6 +69,7 @@ mod monitor_terminal;
 mod monitor_watch;
 #[cfg(feature = "simulator")]
 mod montecarlo;
+mod montecarlo_arguments;
 #[cfg(feature = "simulator")]
 mod montecarlo_motions;
 #[cfg(feature = "simulator")]
