@@ -247,6 +247,12 @@ impl SamplePath {
 
     pub(crate) fn absorb_from_now_on(&mut self, absorbing: bool) {
         self.absorbing = absorbing;
+        if !absorbing {
+            self.aligner.give_up_waiting();
+            if let Some(second) = &mut self.second {
+                second.give_up_waiting();
+            }
+        }
     }
 
     pub(crate) fn restart(&mut self) {

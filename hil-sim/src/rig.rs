@@ -273,6 +273,11 @@ impl Rig {
         self.adc.set_clock_hz(clock_hz);
     }
 
+    /// The load cell's converter holds two conversions; see [`Ads131m08::hold_two`].
+    pub fn hold_two_conversions(&mut self) {
+        self.adc.hold_two();
+    }
+
     /// The load cell's converter, to look at.
     pub fn load_cell_converter(&self) -> &Ads131m08 {
         &self.adc
@@ -298,11 +303,22 @@ impl Rig {
         self.advance(limit_ns.max(self.now_ns))
     }
 
+    /// When the next conversion or sample is due, ns of the rig's clock, whether anybody is told of it or not.
+    pub fn next_due_ns(&mut self) -> Option<u64> {
+        self.follow_rates();
+        let tickers = [&self.adc_ticker, &self.imu_ticker, &self.second_ticker];
+        tickers.into_iter().filter_map(Ticker::next_ns).min()
+    }
+
+    fn follow_rates(&mut self) {
+        self.adc_ticker.follow(self.adc.rate_hz(), self.now_ns);
+        self.imu_ticker.follow(self.imu_device.rate_hz(), self.now_ns);
+        self.second_ticker.follow(self.second_device.rate_hz(), self.now_ns);
+    }
+
     fn advance(&mut self, limit_ns: u64) -> BusEvent {
         loop {
-            self.adc_ticker.follow(self.adc.rate_hz(), self.now_ns);
-            self.imu_ticker.follow(self.imu_device.rate_hz(), self.now_ns);
-            self.second_ticker.follow(self.second_device.rate_hz(), self.now_ns);
+            self.follow_rates();
             let (adc, imu) = (self.adc_ticker.next_ns(), self.imu_ticker.next_ns());
             let second = self.second_ticker.next_ns();
             let next_ns = [adc, imu, second].into_iter().flatten().min();
@@ -382,13 +398,59 @@ impl Rig {
 
     /// One SPI transaction, chip select low to high, full duplex in place.
     pub fn transfer(&mut self, device: Device, bytes: &mut [u8]) {
-        match self.wiring.selected(device) {
-            Some(Device::LoadCell) => self.adc.transfer(bytes),
-            Some(Device::Imu) => self.imu_device.transfer(bytes),
-            Some(Device::SecondImu) if self.config.second.is_some() => self.second_device.transfer(bytes),
-            // Nobody drives the line: it stays low.
-            Some(Device::SecondImu) | None => bytes.fill(0),
+        self.select(device);
+        for byte in bytes {
+            *byte = self.exchange(device, *byte);
         }
+        self.deselect(device);
+    }
+
+    /// Chip select of a device falls: a transaction begins, byte by byte.
+    pub fn select(&mut self, device: Device) {
+        match self.present(device) {
+            Some(Device::LoadCell) => self.adc.select(),
+            Some(Device::Imu) => self.imu_device.select(),
+            Some(Device::SecondImu) => self.second_device.select(),
+            None => {}
+        }
+    }
+
+    /// A byte to a device that is selected, and its own.
+    pub fn exchange(&mut self, device: Device, byte: u8) -> u8 {
+        match self.present(device) {
+            Some(Device::LoadCell) => self.adc.exchange(byte),
+            Some(Device::Imu) => self.imu_device.exchange(byte),
+            Some(Device::SecondImu) => self.second_device.exchange(byte),
+            // Nobody drives the line: it stays low.
+            None => 0,
+        }
+    }
+
+    /// Chip select of a device rises.
+    pub fn deselect(&mut self, device: Device) {
+        match self.present(device) {
+            Some(Device::LoadCell) => self.adc.deselect(),
+            Some(Device::Imu) => self.imu_device.deselect(),
+            Some(Device::SecondImu) => self.second_device.deselect(),
+            None => {}
+        }
+    }
+
+    /// Whose transactions these are, by the wiring.
+    fn present(&self, device: Device) -> Option<Device> {
+        self.wiring
+            .selected(device)
+            .filter(|device| *device != Device::SecondImu || self.config.second.is_some())
+    }
+
+    /// The load cell's converter, to do something to.
+    pub fn load_cell_converter_mut(&mut self) -> &mut Ads131m08 {
+        &mut self.adc
+    }
+
+    /// The IMU, to do something to.
+    pub fn imu_device_mut(&mut self) -> &mut Icm42688 {
+        &mut self.imu_device
     }
 
     /// What is really the case now.

@@ -101,6 +101,21 @@ impl<T: Scalar> Aligner<T> {
         self.dropped
     }
 
+    /// Drops the load-cell readings that wait for an IMU which no longer comes: for three of its periods or more.
+    pub fn give_up_waiting(&mut self) {
+        let last = (usize::from(self.first) + usize::from(self.waiting)).wrapping_sub(1) % PENDING;
+        let config = &self.config;
+        let wrench_ns = self.pending[last].time_ns.saturating_add(u64::from(config.wrench_delay_ns));
+        let imu_ns = match self.filled {
+            0 => 0,
+            _ => self.imu(NEIGHBOURS as u8 - 1).time_ns.saturating_add(u64::from(config.imu_delay_ns)),
+        };
+        if self.waiting > 0 && wrench_ns.saturating_sub(imu_ns) > 3 * u64::from(config.imu_period_ns) {
+            self.dropped = self.dropped.saturating_add(u32::from(self.waiting));
+            self.waiting = 0;
+        }
+    }
+
     /// The k-th oldest of the last IMU readings.
     #[inline(always)]
     fn imu(&self, k: u8) -> &ImuReading<T> {
@@ -287,6 +302,39 @@ mod tests {
             while let Some(r) = aligner.pop() {
                 assert_eq!(r.specific_force, imu(r.time_ns, 0).specific_force);
             }
+        }
+    }
+
+    #[test]
+    fn what_waits_for_an_imu_that_has_gone_is_counted_when_the_run_ends() {
+        let config =
+            AlignerConfig { wrench_delay_ns: 1_000_000, imu_delay_ns: 7_000_000, imu_period_ns: 2_000_000 };
+        let run = |imu_stops: u64| {
+            let mut aligner = Aligner::<f64>::new(config);
+            let mut came = 0;
+            for k in 1..=200_u64 {
+                let time_ns = 1_000_000_000 + k * 2_000_000;
+                aligner.push_wrench(time_ns, Wrench::ZERO);
+                if k < imu_stops {
+                    let (specific_force, angular_rate) = (SpecificForce::ZERO, AngularRate::ZERO);
+                    aligner.push_imu(&ImuReading {
+                        time_ns: time_ns + 700_000,
+                        specific_force,
+                        angular_rate,
+                    });
+                }
+                came += core::iter::from_fn(|| aligner.pop()).count() as u32;
+            }
+            let before = aligner.dropped();
+            aligner.give_up_waiting();
+            (200 - came - aligner.dropped(), aligner.dropped() - before)
+        };
+        // Of an IMU that is well some are on their way, and stay so; of one that has gone none is forgotten.
+        let (on_the_way, given_up) = run(1000);
+        assert!((1..=6).contains(&on_the_way) && given_up == 0, "{on_the_way} {given_up}");
+        for stops in [195, 180, 100] {
+            let (forgotten, given_up) = run(stops);
+            assert!(forgotten == 0 && given_up > 3, "{stops}: {forgotten} {given_up}");
         }
     }
 

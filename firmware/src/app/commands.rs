@@ -29,6 +29,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// up with; [`App::sensors_up`] must follow before the next byte.
     pub fn on_byte(&mut self, byte: u8, now_ns: u64) -> Option<SensorRates> {
         self.advance(now_ns);
+        if self.restart_asked {
+            // Whatever the host asks for now is for the next program.
+            return None;
+        }
         if byte != 0 {
             // It ends no frame.
             self.decoder.push(byte);
@@ -312,6 +316,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         // What happened before the run is not held against the sensors.
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         self.pulses = [pulse; SENSORS];
+        self.noise = 0;
         self.absorb(true);
         self.enter(StateName::Running, Reason::Command);
         Ok(Reply::Done)

@@ -253,6 +253,8 @@ pub struct App<P> {
     pulses: [Pulse; SENSORS],
     /// Samples of gauges in a row whose excitation was missing.
     starved: u16,
+    /// How noisy the bus is, by the check sums of the load cell's frames.
+    noise: u16,
     /// Of load cell, IMU and second IMU.
     meters: [RateMeter; 3],
     errors: SensorErrors,
@@ -293,6 +295,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             last_reading: ReadingMessage::default(),
             pulses: [Pulse::default(); SENSORS],
             starved: 0,
+            noise: 0,
             meters: [RateMeter::default(); 3],
             errors: SensorErrors::default(),
             bad_frames: 0,

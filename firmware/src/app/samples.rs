@@ -15,6 +15,10 @@ use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// So many samples of a sensor in a row that could not be had are a fault.
 const BAD_TO_FAULT: u16 = 10;
+/// A frame of the load cell whose check sum does not fit weighs as so many that do; so much is a fault: more than one in fifty. What
+/// inverts its bits inverts the IMU's on the same bus, which have no check sum.
+const DAMAGED_WEIGHS: u16 = 50;
+const NOISE_TO_FAULT: u16 = 10 * DAMAGED_WEIGHS;
 /// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.
 const EXCITATION_LEAST: f32 = 0.9;
 const EXCITATION_MOST: f32 = 1.1;
@@ -34,6 +38,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// the settings state one, the gauges are divided by its ratio to that.
     pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6], excitation_v: f32) {
         self.alive(Sensor::LoadCell, time_ns);
+        self.noise = self.noise.saturating_sub(1);
         let stated = self.duty.excitation_v;
         if stated == 0.0 {
             return self.take(&Words::Gauges { time_ns, volts });
@@ -164,7 +169,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         pulse.bad_in_a_row = pulse.bad_in_a_row.saturating_add(1);
         // What has changed by itself stays so until it is set up again.
         let stays = matches!(fault, SensorFault::Restarted | SensorFault::Verify);
-        if stays || pulse.bad_in_a_row >= BAD_TO_FAULT {
+        let damaged = (sensor, fault) == (Sensor::LoadCell, SensorFault::Check);
+        self.noise = self.noise.saturating_add(if damaged { DAMAGED_WEIGHS } else { 0 });
+        if stays || (damaged && self.noise >= NOISE_TO_FAULT) || pulse.bad_in_a_row >= BAD_TO_FAULT {
             self.fail(sensor.reason(fault));
         }
     }

@@ -14,7 +14,7 @@
 //! The converter holds two conversions. [`Ads131m08::bring_up`] empties that buffer; from then on every conversion
 //! has to be read, or each later frame is one conversion older than its signal.
 
-use crc::{CRC_16_IBM_3740, Crc};
+use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 
@@ -26,9 +26,14 @@ pub const FRAME: usize = WORD * (1 + CHANNELS + 1);
 pub const READ: [u8; FRAME] = command(NULL);
 
 const CRC16: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+/// The other one that the converter may be set to (CRC_TYPE), slow and small.
+const OTHER_CRC16: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_CMS);
+/// Bytes of a frame of the longest words.
+const LONGEST_FRAME: usize = 4 * (1 + CHANNELS + 1);
 
 const NULL: u16 = 0x0000;
 const RESET: u16 = 0x0011;
+const UNLOCK: u16 = 0x0655;
 /// Answer to a reset: the last digit is the number of channels.
 const RESET_DONE: u16 = 0xff28;
 /// Conversions that the converter holds.
@@ -167,12 +172,13 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         // What comes back belongs to what was before.
         self.exchange(&mut command(RESET))?;
         delay.delay_ms(1);
-        // A chip with fewer channels has shorter frames: its name comes before the CRC.
-        let mut answer = command(NULL);
-        self.exchange(&mut answer)?;
-        let answer = response(&answer);
-        if answer != RESET_DONE {
-            return Err(AdcError::WrongId(answer));
+        if self.unchecked_answer()? != RESET_DONE {
+            self.reset_however_it_is_set()?;
+            delay.delay_ms(1);
+            let answer = self.unchecked_answer()?;
+            if answer != RESET_DONE {
+                return Err(AdcError::WrongId(answer));
+            }
         }
         let id = self.read_register(ID)?;
         if id >> 8 & 0x0f != CHANNELS as u16 || id >> 12 != 2 {
@@ -196,6 +202,33 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
             match self.read_frame() {
                 Ok(_) | Err(AdcError::Registers | AdcError::Resynced | AdcError::Stale) => {}
                 Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns what comes back, whatever its CRC: a chip with fewer channels has shorter frames, and its name before that.
+    fn unchecked_answer(&mut self) -> Result<u16, AdcError<SPI::Error>> {
+        let mut answer = command(NULL);
+        self.exchange(&mut answer)?;
+        Ok(response(&answer))
+    }
+
+    /// Resets a converter whose words or CRC have become others by themselves, or that has been locked: it takes a reset in a
+    /// whole frame of its own format alone.
+    #[cold]
+    #[inline(never)]
+    fn reset_however_it_is_set(&mut self) -> Result<(), AdcError<SPI::Error>> {
+        for word_bytes in 2..=4 {
+            for other_crc in [false, true] {
+                for word in [UNLOCK, RESET] {
+                    let mut frame = [0; LONGEST_FRAME];
+                    let (first, rest) = frame.split_at_mut(word_bytes);
+                    first.iter_mut().zip(word.to_be_bytes()).for_each(|(to, from)| *to = from);
+                    let check = if other_crc { OTHER_CRC16.checksum(first) } else { CRC16.checksum(first) };
+                    rest.iter_mut().zip(check.to_be_bytes()).for_each(|(to, from)| *to = from);
+                    self.spi.write(&frame).map_err(AdcError::Bus)?;
+                }
             }
         }
         Ok(())

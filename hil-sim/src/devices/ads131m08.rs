@@ -4,9 +4,9 @@
 //! word of the **next** frame; the last word is a CRC over all words before it. Modelled: the register map, NULL,
 //! RESET, STANDBY, WAKEUP, LOCK, UNLOCK, RREG, WREG, all word lengths, input and output CRC of both kinds, gain,
 //! offset and gain calibration, disabled channels, OSR, the flags of the register map and of a resynchronisation, an
-//! oscillator of another frequency. Not modelled: phase calibration, current detection, global
-//! chop, test signals, the value of the register-map CRC, start-up times, the second level of the output buffer (a conversion that
-//! is not read is overwritten), and the filter's droop (5e-5 at 5 Hz and 1 kHz).
+//! oscillator of another frequency; where [`Ads131m08::hold_two`] asks for it, the second level of the output buffer (else a
+//! conversion that is not read is overwritten). Not modelled: phase calibration, current detection, global chop, test signals,
+//! the value of the register-map CRC, start-up times, and the filter's droop (5e-5 at 5 Hz and 1 kHz).
 //!
 //! Facts used: full scale ±1.2 V / gain; modulator at half of the 8.192 MHz clock; OSR up to 1024 is a sinc³,
 //! beyond that a sinc³ of 1024 followed by an average.
@@ -60,6 +60,10 @@ pub struct Ads131m08 {
     answer: Answer,
     frames: u64,
     flips: Vec<(u64, usize)>,
+    /// Conversions that wait behind the one in `data`; see [`Self::hold_two`].
+    held: Option<Option<[i32; CHANNELS]>>,
+    /// What is clocked out of the frame on its way, and what has been clocked in.
+    frame: Option<(Vec<u8>, Vec<u8>)>,
 }
 
 impl Default for Ads131m08 {
@@ -83,6 +87,8 @@ impl Ads131m08 {
             answer: Answer::Word(0xFF28),
             frames: 0,
             flips: Vec::new(),
+            held: None,
+            frame: None,
         };
         device.reset();
         device
@@ -98,6 +104,7 @@ impl Ads131m08 {
             self.registers[CH0_CFG + 5 * channel + 3] = 0x8000;
         }
         self.data = [0; CHANNELS];
+        self.held = self.held.map(|_| None);
         (self.fresh, self.locked, self.standby, self.crc_error) = (0, false, false, false);
         self.flags = 0;
     }
@@ -129,6 +136,12 @@ impl Ads131m08 {
     /// A pulse on the SYNC pin: the filters begin anew.
     pub fn resynchronise(&mut self) {
         self.flags |= STATUS_RESYNC;
+    }
+
+    /// The output buffer has two levels, as the chip's (data sheet 8.5.1.9.1): a conversion that nobody has read waits behind
+    /// the one before it, and a third takes the place of the second.
+    pub fn hold_two(&mut self) {
+        self.held = Some(None);
     }
 
     fn note_registers(&mut self) {
@@ -173,9 +186,19 @@ impl Ads131m08 {
         if self.standby {
             return;
         }
+        let mut data = [0; CHANNELS];
         for (channel, volts) in inputs_v.iter().enumerate() {
             let enabled = self.registers[CLOCK] >> (8 + channel) & 1 == 1;
-            self.data[channel] = if enabled { self.code(channel, *volts) } else { 0 };
+            data[channel] = if enabled { self.code(channel, *volts) } else { 0 };
+        }
+        match &mut self.held {
+            Some(held) if self.fresh != 0 => {
+                // Full: the oldest goes.
+                if let Some(second) = held.replace(data) {
+                    self.data = second;
+                }
+            }
+            _ => self.data = data,
         }
         self.fresh = (self.registers[CLOCK] >> 8) as u8;
     }
@@ -227,6 +250,15 @@ impl Ads131m08 {
 
     /// One frame: `bytes` holds what the host sends and receives what the converter sends.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
+        self.select();
+        for byte in bytes.iter_mut() {
+            *byte = self.exchange(*byte);
+        }
+        self.deselect();
+    }
+
+    /// Chip select falls: a frame begins.
+    pub fn select(&mut self) {
         let mut output = self.output();
         for (_, bit) in self.flips.iter().filter(|(frame, _)| *frame == self.frames) {
             if let Some(byte) = output.get_mut(bit / 8) {
@@ -235,11 +267,22 @@ impl Ads131m08 {
         }
         self.flips.retain(|(frame, _)| *frame > self.frames);
         self.frames += 1;
-        let input = bytes.to_vec();
-        for (i, byte) in bytes.iter_mut().enumerate() {
-            *byte = output.get(i).copied().unwrap_or(0);
+        self.frame = Some((output, Vec::with_capacity(30)));
+    }
+
+    /// A byte in, a byte out.
+    pub fn exchange(&mut self, byte: u8) -> u8 {
+        let Some((output, input)) = &mut self.frame else { return 0 };
+        let answer = output.get(input.len()).copied().unwrap_or(0);
+        input.push(byte);
+        answer
+    }
+
+    /// Chip select rises: the command of the frame is carried out.
+    pub fn deselect(&mut self) {
+        if let Some((output, input)) = self.frame.take() {
+            self.execute(&input, input.len() >= output.len());
         }
-        self.execute(&input, input.len() >= output.len());
     }
 
     /// The frame that is about to be clocked out.
@@ -274,7 +317,11 @@ impl Ads131m08 {
                     _ => out.extend_from_slice(&[a, b, c, 0]),
                 }
             }
-            self.fresh = 0;
+            // What waited behind it is next.
+            match self.held.as_mut().and_then(Option::take) {
+                Some(second) => self.data = second,
+                None => self.fresh = 0,
+            }
         }
         let check = self.crc(&out);
         out.extend_from_slice(&check.to_be_bytes());

@@ -49,6 +49,8 @@ pub struct Icm42688 {
     status: u8,
     latched_count: u16,
     last_sample_ns: Option<u64>,
+    /// Of the transaction on its way: nothing yet, or the address that is next and whether it is read.
+    addressed: Option<(u8, bool)>,
 }
 
 impl Default for Icm42688 {
@@ -67,6 +69,7 @@ impl Icm42688 {
             status: 0,
             latched_count: 0,
             last_sample_ns: None,
+            addressed: None,
         };
         device.reset();
         device
@@ -80,6 +83,7 @@ impl Icm42688 {
             status: INT_RESET_DONE,
             latched_count: 0,
             last_sample_ns: None,
+            addressed: None,
         };
         let defaults: [(usize, u8, u8); 16] = [
             (0, 0x13, 0x05),
@@ -102,6 +106,17 @@ impl Icm42688 {
         for (bank, address, value) in defaults {
             self.banks[bank][usize::from(address)] = value;
         }
+    }
+
+    /// Bits of a register of bank 0 change by themselves, as a discharge may do it.
+    pub fn disturb(&mut self, address: u8, bits: u8) {
+        self.banks[0][usize::from(address & 0x7F)] ^= bits;
+    }
+
+    /// Whether pin INT1 is up: latched, as its driver sets it, until INT_STATUS is read.
+    pub fn signals(&self) -> bool {
+        // Bits 1 to 4 of INT_SOURCE0 enable what stands in the same bits of INT_STATUS.
+        self.status & self.register(INT_SOURCE0) & (INT_DATA_READY | INT_FIFO_THRESHOLD | INT_FIFO_FULL) != 0
     }
 
     fn register(&self, address: u8) -> u8 {
@@ -160,9 +175,7 @@ impl Icm42688 {
             temperature_c,
             stamp,
         );
-        let enabled = self.register(INT_SOURCE0);
-        // Bits 1 to 4 of INT_SOURCE0 enable what stands in the same bits of INT_STATUS.
-        self.status & enabled & (INT_DATA_READY | INT_FIFO_THRESHOLD | INT_FIFO_FULL) != 0
+        self.signals()
     }
 
     /// Two bytes in the order SENSOR_DATA_ENDIAN asks for.
@@ -265,20 +278,38 @@ impl Icm42688 {
 
     /// One transaction: `bytes` holds what the host sends and receives what the IMU sends.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
-        let Some((first, data)) = bytes.split_first_mut() else { return };
-        let (mut address, read) = (*first & 0x7F, *first & 0x80 != 0);
-        *first = 0;
-        for byte in data {
-            if read {
-                *byte = self.read(address);
-            } else {
-                self.write(address, *byte);
-                *byte = 0;
-            }
-            if address != FIFO_DATA || self.bank() != 0 {
-                address = (address + 1) & 0x7F;
-            }
+        self.select();
+        for byte in bytes.iter_mut() {
+            *byte = self.exchange(*byte);
         }
+        self.deselect();
+    }
+
+    /// Chip select falls: a transaction begins.
+    pub fn select(&mut self) {
+        self.addressed = None;
+    }
+
+    /// A byte in, a byte out.
+    pub fn exchange(&mut self, byte: u8) -> u8 {
+        let Some((address, read)) = self.addressed else {
+            self.addressed = Some((byte & 0x7F, byte & 0x80 != 0));
+            return 0;
+        };
+        let answer = if read {
+            self.read(address)
+        } else {
+            self.write(address, byte);
+            0
+        };
+        let stays = address == FIFO_DATA && self.bank() == 0;
+        self.addressed = Some((if stays { address } else { (address + 1) & 0x7F }, read));
+        answer
+    }
+
+    /// Chip select rises.
+    pub fn deselect(&mut self) {
+        self.addressed = None;
         // A packet that was not read to its end is lost (FIFO_RESUME_PARTIAL_RD is not modelled).
         self.reading.clear();
     }

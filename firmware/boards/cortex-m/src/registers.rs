@@ -1,6 +1,10 @@
 //! A register, and a wait for its bits that ends.
 
+#[cfg(target_os = "none")]
 use core::ptr;
+
+#[cfg(not(target_os = "none"))]
+use crate::model;
 
 /// A 32-bit register of a peripheral.
 #[derive(Clone, Copy)]
@@ -19,15 +23,25 @@ impl Register {
     /// Returns what it holds.
     #[inline]
     pub fn read(self) -> u32 {
+        #[cfg(not(target_os = "none"))]
+        return model::read(self.0);
         // SAFETY: whoever made it promised an aligned register.
-        unsafe { ptr::read_volatile(self.0 as *const u32) }
+        #[cfg(target_os = "none")]
+        unsafe {
+            ptr::read_volatile(self.0 as *const u32)
+        }
     }
 
     /// Gives it a value.
     #[inline]
     pub fn write(self, value: u32) {
+        #[cfg(not(target_os = "none"))]
+        model::write(self.0, value);
         // SAFETY: whoever made it promised an aligned register that takes any value.
-        unsafe { ptr::write_volatile(self.0 as *mut u32, value) }
+        #[cfg(target_os = "none")]
+        unsafe {
+            ptr::write_volatile(self.0 as *mut u32, value)
+        }
     }
 
     /// Clears bits, then sets bits.
@@ -64,6 +78,9 @@ impl AddressRegister {
     /// uses it expects that.
     #[inline]
     pub unsafe fn write(self, address: usize) {
+        #[cfg(not(target_os = "none"))]
+        model::name_memory(self.0.address(), address);
+        #[cfg(target_os = "none")]
         self.0.write(address as u32);
     }
 }

@@ -7,6 +7,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use rigident_firmware::{Instrument, Path};
 
+use crate::interrupts;
 use crate::ring::Ring;
 
 /// The queues of the link to the host.
@@ -24,6 +25,11 @@ impl Queues {
     #[must_use]
     pub const fn new() -> Self {
         Self { from_host: Ring::new(), to_host: Ring::new(), overruns: AtomicU32::new(0) }
+    }
+
+    /// Forgets what is in both.
+    pub fn clear(&self) {
+        while self.from_host.pop().is_some() || self.to_host.pop().is_some() {}
     }
 
     /// Notes that bytes from the host found no room. Called from the port's interrupt only.
@@ -77,9 +83,9 @@ impl Queues {
     /// Sleeps until an interrupt, unless the host has sent something meanwhile.
     pub fn wait(&self) {
         // With interrupts held back an interrupt still ends the sleep: none slips in between look and sleep.
-        cortex_m::interrupt::free(|_| {
+        interrupts::free(|_| {
             if self.from_host.is_empty() {
-                cortex_m::asm::wfi();
+                interrupts::sleep();
             }
         });
     }

@@ -15,8 +15,8 @@ pub const CRYSTAL_MHZ: u32 = if cfg!(feature = "f411") { 25 } else { 8 };
 /// The core, MHz.
 const CORE_MHZ: u32 = if cfg!(feature = "f411") { 96 } else { 168 };
 const INTERNAL_MHZ: u32 = 16;
-/// Of the PLL before it is divided by two, MHz.
-const VCO_MHZ: u32 = 2 * CORE_MHZ;
+/// The core by the chip's own oscillator, MHz, which may be 4 % fast: so that the buses' limits hold all the same.
+const CORE_MHZ_WITHOUT_CRYSTAL: u32 = if cfg!(feature = "f411") { 96 } else { 160 };
 
 /// Looks at a ready bit, of five cycles at 16 MHz each: 60 ms for a crystal, which takes 2 ms, and 3 ms for the PLL.
 const CRYSTAL_LOOKS: u32 = 200_000;
@@ -97,11 +97,14 @@ fn choose() -> Clocks {
     }
     RCC_CR.change(0, HSEON);
     let has_crystal = wait_for(RCC_CR, HSERDY, HSERDY, CRYSTAL_LOOKS);
-    let input_mhz = if has_crystal { CRYSTAL_MHZ } else { INTERNAL_MHZ };
+    let (input_mhz, core_mhz) =
+        if has_crystal { (CRYSTAL_MHZ, CORE_MHZ) } else { (INTERNAL_MHZ, CORE_MHZ_WITHOUT_CRYSTAL) };
+    // Of the PLL before it is divided by two.
+    let vco_mhz = 2 * core_mhz;
     // 2 MHz into the PLL where that goes, for less jitter; else 1 MHz.
-    let (m, n) = if input_mhz % 2 == 0 { (input_mhz / 2, VCO_MHZ / 2) } else { (input_mhz, VCO_MHZ) };
-    // P = 2, Q for 48 MHz, R as after a reset.
-    RCC_PLLCFGR.write(m | n << 6 | u32::from(has_crystal) << 22 | (VCO_MHZ / 48) << 24 | 2 << 28);
+    let (m, n) = if input_mhz % 2 == 0 { (input_mhz / 2, vco_mhz / 2) } else { (input_mhz, vco_mhz) };
+    // P = 2, Q for 48 MHz at most, R as after a reset.
+    RCC_PLLCFGR.write(m | n << 6 | u32::from(has_crystal) << 22 | vco_mhz.div_ceil(48) << 24 | 2 << 28);
     RCC_CR.change(0, PLLON);
     if !wait_for(RCC_CR, PLLRDY, PLLRDY, PLL_LOOKS) {
         RCC_CR.change(PLLON | HSEON, 0);
@@ -122,8 +125,8 @@ fn choose() -> Clocks {
     } else {
         RCC_CR.change(HSEON, 0);
     }
-    let (core_hz, bus_hz) =
-        (CORE_MHZ * 1_000_000, if cfg!(feature = "f411") { 48_000_000 } else { 42_000_000 });
+    let core_hz = core_mhz * 1_000_000;
+    let bus_hz = core_hz / if cfg!(feature = "f411") { 2 } else { 4 };
     let source = if has_crystal { ClockSource::Crystal } else { ClockSource::Internal };
     // Timers run at twice their divided bus.
     Clocks { core_hz, usart_hz: bus_hz, timer_hz: 2 * bus_hz, source }

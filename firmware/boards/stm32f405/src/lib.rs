@@ -5,15 +5,20 @@
 //! ([`registers`]), because the published descriptions of three chips are 51 to 230 MB of sources and 8 to 18 seconds of
 //! compilation for each chip, of which these boards use sixty words.
 //!
+//! All of it but [`ends`] runs on a computer, too, against a model of the chip's registers (`hil-sim/tests/board`).
+//!
 //! The same image runs in QEMU's `netduinoplus2`, where the clock registers read zero ([`clock`]).
 //!
 //! May not live here: what another chip would need too (that is `rigident-cortex-m`), or anything portable.
-#![no_std]
+#![cfg_attr(target_os = "none", no_std)]
 
 pub mod clock;
+#[cfg(target_os = "none")]
+pub mod ends;
 #[cfg(feature = "storage")]
 pub mod flash;
 pub mod pins;
+pub mod program;
 pub mod registers;
 pub mod sensors;
 pub mod spi;

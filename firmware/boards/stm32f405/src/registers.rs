@@ -52,8 +52,14 @@ const SCB: usize = 0xe000_ed00;
 pub const SCB_CFSR: Register = at(SCB, 0x28);
 /// The address of a memory fault, and of a bus fault.
 pub const SCB_FAULT_ADDRESS: [Register; 2] = [at(SCB, 0x34), at(SCB, 0x38)];
+/// Resets the chip, by a key.
+pub const SCB_AIRCR: Register = at(SCB, 0x0c);
 /// The core's own timer: control, and its flag, which reading clears.
 pub const SYST_CSR: Register = at(0xe000_e010, 0);
+/// The count that it begins with again.
+pub const SYST_RVR: Register = at(0xe000_e010, 4);
+/// Its count; any value clears it.
+pub const SYST_CVR: Register = at(0xe000_e010, 8);
 /// Masks interrupts, and forgets those that wait, 32 each.
 pub const NVIC_ICER: [Register; 3] = [at(0xe000_e180, 0), at(0xe000_e180, 4), at(0xe000_e180, 8)];
 /// Forgets interrupts that wait.
@@ -232,7 +238,7 @@ pub const IWDG_RLR: Register = at(IWDG, 0x08);
 pub const DBGMCU_APB1_FZ: Register = at(0xe004_2000, 0x08);
 
 /// Numbers of interrupts.
-pub mod interrupts {
+pub mod lines {
     /// External lines 1, and 10 to 15.
     pub const EXTI1: u16 = 7;
     /// External lines 10 to 15.

@@ -2,14 +2,13 @@
 
 use core::cell::{Cell, RefCell};
 
-use cortex_m::interrupt::{self, Mutex};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
-use rigident_cortex_m::interrupts::unmask;
+use rigident_cortex_m::interrupts::{self, Mutex, unmask};
 use rigident_firmware::Sensor;
 use rigident_firmware::capture::{Capture, Failures, Order};
 
 use crate::pins::{IMU_READY, LOAD_CELL_READY, Pin, SECOND_IMU_READY};
-use crate::registers::{EXTI_FTSR, EXTI_IMR, EXTI_PR, EXTI_RTSR, SYSCFG_EXTICR, interrupts};
+use crate::registers::{EXTI_FTSR, EXTI_IMR, EXTI_PR, EXTI_RTSR, SYSCFG_EXTICR, lines};
 use crate::spi;
 use crate::time::latched;
 
@@ -33,7 +32,10 @@ static READS: Mutex<Cell<Option<Sensor>>> = Mutex::new(Cell::new(None));
 
 /// Begins to look for edges; none is served before [`listen`].
 pub fn start(capture: Capture<'static>) {
-    interrupt::free(|section| CAPTURE.borrow(section).replace(Some(capture)));
+    interrupts::free(|section| {
+        CAPTURE.borrow(section).replace(Some(capture));
+        READS.borrow(section).take();
+    });
     for (sensor, pin, _) in EDGES {
         let (number, bit) = (u32::from(pin.number()), 1 << pin.number());
         let falls = sensor == Sensor::LoadCell;
@@ -47,14 +49,14 @@ pub fn start(capture: Capture<'static>) {
         EXTI_PR.write(bit);
         EXTI_IMR.change(0, bit);
     }
-    for number in [interrupts::EXTI1, interrupts::EXTI15_10, interrupts::DMA2_STREAM0] {
+    for number in [lines::EXTI1, lines::EXTI15_10, lines::DMA2_STREAM0] {
         unmask(number);
     }
 }
 
 /// Calls the capture and begins what it orders.
 fn serve(call: impl FnOnce(&mut Capture<'static>) -> Option<Order>) {
-    interrupt::free(|section| {
+    interrupts::free(|section| {
         let order = CAPTURE.borrow(section).borrow_mut().as_mut().and_then(call);
         if let Some(order) = order {
             READS.borrow(section).set(Some(order.sensor));
@@ -89,7 +91,7 @@ pub fn on_transferred() {
         // Of a transfer that was given up meanwhile.
         return;
     }
-    let sensor = interrupt::free(|section| READS.borrow(section).take());
+    let sensor = interrupts::free(|section| READS.borrow(section).take());
     let Some(sensor) = sensor else { return };
     match spi::finished(sensor) {
         Some(bytes) => serve(|capture| capture.on_read(&bytes)),
@@ -99,12 +101,12 @@ pub fn on_transferred() {
 
 /// Interrupt, every millisecond: gives up a transfer that does not end, and tries a bus again that has failed.
 pub fn on_look() {
-    let overdue = interrupt::free(|section| {
+    let overdue = interrupts::free(|section| {
         CAPTURE.borrow(section).borrow_mut().as_mut().is_some_and(Capture::on_look)
     });
     if overdue {
         spi::abort();
-        interrupt::free(|section| READS.borrow(section).take());
+        interrupts::free(|section| READS.borrow(section).take());
         serve(Capture::on_overdue);
     }
     serve(Capture::after_look);
@@ -112,7 +114,7 @@ pub fn on_look() {
 
 /// Returns how many transfers have failed, of both kinds.
 pub fn failures() -> Failures {
-    interrupt::free(|section| {
+    interrupts::free(|section| {
         CAPTURE.borrow(section).borrow().as_ref().map_or_else(Failures::default, Capture::failures)
     })
 }
@@ -127,7 +129,9 @@ impl ErrorType for OnBus {
 impl SpiDevice for OnBus {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
         let hold = || {
-            interrupt::free(|section| CAPTURE.borrow(section).borrow_mut().as_mut().is_none_or(Capture::hold))
+            interrupts::free(|section| {
+                CAPTURE.borrow(section).borrow_mut().as_mut().is_none_or(Capture::hold)
+            })
         };
         if !(0..LOOKS).any(|_| hold()) {
             return Err(ErrorKind::Other);

@@ -1,14 +1,12 @@
 //! Why the chip started, and how a program ends: with a note for the next start, and a reset.
 
-use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use cortex_m::peripheral::SCB;
-use cortex_m_rt::{ExceptionFrame, exception};
+use rigident_cortex_m::interrupts;
 use rigident_shared::wire::{BadEnd, ResetReason};
 
 use crate::clock;
-use crate::registers::{NVIC_ICER, NVIC_ICPR, RCC_CSR, SCB_CFSR, SCB_FAULT_ADDRESS, SYST_CSR, UNIQUE_ID};
+use crate::registers::{NVIC_ICER, NVIC_ICPR, RCC_CSR, SCB_AIRCR, SYST_CSR, UNIQUE_ID};
 
 const CLEAR_FLAGS: u32 = 1 << 24;
 const BROWN_OUT: u32 = 1 << 25;
@@ -18,17 +16,19 @@ const SOFTWARE: u32 = 1 << 28;
 const INDEPENDENT_WATCHDOG: u32 = 1 << 29;
 const WINDOW_WATCHDOG: u32 = 1 << 30;
 
-const MEMORY_ADDRESS_IS_KNOWN: u32 = 1 << 7;
-const BUS_ADDRESS_IS_KNOWN: u32 = 1 << 15;
+/// The key of the core's reset, and the reset.
+const RESET: u32 = 0x05fa << 16 | 1 << 2;
 
 /// What the last program left in memory that a reset leaves alone: a mark and why it ended, then [`BadEnd`], then the check of all.
 // SAFETY: the section is not initialised; every bit pattern is a value, and what is found there is checked.
-#[unsafe(link_section = ".uninit.rigident_note")]
+#[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.rigident_note"))]
 static NOTE: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
 const WORDS: usize = 8;
 const MARK: u32 = 0x5249_4400;
-const PANICKED: u32 = 1;
-const FAULTED: u32 = 2;
+/// The program panicked.
+pub(crate) const PANICKED: u32 = 1;
+/// The core faulted.
+pub(crate) const FAULTED: u32 = 2;
 const CLOCK_LOST: u32 = 3;
 
 /// FNV-1a of 32 bits, of words or of bytes.
@@ -87,7 +87,10 @@ pub fn unique_id() -> [u8; 12] {
 
 /// Starts anew because the host has asked for it.
 pub fn restart() -> ! {
-    SCB::sys_reset()
+    SCB_AIRCR.write(RESET);
+    loop {
+        core::hint::spin_loop();
+    }
 }
 
 /// Forgets what the chip's own loader has left on: interrupts, and the core's timer. Until [`go`] no interrupt comes.
@@ -99,62 +102,26 @@ pub fn forget_the_loader() {
 /// Lets interrupts in.
 pub fn go() {
     // SAFETY: no critical section is open: it is called once, from `main`.
-    unsafe { cortex_m::interrupt::enable() }
+    unsafe { interrupts::enable() }
 }
 
-// The loader may jump here with its interrupts on, whose sources nobody serves: none comes before the memory is set up.
-// SAFETY of what is in there: the function of this name is called before memory is set up, and touches none.
-core::arch::global_asm!(
-    ".global __pre_init",
-    ".type __pre_init, %function",
-    ".thumb_func",
-    "__pre_init:",
-    "cpsid i",
-    "bx lr",
-);
-
-fn end(why: u32, at: &BadEnd) -> ! {
-    cortex_m::interrupt::disable();
+/// Ends the program with a note of why and where, and starts the chip anew.
+pub(crate) fn end(why: u32, at: &BadEnd) -> ! {
+    interrupts::disable();
     let told = [MARK + why, at.pc, at.lr, at.status, at.address, at.line, at.file];
     let words = told.into_iter().chain([digest(told.into_iter())]);
     NOTE.iter().zip(words).for_each(|(slot, word)| slot.store(word, Ordering::Relaxed));
-    SCB::sys_reset()
+    restart()
 }
 
-#[panic_handler]
-fn panic(info: &PanicInfo) -> ! {
-    // Where, not what: the words would take the formatting code of `core` along.
-    let Some(location) = info.location() else { end(PANICKED, &BadEnd::default()) };
-    #[cfg(feature = "rtt")]
-    defmt::error!("panicked at {=str}:{=u32}", location.file(), location.line());
-    let file = digest(location.file().bytes().map(u32::from));
-    end(PANICKED, &BadEnd { line: location.line(), file, ..BadEnd::default() })
+/// Returns a name's FNV-1a of 32 bits.
+#[cfg(target_os = "none")]
+pub(crate) fn digest_of(name: &str) -> u32 {
+    digest(name.bytes().map(u32::from))
 }
 
-#[cfg(feature = "rtt")]
-#[defmt::panic_handler]
-fn defmt_panic() -> ! {
-    end(PANICKED, &BadEnd::default())
-}
-
-// SAFETY: it touches no state of the program it interrupts, and does not return.
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    #[cfg(feature = "rtt")]
-    defmt::error!("hard fault at {=u32:#010x}, called from {=u32:#010x}", frame.pc(), frame.lr());
-    let status = SCB_CFSR.read();
-    let [memory, bus] = SCB_FAULT_ADDRESS;
-    let address = match (status & MEMORY_ADDRESS_IS_KNOWN, status & BUS_ADDRESS_IS_KNOWN) {
-        (0, 0) => 0,
-        (0, _) => bus.read(),
-        _ => memory.read(),
-    };
-    end(FAULTED, &BadEnd { pc: frame.pc(), lr: frame.lr(), status, address, ..BadEnd::default() })
-}
-
-// SAFETY: it touches clock registers alone.
-#[exception]
-unsafe fn NonMaskableInt() {
+/// Interrupt that cannot be masked.
+pub fn on_not_maskable() {
     if clock::crystal_has_stopped() {
         // The chip runs on at 16 MHz, with all times wrong: it starts anew.
         end(CLOCK_LOST, &BadEnd::default())

@@ -1,11 +1,11 @@
 //! USART2, the link to the host: 921 600 baud unless the host asks for more, 8N1, driven by interrupts on both sides.
 
-use rigident_cortex_m::interrupts::{pend, unmask};
+use rigident_cortex_m::interrupts::{free, pend, unmask};
 use rigident_cortex_m::serial::Queues;
 
 use crate::clock::Clocks;
 use crate::pins::{HOST_RX, HOST_TX};
-use crate::registers::{USART2_BRR, USART2_CR1, USART2_DR, USART2_SR, interrupts};
+use crate::registers::{USART2_BRR, USART2_CR1, USART2_DR, USART2_SR, lines};
 
 /// Rate of the link.
 pub const BAUD: u32 = 921_600;
@@ -29,11 +29,12 @@ pub static QUEUES: Queues = Queues::new();
 
 /// Switches the port on.
 pub fn start(clocks: &Clocks) {
+    QUEUES.clear();
     HOST_TX.peripheral(FUNCTION, 0);
     // Pulled up: a line that is not there is silent.
     HOST_RX.peripheral(FUNCTION, 1);
     run_at(clocks, BAUD);
-    unmask(interrupts::USART2);
+    unmask(lines::USART2);
 }
 
 /// Returns the fastest rate by these clocks, baud.
@@ -49,7 +50,7 @@ pub fn has_sent() -> bool {
 /// Changes the rate as soon as all that was to be sent has left the port, and returns whether it has.
 pub fn change_rate(clocks: &Clocks, baud: u32) -> bool {
     // With interrupts held back the handler does not send meanwhile.
-    cortex_m::interrupt::free(|_| {
+    free(|_| {
         let done = QUEUES.to_host.is_empty() && USART2_SR.read() & SENT != 0;
         if done {
             USART2_CR1.write(0);
@@ -72,7 +73,7 @@ pub fn receive(buffer: &mut [u8]) -> usize {
     let count = QUEUES.receive(buffer);
     if count > 0 {
         // The interrupt goes silent when the queue is full; with room again, let it look once more.
-        pend(interrupts::USART2);
+        pend(lines::USART2);
     }
     count
 }
@@ -80,7 +81,7 @@ pub fn receive(buffer: &mut [u8]) -> usize {
 /// Has what is queued for the host sent.
 pub fn send() {
     // The interrupt handler is the only one to take bytes out.
-    pend(interrupts::USART2);
+    pend(lines::USART2);
 }
 
 /// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
