@@ -39,7 +39,11 @@ pub struct Instrument<P, ADC, IMU: ErrorType, FRAMES, D> {
     second: Imu<IMU>,
     frames: FrameSource<FRAMES>,
     delay: D,
+    next_look_ns: u64,
 }
+
+/// A setting of each IMU is looked at this often, ns: all of them in two seconds.
+const LOOK_EVERY_NS: u64 = 100_000_000;
 
 /// Holds where the sensors are. Those that are not configured are left alone.
 pub struct Buses<ADC, IMU, FRAMES> {
@@ -65,6 +69,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
             second: Imu::new(second),
             frames: FrameSource::new(frames),
             delay,
+            next_look_ns: 0,
         }
     }
 
@@ -242,6 +247,23 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     /// Moves the application's clock.
     pub fn tick(&mut self, now_ns: u64) {
         self.app.tick(now_ns);
+        if now_ns >= self.next_look_ns {
+            self.next_look_ns = now_ns.saturating_add(LOOK_EVERY_NS);
+            self.look_at_settings();
+        }
+    }
+
+    /// Looks whether IMUs that give samples are still set up as they were. The converter says so of itself.
+    #[cold]
+    #[inline(never)]
+    fn look_at_settings(&mut self) {
+        for (sensor, imu) in [(Sensor::Imu, &mut self.imu), (Sensor::SecondImu, &mut self.second)] {
+            if self.app.wants(sensor)
+                && let Err(error) = imu.look_at_a_setting()
+            {
+                self.app.on_sensor_error(sensor, imu_fault(&error));
+            }
+        }
     }
 
     /// Bytes waiting to be sent.

@@ -314,9 +314,9 @@ mod tests {
             let mut came = 0;
             for k in 1..=200_u64 {
                 let time_ns = 1_000_000_000 + k * 2_000_000;
-                aligner.push_wrench(time_ns, Wrench::ZERO);
+                aligner.push_wrench(time_ns, Wrench::zero());
                 if k < imu_stops {
-                    let (specific_force, angular_rate) = (SpecificForce::ZERO, AngularRate::ZERO);
+                    let (specific_force, angular_rate) = (SpecificForce::zero(), AngularRate::zero());
                     aligner.push_imu(&ImuReading {
                         time_ns: time_ns + 700_000,
                         specific_force,

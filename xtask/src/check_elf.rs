@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::elf::graph::{self, Graph};
 use crate::elf::program::{Function, Program};
+use crate::elf::thumb::{Flow, Instruction};
 use crate::firmware::{self, Board, WATCH};
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
@@ -74,6 +75,7 @@ pub fn check_watch_file(elf: &Path) -> Result<()> {
 fn check_paths(elf: &Path, paths: &[&str]) -> Result<()> {
     let program = Program::read(elf)?;
     let mut offenders = double_precision(&program);
+    offenders.extend(short_handlers(&program));
     let mut clean = Vec::new();
     for root in paths {
         let (on_path, reached) = unwelcome_within_reach(&program, root)?;
@@ -94,6 +96,33 @@ fn expect_offender(feature: &str, offenders: &[String]) -> Result<()> {
     }
     println!("found, as it should be:\n    {}", offenders.join("\n    "));
     Ok(())
+}
+
+/// Handlers that return within so many instructions: one of one or two beside its return may lose the result of a division or root
+/// that it interrupts (Arm's erratum 776924 of the Cortex-M4).
+const SHORT: usize = 3;
+
+/// Exceptions and interrupts whose handlers are too short.
+fn short_handlers(program: &Program) -> Vec<String> {
+    let vectors = program.vectors.clone().step_by(4).enumerate();
+    let handlers = vectors.skip(2).filter_map(|(number, at)| {
+        let function = program.function_at(program.word(at)? & !1)?;
+        let function = &program.functions[function];
+        is_short(&program.instructions(function)).then(|| (function.name.clone(), number))
+    });
+    let mut first = std::collections::BTreeMap::new();
+    handlers.for_each(|(name, number)| {
+        first.entry(name).or_insert(number);
+    });
+    let offender =
+        |(name, number)| format!("a handler of {SHORT} instructions or less: {name}, exception {number}");
+    first.into_iter().map(offender).collect()
+}
+
+/// Whether a function returns within [`SHORT`] instructions. One that loops, or ends elsewhere, does not return.
+fn is_short(instructions: &[(u32, Instruction)]) -> bool {
+    let returns = instructions.iter().position(|(_, instruction)| instruction.flow == Flow::Return);
+    returns.is_some_and(|position| position < SHORT)
 }
 
 /// Helpers for double-precision arithmetic that are linked, whoever calls them.
@@ -165,4 +194,35 @@ pub fn is_panic(function: &Function) -> bool {
     std::iter::once(&function.name)
         .chain(&function.symbols)
         .any(|name| PARTS.iter().any(|part| name.contains(part)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elf::thumb;
+
+    /// Decoded from half-words, as they stand in memory.
+    fn decoded(halfwords: &[u16]) -> Vec<(u32, Instruction)> {
+        let mut found = Vec::new();
+        let mut at = 0;
+        while let Some(first) = halfwords.get(at) {
+            let instruction =
+                thumb::decode(2 * at as u32, *first, halfwords.get(at + 1).copied().unwrap_or(0));
+            found.push((2 * at as u32, instruction));
+            at += instruction.size as usize / 2;
+        }
+        found
+    }
+
+    #[test]
+    fn a_handler_that_returns_at_once_is_short_and_one_that_loops_or_works_is_not() {
+        // bx lr; nop, bx lr; push {r7, lr}, mov r7, sp, pop {r7, pc}.
+        for short in [&[0x4770][..], &[0xbf00, 0x4770], &[0xb580, 0x466f, 0xbd80]] {
+            assert!(is_short(&decoded(short)), "{short:x?}");
+        }
+        // b .; and one that reads a register before it returns.
+        for long in [&[0xe7fe][..], &[0xb580, 0x466f, 0x6800, 0x6001, 0xbd80]] {
+            assert!(!is_short(&decoded(long)), "{long:x?}");
+        }
+    }
 }

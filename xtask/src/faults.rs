@@ -62,8 +62,23 @@ fn board(short: bool) -> Result<()> {
         eprintln!("{runs} runs of {seconds} s on the board's clock");
         let mut command = process::cargo(places::root());
         // Of the whole workspace, as every test is.
-        command.args(["test", "--quiet", "--workspace", "--exclude", "xtask", "--exclude", "rigident-python"]);
-        command.args(["--test", "board", "--", "--ignored", "--nocapture", "runs_with_faults_drawn_at_random"]);
+        command.args([
+            "test",
+            "--quiet",
+            "--workspace",
+            "--exclude",
+            "xtask",
+            "--exclude",
+            "rigident-python",
+        ]);
+        command.args([
+            "--test",
+            "board",
+            "--",
+            "--ignored",
+            "--nocapture",
+            "runs_with_faults_drawn_at_random",
+        ]);
         command.env("RIGIDENT_BOARD_RUNS", runs.to_string());
         command.env("RIGIDENT_BOARD_SECONDS", seconds.to_string());
         command.env("RIGIDENT_BOARD_FIRST", first.to_string());

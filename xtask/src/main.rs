@@ -5,6 +5,7 @@
 //! `verify` (the verb `test`), which calls nearly all the others.
 
 mod bench_target;
+mod board_test;
 mod boards;
 mod budgets;
 mod check_elf;
@@ -86,6 +87,8 @@ enum Verb {
     /// Make every fault of sensors, line, clock, flash and supply that the simulator can make, and see that none leads to a wrong
     /// number, a panic or a hang. Takes an hour; `--short` a minute or two.
     Faults(faults::Options),
+    /// The procedure for the first person with a board: ask it what it can answer, print what is to be done by hand, write a page.
+    BoardTest(board_test::Options),
     /// Build the Python wheel, install it, and test functions, examples, types and notebooks.
     Python,
     /// Build the page for browsers, check its size, and test it in one.
@@ -132,6 +135,7 @@ fn run(verb: &Verb, core: Option<Core>) -> anyhow::Result<()> {
         Verb::Support(options) => support::run(options),
         Verb::Faults(options) => faults::run(options, core),
         Verb::Safety(options) => safety::run(options),
+        Verb::BoardTest(options) => board_test::run(options, core),
         Verb::Python => python::run(),
         Verb::Web(options) => web::run(options),
         Verb::Workflows => workflows::run(),

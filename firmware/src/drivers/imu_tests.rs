@@ -151,6 +151,35 @@ fn bring_up_sets_what_the_documentation_says() {
 }
 
 #[test]
+fn a_setting_that_changes_while_samples_come_is_found() {
+    let looks = |imu: &mut Imu<Bus>| (0..20).find_map(|_| imu.look_at_a_setting().err());
+    let (mut imu, chip) = running();
+    assert_eq!(looks(&mut imu), None);
+    // Rate and range of both, their filters, power, the signal, the FIFO and its packets, the bank.
+    for (address, bits) in [
+        (0x4f, 0x02),
+        (0x50, 0x80),
+        (0x52, 0x10),
+        (0x4e, 0x04),
+        (0x14, 0x04),
+        (0x16, 0x80),
+        (0x5f, 0x10),
+        (0x60, 0x01),
+        (0x4c, 0x10),
+        (0x76, 0x01),
+    ] {
+        chip.borrow_mut().banks[0][address] ^= bits;
+        let found = looks(&mut imu);
+        assert!(matches!(found, Some(ImuError::Verify { .. })), "{address:#x}: {found:?}");
+        chip.borrow_mut().banks[0][address] ^= bits;
+        assert_eq!(looks(&mut imu), None);
+    }
+    // A transfer that suffers is no setting that has changed.
+    chip.borrow_mut().bad = Some((0, false));
+    assert_eq!(looks(&mut imu), None);
+}
+
+#[test]
 fn anti_alias_filters_are_those_of_the_documentation() {
     // Data sheet, table of 3 dB bandwidths: DELT, DELTSQR, BITSHIFT for 84, 213, 488 and 997 Hz.
     for (rate_hz, delt, squared, shift) in

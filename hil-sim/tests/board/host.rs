@@ -122,7 +122,7 @@ impl Host {
                     chip.with(|m| m.host_sends(bytes));
                 } else {
                     self.asked = None;
-                    self.unanswered(chip, now);
+                    self.unanswered();
                 }
             }
             Some(_) => {}
@@ -158,7 +158,7 @@ impl Host {
         self.asked = Some((bytes, now + PATIENCE, 1));
     }
 
-    fn unanswered(&mut self, chip: &Chip, now: u64) {
+    fn unanswered(&mut self) {
         match self.stage {
             // A host asks on until somebody is there.
             Stage::Greet => self.say("no answer"),

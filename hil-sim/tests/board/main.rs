@@ -12,7 +12,8 @@ mod runs;
 mod settings;
 mod world;
 
-use faults::{Drawn, Kind};
+use chip::MS;
+use faults::{Drawn, Kind, What};
 use runs::{End, Table};
 
 #[test]
@@ -91,4 +92,57 @@ fn each_fault_alone_ends_in_an_answer_or_a_word() {
         }
     }
     assert!(bad.is_empty(), "{bad:?}");
+}
+
+/// The count of 32 bits wraps every 17.9 minutes: 241 times.
+#[test]
+fn time_is_right_across_every_wrap_of_72_hours() {
+    let (rig, _) = world::rig(500.0, 1.0, 1);
+    world::with_chip(rig, |chip| {
+        let mut time = stm32f405::time::Time::new();
+        let (from_ns, from) = (time.now_ns(), chip.with(|m| m.now));
+        let mut last_ns = from_ns;
+        for k in 0..=(72 * 60 / 17) {
+            // An edge, and the longest that nobody looks at the time.
+            let latched = chip.with(|m| m.timer.shown(m.now));
+            let latched_at = chip.with(|m| m.now);
+            chip.with(|m| m.skip(17 * 60_000 * MS));
+            let edge_ns = time.of(latched);
+            let now_ns = time.now_ns();
+            let truth_ns = |at: u64| from_ns + (at - from) / 1_000;
+            let now = chip.with(|m| m.now);
+            assert!(
+                now_ns > last_ns && now_ns.abs_diff(truth_ns(now)) < 1_000,
+                "{k}: {now_ns} {}",
+                truth_ns(now)
+            );
+            assert!(
+                edge_ns.abs_diff(truth_ns(latched_at)) < 1_000,
+                "{k}: {edge_ns} {}",
+                truth_ns(latched_at)
+            );
+            last_ns = now_ns;
+        }
+        assert!(last_ns - from_ns >= 72 * 3_600_000_000_000);
+    });
+}
+
+/// A bit of any setting of a sensor that changes while the board measures is a word, not another number.
+#[test]
+fn settings_of_sensors_that_change_while_it_measures_are_told() {
+    let change = |what: What| {
+        let life = runs::run_with(1, 4, |chip| chip.with(|m| m.later.push((1_500 * MS, what))));
+        (runs::end(&life, &[]), life.outcome.words)
+    };
+    for (register, bits) in
+        [(0x4f, 0x02), (0x50, 0x80), (0x52, 0x10), (0x53, 0x08), (0x4c, 0x10), (0x5f, 0x10)]
+    {
+        let (end, words) = change(What::Imu(register, bits));
+        assert_eq!((end, &words[..]), (End::Withheld, &["Imu(Verify)".to_owned()][..]), "{register:#x}");
+    }
+    for (register, bits) in [(0x02, 0x0800), (0x03, 0x0004), (0x04, 0x0040), (0x05, 0x0001), (0x06, 0x0100)] {
+        let (end, words) = change(What::Converter(register, bits));
+        assert_eq!(end, End::Withheld, "{register:#x} {words:?}");
+        assert!(words.iter().any(|word| word.starts_with("LoadCell(")), "{register:#x} {words:?}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::chip::MS;
+use super::chip::{Chip, MS};
 use super::faults::{Drawn, Kind};
 use super::host::Plan;
 use super::world::{self, Life};
@@ -40,6 +40,18 @@ const IN_THE_RING: i64 = 144;
 
 /// Runs a board with these faults.
 pub fn run(drawn: &mut Drawn, seed: u64, seconds: u64) -> Life {
+    planned(seed, seconds, |chip, plan| drawn.happen(chip, plan))
+}
+
+/// Runs a board that this is done to.
+pub fn run_with(seed: u64, seconds: u64, prepare: impl FnOnce(&Chip)) -> Life {
+    planned(seed, seconds, |chip, plan| {
+        prepare(chip);
+        Drawn::of(&[], seed).happen(chip, plan);
+    })
+}
+
+fn planned(seed: u64, seconds: u64, prepare: impl FnOnce(&Chip, &mut Plan)) -> Life {
     let (rig, settings) = world::rig(500.0, seconds as f64, seed);
     let mut plan = Plan {
         settings,
@@ -48,7 +60,7 @@ pub fn run(drawn: &mut Drawn, seed: u64, seconds: u64) -> Life {
         sleeps: None,
         floods: None,
     };
-    world::live(rig, &mut plan, seed, |chip, plan| drawn.happen(chip, plan))
+    world::live(rig, &mut plan, seed, prepare)
 }
 
 /// By how many of its standard deviations the worst parameter of the answer is off.

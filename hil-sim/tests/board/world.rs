@@ -63,6 +63,16 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Boots a chip, without a program, for something to be done with it.
+pub fn with_chip(rig: Rig, what: impl FnOnce(&Chip)) {
+    let _one = locked(&ONE);
+    let chip = Chip::new(rig, 1);
+    chip.begins();
+    start::forget_the_loader();
+    program::boot();
+    what(&chip);
+}
+
 /// Runs a board until its host has done with it.
 pub fn live(rig: Rig, plan: &mut Plan, seed: u64, prepare: impl FnOnce(&Chip, &mut Plan)) -> Life {
     let _one = locked(&ONE);

@@ -88,12 +88,6 @@ impl Flash {
         self.options_kept & 0b11 << 2 == 0
     }
 
-    /// The option bytes as a board has them whose firmware has run before.
-    pub fn guard_supply(&mut self) {
-        self.options_kept &= !(0b11 << 2);
-        self.options = self.options_kept | 1;
-    }
-
     pub(super) fn busy_until(&self) -> Option<u64> {
         self.busy
     }

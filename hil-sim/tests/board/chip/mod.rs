@@ -280,6 +280,15 @@ impl Machine {
         }
     }
 
+    /// Time goes by in which nothing happens: what was to come comes as much later. Sensors are silent from then on, and the line
+    /// must be.
+    pub fn skip(&mut self, time: u64) {
+        self.now += time;
+        self.next_sensors = u64::MAX;
+        self.timer.later(time);
+        self.supply.later(time);
+    }
+
     /// When something happens next by itself, ps.
     fn next(&self) -> u64 {
         let next = [

@@ -11,7 +11,6 @@ pub enum Reset {
     BrownOut,
     Watchdog,
     Software,
-    Pin,
 }
 
 /// Below this the chip has no power, V.
@@ -57,6 +56,12 @@ impl Default for Supply {
 impl Supply {
     pub(super) fn reset(&mut self) {
         (self.control, self.watchdog, self.unlocked) = (0x4000, None, false);
+    }
+
+    pub(super) fn later(&mut self, time: u64) {
+        if let Some(watchdog) = &mut self.watchdog {
+            watchdog.bites += time;
+        }
     }
 
     pub(super) fn is_scaled_up(&self) -> bool {
@@ -117,7 +122,6 @@ impl Machine {
             Reset::BrownOut => 0x0600_0000,
             Reset::Watchdog => 0x2400_0000,
             Reset::Software => 0x1400_0000,
-            Reset::Pin => 0x0400_0000,
         };
     }
 

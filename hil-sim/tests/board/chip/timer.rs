@@ -98,6 +98,10 @@ impl Timer {
         self.core.next
     }
 
+    pub(super) fn later(&mut self, time: u64) {
+        self.core.next = self.core.next.map(|at| at + time);
+    }
+
     pub(super) fn read_tick(&self, offset: usize) -> u32 {
         match offset {
             0 => self.core.control,

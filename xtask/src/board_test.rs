@@ -1,0 +1,246 @@
+//! The verb `board-test`: the procedure for the first person with a board, whose output is a page.
+//!
+//! Steps that the device answers by itself are done; the others are printed with what to do and what to look for, to be filled
+//! in by hand. Of every step the page says whether it was done on silicon: one against the emulator never is.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+use crate::firmware::{self, Board};
+use crate::places;
+use crate::process;
+use crate::toolchain::{self, Core};
+
+/// What the emulator says of its second serial port.
+const REDIRECTED: &str = "char device redirected to ";
+const LIMIT: Duration = Duration::from_secs(30);
+
+/// Which device, and where the page goes.
+#[derive(clap::Args, Clone, Default)]
+pub struct Options {
+    /// The board's serial port.
+    #[arg(long, required_unless_present = "emulated")]
+    port: Option<String>,
+    /// Try the procedure itself, against the STM32F405's image in the emulator: nothing of it is done on silicon.
+    #[arg(long, conflicts_with = "port")]
+    emulated: bool,
+    /// The page, in Markdown.
+    #[arg(long, default_value = "board-test.md")]
+    page: PathBuf,
+}
+
+/// What became of a step.
+enum Outcome {
+    Good(String),
+    Bad(String),
+    /// Not done: there is nobody but a person to do it.
+    ByHand,
+}
+
+/// A question that the device's own words answer: its name, what is looked at, and what of the words is right.
+type Asked = (&'static str, &'static str, fn(&Value) -> std::result::Result<String, String>);
+
+const ASKED: [Asked; 7] = [
+    ("answer", "it answers, and has the messages of this program", |info| {
+        let firmware = info["firmware"].as_str().unwrap_or_default();
+        right(info["same_messages"] == true, format!("firmware {firmware}, {}", info["firmware_hash"]))
+    }),
+    ("number", "the chip's own number is there", |info| {
+        right(!info["unique_id"].is_null(), info["unique_id"].to_string())
+    }),
+    ("crystal", "time comes from a crystal", |info| {
+        right(info["clock"] == "crystal", format!("time from {}", info["time_from"]))
+    }),
+    ("start", "it was not started by a watchdog, a panic, a fault or a sagging supply", |info| {
+        let reset = info["reset"].as_str().unwrap_or_default();
+        right(["power_on", "pin", "software"].contains(&reset), format!("started by {}", info["started_by"]))
+    }),
+    ("end", "its last program did not end badly", |info| {
+        right(info["ended_at"].is_null(), format!("ended at {}", info["ended_at"]))
+    }),
+    ("line", "no byte of the line was lost or damaged", |info| {
+        let counters = &info["counters"];
+        let none = counters["bad_frames"] == 0 && counters["overruns"] == 0;
+        right(none, format!("bad frames {}, overruns {}", counters["bad_frames"], counters["overruns"]))
+    }),
+    ("stack", "the stack has been no deeper than three quarters of its size", |info| {
+        let bytes = &info["counters"]["stack_bytes"];
+        let (deepest, size) = (bytes[0].as_u64().unwrap_or(0), bytes[1].as_u64().unwrap_or(0));
+        right(deepest > 0 && 4 * deepest < 3 * size, format!("{deepest} of {size} bytes"))
+    }),
+];
+
+/// What a person does: what is shown, and how.
+const BY_HAND: [(&str, &str); 12] = [
+    (
+        "crystal's frequency",
+        "a counter at MCO2: 84 MHz/n within 100 parts in a million; else a pulse generator of 1000.000 Hz at PA1: `rate_error_ppm` within 100",
+    ),
+    (
+        "rates of the sensors",
+        "`rigident doctor`: rates of converter and IMU, errors within 500 and 10 000 parts in a million",
+    ),
+    (
+        "inputs shorted",
+        "AINnP and AINnN of all gauges to 1.25 V, ten seconds: rms of each below 1.2 µV at gain 64",
+    ),
+    ("IMU in six poses", "each axis up and down for five seconds: 9.81 m/s² within 0.2; `lost` 0"),
+    (
+        "link at 2 Mbaud",
+        "a loop from TX to RX of the adapter, then the device at 2 000 000 baud for an hour: `bad_frames` and `overruns` 0",
+    ),
+    (
+        "erase times",
+        "`rigident replay` twice, the log of the time from configure to the first checkpoint: below 4 s a sector pair",
+    ),
+    ("watchdog", "a test build that stops in a loop: `started_by` its watchdog after 4 to 11 s"),
+    (
+        "panic and fault",
+        "a test build that panics and one that jumps to zero: `ended_at` names line, or pc and status",
+    ),
+    ("stack's guard", "a test build that recurses: `ended_at` with a fault, statics unchanged"),
+    (
+        "brown-out",
+        "a bench supply to 2.6 V and back, 100 times while it measures: `started_by` a supply that sagged, `kept` whole",
+    ),
+    ("power cuts", "a relay in the supply, cut at random during checkpoints, 1000 times: `kept` whole"),
+    ("crystal stops", "a screwdriver on the crystal: `started_by` says that the clock was lost"),
+];
+
+fn right(is: bool, words: String) -> std::result::Result<String, String> {
+    if is { Ok(words) } else { Err(words) }
+}
+
+/// Goes through the procedure and writes the page; fails if a step that the device answers is not as it should be.
+pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
+    let emulator = options.emulated.then(|| Emulator::start(core)).transpose()?;
+    let port = match (&emulator, &options.port) {
+        (Some(emulator), _) => emulator.port.clone(),
+        (None, Some(port)) => port.clone(),
+        (None, None) => bail!("no port"),
+    };
+    let info = info(&port, &[])?;
+    let mut steps: Vec<(&str, &str, Outcome)> =
+        ASKED.iter().map(|(name, shows, ask)| (*name, *shows, of(ask(&info)))).collect();
+    steps.push(("restart", "it starts anew when it is told to, and says so", restarted(&port)));
+    steps.extend(BY_HAND.iter().map(|(name, how)| (*name, *how, Outcome::ByHand)));
+    let page = page(&info, &steps, emulator.is_some());
+    std::fs::write(&options.page, &page)
+        .with_context(|| format!("cannot write {}", options.page.display()))?;
+    println!("{page}");
+    // What the emulator lacks is no fault of the board.
+    let bad: Vec<&str> = steps.iter().filter(|(.., r)| matches!(r, Outcome::Bad(_))).map(|s| s.0).collect();
+    if bad.is_empty() || emulator.is_some() {
+        Ok(())
+    } else {
+        bail!("not as it should be: {}", bad.join(", "))
+    }
+}
+
+fn of(answer: std::result::Result<String, String>) -> Outcome {
+    answer.map_or_else(Outcome::Bad, Outcome::Good)
+}
+
+fn info(port: &str, more: &[&str]) -> Result<Value> {
+    let mut command = process::cargo(places::root());
+    command.args(["run", "--quiet", "--", "info", "--json", "--port", port]).args(more);
+    Ok(serde_json::from_str(&process::output(&mut command)?)?)
+}
+
+fn restarted(port: &str) -> Outcome {
+    match info(port, &["--restart"]) {
+        Ok(info) if info["reset"] == "software" => Outcome::Good("started by the host's command".into()),
+        Ok(info) => Outcome::Bad(format!("started by {}", info["started_by"])),
+        Err(error) => Outcome::Bad(format!("{error:#}")),
+    }
+}
+
+/// Returns the page.
+fn page(info: &Value, steps: &[(&str, &str, Outcome)], emulated: bool) -> String {
+    let mut text = String::from("# A board's test\n\n");
+    let number = info["unique_id"].as_str().unwrap_or("none");
+    let _ = writeln!(text, "Board {}, chip {number}, firmware {}.", info["board"], info["firmware"]);
+    if emulated {
+        text.push_str("\n**The emulator: nothing on this page was done on silicon.**\n");
+    }
+    text.push_str("\n| step | what it shows, or how it is done | on silicon | result |\n|---|---|---|---|\n");
+    for (name, shows, result) in steps {
+        let (done, result) = match result {
+            Outcome::Good(words) => (!emulated, format!("good: {words}")),
+            Outcome::Bad(words) => (!emulated, format!("**not as it should be**: {words}")),
+            Outcome::ByHand => (false, "not done".to_owned()),
+        };
+        let _ = writeln!(text, "| {name} | {shows} | {} | {result} |", if done { "yes" } else { "no" });
+    }
+    text
+}
+
+/// The STM32F405's image in the emulator.
+struct Emulator {
+    child: Child,
+    port: String,
+}
+
+impl Emulator {
+    fn start(core: Option<Core>) -> Result<Self> {
+        let elf = firmware::build_for(Board::F405, toolchain::choose(core)?, &[])?;
+        let words = places::own().join("board-test-emulator");
+        let output = std::fs::File::create(&words)?;
+        let mut command = process::command("qemu-system-arm", places::root());
+        command.args(["-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-serial", "null"]);
+        command.args(["-serial", "pty", "-kernel"]).arg(elf);
+        let child = command.stdout(output.try_clone()?).stderr(Stdio::from(output)).spawn()?;
+        let mut emulator = Self { child, port: String::new() };
+        let deadline = Instant::now() + LIMIT;
+        while emulator.port.is_empty() {
+            let text = std::fs::read_to_string(&words)?;
+            let named = text.lines().find_map(|line| line.strip_prefix(REDIRECTED)?.split(' ').next());
+            emulator.port = named.unwrap_or_default().to_owned();
+            if Instant::now() > deadline {
+                bail!("the emulator names no port: {text}");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(emulator)
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_page_says_of_each_step_whether_it_was_done_on_silicon() {
+        let info =
+            json!({ "board": "stm32f405", "same_messages": true, "unique_id": null, "clock": "internal" });
+        let steps = || {
+            let mut steps: Vec<(&str, &str, Outcome)> =
+                ASKED.iter().map(|(name, shows, ask)| (*name, *shows, of(ask(&info)))).collect();
+            steps.extend(BY_HAND.iter().map(|(name, how)| (*name, *how, Outcome::ByHand)));
+            steps
+        };
+        let (real, emulated) = (page(&info, &steps(), false), page(&info, &steps(), true));
+        assert_eq!(real.matches("| yes |").count(), ASKED.len());
+        assert_eq!(
+            (emulated.matches("| yes |").count(), real.matches("not done").count()),
+            (0, BY_HAND.len())
+        );
+        // A chip without a number, and one whose crystal does not start.
+        assert!(real.contains("| number | the chip's own number is there | yes | **not as it should be**"));
+        assert!(real.contains("| crystal | time comes from a crystal | yes | **not as it should be**"));
+        assert!(emulated.contains("nothing on this page was done on silicon"));
+    }
+}
