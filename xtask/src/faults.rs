@@ -71,14 +71,7 @@ fn board(short: bool) -> Result<()> {
             "--exclude",
             "rigident-python",
         ]);
-        command.args([
-            "--test",
-            "board",
-            "--",
-            "--ignored",
-            "--nocapture",
-            "runs_with_faults_drawn_at_random",
-        ]);
+        command.args(["--test", "board", "--", "--nocapture", "runs_with_faults_drawn_at_random"]);
         command.env("RIGIDENT_BOARD_RUNS", runs.to_string());
         command.env("RIGIDENT_BOARD_SECONDS", seconds.to_string());
         command.env("RIGIDENT_BOARD_FIRST", first.to_string());
