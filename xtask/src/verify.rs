@@ -139,6 +139,7 @@ impl<F: Fn(Part) -> bool> Job<F> {
             other_core(steps, core.other(), &mut here, counts);
             steps.run("safety", || safety::run(&safety::Options::default()));
             steps.run("faults", || faults::run(&faults::Options::default(), Some(core)));
+            steps.run("faults, of the board's drivers", faults::of_board);
         } else {
             steps.run("faults, the short ones", || faults::short(core));
         }

@@ -388,7 +388,10 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
         for _ in 0..9 {
             host.app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
         }
-        host.app.on_gauges(round + 1, [0.0; 6], 0.0);
+        // Fifty good frames make up for a damaged one.
+        for k in 0..9 * 50 {
+            host.app.on_gauges(1_000 * round + k + 1, [0.0; 6], 0.0);
+        }
     }
     assert_eq!(host.app.state().0, StateName::Running);
     let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
@@ -406,6 +409,24 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
     assert_eq!(wanted, 1);
     app.sensors_up(Err(BringUpError::Fault(Reason::LoadCell(SensorFault::WrongId))));
     assert_eq!(app.state(), (StateName::Fault, Reason::LoadCell(SensorFault::WrongId)));
+}
+
+/// The IMU's words have no check sum: what damages the load cell's on the same bus damages them, without a word.
+#[test]
+fn a_bus_that_damages_more_than_one_frame_in_fifty_is_a_fault() {
+    for (good, is_fault) in [(30, true), (49, true), (51, false), (1000, false)] {
+        let mut host = Host::new();
+        host.run(settings(Source::Sensors), 0);
+        for k in 0..30_000_u64 {
+            if k % (good + 1) == good {
+                host.app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
+            } else {
+                host.app.on_gauges(k + 1, [0.0; 6], 0.0);
+            }
+        }
+        let expected = (StateName::Fault, Reason::LoadCell(SensorFault::Check));
+        assert_eq!(host.app.state() == expected, is_fault, "one in {good}: {:?}", host.app.state());
+    }
 }
 
 #[test]
