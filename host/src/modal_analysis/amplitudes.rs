@@ -42,6 +42,21 @@ impl Amplitudes {
         }
     }
 
+    /// Returns only these channels, in this order.
+    #[must_use]
+    pub fn of_channels(&self, channels: &[usize]) -> Self {
+        let (all, stride) = (self.complex.nrows(), self.stride());
+        let own = || [0, 1].into_iter().chain(channels.iter().map(|c| 2 + c));
+        let own = || own().chain(channels.iter().map(|c| 2 + all + c));
+        let places: Vec<usize> =
+            (0..self.complex.ncols()).flat_map(|r| own().map(move |k| r * stride + k)).collect();
+        Self {
+            complex: self.complex.select_rows(channels),
+            covariance: self.covariance.select_rows(&places).select_columns(&places),
+            ..self.clone()
+        }
+    }
+
     /// Standard deviations of ω and ζ of a component.
     pub(super) fn deviations(&self, component: usize) -> (f64, f64) {
         let k = component * self.stride();

@@ -21,6 +21,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod triangle;
+mod undamped;
 
 use nalgebra::DMatrix;
 
@@ -33,6 +34,7 @@ pub use roles::Role;
 pub use shape::{Mode, Shapes, shapes};
 pub use spectrum::{Spectrum, spectrum};
 pub use triangle::Pole;
+pub use undamped::{out_of_phase, undamped};
 
 use amplitudes::{Noise, amplitudes as with_covariance};
 use decay_fit::Fit;

@@ -4,3 +4,4 @@ mod imu;
 mod nonlinear;
 mod statistics;
 mod support;
+mod undamped;

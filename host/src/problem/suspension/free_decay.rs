@@ -11,7 +11,8 @@ use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{GAP, Pose, poses, rest};
 use crate::modal_analysis::{
-    self, FreeDecay, ModalError, Modes, Options, Spectrum, complex, platform_amplitudes, shapes, spectrum,
+    self, FreeDecay, ModalError, Modes, Options, Spectrum, complex, out_of_phase, platform_amplitudes,
+    shapes, spectrum, undamped,
 };
 use rigident_io::recording::Recording;
 
@@ -200,7 +201,39 @@ pub fn vibration(
             mode.signal_to_noise = strength;
         }
     }
+    without_dampers(&mut modes, &support.free).map_err(refuse)?;
     Ok(Vibration { samples, modes })
+}
+
+/// Takes frequencies and shapes of the modes that there would be without dampers: equations of free vibration are theirs. Where
+/// modes are missing these are not known, and what they may differ by is counted.
+fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> {
+    let damped = match modes.amplitudes.complex.nrows() {
+        own if own == free.len() => modes.amplitudes.clone(),
+        _ => modes.amplitudes.of_channels(free),
+    };
+    if let Some(found) = undamped(&damped) {
+        let found = shapes(&found, &[])?;
+        for (mode, own) in modes.shapes.modes.iter_mut().zip(found.modes) {
+            (mode.angular, mode.angular_sd, mode.shape) = (own.angular, own.angular_sd, own.shape);
+        }
+        modes.shapes.covariance = found.covariance;
+        return Ok(());
+    }
+    for (r, share) in out_of_phase(&damped).into_iter().enumerate() {
+        let place = modes.shapes.place(r);
+        let mode = &modes.shapes.modes[r];
+        // Of ω² and of the shape that share, squared.
+        let square = share * share;
+        let shape = &mode.shape;
+        let across = DMatrix::from_fn(shape.len(), shape.len(), |i, j| {
+            f64::from(u8::from(i == j)) * shape.norm_squared() - shape[i] * shape[j]
+        });
+        modes.shapes.covariance[(place, place)] += (0.5 * square * mode.angular).powi(2);
+        let mut own = modes.shapes.covariance.view_mut((place + 2, place + 2), across.shape());
+        own += across * (square * square);
+    }
+    Ok(())
 }
 
 /// The shapes of some channels.
