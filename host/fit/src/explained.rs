@@ -28,46 +28,107 @@ impl Explained {
     }
 }
 
+/// Filtered rows of some blocks of a source.
+struct Rows {
+    channels: usize,
+    parameters: usize,
+    blocks: usize,
+    /// One line of `parameters` numbers a row, the channels of a block one after the other.
+    rows: Vec<f64>,
+    measured: Vec<f64>,
+}
+
+impl Rows {
+    /// Writes the rows of at most [`BLOCKS`] blocks.
+    fn of(source: &dyn RowSource) -> Result<Self, FitError> {
+        let blocks = source.blocks(&Silent)?;
+        if blocks.is_empty() {
+            return Err(no_rows(&*blocks));
+        }
+        let (channels, parameters) = (source.channels().len(), source.parameters().len());
+        let picked: Vec<usize> = (0..blocks.len()).step_by(blocks.len().div_ceil(BLOCKS).max(1)).collect();
+        let (width, count) = (channels * parameters, picked.len());
+        let (mut rows, mut measured) = (vec![0.0; width * count], vec![0.0; channels * count]);
+        let to = rows.chunks_exact_mut(width.max(1)).zip(measured.chunks_exact_mut(channels.max(1)));
+        picked.iter().zip(to).for_each(|(block, (rows, values))| blocks.write(*block, rows, values));
+        Ok(Self { channels, parameters, blocks: count, rows, measured })
+    }
+
+    /// Returns each row with what was measured.
+    fn lines(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        self.rows.chunks_exact(self.parameters.max(1)).zip(self.measured.iter().copied())
+    }
+
+    /// Returns what is measured less what parameters predict, row by row.
+    fn left(&self, values: &[f64]) -> Vec<f64> {
+        let predicted = |row: &[f64]| row.iter().zip(values).map(|(a, b)| a * b).sum::<f64>();
+        self.lines().map(|(row, value)| value - predicted(row)).collect()
+    }
+
+    /// Returns what weighted least squares explain, and the σ of each channel that they found.
+    fn explained(&self, source: &dyn RowSource) -> (Explained, Vec<f64>) {
+        let mut sigma = source.nominal_sigma();
+        let mut found = Explained { shares: vec![1.0; self.channels], values: vec![0.0; self.parameters] };
+        for _ in 0..ROUNDS {
+            found.values = self.solve(&sigma, &[], source.rounding());
+            let (mut left, mut whole) = (vec![0.0; self.channels], vec![0.0; self.channels]);
+            for (k, (rest, value)) in self.left(&found.values).iter().zip(&self.measured).enumerate() {
+                left[k % self.channels] += rest * rest;
+                whole[k % self.channels] += value * value;
+            }
+            for c in 0..self.channels {
+                found.shares[c] = if whole[c] > 0.0 { (left[c] / whole[c]).sqrt() } else { 1.0 };
+                let least = LEAST_SHARE * (whole[c] / self.blocks as f64).sqrt();
+                sigma[c] = (left[c] / self.blocks as f64).sqrt().max(least);
+            }
+        }
+        (found, sigma)
+    }
+
+    /// Solves for the parameters, and for those of more columns.
+    fn solve(&self, sigma: &[f64], more: &[Vec<f64>], rounding: f64) -> Vec<f64> {
+        let weight = |k: usize| {
+            1.0 / sigma.get(k % self.channels).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE)
+        };
+        let beside = |k: usize| more.iter().map(move |column| column.get(k).copied().unwrap_or(0.0));
+        let whitened = self.lines().enumerate().map(|(k, (row, value))| {
+            let all = row.iter().copied().chain(beside(k));
+            (all.map(|a| weight(k) * a).collect::<Vec<f64>>(), weight(k) * value)
+        });
+        let whitened: Vec<(Vec<f64>, f64)> = whitened.collect();
+        let mut factor = Factor::new(self.parameters + more.len());
+        factor.absorb(whitened.iter().map(|(row, value)| (row.as_slice(), *value)));
+        factor.solve(rounding).estimate
+    }
+}
+
 /// Returns what weighted least squares explain of the rows of a source.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows.
 pub fn explained(source: &dyn RowSource) -> Result<Explained, FitError> {
-    let blocks = source.blocks(&Silent)?;
-    if blocks.is_empty() {
-        return Err(no_rows(&*blocks));
-    }
-    let (channels, parameters) = (source.channels().len(), source.parameters().len());
-    let picked: Vec<usize> = (0..blocks.len()).step_by(blocks.len().div_ceil(BLOCKS).max(1)).collect();
-    let (width, count) = (channels * parameters, picked.len());
-    let (mut rows, mut measured) = (vec![0.0; width * count], vec![0.0; channels * count]);
-    for ((block, rows), values) in
-        picked.iter().zip(rows.chunks_exact_mut(width.max(1))).zip(measured.chunks_exact_mut(channels.max(1)))
-    {
-        blocks.write(*block, rows, values);
-    }
-    let lines = || rows.chunks_exact(parameters.max(1)).zip(&measured).enumerate();
-    let mut sigma = source.nominal_sigma();
-    let mut found = Explained { shares: vec![1.0; channels], values: vec![0.0; parameters] };
-    for _ in 0..ROUNDS {
-        let weight = |k: usize| 1.0 / sigma.get(k % channels).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
-        let whitened: Vec<(Vec<f64>, f64)> = lines()
-            .map(|(k, (row, value))| (row.iter().map(|a| weight(k) * a).collect(), weight(k) * value))
-            .collect();
-        let mut factor = Factor::new(parameters);
-        factor.absorb(whitened.iter().map(|(row, value)| (row.as_slice(), *value)));
-        found.values = factor.solve(source.rounding()).estimate;
-        let (mut left, mut whole) = (vec![0.0; channels], vec![0.0; channels]);
-        for (k, (row, value)) in lines() {
-            let predicted: f64 = row.iter().zip(&found.values).map(|(a, b)| a * b).sum();
-            left[k % channels] += (value - predicted).powi(2);
-            whole[k % channels] += value * value;
+    Ok(Rows::of(source)?.explained(source).0)
+}
+
+/// Returns the step of Gauss and Newton for settings that the rows of a source depend on: how far each is to be moved so that
+/// least squares leave less. `moved` are the source with one setting moved by one unit each; `None` where their rows are not
+/// those of the source one by one.
+///
+/// # Errors
+/// [`FitError`] if there are no rows.
+pub fn steps(source: &dyn RowSource, moved: &[&dyn RowSource]) -> Result<Option<Vec<f64>>, FitError> {
+    let own = Rows::of(source)?;
+    let (found, sigma) = own.explained(source);
+    let left = own.left(&found.values);
+    let mut columns = Vec::new();
+    for moved in moved {
+        let rows = Rows::of(*moved)?;
+        if rows.measured.len() != own.measured.len() || rows.parameters != own.parameters {
+            return Ok(None);
         }
-        for c in 0..channels {
-            found.shares[c] = if whole[c] > 0.0 { (left[c] / whole[c]).sqrt() } else { 1.0 };
-            let least = LEAST_SHARE * (whole[c] / count as f64).sqrt();
-            sigma[c] = (left[c] / count as f64).sqrt().max(least);
-        }
+        let moved = rows.left(&found.values);
+        columns.push(left.iter().zip(moved).map(|(before, after)| before - after).collect());
     }
-    Ok(found)
+    let all = own.solve(&sigma, &columns, source.rounding());
+    Ok(all.get(own.parameters..).map(<[f64]>::to_vec))
 }

@@ -13,7 +13,7 @@ use super::{contradictions, plausibility};
 use rigident_fit::{CheckedRun, Fit};
 
 /// Names the fields that an answer that cannot be true does not have.
-pub const WITHHELD: [&str; 15] = [
+pub const WITHHELD: [&str; 16] = [
     "mass_kg",
     "com_m",
     "com_u95_m",
@@ -29,6 +29,7 @@ pub const WITHHELD: [&str; 15] = [
     "budget",
     "improvement",
     "prior_dominated",
+    "rests_on",
 ];
 
 /// Holds the findings of a recording, for its answer to be judged by.
@@ -152,6 +153,7 @@ impl Answer {
         (self.body_frame, self.physically_consistent) = (None, None);
         (self.standard_parameters, self.complete) = (None, None);
         self.budget.clear();
+        self.rests_on.clear();
         self.improvement = None;
     }
 }

@@ -26,6 +26,7 @@ pub mod physical_consistency;
 mod plausibility;
 pub mod predictor;
 mod read;
+mod reliance;
 mod remarks;
 pub mod repeated;
 pub mod result;

@@ -17,7 +17,7 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, contradictions, excitation_advice, load, plausibility, remarks, rig_errors};
+use super::{budget, contradictions, excitation_advice, load, plausibility, reliance, remarks, rig_errors};
 use crate::present::text::shortened;
 use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use rigident_io::rig::{BodyTable, TruthTable};
@@ -108,6 +108,9 @@ impl Answer {
             ..Self::default()
         };
         answer.improvement = budget::improvement(&answer.budget);
+        if is_body && !fit.residuals.is_empty() && (0..10).any(|j| judged.at(j).measured().is_some()) {
+            answer.rests_on = reliance::of_body(fit);
+        }
         if !fit.residuals.is_empty() {
             answer.residual_rms =
                 fit.channels.iter().map(|c| c.residual_rms).filter(|v| v.is_finite()).collect();
@@ -307,6 +310,7 @@ impl Answer {
         self.warnings.extend(contradictions::contradictions(fit));
         self.warnings.extend(plausibility::of_the_fit(fit));
         self.warnings.append(&mut warnings);
+        self.notes.extend(reliance::in_words(&self.rests_on));
         self.notes.extend(rig_errors::calibration(fit));
         self.notes.extend(rig_errors::defaults(fit));
         self.add_runs(fit);

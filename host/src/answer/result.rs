@@ -214,6 +214,9 @@ pub struct Answer {
     /// What would make the uncertainties smaller.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub improvement: Option<String>,
+    /// Scales and signs that the recording does not show, and that the answer rests on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rests_on: Vec<Reliance>,
     /// Samples and rows counted.
     pub counts: Counts,
     /// Samples that were not used; also in `counts`.
@@ -274,6 +277,21 @@ pub struct Cause {
     /// Other faults that explain as much.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alternatives: Vec<String>,
+}
+
+/// A scale or a sign that the recording does not show.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Reliance {
+    /// The scale or sign.
+    pub what: String,
+    /// What it does to the answer, ∝ for what is proportional to it.
+    pub effect: String,
+    /// Expanded uncertainty of it that the intervals count, %; none if they count nothing of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub u95_percent: Option<f64>,
+    /// What that is known by: a key of the rig file, a class, a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub basis: Option<String>,
 }
 
 /// A run that only a factor is left of.

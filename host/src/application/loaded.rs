@@ -43,7 +43,8 @@ pub struct Loaded {
     nominal: Option<(Model, Option<PathBuf>)>,
     /// Date of the recording, RFC 3339.
     recorded: Option<String>,
-    /// The recording as it was read, for the search for a fault; `None` of several files and of what a device read.
+    /// The recording as it was read, of several files on one time base, for the search for a fault; `None` of a tree's files
+    /// and of what a device read.
     case: Option<Case>,
 }
 
@@ -199,15 +200,12 @@ impl Loaded {
             let problem = Problem::from_streams(set, None, &ProblemOptions::default())?;
             let (mut notes, warnings) = (problem.notes.clone(), problem.warnings.clone());
             notes.extend(assumed(&problem.rig));
-            return Ok(Self {
-                problem,
-                warnings,
-                notes,
-                unused_rows: 0,
-                nominal: None,
-                recorded: None,
-                case: None,
+            let case = problem.aligned().map(|aligned| Case {
+                recording: diagnosis::looked_at(aligned),
+                model: None,
+                options: ProblemOptions::default(),
             });
+            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None, case });
         }
         Self::of_body(Recording::load(path, rig)?, file, caller)
     }

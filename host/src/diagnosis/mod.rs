@@ -4,10 +4,14 @@
 //! swapped pair, a delay, a key of the rig file, and is fitted again. First quickly: what least squares leave
 //! of each channel ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the
 //! best are fitted in full, and judged as any recording is. Lives here: the list of faults ([`sensors`],
-//! [`joints`]), and the choice. May not live here: whether a recording can be true ([`crate::answer`]).
+//! [`joints`], those with settings that the recording tells), and the choice. May not live here: whether a recording can be true ([`crate::answer`]).
 
+mod attitude;
+mod clock;
+mod gyro_scale;
 pub mod joints;
 pub mod sensors;
+mod tuned;
 
 use crate::answer::result::{Cause, Status};
 use crate::answer::{Answer, Context, StandardRequest, lacks_something_of_drives};
@@ -23,6 +27,8 @@ const QUICK_ROWS: usize = 2000;
 const QUICK_S: f64 = 10.0;
 /// Seconds that the best are fitted to.
 const FULL_S: f64 = 20.0;
+/// Rows a second that faults of one body are tried on at first, at least: means of as many rows as that takes.
+const THINNED_HZ: f64 = 200.0;
 /// Faults that are fitted in full.
 const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
@@ -118,7 +124,7 @@ pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progres
 /// (`most`, the product over all channels) explains that.
 pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Option<Cause> {
     let (quick, full) = rows(&case.recording);
-    let mut quick = shortened(case, quick);
+    let mut quick = thinned(&shortened(case, quick));
     // Where no row is left nothing is explained.
     let (before, channels) = match posed(&quick) {
         Some(problem) => {
@@ -127,33 +133,21 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
         }
         None => (0.0, 1),
     };
-    let faults = faults(&quick);
-    let mut tried = Vec::new();
-    // In turns, so that progress is shown.
-    for (turn, chunk) in faults.chunks(CHUNK).enumerate() {
-        progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
-        let found = parallel::map(parallel::threads(), chunk.len(), |k| {
-            let fault = chunk.get(k)?;
-            Some(Tried { fault, left: left_by(&posed(&fault.undone(&quick)?)?)?.0 })
-        });
-        tried.extend(found.into_iter().flatten());
-    }
-    let mut best = best_of_each_kind(tried);
     let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
-    best.retain(|tried| tried.left < most);
-    let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     let full = shortened(case, full);
-    let mut plausible: Vec<Tried> = Vec::new();
-    for tried in best.iter().take(FULL) {
-        progress.stage("trying the likeliest causes", 0.0);
-        let found = plausible.first().map_or(f64::INFINITY, |first| first.left);
-        if tried.left > found + ALIKE || plausible.len() >= NAMED {
-            break;
-        }
-        if tried.fault.undone(&full).as_ref().is_some_and(is_plausible) {
-            plausible.push(Tried { fault: tried.fault, left: tried.left });
-        }
+    let faults = faults(&quick);
+    let tried = try_all(&quick, &faults, progress);
+    let mut best = best_of_each_kind(tried, most);
+    let mut plausible = plausible_among(&best, &full, progress);
+    // Dearer to undo, and so general that they explain what simpler ones do.
+    let tuned = if plausible.is_empty() { attitude::faults(&quick) } else { Vec::new() };
+    if !tuned.is_empty() {
+        let more = best_of_each_kind(try_all(&quick, &tuned, progress), most);
+        plausible = plausible_among(&more, &full, progress);
+        best.extend(more);
+        sort(&mut best);
     }
+    let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     // The recording cannot decide among faults that explain it alike: none of them is confirmed.
     let (confirmed, ambiguous) = (plausible.len() == 1, plausible.len() > 1);
     if plausible.is_empty() {
@@ -171,15 +165,45 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     })
 }
 
+/// Undoes each fault on its own, in turns, so that progress is shown.
+fn try_all<'a>(quick: &Case, faults: &'a [Fault], progress: &dyn Progress) -> Vec<Tried<'a>> {
+    let mut tried = Vec::new();
+    for (turn, chunk) in faults.chunks(CHUNK).enumerate() {
+        progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
+        let found = parallel::map(parallel::threads(), chunk.len(), |k| {
+            let fault = chunk.get(k)?;
+            Some(Tried { fault, left: left_by(&posed(&fault.undone(quick)?)?)?.0 })
+        });
+        tried.extend(found.into_iter().flatten());
+    }
+    tried
+}
+
+/// Returns those of the best faults that explain as much as the first one without which the recording can be true.
+fn plausible_among<'a>(best: &[Tried<'a>], full: &Case, progress: &dyn Progress) -> Vec<Tried<'a>> {
+    let mut plausible: Vec<Tried> = Vec::new();
+    for tried in best.iter().take(FULL) {
+        progress.stage("trying the likeliest causes", 0.0);
+        let found = plausible.first().map_or(f64::INFINITY, |first| first.left);
+        if tried.left > found + ALIKE || plausible.len() >= NAMED {
+            break;
+        }
+        if tried.fault.undone(full).as_ref().is_some_and(is_plausible) {
+            plausible.push(Tried { fault: tried.fault, left: tried.left });
+        }
+    }
+    plausible
+}
+
 /// Two faults of one kind leave the same if they differ by a common sign.
 const REVERSE: f64 = 1e-6;
 
 /// Faults between two reports of progress.
 const CHUNK: usize = 16;
 
-/// Returns the best of each kind: those that leave as little as the one that leaves least, in the order of the list, then the
-/// others, what leaves less first.
-fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
+/// Returns the best of each kind that leave less than `most`: those that leave as little as the one that leaves least, in the
+/// order of the list, then the others, what leaves less first.
+fn best_of_each_kind(tried: Vec<Tried<'_>>, most: f64) -> Vec<Tried<'_>> {
     let mut best: Vec<Tried> = Vec::new();
     for tried in tried {
         match best.iter_mut().find(|other| other.fault.kind == tried.fault.kind) {
@@ -190,9 +214,15 @@ fn best_of_each_kind(tried: Vec<Tried<'_>>) -> Vec<Tried<'_>> {
             None => best.push(tried),
         }
     }
+    best.retain(|tried| tried.left < most);
+    sort(&mut best);
+    best
+}
+
+/// Sorts by what is left; faults that leave as little as the one that leaves least keep their order.
+fn sort(best: &mut [Tried]) {
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     best.sort_by(|a, b| a.left.max(least + ALIKE).total_cmp(&b.left.max(least + ALIKE)));
-    best
 }
 
 /// Returns the problem that a case poses; `None` if it poses none.
@@ -237,6 +267,16 @@ fn rows(recording: &Recording) -> (usize, usize) {
 fn shortened(case: &Case, rows: usize) -> Case {
     let recording = middle(&case.recording, rows);
     Case { recording, model: case.model.clone(), options: case.options.clone() }
+}
+
+/// Returns the case of one body with means of its rows, so many that some [`THINNED_HZ`] a second are left.
+fn thinned(case: &Case) -> Case {
+    let rate_hz = case.recording.rate_hz.unwrap_or(1.0);
+    let by = (rate_hz / THINNED_HZ) as usize;
+    if case.model.is_some() || case.recording.is_static || by < 2 {
+        return case.clone();
+    }
+    Case { recording: case.recording.thinned(by), model: None, options: case.options.clone() }
 }
 
 /// Returns as many rows of the middle of a recording.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Case, Fault};
+use super::{Case, Fault, clock, gyro_scale};
 use crate::problem::Problem;
 use rigident_fit::{FitOptions, Silent};
 use rigident_io::rig::{ImuTable, RigFile};
@@ -201,7 +201,7 @@ const LEAST_LEVER_M: f64 = 1e-3;
 /// Delays that are tried, in rows.
 const DELAYS: [usize; 16] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60];
 /// None is longer, s.
-const LONGEST_S: f64 = 0.25;
+pub(super) const LONGEST_S: f64 = 0.25;
 
 /// Returns delays in rows, either way, with the times that they are.
 pub(super) fn delays(case: &Case) -> Vec<(isize, f64)> {
@@ -211,6 +211,19 @@ pub(super) fn delays(case: &Case) -> Vec<(isize, f64)> {
         [(rows as isize, s), (-(rows as isize), -s)].into_iter().filter(|(_, s)| s.abs() <= LONGEST_S)
     };
     DELAYS.into_iter().flat_map(ways).collect()
+}
+
+/// Moves the readings of accelerometer and gyro, as asked for, to this time earlier, s; false if there are none, or too few.
+pub(super) fn moved_imu(case: &mut Case, s: f64, accel: bool, gyro: bool) -> bool {
+    let rows = (s * case.recording.rate_hz.unwrap_or(1.0)).round() as isize;
+    let Some(imu) = case.recording.imus.first_mut() else { return false };
+    if let Some(values) = imu.accel.as_mut().filter(|_| accel) {
+        earlier(values, rows);
+    }
+    if let Some(values) = imu.gyro.as_mut().filter(|_| gyro) {
+        earlier(values, rows);
+    }
+    cut(case, rows)
 }
 
 /// Moves readings to so many rows earlier; the ends of the recording are to be cut off.
@@ -246,12 +259,14 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         all.extend(of_units(*triple));
     }
     all.extend(of_wrench_sign(case));
+    all.extend(gyro_scale::fault(case));
     for triple in &there {
         all.extend(of_axes(*triple));
     }
     if there.contains(&Triple::Accel) {
         all.extend(of_mounting(case));
         all.extend(of_delays(case, &there));
+        all.extend(clock::faults(case));
     }
     all
 }
@@ -359,23 +374,15 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
     for (name, accel, gyro) in
         groups.into_iter().filter(|(name, _, gyro)| has_gyro || (*name == "the IMU" && !gyro))
     {
-        for (rows, s) in delays(case) {
+        for (_, s) in delays(case) {
             let remedy = match (accel, gyro) {
                 (true, true) => {
                     "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are taken"
                 }
                 _ => "stamp readings where they are taken; sensors of one IMU have one clock",
             };
-            all.push(Fault::new(format!("delay of {name}"), late(name, s), remedy, move |case| {
-                let Some(imu) = case.recording.imus.first_mut() else { return false };
-                if let Some(values) = imu.accel.as_mut().filter(|_| accel) {
-                    earlier(values, rows);
-                }
-                if let Some(values) = imu.gyro.as_mut().filter(|_| gyro) {
-                    earlier(values, rows);
-                }
-                cut(case, rows)
-            }));
+            let kind = format!("delay of {name}");
+            all.push(Fault::new(kind, late(name, s), remedy, move |case| moved_imu(case, s, accel, gyro)));
         }
     }
     all

@@ -266,6 +266,11 @@ impl Problem {
         self.clocks.as_ref().map(|clocks| &clocks.aligned.time_base)
     }
 
+    /// Returns several files as one recording, their clocks set; `None` of a single file.
+    pub fn aligned(&self) -> Option<&Recording> {
+        self.clocks.as_ref().map(|clocks| &clocks.aligned.recording)
+    }
+
     /// Fits the parameters; the uncertainty of several clocks is counted.
     ///
     /// # Errors

@@ -56,6 +56,7 @@ pub const DIAGNOSIS: Document = Document {
     file: "docs/diagnosis.md",
     tables: &[
         Table { name: "faults-body-long", make: faults::body_table },
+        Table { name: "faults-published-long", make: faults::published_table },
         Table { name: "faults-tree-long", make: faults::tree_table },
         Table { name: "honest-long", make: faults::honest_table },
         Table { name: "honest-noise-long", make: faults::noise_table },

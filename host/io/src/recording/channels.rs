@@ -4,7 +4,7 @@
 //! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there to compare it
 //! with.
 
-use super::columns::Group;
+use super::columns::{Group, Known};
 use super::{ImuColumns, Recording};
 
 /// Endings of joints' columns: efforts,
@@ -124,6 +124,29 @@ impl Recording {
         names
     }
 
+    /// Returns pairs of channels of one sensor that are the same in every row, to the last digit, and have noise: one was copied
+    /// into the other's column.
+    pub fn copied_channels(&self) -> Vec<[String; 2]> {
+        if self.is_static || self.rows() < LEAST_ROWS {
+            return Vec::new();
+        }
+        let mut pairs = Vec::new();
+        let own = |group: &Group| !self.derived.contains(group);
+        for group in self.sensors().into_iter().flatten().filter(own) {
+            let names = group.names();
+            let count = names.len();
+            let of = |i: usize, j: usize| self.are_alike(group, i, j);
+            let each = (0..count).flat_map(|j| (0..j).map(move |i| (i, j))).filter(|(i, j)| of(*i, *j));
+            let noisy = |(i, _): &(usize, usize)| {
+                let channel = Channel { name: String::new(), values: self.column(group, *i) };
+                !channel.is_dead() && channel.is_noisy()
+            };
+            let named = |(i, j): (usize, usize)| Some([names.get(i)?.clone(), names.get(j)?.clone()]);
+            pairs.extend(each.filter(noisy).filter_map(named));
+        }
+        pairs
+    }
+
     /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells of them by channel.
     /// Wrench and efforts are not looked at: rows that they have spoilt weigh less in the fit.
     pub fn leave_out_spikes(&mut self) {
@@ -159,6 +182,12 @@ impl Recording {
             self.keep_rows(&out.iter().map(|o| !o).collect::<Vec<_>>());
             self.warnings.extend(said);
         }
+    }
+
+    /// Returns true if two channels of a group are the same in every row.
+    fn are_alike(&self, group: Group, one: usize, other: usize) -> bool {
+        let number = |k: usize, row: usize| self.number(Known::Member(group, k), row);
+        (0..self.rows()).all(|row| number(one, row) == number(other, row))
     }
 
     /// Returns the groups of columns of each sensor: the load cell, every IMU.
@@ -228,6 +257,36 @@ impl Recording {
             warnings: self.warnings.clone(),
             assumed: self.assumed.clone(),
             first_line: self.first_line,
+        }
+    }
+
+    /// Returns the recording of the means of each `by` rows, of load cell, IMUs and gravity columns alone.
+    #[must_use]
+    pub fn thinned(&self, by: usize) -> Self {
+        fn means<const N: usize>(rows: &[[f64; N]], by: usize) -> Vec<[f64; N]> {
+            let mean = |part: &[[f64; N]]| {
+                std::array::from_fn(|k| part.iter().map(|row| row[k]).sum::<f64>() / by as f64)
+            };
+            rows.chunks_exact(by.max(1)).map(mean).collect()
+        }
+        let three = |rows: &Option<Vec<[f64; 3]>>| rows.as_ref().map(|rows| means(rows, by));
+        let middle = |part: &[u64]| {
+            let first = part.first().copied().unwrap_or_default();
+            first + part.iter().map(|time| time - first).sum::<u64>() / by as u64
+        };
+        let of_imu = |imu: &ImuColumns| ImuColumns { accel: three(&imu.accel), gyro: three(&imu.gyro) };
+        Self {
+            name: self.name.clone(),
+            rig: self.rig.clone(),
+            rig_text: self.rig_text.clone(),
+            time_ns: self.time_ns.chunks_exact(by.max(1)).map(middle).collect(),
+            rate_hz: self.rate_hz.map(|rate_hz| rate_hz / by as f64),
+            wrench: self.wrench.as_ref().map(|rows| means(rows, by)),
+            gauges: self.gauges.as_ref().map(|rows| means(rows, by)),
+            imus: self.imus.iter().map(of_imu).collect(),
+            gravity: three(&self.gravity),
+            derived: self.derived.clone(),
+            ..Self::default()
         }
     }
 

@@ -7,6 +7,7 @@
 use rigident_shared::calibration::Reading;
 
 use super::Input;
+use rigident_io::recording::Recording;
 use rigident_io::rig::FROZEN_AFTER;
 
 /// The specific force at rest is within this factor of gravity, either way.
@@ -23,6 +24,8 @@ const FARTHEST_M: f64 = 3.0;
 const MILLIMETRES: f64 = 10.0;
 /// A unit is named if it explains the reading to within this share.
 const UNIT_TOLERANCE: f64 = 0.1;
+/// Less than this share of gravity is what is left where somebody subtracts it.
+const WITHOUT: f64 = 0.25;
 /// One g of an accelerometer in g, m/s².
 const STANDARD_GRAVITY: f64 = 9.80665;
 /// What turns faster is no still pose, rad/s.
@@ -37,7 +40,12 @@ pub enum Implausible {
     #[error(
         "at rest |a| is {measured:.3}, while gravity_mps2 is {gravity}: {what} must be in m/s²{}",
         unit.map_or_else(
-            || "; check its unit and scale, and gravity_mps2 in [recording]".to_owned(),
+            || if *measured < WITHOUT * gravity {
+                "; gravity seems to have been taken out of it: record the specific force as the sensor reads it, 9.8 m/s² at rest, \
+                 not a linear acceleration".to_owned()
+            } else {
+                "; check its unit and scale, and gravity_mps2 in [recording]".to_owned()
+            },
             |(name, scale)| format!(
                 ", and this looks like {name}: give scale = {scale} in [recording] columns of the rig file, or \
                  accel_scale in [[imu]]"
@@ -74,6 +82,13 @@ pub enum Implausible {
         if _0.len() == 1 { "changes" } else { "change" }
     )]
     Dead(Vec<String>),
+    /// Channels of one sensor that are the same in every row.
+    #[error(
+        "{} are the same in every row, to the last digit, though they have noise: one was copied into the other's column; look at \
+         the names in [recording] columns of the rig file, and at the program that recorded them",
+        _0.iter().map(|pair| pair.join(" and ")).collect::<Vec<_>>().join(", ")
+    )]
+    Copied(Vec<[String; 2]>),
     /// Not still poses.
     #[error(
         "static = true says that every row is a still pose, but in {turning} of {rows} rows the gyro is more than \
@@ -88,6 +103,21 @@ pub enum Implausible {
         /// The fastest, rad/s.
         fastest: f64,
     },
+}
+
+/// Checks that no channel of a sensor is dead, nor a copy of another one.
+///
+/// # Errors
+/// [`Implausible::Dead`], [`Implausible::Copied`].
+pub fn check_channels(recording: &Recording) -> Result<(), Implausible> {
+    let dead = recording.dead_channels();
+    if !dead.is_empty() {
+        return Err(Implausible::Dead(dead));
+    }
+    match recording.copied_channels() {
+        pairs if pairs.is_empty() => Ok(()),
+        pairs => Err(Implausible::Copied(pairs)),
+    }
 }
 
 /// Checks the readings with the mounting that they will be identified with; `gravity_columns` if they hold gravity

@@ -13,8 +13,7 @@ use rigident_io::recording::columns::TIME;
 use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
 /// Names the knowledge that still poses by gravity columns rest on.
-const STILL_POSES: &str = "still poses by the gravity columns; an IMU, if any, was not used. They rest on the sign of \
-                           the moments and on the unit of the wrench as a whole, which no pose can show";
+const STILL_POSES: &str = "still poses by the gravity columns; an IMU, if any, was not used";
 
 /// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
 const STILL: (f64, f64) = (0.02, 0.15);
@@ -252,13 +251,9 @@ fn columns(
         rig.imu = vec![ImuTable::default()];
         notes.push(STILL_POSES.to_owned());
     }
-    let dead = recording.dead_channels();
-    if !dead.is_empty() {
-        return Err(PrepareError::Implausible {
-            name: recording.name.clone(),
-            error: Implausible::Dead(dead),
-        });
-    }
+    let name = || recording.name.clone();
+    input_checks::check_channels(recording)
+        .map_err(|error| PrepareError::Implausible { name: name(), error })?;
     let matrix = rig.load_cell.calibration;
     let of_gauges = |gauges: Vec<[f64; 6]>| -> Vec<[f64; 6]> {
         let calibration = GaugeCalibration { matrix: matrix.unwrap_or_default() };

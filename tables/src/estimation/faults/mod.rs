@@ -5,6 +5,7 @@
 
 mod body;
 mod noise;
+mod published;
 mod trees;
 
 use rigident::answer::{Answer, Context, StandardRequest, Status};
@@ -14,6 +15,7 @@ use rigident::problem::Problem;
 
 pub use body::table as body_table;
 pub use noise::table as noise_table;
+pub use published::table as published_table;
 pub use trees::table as tree_table;
 
 /// What the program made of a recording.

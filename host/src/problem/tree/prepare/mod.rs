@@ -19,7 +19,7 @@ use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
 use super::{BaseSensor, Frame, Input, TreePrepareError, standstill};
 use crate::problem::ProblemOptions;
-use crate::problem::body::input_checks::Implausible;
+use crate::problem::body::input_checks::check_channels;
 use rigident_io::recording::Recording;
 use rigident_io::rig::{DOWN, OffsetTable, OffsetWord, RecordingTable};
 use rigident_model::base::Situation;
@@ -67,11 +67,8 @@ pub fn prepare(
     model: &Model,
     options: &ProblemOptions,
 ) -> Result<PreparedTree, TreePrepareError> {
-    let dead = recording.dead_channels();
-    if !dead.is_empty() {
-        let (name, error) = (recording.name.clone(), Implausible::Dead(dead));
-        return Err(TreePrepareError::Implausible { name, error });
-    }
+    check_channels(recording)
+        .map_err(|error| TreePrepareError::Implausible { name: recording.name.clone(), error })?;
     let original = model;
     let model = upright(original.welded(), recording)?;
     let cells = recording.extra.iter().map(|(name, cells)| (name.as_str(), cells.as_slice())).collect();
