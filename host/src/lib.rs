@@ -16,6 +16,7 @@ pub mod application;
 pub mod body_segments;
 pub mod device;
 pub mod diagnosis;
+pub mod drive_gains;
 pub mod inverse_kinematics;
 pub mod joint_offsets;
 pub mod load_cell;

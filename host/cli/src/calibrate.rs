@@ -7,7 +7,8 @@ use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat};
 use super::outcome::say;
 use super::reference_runs::{RigErrors, read};
 use super::{
-    Failure, Stages, calibrate_imu, calibrate_joints, calibrate_load_cell, calibrate_masses, factor,
+    Failure, Stages, calibrate_drives, calibrate_imu, calibrate_joints, calibrate_load_cell,
+    calibrate_masses, factor,
 };
 use rigident::present::text::{significant, unit_symbol, with_u95};
 use rigident::reference::{Calibrated, Run, calibrate};
@@ -46,6 +47,7 @@ pub(super) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
         CalibrateWhat::Imu(arguments) => calibrate_imu::run(arguments),
         CalibrateWhat::LoadCell(arguments) => calibrate_load_cell::run(arguments),
         CalibrateWhat::Joints(arguments) => calibrate_joints::run(arguments),
+        CalibrateWhat::Drives(arguments) => calibrate_drives::run(arguments),
         CalibrateWhat::Masses(arguments) => calibrate_masses::run(arguments),
     }
 }

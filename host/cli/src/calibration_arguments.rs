@@ -4,6 +4,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use super::factor_arguments::TareFiles;
 use super::options::calibration::CalibrationOption;
+use super::options::known_values::KnownQuantities;
 use super::options::trees::ModelChanges;
 use super::programme::Programme;
 use rigident::joint_offsets::search::Method;
@@ -27,8 +28,65 @@ pub enum CalibrateWhat {
     LoadCell(CalibrateLoadCell),
     /// Find offsets of a robot's joint angles from poses with flat soles on a level floor
     Joints(CalibrateJoints),
+    /// Find the gains of a robot's drives from recordings of motor currents, with and without a load that is known
+    Drives(CalibrateDrives),
     /// Find masses and centres of mass of a robot's links, relative to its model, from motions that excite them poorly
     Masses(CalibrateMasses),
+}
+
+/// `rigident calibrate drives`
+#[derive(Args, Debug, Clone)]
+#[command(
+    after_help = "Efforts are currents, or anything proportional to the torque: columns JOINT_a, or what [[joint]] effort of the rig file \
+                  names. Efforts alone tell how gains stand to each other; how large they are is told by a load that is known (--loaded, \
+                  --payload, --known), or by the model's masses as far as they are trusted (--nominal-sigma). A wrist sensor weighs the load: \
+                  what it says goes to --known.\n\nExit status 0 if every gain is identified, 1 if not, 2 if a file cannot be \
+                  used.\n\nExamples:\n  rigident calibrate drives arm.urdf bare.csv --loaded loaded.csv --payload tool0 --known \
+                  mass_kg=3.002±0.001 -o gains.rig.toml\n  rigident calibrate drives arm.urdf bare.csv --nominal-sigma 0.1\n  rigident identify \
+                  part.csv --model arm.urdf --rig gains.rig.toml --tare bare.csv --payload tool0"
+)]
+pub struct CalibrateDrives {
+    /// The robot with its nominal masses: URDF, MJCF or SDF
+    #[arg(value_name = "MODEL")]
+    pub model: String,
+    /// Recordings without a load, CSV or MCAP
+    #[arg(required = true, value_name = "REC")]
+    pub recordings: Vec<PathBuf>,
+    /// A recording with a load that is known
+    #[arg(long, value_name = "REC", requires = "payload")]
+    pub loaded: Option<PathBuf>,
+    /// The link that carries it; its frame in the link's in m and degrees
+    #[arg(
+        long,
+        value_name = "LINK[@x,y,z[,roll,pitch,yaw]]",
+        allow_hyphen_values = true,
+        requires = "loaded"
+    )]
+    pub payload: Option<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub known: KnownQuantities,
+    /// 1 σ that the nominal model's links are trusted with, relative, where there is no load
+    #[arg(long, value_name = "SHARE", conflicts_with = "loaded")]
+    pub nominal_sigma: Option<f64>,
+    /// Rig file of all recordings. Default: NAME.rig.toml beside each
+    #[arg(long, value_name = "FILE")]
+    pub rig: Option<PathBuf>,
+    /// Friction columns of every joint, or of one, as in `rigident identify`. Repeatable
+    #[arg(long, value_name = "[JOINT=]LIST", default_value = "viscous,coulomb,offset,rotor")]
+    pub friction: Vec<String>,
+    /// A drive that turns with several joints, as in `rigident identify`. Repeatable
+    #[arg(long, value_name = "NAME=JOINT+JOINT")]
+    pub drive: Vec<String>,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub changes: ModelChanges,
+    /// Write a rig file with the gains that are identified; must not exist
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print one object on standard output, and nothing else there
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// How `rigident calibrate masses` solves.

@@ -16,6 +16,7 @@ mod body_device;
 mod body_markers;
 mod by_hand;
 mod calibrate;
+mod calibrate_drives;
 mod calibrate_imu;
 mod calibrate_joints;
 mod calibrate_joints_page;

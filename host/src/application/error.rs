@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
+use super::drive_gains::DriveGainsError;
 use crate::answer::{AnswerError, ReadError};
 use crate::body_segments::StudyError;
 use crate::body_segments::opensim::OsimFault;
@@ -70,6 +71,9 @@ pub enum Error {
         /// Why not.
         error: ReadError,
     },
+    /// Gains of drives.
+    #[error(transparent)]
+    DriveGains(#[from] DriveGainsError),
     /// A list of columns of drives.
     #[error("{0}")]
     Friction(String),

@@ -4,10 +4,12 @@
 //! swapped pair, a delay, a key of the rig file, and is fitted again. First quickly: what least squares leave
 //! of each channel ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the
 //! best are fitted in full, and judged as any recording is. Lives here: the list of faults ([`sensors`],
-//! [`joints`], those with settings that the recording tells), and the choice. May not live here: whether a recording can be true ([`crate::answer`]).
+//! [`joints`], those with settings that the recording tells, `gains`), and the choice. May not live here: whether
+//! a recording can be true ([`crate::answer`]).
 
 mod attitude;
 mod clock;
+mod gains;
 mod gyro_scale;
 pub mod joints;
 pub mod sensors;
@@ -91,6 +93,7 @@ pub fn faults(case: &Case) -> Vec<Fault> {
     let mut all = sensors::faults(case);
     if let Some(model) = &case.model {
         all.extend(joints::faults(case, model));
+        all.extend(gains::fault(case, model));
     }
     all
 }

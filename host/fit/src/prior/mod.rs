@@ -14,7 +14,7 @@ pub use self::error::KnownError;
 use self::error::plain;
 use self::rows::{absorb, two_sided};
 use self::subject::Subject;
-use super::{Estimate, Fit, Gaussian, Noise, Parameter, Prior, PriorStatement};
+use super::{Estimate, Factor, Fit, Gaussian, Noise, Parameter, Prior, PriorStatement};
 
 /// σ of a plane of symmetry's position where none is given, m.
 pub const SYMMETRY_SIGMA_M: f64 = 1e-3;
@@ -105,6 +105,20 @@ impl KnownValues {
         fit.prior = Some(Prior { statements, data_alone: Box::new(data) });
         fit.estimate = estimate;
         Ok(())
+    }
+
+    /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true σ; errors of a rig may follow.
+    ///
+    /// # Errors
+    /// As [`KnownValues::apply`]; the rows are then as they were.
+    pub fn absorbed_by(
+        &self,
+        rows: &mut Factor,
+        parameters: &[Parameter],
+        noise: Noise,
+        rounding: f64,
+    ) -> Result<(), KnownError> {
+        absorb(rows, &self.resolve(parameters)?, noise, rounding)
     }
 
     /// Finds the parameters that the statements are about.
