@@ -13,7 +13,7 @@ use runs::bound::{deviations, deviations_beyond, information};
 use runs::{Body, Conditions, Errors, NOISY};
 use runs::{by_best, central_off, factor, larger, off, on_fixture, outside, predicted_off, rms, tared};
 
-/// Rigs that each row draws.
+/// Rigs that each row draws; `RIGIDENT_RIGS` asks for fewer.
 const RIGS: usize = 500;
 /// Rigs of the row of a hundred recordings.
 const FEW: usize = 24;
@@ -81,9 +81,10 @@ impl Made {
 
 impl Case {
     /// Returns the recordings of a rig of this number and of others, those of each in a list.
-    fn recordings(self, rig: usize) -> Vec<Vec<Made>> {
+    fn recordings(self, rig: usize, rigs: usize) -> Vec<Vec<Made>> {
+        let all = rigs.max(EACH);
         let of = |rig: usize, recordings: std::ops::Range<usize>, conditions: Conditions| -> Vec<Made> {
-            recordings.map(|recording| Made { rig: rig % RIGS, recording, conditions }).collect()
+            recordings.map(|recording| Made { rig: rig % all, recording, conditions }).collect()
         };
         match self {
             Self::One(count) => vec![of(rig, 0..count, Conditions::STATED)],
@@ -102,8 +103,17 @@ impl Case {
         }
     }
 
+    /// Returns how many recordings of stated conditions a rig has that other rows have too.
+    fn shared(self) -> usize {
+        match self {
+            Self::One(count) if count <= EACH => count,
+            Self::Rigs { rigs, each } => rigs * each,
+            _ => 0,
+        }
+    }
+
     /// Returns what is asked, by factors of the stated conditions that were made before.
-    fn asked(self, rig: usize, made: &[Vec<PooledFactor>]) -> Asked {
+    fn asked(self, rig: usize, rigs: usize, made: &[Vec<PooledFactor>]) -> Asked {
         if let Self::Tare = self {
             let [small, ..] = on_fixture();
             return Asked::of(&tared(rig as u64, 1_000_000 + 2 * rig as u64), &small);
@@ -113,13 +123,13 @@ impl Case {
             let known = made.get(own.rig).and_then(|of_rig| of_rig.get(own.recording));
             known.filter(|_| !own_conditions).cloned().unwrap_or_else(|| own.factor())
         };
-        let files: Vec<PooledFactor> = self.recordings(rig).concat().into_iter().map(known).collect();
+        let files: Vec<PooledFactor> = self.recordings(rig, rigs).concat().into_iter().map(known).collect();
         let pooled = PooledFactor::merged(files, false).expect("recordings of one body fit together");
         Asked::of(&pooled.fit(), &Body::of_mass(MASS_KG))
     }
 
     /// Returns the standard deviations of the best estimate.
-    fn best(self, rig: usize) -> Vec<f64> {
+    fn best(self, rig: usize, rigs: usize) -> Vec<f64> {
         if let Self::Tare = self {
             let [_, bare, both] = on_fixture();
             let seed = 1_000_000 + 2 * rig as u64;
@@ -130,63 +140,91 @@ impl Case {
         let of_rig = |own: Vec<Made>| {
             own.into_iter().map(|made| information(&body, made.seed(), &made.conditions)).collect()
         };
-        deviations(&self.recordings(rig).into_iter().map(of_rig).collect::<Vec<_>>())
+        deviations(&self.recordings(rig, rigs).into_iter().map(of_rig).collect::<Vec<_>>())
     }
 }
 
-/// Returns the table.
+/// A row: its name, what is merged, and the number of rigs that it draws.
+type RowOf = (&'static str, Case, usize);
+
+/// Returns the table of recordings of one rig and of several.
 pub fn table() -> String {
-    let cases = [
-        ("1 recording", Case::One(1)),
-        ("4 of one rig", Case::One(4)),
-        ("9 of one rig", Case::One(9)),
-        ("100 of one rig", Case::One(100)),
-        ("1 of each of 4 rigs", Case::Rigs { rigs: 4, each: 1 }),
-        ("1 of each of 9 rigs", Case::Rigs { rigs: 9, each: 1 }),
-        ("3 of each of 3 rigs", Case::Rigs { rigs: 3, each: 3 }),
-        ("4 of one rig, one with five times its noise", Case::Noisy),
-        ("4 of one rig, its load cell calibrated", Case::Calibrated),
-        ("1 recording, slow motion, noise of 1 s", Case::Slow(1)),
-        ("4 of one rig, the same", Case::Slow(4)),
-        ("0.64 kg on a fixture of 6.4 kg, taken off", Case::Tare),
-    ];
-    let of_rig = |rig: usize| {
+    study(&[
+        ("1 recording", Case::One(1), RIGS),
+        ("4 of one rig", Case::One(4), RIGS),
+        ("9 of one rig", Case::One(EACH), RIGS),
+        ("1 of each of 4 rigs", Case::Rigs { rigs: 4, each: 1 }, RIGS),
+        ("1 of each of 9 rigs", Case::Rigs { rigs: EACH, each: 1 }, RIGS),
+        ("3 of each of 3 rigs", Case::Rigs { rigs: 3, each: 3 }, RIGS),
+    ])
+}
+
+/// Returns the table of a hundred recordings of one rig.
+pub fn hundred_table() -> String {
+    study(&[("100 of one rig", Case::One(100), FEW)])
+}
+
+/// Returns the table of recordings that are not alike.
+pub fn unlike_table() -> String {
+    study(&[
+        ("4 of one rig, one with five times its noise", Case::Noisy, RIGS),
+        ("4 of one rig, its load cell calibrated", Case::Calibrated, RIGS),
+        ("1 recording, slow motion, noise of 1 s", Case::Slow(1), RIGS),
+        ("4 of one rig, the same", Case::Slow(4), RIGS),
+    ])
+}
+
+/// Returns the table of a body on a fixture.
+pub fn tare_table() -> String {
+    study(&[("0.64 kg on a fixture of 6.4 kg, taken off", Case::Tare, RIGS)])
+}
+
+/// Returns a row for each case.
+fn study(rows: &[RowOf]) -> String {
+    let most = most_rigs();
+    let of_rig = |rig: usize, each: usize| {
         let own = move |recording| Made { rig, recording, conditions: Conditions::STATED }.factor();
-        Box::new(move || (0..EACH).map(own).collect()) as Job<'_, Vec<PooledFactor>>
+        Box::new(move || (0..each).map(own).collect()) as Job<'_, Vec<PooledFactor>>
     };
-    let made = &in_parallel((0..RIGS).map(of_rig).collect());
+    // Recordings of stated conditions are those of several rows.
+    let each = rows.iter().map(|(_, case, _)| case.shared()).max().unwrap_or(0);
+    let rigs = rows.iter().map(|(_, _, count)| (*count).min(most)).max().unwrap_or(0);
+    let made = &in_parallel((0..rigs).map(|rig| of_rig(rig, each)).collect());
     let mut text = String::from(
         "| recordings | rigs drawn | inside U95, % | c, I_c inside, % | predicted wrenches inside, % | rms error, σ | U95 \
          by the best, least–largest | U95 by that of one recording |\n|---|--:|--:|--:|--:|--:|--:|--:|\n",
     );
-    let mut single: Vec<Errors> = Vec::new();
-    for (name, case) in cases {
-        let count = if matches!(case, Case::One(100)) { FEW } else { RIGS };
-        let jobs = (0..count).map(|rig| Box::new(move || case.asked(rig, made)) as Job<'_, _>);
-        let all = in_parallel(jobs.collect());
+    for (name, case, count) in rows {
+        let count = (*count).min(most);
+        let ask = |case: Case| {
+            let jobs = (0..count).map(|rig| Box::new(move || case.asked(rig, rigs, made)) as Job<'_, _>);
+            in_parallel(jobs.collect())
+        };
+        let all = ask(*case);
         let inside =
             |of: &dyn Fn(&Asked) -> Errors| 100.0 * (1.0 - outside(&all.iter().map(of).collect::<Vec<_>>()));
         let [of_centre, of_wrenches] =
             [inside(&|own| own.of_centre.clone()), inside(&|own| own.of_wrenches.clone())];
         let own: Vec<Errors> = all.iter().map(|own| own.of_body.clone()).collect();
-        if single.is_empty() {
-            single.clone_from(&own);
-        }
         // The best estimate of slow noise is another.
         let bounds = match case {
             Case::One(100) => 2,
             Case::Slow(_) => 0,
             _ => BEST.min(count),
         };
-        let best =
-            in_parallel((0..bounds).map(|rig| Box::new(move || case.best(rig)) as Job<'_, _>).collect());
+        let best = in_parallel(
+            (0..bounds).map(|rig| Box::new(move || case.best(rig, rigs)) as Job<'_, _>).collect(),
+        );
         let ratios = by_best(&own, &best);
         let [least, most] =
             [f64::min, f64::max].map(|of| ratios.iter().copied().reduce(of).unwrap_or(f64::NAN));
         let by_best = if bounds > 0 { format!("{least:.2}–{most:.2}") } else { String::new() };
         let wider = match case {
             Case::Tare | Case::Calibrated | Case::Slow(_) => String::new(),
-            _ => format!("{:.2}", larger(&own, &single[..own.len()])),
+            _ => {
+                let single: Vec<Errors> = ask(Case::One(1)).into_iter().map(|own| own.of_body).collect();
+                format!("{:.2}", larger(&own, &single))
+            }
         };
         text.push_str(&format!(
             "| {name} | {count} | {:.1} | {of_centre:.1} | {of_wrenches:.1} | {:.2} | {by_best} | {wider} |\n",
@@ -195,4 +233,9 @@ pub fn table() -> String {
         ));
     }
     text
+}
+
+/// Returns the most rigs that a row draws: all, unless fewer are asked for by the environment.
+fn most_rigs() -> usize {
+    std::env::var("RIGIDENT_RIGS").ok().and_then(|count| count.parse().ok()).unwrap_or(usize::MAX)
 }

@@ -42,6 +42,9 @@ pub const DOCUMENT: Document = Document {
         Table { name: "change", make: change::table },
         Table { name: "not-rigid", make: change::not_rigid_table },
         Table { name: "merging-long", make: merging::table },
+        Table { name: "merging-hundred-long", make: merging::hundred_table },
+        Table { name: "merging-unlike-long", make: merging::unlike_table },
+        Table { name: "merging-tare-long", make: merging::tare_table },
     ],
 };
 
