@@ -23,6 +23,7 @@ mod documents;
 mod examples;
 mod factors;
 mod failures;
+mod few_poses;
 mod fitting;
 mod flashed_image;
 mod forgetting;
