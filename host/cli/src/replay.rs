@@ -16,7 +16,7 @@ use rigident::application::tree::{is_on_springs, tree_of};
 use rigident::application::{Error, Loaded, calibrate};
 use rigident::device::link::{Client, SerialTransport};
 use rigident::device::session::precision::{self, largest_numbers};
-use rigident::device::session::{DeviceTiming, Session, narrow, settings, state_imu_noise, widen};
+use rigident::device::session::{DeviceTiming, Session, settings, state_imu_noise};
 use rigident::problem::body::imu_noise::{imu_noise, white_imu_noise};
 use rigident::problem::body::prepare::prepare;
 use rigident_io::recording::Recording;
@@ -56,10 +56,9 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
         span,
         imu_noise: imu_noise(prepared.rig.imu.first(), &prepared.input.readings),
     });
+    let all = of_readings(&prepared.rig, prepared.input.readings.clone());
     let mut rig = prepared.rig.clone();
-    let all = of_readings(&rig, prepared.input.readings.clone());
-    let sigma = device_sigma(&all, span, &mut notes)?;
-    rig.load_cell.noise_n_nm = Some(sigma);
+    rig.load_cell.noise_n_nm = Some(device_sigma(&all, span, &mut notes)?);
     let (mcu, transport) = device(&arguments.mcu, Image::Standard)?;
     let mut session = Session::open(Client::new(transport)).map_err(Failure::link)?;
     let timing = DeviceTiming {
@@ -81,13 +80,14 @@ pub(super) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let mut watcher = Watcher::new(prepared.input.readings.len());
     let take = session.inject(&prepared.input.readings, &mut watcher).map_err(Failure::link)?;
     watcher.finish()?;
-    // What the device was given, not what the file holds beyond f32.
-    let given = take.readings.iter().map(|r| widen(&narrow(r))).collect();
+    // As the file has them, noise included: the device was given them in single precision, and this is the
+    // recording that `identify` reads.
+    let given = of_readings(&prepared.rig, take.readings.clone());
     Experiment {
         started,
         output: &arguments.output,
         stop: &arguments.stop,
-        loaded: of_readings(&rig, given),
+        loaded: given,
         mcu,
         identity: session.identity(),
         known: &known,

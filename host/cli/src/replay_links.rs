@@ -49,7 +49,8 @@ pub(super) fn run(
     let model = &model;
     let (told, parameters) = device_tree(model).map_err(Failure::input)?;
     let offset = recording.rig.load_cell.offset_n_nm == OffsetTable::Word(OffsetWord::Estimate);
-    let sigma = replay::device_sigma(&Loaded::of_links(&recording, model)?, None, &mut notes)?;
+    let as_read = recording.clone();
+    let sigma = replay::device_sigma(&Loaded::of_links(&as_read, model)?, None, &mut notes)?;
     recording.rig.load_cell.noise_n_nm = Some(sigma);
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
     let timing =
@@ -72,10 +73,9 @@ pub(super) fn run(
         let mut watcher = Watcher::new(readings.len());
         take = session.inject_links(&readings, &mut watcher).map_err(Failure::link)?;
         watcher.finish()?;
-        let mut read = two_links::recording(&recording.name, rig, rate_hz, &take.links);
-        if recording.attitudes.is_empty() {
-            read.attitudes.clear();
-        }
+        // As the file has them: the device was given them in single precision.
+        let mut read = as_read.clone();
+        read.keep_first(take.links.len());
         (given, mcu, identity) = (read, name, session.identity().clone());
         until = settings.stop;
     } else {
@@ -100,7 +100,7 @@ pub(super) fn run(
         let mut watcher = Watcher::new(count);
         take = session.follow_frames(&source, parameters.len(), &mut watcher).map_err(Failure::link)?;
         watcher.finish()?;
-        let mut begun = recording.clone();
+        let mut begun = as_read.clone();
         begun.keep_first(tree::frames_taken(&take));
         (given, mcu, until) = (begun, simulated::name(runner), settings.stop);
         identity = session.identity().clone();

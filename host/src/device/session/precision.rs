@@ -53,8 +53,8 @@ pub fn told(sigma: &[f64; 6], raised: &[usize]) -> Option<String> {
     let most = raised.iter().filter_map(|c| sigma.get(*c)).fold(0.0_f64, |most, s| most.max(*s));
     (!raised.is_empty()).then(|| {
         format!(
-            "the device counts in single precision, which bears no smaller noise than {most:.1e} N or N m of {}: it was told that, and its \
-             answer holds six digits; `rigident identify` of the recording counts in double",
+            "the device counts in single precision, which bears no smaller noise than {most:.1e} N or N m of {}: it was told that, and its own \
+             estimate holds six digits; the answer is counted in double precision here",
             names.join(", ")
         )
     })
