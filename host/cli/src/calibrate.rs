@@ -73,7 +73,7 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
     let stages = Stages::new("calibration");
     let runs: Vec<Run> = all.iter().map(|read| read.run()).collect::<Result<_, _>>()?;
     let fingerprints: Vec<String> =
-        runs.iter().map(|run| RigCalibration::fingerprint(run.source.fingerprint())).collect();
+        runs.iter().map(|run| RigCalibration::fingerprint(run.source.identity().fingerprint)).collect();
     for (k, run) in runs.iter().enumerate() {
         if fingerprints.get(k).is_some_and(|own| fingerprints.iter().take(k).any(|other| other == own)) {
             return Err(Failure::input(format!(

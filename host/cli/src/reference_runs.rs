@@ -108,7 +108,7 @@ pub(super) fn read(
         let mut said = recording.warnings.clone();
         said.extend(warnings.iter().cloned());
         said.extend(expired);
-        let readings = problem.source().fingerprint();
+        let readings = problem.source().identity().fingerprint;
         said.extend(problem.rig.calibrated().and_then(|c| c.repeated(readings)));
         all.push(Read {
             name: path.display().to_string(),

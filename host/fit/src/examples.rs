@@ -118,6 +118,7 @@ impl Run {
             channels: channels.to_vec(),
             checks: None,
             labels: std::collections::BTreeMap::new(),
+            readings: Vec::new(),
             folded: None,
         };
         let pooled = PooledFactor {
@@ -128,6 +129,7 @@ impl Run {
             rigs: vec![RigRows::plain(factor(&a, &y))],
             errors_inside: false,
             differing: Vec::new(),
+            overlapping: Vec::new(),
             sources: vec![source],
             eliminated: 0,
             disagreement: 0.0,

@@ -232,8 +232,13 @@ impl Factor {
     /// Returns the factor over more parameters, `count` of them after the present ones, of which the rows say nothing.
     #[must_use]
     pub fn append(&self, count: usize) -> Self {
-        let n = self.parameters;
-        self.substitute(&DMatrix::identity(n, n + count))
+        let (n, all) = (self.parameters, self.parameters + count);
+        let mut out = Self::new(all);
+        let columns = (0..n).chain([all]).zip(self.triangle.chunks_exact(n.max(1)));
+        for (to, column) in columns {
+            out.triangle[to * all..to * all + n].copy_from_slice(column);
+        }
+        out.with_residual(self.residual_sum_of_squares, self.rows)
     }
 
     /// Returns what all rows say of the parameters `kept`, in that order, whatever the others are.
@@ -245,8 +250,32 @@ impl Factor {
         let mut order: Vec<usize> = (0..n).filter(|j| !kept.contains(j)).collect();
         let gone = order.len();
         order.extend(kept.iter().copied().filter(|j| *j < n));
-        let map = DMatrix::from_fn(n, n, |j, k| f64::from(u8::from(order.get(k) == Some(&j))));
-        self.substitute(&map).trailing(gone)
+        self.in_order(&order).trailing(gone)
+    }
+
+    /// Returns the factor with its columns in another order.
+    fn in_order(&self, order: &[usize]) -> Self {
+        let n = self.parameters;
+        let moved = (0..n).rev().find(|k| order.get(*k) != Some(k)).map_or(0, |k| k + 1);
+        // The rows below hold none of the columns that move: they are a triangle as they are.
+        let mut out = self.rows_from(moved);
+        let row = |i: usize| order.iter().map(|j| self.triangle[j * n + i]).collect();
+        let top: Vec<Vec<f64>> = (0..moved).map(row).collect();
+        out.absorb(top.iter().zip(self.z()).map(|(row, value)| (row.as_slice(), *value)));
+        out.residual_sum_of_squares += self.residual_sum_of_squares;
+        out.rows = self.rows;
+        out
+    }
+
+    /// Returns the factor of the rows of the triangle from `first` on, which tell nothing of the columns before, and of
+    /// no others.
+    pub(super) fn rows_from(&self, first: usize) -> Self {
+        let n = self.parameters;
+        let mut out = Self::new(n);
+        for (to, from) in out.triangle.chunks_exact_mut(n.max(1)).zip(self.triangle.chunks_exact(n.max(1))) {
+            to[first..].copy_from_slice(&from[first..]);
+        }
+        out
     }
 
     /// Returns what all rows say of the first `kept` parameters, whatever the others are.

@@ -4,23 +4,28 @@
 //! CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds, owners and what they are made of
 //! are part of it, so a factor of another model is told apart.
 
+mod rigs;
+
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::pool::{Folded, PooledFactor, SAMPLE};
 use rigident_shared::printable;
 
-use super::{Basis, Checks, Factor, Parameter, RigError, RigRows};
+use super::{Basis, Checks, Factor, Parameter, READINGS_KEPT};
+use rigs::{Rigs, StoredRig};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
 /// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds
 /// the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
-/// 7 says how many runs stand for one; it is written where there are such, and 6 where there are none.
-pub const VERSION: u16 = 7;
+/// 7 says how many runs stand for one, where there are such. 8 holds some readings of each run, and each number
+/// that errors have in common once.
+pub const VERSION: u16 = 8;
+/// Has no readings, and all numbers of every error.
+const WITHOUT_READINGS: u16 = 7;
 /// Tells every run apart.
 const WITHOUT_FOLDED: u16 = 6;
 /// Holds what is known of errors in its rows.
@@ -39,6 +44,8 @@ pub const MOST_SOURCES: usize = 1 << 20;
 pub const MOST_ERRORS: usize = 1024;
 /// The most texts that errors are told apart by.
 const MOST_TEXTS: usize = 1 << 16;
+/// The most numbers of errors.
+const MOST_NUMBERS: usize = 1 << 20;
 /// The most rigs in a factor.
 pub const MOST_RIGS: usize = 1 << 14;
 /// The most channels of a run.
@@ -133,7 +140,7 @@ pub struct FactorSource {
     pub recording: String,
     /// When it was recorded, s since 1970-01-01 UTC; `None`: not known.
     pub recorded_unix_s: Option<i64>,
-    /// [`super::RowSource::fingerprint`] of its readings: a recording counts once.
+    /// That of [`super::RowSource::identity`]: a recording counts once.
     pub fingerprint: u64,
     /// Samples in it.
     pub samples: u64,
@@ -163,6 +170,10 @@ pub struct FactorSource {
     /// What tells it from other runs of a collection: `body`, `rig` and others, each with its value.
     #[serde(skip)]
     pub labels: BTreeMap<String, String>,
+    /// The smallest hashes of single readings ([`super::RowSource::identity`]); empty: not known, by an older
+    /// program, or of several runs.
+    #[serde(skip)]
+    pub readings: Vec<u64>,
     /// What is left of several runs that are no longer told apart; `None` of one.
     #[serde(skip)]
     pub folded: Option<Folded>,
@@ -205,41 +216,21 @@ fn one() -> f64 {
     1.0
 }
 
-/// An error of a rig; its texts are among those of all.
-#[derive(Serialize, Deserialize)]
-struct StoredError {
-    name: String,
-    instrument: u32,
-    group: u32,
-    unit: u32,
-    basis: u32,
-    expected: f64,
-    sigma: f64,
-}
-
-/// The errors of a rig, and their correlations.
-#[derive(Serialize, Deserialize)]
-struct StoredRig {
-    #[serde(deserialize_with = "at_most::<_, _, MOST_ERRORS>")]
-    errors: Vec<StoredError>,
-    /// True if the lower triangle of the covariance beforehand follows the numbers of the rows.
-    is_correlated: bool,
-    rows: u64,
-}
-
-/// The rigs, in the order of their numbers, and what their errors are told apart by, each once.
+/// What came with version 8: numbers of errors, each once; some readings of each run; runs that have readings in
+/// common.
 #[derive(Default, Serialize, Deserialize)]
-struct Rigs {
+struct Added {
+    #[serde(deserialize_with = "at_most::<_, _, MOST_NUMBERS>")]
+    numbers: Vec<f64>,
+    #[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")]
+    readings: Vec<Readings>,
     #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
-    texts: Vec<String>,
-    #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
-    bases: Vec<Basis>,
-    #[serde(deserialize_with = "at_most::<_, _, MOST_RIGS>")]
-    rigs: Vec<StoredRig>,
-    /// Errors of which its runs stated different standard deviations.
-    #[serde(deserialize_with = "at_most::<_, _, MOST_TEXTS>")]
-    differing: Vec<String>,
+    overlapping: Vec<String>,
 }
+
+/// Hashes of readings.
+#[derive(Serialize, Deserialize)]
+struct Readings(#[serde(deserialize_with = "at_most::<_, _, READINGS_KEPT>")] Vec<u64>);
 
 /// Holds what each run has, in their order.
 #[derive(Deserialize)]
@@ -311,18 +302,18 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
     let checks: Vec<Option<&Checks>> = pooled.sources.iter().map(|source| source.checks.as_ref()).collect();
     let labels: Vec<&BTreeMap<String, String>> = pooled.sources.iter().map(|source| &source.labels).collect();
     let scales: Vec<Scale> = pooled.sources.iter().map(|own| (own.variance_scale, own.fitted)).collect();
-    let rigs = Rigs { differing: pooled.differing.clone(), ..Rigs::of(&pooled.rigs) };
-    let inside = pooled.errors_inside;
-    let numbers = rigs.numbers(header.parameters.len()) as u64;
+    let (rigs, numbers) = Rigs::of(&pooled.rigs, &pooled.differing);
+    let count = rigs.numbers(header.parameters.len()) as u64;
     let folded: Vec<Option<&Folded>> = pooled.sources.iter().map(|own| own.folded.as_ref()).collect();
-    let is_folded = folded.iter().any(Option::is_some);
-    let version = if is_folded { VERSION } else { WITHOUT_FOLDED };
-    let counts = (version, header.parameters.len() as u64, header.sources.len() as u64, numbers);
-    let mut body =
-        postcard::to_allocvec(&(counts, header, checks, labels, scales, inside, rigs)).unwrap_or_default();
-    if is_folded {
-        body.extend(postcard::to_allocvec(&folded).unwrap_or_default());
-    }
+    let added = Added {
+        numbers,
+        readings: pooled.sources.iter().map(|own| Readings(own.readings.clone())).collect(),
+        overlapping: pooled.overlapping.clone(),
+    };
+    let counts = (VERSION, header.parameters.len() as u64, header.sources.len() as u64, count);
+    let of_runs = (checks, labels, scales);
+    let object = (counts, header, of_runs, pooled.errors_inside, rigs, folded, added);
+    let mut body = postcard::to_allocvec(&object).unwrap_or_default();
     for rig in &pooled.rigs {
         let mut numbers = rig.factor().entries();
         if !rig.is_independent() {
@@ -333,100 +324,6 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
         body.extend(numbers.iter().flat_map(|entry| entry.to_le_bytes()));
     }
     [MAGIC.as_slice(), &body, &CRC.checksum(&body).to_le_bytes()].concat()
-}
-
-/// Returns the place of a thing in a list, put there if it is not.
-fn place<T: PartialEq + Clone>(list: &mut Vec<T>, thing: &T) -> u32 {
-    let at = list.iter().position(|own| own == thing).unwrap_or_else(|| {
-        list.push(thing.clone());
-        list.len() - 1
-    });
-    u32::try_from(at).unwrap_or(u32::MAX)
-}
-
-impl Rigs {
-    fn of(rigs: &[RigRows]) -> Self {
-        let mut all = Self::default();
-        for rig in rigs {
-            let errors = rig.errors().iter().map(|error| StoredError {
-                name: error.name.clone(),
-                instrument: place(&mut all.texts, &error.instrument),
-                group: place(&mut all.texts, &error.group),
-                unit: place(&mut all.texts, &error.unit),
-                basis: place(&mut all.bases, &error.basis),
-                expected: error.expected,
-                sigma: error.sigma,
-            });
-            let errors = errors.collect();
-            let (is_correlated, rows) = (!rig.is_independent(), rig.factor().rows());
-            all.rigs.push(StoredRig { errors, is_correlated, rows });
-        }
-        all
-    }
-
-    /// Returns how many numbers follow, of this many parameters.
-    fn numbers(&self, parameters: usize) -> usize {
-        self.rigs.iter().flat_map(|rig| rig.numbers(parameters)).sum()
-    }
-
-    /// Returns the rows of the numbers; `None` if they are none.
-    fn rows_of(self, parameters: usize, numbers: &[u8]) -> Option<Vec<RigRows>> {
-        let Self { texts, bases, rigs, .. } = self;
-        let text = |at: u32| texts.get(at as usize).cloned();
-        let mut rest = numbers;
-        let mut found = Vec::new();
-        for rig in rigs {
-            let [entries, others] = rig.numbers(parameters);
-            let own;
-            (own, rest) = rest.split_at_checked(8 * (entries + others))?;
-            let own: Vec<f64> = own
-                .chunks_exact(8)
-                .map(|word| word.try_into().map_or(f64::NAN, f64::from_le_bytes))
-                .collect();
-            let error = |stored: StoredError| {
-                Some(RigError {
-                    instrument: text(stored.instrument)?,
-                    name: stored.name,
-                    group: text(stored.group)?,
-                    unit: text(stored.unit)?,
-                    basis: bases.get(stored.basis as usize)?.clone(),
-                    expected: stored.expected,
-                    sigma: stored.sigma,
-                })
-            };
-            let (is_correlated, rows) = (rig.is_correlated, rig.rows);
-            let errors: Vec<RigError> = rig.errors.into_iter().map(error).collect::<Option<_>>()?;
-            let (entries, lower) = own.split_at_checked(entries)?;
-            let factor = Factor::from_entries(parameters + errors.len(), entries, rows).filter(in_range)?;
-            let covariance = beforehand(&errors, lower, is_correlated)?;
-            found.push(RigRows::new(parameters, factor, errors, covariance)?);
-        }
-        Some(found)
-    }
-}
-
-/// Returns the covariance of errors by its lower triangle, or by their standard deviations; `None` if these
-/// are out of range.
-fn beforehand(errors: &[RigError], lower: &[f64], is_correlated: bool) -> Option<DMatrix<f64>> {
-    let usual = |e: &RigError| (LARGEST.recip()..LARGEST).contains(&e.sigma) && e.expected.abs() < LARGEST;
-    let entry = |i: usize, j: usize| match is_correlated {
-        _ if i == j => errors.get(i).map_or(f64::NAN, |e| e.sigma.powi(2)),
-        true => lower.get(i.max(j) * (i.max(j) + 1) / 2 + i.min(j)).copied().unwrap_or(f64::NAN),
-        false => 0.0,
-    };
-    let covariance = DMatrix::from_fn(errors.len(), errors.len(), entry);
-    // No covariance is larger than the product of its standard deviations.
-    let within = |i: usize, j: usize| covariance[(i, j)].abs() <= errors[i].sigma * errors[j].sigma;
-    let bounded = (0..errors.len()).all(|i| (0..i).all(|j| within(i, j)));
-    (errors.iter().all(usual) && bounded).then_some(covariance)
-}
-
-impl StoredRig {
-    /// Returns how many numbers its rows and its errors have, of this many parameters.
-    fn numbers(&self, parameters: usize) -> [usize; 2] {
-        let (n, k) = (parameters + self.errors.len(), self.errors.len());
-        [n * (n + 3) / 2 + 1, if self.is_correlated { k * (k + 1) / 2 } else { 0 }]
-    }
 }
 
 /// Reads the bytes of a factor file called `name`.
@@ -467,14 +364,18 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         header.sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
         numbers = rest;
     }
+    let mut overlapping = Vec::new();
     let (errors_inside, rigs, numbers) = match version {
         ..=ERRORS_INSIDE => {
             let stored = StoredRig { errors: Vec::new(), is_correlated: false, rows: header.rows };
-            (true, Rigs { rigs: vec![stored], ..Rigs::default() }, numbers)
+            let (texts, bases, differing) = (Vec::new(), Vec::new(), Vec::new());
+            (true, Rigs { texts, bases, rigs: vec![stored], differing }, numbers)
         }
-        _ => rigs_of(numbers, &mut header.sources)?,
+        _ => {
+            let numbers = scales_of(numbers, &mut header.sources)?;
+            rigs_of(version, numbers, &mut header.sources, &mut overlapping)?
+        }
     };
-    let numbers = if version > WITHOUT_FOLDED { folded_of(numbers, &mut header.sources)? } else { numbers };
     check_freedom(&header)?;
     let Header {
         parameters,
@@ -486,7 +387,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         disagreement,
         comparisons,
     } = header;
-    check_names(&parameters, &sources, &rigs)?;
+    check_names(&parameters, &sources, &rigs, &overlapping)?;
     let count = parameters.len();
     let refuse = || FactorFileError::Numbers { got: numbers.len() / 8, parameters: count };
     if rigs.rigs.is_empty() || numbers.len() != 8 * rigs.numbers(count) {
@@ -506,15 +407,12 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         disagreement,
         comparisons,
         differing,
+        overlapping,
     })
 }
 
-/// Takes the noise of runs, and the rigs, off the bytes: whether errors are in the rows, the rigs, and the
-/// bytes of their numbers.
-fn rigs_of<'a>(
-    bytes: &'a [u8],
-    sources: &mut [FactorSource],
-) -> Result<(bool, Rigs, &'a [u8]), FactorFileError> {
+/// Takes the noise of runs off the bytes.
+fn scales_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u8], FactorFileError> {
     let (scales, rest) = of_runs::<Scale>(bytes, sources.len())?;
     let usual = |(scale, fitted): &Scale| {
         (LARGEST.recip()..LARGEST).contains(scale) && (0.0..LARGEST).contains(&fitted.unwrap_or(0.0))
@@ -524,7 +422,36 @@ fn rigs_of<'a>(
     }
     let scaled = sources.iter_mut().zip(scales);
     scaled.for_each(|(source, own)| (source.variance_scale, source.fitted) = own);
-    let ((inside, rigs), rest) = postcard::take_from_bytes(rest).map_err(|_| FactorFileError::Damaged)?;
+    Ok(rest)
+}
+
+/// Takes the rigs, and what stands behind them, off the bytes: whether errors are in the rows, the rigs, and the
+/// bytes of their numbers.
+fn rigs_of<'a>(
+    version: u16,
+    bytes: &'a [u8],
+    sources: &mut [FactorSource],
+    overlapping: &mut Vec<String>,
+) -> Result<(bool, Rigs<f64>, &'a [u8]), FactorFileError> {
+    let damaged = |_| FactorFileError::Damaged;
+    if version <= WITHOUT_READINGS {
+        let ((inside, rigs), rest) = postcard::take_from_bytes(bytes).map_err(damaged)?;
+        let rest = if version > WITHOUT_FOLDED { folded_of(rest, sources)? } else { rest };
+        return Ok((inside, rigs, rest));
+    }
+    let ((inside, rigs), rest) = postcard::take_from_bytes::<(bool, Rigs)>(bytes).map_err(damaged)?;
+    let rest = folded_of(rest, sources)?;
+    let (added, rest) = postcard::take_from_bytes::<Added>(rest).map_err(damaged)?;
+    if added.readings.len() != sources.len() {
+        return Err(FactorFileError::Damaged);
+    }
+    let usual = |own: &Readings| own.0.windows(2).all(|pair| pair[0] < pair[1]);
+    if !added.readings.iter().all(usual) {
+        return Err(FactorFileError::Header("readings that are not in order"));
+    }
+    sources.iter_mut().zip(added.readings).for_each(|(source, own)| source.readings = own.0);
+    *overlapping = added.overlapping;
+    let rigs = rigs.with_numbers(&added.numbers).ok_or(FactorFileError::Damaged)?;
     Ok((inside, rigs, rest))
 }
 
@@ -580,7 +507,8 @@ fn in_range(factor: &Factor) -> bool {
 fn check_names(
     parameters: &[StoredParameter],
     sources: &[FactorSource],
-    rigs: &Rigs,
+    rigs: &Rigs<f64>,
+    overlapping: &[String],
 ) -> Result<(), FactorFileError> {
     let of_parameter = |p: &StoredParameter| {
         [&p.name, &p.unit, &p.frame, p.owner.name()].into_iter().all(|text| printable::is_name(text))
@@ -598,7 +526,10 @@ fn check_names(
         Basis::Stated(text) | Basis::Class(text) | Basis::Calibration(text) => text,
     });
     let mut texts = rigs.texts.iter().chain(&rigs.differing).chain(of_rigs).chain(bases);
-    let fit = parameters.iter().all(of_parameter)
+    // Each holds two names.
+    let pairs = overlapping.iter().all(|text| text.split(" and ").all(printable::is_name));
+    let fit = pairs
+        && parameters.iter().all(of_parameter)
         && sources.iter().all(of_run)
         && texts.all(|text| printable::is_name(text));
     if fit { Ok(()) } else { Err(FactorFileError::Header(UNFIT_NAME)) }

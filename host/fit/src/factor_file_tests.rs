@@ -115,6 +115,7 @@ fn what_cannot_be_reckoned_with_is_named() {
     assert!(header(&|f| f.sources[0].channels[5].gain_sigma = -1.0));
     assert!(header(&|f| f.sources[0].noise_gain = f64::INFINITY));
     assert!(header(&|f| f.sources[0].spurious_information = f64::NAN));
+    assert!(header(&|f| f.sources[0].readings = vec![2, 1]));
     assert_eq!(with(&|f| f.sources.clear()), FactorFileError::Empty);
     assert_eq!(with(&|f| f.sources[0].rows = 0), FactorFileError::Empty);
     assert_eq!(with(&|f| f.rigs = vec![RigRows::plain(Factor::new(25))]), FactorFileError::Empty);
@@ -144,7 +145,7 @@ fn what_cannot_be_reckoned_with_is_named() {
 #[test]
 fn names_that_steer_are_refused_wherever_they_are() {
     type Place = fn(&mut PooledFactor) -> &mut String;
-    let places: [(&str, Place); 9] = [
+    let places: [(&str, Place); 10] = [
         ("recording", |f| &mut f.sources[0].recording),
         ("parameter", |f| &mut f.parameters[0].name),
         ("unit", |f| &mut f.parameters[0].unit),
@@ -156,6 +157,10 @@ fn names_that_steer_are_refused_wherever_they_are() {
         ("error", |f| {
             f.differing.push(String::new());
             &mut f.differing[0]
+        }),
+        ("pair of runs", |f| {
+            f.overlapping.push(String::new());
+            &mut f.overlapping[0]
         }),
     ];
     let good = file(&tree(1));
@@ -208,6 +213,19 @@ fn impossible_correlations_of_errors_are_refused() {
         body[at..at + 8].copy_from_slice(&f64::to_le_bytes(bad));
         assert!(matches!(read(&sealed(&body)), Err(FactorFileError::Numbers { .. })), "{bad}");
     }
+}
+
+/// Files of version 6 are read, and know no readings.
+#[test]
+fn a_file_without_readings_is_read() {
+    let corpus = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/factor_file");
+    let [old, new] = ["body-version-6", "body"].map(|name| std::fs::read(corpus.join(name)).unwrap());
+    assert_ne!(old, new);
+    assert_eq!(read(&old), read(&new));
+    let mut own = read(&old).unwrap();
+    own.sources[0].readings = vec![1, 7, 9];
+    own.overlapping = vec!["a and b".to_owned()];
+    assert_eq!(read(&own.to_bytes()), Ok(own));
 }
 
 /// Files of version 5 are read, and say that what was known of errors is in their rows.

@@ -67,7 +67,7 @@ pub use condition::{
 pub use engine::{LEAST_EXCITATION, device_estimate, fit, fit_device};
 pub use estimate::{COVERAGE_95, Estimate, Measured, Noise, Unjudged};
 pub use factor::{Factor, Solution};
-pub use fingerprint::Fingerprint;
+pub use fingerprint::{Fingerprint, Identity, READINGS_KEPT};
 pub use gaussian::Gaussian;
 pub use larger_errors::{ErrorScores, Larger};
 pub use noise_check::{Judgement, RowSet, StatedNoise, judge};

@@ -80,7 +80,7 @@ impl Tare {
         let without =
             OwnErrors { errors: without.errors.iter().map(|(n, e)| (n.clone(), of_known * e)).collect() };
         budget(&mut fit, &OwnErrors::of(total), &without, &sides, of_sought, total);
-        fit.fingerprints.extend(&self.fit().fingerprints);
+        fit.identities.extend(self.fit().identities.iter().cloned());
         fit.runs.extend(self.fit().runs.iter().cloned());
         fit.spurious_information += self.fit().spurious_information;
         fit

@@ -62,15 +62,19 @@ pub struct PooledFactor {
     pub comparisons: u64,
     /// Errors of which runs of one rig stated different standard deviations: the largest was taken.
     pub differing: Vec<String>,
+    /// Names of runs that have a part of their readings in common, two by two.
+    pub overlapping: Vec<String>,
 }
 
 impl PooledFactor {
     /// Returns the factor of one run; its date is not known.
     pub fn of(fit: &Fit, recording: &str) -> Self {
+        let identity = fit.identities.first().cloned().unwrap_or_default();
         let source = FactorSource {
             recording: recording.to_owned(),
             recorded_unix_s: None,
-            fingerprint: fit.fingerprints.first().copied().unwrap_or(0),
+            fingerprint: identity.fingerprint,
+            readings: identity.sample,
             samples: fit.counts.samples,
             rejected: fit.counts.rejected,
             rows: fit.factor.rows(),
@@ -107,6 +111,7 @@ impl PooledFactor {
             disagreement: 0.0,
             comparisons: 0,
             differing: Vec::new(),
+            overlapping: Vec::new(),
         }
     }
 
@@ -294,7 +299,7 @@ impl PooledFactor {
             rig_rows,
             rounding: self.rounding,
             model_fingerprint: self.model_fingerprint,
-            fingerprints: self.sources.iter().flat_map(|s| s.fingerprints().to_vec()).collect(),
+            identities: self.sources.iter().flat_map(FactorSource::identities).collect(),
             prior: None,
             noise: NoiseCheck {
                 sigma_given: self.sources.iter().any(|s| s.sigma_given),

@@ -57,7 +57,7 @@ fn merged_runs_are_the_dense_problem_with_offsets_of_each_run() {
         assert!(apart(&fit, &all, &estimate, &covariance) < 1e-9);
         assert_eq!((fit.noise.variance_scale, fit.noise.disagreement), (1.0, None));
         assert_eq!((fit.channels.len(), fit.counts.samples, fit.counts.blocks), (6, 90, 90));
-        assert_eq!(fit.fingerprints, [0, 1, 2]);
+        assert_eq!(fit.identities.iter().map(|own| own.fingerprint).collect::<Vec<_>>(), [0, 1, 2]);
     }
 }
 

@@ -4,8 +4,8 @@ use nalgebra::DMatrix;
 
 use super::lack_of_fit::LackOfFit;
 use super::{
-    Agreement, Channel, CheckedRun, Effect, ErrorScores, Estimate, Factor, Filter, Gaussian, Measured,
-    NuisanceFit, Parameter, RigError, RigRows, SignalNoise, StatedNoise,
+    Agreement, Channel, CheckedRun, Effect, ErrorScores, Estimate, Factor, Filter, Gaussian, Identity,
+    Measured, NuisanceFit, Parameter, RigError, RigRows, SignalNoise, StatedNoise,
 };
 
 /// Residuals of a channel that stay correlated for longer than the filter explains.
@@ -199,8 +199,8 @@ pub struct Fit {
     pub rounding: f64,
     /// The model's ([`super::RowSource::model_fingerprint`]).
     pub model_fingerprint: u64,
-    /// Those of the readings of each run ([`super::RowSource::fingerprint`]).
-    pub fingerprints: Vec<u64>,
+    /// What tells the readings of each run from others ([`super::RowSource::identity`]).
+    pub identities: Vec<Identity>,
     /// What was known beforehand, if anything.
     pub prior: Option<Prior>,
     /// The residuals against the noise that was stated.

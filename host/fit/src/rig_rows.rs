@@ -234,7 +234,7 @@ impl RigRows {
 
     /// Merges rows over the same parameters that each run was linearised for about its own estimate. Returns
     /// the names of the errors of which different standard deviations were stated; the larger is taken, also
-    /// of those of a class, which goes by the load.
+    /// of those of one class, which goes by the load.
     ///
     /// With `R_φφ (φ + T θ) = z` the sum has the mean of T, weighed as the parameters are, and what each run
     /// says of θ by itself. That T differs from run to run tells nothing of θ: it has the noise of the run's
@@ -242,14 +242,15 @@ impl RigRows {
     pub fn merge_run(&mut self, other: &Self) -> Vec<String> {
         let (rows, differing) = self.aligned(other);
         let n = self.parameters;
-        let mut sum = Factor::new(self.factor.parameters());
+        // What each says of the errors by itself.
+        let mut sum = self.factor.rows_from(n);
+        sum.merge(&rows.rows_from(n));
         let mut tops = Vec::new();
         for factor in [&self.factor, &rows] {
             let count = factor.parameters();
-            let mut all = factor.r().insert_column(count, 0.0);
-            all.column_mut(count).copy_from_slice(factor.z());
-            let (top, others) = of_parameters(&all.rows(0, n).into_owned(), n);
-            absorb(&mut sum, &all.rows(n, all.nrows() - n).into_owned());
+            let mut all = factor.r().rows(0, n).into_owned().insert_column(count, 0.0);
+            all.column_mut(count).copy_from_slice(&factor.z()[..n]);
+            let (top, others) = of_parameters(&all, n);
             absorb(&mut sum, &others);
             tops.push(top);
         }
@@ -312,9 +313,10 @@ impl RigRows {
                 continue;
             }
             let own = self.covariance[(*k, *k)];
-            let is_class = |error: &RigError| matches!(error.basis, Basis::Class(_));
-            let of_classes = is_class(&self.errors[*k]) && is_class(&other.errors[i]);
-            if !of_classes && (theirs / own - 1.0).abs() > SAME_SIGMA {
+            let (ours, error) = (&self.errors[*k], &other.errors[i]);
+            let of_class = matches!(error.basis, Basis::Class(_)) && error.basis == ours.basis;
+            let differs = (theirs / own - 1.0).abs() > SAME_SIGMA && !of_class;
+            if differs || (error.expected - ours.expected).abs() > SAME_SIGMA * ours.sigma {
                 differing.push(self.errors[*k].name.clone());
             }
             if theirs > own {

@@ -6,7 +6,7 @@ use rigident_shared::screening::Rejection;
 
 use super::made_blocks::MadeBlocks;
 use super::{
-    Channel, ErrorRow, Filter, Fingerprint, FitError, Gaussian, Nuisance, Parameter, Progress, RowBlocks,
+    Channel, ErrorRow, Filter, FitError, Gaussian, Identity, Nuisance, Parameter, Progress, RowBlocks,
     StatedNoise, condition,
 };
 
@@ -116,22 +116,24 @@ pub trait RowSource: Send + Sync {
         0
     }
 
-    /// Returns a number that is the same for the same readings, whatever file they stand in: a run counts once where
-    /// factors are merged. The default is made of the times and the measured values of all samples.
-    fn fingerprint(&self) -> u64 {
+    /// Gives every reading to `take`: its time, ns, if it has one, and its numbers. The default takes the measured
+    /// values of all samples.
+    fn each_reading(&self, take: &mut dyn FnMut(Option<u64>, &[f64])) {
         let (channels, parameters) = (self.channels().len(), self.parameters().len());
-        let (mut hash, mut rows) = (Fingerprint::default(), SampleRows::default());
+        let mut rows = SampleRows::default();
         for sample in 0..self.samples() {
             rows.clear(channels, parameters);
-            if self.timing() != Timing::Static {
-                hash.add(self.time_ns(sample));
-            }
+            let time_ns = (self.timing() != Timing::Static).then(|| self.time_ns(sample));
             // A rejected sample is one of the readings too; what of it is told apart is its time.
-            if self.rows(sample, &mut rows).is_ok() {
-                rows.measured.iter().for_each(|value| hash.add(value.to_bits()));
-            }
+            let good = self.rows(sample, &mut rows).is_ok();
+            take(time_ns, if good { rows.measured.as_slice() } else { &[] });
         }
-        hash.finish()
+    }
+
+    /// Returns what tells these readings from others, whatever file they stand in: a run counts once where factors
+    /// are merged.
+    fn identity(&self) -> Identity {
+        Identity::of(|take| self.each_reading(take))
     }
 
     /// Returns the name of the signal that a [`Rejection`] numbers; by default that is a channel.

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 use super::own_errors::OwnErrors;
 use super::pool::{self, PooledFactor};
 use super::standard::{name, weights};
-use super::{Convergence, Estimate, Fit, Measured, Parameter, RigRows};
+use super::{Convergence, Estimate, Fit, Identity, Measured, Parameter, RigRows};
 
 /// Why a fixture is not taken off.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -171,7 +171,9 @@ impl Tare {
 
     /// Refuses a run that is one of the fixture's.
     pub(super) fn refuse_repeated(&self, fit: &Fit) -> Result<(), TareError> {
-        if fit.fingerprints.iter().any(|own| self.fit.fingerprints.contains(own)) {
+        let is_own =
+            |own: &Identity| self.fit.identities.iter().any(|other| other.fingerprint == own.fingerprint);
+        if fit.identities.iter().any(is_own) {
             return Err(TareError::Repeated { fixture: self.pooled.name.clone() });
         }
         Ok(())

@@ -241,7 +241,7 @@ impl Loaded {
         let recorded = recording.recorded();
         warnings.extend(recording.rig.calibrated().and_then(|c| c.expired(recorded.as_deref())));
         let calibrated = recording.rig.calibrated();
-        warnings.extend(calibrated.and_then(|c| c.repeated(problem.source().fingerprint())));
+        warnings.extend(calibrated.and_then(|c| c.repeated(problem.source().identity().fingerprint)));
         warnings.extend(problem.rig.imu.first().and_then(|imu| input_checks::far_away(imu.position_m)));
         let mut notes = problem.notes.clone();
         notes.extend(assumed(&recording.rig));

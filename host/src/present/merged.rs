@@ -3,7 +3,7 @@
 use super::text::{NOT_IDENTIFIED, with_u95};
 use rigident_fit::factor_file::FactorSource;
 use rigident_fit::pool::{PooledFactor, names_in_words};
-use rigident_fit::{CheckedRun, Measured, RigRows};
+use rigident_fit::{CheckedRun, Measured, RigError, RigRows};
 
 /// Lines of a table at most.
 const MOST: usize = 16;
@@ -40,6 +40,32 @@ fn unnamed<'a>(rigs: impl Iterator<Item = &'a RigRows>) -> String {
     words.join(" and ")
 }
 
+/// Returns the instruments that errors are of, those of a kind together: `one load cell (FT 17)`, `2 IMUs (a, b)`.
+fn instruments(rigs: &[RigRows]) -> Vec<String> {
+    // Where an IMU sits makes no other one.
+    let is_place = |error: &&RigError| matches!(error.group.as_str(), "lever arm" | "IMU rotation");
+    let errors = || rigs.iter().flat_map(RigRows::errors).filter(|error| !is_place(error));
+    let of_kind = |(one, many): (&str, &str)| {
+        let name =
+            |error: &RigError| error.instrument.strip_prefix(one)?.strip_prefix(' ').map(str::to_owned);
+        let mut names: Vec<String> = errors().filter_map(name).collect();
+        names.sort_unstable();
+        names.dedup();
+        let count = match names.len() {
+            0 => return None,
+            1 => format!("one {one}"),
+            several => format!("{several} {many}"),
+        };
+        names.retain(|name| !name.starts_with('#'));
+        let named = names_in_words(&names, ", ");
+        Some(if names.is_empty() { count } else { format!("{count} ({named})") })
+    };
+    [("load cell", "load cells"), ("IMU", "IMUs"), ("machine", "machines")]
+        .into_iter()
+        .filter_map(of_kind)
+        .collect()
+}
+
 /// Returns what merging runs assumed of their rigs and noise, in words; nothing of one run.
 pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
     if pooled.runs() < 2 {
@@ -48,10 +74,21 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
     let mut said = Vec::new();
     let unnamed = unnamed(pooled.rigs.iter());
     let (rigs, runs) = (pooled.rigs.len() as u64, pooled.runs());
-    if rigs > 1 {
-        let how = if unnamed.is_empty() { "" } else { ", as their rig files state different things" };
+    let instruments = instruments(&pooled.rigs);
+    if !instruments.is_empty() {
+        let how =
+            if unnamed.is_empty() || rigs < 2 { "" } else { ", as their rig files state different things" };
+        let several = if rigs > 1 { "; those of different ones are independent" } else { "" };
         said.push(format!(
-            "the {runs} runs count as those of {rigs} rigs, whose errors are independent{how}"
+            "the {runs} runs count as taken with {}{how}: errors of one instrument do not average out{several}",
+            instruments.join(" and ")
+        ));
+    }
+    if !pooled.overlapping.is_empty() {
+        said.push(format!(
+            "{} have readings in common, so that these count twice and the intervals are too narrow: leave one of each \
+             two out",
+            names_in_words(&pooled.overlapping, ", ")
         ));
     }
     if !unnamed.is_empty() && rigs < runs {

@@ -141,7 +141,7 @@ impl Engine<'_> {
             rig_rows,
             rounding: self.source.rounding(),
             model_fingerprint: self.source.model_fingerprint(),
-            fingerprints: vec![self.source.fingerprint()],
+            identities: vec![self.source.identity()],
             prior: None,
             inflation,
             widened,

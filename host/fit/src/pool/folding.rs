@@ -4,19 +4,21 @@
 //! sample of all: the smallest of two sets together are those of the smallest of each. So a factor that is
 //! merged with one that holds a good part of its recordings is noticed, a single recording seldom.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use serde::{Deserialize, Serialize};
 
 use super::error::{NAMES_LISTED, names_of_many};
 use crate::factor_file::{FactorSource, SourceChannel, at_most};
 use crate::noise_check::RowSet;
-use crate::{Checks, Noise};
+use crate::{Checks, Identity, Noise};
 
 /// Runs that a factor names one by one at most.
 pub const MOST_NAMED: usize = 64;
 /// Fingerprints that are kept of folded runs.
 pub(crate) const SAMPLE: usize = 32;
+/// Pairs of runs with readings in common that are kept.
+pub(super) const OVERLAPS: usize = 16;
 /// Warnings that are kept of them.
 const WARNINGS: usize = 8;
 
@@ -45,6 +47,19 @@ impl FactorSource {
     /// Returns the fingerprints that are known of its runs.
     pub fn fingerprints(&self) -> &[u64] {
         self.folded.as_ref().map_or(std::slice::from_ref(&self.fingerprint), |folded| &folded.sample)
+    }
+
+    /// Returns what is known of the readings of its runs.
+    pub(super) fn identities(&self) -> Vec<Identity> {
+        if self.folded.is_none() {
+            return vec![self.identity()];
+        }
+        let of = |fingerprint: &u64| Identity { fingerprint: *fingerprint, sample: Vec::new() };
+        self.fingerprints().iter().map(of).collect()
+    }
+
+    fn identity(&self) -> Identity {
+        Identity { fingerprint: self.fingerprint, sample: self.readings.clone() }
     }
 
     /// Returns the names that are known of its recordings.
@@ -120,6 +135,7 @@ impl FactorSource {
         self.fitted = self.fitted.zip(other.fitted).map(|(own, other)| own + other);
         self.checks = both(self.checks.take(), other.checks.as_ref());
         self.labels.retain(|key, value| other.labels.get(key) == Some(value));
+        self.readings.clear();
         self.folded = Some(Folded { runs, names, sample, freedom });
     }
 }
@@ -148,6 +164,28 @@ pub(super) fn folded(sources: Vec<FactorSource>) -> Vec<FactorSource> {
         }
     }
     all
+}
+
+/// Returns runs that have a part of their readings in common, two by two, the first few: `a and b`.
+pub(super) fn overlapping(sources: &[FactorSource]) -> Vec<String> {
+    // The first run that has a reading: of thousands that all have it none is compared with all.
+    let mut first: HashMap<u64, &FactorSource> = HashMap::new();
+    let mut said = Vec::new();
+    for own in sources {
+        let mut others: Vec<&FactorSource> =
+            own.readings.iter().filter_map(|reading| first.get(reading).copied()).collect();
+        others.sort_by_key(|other| other.fingerprint);
+        others.dedup_by_key(|other| other.fingerprint);
+        let others = others.into_iter().filter(|other| own.identity().overlaps(&other.identity()));
+        said.extend(others.map(|other| format!("{} and {}", other.recording, own.recording)));
+        own.readings.iter().for_each(|reading| {
+            first.entry(*reading).or_insert(own);
+        });
+        if said.len() >= OVERLAPS {
+            break;
+        }
+    }
+    said
 }
 
 /// Returns a fingerprint that is known of two of these, with the places of both.

@@ -64,6 +64,24 @@ fn factors_that_hold_the_same_runs_are_refused() {
     }
 }
 
+/// Runs with readings in common are named in whatever grouping; where all have some the list is short.
+#[test]
+fn runs_with_readings_in_common_are_named() {
+    let mut all = factors(100);
+    for (first, own) in (0_u64..).step_by(8).zip(&mut all) {
+        own.sources[0].readings = (first..first + 8).collect();
+    }
+    let merged = |all: &[PooledFactor]| PooledFactor::merged(all.to_vec(), false).unwrap();
+    assert!(merged(&all).overlapping.is_empty());
+    all[70].sources[0].readings = vec![16, 17, 5_000];
+    all[71].sources[0].readings = vec![24, 5_001, 5_002];
+    assert_eq!(merged(&all).overlapping, ["run 2 and run 70"]);
+    let groups: Vec<PooledFactor> = all.chunks(50).map(|group| stored(&merged(group))).collect();
+    assert_eq!(stored(&merged(&groups)).overlapping, ["run 2 and run 70"]);
+    all.iter_mut().for_each(|own| own.sources[0].readings = vec![1, 2]);
+    assert_eq!(merged(&all).overlapping.len(), super::OVERLAPS);
+}
+
 #[test]
 fn impossible_counts_of_runs_are_refused() {
     let good = PooledFactor::merged(factors(100), false).unwrap();

@@ -55,6 +55,7 @@ impl PooledFactor {
                 return Err(PoolError::Overflow { name: other.name });
             }
             whole.differing.extend(other.differing.iter().cloned());
+            whole.overlapping.extend(other.overlapping.iter().cloned());
             whole.disagreement += other.disagreement;
             whole.comparisons = whole.comparisons.saturating_add(other.comparisons);
             whole.eliminated = whole.eliminated.saturating_add(other.eliminated);
@@ -71,8 +72,12 @@ impl PooledFactor {
             *first = first.clone().with_residual(squares + between);
         }
         whole.comparisons = whole.comparisons.saturating_add(ranks.saturating_sub(whole.rank()));
-        whole.differing.sort_unstable();
-        whole.differing.dedup();
+        whole.overlapping.extend(folding::overlapping(&whole.sources));
+        for names in [&mut whole.differing, &mut whole.overlapping] {
+            names.sort_unstable();
+            names.dedup();
+        }
+        whole.overlapping.truncate(folding::OVERLAPS);
         whole.sources = folding::folded(whole.sources);
         Ok(whole)
     }

@@ -35,9 +35,9 @@ use self::shares::{Shares, Split};
 use self::side_by_side::LANES;
 use super::white_noise::{Signs, sixth_differences_of};
 use rigident_fit::{
-    Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, Fingerprint, FitError, Gaussian, Kind,
-    Nuisance, Owner, Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise,
-    StatedNoise, Timing, Whitening, condition::absorb, filter_width_s, row_every,
+    Channel, ESTIMATOR_TAPS, Effect, ErrorRow, Factor, Filter, FitError, Gaussian, Kind, Nuisance, Owner,
+    Parameter, Progress, RowBlocks, RowSource, SampleCounts, SampleRows, SignalNoise, StatedNoise, Timing,
+    Whitening, condition::absorb, filter_width_s, row_every,
 };
 use rigident_io::rig::ImuTable;
 
@@ -254,15 +254,14 @@ impl RowSource for BodySource {
         NOMINAL_SIGMA.to_vec()
     }
 
-    fn fingerprint(&self) -> u64 {
-        let mut hash = Fingerprint::default();
+    fn each_reading(&self, take: &mut dyn FnMut(Option<u64>, &[f64])) {
         for reading in &self.input.readings {
-            hash.add(reading.time_ns);
-            let wrench = reading.wrench.array();
-            let motion = [reading.specific_force.array(), reading.angular_rate.array()];
-            wrench.iter().chain(motion.iter().flatten()).for_each(|v| hash.add(v.to_bits()));
+            let mut numbers = [0.0; 12];
+            let own = [reading.specific_force.array(), reading.angular_rate.array()];
+            let own = reading.wrench.array().into_iter().chain(own.into_iter().flatten());
+            numbers.iter_mut().zip(own).for_each(|(number, own)| *number = own);
+            take(Some(reading.time_ns), &numbers);
         }
-        hash.finish()
     }
 
     fn blocks<'a>(&'a self, progress: &dyn Progress) -> Result<Box<dyn RowBlocks + 'a>, FitError> {

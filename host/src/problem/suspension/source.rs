@@ -26,8 +26,7 @@ use crate::problem::body;
 use crate::problem::smoothing::Smoother;
 use crate::problem::tree::{Frame, Input, TreeSource, TreeSourceError};
 use rigident_fit::{
-    Channel, Fingerprint, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, SignalNoise,
-    Timing,
+    Channel, Kind, Nuisance, OtherColumns, Owner, Parameter, RowSource, SampleRows, SignalNoise, Timing,
 };
 use rigident_model::base::BaseParameters;
 
@@ -254,13 +253,11 @@ impl RowSource for SuspendedSource {
         self.inner.model_fingerprint()
     }
 
-    fn fingerprint(&self) -> u64 {
-        let mut hash = Fingerprint::default();
+    fn each_reading(&self, take: &mut dyn FnMut(Option<u64>, &[f64])) {
         for (sample, instant) in self.instants.iter().enumerate() {
-            hash.add(self.time_ns(sample));
-            instant.at.coordinates().iter().for_each(|v| hash.add(v.to_bits()));
+            let coordinates = instant.at.coordinates();
+            take(Some(self.time_ns(sample)), coordinates.as_slice());
         }
-        hash.finish()
     }
 
     fn signal_noise(&self) -> Vec<SignalNoise> {

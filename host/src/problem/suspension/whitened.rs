@@ -35,6 +35,7 @@ pub(super) fn pooled(
         }],
         checks: Some(Checks::default()),
         labels: std::collections::BTreeMap::new(),
+        readings: Vec::new(),
         folded: None,
     };
     PooledFactor {
@@ -45,6 +46,7 @@ pub(super) fn pooled(
         rigs: vec![RigRows::plain(factor)],
         errors_inside: false,
         differing: Vec::new(),
+        overlapping: Vec::new(),
         sources: vec![source],
         eliminated: 0,
         disagreement: 0.0,

@@ -308,15 +308,13 @@ impl RowSource for TreeSource {
         hash.finish()
     }
 
-    fn fingerprint(&self) -> u64 {
-        let mut hash = Fingerprint::default();
+    fn each_reading(&self, take: &mut dyn FnMut(Option<u64>, &[f64])) {
         for frame in &self.input.frames {
-            hash.add(frame.time_ns);
-            let numbers =
+            let of_frame =
                 frame.positions.iter().chain(&frame.rates).chain(&frame.wrench).chain(&frame.efforts);
-            numbers.chain(frame.ground.wrenches.iter().flatten()).for_each(|v| hash.add(v.to_bits()));
+            let numbers: Vec<f64> = of_frame.chain(frame.ground.wrenches.iter().flatten()).copied().collect();
+            take(Some(frame.time_ns), &numbers);
         }
-        hash.finish()
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {

@@ -318,6 +318,7 @@ fn every_part_of_a_factor_file_is_described() {
         channels: vec![channel],
         checks: None,
         labels: std::collections::BTreeMap::new(),
+        readings: Vec::new(),
         folded: None,
     };
     let parameter = Parameter::new("m", Owner::Link(String::new()), Kind::Mass, "kg");

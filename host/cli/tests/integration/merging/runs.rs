@@ -24,7 +24,12 @@ const TEN: [&str; 10] = ["m", "mcx", "mcy", "mcz", "Ixx", "Iyy", "Izz", "Iyz", "
 
 /// Returns what a recording alone says.
 pub fn fit(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Fit {
-    let file = rig_file(&format!("rig {rig}"), conditions);
+    fit_named(rig, &format!("rig {rig}"), body, seed, conditions)
+}
+
+/// Returns the same of a rig whose instruments have this serial number.
+fn fit_named(rig: u64, serial: &str, body: &Body, seed: u64, conditions: &Conditions) -> Fit {
+    let file = rig_file(serial, conditions);
     let readings = Rig::new(rig, conditions).record(body, seed, conditions);
     let input = prepare::input(&file, readings, false, RATE_HZ);
     let source = Box::new(BodySource::new(input, file.imu.first()));
@@ -36,6 +41,12 @@ pub fn fit(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> Fit {
 /// Returns its factor.
 pub fn factor(rig: u64, body: &Body, seed: u64, conditions: &Conditions) -> PooledFactor {
     PooledFactor::of(&fit(rig, body, seed, conditions), &format!("{rig} {seed}"))
+}
+
+/// Returns the factor of a recording with a rig whose instruments have this serial number.
+#[allow(dead_code, reason = "the table has rigs of their own names alone")]
+pub fn factor_named(rig: u64, serial: &str, body: &Body, seed: u64, conditions: &Conditions) -> PooledFactor {
+    PooledFactor::of(&fit_named(rig, serial, body, seed, conditions), &format!("{rig} {seed}"))
 }
 
 /// A recording with five times the noise that is stated.
