@@ -346,7 +346,7 @@ fn runs_of_one_rig_share_its_errors_and_say_so() {
         assert_eq!(status(&output), 0, "{}", said(&output));
     }
     let output = rigident(at, &["merge", "a-of.factor", "b-of.factor", "-o", "two.factor"]);
-    assert!(said(&output).contains("2 rigs"), "{}", said(&output));
+    assert!(said(&output).contains("2 load cells (north, south)"), "{}", said(&output));
     let two = u95(&json(at, &["solve", "two.factor", "--json"]));
     assert!((two / one - 0.5_f64.sqrt()).abs() < 0.05, "{two} {one}");
 }
