@@ -1,4 +1,5 @@
 use super::*;
+use crate::RigRows;
 use crate::examples::{Run, body, tree, truth};
 use crate::pool::PoolError;
 
