@@ -20,8 +20,9 @@ pub struct Explained {
 }
 
 impl Explained {
-    /// Returns the mean logarithm of the shares: −1 times the log-likelihood per row, of noise of which only is known that it is
-    /// white, up to a constant. It does not change if a channel is measured in another unit, or channels change places.
+    /// Returns the mean logarithm of the shares: −1 times the log-likelihood per row, of noise of which only
+    /// is known that it is white, up to a constant. It does not change if a channel is measured in another
+    /// unit, or channels change places.
     pub fn unexplained(&self) -> f64 {
         let sum: f64 = self.shares.iter().map(|share| share.max(LEAST_SHARE).ln()).sum();
         sum / self.shares.len().max(1) as f64
@@ -87,9 +88,8 @@ impl Rows {
 
     /// Solves for the parameters, and for those of more columns.
     fn solve(&self, sigma: &[f64], more: &[Vec<f64>], rounding: f64) -> Vec<f64> {
-        let weight = |k: usize| {
-            1.0 / sigma.get(k % self.channels).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE)
-        };
+        let weight =
+            |k: usize| 1.0 / sigma.get(k % self.channels).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
         let beside = |k: usize| more.iter().map(move |column| column.get(k).copied().unwrap_or(0.0));
         let whitened = self.lines().enumerate().map(|(k, (row, value))| {
             let all = row.iter().copied().chain(beside(k));
@@ -110,9 +110,9 @@ pub fn explained(source: &dyn RowSource) -> Result<Explained, FitError> {
     Ok(Rows::of(source)?.explained(source).0)
 }
 
-/// Returns the step of Gauss and Newton for settings that the rows of a source depend on: how far each is to be moved so that
-/// least squares leave less. `moved` are the source with one setting moved by one unit each; `None` where their rows are not
-/// those of the source one by one.
+/// Returns the step of Gauss and Newton for settings that the rows of a source depend on: how far each is to
+/// be moved so that least squares leave less. `moved` are the source with one setting moved by one unit each;
+/// `None` where their rows are not those of the source one by one.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows.

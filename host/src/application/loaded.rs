@@ -205,7 +205,15 @@ impl Loaded {
                 model: None,
                 options: ProblemOptions::default(),
             });
-            return Ok(Self { problem, warnings, notes, unused_rows: 0, nominal: None, recorded: None, case });
+            return Ok(Self {
+                problem,
+                warnings,
+                notes,
+                unused_rows: 0,
+                nominal: None,
+                recorded: None,
+                case,
+            });
         }
         Self::of_body(Recording::load(path, rig)?, file, caller)
     }

@@ -1,8 +1,8 @@
-//! Faults that follow the attitude of the body, as drivers publish readings: in the axes of the world, without gravity, rates
-//! of Euler's angles in place of the body's.
+//! Faults that follow the attitude of the body, as drivers publish readings: in the axes of the world,
+//! without gravity, rates of Euler's angles in place of the body's.
 //!
-//! The attitude is that of the gyro, integrated; where it begins, and the gyro's bias, are settings that are found with the
-//! body ([`super::tuned`]). The heading of the world's axes is among them where it counts.
+//! The attitude is that of the gyro, integrated; where it begins, and the gyro's bias, are settings that are
+//! found with the body ([`super::tuned`]). The heading of the world's axes is among them where it counts.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::spatial::{AngularRate, SpecificForce};
@@ -15,8 +15,8 @@ use rigident_io::rig::ImuTable;
 type Vector = Vector3<f64>;
 type Turn = UnitQuaternion<f64>;
 
-/// Settings are rotations about x, y and z at the start, rad, the gyro's bias, rad/s, and of gravity's wrench a mass, kg, and
-/// first moments, kg m.
+/// Settings are rotations about x, y and z at the start, rad, the gyro's bias, rad/s, and of gravity's wrench
+/// a mass, kg, and first moments, kg m.
 const HEADED: [f64; 6] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3];
 const TILTED: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3];
 const WEIGHED: [f64; 9] = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 0.1, 0.01, 0.01, 0.01];
@@ -156,8 +156,8 @@ impl Motion {
         all.iter().map(|turn| begin.inverse() * turn).collect()
     }
 
-    /// Returns roll and pitch at the first row, by the mean over all rows of what the accelerometer says less what the angles'
-    /// rates say has come since, and the time of that row, s.
+    /// Returns roll and pitch at the first row, by the mean over all rows of what the accelerometer says less
+    /// what the angles' rates say has come since, and the time of that row, s.
     fn angles(&self) -> Option<[f64; 3]> {
         let (mut roll, mut pitch) = (Vector::zeros(), Vector::zeros());
         for (angles, force) in self.integrated([0.0; 3]).iter().zip(&self.own_force) {
@@ -194,8 +194,8 @@ struct Start {
 }
 
 impl Start {
-    /// Returns the attitude at the first row that turns vectors in the body's axes into those in the world's, in the sense of least
-    /// squares (Wahba's problem).
+    /// Returns the attitude at the first row that turns vectors in the body's axes into those in the world's,
+    /// in the sense of least squares (Wahba's problem).
     fn heading(motion: &Motion, body: &[Vector], world: impl Iterator<Item = Vector>) -> Option<Self> {
         let time_s = *motion.time_s.first()?;
         let turns = motion.turns(time_s, &Vector::zeros());
@@ -286,8 +286,8 @@ fn undo_weightless(case: &mut Case, start: &Start, settings: &[f64]) -> Option<(
     Some(())
 }
 
-/// Makes angular rates of the rates of roll, pitch and yaw about x, y and z, turned in the order z, y, x; `start` are roll and pitch
-/// at a time, s.
+/// Makes angular rates of the rates of roll, pitch and yaw about x, y and z, turned in the order z, y, x;
+/// `start` are roll and pitch at a time, s.
 fn undo_euler_rates(case: &mut Case, start: [f64; 3], settings: &[f64]) -> Option<()> {
     let [roll, pitch, bx, by, bz] = *settings.first_chunk()?;
     let motion = Motion::of(case)?;

@@ -1,4 +1,5 @@
-//! A clock of the IMU that is off by more than any delay: found where its specific force is most like the force on the body.
+//! A clock of the IMU that is off by more than any delay: found where its specific force is most like the
+//! force on the body.
 
 use super::attitude::Motion;
 use super::sensors::{LONGEST_S, moved_imu};

@@ -1,9 +1,11 @@
-//! A gyro whose readings are too large or too small by one factor, which is no unit's: that of another range, mostly.
+//! A gyro whose readings are too large or too small by one factor, which is no unit's: that of another range,
+//! mostly.
 
 use super::tuned::Tuned;
 use super::{Case, Fault, left_by, posed};
 
-/// Factors that are tried at first, and those that a gyro may be off by; what is nearer to 1 is an error of its scale.
+/// Factors that are tried at first, and those that a gyro may be off by; what is nearer to 1 is an error of
+/// its scale.
 const GRID: [f64; 8] = [0.2, 0.35, 0.5, 0.75, 1.3, 2.0, 3.0, 5.0];
 const LIMITS: [f64; 2] = [0.15, 6.5];
 const NEAR: f64 = 0.03;

@@ -1,4 +1,5 @@
-//! Why a recording cannot be true: the usual faults are undone one by one, and the one that makes it true is named.
+//! Why a recording cannot be true: the usual faults are undone one by one, and the one that makes it true is
+//! named.
 //!
 //! A recording that the answer refuses is changed as if it had one fault, of a unit, a sign, an axis, a
 //! swapped pair, a delay, a key of the rig file, and is fitted again. First quickly: what least squares leave
@@ -29,13 +30,15 @@ const QUICK_ROWS: usize = 2000;
 const QUICK_S: f64 = 10.0;
 /// Seconds that the best are fitted to.
 const FULL_S: f64 = 20.0;
-/// Rows a second that faults of one body are tried on at first, at least: means of as many rows as that takes.
+/// Rows a second that faults of one body are tried on at first, at least: means of as many rows as that
+/// takes.
 const THINNED_HZ: f64 = 200.0;
 /// Faults that are fitted in full.
 const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
 const ALIKE: f64 = 0.05;
-/// Without its fault a recording leaves at most this share of what it left before, if there is more than the fault that is left.
+/// Without its fault a recording leaves at most this share of what it left before, if there is more than the
+/// fault that is left.
 const EXPLAINS: f64 = 0.7;
 /// The same where the recording could be true with a model that lacks something.
 const ACCUSES: f64 = 0.5;
@@ -105,8 +108,9 @@ struct Tried<'a> {
     left: f64,
 }
 
-/// Looks for a fault where the recording of an answer cannot be true, or where its model lacks something of the drives: in
-/// either case a fault that explains it makes the answer one that cannot be used. Returns the fault, to be explained.
+/// Looks for a fault where the recording of an answer cannot be true, or where its model lacks something of
+/// the drives: in either case a fault that explains it makes the answer one that cannot be used. Returns the
+/// fault, to be explained.
 pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progress) -> Option<Cause> {
     let lacking = lacks_something_of_drives(fit);
     if !lacking && answer.status != Status::Implausible {
@@ -122,9 +126,9 @@ pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progres
     Some(cause)
 }
 
-/// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None` if none does.
-/// Where residuals alone speak against the recording, only a fault without which they are at most this share of what they are
-/// (`most`, the product over all channels) explains that.
+/// Returns the fault that best explains why a recording cannot be true, and what explains it as well; `None`
+/// if none does. Where residuals alone speak against the recording, only a fault without which they are at
+/// most this share of what they are (`most`, the product over all channels) explains that.
 pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Option<Cause> {
     let (quick, full) = rows(&case.recording);
     let mut quick = thinned(&shortened(case, quick));
@@ -182,7 +186,8 @@ fn try_all<'a>(quick: &Case, faults: &'a [Fault], progress: &dyn Progress) -> Ve
     tried
 }
 
-/// Returns those of the best faults that explain as much as the first one without which the recording can be true.
+/// Returns those of the best faults that explain as much as the first one without which the recording can be
+/// true.
 fn plausible_among<'a>(best: &[Tried<'a>], full: &Case, progress: &dyn Progress) -> Vec<Tried<'a>> {
     let mut plausible: Vec<Tried> = Vec::new();
     for tried in best.iter().take(FULL) {
@@ -204,8 +209,8 @@ const REVERSE: f64 = 1e-6;
 /// Faults between two reports of progress.
 const CHUNK: usize = 16;
 
-/// Returns the best of each kind that leave less than `most`: those that leave as little as the one that leaves least, in the
-/// order of the list, then the others, what leaves less first.
+/// Returns the best of each kind that leave less than `most`: those that leave as little as the one that
+/// leaves least, in the order of the list, then the others, what leaves less first.
 fn best_of_each_kind(tried: Vec<Tried<'_>>, most: f64) -> Vec<Tried<'_>> {
     let mut best: Vec<Tried> = Vec::new();
     for tried in tried {
@@ -233,7 +238,8 @@ fn posed(case: &Case) -> Option<Problem> {
     Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()
 }
 
-/// Returns the friction columns with the speeds that a problem found for them, so that they are not looked for with each fault.
+/// Returns the friction columns with the speeds that a problem found for them, so that they are not looked
+/// for with each fault.
 fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
     let Subject::Tree { source, .. } = &problem.subject else { return friction.clone() };
     let drives = source.input().drives.iter();
@@ -241,7 +247,8 @@ fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
     Friction { by_drive, ..friction.clone() }
 }
 
-/// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no rows.
+/// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no
+/// rows.
 fn left_by(problem: &Problem) -> Option<(f64, usize)> {
     let found = explained(problem.source()).ok()?;
     Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())

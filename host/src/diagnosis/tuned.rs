@@ -1,5 +1,5 @@
-//! Faults with settings that only the recording tells, as an attitude at its start: found with the body by the method of
-//! Gauss and Newton on the quick residuals, then undone as any other fault.
+//! Faults with settings that only the recording tells, as an attitude at its start: found with the body by
+//! the method of Gauss and Newton on the quick residuals, then undone as any other fault.
 
 use super::{Case, Fault, left_by, posed, thinned};
 use rigident_fit::RowSource;
@@ -48,8 +48,11 @@ impl<S: 'static> Tuned<S> {
             let moved: Vec<_> = (0..settings.len()).map(one).collect::<Option<_>>()?;
             let sources: Vec<&dyn RowSource> = moved.iter().map(|problem| problem.source()).collect();
             let by = steps(now.source(), &sources).ok()??;
-            let next: Vec<f64> =
-                settings.iter().zip(by.iter().zip(self.units)).map(|(at, (by, unit))| at + by * unit).collect();
+            let next: Vec<f64> = settings
+                .iter()
+                .zip(by.iter().zip(self.units))
+                .map(|(at, (by, unit))| at + by * unit)
+                .collect();
             let Some(posed) = problem(&next).filter(|_| next.iter().all(|v| v.is_finite())) else { break };
             let Some((less, _)) = left_by(&posed).filter(|(less, _)| *less < left) else { break };
             let is_found = left - less < FOUND;

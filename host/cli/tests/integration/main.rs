@@ -49,6 +49,7 @@ mod plan_motion;
 mod plan_poses;
 mod predict;
 mod program;
+mod published_readings;
 mod published_robots;
 mod rates;
 mod real_arms;

@@ -1,4 +1,5 @@
-//! Readings as drivers publish them, and settings that are left out: each in three sizes, or of three motions.
+//! Readings as drivers publish them, and settings that are left out: each in three sizes, or of three
+//! motions.
 //!
 //! The attitude is that of the simulated motion; nothing of the search for faults is used.
 
@@ -102,8 +103,7 @@ fn euler_rates(moved: &mut Moved, _: usize) {
     let imu = mounted(&moved.case);
     let attitudes = moved.attitudes.clone();
     each(&mut moved.case, |k, (_, _, g)| {
-        let (roll, pitch, _) =
-            nalgebra::Rotation3::from_matrix_unchecked(attitudes[k] * imu).euler_angles();
+        let (roll, pitch, _) = nalgebra::Rotation3::from_matrix_unchecked(attitudes[k] * imu).euler_angles();
         let [x, y, z] = *g;
         let yaw = (y * roll.sin() + z * roll.cos()) / pitch.cos();
         *g = [x + yaw * pitch.sin(), y * roll.cos() - z * roll.sin(), yaw];
