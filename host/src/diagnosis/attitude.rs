@@ -30,7 +30,7 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         Tuned {
             kind: "frame of the wrench",
             what: "the wrench is in the axes of the world, not in those of the load cell",
-            remedy: "record the wrench in the sensor's own axes: drivers call that the sensor or tool frame",
+            remedy: "record it in the sensor's own axes: drivers call that the sensor or tool frame",
             start: |case| {
                 let (motion, wrench) = (Motion::of(case)?, case.recording.wrench.as_ref()?);
                 Start::heading(&motion, &motion.force, wrench.iter().map(|w| Vector::new(w[0], w[1], w[2])))
@@ -57,7 +57,7 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         Tuned {
             kind: "gravity of the accelerometer",
             what: "gravity has been taken out of the accelerometer's readings",
-            remedy: "record the specific force as the sensor reads it, 9.8 m/s² at rest, not a linear acceleration",
+            remedy: "record what the sensor reads, 9.8 m/s² at rest, not a linear acceleration",
             start: |case| {
                 let (motion, wrench) = (Motion::of(case)?, case.recording.wrench.as_ref()?);
                 let force: Vec<Vector> = wrench.iter().map(|w| Vector::new(w[0], w[1], w[2])).collect();
@@ -71,9 +71,7 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         Tuned {
             kind: "rates of Euler's angles",
             what: "the gyro columns are rates of roll, pitch and yaw, not the body's angular rate",
-            remedy: "record the gyro's own readings, or form the angular rate of the angles (ZYX: \
-                     ωx = roll' − yaw' sin pitch, ωy = pitch' cos roll + yaw' cos pitch sin roll, \
-                     ωz = −pitch' sin roll + yaw' cos pitch cos roll)",
+            remedy: "record the gyro's own readings, or form the angular rate of them (docs/diagnosis.md)",
             start: |case| Motion::of(case)?.angles(),
             units: &TILTED,
             undo: |case, start, settings| undo_euler_rates(case, *start, settings).is_some(),
@@ -83,7 +81,7 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         Tuned {
             kind: "gravity of the wrench",
             what: "the body's weight has been taken out of the wrench",
-            remedy: "switch the compensation of gravity, or of the payload, off in the driver of the load cell, and record anew",
+            remedy: "switch compensation of gravity or payload off in the load cell's driver, and record anew",
             start: |case| {
                 let motion = Motion::of(case)?;
                 Start::upright(&motion, &motion.force)

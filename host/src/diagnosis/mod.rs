@@ -18,10 +18,11 @@ mod tuned;
 
 use crate::answer::result::{Cause, Status};
 use crate::answer::{Answer, Context, StandardRequest, lacks_something_of_drives};
+use crate::problem::body::{BodySource, prepare};
 use crate::problem::tree::drive::Friction;
 use crate::problem::{Problem, ProblemOptions, Subject};
 use rigident_fit::explained::explained;
-use rigident_fit::{Fit, FitOptions, Progress, Silent, parallel};
+use rigident_fit::{Fit, FitOptions, Progress, RowSource, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
 
@@ -37,14 +38,18 @@ const THINNED_HZ: f64 = 200.0;
 const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
 const ALIKE: f64 = 0.05;
+/// No fault is confirmed, or one of several, where another one leaves less by more than this: it is not down to the noise.
+const NOISE: f64 = 0.3;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the
 /// fault that is left.
 const EXPLAINS: f64 = 0.7;
 /// The same where the recording could be true with a model that lacks something.
 const ACCUSES: f64 = 0.5;
-/// Says what to do where several faults explain a recording alike.
-const WHICH: &str = "the recording does not tell which: weigh the body, or look at the units, signs and \
-                     axes in the settings of each sensor, before anything is changed";
+/// Says what to do where several faults explain a recording alike,
+const WHICH: &str = "it does not tell which: weigh the body, or look at the sensors' settings, before anything \
+                     is changed";
+/// and where what is left without a fault is no recording that can be true: its remedy alone would not do.
+const PARTLY: &str = "look for what else is wrong before anything is changed";
 /// Causes that are named beside one another.
 const NAMED: usize = 3;
 
@@ -132,29 +137,19 @@ pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progres
 pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Option<Cause> {
     let (quick, full) = rows(&case.recording);
     let mut quick = thinned(&shortened(case, quick));
+    if let Some(problem) = case.model.as_ref().and_then(|_| posed(&quick)) {
+        quick.options.friction = with_speeds(&quick.options.friction, &problem);
+    }
     // Where no row is left nothing is explained.
-    let (before, channels) = match posed(&quick) {
-        Some(problem) => {
-            quick.options.friction = with_speeds(&quick.options.friction, &problem);
-            left_by(&problem).unwrap_or((0.0, 1))
-        }
-        None => (0.0, 1),
-    };
+    let (before, channels) = rows_of(&quick).and_then(|rows| left_by(&*rows)).unwrap_or((0.0, 1));
     let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
     let full = shortened(case, full);
-    let faults = faults(&quick);
-    let tried = try_all(&quick, &faults, progress);
-    let mut best = best_of_each_kind(tried, most);
+    let faults: Vec<Fault> = faults(&quick).into_iter().chain(attitude::faults(&quick)).collect();
+    let best = best_of_each_kind(try_all(&quick, &faults, progress), most);
     let mut plausible = plausible_among(&best, &full, progress);
-    // Dearer to undo, and so general that they explain what simpler ones do.
-    let tuned = if plausible.is_empty() { attitude::faults(&quick) } else { Vec::new() };
-    if !tuned.is_empty() {
-        let more = best_of_each_kind(try_all(&quick, &tuned, progress), most);
-        plausible = plausible_among(&more, &full, progress);
-        best.extend(more);
-        sort(&mut best);
-    }
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
+    // What leaves much more than another fault is not all, though the recording could be true without it.
+    plausible.retain(|tried| tried.left < least + NOISE);
     // The recording cannot decide among faults that explain it alike: none of them is confirmed.
     let (confirmed, ambiguous) = (plausible.len() == 1, plausible.len() > 1);
     if plausible.is_empty() {
@@ -164,7 +159,11 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     let first = plausible.first()?;
     Some(Cause {
         what: first.fault.what.clone(),
-        remedy: if ambiguous { WHICH.to_owned() } else { first.fault.remedy.clone() },
+        remedy: match (confirmed, ambiguous) {
+            (true, _) => first.fault.remedy.clone(),
+            (false, true) => WHICH.to_owned(),
+            (false, false) => PARTLY.to_owned(),
+        },
         confirmed,
         ambiguous,
         residuals_left: (first.left - before).exp(),
@@ -179,7 +178,7 @@ fn try_all<'a>(quick: &Case, faults: &'a [Fault], progress: &dyn Progress) -> Ve
         progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
         let found = parallel::map(parallel::threads(), chunk.len(), |k| {
             let fault = chunk.get(k)?;
-            Some(Tried { fault, left: left_by(&posed(&fault.undone(quick)?)?)?.0 })
+            Some(Tried { fault, left: left_by(&*rows_of(&fault.undone(quick)?)?)?.0 })
         });
         tried.extend(found.into_iter().flatten());
     }
@@ -238,6 +237,16 @@ fn posed(case: &Case) -> Option<Problem> {
     Problem::from_recording(&case.recording, case.model.as_ref(), &case.options).ok()
 }
 
+/// Returns the rows of a case, for a quick look at what they explain; `None` if it has none.
+fn rows_of(case: &Case) -> Option<Box<dyn RowSource>> {
+    let recording = &case.recording;
+    if case.model.is_none() && !recording.is_static && recording.rig.suspension.is_none() {
+        let input = prepare::rows_alone(recording.clone()).ok()?;
+        return Some(Box::new(BodySource::of_rows(input)));
+    }
+    Some(posed(case)?.into_source())
+}
+
 /// Returns the friction columns with the speeds that a problem found for them, so that they are not looked
 /// for with each fault.
 fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
@@ -249,8 +258,8 @@ fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
 
 /// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no
 /// rows.
-fn left_by(problem: &Problem) -> Option<(f64, usize)> {
-    let found = explained(problem.source()).ok()?;
+fn left_by(rows: &dyn RowSource) -> Option<(f64, usize)> {
+    let found = explained(rows).ok()?;
     Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())
 }
 

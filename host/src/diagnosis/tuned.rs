@@ -1,7 +1,7 @@
 //! Faults with settings that only the recording tells, as an attitude at its start: found with the body by
 //! the method of Gauss and Newton on the quick residuals, then undone as any other fault.
 
-use super::{Case, Fault, left_by, posed, thinned};
+use super::{Case, Fault, left_by, rows_of, thinned};
 use rigident_fit::RowSource;
 use rigident_fit::explained::steps;
 
@@ -35,26 +35,26 @@ impl<S: 'static> Tuned<S> {
     /// Returns from where settings count, and those with which least squares leave least.
     pub(super) fn tune(&self, case: &Case) -> Option<(S, Vec<f64>)> {
         let start = (self.start)(case)?;
-        let problem = |settings: &[f64]| posed(&self.undone(case, &start, settings)?);
+        let rows = |settings: &[f64]| rows_of(&self.undone(case, &start, settings)?);
         let mut settings = vec![0.0; self.units.len()];
-        let mut now = problem(&settings)?;
-        let mut left = left_by(&now)?.0;
+        let mut now = rows(&settings)?;
+        let mut left = left_by(&*now)?.0;
         for _ in 0..STEPS {
             let one = |k: usize| {
                 let mut moved = settings.clone();
                 moved[k] += self.units[k];
-                problem(&moved)
+                rows(&moved)
             };
             let moved: Vec<_> = (0..settings.len()).map(one).collect::<Option<_>>()?;
-            let sources: Vec<&dyn RowSource> = moved.iter().map(|problem| problem.source()).collect();
-            let by = steps(now.source(), &sources).ok()??;
+            let sources: Vec<&dyn RowSource> = moved.iter().map(|rows| &**rows).collect();
+            let by = steps(&*now, &sources).ok()??;
             let next: Vec<f64> = settings
                 .iter()
                 .zip(by.iter().zip(self.units))
                 .map(|(at, (by, unit))| at + by * unit)
                 .collect();
-            let Some(posed) = problem(&next).filter(|_| next.iter().all(|v| v.is_finite())) else { break };
-            let Some((less, _)) = left_by(&posed).filter(|(less, _)| *less < left) else { break };
+            let Some(posed) = rows(&next).filter(|_| next.iter().all(|v| v.is_finite())) else { break };
+            let Some((less, _)) = left_by(&*posed).filter(|(less, _)| *less < left) else { break };
             let is_found = left - less < FOUND;
             (settings, now, left) = (next, posed, less);
             if is_found {

@@ -233,6 +233,15 @@ impl Problem {
         }
     }
 
+    /// Returns the rows alone.
+    pub(crate) fn into_source(self) -> Box<dyn RowSource> {
+        match self.subject {
+            Subject::Body { source, .. } => source,
+            Subject::Tree { source, .. } => source,
+            Subject::Suspended { source, .. } => source,
+        }
+    }
+
     /// Returns the source of a tree's rows; `None` of one body.
     pub fn tree(&self) -> Option<&TreeSource> {
         match &self.subject {

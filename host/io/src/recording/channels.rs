@@ -344,6 +344,30 @@ mod tests {
     }
 
     #[test]
+    fn two_columns_that_are_one_are_named_where_they_have_noise() {
+        let copied = |noise: f64| {
+            let mut changed = recording(noise);
+            changed.wrench.iter_mut().flatten().for_each(|w| w[4] = w[3]);
+            changed.imus[0].gyro.iter_mut().flatten().for_each(|w| w[0] = w[2]);
+            changed.copied_channels()
+        };
+        assert!(recording(0.01).copied_channels().is_empty());
+        let pair = |one: &str, other: &str| [one.to_owned(), other.to_owned()];
+        assert_eq!(copied(0.01), [pair("mx_nm", "my_nm"), pair("imu_gx_radps", "imu_gz_radps")]);
+        // Without noise two columns of a symmetrical motion may be the same.
+        assert!(copied(0.0).is_empty());
+    }
+
+    #[test]
+    fn a_thinned_recording_has_the_means_of_its_rows_at_their_mean_time() {
+        let (whole, thin) = (recording(0.01), recording(0.01).thinned(4));
+        assert_eq!((thin.rows(), thin.rate_hz), (750, Some(25.0)));
+        assert_eq!(thin.time_ns[1], 55_000_000);
+        let mean = whole.wrench.as_ref().unwrap()[4..8].iter().map(|w| w[2]).sum::<f64>() / 4.0;
+        assert!((thin.wrench.as_ref().unwrap()[1][2] - mean).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_channel_that_never_changes_is_dead_where_the_others_have_noise() {
         let dead = |noise: f64, change: &dyn Fn(&mut Recording)| {
             let mut changed = recording(noise);

@@ -71,6 +71,28 @@ pub struct BodySource {
 impl BodySource {
     /// Returns the source of readings; `imu` is what the rig file says of the IMU.
     pub fn new(input: Input, imu: Option<&ImuTable>) -> Self {
+        let of_sensor = |get: fn(&Reading<f64>) -> [f64; 3]| {
+            sixth_differences_of(&input.readings, |r| (r.time_ns, get(r)), 3)
+        };
+        let found_noise = [of_sensor(|r| r.specific_force.array()), of_sensor(|r| r.angular_rate.array())];
+        let imu_noise = imu_noise::imu_noise(imu, &input.readings);
+        let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
+        let known = input.beforehand.clone();
+        let source = Self {
+            stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
+            found_noise,
+            imu_noise,
+            rate_sigma,
+            ..Self::of_rows(input)
+        };
+        match known {
+            Some(known) => source.linearised(&known),
+            None => source,
+        }
+    }
+
+    /// Returns the source of readings whose noise nobody asks for, for a quick look at what its rows explain.
+    pub(crate) fn of_rows(input: Input) -> Self {
         let estimates_offset = input.known_offset.is_none();
         let count = if estimates_offset { BODY + WRENCH } else { BODY };
         let channels = (0..WRENCH).map(|c| Channel {
@@ -80,25 +102,16 @@ impl BodySource {
             offset: estimates_offset.then_some(BODY + c),
             group: u8::from(c >= 3),
         });
-        let of_sensor = |get: fn(&Reading<f64>) -> [f64; 3]| {
-            sixth_differences_of(&input.readings, |r| (r.time_ns, get(r)), 3)
-        };
-        let rate_sigma = input.gyro_sigma.unwrap_or_else(|| imu_noise::gyro_sigma(&input.readings));
-        let known = input.beforehand.clone();
-        let source = Self {
-            stated_noise: [imu.and_then(|i| i.accel_noise_mps2), imu.and_then(|i| i.gyro_noise_radps)],
-            found_noise: [of_sensor(|r| r.specific_force.array()), of_sensor(|r| r.angular_rate.array())],
-            imu_noise: imu_noise::imu_noise(imu, &input.readings),
-            rate_sigma,
+        Self {
+            stated_noise: [None; 2],
+            found_noise: [0.0; 2],
+            imu_noise: ImuNoise { accel: 0.0, gyro: 0.0 },
+            rate_sigma: 0.0,
             parameters: parameters(count),
             channels: channels.collect(),
             about: Vec::new(),
             correction: None,
             input,
-        };
-        match known {
-            Some(known) => source.linearised(&known),
-            None => source,
         }
     }
 

@@ -109,7 +109,6 @@ fn rests(rig: &RigFile, imu: &ImuTable, readings: &[Reading<f64>], rate_hz: Opti
 pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_hz: f64) -> Input {
     let default = ImuTable::default();
     let imu = rig.imu.first().unwrap_or(&default);
-    let none = Limits::none();
     let mut nuisances = errors::nuisances(imu, &rig.load_cell, &readings, is_static);
     let rests = rests(rig, imu, &readings, (!is_static).then_some(rate_hz));
     let knows = |name: &str| nuisances.iter().any(|k| k.name.starts_with(name));
@@ -117,10 +116,18 @@ pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_h
         nuisances.extend(gravity(rig, false));
     }
     let beforehand = errors::calibrated(rig.calibrated(), &mut nuisances);
+    Input { nuisances, rests, beforehand, ..settings(rig, readings, is_static, rate_hz) }
+}
+
+/// Returns readings with what their rows need of a rig file: nothing of its errors.
+fn settings(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_hz: f64) -> Input {
+    let default = ImuTable::default();
+    let imu = rig.imu.first().unwrap_or(&default);
+    let none = Limits::none();
     Input {
-        nuisances,
-        rests,
-        beforehand,
+        nuisances: Vec::new(),
+        rests: Vec::new(),
+        beforehand: None,
         readings,
         is_static,
         rate_hz,
@@ -164,15 +171,8 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
                    recording, or the folder of the files and --rig",
         });
     }
-    let columns = columns(&mut recording, &mut rig, &mut notes)?;
-    let readings = columns.into_readings();
-    if rig.imu.is_empty() {
-        rig.imu.push(ImuTable::default());
-    }
-    let rate_hz = recording.rate_hz.unwrap_or(1.0);
+    let (readings, rate_hz) = readings(&mut recording, &mut rig, &mut notes)?;
     let name = recording.name;
-    calibrate(recording.is_static, &mut rig, &readings, rate_hz, &mut notes)
-        .map_err(|error| PrepareError::Poses { name: name.clone(), error })?;
     let mut input = input(&rig, readings, recording.is_static, rate_hz);
     let gravity_columns = recording.is_static && recording.gravity.is_some();
     if gravity_columns {
@@ -187,6 +187,36 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
     input_checks::check(&input, rig.recording.gravity_mps2, gravity_columns)
         .map_err(|error| PrepareError::Implausible { name, error })?;
     Ok(Prepared { rig, input, gravity_columns, notes })
+}
+
+/// Brings a moving recording into the readings of its rows, without what is known of errors and noise: for a quick look at
+/// what the rows explain.
+///
+/// # Errors
+/// As [`prepare`].
+pub(crate) fn rows_alone(mut recording: Recording) -> Result<Input, PrepareError> {
+    let mut rig = recording.rig.clone();
+    let (readings, rate_hz) = readings(&mut recording, &mut rig, &mut Vec::new())?;
+    let input = settings(&rig, readings, recording.is_static, rate_hz);
+    input_checks::check(&input, rig.recording.gravity_mps2, false)
+        .map_err(|error| PrepareError::Implausible { name: recording.name, error })?;
+    Ok(input)
+}
+
+/// Takes the readings out of a recording, and calibrates its rig on still poses; returns them with their rate, Hz.
+fn readings(
+    recording: &mut Recording,
+    rig: &mut RigFile,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Reading<f64>>, f64), PrepareError> {
+    let readings = columns(recording, rig, notes)?.into_readings();
+    if rig.imu.is_empty() {
+        rig.imu.push(ImuTable::default());
+    }
+    let rate_hz = recording.rate_hz.unwrap_or(1.0);
+    calibrate(recording.is_static, rig, &readings, rate_hz, notes)
+        .map_err(|error| PrepareError::Poses { name: recording.name.clone(), error })?;
+    Ok((readings, rate_hz))
 }
 
 /// Checks that a recording has the columns of one body; notes oddities of still poses.
