@@ -125,9 +125,12 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
         found.drives.iter().filter(|drive| !drive.is_identified && (has_size || drive.ratio.is_none()));
     let open: Vec<&str> = open.map(|drive| drive.joint.as_str()).collect();
     if has_size && !open.is_empty() {
+        let more = match arguments.nominal_sigma {
+            Some(_) => "record a load that is known",
+            None => "state more of the load, or take a heavier one",
+        };
         warnings.push(format!(
-            "the gains of {} are known to more than a tenth only: move them so that they carry the weight, state more of the load, or take a \
-             heavier one",
+            "the gains of {} are known to more than a tenth only: move them so that they carry the weight, {more}",
             open.join(", ")
         ));
     }

@@ -168,7 +168,7 @@ fn unexplained(fit: &Fit) -> Option<String> {
 }
 
 /// Tells of base parameters that are those of the nominal model but for one large factor.
-pub(super) fn scaled(fit: &Fit, links: &Links) -> Option<String> {
+pub(crate) fn scaled(fit: &Fit, links: &Links) -> Option<String> {
     let nominal = nominal_base(links)?;
     let data = fit.data_alone();
     let factor = fit.scaled_factor();

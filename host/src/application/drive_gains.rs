@@ -8,7 +8,7 @@ use crate::answer::{Answer, Context, Status};
 use crate::drive_gains::columns::{EffortColumn, columns, scale};
 use crate::drive_gains::nominal::expected;
 use crate::drive_gains::scales::Errors;
-use crate::drive_gains::{COARSEST, MOST_ROUNDS, SETTLED, WIDE, start};
+use crate::drive_gains::{COARSEST, MOST_ROUNDS, SETTLED, UNTOLD, WIDE, start};
 use crate::problem::ProblemOptions;
 use crate::problem::tree::drive::Friction;
 use rigident_fit::pool::PooledFactor;
@@ -170,8 +170,10 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
         rounds += 1;
         let fitted = fit(&runs, &gains, options, caller)?;
         let round = errors(&fitted, &joints, options)?;
-        let step = |k: usize| (1.0 / (1.0 + round.errors.values[k]).max(1.0 / STEPS.1)).max(STEPS.0);
-        let moves = |k: usize| round.errors.values[k].abs() > SETTLED * round.errors.sd(k);
+        let is_told = round.errors.sd_in_common() <= UNTOLD;
+        let errors = if is_told { round.errors.clone() } else { round.errors.apart() };
+        let step = |k: usize| (1.0 / (1.0 + errors.values[k]).max(1.0 / STEPS.1)).max(STEPS.0);
+        let moves = |k: usize| errors.values[k].abs() > SETTLED * errors.sd(k);
         let is_settled = !(0..gains.len()).any(moves);
         if is_settled || rounds == MOST_ROUNDS {
             break (fitted, Round { is_settled, ..round });

@@ -292,7 +292,8 @@ impl Loaded {
     pub fn judge(&self, fit: &Fit, answer: &mut Answer, caller: &Caller<'_>) -> Option<Cause> {
         let case = self.case.as_ref()?;
         caller.stage("looking for the cause", 0.0);
-        diagnosis::judge(case, fit, answer, caller)
+        let links = self.links(&StandardOptions::DEFAULT);
+        diagnosis::judge(case, (fit, links.as_ref()), answer, caller)
     }
 
     /// Counts rows that no sample was made of as rejected.

@@ -17,7 +17,7 @@ pub mod sensors;
 mod tuned;
 
 use crate::answer::result::{Cause, Status};
-use crate::answer::{Answer, Context, StandardRequest, lacks_something_of_drives};
+use crate::answer::{Answer, Context, Links, StandardRequest, lacks_something_of_drives, scaled};
 use crate::problem::body::{BodySource, prepare};
 use crate::problem::tree::drive::Friction;
 use crate::problem::{Problem, ProblemOptions, Subject};
@@ -100,8 +100,9 @@ impl Fault {
 pub fn faults(case: &Case) -> Vec<Fault> {
     let mut all = sensors::faults(case);
     if let Some(model) = &case.model {
-        all.extend(joints::faults(case, model));
+        // Before units, which leave as much of each joint by itself.
         all.extend(gains::fault(case, model));
+        all.extend(joints::faults(case, model));
     }
     all
 }
@@ -116,12 +117,19 @@ struct Tried<'a> {
 /// Looks for a fault where the recording of an answer cannot be true, or where its model lacks something of
 /// the drives: in either case a fault that explains it makes the answer one that cannot be used. Returns the
 /// fault, to be explained.
-pub fn judge(case: &Case, fit: &Fit, answer: &mut Answer, progress: &dyn Progress) -> Option<Cause> {
+pub fn judge(
+    case: &Case,
+    (fit, links): (&Fit, Option<&Links<'_>>),
+    answer: &mut Answer,
+    progress: &dyn Progress,
+) -> Option<Cause> {
     let lacking = lacks_something_of_drives(fit);
     if !lacking && answer.status != Status::Implausible {
         return None;
     }
-    let lacks_fit = lacking || answer.change.is_some() || answer.not_rigid.is_some();
+    let residuals = lacking || answer.change.is_some() || answer.not_rigid.is_some();
+    // Efforts of another size than any robot's speak against the recording whatever is left of them.
+    let lacks_fit = residuals && !links.is_some_and(|links| scaled(fit, links).is_some());
     let most = match answer.status {
         Status::Implausible => lacks_fit.then_some(EXPLAINS),
         _ => Some(ACCUSES),

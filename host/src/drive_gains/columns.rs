@@ -30,7 +30,8 @@ impl EffortColumn {
     }
 }
 
-/// Returns the effort columns of a recording's joints of one freedom, in the order of the model; of joints without one nothing.
+/// Returns the effort columns of a recording's joints of one freedom, in the order of the model; of joints
+/// without one nothing.
 ///
 /// A rig file names them; otherwise they are `JOINT_nm` (`JOINT_n`) or, of currents, `JOINT_a`.
 pub fn columns(recording: &Recording, model: &Model) -> Vec<EffortColumn> {
@@ -59,7 +60,8 @@ pub fn columns(recording: &Recording, model: &Model) -> Vec<EffortColumn> {
     all
 }
 
-/// Gives every effort of a rig file its gain, and the standard deviation of that, relative; noise that is stated of columns is scaled too.
+/// Gives every effort of a rig file its gain, and the standard deviation of that, relative; noise that is
+/// stated of columns is scaled too.
 pub fn scale(rig: &mut RigFile, efforts: &[EffortColumn], gains: &[f64], std: &[f64]) {
     for ((effort, gain), std) in efforts.iter().zip(gains).zip(std) {
         let at = rig.joint.iter().position(|table| table.name == effort.joint).unwrap_or_else(|| {

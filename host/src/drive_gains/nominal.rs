@@ -11,9 +11,9 @@ const TEN: usize = 10;
 /// What nothing is known of may be this many times as large as anything.
 const ANYTHING: f64 = 100.0;
 
-/// Returns the distribution of the base parameters if every link is as heavy as the model has it within a share (1 σ), its centre
-/// where that has it within the share of its radius of gyration, and its tensor likewise, each link by itself; rotors may be anything.
-/// `None` if the model has no masses.
+/// Returns the distribution of the base parameters if every link is as heavy as the model has it within a
+/// share (1 σ), its centre where that has it within the share of its radius of gyration, and its tensor
+/// likewise, each link by itself; rotors may be anything. `None` if the model has no masses.
 pub fn expected(base: &BaseParameters, nominal: &Model, share: f64) -> Option<Gaussian> {
     let bodies = nominal.welded();
     let skip = (TEN * bodies.links.len()).saturating_sub(base.standard.len());

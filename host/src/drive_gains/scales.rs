@@ -15,8 +15,9 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Returns the errors of the gains of these joints by rows over so many parameters and the errors of a rig, with all that is known
-    /// of either; `None` if one of the joints has none, or the rows are no numbers.
+    /// Returns the errors of the gains of these joints by rows over so many parameters and the errors of a
+    /// rig, with all that is known of either; `None` if one of the joints has none, or the rows are no
+    /// numbers.
     pub fn of(rows: &Factor, parameters: usize, errors: &[RigError], joints: &[String]) -> Option<Self> {
         let place = |joint: &String| {
             let name = format!("gain_{joint}");
@@ -39,8 +40,25 @@ impl Errors {
         (c[(k, k)] + c[(to, to)] - 2.0 * c[(k, to)]).max(0.0).sqrt()
     }
 
-    /// Returns standard deviations that, taken as independent, are no smaller than these errors together in any combination: a
-    /// diagonal of the absolute sums of rows exceeds a covariance by a matrix with a dominant diagonal.
+    /// Returns the standard deviation of what all gains have in common, relative: of their mean.
+    pub fn sd_in_common(&self) -> f64 {
+        self.covariance.sum().max(0.0).sqrt() / self.values.len().max(1) as f64
+    }
+
+    /// Returns what is left of the errors without what all have in common.
+    #[must_use]
+    pub fn apart(&self) -> Self {
+        let count = self.values.len();
+        let share = 1.0 / count.max(1) as f64;
+        let mean = share * self.values.iter().sum::<f64>();
+        let left = DMatrix::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) - share);
+        let values = self.values.iter().map(|value| value - mean).collect();
+        Self { values, covariance: &left * &self.covariance * &left }
+    }
+
+    /// Returns standard deviations that, taken as independent, are no smaller than these errors together in
+    /// any combination: a diagonal of the absolute sums of rows exceeds a covariance by a matrix with a
+    /// dominant diagonal.
     pub fn independent(&self) -> Vec<f64> {
         let sum = |row: usize| self.covariance.row(row).iter().map(|v| v.abs()).sum::<f64>().sqrt();
         (0..self.values.len()).map(sum).collect()
@@ -65,7 +83,8 @@ mod tests {
         Errors { values: vec![0.0; covariance.nrows()], covariance }
     }
 
-    /// Three gains with one large error in common: none is known, two ratios are, and independent errors cover every combination.
+    /// Three gains with one large error in common: none is known, two ratios are, and independent errors
+    /// cover every combination.
     #[test]
     fn an_error_in_common_leaves_ratios() {
         let mut covariance = DMatrix::from_element(3, 3, 0.09);
@@ -78,6 +97,8 @@ mod tests {
         assert!(2.0 * found.sd(0) > COARSEST);
         assert!((found.sd_of_ratio(0, 1) - 5e-4_f64.sqrt()).abs() < 1e-12);
         assert_eq!(found.reference(1.96), Some(0));
+        assert!((found.sd_in_common().powi(2) - covariance.sum() / 9.0).abs() < 1e-12);
+        assert!(found.apart().sd_in_common() < 1e-9 && found.apart().values.iter().all(|v| *v == 0.0));
         let cover = DMatrix::from_diagonal(
             &found.independent().into_iter().map(|s| s * s).collect::<Vec<_>>().into(),
         );

@@ -9,8 +9,9 @@ const AT_ONCE: usize = 64;
 /// A gain is seen if the nominal torque explains this many standard deviations of it.
 const SEEN: f64 = 3.0;
 
-/// Returns the first guess of the gain of each freedom, of efforts that are scaled by one: the reciprocal of what the nominal torque
-/// explains of them. Where it explains nothing the gain is the median of the others'; `None` where it explains no joint's.
+/// Returns the first guess of the gain of each freedom, of efforts that are scaled by one: the reciprocal of
+/// what the nominal torque explains of them. Where it explains nothing the gain is the median of the others';
+/// `None` where it explains no joint's.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows.

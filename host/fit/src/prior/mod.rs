@@ -107,7 +107,8 @@ impl KnownValues {
         Ok(())
     }
 
-    /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true σ; errors of a rig may follow.
+    /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true σ;
+    /// errors of a rig may follow.
     ///
     /// # Errors
     /// As [`KnownValues::apply`]; the rows are then as they were.

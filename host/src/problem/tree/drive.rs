@@ -12,9 +12,9 @@ use rigident_model::passive::Passive;
 /// Control 134 (5), 2012).
 const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
 
-/// Rates, of something that turns and that slides, of the bumps that dry friction may have at rest beside its own law: between them lie
-/// those of gears (same source).
-pub const BUMPS: [(f64, f64); 2] = [(0.04, 0.004), (0.12, 0.012)];
+/// Rates, rad/s of something that turns and m/s of what slides, of the bumps that dry friction may have beside its own law: between the
+/// first and the last lie those of gears (same source), and two neighbours stand for what is between them.
+pub const BUMPS: [(f64, f64); 4] = [(0.03, 0.003), (0.06, 0.006), (0.12, 0.012), (0.24, 0.024)];
 
 /// A column of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -24,7 +24,7 @@ const STRETCHES: usize = 8;
 const SHARE: f64 = 0.7;
 /// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
 const SHAPE: f64 = 2.0;
-/// Standard deviation of what dry friction has more at rest than at speed, relative, of each of two bumps: static friction is
+/// Standard deviation of what dry friction has more at rest than at speed, relative, of each bump: static friction is
 /// up to twice the other.
 const BUMP: f64 = 0.3;
 /// Row blocks that are made at once.
@@ -72,7 +72,7 @@ fn unknown(k: usize, drive: &Drive, speed: f64) -> Vec<(&'static str, f64, Signa
         all.push(("shape", SHAPE, SignalError::FrictionShape(k)));
     }
     if !drive.terms.iter().any(|term| matches!(term, Term::Stribeck(_))) {
-        for (bump, word) in ["at_rest", "slow"].into_iter().enumerate() {
+        for (bump, word) in ["at_rest", "creeping", "slow", "moderate"].into_iter().enumerate() {
             all.push((word, BUMP, SignalError::FrictionBump { drive: k, bump }));
         }
     }
