@@ -9,6 +9,8 @@ use rigident_model::Model;
 
 /// Gains that lie within this factor of one another are one unit.
 const ONE_UNIT: f64 = 1.15;
+/// Efforts that are this many times what the model says, or this share, are none of its size.
+const OTHER_SIZE: f64 = 2.0;
 /// How well the model's masses tell a gain, relative, 1 σ.
 const BY_MASSES: f64 = 0.5;
 /// A gain is at least this share of what was guessed.
@@ -27,6 +29,10 @@ fn undo(case: &mut Case) -> bool {
     let Some(model) = case.model.clone() else { return false };
     let efforts = columns(&case.recording, &model);
     let Some(first) = guess(case, &model).filter(|gains| gains.len() == efforts.len()) else { return false };
+    // Torques are those of the model, nearly.
+    if first.iter().all(|gain| (1.0 / OTHER_SIZE..=OTHER_SIZE).contains(&gain.abs())) {
+        return false;
+    }
     let wide = vec![WIDE; efforts.len()];
     scale(&mut case.recording.rig, &efforts, &first, &wide);
     let Some(found) = found(case, &efforts) else { return false };
