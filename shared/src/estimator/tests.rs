@@ -1,3 +1,8 @@
+extern crate std;
+
+use std::boxed::Box;
+use std::vec::Vec;
+
 use nalgebra::Vector3;
 
 use super::*;
@@ -345,5 +350,59 @@ fn a_knock_is_told_after_a_run_that_began_at_rest() {
         for (rms, sigma) in rms.into_iter().zip(sigma) {
             assert!(rms < 2.0 * sigma * kernel.sqrt(), "{span:?}: {rms}");
         }
+    }
+}
+
+/// Days at 1 kHz in single precision: a sum that stalls would leave residuals or uncertainties behind, a counter that wraps its
+/// count. The same twenty seconds come again and again, so that the truth is known: what double precision makes of ten times,
+/// the uncertainty by the root of how often. An hour after a change, 72 hours where `RIGIDENT_NIGHTLY` is set.
+#[test]
+fn in_days_at_1_khz_no_sum_stalls_and_no_counter_wraps() {
+    const RATE_HZ: f64 = 1000.0;
+    const CYCLE: usize = 20_000;
+    const FEW: u64 = 10;
+    let hours = if std::env::var_os("RIGIDENT_NIGHTLY").is_some() { 72 } else { 1 };
+    let cycles = hours * 180;
+    let mut random = Random(5);
+    let sigma = config::<f64>(RATE_HZ, false).channel_sigma;
+    let rows: Vec<Reading<f64>> = (0..CYCLE)
+        .map(|k| {
+            let row = reading(k as f64 / RATE_HZ);
+            let noise: [f64; 6] = core::array::from_fn(|i| sigma[i] * random.normal());
+            let wrench = row.wrench.array();
+            Reading { wrench: Wrench::from_array(core::array::from_fn(|i| wrench[i] + noise[i])), ..row }
+        })
+        .collect();
+    let narrow_rows: Vec<Reading<f32>> = rows.iter().map(narrow).collect();
+    let time_ns = |cycle: u64, k: usize| (cycle * CYCLE as u64 + k as u64) * 1_000_000;
+    let mut wide = Box::new(Estimator::<f64, 16, TAPS>::new(&config(RATE_HZ, false)).unwrap());
+    for cycle in 0..FEW {
+        for (k, row) in rows.iter().enumerate() {
+            wide.absorb(&Reading { time_ns: time_ns(cycle, k), ..*row });
+        }
+    }
+    let mut device = Box::new(Estimator::<f32, 16, TAPS>::new(&config(RATE_HZ, false)).unwrap());
+    for cycle in 0..cycles {
+        for (k, row) in narrow_rows.iter().enumerate() {
+            device.absorb(&Reading { time_ns: time_ns(cycle, k), ..*row });
+        }
+    }
+    let counters = device.counters();
+    assert_eq!((u64::from(counters.readings), counters.gaps), (cycles * CYCLE as u64, 0));
+    let (wide, device) = (wide.factor(), device.factor());
+    let times = cycles as f64 / FEW as f64;
+    // The filter's length is missing at the beginning of both.
+    assert!((f64::from(device.rows()) / (f64::from(wide.rows()) * times) - 1.0).abs() < 1e-3);
+    let per_row = |square: f64, rows: u32| square / f64::from(rows);
+    let ratio = per_row(f64::from(device.residual_sum_of_squares()), device.rows())
+        / per_row(wide.residual_sum_of_squares(), wide.rows());
+    assert!((ratio - 1.0).abs() < 2e-3, "residuals {ratio}");
+    let (few, many) = (wide.solve(), device.solve());
+    for j in 0..16 {
+        let sd = few.standard_deviation[j];
+        let shrinks = f64::from(many.standard_deviation[j]) * times.sqrt() / sd;
+        assert!((shrinks - 1.0).abs() < 5e-3, "{j}: {shrinks}");
+        let off = (f64::from(many.estimate[j]) - few.estimate[j]).abs() / sd;
+        assert!(off < 0.05, "{j}: {off} standard deviations of {FEW} cycles");
     }
 }

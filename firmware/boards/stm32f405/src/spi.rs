@@ -79,9 +79,13 @@ fn select(sensor: Sensor) {
     chip_select(sensor).set(false);
 }
 
+/// Ends what was begun with [`select`]. Where bits do not come to their end the port is reset before anything moves.
 fn deselect(sensor: Sensor) {
-    wait_for(SPI1_SR, BUSY, 0, LOOKS);
-    chip_select(sensor).set(true);
+    if wait_for(SPI1_SR, BUSY, 0, LOOKS) {
+        chip_select(sensor).set(true);
+    } else {
+        abort();
+    }
 }
 
 fn exchange(byte: u8) -> Result<u8, Late> {
