@@ -141,7 +141,7 @@ fn said(result: &Value) -> String {
 
 type Plant = fn(&mut Row);
 
-const PUBLISHED: [(&str, Plant, &str); 9] = [
+const PUBLISHED: [(&str, Plant, &str); 8] = [
     (
         "world-wrench",
         |r| (r.all[0], r.all[1]) = (attitude(r.time_s) * r.all[0], attitude(r.time_s) * r.all[1]),
@@ -151,14 +151,6 @@ const PUBLISHED: [(&str, Plant, &str); 9] = [
         "world-accelerometer",
         |r| r.all[2] = attitude(r.time_s) * r.all[2],
         "the accelerometer is in the axes of the world",
-    ),
-    (
-        "weightless",
-        |r| {
-            let weight = attitude(r.time_s).transpose() * Vector::z() * (MASS_KG * GRAVITY);
-            (r.all[0], r.all[1]) = (r.all[0] - weight, r.all[1] - Vector::from(CENTRE_M).cross(&weight));
-        },
-        "weight has been taken out of the wrench",
     ),
     ("linear", |r| r.all[2] -= attitude(r.time_s).transpose() * Vector::z() * GRAVITY, "taken out of"),
     (
