@@ -134,7 +134,8 @@ fn copied(moved: &mut Moved, size: usize) {
 }
 
 /// A fault by its name, by what must be said of it, and how it comes into a recording.
-type Published = (Planted, fn(&mut Moved, usize));
+type Published = (Planted, Plant);
+type Plant = fn(&mut Moved, usize);
 
 fn faults() -> Vec<Published> {
     let of = |name, told| Planted { name, told, plant: |_| {} };
@@ -158,7 +159,7 @@ fn faults() -> Vec<Published> {
 
 /// The table of what drivers publish.
 pub fn table() -> String {
-    let (planted, plants): (Vec<Planted>, Vec<fn(&mut Moved, usize)>) = faults().into_iter().unzip();
+    let (planted, plants): (Vec<Planted>, Vec<Plant>) = faults().into_iter().unzip();
     table_of(&planted, SIZES, |fault, size| {
         let own = planted.iter().position(|other| other.name == fault.name).expect("one of them");
         let mut moved = moved(size as usize);
