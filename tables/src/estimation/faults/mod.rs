@@ -61,7 +61,8 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
         ..Context::default()
     };
     let mut answer = Answer::new(&fit, context).expect("an answer");
-    let cause = judge(case, &fit, &mut answer, &Silent);
+    let links = problem.links(case.model.as_ref().map(StandardRequest::of));
+    let cause = judge(case, (&fit, links.as_ref()), &mut answer, &Silent);
     answer.explain(cause, case.recording.warnings.len());
     let errors = answer.parameters.iter().zip(truth(&problem)).filter_map(|(parameter, truth)| {
         let measured = parameter.state.measured()?;
