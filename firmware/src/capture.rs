@@ -2,8 +2,8 @@
 //!
 //! The converter holds two conversions, an estimate takes longer. So a data-ready edge is served at once: the interrupt
 //! has the bus clock the sample out ([`Capture`]) into a ring, with the time that a timer latched at the edge, and the
-//! drivers find it there ([`Answering`]) whenever the application comes to it. A sample that is not kept is counted
-//! ([`Lost`]). Nothing here knows registers: a board and the simulator run the same code.
+//! drivers find it there ([`Answering`]) whenever the application comes to it. A sample that is not stored is
+//! counted ([`Lost`]). Nothing here knows registers: a board and the simulator run the same code.
 //!
 //! ```text
 //! edge ─▶ Capture::on_edge ─▶ Order ─▶ transfer ─▶ Capture::on_read ─▶ ring ─▶ Answering ─▶ driver
@@ -27,25 +27,25 @@ const EDGES: usize = 3;
 const ROOM: usize = 144;
 /// The flash takes 100 µs a word at most (data sheet of the STM32F405, table of its flash), and interrupts come between words.
 const WORD_NS: u64 = 100_000;
-/// Of the longest record that is kept.
+/// Of the longest record that is stored.
 const RECORD_WORDS: u64 = 1792 / 4;
 /// The longest that a main loop does not come round, ns.
 pub const LONGEST_AWAY_NS: u64 = WORD_NS * RECORD_WORDS;
-/// What each of the sensors does not signal samples faster than, ns: 1 kHz.
+/// The least time between the samples that each of the sensors signals, ns: 1 kHz.
 pub const SHORTEST_PERIOD_NS: u64 = 1_000_000;
-/// Looks, of one millisecond each, that a transfer may take: two of them whole. It takes 30 µs.
+/// Polls, of one millisecond each, that a transfer may take: two of them whole. It takes 30 µs.
 const TRANSFER_LOOKS: u8 = 3;
 /// Conversions that the converter may hold from before.
 const STALE_CONVERSIONS: u8 = 2;
 
-/// A sample as it came over the bus.
+/// A sample as it arrived over the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Captured {
     /// Tells which sensor.
     pub sensor: Sensor,
     /// The timer's count that was latched at the edge.
     pub ticks: u32,
-    /// What came; only as many bytes as were ordered.
+    /// The bytes received; only as many bytes as were ordered.
     pub bytes: [u8; MAX_CAPTURED],
 }
 
@@ -76,12 +76,12 @@ impl Lost {
     }
 }
 
-/// What is to be clocked out of a sensor.
+/// The bytes to be clocked out of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {
     /// Tells which sensor is to be selected.
     pub sensor: Sensor,
-    /// What is to be sent.
+    /// The bytes to be sent.
     pub request: &'static [u8],
 }
 
@@ -122,7 +122,7 @@ struct Edge {
 struct Line {
     /// An edge waits, latched at this count.
     edge: Option<Edge>,
-    /// So many reads are to be thrown away first: what they bring is older than any edge that is known.
+    /// The number of reads to be discarded first: what they bring is older than any edge that is known.
     stale: u8,
 }
 
@@ -155,9 +155,10 @@ pub struct Capture<'a> {
     lines: [Line; EDGES],
     bus: Bus,
     listening: [bool; EDGES],
-    /// Looks at the transfer on its way.
+    /// Checks the transfer on its way.
     looks: u8,
-    /// The last transfer failed: the next one waits for a look, so that a bus that is broken takes no more than that.
+    /// The last transfer failed: the next one waits for a check, so that a bus that is broken takes no more
+    /// than that.
     pauses: bool,
     failures: Failures,
 }

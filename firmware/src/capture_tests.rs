@@ -25,7 +25,8 @@ impl Sensors {
         self.conversions.push_back(number);
     }
 
-    /// What an order brings. Without a new conversion the last one comes again; an empty FIFO says so.
+    /// Returns what an order brings. Without a new conversion the last one comes again; an empty FIFO says
+    /// so.
     fn serve(&mut self, order: Order) -> Vec<u8> {
         let mut bytes = order.request.to_vec();
         if order.sensor == Sensor::LoadCell {
@@ -127,7 +128,7 @@ fn what_is_lost_is_counted_and_what_follows_has_its_own_time() {
     let mut sensors = Sensors::default();
     let order = capture.listen(LOAD_CELL);
     sensors.run(&mut capture, order);
-    // The interrupt came late: two conversions, one latch.
+    // The interrupt was late: two conversions, one latch.
     sensors.convert(1);
     sensors.convert(2);
     let order = capture.on_edge(Sensor::LoadCell, 20, true);
@@ -183,7 +184,7 @@ fn of_packets_that_wait_the_one_is_kept_whose_edge_it_was() {
         sensors.run(&mut capture, order);
         let taken = samples.take();
         assert_eq!(taken.map(|c| (c.ticks, c.bytes[4])), kept, "{edges:?}");
-        // The driver is not to look for those that were read here.
+        // The driver is not to search for those that were read here.
         assert!(taken.is_none_or(|c| !imu::holds_more(&c.bytes)));
         assert_eq!((lost.counts()[1] - before, samples.take()), (newly_lost, None), "{edges:?}");
     }
@@ -226,7 +227,7 @@ fn a_transfer_that_does_not_end_is_given_up_and_sampling_goes_on() {
     let order = capture.after_look();
     assert!(order.is_some());
     sensors.run(&mut capture, order);
-    // The conversion has kept its time; the packet, whose signal would have stayed up, is lost and read.
+    // The conversion has retained its time; the packet, whose signal would have stayed up, is lost and read.
     assert_eq!(samples.take().map(|c| (c.sensor, c.ticks)), Some((Sensor::LoadCell, 11)));
     assert_eq!((samples.take(), lost.counts(), sensors.packets.len()), (None, [0, 1, 0], 0));
     assert_eq!(capture.failures(), Failures { overdue: 1, failed: 0 });
@@ -265,7 +266,8 @@ fn no_conversion_is_dated_by_a_later_edge_after_a_failed_transfer() {
     }
 }
 
-/// The longest checkpoint stops the main loop for so many samples of three sensors, which the ring has room for.
+/// The longest checkpoint stops the main loop for this many samples of three sensors, which the ring has room
+/// for.
 #[test]
 fn the_ring_holds_what_three_sensors_signal_while_the_longest_checkpoint_is_written() {
     assert_eq!(RECORD_WORDS * 4, crate::storage::record::RECORD_BYTES as u64);

@@ -10,7 +10,8 @@ use rigident_shared::wire::{Consistency, EstimateReport, MAX_PARAMETERS, Reading
 
 use crate::sample_path::SamplePath;
 
-/// A pair of columns of n numbers takes about 40 n instructions to rotate; with one body's so many slices stay below 9000.
+/// A pair of columns of n numbers takes about 40 n instructions to rotate; with one body's columns this many
+/// slices stay below 9000.
 const BODY_SLICE: usize = 8_000 / 40;
 /// Of two links a slice may take as long as a step of the stop check.
 const LINKS_SLICE: usize = 32_000 / 40;
@@ -22,7 +23,7 @@ enum Phase {
     Idle,
     /// Levels are merged.
     Fold,
-    /// What noise of the signals adds is taken off.
+    /// The part that noise of the signals adds is taken off.
     Compensate,
     /// Columns are scaled.
     Scale,
@@ -34,7 +35,7 @@ enum Phase {
     Judge,
     /// The nearest body is searched for.
     Search,
-    /// It can be told.
+    /// It can be reported.
     Ready,
 }
 

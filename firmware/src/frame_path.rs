@@ -1,6 +1,6 @@
-//! What happens to every frame of a tree in motion. No I/O, no panic, no heap, no f64.
+//! The processing of every frame of a tree in motion. No I/O, no panic, no heap, no f64.
 //!
-//! [`frame_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
+//! [`frame_path`] is the one entry; the release check searches for its symbol and walks what it can reach.
 
 use rigident_shared::estimator::frames::{
     Frame, FrameEstimator, FrameLink, FrameRejection, FrameStop, FramesConfig, FramesError, LINKS,
@@ -28,7 +28,7 @@ unsafe impl HasVariant<FramePath, 2> for Path {
 }
 
 impl FramePath {
-    /// The path of this tree, made where it stands.
+    /// Makes the path of this tree in place.
     #[inline(never)]
     pub(crate) fn set_up(
         path: &mut Path,

@@ -118,7 +118,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.on_overruns(count);
     }
 
-    /// Takes bytes from the host. Brings the sensors up when told to, which may take some tens of milliseconds.
+    /// Takes bytes from the host. Brings the sensors up on command, which may take some tens of milliseconds.
     // In the frame of a board's main loop, whose room it shares: by itself it takes 8 kB of stack.
     #[inline(always)]
     pub fn on_bytes(&mut self, bytes: &[u8], now_ns: u64) {
@@ -212,8 +212,9 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
-    /// Does what is to be done with the flash, if anything: a board that has one calls it whenever it has looked at its queues. While
-    /// samples are taken it takes as long as programming one record at most; nothing is erased then.
+    /// Does what is to be done with the flash, if anything: a board that has one calls it whenever it has
+    /// checked its queues. While samples are taken it takes as long as programming one record at most;
+    /// nothing is erased then.
     #[cfg(feature = "storage")]
     pub fn tend<F: embedded_storage::nor_flash::NorFlash>(&mut self, store: &mut Store<F>) {
         match self.app.duty() {

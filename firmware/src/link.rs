@@ -43,7 +43,7 @@ pub(crate) enum Recall {
     Stale,
 }
 
-/// Returns what a command's payload is remembered by.
+/// Returns what a command's payload is identified by.
 pub(crate) fn check(payload: &[u8]) -> u32 {
     CRC32.checksum(payload)
 }
@@ -88,7 +88,7 @@ impl Link {
         Recall::AnsweredAgain
     }
 
-    /// Queues an answer and remembers it. Without room it is not sent; the host will ask again.
+    /// Queues an answer and stores it. Without room it is not sent; the host will ask again.
     pub(crate) fn answer(&mut self, sequence: u16, check: u32, answer: &Answer) {
         let mut bytes = [0; MAX_FRAME];
         let Ok(length) = encode(Kind::Answer, sequence, answer, &mut bytes) else { return };
@@ -97,7 +97,7 @@ impl Link {
         self.remembered = Some(Remembered { sequence, check, frame });
     }
 
-    /// Queues an error that is no command's answer to remember.
+    /// Queues an error that is no command's answer to store.
     pub(crate) fn refuse(&mut self, sequence: u16, error: ErrorCode) {
         let mut bytes = [0; MAX_FRAME];
         let answer: Answer = Err(error);

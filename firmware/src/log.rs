@@ -1,4 +1,5 @@
-//! What the firmware tells a debugger: changes of state and refusals, through `defmt` where that feature is on.
+//! The firmware's messages to a debugger: changes of state and refusals, through `defmt` where that feature
+//! is on.
 //!
 //! Not for the sample path: a message is written with interrupts masked.
 

@@ -1,4 +1,4 @@
-//! Large values are made where they stand.
+//! Large values are made in place.
 //!
 //! An assignment `*place = Enum::Variant(payload)` of tens of kilobytes would go over the stack or be copied out of
 //! flash. Here the payload is written into its place at once. A payload that is a constant of zero bits costs neither

@@ -3,17 +3,17 @@
 //! A sensor that is silent is a fault that the application tells within a quarter of a second, and that no restart heals. What a
 //! restart may heal is an application that does not tell it, or a port whose interrupt no longer comes.
 
-/// Without progress for so long the watchdog is no longer fed, ns.
+/// Without progress for this long the watchdog is no longer fed, ns.
 const PATIENCE_NS: u64 = 2_000_000_000;
 /// Load cell, IMU, second IMU.
 const SENSORS: usize = 3;
 
-/// What a board sees of its program in one turn of the main loop.
+/// The progress of its program that a board sees in one turn of the main loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Turn {
-    /// Whose samples a run needs now: all false unless it is running.
+    /// The sensors whose samples a run needs now: all false unless it is running.
     pub needed: [bool; SENSORS],
-    /// Whose samples the application was given in this turn.
+    /// The sensors whose samples the application was given in this turn.
     pub came: [bool; SENSORS],
     /// Bytes that wait for the port's interrupt.
     pub waiting: usize,

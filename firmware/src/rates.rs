@@ -3,7 +3,7 @@
 //! Samples are taken at the times of their signals, and the filters count on the rate that was asked for: a converter whose
 //! oscillator has 8.0 instead of 8.192 MHz would make every inertia 2.4 % too large without a word.
 
-/// Signals are counted for so long, ns.
+/// Signals are counted for this long, ns.
 const WINDOW_NS: u64 = 1_000_000_000;
 /// Samples that are missing in a row after which the count begins anew: over more the number of periods is not sure.
 const MOST_MISSING: u64 = 8;

@@ -1,7 +1,7 @@
-//! What happens to every sample: calibration, alignment, estimator. No I/O, no panic, no heap, no f64.
+//! The processing of every sample: calibration, alignment, estimator. No I/O, no panic, no heap, no f64.
 //!
-//! [`sample_path`] is the one entry; the release check looks for its symbol and walks what it can reach. That of frames
-//! is [`crate::frame_path`]'s.
+//! [`sample_path`] is the one entry; the release check searches for its symbol and walks what it can reach.
+//! That of frames is [`crate::frame_path`]'s.
 
 use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};
@@ -26,7 +26,7 @@ const TAPS: usize = 64;
 /// Room for that of two links' signals, five times as many: 0.1 s at up to 320 Hz.
 #[cfg(feature = "links")]
 const LINK_TAPS: usize = 32;
-/// Row blocks between two looks at the factor, for the stop rule and for what knocks are known by.
+/// Row blocks between two checks of the factor, for the stop rule and for what knocks are recognised by.
 const LOOK_EVERY_BLOCKS: u16 = 50;
 /// Two links with the wrench offset.
 #[cfg(feature = "links")]
@@ -46,7 +46,7 @@ pub enum Words {
     Imu(ImuReading<f32>),
     /// A reading of the second link's IMU.
     SecondImu(ImuReading<f32>),
-    /// A reading that needs no alignment: of a recording. Of one body only its base is looked at.
+    /// A reading that needs no alignment: of a recording. Of one body only its base is examined.
     Aligned(TwoLinkReading<f32>),
 }
 
@@ -69,7 +69,7 @@ macro_rules! models {
         }
 
         $(
-            // The variant is what the trait is told.
+            // The variant is what the trait is given.
             $(#[$meta])*
             const _: fn($estimator) -> ModelEstimator = ModelEstimator::$variant;
             $(#[$meta])*
@@ -106,7 +106,7 @@ pub struct SamplePath {
     aligner: Aligner<f32>,
     /// Of the second link's IMU, if there is one.
     second: Option<Aligner<f32>>,
-    /// The second aligner's last reading; that of the first stands in `reading` from the beginning.
+    /// The second aligner's last reading; that of the first is in `reading` from the beginning.
     other: Reading<f32>,
     /// Tells which of these two waits for the other's of the same instant.
     waits: [bool; 2],
@@ -118,11 +118,11 @@ pub struct SamplePath {
     absorbing: bool,
     stop: Option<StopLimits>,
     knock_limit: f32,
-    /// Row blocks until the next look.
+    /// Row blocks until the next check.
     until_look: u16,
     /// There is something for [`SamplePath::catch_up`].
     behind: bool,
-    /// The last reading came with a step of a look.
+    /// The last reading coincided with a step of a check.
     stepped: bool,
     stop_rule_met: bool,
 }
@@ -132,7 +132,7 @@ pub struct SamplePath {
 pub struct StopLimits {
     /// Largest standard deviation of each parameter; infinite for one that is not asked for.
     pub(crate) standard_deviation: [f32; MAX_PARAMETERS],
-    /// Not before so many row blocks.
+    /// Not before this many row blocks.
     pub(crate) minimum_blocks: u32,
 }
 
@@ -176,8 +176,8 @@ impl SamplePath {
         }
     }
 
-    /// A path that still has to be [`Self::set_up`]. Its estimator is written where it stands, for the fewer copies of it a stack
-    /// has to hold the better.
+    /// A path that still has to be [`Self::set_up`]. Its estimator is written in place, for the fewer copies
+    /// of it a stack has to hold the better.
     pub(crate) fn place(path: &mut crate::Path) -> Option<&mut Self> {
         if !matches!(path, crate::Path::Samples(_)) {
             begin::<_, Self, 1>(path);
@@ -240,7 +240,7 @@ impl SamplePath {
         any!(&mut self.estimator, e => e.set_memory(memory))
     }
 
-    /// Row blocks between two looks: a memory is looked at with each of its segments.
+    /// Row blocks between two checks: a memory is checked with each of its segments.
     fn look_every(&self) -> u16 {
         any!(&self.estimator, e => e.segment_blocks()).unwrap_or(LOOK_EVERY_BLOCKS)
     }
@@ -391,14 +391,14 @@ impl SamplePath {
         core::mem::take(&mut self.behind)
     }
 
-    /// Returns whether the last reading came with a step of a look. Asking forgets it.
+    /// Returns whether the last reading coincided with a step of a check. Asking forgets it.
     #[inline]
     pub(crate) fn take_stepped(&mut self) -> bool {
         core::mem::take(&mut self.stepped)
     }
 
-    /// A row block is followed by readings that only wait in the filter: with each of these one step of a look at the
-    /// factor.
+    /// A row block is followed by readings that only wait in the filter: with each of these one step of a
+    /// check of the factor.
     #[inline]
     fn look(&mut self, outcome: Outcome) {
         match outcome {
@@ -433,8 +433,9 @@ impl SamplePath {
         self.stop.is_some_and(|stop| self.counters().blocks >= stop.minimum_blocks)
     }
 
-    /// Puts a complete segment into the memory, if not everything is kept: outside the path, for it takes as long as a
-    /// solution. Whether every asked-for parameter had its asked-for uncertainty at the last look.
+    /// Puts a complete segment into the memory, if not everything is retained: outside the path, for it takes
+    /// as long as a solution. Whether every asked-for parameter had its asked-for uncertainty at the last
+    /// check.
     pub(crate) fn catch_up(&mut self) -> bool {
         let k = self.knock_limit;
         let met = any!(&mut self.estimator, e => e.remember(k).map(|sd| within(&self.stop, &sd)));
@@ -498,8 +499,9 @@ impl SamplePath {
         any!(&self.estimator, e => write(e.folded(), e.gram(), out))
     }
 
-    /// Starts a path that is newly set up with a factor of so many rows that [`Self::write_factor`] has written, and what had happened
-    /// until then. False if the bytes are none of this model's.
+    /// Starts a path that is newly set up with a factor of the given number of rows that
+    /// [`Self::write_factor`] has written, and what had happened until then. False if the bytes are none of
+    /// this model's.
     #[cfg(feature = "storage")]
     #[inline(never)]
     pub(crate) fn restore(&mut self, bytes: &[u8], rows: u32, counters: &Counters) -> bool {

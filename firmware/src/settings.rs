@@ -50,7 +50,7 @@ pub(crate) struct SampleConfiguration {
     pub(crate) knock_limit: f32,
     /// Of the first IMU.
     pub(crate) imu_noise: ImuNoise<f32>,
-    /// `None`: everything is kept.
+    /// `None`: everything is retained.
     pub(crate) memory: Option<MemoryConfig<f32>>,
 }
 
@@ -130,7 +130,7 @@ fn tree(
             joint: match link.joint {
                 LinkJoint::Fixed => TurningJoint::Fixed,
                 LinkJoint::Revolute(axis) => TurningJoint::Revolute(axis),
-                // Only the first one's, which is not looked at.
+                // Only the first one's, which is not examined.
                 LinkJoint::Spherical | LinkJoint::Free => TurningJoint::Spherical,
             },
             position: link.position_m,
@@ -212,7 +212,7 @@ pub(crate) fn setting_of_watch(error: WatchError) -> SettingName {
     }
 }
 
-/// Springs, whose stiffness is told in half.
+/// Springs, whose stiffness is given by half of the matrix.
 fn suspension(springs: &SuspensionSettings) -> Suspension<f32> {
     let mut stiffness = [[0.0; 6]; 6];
     for ((i, j), value) in SuspensionSettings::places().zip(springs.stiffness) {

@@ -1,6 +1,6 @@
-//! What happens to every frame of a robot that is watched. No I/O, no panic, no heap, no f64.
+//! The processing of every frame of a robot that is watched. No I/O, no panic, no heap, no f64.
 //!
-//! [`watch_path`] is the one entry; the release check looks for its symbol and walks what it can reach.
+//! [`watch_path`] is the one entry; the release check searches for its symbol and walks what it can reach.
 
 use rigident_shared::estimator::watch::{
     Change, WATCH_FEET, WATCH_LINKS, Watch, WatchConfig, WatchError, WatchFoot, WatchFrame, WatchLink,
@@ -26,7 +26,7 @@ unsafe impl HasVariant<WatchPath, 3> for Path {
 }
 
 impl WatchPath {
-    /// The path of such a robot, made where it stands; its links are still to come.
+    /// Makes the path of such a robot in place; its links are still to come.
     #[inline(never)]
     pub(crate) fn set_up(
         path: &mut Path,

@@ -164,12 +164,12 @@ impl FrameMotion {
         }
     }
 
-    /// What an ideal accelerometer at the origin reads along the frame's axes, m/s².
+    /// Returns what an ideal accelerometer at the origin reads along the frame's axes, m/s².
     pub fn specific_force(&self, gravity: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.transpose() * (self.acceleration - gravity)
     }
 
-    /// What an ideal gyro reads along the frame's axes, rad/s.
+    /// Returns what an ideal gyro reads along the frame's axes, rad/s.
     pub fn body_rate(&self) -> Vector3<f64> {
         self.rotation.transpose() * self.angular_rate
     }

@@ -1,4 +1,4 @@
-//! How near legs, plate and base come to each other. Everything is made of capsules: segments with a radius.
+//! The distances between legs, plate and base. Everything is made of capsules: segments with a radius.
 
 use nalgebra::Vector3;
 
@@ -128,8 +128,9 @@ fn apart(a: &Bar, b: &Bar) -> f64 {
     })
 }
 
-/// Where on two segments, as shares of their lengths, they are nearest to each other (Ericson, Real-Time Collision Detection,
-/// 5.1.9): the lines' nearest points, brought into one segment, then the other.
+/// Returns where on two segments, as shares of their lengths, they are nearest to each other (Ericson,
+/// Real-Time Collision Detection, 5.1.9): the lines' nearest points, brought into one segment, then the
+/// other.
 fn closest(a: &Bar, b: &Bar) -> [f64; 2] {
     let (d1, d2, r) = (a.to - a.from, b.to - b.from, a.from - b.from);
     let (aa, ee, f) = (d1.dot(&d1), d2.dot(&d2), d2.dot(&r));

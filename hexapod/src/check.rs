@@ -1,7 +1,7 @@
 //! Whether a pose or a whole motion keeps every limit.
 //!
-//! A motion is not looked at in steps: what happens between two looks is bounded ([`Geometry::guarantee`] has the bounds),
-//! and an interval whose bounds do not show that the limits are kept is cut in two.
+//! A motion is not checked in steps: what happens between two checks is bounded ([`Geometry::guarantee`] has
+//! the bounds), and an interval whose bounds do not show that the limits are met is cut in two.
 
 use super::error::MotionError;
 use super::geometry::Geometry;
@@ -13,13 +13,13 @@ use super::trajectory::Trajectory;
 
 /// Intervals that are no longer than this are not cut any more, s.
 const SHORTEST_S: f64 = 1e-6;
-/// By so much of itself a bound may lie above a limit that is touched: rounding.
+/// The share of itself by which a bound may lie above a limit that is touched: rounding.
 const TOUCH: f64 = 1e-9;
-/// Intervals that are looked at, about ten seconds of work.
+/// Intervals that are examined, about ten seconds of work.
 const MOST_LOOKS: u32 = 1_000_000;
 
 impl Geometry {
-    /// Whether the plate can stand at `pose`: lengths, joint angles, `cond(H)`.
+    /// Checks whether the plate can be at `pose`: lengths, joint angles, `cond(H)`.
     ///
     /// # Errors
     /// The limit, the leg and the value.
@@ -35,10 +35,11 @@ impl Geometry {
         self.kept_at(&Trajectory::resting(pose).state(0.0), Some(load))
     }
 
-    /// Whether the legs can take this state at `time_s`. Forces are left out: see [`Geometry::check_loaded`].
+    /// Checks whether the legs can take this state at `time_s`. Forces are left out: see
+    /// [`Geometry::check_loaded`].
     ///
     /// # Errors
-    /// The first limit that is not kept, with leg and time.
+    /// The first limit that is violated, with leg and time.
     pub fn check_state(&self, state: &PlateState, time_s: f64) -> Result<(), MotionError> {
         self.kept_at(state, None).map_err(|violation| MotionError::Limit { violation, time_s })
     }
@@ -78,10 +79,10 @@ impl Geometry {
         if kept { Ok(()) } else { self.margins(state, load).check() }
     }
 
-    /// Whether the legs can follow `trajectory` at every instant. Forces are left out.
+    /// Checks whether the legs can follow `trajectory` at every instant. Forces are left out.
     ///
     /// # Errors
-    /// A limit that is not kept, or cannot be shown to be, with leg and time.
+    /// A limit that is violated, or cannot be shown to be met, with leg and time.
     pub fn check(&self, trajectory: &Trajectory) -> Result<(), MotionError> {
         self.kept(trajectory, None)
     }
@@ -89,13 +90,13 @@ impl Geometry {
     /// As [`Geometry::check`], with the forces that moving `load` takes.
     ///
     /// # Errors
-    /// A limit that is not kept, or cannot be shown to be, with leg and time.
+    /// A limit that is violated, or cannot be shown to be met, with leg and time.
     pub fn check_loaded(&self, trajectory: &Trajectory, load: &Load) -> Result<(), MotionError> {
         self.kept(trajectory, Some(load))
     }
 
-    /// Returns true if it can be shown in so many looks that every limit is kept at every instant, those of forces with what may
-    /// be carried, and that the plate turns no faster than so.
+    /// Returns true if it can be shown in the given number of checks that every limit is met at every
+    /// instant, those of forces with what may be carried, and that the plate turns no faster than so.
     pub fn proves(
         &self,
         trajectory: &Trajectory,
@@ -166,7 +167,7 @@ mod tests {
         g.kept(&program.trajectory().unwrap(), load).unwrap_err()
     }
 
-    /// A multiple of 250 Hz vanishes, or is a slow ramp, wherever one looks in steps of 4 ms.
+    /// A multiple of 250 Hz vanishes, or is a slow ramp, wherever one samples in steps of 4 ms.
     #[test]
     fn a_shake_that_hides_between_looks_in_steps_is_found() {
         let g = Geometry::thesis();
@@ -190,7 +191,7 @@ mod tests {
         assert!(error.to_string().contains("m/s"), "{error}");
     }
 
-    /// What is refused oversteps at that time; what is passed does not, looked at every 0.2 ms.
+    /// What is refused oversteps at that time; what is passed does not, examined every 0.2 ms.
     #[test]
     fn the_first_overstepping_is_named_and_what_passes_keeps_the_limits() {
         let g = Geometry::thesis();

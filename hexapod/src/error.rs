@@ -6,21 +6,21 @@ use super::program::LONGEST_S;
 /// Why a motion cannot be driven.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
-    /// A limit of the platform is not kept.
+    /// A limit of the platform is violated.
     #[error("{violation} at t = {time_s:.3} s: {}", .violation.advice())]
     Limit {
-        /// Which limit, which leg, how far.
+        /// The limit, the leg and the distance.
         violation: Violation,
         /// Time in the program, s.
         time_s: f64,
     },
-    /// It cannot be shown in reasonable time that the limits are kept.
+    /// It cannot be shown in reasonable time that the limits are met.
     #[error(
         "the motion is too quick for its limits to be checked over its whole length, at t = {time_s:.3} s: use lower \
          frequencies or a shorter motion"
     )]
     TooQuickToCheck {
-        /// How far the check came, s.
+        /// The time up to which the check proceeded, s.
         time_s: f64,
     },
     /// Longer than a day.
@@ -34,7 +34,7 @@ pub enum MotionError {
     BadSegment {
         /// 1 for the first; 0 for the start pose.
         segment: usize,
-        /// What is wrong with it.
+        /// The fault in it.
         reason: &'static str,
     },
 }

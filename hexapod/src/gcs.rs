@@ -1,4 +1,4 @@
-//! What PI hexapods and their clients agree on: General Command Set 2.0.
+//! The agreement between PI hexapods and their clients: General Command Set 2.0.
 //!
 //! Lives here: axes and positions ([`GcsPosition`]), the lines that carry them, numbers of errors ([`error`]) and of
 //! parameters. A driver and a simulated controller both take them from here, so that neither is the other's measure; the
@@ -8,7 +8,7 @@
 //! MS222E), from its Python client `pipython` and from its ROS driver:
 //! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines all but
 //!   the last end with a space before LF;
-//! - an error is not answered: its number is kept until `ERR?` fetches it;
+//! - an error is not answered: its number is stored until `ERR?` fetches it;
 //! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros included. After
 //!   either the number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of given axes smoothly", "Stop
 //!   all axes abruptly"; the controller's own `HLP?`: "Halt motion smoothly", "Stop all axes abruptly");
@@ -49,7 +49,7 @@ pub const PATH_THRESHOLD: u32 = 0x1900_1903;
 /// Parameter with the number of points in the buffer, which can only be read.
 pub const PATH_POINTS: u32 = 0x1900_1904;
 
-/// Numbers of errors, as `ERR?` gives them; the vendor's names stand behind.
+/// Numbers of errors, as `ERR?` gives them; the vendor's names follow.
 pub mod error {
     /// `PARAM_SYNTAX`.
     pub const SYNTAX: u16 = 1;
@@ -180,7 +180,7 @@ pub fn answer(lines: impl IntoIterator<Item = String>) -> String {
     out
 }
 
-/// Whether these bytes are a whole answer: they end with a line's end without a space before it.
+/// Returns whether these bytes are a whole answer: they end with a line's end without a space before it.
 pub fn is_whole_answer(bytes: &[u8]) -> bool {
     bytes.ends_with(b"\n") && !bytes.ends_with(b" \n")
 }

@@ -17,10 +17,10 @@ pub struct Geometry {
     pub leg_length_m: [f64; 2],
     /// Highest leg speed, m/s.
     pub leg_rate_mps: f64,
-    /// What else the machine must not do.
+    /// The further limits of the machine.
     #[serde(default)]
     pub limits: Limits,
-    /// All that is known of a machine whose joints are not published; what stands above does not bind then.
+    /// All that is known of a machine whose joints are not published; what is above does not bind then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub travel: Option<Travel>,
 }
@@ -33,7 +33,7 @@ pub struct Geometry {
 pub struct StrokeError {
     /// Asked for, m.
     pub asked_m: f64,
-    /// What the legs have, m.
+    /// The length that the legs have, m.
     pub available_m: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Limits that are kept at every instant of a motion, not only where it was looked at.
+//! Limits that are met at every instant of a motion, not only where it was checked.
 //!
 //! Between two seams a motion has a bounded third derivative (`x'''`, and `d²ω/dt²`). From the exact state in the middle
 //! of an interval that bounds every lower derivative of the plate over it (Taylor), hence speeds, accelerations and jerks
@@ -16,20 +16,20 @@ use super::trajectory::Trajectory;
 /// The largest value of one limited quantity over a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Which limit; `None` for the plate's angular rate, which is the gyro's concern.
+    /// The limit; `None` for the plate's angular rate, which is the gyro's concern.
     pub limit: Option<Limit>,
     /// 1 to 6, of the largest value seen; absent for `cond(H)`, the clearance and the angular rate.
     pub leg: Option<usize>,
-    /// Of the clearance what came nearest to what.
+    /// The two parts whose clearance is the least.
     pub between: Option<[Part; 2]>,
     /// Time of the largest value seen, s.
     pub time_s: f64,
     /// Largest value seen. Of a length its distance from the middle of the stroke, m; of the clearance what the distance lacks
     /// of a leg's diameter beyond the least, m; else a magnitude in the [`Limit`]'s unit, rad/s of the angular rate.
     pub seen: f64,
-    /// What it stays below at every instant.
+    /// The bound that it stays below at every instant.
     pub bound: f64,
-    /// What it may be: half the stroke, or the limit; infinite if there is none.
+    /// The allowed value: half the stroke, or the limit; infinite if there is none.
     pub allowed: f64,
 }
 
@@ -40,7 +40,7 @@ impl Peak {
     }
 }
 
-/// What is guaranteed of a whole motion.
+/// The guarantee for a whole motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guarantee {
     /// In the order of [`Limit`], the angular rate last. Joint angles and forces are there if they are limited.
@@ -53,12 +53,12 @@ impl Guarantee {
         self.peaks.iter().min_by(|a, b| a.margin().total_cmp(&b.margin()))
     }
 
-    /// Whether every limit is kept.
+    /// Returns whether every limit is met.
     pub fn is_kept(&self) -> bool {
         self.peaks.iter().all(|p| p.bound <= p.allowed)
     }
 
-    /// The first limit that is not known to be kept, with its value and time, if it is the platform's.
+    /// Returns the first limit that is not known to be met, with its value and time, if it is the platform's.
     pub fn violation(&self, geometry: &Geometry) -> Option<(Violation, f64)> {
         self.peaks.iter().filter(|p| p.bound > p.allowed).find_map(|p| {
             Some((geometry.overstepped(p.limit?, p.leg, p.between, p.bound, p.allowed), p.time_s))
@@ -127,14 +127,14 @@ pub(super) struct Bounds<'a> {
 }
 
 impl Bounds<'_> {
-    /// True if every limit is known to be kept in the interval of `2 half` about `time_s`, between two seams.
+    /// True if every limit is known to be met in the interval of `2 half` about `time_s`, between two seams.
     pub(super) fn shown(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> bool {
         let look = self.geometry.look(trajectory, time_s, half, self.load, self.moments);
         look.bound.iter().zip(self.allowed).all(|(bound, allowed)| *bound <= allowed)
     }
 
-    /// The first limit that is not known to be kept in the interval of `2 half` about `time_s`, between two seams; a bound
-    /// may lie above its limit by the share `touch`.
+    /// Returns the first limit that is not known to be met in the interval of `2 half` about `time_s`,
+    /// between two seams; a bound may lie above its limit by the share `touch`.
     pub(super) fn beyond(
         &self,
         trajectory: &Trajectory,

@@ -98,7 +98,7 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
     most
 }
 
-/// Against the motion looked at every 0.5 ms, the bound is never below and at most 2 % above.
+/// Against the motion examined every 0.5 ms, the bound is never below and at most 2 % above.
 #[test]
 fn bounds_hold_at_every_instant_and_are_not_far_above() {
     let g = machine();
@@ -147,7 +147,7 @@ fn an_overstepped_limit_is_named_with_leg_and_time() {
     assert_eq!(guarantee.tightest().unwrap().limit, Some(Limit::LegRate));
 }
 
-/// Limits a little above the bounds are shown to be kept, any a little below what was seen is not.
+/// Limits a little above the bounds are shown to be met, any a little below what was seen is not.
 #[test]
 fn what_is_proven_is_what_the_bounds_say() {
     let mut g = machine();
@@ -196,7 +196,7 @@ fn shares_of_a_travel_add_up_unless_all_of_it_may_be_used_at_once() {
     }
 }
 
-/// As with legs: looked at every 0.5 ms no bound is below, and none more than 2 % above.
+/// As with legs: examined every 0.5 ms no bound is below, and none more than 2 % above.
 #[test]
 fn bounds_of_a_travel_hold_at_every_instant_and_are_not_far_above() {
     for (seed, together) in [(1, false), (2, true), (3, false), (4, true)] {

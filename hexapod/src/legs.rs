@@ -48,7 +48,7 @@ impl Legs {
         condition_number(&h)
     }
 
-    /// Whether `cond(H) ≤ limit`. Cheaper than the number itself: mostly decided by
+    /// Returns whether `cond(H) ≤ limit`. Cheaper than the number itself: mostly decided by
     /// `cond₂ ≤ ‖H‖_F ‖H⁻¹‖_F`.
     pub fn is_conditioned_within(&self, limit: f64) -> bool {
         let h = self.force_transmission();
@@ -155,8 +155,8 @@ impl Geometry {
         )
     }
 
-    /// Whether all legs are inside their lengths. The cheapest question that can be asked of a pose: no roots, no
-    /// divisions.
+    /// Returns whether all legs are inside their lengths. The cheapest question that can be asked of a pose:
+    /// no roots, no divisions.
     pub fn reaches(&self, position: &Vector3<f64>, rotation: &Matrix3<f64>) -> bool {
         let [min, max] = self.leg_length_m;
         let (min, max) = (min * min, max * max);

@@ -6,7 +6,7 @@
 //! [`Trajectory`] (its exact kinematics), the default [`experiment`], and the lines that controllers take: [`gcs`] (PI hexapods) and
 //! [`set_points`]. Drivers of real platforms, planning and the simulator
 //! use it alike. May not live here: errors of sensors, planning, connections, or anything of the estimator's: the simulator's physics,
-//! which the estimator is tested against, stands on this crate.
+//! which the estimator is tested against, is based on this crate.
 //!
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.

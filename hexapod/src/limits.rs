@@ -1,4 +1,4 @@
-//! What a hexapod must not do.
+//! The limits of a hexapod.
 
 use std::fmt;
 
@@ -16,13 +16,14 @@ pub struct Limits {
     pub leg_acceleration_mps2: Option<f64>,
     /// Largest force of a leg, pushing or pulling, N.
     pub leg_force_n: Option<f64>,
-    /// How far a leg may lean at its base joint. Axes in A.
+    /// The angle by which a leg may lean at its base joint. Axes in A.
     pub base_joints: Option<JointCones>,
-    /// How far a leg may lean at its plate joint. Axes in P; a leg points from the base to the plate.
+    /// The angle by which a leg may lean at its plate joint. Axes in P; a leg points from the base to the
+    /// plate.
     pub plate_joints: Option<JointCones>,
     /// Highest `cond(H)`.
     pub cond_max: f64,
-    /// How thick legs, plate and base are; without it collisions are not looked at.
+    /// The thickness of legs, plate and base; without it collisions are not checked.
     pub bulk: Option<Bulk>,
 }
 
@@ -39,23 +40,25 @@ impl Default for Limits {
     }
 }
 
-/// The thickness of legs, plate and base, and how far from each other they must stay. What is on the plate is not looked at.
+/// The thickness of legs, plate and base, and how far from each other they must stay. What is on the plate is
+/// not examined.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bulk {
     /// Of each leg, m.
     pub leg_radius_m: f64,
-    /// What of a leg belongs to its joint, at either end, m: it touches plate, base and its neighbour there by design.
+    /// The part of a leg that belongs to its joint, at either end, m: it touches plate, base and its
+    /// neighbour there by design.
     pub joint_length_m: f64,
-    /// Of the bars between any two of the plate's joints, m; absent if the plate is not looked at.
+    /// Of the bars between any two of the plate's joints, m; absent if the plate is not examined.
     pub plate_radius_m: Option<f64>,
-    /// Of the bars between any two of the base's joints, m; absent if the base is not looked at.
+    /// Of the bars between any two of the base's joints, m; absent if the base is not examined.
     pub base_radius_m: Option<f64>,
     /// Least distance of one surface from another, m.
     pub clearance_m: f64,
 }
 
-/// What can touch something else.
+/// The parts that can touch something else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// 1 to 6.
@@ -149,23 +152,23 @@ impl Limit {
     }
 }
 
-/// A limit that is not kept. `Display` names the leg, what it would do and what it may.
+/// A limit that is violated. `Display` names the leg, what it would do and what it may.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Violation {
-    /// Which limit.
+    /// The limit.
     pub limit: Limit,
     /// 1 to 6; absent for `cond(H)` and the clearance.
     pub leg: Option<usize>,
-    /// What comes too near to what.
+    /// The two parts that come too near to each other.
     pub between: Option<[Part; 2]>,
-    /// What was asked for, in the limit's unit.
+    /// The value asked for, in the limit's unit.
     pub value: f64,
     /// From where to where it may be.
     pub allowed: [f64; 2],
 }
 
 impl Violation {
-    /// What can be done about it.
+    /// Returns what can be done about it.
     pub fn advice(&self) -> &'static str {
         match self.limit {
             Limit::LegLength
@@ -262,7 +265,8 @@ impl fmt::Display for Violation {
     }
 }
 
-/// With so many decimals, or in powers of ten where those would show nothing, or nothing but digits.
+/// With the given number of decimals, or in powers of ten where those would show nothing, or nothing but
+/// digits.
 fn number(value: f64, digits: usize) -> String {
     let magnitude = value.abs();
     if value != 0.0

@@ -1,4 +1,4 @@
-//! What the legs carry and the forces it takes: Newton and Euler through `H`.
+//! The load of the legs and the forces that it takes: Newton and Euler through `H`.
 
 use nalgebra::{Vector3, Vector6};
 
@@ -11,7 +11,7 @@ use super::legs::Legs;
 use super::limits::{Limit, Violation};
 use super::trajectory::Trajectory;
 
-/// What moves with the plate. Everything in P.
+/// The bodies that move with the plate. Everything in P.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Bodies {
     /// Rigid bodies that are known: plate, load cell, body under test.
@@ -20,7 +20,7 @@ pub enum Bodies {
     Within {
         /// Bodies that are known, the plate for instance.
         known: Vec<BodyParameters>,
-        /// What the other may be.
+        /// The possible values of the other.
         body: BodySet,
     },
 }
@@ -28,7 +28,7 @@ pub enum Bodies {
 /// Bodies on the plate in a gravity field. The masses of the legs are not modelled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Load {
-    /// What is carried.
+    /// The bodies carried.
     pub bodies: Bodies,
     /// Gravity in A, m/s².
     pub gravity_mps2: [f64; 3],
@@ -113,7 +113,7 @@ impl Geometry {
         Err(MotionError::Limit { violation, time_s })
     }
 
-    /// Largest magnitude of each leg's force along a trajectory, N, looked at every `step_s`.
+    /// Largest magnitude of each leg's force along a trajectory, N, examined every `step_s`.
     ///
     /// # Errors
     /// A singular pose on the way.

@@ -1,4 +1,4 @@
-//! How far a state is from what a hexapod must not do.
+//! The distance of a state from what a hexapod must not do.
 
 use super::bulk::Nearest;
 use super::geometry::Geometry;
@@ -8,8 +8,8 @@ use super::limits::{Bulk, JointCones, Limit, Part, Violation};
 use super::load::Load;
 use super::travel::Travel;
 
-/// What every limited quantity is at one state, beside its limit. Quantities without a limit are given too, with an
-/// infinite one, so that a planner can see them; forces are there if a load was given.
+/// The value of every limited quantity at one state, beside its limit. Quantities without a limit are given
+/// too, with an infinite one, so that a planner can see them; forces are there if a load was given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LimitMargins {
     /// Lengths, m.
@@ -40,17 +40,17 @@ pub struct LimitMargins {
     pub condition_number: f64,
     /// Highest.
     pub condition_limit: f64,
-    /// What is nearest to what; absent where collisions are not looked at.
+    /// The two parts that are nearest to each other; absent where collisions are not checked.
     pub nearest: Option<Nearest>,
     /// Least distance, m.
     pub clearance_limit_m: f64,
-    /// What a distance may be beyond that for a margin of one, m.
+    /// The distance allowed beyond that for a margin of one, m.
     pub clearance_range_m: f64,
-    /// What is used of the travel of a machine without joints; nothing of the above is of account then.
+    /// The part used of the travel of a machine without joints; nothing of the above is of account then.
     pub travel: Option<TravelMargins>,
 }
 
-/// What is used of a [`Travel`] at a state.
+/// The part used of a [`Travel`] at a state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TravelMargins {
     /// Share of the travel: one is all of it.
@@ -175,7 +175,7 @@ impl LimitMargins {
         tightest
     }
 
-    /// The first limit that is not kept, in the order of [`Limit`]'s cheap ones first.
+    /// Returns the first limit that is violated, in the order of [`Limit`]'s cheap ones first.
     ///
     /// # Errors
     /// The limit, leg and value.
@@ -199,12 +199,13 @@ pub(super) fn too_near(distance_m: f64, between: [Part; 2], least: f64) -> Viola
 }
 
 impl Geometry {
-    /// Which of legs, plate and base are nearest to each other; `None` where their thickness is not given.
+    /// Returns which of legs, plate and base are nearest to each other; `None` where their thickness is not
+    /// given.
     pub fn nearest(&self, legs: &Legs) -> Option<Nearest> {
         self.limits.bulk.as_ref().map(|bulk| bulk.nearest(self, legs))
     }
 
-    /// Whether a pose is limited by nothing but lengths of legs and `cond(H)`.
+    /// Returns whether a pose is limited by nothing but lengths of legs and `cond(H)`.
     pub fn has_lengths_alone(&self) -> bool {
         let limits = &self.limits;
         limits.base_joints.is_none() && limits.plate_joints.is_none() && limits.bulk.is_none()
@@ -258,7 +259,7 @@ impl Geometry {
         if h.determinant() * self.home_determinant() > 0.0 { legs.condition_number() } else { f64::INFINITY }
     }
 
-    /// Whether `cond(H)` is within the guard, on home's side of every singular pose.
+    /// Returns whether `cond(H)` is within the guard, on home's side of every singular pose.
     pub fn is_guarded(&self, legs: &Legs) -> bool {
         legs.is_conditioned_within(self.limits.cond_max)
             && legs.force_transmission().determinant() * self.home_determinant() > 0.0

@@ -368,10 +368,10 @@ fn a_load_that_is_too_heavy_names_the_leg_the_force_and_the_time() {
     assert!(error.contains("leg ") && error.contains("its limit is 40.0 N at t = "), "{error}");
     g.limits.leg_force_n = Some(1e4);
     g.check_loaded(&swing(), &Load::body(body())).unwrap();
-    // The peak is what the limit compares with; between looks 0.1 ms apart it is missed by 1e-8 of itself.
+    // The peak is what the limit compares with; between samples 0.1 ms apart it is missed by 1e-8 of itself.
     let peak =
         g.peak_leg_forces(&swing(), 1e-4, &Load::body(body())).unwrap().into_iter().fold(0.0, f64::max);
-    // What is a microsecond from a look is known to some 1e-4 of it.
+    // What is a microsecond from a sample is known to some 1e-4 of it.
     g.limits.leg_force_n = Some(peak * 1.001);
     g.check_loaded(&swing(), &Load::body(body())).unwrap();
     g.limits.leg_force_n = Some(peak * 0.999_999);

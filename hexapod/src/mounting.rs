@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Where a frame sits in another.
+/// The place of a frame in another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
     /// Its origin, m.

@@ -1,4 +1,4 @@
-//! What the plate carries, and what perfect sensors make of its motion.
+//! The load of the plate, and what perfect sensors make of its motion.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,4 +1,4 @@
-//! Where the plate is.
+//! The pose of the plate.
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};

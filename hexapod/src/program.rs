@@ -1,4 +1,4 @@
-//! What the platform is asked to do. Its kinematics are those of [`super::Trajectory`].
+//! The tasks for the platform. Its kinematics are those of [`super::Trajectory`].
 
 use serde::{Deserialize, Serialize};
 
@@ -87,7 +87,7 @@ pub enum Segment {
 }
 
 impl Segment {
-    /// How long it takes, s.
+    /// Returns how long it takes, s.
     pub fn duration_s(&self) -> f64 {
         match self {
             Self::Hold { duration_s }
@@ -149,7 +149,7 @@ impl Segment {
         slow
     }
 
-    /// Where it ends, if it ends elsewhere than where it began.
+    /// Returns where it ends, if it ends elsewhere than where it began.
     pub fn target(&self) -> Option<&Pose> {
         match self {
             Self::Move { to, .. } | Self::Path { to, .. } => Some(to),

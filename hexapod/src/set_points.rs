@@ -8,7 +8,7 @@ use super::pose::Pose;
 /// Longest line that a platform takes, bytes.
 pub const LINE_BYTES: usize = 512;
 
-/// Where the plate, or its legs, shall be.
+/// The place where the plate, or its legs, shall be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SetPoint {
     /// Pose of the plate in A.

@@ -1,7 +1,8 @@
 //! A motion whose angular velocity and acceleration point everywhere while one point of the plate stays still.
 //!
-//! The plate is turned from where it stands by the rotation vector `ρ(t) n(t)` in its own axes, `ρ = A e(t) sin 2πft` with
-//! the soft envelope e, while the unit vector n winds from one pole of the sphere to the other.
+//! The plate is turned from where it is by the rotation vector `ρ(t) n(t)` in its own axes,
+//! `ρ = A e(t) sin 2πft` with the soft envelope e, while the unit vector n winds from one pole of the sphere
+//! to the other.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -29,7 +30,7 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// What makes no sense about it.
+    /// Checks that it makes sense.
     pub(super) fn check(&self) -> Result<(), &'static str> {
         if !(self.ramp_s > 0.0 && 2.0 * self.ramp_s <= self.duration_s) {
             return Err("its ramp must be longer than zero and at most half of its duration");

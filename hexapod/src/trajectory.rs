@@ -63,17 +63,17 @@ impl Trajectory {
         Self { start: at, end: at, duration_s: 0.0, pieces: Vec::new() }
     }
 
-    /// How long it takes, s.
+    /// Returns how long it takes, s.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// Where it starts.
+    /// Returns where it starts.
     pub fn start_pose(&self) -> Pose {
         Pose::from_coordinates(self.start)
     }
 
-    /// Where it ends.
+    /// Returns where it ends.
     pub fn end_pose(&self) -> Pose {
         Pose::from_coordinates(self.end)
     }

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::kinematics::PlateState;
 
-/// How far a plate goes to either side of its reference pose, and how fast, as its maker says. Nothing is known of legs:
-/// whether they reach a pose, bend, collide or carry what is on the plate.
+/// The distance that a plate goes to either side of its reference pose, and how fast, as its maker says.
+/// Nothing is known of legs: whether they reach a pose, bend, collide or carry what is on the plate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Travel {

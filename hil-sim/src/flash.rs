@@ -1,8 +1,8 @@
 //! A flash that outlives its board, and loses its power.
 //!
 //! Lives here: [`SimulatedFlash`], cells that are only ever cleared bit by bit and set a sector at a time, how often that happened, and a
-//! supply that ends after so many bytes. May not live here: what is kept in it. Next: [`crate::runner::WithFlash`], which puts it
-//! on the bus of a microcontroller.
+//! supply that ends after a set number of bytes. May not live here: what is stored in it. Next:
+//! [`crate::runner::WithFlash`], which puts it on the bus of a microcontroller.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -15,13 +15,14 @@ use rigident_shared::wire::bus::{FLASH_DONE, FLASH_HEADER_BYTES, FlashOperation,
 pub const WORD_BYTES: usize = 4;
 /// Bytes of a large sector of an STM32F405.
 pub const SECTOR_BYTES: usize = 128 * 1024;
-/// So many of them: two for each journal.
+/// The number of sectors: two for each journal.
 pub const SECTORS: usize = 4;
 
-/// What can go wrong with a flash.
+/// The possible failures of a flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashFault {
-    /// The supply ends after so many bytes were programmed or erased: the byte after is half done, and nothing afterwards.
+    /// The supply ends after this many bytes were programmed or erased: the byte after is half done, and
+    /// nothing afterwards.
     PowerCut {
         /// Bytes until then.
         after: u64,
@@ -105,7 +106,7 @@ impl SimulatedFlash {
         (self.fuel, self.dead) = (None, false);
     }
 
-    /// Whether the supply has ended.
+    /// Returns whether the supply has ended.
     #[must_use]
     pub fn is_off(&self) -> bool {
         self.fuel == Some(0)
@@ -117,7 +118,7 @@ impl SimulatedFlash {
         self.spent
     }
 
-    /// How often each sector has been erased.
+    /// Returns how often each sector has been erased.
     #[must_use]
     pub fn wear(&self) -> &[u32] {
         &self.wear

@@ -6,8 +6,9 @@
 //! in [`hexapod`], may use the estimator's regressor, and a test reads the sources to make sure.
 //!
 //! Read in this order: [`hexapod`] (where the plate is and what force that takes), [`links`] (and if more bodies hang on it),
-//! [`sensors`] (what a sensor makes of it), [`devices`] (what stands in its registers), [`rig`] (all of it together),
-//! [`link`] (a serial line that misbehaves). By itself stands [`suspension`] (a platform on springs, with links that swing free).
+//! [`sensors`] (what a sensor makes of it), [`devices`] (what is in its registers), [`rig`] (all of it
+//! together), [`link`] (a serial line that misbehaves). Separate is [`suspension`] (a platform on springs,
+//! with links that swing free).
 //!
 //! The feature `emulator` (default, Unix only) adds the firmware on an emulated board and the rig as other programs see it,
 //! over a pseudo-terminal and a network (`serve`).

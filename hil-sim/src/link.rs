@@ -19,8 +19,8 @@ pub trait ByteLink {
     /// Whatever the line gives; nothing of what was sent can be taken back.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Takes what has arrived, at most `buffer.len()` bytes, waiting up to `timeout` for the first. 0: nothing came. With an
-    /// empty buffer nothing is taken, and the other end goes on for `timeout`.
+    /// Takes what has arrived, at most `buffer.len()` bytes, waiting up to `timeout` for the first. 0:
+    /// nothing arrived. With an empty buffer nothing is taken, and the other end goes on for `timeout`.
     ///
     /// # Errors
     /// Whatever the line gives.
@@ -37,7 +37,7 @@ impl<L: ByteLink + ?Sized> ByteLink for Box<L> {
     }
 }
 
-/// How often what goes wrong, as probabilities from 0 to 1, the same in both directions.
+/// The frequencies of faults, as probabilities from 0 to 1, the same in both directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkFaults {
     /// A byte vanishes.
@@ -70,7 +70,7 @@ impl LinkFaults {
     }
 }
 
-/// What has gone wrong so far.
+/// The faults so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkStatistics {
     /// Bytes that passed through, before faults.
@@ -81,11 +81,11 @@ pub struct LinkStatistics {
     pub dropped_bytes: u64,
     /// Bits that were inverted.
     pub flipped_bits: u64,
-    /// Bytes that came twice.
+    /// Bytes that arrived twice.
     pub duplicated_bytes: u64,
     /// Frames that vanished.
     pub dropped_frames: u64,
-    /// Frames that came twice.
+    /// Frames that arrived twice.
     pub duplicated_frames: u64,
     /// Frames that were overtaken.
     pub delayed_frames: u64,
@@ -186,7 +186,7 @@ impl<L: ByteLink> FaultyLink<L> {
         self.faults = faults;
     }
 
-    /// What has gone wrong: on the way out, on the way in.
+    /// Returns what has gone wrong: on the way out, on the way in.
     pub fn statistics(&self) -> (LinkStatistics, LinkStatistics) {
         (self.outward.statistics, self.inward.statistics)
     }

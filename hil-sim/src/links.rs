@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use hexapod::Mounting;
 use hexapod::{BodyParameters, FrameMotion};
 
-/// An eased swing begins and ends within so long, s.
+/// An eased swing begins and ends within this time, s.
 const EASED_S: f64 = 2.0;
 
 /// Turns about x, then y, then z, each a sine of time.
@@ -123,7 +123,7 @@ pub struct SecondLink {
     pub body: BodyParameters,
     /// The joint in S, m.
     pub joint_m: [f64; 3],
-    /// How it swings: by the rig's clock, or by the plate's program.
+    /// The motion of its swing: by the rig's clock, or by the plate's program.
     pub swing: Swing,
     /// It swings while the plate's program runs, from rest to rest and from no angle to none; else always.
     pub with_program: bool,
@@ -151,12 +151,12 @@ impl SecondLink {
         }
     }
 
-    /// Its frame's motion, of that of S and how its joint stands.
+    /// Its frame's motion, of that of S and the position of its joint.
     pub fn motion(&self, sensor: &FrameMotion, joint: &JointState) -> FrameMotion {
         jointed(sensor, &Vector3::from(self.joint_m), joint)
     }
 
-    /// What it adds to the wrench at S's origin, in S; N, N m.
+    /// Returns what it adds to the wrench at S's origin, in S; N, N m.
     pub fn wrench(&self, sensor: &FrameMotion, joint: &JointState, gravity: &Vector3<f64>) -> [f64; 6] {
         let own = self.body.wrench(&self.motion(sensor, joint), gravity);
         let (f, m) = carried(own, &Vector3::from(self.joint_m), &joint.rotation);
@@ -188,7 +188,7 @@ pub struct TreeLink {
     pub joint_m: [f64; 3],
     /// The body, in the link's frame, whose origin is the joint.
     pub body: BodyParameters,
-    /// How the joint swings; of the first link, how the base does against the earth.
+    /// The motion of the joint; of the first link, that of the base against the earth.
     pub swing: Swing,
 }
 
@@ -220,7 +220,7 @@ impl Tree {
     /// The tree at `time_s`.
     ///
     /// # Panics
-    /// If there is no link, or one stands before its parent.
+    /// If there is no link, or one precedes its parent.
     pub fn at(&self, time_s: f64) -> TreeInstant {
         let gravity = Vector3::new(0.0, 0.0, -self.gravity_mps2);
         let mut position = Vector3::zeros();

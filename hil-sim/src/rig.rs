@@ -5,7 +5,7 @@
 //! files. Before this: [`crate::devices`]; next: [`crate::runner`].
 //!
 //! The clock is virtual. In lock-step it moves only while a motion program runs, from one sensor event to the next;
-//! free-running it follows the time it is told. Only what stands in the converters' registers leaves the rig.
+//! free-running it follows the time it is given. Only what is in the converters' registers leaves the rig.
 
 mod config;
 mod follow;
@@ -33,7 +33,7 @@ use hexapod::{MotionProgram, Pose};
 /// A rig that a runner and a platform controller share.
 pub type SharedRig = Arc<Mutex<Rig>>;
 
-/// What the sensors' data-ready lines say.
+/// The messages of the sensors' data-ready lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
     /// Nothing.
@@ -46,12 +46,12 @@ pub enum BusEvent {
     SecondImuReady(u64),
 }
 
-/// What is really the case; never given to the firmware.
+/// The true state; never given to the firmware.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
     /// Inertial parameters in S.
     pub body: BodyParameters,
-    /// What the experiment drew.
+    /// The random draw of the experiment.
     pub experiment: Experiment,
     /// Wrench offset that a perfect estimator finds when it believes the accelerometer's zero: an accelerometer that
     /// reads `b_a` too much (turned into S) takes `m b_a` off the forces and `mc × b_a` off the moments. N, N m.
@@ -152,7 +152,7 @@ impl Rig {
         Arc::new(Mutex::new(self))
     }
 
-    /// What the rig is.
+    /// Returns what the rig is.
     pub fn config(&self) -> &RigConfig {
         &self.config
     }
@@ -162,22 +162,23 @@ impl Rig {
         self.now_ns
     }
 
-    /// Where the plate is.
+    /// Returns where the plate is.
     pub fn pose(&self) -> Pose {
         self.platform.coordinates(self.now_ns as f64).plate_state().pose()
     }
 
-    /// Whether the plate moves.
+    /// Returns whether the plate moves.
     pub fn motion(&self) -> MotionState {
         self.platform.state()
     }
 
-    /// How many motions have begun since the rig was switched on: programs, moves, and streams of points from rest.
+    /// Returns how many motions have begun since the rig was switched on: programs, moves, and streams of
+    /// points from rest.
     pub fn motions_begun(&self) -> u64 {
         self.platform.begun()
     }
 
-    /// Whether a program was started and has come to its end, or was stopped and has come to rest.
+    /// Returns whether a program was started and has come to its end, or was stopped and has come to rest.
     pub fn is_done(&self) -> bool {
         self.platform.state() == MotionState::Done
     }
@@ -192,8 +193,8 @@ impl Rig {
         self.platform.duration_s()
     }
 
-    /// Takes a motion program and checks it against the legs. If it starts elsewhere than where the plate stands, a move
-    /// to its start is put before it.
+    /// Takes a motion program and checks it against the legs. If it starts elsewhere than where the plate is,
+    /// a move to its start is put before it.
     ///
     /// # Errors
     /// While the plate moves; a segment that makes no sense; a leg that would leave its reach or be too fast.
@@ -220,7 +221,7 @@ impl Rig {
         self.platform.stop_abruptly(self.now_ns as f64);
     }
 
-    /// Goes to a pose in so long, s, from rest or from a motion by set points.
+    /// Goes to a pose in the given time, s, from rest or from a motion by set points.
     ///
     /// # Errors
     /// While a program runs; a leg that would leave its reach or be too fast.
@@ -237,7 +238,8 @@ impl Rig {
         self.platform.pass(self.now_ns as f64, at_ns as f64, pose, &self.config.geometry)
     }
 
-    /// Whether the plate brakes, or has braked, because the points of [`Self::pass_through`] ceased. A stop ends that.
+    /// Returns whether the plate brakes, or has braked, because the points of [`Self::pass_through`] ceased.
+    /// A stop ends that.
     pub fn is_starved(&self) -> bool {
         self.platform.starved(self.now_ns as f64)
     }
@@ -283,7 +285,7 @@ impl Rig {
         &self.adc
     }
 
-    /// The IMU, to look at.
+    /// The IMU, for inspection.
     pub fn imu_device(&self) -> &Icm42688 {
         &self.imu_device
     }
@@ -345,7 +347,7 @@ impl Rig {
                 continue;
             }
             self.imu_ticker.ticks += 1;
-            // Without an interrupt enabled the sample is in the FIFO, but nobody is told.
+            // Without an interrupt enabled the sample is in the FIFO, but nobody is informed.
             if self.sample_imu(time_ns) && self.wiring.tells(Device::Imu) {
                 return BusEvent::ImuReady(time_ns);
             }
@@ -375,7 +377,7 @@ impl Rig {
         self.imu_device.sample(time_ns, accel, gyro, 25.0)
     }
 
-    /// How the second link's joint stands at a time of the clock; `None` without one.
+    /// Returns the position of the second link's joint at a time of the clock; `None` without one.
     fn second_joint(&self, time_s: f64) -> Option<JointState> {
         let link = self.config.second.as_ref()?;
         if !link.with_program {
@@ -453,7 +455,7 @@ impl Rig {
         &mut self.imu_device
     }
 
-    /// What is really the case now.
+    /// Returns what is really the case now.
     pub fn truth(&self) -> Truth {
         let plate = self.platform.coordinates(self.now_ns as f64).plate_state();
         Truth::new(&self.mechanics, &self.experiment, self.mechanics.sensor_motion(&plate))

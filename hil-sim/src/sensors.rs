@@ -1,4 +1,4 @@
-//! What the sensors make of the truth, before any register.
+//! The effect of the sensors on the truth, before any register.
 //!
 //! Lives here: noise, bias, gain, resolution, range, bandwidth, delay and faults of the load cell and the IMU. May
 //! not live here: registers and buses. Before this: [`hexapod`]; next: [`crate::devices`].
@@ -248,12 +248,12 @@ impl SensorModels {
         s
     }
 
-    /// What one experiment with this seed draws.
+    /// Returns what one experiment with this seed draws.
     pub fn draw(&self, seed: u64) -> Experiment {
         self.draw_from(&mut stream(seed, STREAM_EXPERIMENT))
     }
 
-    /// What it draws for a second IMU; the load cell's are not used.
+    /// Returns what it draws for a second IMU; the load cell's are not used.
     fn draw_second(&self, seed: u64) -> Experiment {
         self.draw_from(&mut stream(seed, STREAM_SECOND_EXPERIMENT))
     }

@@ -1,4 +1,4 @@
-//! A simulated rig that other programs use as if it stood on the floor: a serial port and a platform controller.
+//! A simulated rig that other programs use as if it were a real one: a serial port and a platform controller.
 //!
 //! Lives here: the port ([`Port`]), the controllers ([`Controller`] in JSON, [`gcs`] as PI
 //! hexapods speak), sensors of other makes ([`sensors`]), the loop between port and firmware

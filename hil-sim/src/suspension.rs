@@ -52,7 +52,7 @@ pub struct Spring {
     pub lateral_nspm: f64,
     /// Hardening k₃, N/m³.
     pub cubic_npm3: f64,
-    /// What the spring's tolerance makes of both stiffnesses.
+    /// The factor of the spring's tolerance for both stiffnesses.
     pub factor: f64,
 }
 
@@ -77,7 +77,7 @@ impl Spring {
     }
 }
 
-/// How a link turns against its parent.
+/// The way a link turns against its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Joint {
     /// About every axis.
@@ -96,7 +96,7 @@ pub struct JointedLink {
     pub parent: usize,
     /// The joint in the parent's frame, m.
     pub joint_m: [f64; 3],
-    /// How it turns.
+    /// The way it turns.
     pub joint: Joint,
     /// It keeps the rotation that it starts with.
     pub locked: bool,
@@ -132,7 +132,7 @@ pub struct Suspension {
     pub base: BodyParameters,
     /// Links 1 and up.
     pub links: Vec<JointedLink>,
-    /// What the springs stand on, if not on the earth.
+    /// The base of the springs, if not on the earth.
     pub support: Option<Support>,
     /// Gravity, downward positive, m/s².
     pub gravity_mps2: f64,
@@ -144,13 +144,13 @@ pub enum SuspensionError {
     /// A figure is not finite, or has a sign that it cannot have.
     #[error("{what} makes no sense")]
     Figure {
-        /// Which.
+        /// The one concerned.
         what: String,
     },
     /// No real body has such a tensor.
     #[error("no body has the inertial parameters of {what}")]
     Body {
-        /// Which.
+        /// The one concerned.
         what: String,
     },
     /// A link comes before its parent.
@@ -181,7 +181,7 @@ pub enum SuspensionError {
     /// A velocity is along a coordinate that is locked.
     #[error("{what} is locked, and is to begin with a velocity")]
     LockedMoves {
-        /// Which coordinate.
+        /// The coordinate.
         what: String,
     },
     /// Forces straight up at the anchors cannot carry the weight where it is.

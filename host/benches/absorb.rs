@@ -1,4 +1,4 @@
-//! How fast the host absorbs: `cargo bench -p rigident --bench absorb`.
+//! The speed at which the host absorbs: `cargo bench -p rigident --bench absorb`.
 //!
 //! Three figures. *Kernel*: row blocks (six scalar rows each) from filtered signals by the regressor into the factor, no
 //! screening and no filter, on one core. *Pipeline*: readings of a simulated rig through all of it, on one core.
@@ -17,7 +17,7 @@ use rigident_sim::rig::{Readings, RigConfig};
 
 /// Rate of the readings, 1/s.
 const RATE_HZ: f64 = 1000.0;
-/// Each figure is the best of so many: what else runs on the machine only slows down.
+/// Each figure is the best of this many: what else runs on the machine only slows down.
 const TRIES: usize = 5;
 /// The estimate, the residuals, and the course of the estimate: a pass each.
 const PASSES: usize = 3;

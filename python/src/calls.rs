@@ -14,9 +14,9 @@ use rigident_cli::{self as cli, Called};
 use crate::errors::raised;
 use crate::recordings::Recording;
 
-/// How often there is a look at Python's signals while a command works.
+/// The interval between checks of Python's signals while a command works.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How long a command that was told to stop may take before Python goes on without it.
+/// The time that a command may take after a request to stop before Python goes on without it.
 const STOP_WITHIN: Duration = Duration::from_secs(2);
 /// The stack of a command, as large as that of a process's first thread.
 const STACK_BYTES: usize = 8 << 20;

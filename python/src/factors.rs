@@ -1,4 +1,4 @@
-//! What a factor file holds.
+//! The content of a factor file.
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;

@@ -86,7 +86,7 @@ impl TreeWords {
     }
 }
 
-/// How a recording is read.
+/// The way a recording is read.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ReadWords {
@@ -95,7 +95,7 @@ pub struct ReadWords {
     tree: TreeWords,
 }
 
-/// What is asked of an answer.
+/// The request for an answer.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct AskWords {
@@ -128,7 +128,7 @@ impl AskWords {
     }
 }
 
-/// What is identified of a recording, and how.
+/// The parameters identified from a recording, and the method.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct IdentifyWords {

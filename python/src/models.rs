@@ -237,7 +237,8 @@ fn base_motion([force, rate, change]: [PyResult<Vec<f64>>; 3]) -> PyResult<BaseM
 /// Standard gravity along −z of a base that is held still.
 const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
 
-/// The columns of the rows that stand for the base parameters, and what makes these parameters' own columns of them.
+/// Returns the columns of the rows that represent the base parameters, and the matrix that makes their own
+/// columns of them.
 fn lead_columns(found: &BaseParameters, standard: usize) -> (Vec<usize>, Option<DMatrix<f64>>) {
     // A base that is held still has no part in its joints' rows and is left out.
     let skipped = standard - found.standard.len();

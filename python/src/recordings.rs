@@ -14,7 +14,7 @@ use crate::errors::raised;
 /// Holds a recording in memory.
 #[pyclass(frozen, module = "rigident._rigident")]
 pub struct Recording {
-    /// What the host makes of the arrays.
+    /// The recording that the host makes of the arrays.
     pub inner: rigident::recording::Recording,
 }
 

@@ -1,4 +1,4 @@
-//! What the application notices and refuses, in the words of Python: which argument is the remedy.
+//! The notices and refusals of the application, in the words of Python: which argument is the remedy.
 
 use rigident::application::{Error, Notice, TreeOption, notice as words};
 use rigident_shared::forgetting::Span;

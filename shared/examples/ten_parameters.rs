@@ -14,7 +14,7 @@ use rigident_shared::spatial::{AngularRate, Imu, Position, Sensor, SpecificForce
 const TAPS: usize = 50;
 /// Ten parameters, and the six offsets of the load cell.
 const N: usize = 16;
-/// A row block comes every so many readings.
+/// The number of readings from one row block to the next.
 const ROW_EVERY: u16 = 10;
 
 /// The estimator: a filter and a triangle.
@@ -84,7 +84,7 @@ const IMU_M: [f64; 3] = [0.05, -0.02, 0.03];
 const SIGMA: [f64; 6] = [0.1, 0.1, 0.1, 0.005, 0.005, 0.005];
 const RATE_HZ: f64 = 500.0;
 
-/// Simulates a motion of so many seconds and returns the answer.
+/// Simulates a motion of the given number of seconds and returns the answer.
 ///
 /// # Errors
 /// The filter does not fit.

@@ -48,7 +48,7 @@ const PENDING: usize = 32;
 #[derive(Clone, Debug)]
 pub struct Aligner<T: Scalar> {
     config: AlignerConfig,
-    /// The last four IMU readings, delays taken off; the oldest stands at `oldest`, the others follow around.
+    /// The last four IMU readings, delays taken off; the oldest is at `oldest`, the others follow around.
     around: [ImuReading<T>; NEIGHBOURS],
     oldest: u8,
     filled: u8,
@@ -172,8 +172,8 @@ impl<T: Scalar> Aligner<T> {
         self.pop_into(&mut reading).then_some(reading)
     }
 
-    /// Puts the next aligned reading, oldest first, where it is to stay, and says whether there was one; what stands there is
-    /// else left alone.
+    /// Puts the next aligned reading, oldest first, where it is to stay, and says whether there was one; what
+    /// is there is else left alone.
     #[inline(always)]
     pub fn pop_into(&mut self, reading: &mut Reading<T>) -> bool {
         let found = self.is_ready() && (self.has_neighbours() || self.drop_without_neighbours());
@@ -184,8 +184,8 @@ impl<T: Scalar> Aligner<T> {
         found
     }
 
-    /// Whether the first that waits, which is not later than the readings around, is not before them either, and these are
-    /// near each other.
+    /// Returns whether the first that waits, which is not later than the readings around, is not before them
+    /// either, and these are near each other.
     #[inline(always)]
     fn has_neighbours(&self) -> bool {
         let (before_ns, after_ns) = (self.imu(1).time_ns, self.imu(2).time_ns);

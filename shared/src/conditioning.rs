@@ -9,7 +9,7 @@
 //! differentiable at its ends, made of products only. Its aliasing error at 200 Hz and 0.1 s is below 2e-9 of
 //! a 1 Hz rate's derivative.
 //!
-//! Where rows come much more seldom than samples, neighbouring samples are averaged first and the kernel, sampled more
+//! If rows are much rarer than samples, neighbouring samples are averaged first and the kernel, sampled more
 //! coarsely, takes the averages. That is one FIR still, on rows and wrench alike, and `h̄ ∗ ω̇ = ḣ̄ ∗ ω` for the
 //! averages as for the samples. Averages of white noise are white, so nothing is lost: the noise gain is that of
 //! the kernel on its own samples, divided by their number. An output is evaluated when it is due, folding the
@@ -152,7 +152,7 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
     }
 }
 
-/// The filter of `S` signals, the last `D` of which come out as their derivatives, with what it remembers.
+/// The filter of `S` signals, the last `D` of which come out as their derivatives, with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditioner<T: Scalar, const S: usize, const D: usize, const TAPS: usize> {
     kernel: Kernel<T, TAPS>,
@@ -193,7 +193,7 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         Ok(conditioner)
     }
 
-    /// Makes it such a filter where it stands. On an error nothing is changed.
+    /// Makes it such a filter in place. On an error nothing is changed.
     ///
     /// # Errors
     /// See [`Self::new`].

@@ -129,7 +129,7 @@ enum Phase {
     NotDetermined,
     /// Turns this row of the factor, so that the offsets come first.
     Turn(u8),
-    /// Looks for a body to start with.
+    /// Searches for a body to start with.
     Start,
     /// Goes to the optimum.
     Iterate,

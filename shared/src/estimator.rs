@@ -69,7 +69,7 @@ pub struct Pipeline<
     noise: M::Noise,
     gathering: Gathering<T, N>,
     looking: Looking,
-    /// Standard deviations of what is gathered, between the last steps of a look.
+    /// Standard deviations of what is gathered, between the last steps of a check.
     deviations: [T; N],
     memory: Option<Plan<T, N>>,
     /// A segment that is not yet in the memory is in the gathering.
@@ -101,7 +101,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         Ok(estimator)
     }
 
-    /// Makes it such an estimator where it stands; see [`Self::set_up`].
+    /// Makes it such an estimator in place; see [`Self::set_up`].
     ///
     /// # Errors
     /// See [`Self::new`].
@@ -155,7 +155,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         last_signals: None,
     };
 
-    /// Makes it an estimator that has seen nothing, where it stands: the fewer copies of it a stack has to hold the
+    /// Makes it an estimator that has seen nothing, in place: the fewer copies of it a stack has to hold the
     /// better. On an error it is of no use.
     ///
     /// # Errors
@@ -190,8 +190,9 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         Ok(())
     }
 
-    /// Remembers as this says instead of everything, and starts anew. [`Self::remember`] must then be called after
-    /// every reading, or soon after: it is not done within one, as it takes some hundred thousand operations.
+    /// Retains rows as this says instead of all, and starts anew. [`Self::remember`] must then be called
+    /// after every reading, or soon after: it is not done within one, as it takes some hundred thousand
+    /// operations.
     ///
     /// # Errors
     /// [`ConfigError::Memory`]: a span shorter than the filter or not finite, rows without time, or rows that only a
@@ -329,7 +330,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.store.settle()
     }
 
-    /// One that is not yet remembered is followed by a longer one.
+    /// One that is not yet stored is followed by a longer one.
     #[cold]
     #[inline(never)]
     fn close_segment(&mut self) {
@@ -340,8 +341,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// One factor of everything absorbed, or of what is remembered of it. `(RᵀR)⁻¹` is the covariance for the σ of the
-    /// configuration.
+    /// One factor of everything absorbed, or of what is retained of it. `(RᵀR)⁻¹` is the covariance for the σ
+    /// of the configuration.
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = self.store.factor();
         if self.segment_waits {
@@ -390,7 +391,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         done
     }
 
-    /// What noise of the signals has added to `RᵀR` of [`Self::folded`], before it is compensated; `None`: nothing.
+    /// Returns what noise of the signals has added to `RᵀR` of [`Self::folded`], before it is compensated;
+    /// `None`: nothing.
     pub fn gram(&self) -> Option<&Gram<T, ROOM>> {
         self.noise.snapshot()
     }
@@ -400,7 +402,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         &self.snapshot.whole
     }
 
-    /// Returns whether not everything is kept, [`Self::set_memory`].
+    /// Returns whether not everything is retained, [`Self::set_memory`].
     pub fn remembers(&self) -> bool {
         self.store.remembers()
     }
@@ -416,8 +418,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.segment_waits
     }
 
-    /// Puts a segment that is complete into the memory, and looks at what that now holds as [`Self::look`] does where
-    /// everything is kept. `None` if there is no such segment.
+    /// Puts a segment that is complete into the memory, and checks what that now holds as [`Self::look`] does
+    /// where everything is retained. `None` if there is no such segment.
     #[inline(never)]
     pub fn remember(&mut self, knock_limit: T) -> Option<[T; N]> {
         if !core::mem::take(&mut self.segment_waits) {
@@ -463,7 +465,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
 
     fn refer_to(&mut self, parameters: Option<[T; N]>, standard_deviation: [T; N], knock_limit: T) {
         if let Some(parameters) = parameters {
-            // One that a single look makes twice as good was no measure of the noise: with it goes what it left.
+            // One that a single check makes twice as good was no measure of the noise: with it goes what it
+            // left.
             let before = self.reference.iter().flat_map(|r| &r.standard_deviation);
             if before.zip(&standard_deviation).any(|(before, now)| *now + *now < *before) {
                 self.statistics = ChannelStatistics::default();
@@ -476,9 +479,9 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// Does one step of a look at what has been absorbed, between readings; the standard deviation of every parameter
-    /// with the last step. A well-determined answer becomes the [`Reference`], with this `knock_limit`. Where not
-    /// everything is kept it is [`Self::remember`] that looks.
+    /// Does one step of a check of what has been absorbed, between readings; the standard deviation of every
+    /// parameter with the last step. A well-determined answer becomes the [`Reference`], with this
+    /// `knock_limit`. Where not everything is retained it is [`Self::remember`] that checks.
     #[inline(never)]
     pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
         if self.remembers() {
@@ -522,14 +525,15 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         None
     }
 
-    /// The next look begins with nothing gathered: this step has more room than its first one.
+    /// The next check begins with nothing gathered: this step has more room than its first one.
     fn end_look(&mut self) -> [T; N] {
         (self.gathering.whole, self.looking) = (InformationFactor::EMPTY, Looking::Gathering);
         self.deviations
     }
 
     /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`, and what had happened
-    /// until then. As after a gap, the filter is empty. False where not everything is kept: then it has only started anew.
+    /// until then. As after a gap, the filter is empty. False where not everything is retained: then it has
+    /// only started anew.
     #[inline(never)]
     pub fn restore(
         &mut self,
@@ -556,7 +560,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         &self.counters
     }
 
-    /// Sums over the innovations since a reference was given, or since a look last halved one of its standard deviations.
+    /// Sums over the innovations since a reference was given, or since a check last halved one of its
+    /// standard deviations.
     pub fn channel_statistics(&self) -> &ChannelStatistics<T> {
         &self.statistics
     }
@@ -613,12 +618,12 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     }
 }
 
-/// Tells which step of a look is next.
+/// Tells which step of a check is next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Looking {
     /// Levels are merged.
     Gathering,
-    /// What noise of the signals adds is taken off.
+    /// The part that noise of the signals adds is taken off.
     Compensating,
     /// Standard deviations are measured.
     Measuring,

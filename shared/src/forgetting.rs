@@ -22,8 +22,9 @@
 //!
 //! # Single precision
 //! Every segment that excites a part re-triangularises all of R, and z with it; rounding z by its own size, far
-//! above the noise where the body is heavy, would move what is not renewed. The memory is therefore kept about
-//! a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the deviation from it.
+//! above the noise where the body is heavy, would move what is not renewed. The memory is therefore stored
+//! about a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the deviation
+//! from it.
 //!
 //! # Noise in the coefficients
 //! What noise of the signals has added to M, its expectation K, goes the same way to first order: with the projection
@@ -47,7 +48,8 @@ mod window;
 /// Parameters at most that may have noise in their coefficients, or lie beside such.
 const NOISY: usize = 16;
 
-/// Parameters at most: with room for so many in every size the target decomposes all of them by the same code.
+/// Parameters at most: with room for this many in every size the target decomposes all of them by the same
+/// code.
 const ROOM: usize = 25;
 
 pub use memory::{ImuNoise, MemoryConfig, Span};
@@ -57,7 +59,8 @@ pub use window::Window;
 /// Tells how many times the most information that noise alone brings makes a direction an excited one.
 pub const SIGNIFICANCE: u32 = 4;
 
-/// Returns what is kept of the memory per segment, λ, for a time constant: `λ = 1 / (1 + Δt / τ)`.
+/// Returns the part of the memory that is retained per segment, λ, for a time constant:
+/// `λ = 1 / (1 + Δt / τ)`.
 ///
 /// The memory then holds `1 + τ / Δt` segments, and λ is the exact exponential of a time constant that is
 /// longer by `Δt / 2` to first order. 1 (no forgetting) if the time constant is infinite or not a positive
@@ -85,7 +88,7 @@ pub struct Forgetting<T: Scalar, const N: usize> {
 impl<T: Scalar, const N: usize> Forgetting<T, N> {
     /// A memory of nothing. `noise[j]`: root mean square, per whitened row, of what sensor noise alone brings
     /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are exact
-    /// (the wrench offset): the rounding level of the column stands in.
+    /// (the wrench offset): the rounding level of the column replaces it.
     pub fn new(noise: [T; N]) -> Self {
         Self {
             noise,
@@ -102,7 +105,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.noise = *noise;
     }
 
-    /// What noise in the coefficients has added to what is remembered.
+    /// Returns what noise in the coefficients has added to what is retained.
     pub fn gram(&self) -> &Gram<T, NOISY> {
         &self.gram
     }
@@ -120,7 +123,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         Self { independence: if independence < T::ONE { independence } else { T::ONE }, ..self }
     }
 
-    /// Everything remembered. Its row count is the effective one.
+    /// Everything retained. Its row count is the effective one.
     pub fn factor(&self) -> InformationFactor<T, N> {
         self.memory.about(&self.reference.map(|v| -v))
     }

@@ -1,4 +1,4 @@
-//! What both sides of the wire agree on: the mathematics of the estimator and the messages.
+//! The common part of both sides of the wire: the mathematics of the estimator and the messages.
 //!
 //! Lives here: pure functions and small state machines, `no_std`, without heap, I/O or clock, generic over
 //! `f32` (target) and `f64` (host). May not live here: drivers, files, anything that waits. The mathematics

@@ -38,7 +38,7 @@ pub struct Printable<'a> {
     breaks: Breaks,
 }
 
-/// What becomes of the ends of lines in a text.
+/// The treatment of the ends of lines in a text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Breaks {
     Replaced,

@@ -15,7 +15,7 @@ pub const SIGNALS: usize = 18;
 /// Tells how many of the signals are smoothed; the rest, the angular rate, is differentiated.
 pub const SMOOTHED: usize = 15;
 
-/// Tells where the wrench stands among the signals.
+/// Tells where the wrench is among the signals.
 pub const WRENCH: usize = 9;
 
 /// The signals in the order `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`.

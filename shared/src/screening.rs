@@ -1,4 +1,4 @@
-//! Which readings may enter the estimate.
+//! The readings that may enter the estimate.
 //!
 //! Lives here: not-finite, saturated and frozen channels, and gaps in time. May not live here: repair; a
 //! rejected reading is counted, named and left out. Before this: [`crate::alignment`]; after it:
@@ -11,7 +11,7 @@ use crate::calibration::Reading;
 pub const CHANNELS: usize = 12;
 /// Those of two links' reading: a second IMU's specific force and rate come after them.
 pub const TWO_LINK_CHANNELS: usize = 18;
-/// The attitude of a joint, which is looked at as a whole.
+/// The attitude of a joint, which is examined as a whole.
 pub const ATTITUDE_CHANNEL: u8 = 18;
 /// All there are.
 pub const ALL_CHANNELS: usize = 19;
@@ -82,7 +82,7 @@ pub enum Rejection {
     Frozen(u8) = 3,
 }
 
-/// Looks at readings of `C` channels one after the other.
+/// Checks readings of `C` channels one after the other.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
     /// At this and beyond a channel is saturated: its range to within 0.1 %.
@@ -191,7 +191,7 @@ fn are_ordinary<T: Scalar>(values: &[T], highest: &[T], last: &[T]) -> bool {
         .all(|((value, highest), last)| value.abs() < *highest && value != last)
 }
 
-/// What a screen of any number of channels knows: one piece of code judges them all.
+/// The state of a screen of any number of channels: one piece of code judges them all.
 struct History<'a, T> {
     highest: &'a [T],
     frozen_after: u16,

@@ -94,7 +94,7 @@ pub fn combined<T: Scalar, const K: usize>(columns: &[[T; CHANNELS]; K], v: &[T;
     out
 }
 
-/// Holds what the low-passes remember of the rows of up to sixteen parameters and their right-hand side.
+/// Holds what the low-passes store of the rows of up to sixteen parameters and their right-hand side.
 #[derive(Clone, Copy, Debug)]
 pub struct LowPass<T: Scalar> {
     before: [[T; POLES]; WIDTH],
@@ -120,7 +120,8 @@ impl<T: Scalar> LowPass<T> {
         self.begins = true;
     }
 
-    /// Takes the `position`th column of a block through the low-passes. The last column must be told by [`Self::end`].
+    /// Takes the `position`th column of a block through the low-passes. The last column must be announced by
+    /// [`Self::end`].
     ///
     /// The noise is `n + τ ṅ` of a white n: from zero the low-pass is off by the first n, no more.
     #[inline(always)]
@@ -221,7 +222,8 @@ impl<T: Scalar> Design<T> {
         self.jacobi.rotate_pairs(PAIRS)
     }
 
-    /// Returns the whitening; a row stands for `every` samples, and `period_s` is the time between two (zero: they have none).
+    /// Returns the whitening; a row represents `every` samples, and `period_s` is the time between two (zero:
+    /// they have none).
     #[inline(never)]
     pub fn finish(&mut self, every: T, period_s: T) -> Whitening<T> {
         self.jacobi.measure();

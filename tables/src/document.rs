@@ -1,4 +1,4 @@
-//! Documents with tables, and where the tables stand in them.
+//! Documents with tables, and where the tables are in them.
 
 use std::path::{Path, PathBuf};
 

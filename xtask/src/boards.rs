@@ -61,7 +61,7 @@ fn lints(steps: &mut Steps, core: Core, nightly: bool) {
     });
 }
 
-/// Builds the images that tests and the simulator look for.
+/// Builds the images that tests and the simulator use.
 fn images(steps: &mut Steps, core: Core) {
     steps.run("firmware, STM32F405", || firmware::build_for(firmware::Board::F405, core, &[]));
     steps.run("firmware, STM32F405 with the watch", || {

@@ -177,7 +177,7 @@ fn unwelcome_within_reach(program: &Program, root: &str) -> Result<(Vec<String>,
     Ok((found, reached.len()))
 }
 
-/// Whether a function is part of panicking: `core`'s and defmt's, and what they end in.
+/// Returns whether a function is part of panicking: `core`'s and defmt's, and what they end in.
 pub fn is_panic(function: &Function) -> bool {
     const PARTS: [&str; 10] = [
         "core::panicking",

@@ -27,7 +27,7 @@ pub struct Options {
 }
 
 /// Builds the release image and runs the faults against it; fails if one leads to a wrong number, a panic or a hang, or nobody is
-/// told.
+/// reported.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.board {
         return board(options.short);

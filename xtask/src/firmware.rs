@@ -35,7 +35,8 @@ pub enum Board {
 pub const SMALLER: [Board; 2] = [Board::F446, Board::F411];
 
 impl Board {
-    /// Returns what `cargo build` is told for this chip. Half a megabyte of flash has no room for what an STM32F405 keeps.
+    /// Returns what `cargo build` receives for this chip. Half a megabyte of flash has no room for what an
+    /// STM32F405 keeps.
     fn features(self) -> &'static [&'static str] {
         match self {
             Self::Emulated | Self::F405 | Self::Pico => &[],
@@ -70,8 +71,8 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     Ok(())
 }
 
-/// Builds a board's image. Without features those of the emulated board and of the STM32F405 also go where tests look for
-/// them, and with the watch alone the latter's.
+/// Builds a board's image. Without features those of the emulated board and of the STM32F405 also go where
+/// tests expect them, and with the watch alone the latter's.
 pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf> {
     if board == Board::Emulated {
         return build(core, features);
@@ -92,7 +93,7 @@ pub fn build_for(board: Board, core: Core, features: &[&str]) -> Result<PathBuf>
     Ok(elf)
 }
 
-/// Builds the board's main binary. Without features it also goes where the simulator looks for it.
+/// Builds the board's main binary. Without features it also goes where the simulator expects it.
 pub fn build(core: Core, features: &[&str]) -> Result<PathBuf> {
     let elf = build_binary(core, FIRMWARE, features)?;
     if features.is_empty() {
@@ -101,7 +102,7 @@ pub fn build(core: Core, features: &[&str]) -> Result<PathBuf> {
     Ok(elf)
 }
 
-/// What `cargo build` is told for an image that identifies nothing but one body.
+/// The arguments that `cargo build` receives for an image that identifies nothing but one body.
 const BODY_ONLY: &str = "--no-default-features";
 
 /// Builds the board's main binary for one body alone, and leaves the one that the simulator finds as it is.
@@ -112,7 +113,7 @@ pub fn build_body_only(core: Core) -> Result<PathBuf> {
 /// The feature of the image that watches robots.
 pub const WATCH: &str = "watch";
 
-/// Builds the board's image that watches robots; it also goes where the simulator looks for it.
+/// Builds the board's image that watches robots; it also goes where the simulator expects it.
 pub fn build_watch(core: Core) -> Result<PathBuf> {
     let elf = build_watch_apart(core)?;
     copy(&elf, &places::watch_elf())?;

@@ -38,9 +38,9 @@ const CHIP_BITS: u32 = 0xfff;
 /// are both clear, at its first start, and keeps nothing in flash without.
 const OPTION_BYTES: &str = "0x40023c14";
 const BROWN_OUT: u32 = 0b11 << 2;
-/// The firmware has started and set them after so long.
+/// The firmware has started and set them after this long.
 const STARTS: Duration = Duration::from_millis(500);
-/// Where flash begins.
+/// The address where flash begins.
 const FLASH: u32 = 0x0800_0000;
 
 /// What to flash.
@@ -103,7 +103,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         commands.iter().for_each(|words| println!("{}", words.join(" ")));
         return Ok(());
     }
-    // What is missing is told before minutes of building.
+    // What is missing is reported before minutes of building.
     if options.dfu {
         loader_is_here(chip)?
     } else {
@@ -136,7 +136,7 @@ fn command(words: &[String]) -> Command {
     command
 }
 
-/// What is typed for a probe: write and compare, then start.
+/// Returns what is typed for a probe: write and compare, then start.
 fn probe(chip: &Chip, elf: &Path) -> [Vec<String>; 2] {
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
     let elf = elf.display().to_string();
@@ -146,7 +146,7 @@ fn probe(chip: &Chip, elf: &Path) -> [Vec<String>; 2] {
     ]
 }
 
-/// What is typed for the loader: write, then leave it, which starts the image.
+/// Returns what is typed for the loader: write, then leave it, which starts the image.
 fn dfu(image: &Path) -> Vec<String> {
     let address = format!("{FLASH:#010x}:leave");
     let image = image.display().to_string();

@@ -1,6 +1,6 @@
 //! Developer jobs, one verb each, one file each; `.ci/run` calls the same verbs.
 //!
-//! What lives here: installing tools, building the firmware for its target, running every test, and
+//! Lives here: installing tools, building the firmware for its target, running every test, and
 //! measuring the linked program. What may not: anything the instrument needs at run time. Start with
 //! `verify` (the verb `test`), which calls nearly all the others.
 

@@ -1,4 +1,4 @@
-//! Where things are in the project.
+//! The places of things in the project.
 
 use std::path::{Path, PathBuf};
 
@@ -36,32 +36,32 @@ pub fn board_named(name: &str) -> PathBuf {
     root().join("firmware/boards").join(name)
 }
 
-/// Where cargo leaves a board's binary by itself.
+/// Returns where cargo leaves a board's binary by itself.
 fn binary(board: &str, target: &str, name: &str) -> PathBuf {
     board_named(board).join("target").join(target).join("release").join(name)
 }
 
-/// Where tests look for the image that is flashed.
+/// Returns where tests expect the image that is flashed.
 pub fn stm32_elf() -> PathBuf {
     binary(STM32, TARGET, STM32_FIRMWARE)
 }
 
-/// Returns where tests look for the one that watches robots: beside it.
+/// Returns where tests expect the one that watches robots: beside it.
 pub fn stm32_watch_elf() -> PathBuf {
     stm32_elf().with_file_name(format!("{STM32_FIRMWARE}-watch"))
 }
 
-/// Where the simulator looks for the firmware when it is not told.
+/// Returns where the simulator expects the firmware if no other place is given.
 pub fn firmware_elf() -> PathBuf {
     binary(BOARD, TARGET, FIRMWARE)
 }
 
-/// Where tests look for the check of the kernels on the Pico's core.
+/// Returns where tests expect the check of the kernels on the Pico's core.
 pub fn kernel_bits_elf() -> PathBuf {
     binary(PICO, PICO_TARGET, KERNEL_BITS)
 }
 
-/// Returns where the simulator looks for the image that watches robots: beside the other.
+/// Returns where the simulator expects the image that watches robots: beside the other.
 pub fn watch_elf() -> PathBuf {
     firmware_elf().with_file_name(format!("{FIRMWARE}-watch"))
 }
@@ -71,7 +71,7 @@ pub fn fuzz() -> PathBuf {
     root().join("fuzz")
 }
 
-/// Where builds of the host workspace go.
+/// Returns where builds of the host workspace go.
 pub fn target() -> PathBuf {
     let named = std::env::var_os("CARGO_TARGET_DIR").map(PathBuf::from);
     named.and_then(|folder| std::path::absolute(folder).ok()).unwrap_or_else(|| root().join("target"))
@@ -87,7 +87,7 @@ pub fn released(program: &str) -> PathBuf {
     target().join("release").join(program)
 }
 
-/// Where this tool keeps what it installs and builds apart from the host's builds.
+/// Returns where this tool keeps what it installs and builds apart from the host's builds.
 pub fn own() -> PathBuf {
     target().join("xtask")
 }

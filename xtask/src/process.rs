@@ -91,7 +91,7 @@ pub fn status_bounded(command: &mut Command, limit: Duration) -> Result<Option<E
     }
 }
 
-/// Whether a program of that name is on the path.
+/// Returns whether a program of that name is on the path.
 pub fn is_installed(program: &str) -> bool {
     std::env::var_os("PATH")
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
@@ -102,7 +102,8 @@ pub fn processor_time() -> Option<Duration> {
     /// Ticks of these figures in a second, on every Linux.
     const TICKS: f64 = 100.0;
     let text = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in parentheses may hold blanks; behind it stand the state and 12 figures more before those of children.
+    // The name in parentheses may hold blanks; behind it are the state and 12 figures more before those of
+    // children.
     let (_, rest) = text.rsplit_once(')')?;
     let fields: Vec<&str> = rest.split_whitespace().collect();
     let ticks = fields.get(13)?.parse::<u64>().ok()? + fields.get(14)?.parse::<u64>().ok()?;
@@ -142,7 +143,7 @@ impl Beside {
     }
 }
 
-/// Where the seconds of the last run of all tests are.
+/// Returns where the seconds of the last run of all tests are.
 fn last_test_file() -> PathBuf {
     places::own().join("last-test-s.txt")
 }
@@ -166,7 +167,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Runs one step. A failure is printed and remembered; the value is there only on success.
+    /// Runs one step. A failure is printed and recorded; the value is there only on success.
     pub fn run<T>(&mut self, name: &str, step: impl FnOnce() -> Result<T>) -> Option<T> {
         println!("\n=== {name}");
         let (begun, used) = (Instant::now(), processor_time());
@@ -185,7 +186,7 @@ impl Steps {
         value
     }
 
-    /// Remembers how long all steps took, for [`last_test_s`].
+    /// Records how long all steps took, for [`last_test_s`].
     ///
     /// # Errors
     /// The file cannot be written.

@@ -50,13 +50,13 @@ pub const SENSORS: Module = Module {
     look: "import NetFT, rtde_receive, foxglove",
     packages: &["NetFT==2.0.1", "ur_rtde==1.6.5", "foxglove-sdk==0.30.3"],
 };
-/// What the scripts import that budgets compare with.
+/// The modules that the scripts import that budgets compare with.
 pub const PEERS: Module = Module {
     name: "numpy, scipy, polars",
     look: "import numpy, scipy, polars",
     packages: &["numpy>=1.23", "scipy==1.17.1", "polars==2.1.0"],
 };
-/// What builds the wheel and tests it.
+/// The modules that build the wheel and test it.
 pub const WHEEL: Module = Module {
     name: "maturin, numpy, pytest, mypy, nbclient, ipykernel, dask, pyspark, pyarrow, scipy",
     look: "import maturin, numpy, pytest, mypy, nbclient, ipykernel, distributed, pyspark, pyarrow, scipy",
@@ -74,7 +74,7 @@ pub const WHEEL: Module = Module {
         "scipy==1.17.1",
     ],
 };
-/// What looks at the workflows.
+/// The checker of the workflows.
 pub const LINTERS: Module = Module {
     name: "zizmor, check-jsonschema",
     look: "from importlib.metadata import version; version('zizmor'); version('check-jsonschema')",

@@ -66,7 +66,7 @@ impl Images {
 
 /// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of those that watch robots. Parts with 512 kB are to have room for the STM32F405's.
 const MOST_FLASH_BYTES: [u64; 5] = [346_000, 240_000, 316_000, 382_000, 352_000];
-/// How far a size may be from the golden file's: a part, and bytes on top for small ones.
+/// The distance of a size allowed from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
 const EXCEPTION_FRAME: u32 = 26 * 4 + 4;
@@ -170,7 +170,7 @@ fn compare(images: &Images, overwrite: bool) -> Result<()> {
     bail!("{}; if that is meant, `cargo xtask size --overwrite`", off.join(", "))
 }
 
-/// What is further from the golden file than the two compilers are from each other.
+/// Returns what is further from the golden file than the two compilers are from each other.
 fn differences(image: &str, before: &Sizes, now: &Sizes) -> Vec<String> {
     let pairs = [
         ("flash", before.flash_bytes, now.flash_bytes),

@@ -1,7 +1,7 @@
 //! The verb `structure`: what must hold of the sources as a whole.
 //!
 //! No options of the command line in texts of crates below it, no circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in
-//! one file of the host, answers judged in one room. What is not so yet stands in lists here, each entry with
+//! one file of the host, answers judged in one room. What is not so yet is in lists here, each entry with
 //! its reason; an entry that is no longer needed fails too.
 
 mod circles;

@@ -1,4 +1,5 @@
-//! The verb `support`: README's table of features by kind of body, made from the tests that stand behind each cell.
+//! The verb `support`: README's table of features by kind of body, made from the tests that are behind each
+//! cell.
 //!
 //! [`MATRIX`] is the one list. A cell that says yes names a test; `cargo xtask test` fails if a test named here did not run and
 //! pass, or if README differs.

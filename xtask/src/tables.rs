@@ -18,7 +18,7 @@ pub struct Options {
     arguments: Vec<String>,
 }
 
-/// Makes the named tables; puts them into their documents if told to.
+/// Makes the named tables; puts them into their documents on request.
 pub fn make(names: &[&str], write: bool) -> Result<()> {
     let written = write.then_some("--write");
     run(&Options { arguments: names.iter().copied().chain(written).map(str::to_owned).collect() })

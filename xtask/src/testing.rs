@@ -17,12 +17,12 @@ use crate::places;
 use crate::process;
 use crate::setup;
 
-/// What some tests need.
+/// The tool that some tests need.
 #[derive(Clone, Copy)]
 struct Need {
     /// The word in the names of the tests that need it.
     word: &'static str,
-    /// What it is, and how it comes.
+    /// The tool, and how it is installed.
     what: &'static str,
 }
 
@@ -54,7 +54,7 @@ const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask 
 /// The variable by which tests know that they may take long: studies run at full length.
 pub const NIGHTLY: &str = "RIGIDENT_NIGHTLY";
 
-/// How many tests there were.
+/// The number of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Tests that passed.
@@ -80,7 +80,7 @@ impl fmt::Display for Counts {
     }
 }
 
-/// What is here for tests to use.
+/// The tools here for tests to use.
 #[derive(Clone, Default)]
 pub struct Surroundings {
     missing: Vec<Need>,
@@ -90,7 +90,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Looks for everything that some tests need, and prints what is not here.
+    /// Searches for everything that some tests need, and prints what is not here.
     ///
     /// # Errors
     /// Where `CI` is set, names what is missing.
@@ -194,7 +194,7 @@ pub fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Re
     Ok(passed)
 }
 
-/// Reads the name of a test that passed. What a test prints may stand before the verdict.
+/// Reads the name of a test that passed. What a test prints may precede the verdict.
 fn passed_test(line: &str) -> Option<&str> {
     let name = line.trim_end().strip_prefix("test ")?.strip_suffix(" ... ok")?;
     (!name.contains(' ')).then_some(name)

@@ -162,7 +162,7 @@ pub fn have(core: Core, target: &str) -> Result<()> {
     bail!("`rustup target add {target}` failed; `--core debian` builds it from sources")
 }
 
-/// Where the board's builds go.
+/// Returns where the board's builds go.
 pub fn build_folder(core: Core) -> PathBuf {
     places::own().join(format!("board-{core}"))
 }

@@ -1,6 +1,6 @@
 //! The verb `test`: installs, builds and tests everything; all failures are reported at the end.
 //!
-//! What runs after each change and what runs at night: [`Part`] and CONTRIBUTING.md.
+//! The tests after each change and those at night: [`Part`] and CONTRIBUTING.md.
 
 use anyhow::{Context, Result, bail};
 

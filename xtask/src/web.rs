@@ -11,12 +11,13 @@ use crate::setup;
 const TARGET: &str = "wasm32-wasip1";
 /// Debian's compiler, whose sources of `std` are a package: rustup's target is not needed.
 const COMPILER: [&str; 2] = ["/usr/bin/rustc", "/usr/bin/cargo"];
-/// What brings compiler, linker, the system's library, and a compiler for the C of SQLite and zstd.
+/// The packages that bring compiler, linker, the system's library, and a compiler for the C of SQLite and
+/// zstd.
 const PACKAGES: [&str; 7] =
     ["rustc-web", "cargo-web", "rust-web-src", "lld", "clang-14", "wasi-libc", "libclang-rt-14-dev-wasm32"];
 /// The system's library for the target.
 const LIBRARY: &str = "/usr/lib/wasm32-wasi";
-/// What the page may take on the way to a browser, bytes: everything, packed by gzip.
+/// The size that the page may have on the way to a browser, bytes: everything, packed by gzip.
 const MOST_BYTES: u64 = 5_000_000;
 /// Of npm: what shrinks the program, and what drives the browser.
 const NPM: [&str; 2] = ["binaryen@132.0.0", "playwright-core@1.65.1"];
@@ -38,7 +39,7 @@ pub struct Options {
     pub pictures: Option<PathBuf>,
 }
 
-/// Where the page is put together.
+/// Returns where the page is put together.
 pub fn site() -> PathBuf {
     places::target().join("web/site")
 }
@@ -79,7 +80,7 @@ pub fn run(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Where npm's packages are.
+/// Returns where npm's packages are.
 fn npm() -> PathBuf {
     places::own().join("npm")
 }

@@ -1,4 +1,5 @@
-//! The verb `workflows`: looks at the files of `.github/workflows`: their schema, and what could go wrong with rights and secrets.
+//! The verb `workflows`: checks the files of `.github/workflows`: their schema, and what could go wrong with
+//! rights and secrets.
 
 use anyhow::{Result, ensure};
 
@@ -6,7 +7,7 @@ use crate::places;
 use crate::process;
 use crate::setup;
 
-/// Looks, offline. What looks is installed into the project's own Python.
+/// Checks, offline. The checker is installed into the project's own Python.
 ///
 /// # Errors
 /// A workflow is none, or has a fault; or there is no linter.

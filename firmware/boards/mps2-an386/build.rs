@@ -1,4 +1,4 @@
-//! Puts the memory map where the linker looks; with the feature `c-baseline`, compiles the bench's C code.
+//! Puts the memory map where the linker searches; with the feature `c-baseline`, compiles the bench's C code.
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};

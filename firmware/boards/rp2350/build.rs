@@ -1,8 +1,8 @@
-//! Writes the memory map where the linker looks.
+//! Writes the memory map where the linker searches.
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// Behind the vectors the boot ROM looks for what kind of image it is.
+/// Behind the vectors the boot ROM searches for the kind of image it is.
 const PICO: &str = "
 MEMORY
 {

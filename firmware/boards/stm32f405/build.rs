@@ -1,4 +1,4 @@
-//! Writes the chip's memory map where the linker looks.
+//! Writes the chip's memory map where the linker searches.
 use std::path::PathBuf;
 use std::{env, fs};
 
@@ -7,7 +7,7 @@ fn main() {
     // The F405's second 64 kB of RAM are left alone: they cannot be reached by DMA, and the emulator lacks them.
     let flash_kb = match (has("F446"), has("F411")) {
         (true, true) => panic!("one chip at a time: either f446 or f411"),
-        // Of an F405's 1 MB the upper half is for what is kept.
+        // Of an F405's 1 MB the upper half is for stored data.
         _ => 512,
     };
     assert!(

@@ -1,4 +1,4 @@
-//! What the application does when told.
+//! The actions of the application on commands.
 
 use core::ops::DerefMut;
 
@@ -151,7 +151,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         check(settings)
     }
 
-    // What is made of settings is kept off the stack of everything else.
+    // What is made of settings stays off the stack of everything else.
     #[inline(never)]
     pub(super) fn configure(&mut self, settings: Settings) -> Result<Reply, ErrorCode> {
         set_up(&settings, &mut self.path)?;
@@ -313,7 +313,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
         // Whoever streams frames counts them anew.
         self.errors.next_streamed = None;
-        // What happened before the run is not held against the sensors.
+        // What happened before the run is not attributed to the sensors.
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         self.pulses = [pulse; SENSORS];
         self.noise = 0;

@@ -1,4 +1,4 @@
-//! What the application keeps in flash, and how it goes on from that.
+//! The data that the application stores in flash, and how it goes on from them.
 
 use core::ops::DerefMut;
 
@@ -12,7 +12,8 @@ use crate::Path;
 use crate::storage::{CheckpointHead, Duty, Resumption, Store};
 
 impl<P: DerefMut<Target = Path>> App<P> {
-    /// What is to be done with the flash next. While samples are taken it is nothing that might erase.
+    /// Returns what is to be done with the flash next. While samples are taken it is nothing that might
+    /// erase.
     pub(crate) fn duty(&self) -> Duty {
         match self.keeping.duty() {
             Duty::Settings | Duty::Look if self.is_busy_with_samples() => Duty::None,
@@ -20,7 +21,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Sees what is kept.
+    /// Sees what is stored.
     pub(crate) fn look<F: NorFlash>(&mut self, store: &mut Store<F>) {
         self.keeping.found(store.look());
     }
@@ -123,7 +124,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             failed_transfers: told.failed_transfers,
             imu: told.imu_errors,
             second_imu: told.second_imu_errors,
-            // What is told is what the path counts from here on less this.
+            // The value reported is what the path counts from here on less this.
             unaligned_before: unaligned_now.wrapping_sub(told.unaligned),
             ..SensorErrors::default()
         };
@@ -132,7 +133,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 }
 
-/// The estimator's counters, of what was told of them.
+/// Returns the estimator's counters, of what was reported of them.
 fn counters(told: &CounterReport) -> Counters {
     Counters {
         readings: told.readings,

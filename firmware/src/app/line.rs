@@ -15,7 +15,7 @@ const LEAST: u32 = 115_200;
 /// Holds the rate of the line.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Line {
-    /// The board can do so much, baud; zero: it has one rate.
+    /// The board can do this much, baud; zero: it has one rate.
     most: u32,
     /// The rate asked for, if it is not the one that the board started with.
     asked: Option<u32>,

@@ -9,7 +9,7 @@
 //!   Fault ◀── a sensor that does not answer as it should (any state but Idle)
 //! ```
 //!
-//! Lives here: the object itself, its clock and its states. Next: what it does when told (`commands`), with
+//! Lives here: the object itself, its clock and its states. Next: what it does on commands (`commands`), with
 //! samples (`samples`), and what it tells of itself (`reports`).
 
 mod commands;
@@ -40,12 +40,12 @@ use crate::storage::Keeping;
 const ANNOUNCE_EVERY_NS: u64 = 500_000_000;
 /// Sent this often after that, ns.
 const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
-/// A sensor that gives no sample for so long while readings are absorbed is broken, ns: six samples at the
+/// A sensor that gives no sample for this long while readings are absorbed is broken, ns: six samples at the
 /// slowest rate there is.
 const SILENT_NS: u64 = 250_000_000;
 /// The same of frames of a robot that is watched, ns: the host that sends them has other things to do, too.
 const NO_FRAMES_NS: u64 = 1_000_000_000;
-/// Silence, of sensors or of the host, is looked for this often, ns.
+/// Silence, of sensors or of the host, is checked for this often, ns.
 const LOOK_EVERY_NS: u64 = 5_000_000;
 
 /// Rates at which the sensors are to be brought up.
@@ -115,7 +115,8 @@ struct Duty {
     estimate_every_blocks: u16,
     /// Every reading is a row block.
     every_reading: bool,
-    /// What the converter sees of the excitation as it was when the load cell was calibrated, V; zero: it is not looked at.
+    /// The part that the converter sees of the excitation as it was when the load cell was calibrated, V;
+    /// zero: it is not examined.
     excitation_v: f32,
 }
 
@@ -209,7 +210,7 @@ struct BoardFacts {
     ended: Option<BadEnd>,
     clock: ClockSource,
     restarts: bool,
-    /// How deep the stack has been, and its size, bytes.
+    /// The depth of the stack so far, and its size, bytes.
     stack_bytes: [u32; 2],
 }
 
@@ -225,7 +226,7 @@ enum HandOver {
     Rows(u64),
 }
 
-/// The application. `P` says where its estimator stands: a `&'static mut Path`, say, or a `Box<Path>`.
+/// The application. `P` says where its estimator is: a `&'static mut Path`, say, or a `Box<Path>`.
 pub struct App<P> {
     board: [u8; 16],
     facts: BoardFacts,
@@ -303,12 +304,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Notes why the board started, and what its time comes from, for the host to be told.
+    /// Notes why the board started, and what its time comes from, for the report to the host.
     pub fn booted(&mut self, reset: ResetReason, clock: ClockSource) {
         (self.facts.reset, self.facts.clock) = (reset, clock);
     }
 
-    /// Notes the chip's own number, and where the last program ended if it ended badly, for the host to be told.
+    /// Notes the chip's own number, and where the last program ended if it ended badly, for the report to the
+    /// host.
     pub fn is_chip(&mut self, unique_id: [u8; 12], ended: Option<BadEnd>) {
         (self.facts.unique_id, self.facts.ended) = (unique_id, ended);
     }

@@ -1,4 +1,4 @@
-//! What the application tells of itself.
+//! The reports of the application about itself.
 
 use core::ops::DerefMut;
 

@@ -1,4 +1,4 @@
-//! What the application does with samples, and what it makes of them outside the sample path.
+//! The application's work with samples, and its results outside the sample path.
 
 use core::ops::DerefMut;
 
@@ -13,7 +13,7 @@ use crate::frame_path::frame_path;
 use crate::rates::RateMeter;
 use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
-/// So many samples of a sensor in a row that could not be had are a fault.
+/// This many consecutive samples of a sensor that could not be read are a fault.
 const BAD_TO_FAULT: u16 = 10;
 /// A frame of the load cell whose check sum does not fit weighs as so many that do; so much is a fault: more than one in fifty. What
 /// inverts its bits inverts the IMU's on the same bus, which have no check sum.
@@ -22,15 +22,15 @@ const NOISE_TO_FAULT: u16 = 10 * DAMAGED_WEIGHS;
 /// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.
 const EXCITATION_LEAST: f32 = 0.9;
 const EXCITATION_MOST: f32 = 1.1;
-/// Samples of the load cell come at the rate asked for, to within so much, parts in a million: what its filter and derivative
-/// count on. Oscillators of converters are within 100.
+/// Samples of the load cell come at the rate asked for, to within this much, parts in a million: what its
+/// filter and derivative count on. Oscillators of converters are within 100.
 const LOAD_CELL_PPM: u32 = 500;
 /// The same of an IMU, whose samples are dated one by one: 1 % by its data sheet, and what is far more is another rate.
 const IMU_PPM: u32 = 50_000;
-/// An estimate waits so long for the next row of a factor that the host has begun to take, ns.
+/// An estimate waits this long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
 
-/// After so many ticks without a sample the sensors are silent, and slices need not wait for the next one.
+/// After this many ticks without a sample the sensors are silent, and slices need not wait for the next one.
 const IDLE_TICKS: u8 = 8;
 
 impl<P: DerefMut<Target = Path>> App<P> {
@@ -113,7 +113,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Notes a frame of a tree with so many links, which is not the one configured.
+    /// Notes a frame of a tree with this number of links, which is not the one configured.
     pub fn on_frame_of_links(&mut self, time_ns: u64, links: u8) {
         self.alive(Sensor::Frames, time_ns);
         if let Some(path) = self.path.frames_mut() {
@@ -266,8 +266,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// What need not be done within a sample: solving, the stop rule, telemetry. Call it after every event. While samples of
-    /// the sensors are absorbed an estimate is made a slice at a time, after readings that took next to nothing.
+    /// Does the work that need not be done within a sample: solving, the stop rule, telemetry. Call it after
+    /// every event. While samples of the sensors are absorbed an estimate is made a slice at a time, after
+    /// readings that took next to nothing.
     #[inline]
     pub fn work(&mut self) {
         let estimate = self.run.estimate_due || self.estimation.is_busy() || self.link.has_prepared();

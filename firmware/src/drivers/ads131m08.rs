@@ -3,9 +3,9 @@
 //! Facts relied on (TI data sheet SBAS950): 24-bit words, most significant byte first; a frame is a command or
 //! response word, eight channel words and a CRC word; a response comes one frame after its command; RREG is
 //! `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it; with
-//! RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words stand in the upper bits
-//! above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR.
-//! With REG_CRC_EN the converter watches its own registers: REG_MAP in STATUS says that their CRC has changed, by a write or
+//! RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words are in the upper
+//! bits above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR. With REG_CRC_EN the converter watches
+//! its own registers: REG_MAP in STATUS says that their CRC has changed, by a write or
 //! by itself; F_RESYNC that the filters began anew; DRDYn that channel n has a conversion that was not read. STATUS in an
 //! answer clears the first two.
 //! The CRC of every frame is checked, and so are the zeros beneath it: a sample with a changed bit is an error,
@@ -48,7 +48,7 @@ const STATUS_RESYNCED: u16 = 1 << 14;
 const STATUS_REGISTERS: u16 = 1 << 13;
 const STATUS_CRC_ERROR: u16 = 1 << 12;
 const STATUS_RESET: u16 = 1 << 10;
-/// What a frame with a sample must not say.
+/// The bits that a frame with a sample must not set.
 const STATUS_BAD: u16 = STATUS_RESYNCED | STATUS_REGISTERS | STATUS_CRC_ERROR | STATUS_RESET;
 /// DRDYn of all channels.
 const STATUS_FRESH: u16 = 0xff;
@@ -117,7 +117,7 @@ pub struct AdcFrame {
     pub codes: [i32; CHANNELS],
     /// The STATUS register.
     pub status: u16,
-    /// Bit c: channel c stands at an end of its range, so its input may lie beyond.
+    /// Bit c: channel c is at an end of its range, so its input may lie beyond.
     pub saturated: u8,
 }
 
@@ -278,7 +278,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         if read == value { Ok(()) } else { Err(AdcError::Verify { register, wrote: value, read }) }
     }
 
-    /// Exchanges a frame, in its place, without looking at what comes back.
+    /// Exchanges a frame, in its place, without reading what comes back.
     fn exchange(&mut self, bytes: &mut [u8; FRAME]) -> Result<(), AdcError<SPI::Error>> {
         self.spi.transfer_in_place(bytes).map_err(AdcError::Bus)
     }
@@ -304,7 +304,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     }
 }
 
-/// What a status says against the sample below it, the worst first.
+/// Returns what a status says against the sample below it, the worst first.
 #[cold]
 #[inline(never)]
 fn refused<E>(status: u16) -> AdcError<E> {

@@ -8,9 +8,9 @@ use rigident_shared::wire::tree_frame::{MAX_TREE_FRAME, TrackedFrame, TreeFrame,
 pub enum FrameError {
     /// The bus failed.
     Bus,
-    /// The bytes that came are no frame, or damaged.
+    /// The received bytes are no frame, or damaged.
     Damaged,
-    /// It is of a tree with so many links.
+    /// It is of a tree with this number of links.
     Links(u8),
 }
 
@@ -65,7 +65,7 @@ impl<SPI: SpiDevice> FrameSource<SPI> {
         Self { spi, bytes: [0; MAX_TREE_FRAME] }
     }
 
-    /// Clocks out the frame that was signalled, of a tree of so many links and of this kind.
+    /// Clocks out the frame that was signalled, of a tree of the given number of links and of this kind.
     ///
     /// # Errors
     /// [`FrameError`]: there is none that can be used.

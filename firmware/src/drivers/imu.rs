@@ -1,15 +1,16 @@
 //! The IMU: an ICM-42688-P through the published driver `icm426xx`.
 //!
-//! What that driver sets: ±16 g and ±2000 °/s; both sensors in low-noise mode at one rate; first-order filters of
-//! half the rate behind anti-alias filters of 42 Hz (up to 100 samples per second), 84 Hz (200), 213 Hz (500),
-//! 488 Hz (1000), 997 Hz (2000), 1962 Hz (4000), so that 25 and 50 samples per second are aliased; 20-bit FIFO
-//! packets, one per data-ready signal; a full FIFO takes no more. Of the 20 bits the accelerometer fills 18, 1.2e-3
-//! m/s², and the gyro 19, 1.33e-4 rad/s (data sheet DS-000347). The noise that the data sheet gives is 70 µg/√Hz
-//! and 2.8 mdps/√Hz.
+//! Settings of that driver: ±16 g and ±2000 °/s; both sensors in low-noise mode at one rate; first-order
+//! filters of half the rate behind anti-alias filters of 42 Hz (up to 100 samples per second), 84 Hz (200),
+//! 213 Hz (500), 488 Hz (1000), 997 Hz (2000), 1962 Hz (4000), so that 25 and 50 samples per second are
+//! aliased; 20-bit FIFO packets, one per data-ready signal; a full FIFO takes no more. Of the 20 bits the
+//! accelerometer fills 18, 1.2e-3 m/s², and the gyro 19, 1.33e-4 rad/s (data sheet DS-000347). The noise that
+//! the data sheet gives is 70 µg/√Hz and 2.8 mdps/√Hz.
 //!
-//! What this adapter adds: a bus whose failures the published driver does not see while it initialises, because it keeps
-//! the bus for ever when that fails ([`Wire`]); every field that it sets is read back; the gyro's start-up is waited for; a
-//! backlog in the FIFO is passed over, because a sample is dated by its signal; the temperature has the scale of 20-bit packets.
+//! Additions of this adapter: a bus whose failures the published driver does not see while it initialises,
+//! because it keeps the bus for ever when that fails ([`Wire`]); every field that it sets is read back; the
+//! gyro's start-up is waited for; a backlog in the FIFO is passed over, because a sample is dated by its
+//! signal; the temperature has the scale of 20-bit packets.
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
@@ -30,8 +31,8 @@ const START_UP_MS: u32 = 50;
 pub const FIFO_PACKETS: u8 = 102;
 /// Bytes of a packet.
 const PACKET: u16 = 20;
-/// What the published driver sends for a sample, and whoever reads one for it: read from INT_STATUS on, which is followed by
-/// the FIFO's count and its oldest packet.
+/// The bytes that the published driver sends for a sample, and whoever reads one for it: read from INT_STATUS
+/// on, which is followed by the FIFO's count and its oldest packet.
 pub const READ: [u8; 24] = {
     let mut request = [0; 24];
     request[0] = 0x80 | 0x2d;
@@ -93,8 +94,8 @@ pub struct ImuSample {
     pub temperature_c: f32,
 }
 
-/// The bus as the published driver sees it. While it initialises nothing fails: the first failure is kept for the adapter,
-/// and WHO_AM_I, which the adapter has looked at and will look at again, reads as it should.
+/// The bus as the published driver sees it. While it initialises nothing fails: the first failure is stored
+/// for the adapter, and WHO_AM_I, which the adapter has checked and will check again, reads as it should.
 struct Wire<SPI: ErrorType> {
     spi: SPI,
     initialises: bool,
@@ -168,8 +169,9 @@ impl<SPI: SpiDevice> Wire<SPI> {
     }
 }
 
-/// What the registers hold that the published driver sets: bank, address, the bits that matter, and these (data sheet,
-/// sections 14 to 16). The last one of bank 0 selects it, and comes last, so that a chip which stayed elsewhere shows.
+/// Returns what the registers hold that the published driver sets: bank, address, the bits that matter, and
+/// these (data sheet, sections 14 to 16). The last one of bank 0 selects it, and comes last, so that a chip
+/// which stayed elsewhere shows.
 fn written(rate: OutputDataRate) -> [(u8, u8, u8, u8); 26] {
     use OutputDataRate as Rate;
     // ODR, and DELT, DELTSQR and BITSHIFT of the anti-alias filter.
@@ -260,7 +262,7 @@ impl<SPI: SpiDevice> Imu<SPI> {
     }
 
     /// Resets the chip, sets it up and reads every setting back, three times if need be: 25, 50, 100, 200, 500, 1000, 2000 or
-    /// 4000 samples per second. May be repeated, whatever came of it before.
+    /// 4000 samples per second. May be repeated, whatever its earlier result.
     ///
     /// # Errors
     /// No such rate, another chip, a register that does not hold, or the bus.

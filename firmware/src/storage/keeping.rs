@@ -1,10 +1,10 @@
-//! When what is kept: decided here, done by [`super::Store`] when a board asks for it.
+//! The times at which data are stored: decided here, done by [`super::Store`] when a board asks for it.
 
 use rigident_shared::wire::{CounterReport, Kept, KeptRun};
 
-/// A checkpoint is due after so long, in readings of the rate set, s.
+/// A checkpoint is due after this long, in readings of the rate set, s.
 const EVERY_S: f32 = 10.0;
-/// After so many equal parts of the room have been used the interval doubles, each time.
+/// After this many equal parts of the room have been used the interval doubles, each time.
 const PARTS: u32 = 16;
 
 /// Tells what a board's store is to do next.
@@ -41,14 +41,14 @@ enum Phase {
     Due,
     /// Its factor is being put together.
     Folding,
-    /// It can be kept.
+    /// It can be stored.
     Ready,
 }
 
-/// Holds what is kept and what is to be kept.
+/// Holds what is stored and what is to be stored.
 pub(crate) struct Keeping {
     kept: Kept,
-    /// Somebody has looked.
+    /// Somebody has checked.
     looked: bool,
     settings_are_new: bool,
     resumption: Option<Resumption>,
@@ -60,7 +60,7 @@ pub(crate) struct Keeping {
     room: u32,
     /// Readings at the last checkpoint.
     last: u32,
-    /// What a checkpoint on its way says beside the factor.
+    /// The content of a checkpoint on its way beside the factor.
     pub(crate) counters: CounterReport,
     pub(crate) next_index: u32,
     pub(crate) next_reading: u32,
@@ -86,12 +86,12 @@ impl Keeping {
         }
     }
 
-    /// What the hello says.
+    /// Returns what the hello says.
     pub(crate) fn kept(&self) -> Kept {
         self.kept
     }
 
-    /// Returns whether a run of this number is kept, and can be gone on with.
+    /// Returns whether a run of this number is stored, and can be continued.
     pub(crate) fn has(&self, run: u32) -> bool {
         cfg!(feature = "storage") && matches!(self.kept, Kept::Run(kept) if kept.run == run)
     }
@@ -111,7 +111,7 @@ impl Keeping {
         (self.kept, self.looked) = (kept, true);
     }
 
-    /// A run begins whose settings are to be kept.
+    /// A run begins whose settings are to be stored.
     pub(crate) fn configured(&mut self, rate_hz: f32) {
         if !cfg!(feature = "storage") {
             return;
@@ -122,7 +122,7 @@ impl Keeping {
         self.every = (rate_hz * EVERY_S) as u32;
     }
 
-    /// The settings are kept, or not: without them no checkpoint is.
+    /// The settings are stored, or not: without them no checkpoint is.
     pub(crate) fn begun(&mut self, run: Option<KeptRun>, room: u32) {
         self.settings_are_new = false;
         self.kept = run.map_or(Kept::Damaged, Kept::Run);
@@ -151,7 +151,7 @@ impl Keeping {
         self.phase = Phase::Rest;
     }
 
-    /// Looks whether one is due after this many readings.
+    /// Checks whether one is due after this many readings.
     pub(crate) fn note(&mut self, readings: u32) {
         if !cfg!(feature = "storage") {
             return;
@@ -215,7 +215,7 @@ impl Keeping {
         }
     }
 
-    /// The checkpoint has taken so many bytes of flash; none: there is no room, or it cannot be written.
+    /// The checkpoint has taken this many bytes of flash; none: there is no room, or it cannot be written.
     pub(crate) fn written(&mut self, bytes: Option<u32>) {
         self.phase = Phase::Rest;
         let Kept::Run(run) = &mut self.kept else { return };

@@ -1,7 +1,8 @@
-//! What outlives a restart: the settings of the last run and checkpoints of its factor, in flash.
+//! The data that outlive a restart: the settings of the last run and checkpoints of its factor, in flash.
 //!
-//! Lives here: what a record looks like ([`record`]), the two journals in flash ([`Store`]), and when what is written. May not live
-//! here: flash controllers (a board's), what a run is (`app`). [`crate::Instrument::tend`] joins the three.
+//! Lives here: the form of a record ([`record`]), the two journals in flash ([`Store`]), and when what is
+//! written. May not live here: flash controllers (a board's), what a run is (`app`).
+//! [`crate::Instrument::tend`] joins the three.
 //!
 //! Two journals, each of two erase sectors or more, hold records one after the other, and the last whole one counts:
 //!

@@ -1,4 +1,4 @@
-//! What a record in flash looks like: a header that says who wrote it, a payload, a check sum.
+//! The form of a record in flash: a header that says who wrote it, a payload, a check sum.
 //!
 //! | part | bytes | |
 //! |---|---|---|
@@ -12,8 +12,8 @@
 //! | payload | | postcard; of a checkpoint, numbers of the factor behind it |
 //! | CRC-32 | 4 | ISO-HDLC, over everything before it |
 //!
-//! Numbers are little-endian. Magic, format, length and CRC stand outside of postcard, so that a record of any other firmware is
-//! told from a damaged one.
+//! Numbers are little-endian. Magic, format, length and CRC are outside of postcard, so that a record of any
+//! other firmware is distinguished from a damaged one.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
@@ -34,7 +34,7 @@ const CRC32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub enum RecordKind {
     /// The settings of a run.
     Settings = 1,
-    /// What has been absorbed up to some reading.
+    /// The rows absorbed up to some reading.
     Checkpoint = 2,
 }
 
@@ -65,7 +65,8 @@ pub struct Record<'a> {
     pub payload: &'a [u8],
 }
 
-/// Makes a record around the first `length` bytes that stand behind the header in `bytes`. `None` if there is no room.
+/// Makes a record around the first `length` bytes that follow the header in `bytes`. `None` if there is no
+/// room.
 pub fn seal(bytes: &mut [u8], kind: RecordKind, writer: Writer, run: u32, length: usize) -> Option<&[u8]> {
     let end = HEADER_BYTES.checked_add(length)?;
     let [m, a, g, c] = MAGIC;

@@ -10,10 +10,10 @@ use super::journal::{Guarded, Journal, JournalError};
 use super::record::{self, HEADER_BYTES, RECORD_BYTES, RecordError, RecordKind, Writer};
 use crate::version::FIRMWARE_HASH;
 
-/// Holds what stands before the factor's numbers in a checkpoint.
+/// Holds what precedes the factor's numbers in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct CheckpointHead {
-    /// What had happened.
+    /// The events until then.
     pub counters: CounterReport,
     /// Index of the reading that `Inject` is to bring next.
     pub next_index: u32,
@@ -29,7 +29,7 @@ pub struct CheckpointHead {
 const SCHEMA: u64 =
     SCHEMA_HASH ^ u64::from_le_bytes(hash_ty_path::<(Settings, CheckpointHead)>("rigident/kept"));
 
-/// Tells where in the flash what is kept: bytes from its beginning, whole sectors, two at least each.
+/// Tells where in the flash each item is stored: bytes from its beginning, whole sectors, two at least each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// The journal of settings.
@@ -42,14 +42,14 @@ pub struct Layout {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LayoutError;
 
-/// Tells why something was not kept or not read.
+/// Tells why something was not stored or not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
     /// The flash fails.
     Flash,
     /// There is no room left for it.
     Full,
-    /// What is there cannot be read, or could not be written.
+    /// The content cannot be read, or could not be written.
     Damaged,
     /// There is no such run.
     NoSuchRun,
@@ -65,7 +65,8 @@ impl From<JournalError> for StoreError {
     }
 }
 
-/// The flash with what is kept in it, and room for one record. A board keeps it beside its [`crate::Path`], off its stack.
+/// The flash with what is stored in it, and room for one record. A board keeps it beside its [`crate::Path`],
+/// off its stack.
 pub struct Store<F> {
     flash: Guarded<F>,
     layout: Layout,
@@ -110,8 +111,8 @@ impl<F: NorFlash> Store<F> {
         self.flash.flash
     }
 
-    /// Tells what is kept. A journal that a power cut left in disorder is put in order, for which a sector may be erased: not
-    /// while samples are taken.
+    /// Tells what is stored. A journal that a power cut left in disorder is put in order, for which a sector
+    /// may be erased: not while samples are taken.
     pub fn look(&mut self) -> Kept {
         self.flash.may_erase = true;
         let found = self.find();
@@ -166,11 +167,11 @@ impl<F: NorFlash> Store<F> {
         Ok(scan)
     }
 
-    /// Begins a run with these settings: they are kept, with the number after that of the run before, and room is prepared for
-    /// checkpoints. Sectors may be erased: not while samples are taken.
+    /// Begins a run with these settings: they are stored, with the number after that of the run before, and
+    /// room is prepared for checkpoints. Sectors may be erased: not while samples are taken.
     ///
     /// # Errors
-    /// [`StoreError`] says why not. The run before is then still kept, or nothing.
+    /// [`StoreError`] says why not. The run before is then still stored, or nothing.
     pub fn begin_run(&mut self, settings: &Settings) -> Result<KeptRun, StoreError> {
         self.flash.may_erase = true;
         let begun = self.begin_erasing(settings);
@@ -211,7 +212,7 @@ impl<F: NorFlash> Store<F> {
         Ok(journal.erase()?)
     }
 
-    /// Bytes in which checkpoints are kept.
+    /// Bytes in which checkpoints are stored.
     pub fn checkpoint_bytes(&self) -> u32 {
         self.layout.checkpoints.end - self.layout.checkpoints.start
     }
@@ -220,7 +221,7 @@ impl<F: NorFlash> Store<F> {
     /// given; how many bytes of flash it took. Nothing is erased.
     ///
     /// # Errors
-    /// [`StoreError::Full`] if nothing is left of what was prepared. What was kept before is still there.
+    /// [`StoreError::Full`] if nothing is left of what was prepared. What was stored before is still there.
     pub fn keep(
         &mut self,
         run: u32,
@@ -241,7 +242,7 @@ impl<F: NorFlash> Store<F> {
     /// The settings of the run with this number.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchRun`] if the last run kept is another one.
+    /// [`StoreError::NoSuchRun`] if the last run stored is another one.
     pub fn settings(&mut self, run: u32) -> Result<Settings, StoreError> {
         let last = self.scan(Wanted::Settings)?.last.ok_or(StoreError::NoSuchRun)?;
         let length = self.scan(Wanted::SettingsAt(last))?.length;
@@ -288,7 +289,7 @@ struct Scan {
     length: usize,
 }
 
-/// What a record of settings says.
+/// Returns what a record of settings says.
 fn kept_settings(bytes: &[u8], writer: Writer) -> Kept {
     match record::open(bytes, RecordKind::Settings, writer) {
         Ok(record) => Kept::Run(KeptRun { run: record.run, ..KeptRun::default() }),
@@ -303,7 +304,7 @@ fn checkpoint(bytes: &[u8], writer: Writer, run: u32) -> Option<(CheckpointHead,
     postcard::take_from_bytes(record.payload).ok()
 }
 
-/// What is told of a run with this checkpoint.
+/// Returns the report of a run with this checkpoint.
 pub(super) fn told(run: &KeptRun, head: &CheckpointHead) -> KeptRun {
     KeptRun {
         readings: head.counters.readings,

@@ -99,7 +99,7 @@ impl Host {
         }
     }
 
-    /// Everything that has been sent; telemetry is kept aside. Every frame must be whole.
+    /// Everything that has been sent; telemetry is set aside. Every frame must be whole.
     fn drain(&mut self) -> Vec<(u16, Answer)> {
         let mut answers = Vec::new();
         let mut bytes = [0; 512];
@@ -292,7 +292,8 @@ fn the_hello_tells_the_chip_and_where_the_last_program_ended() {
     assert_eq!(counters.stack_bytes, [21_000, 41_000]);
 }
 
-/// By the chip's own oscillator nobody can say which of two rates is wrong: the clock is told, and the run is not refused.
+/// By the chip's own oscillator nobody can say which of two rates is wrong: the clock is reported, and the
+/// run is not refused.
 #[test]
 fn a_rate_is_refused_by_a_crystal_and_not_by_the_chips_own_oscillator() {
     for (clock, refused) in [(ClockSource::Crystal, true), (ClockSource::Internal, false)] {

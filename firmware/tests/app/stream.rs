@@ -1,4 +1,5 @@
-//! Frames of a robot that is watched, over the link: none is answered, all are counted, and none that came wrong is taken in.
+//! Frames of a robot that is watched, over the link: none is answered, all are counted, and none that arrived
+//! damaged is taken in.
 
 use rigident_shared::wire::encode_payload;
 use rigident_shared::wire::{
@@ -103,7 +104,7 @@ impl Host {
         }
     }
 
-    /// Sends bytes as they stand; nothing is answered.
+    /// Sends bytes as they are; nothing is answered.
     fn line(&mut self, bytes: &[u8], now_ns: u64) {
         for byte in bytes {
             assert!(self.app.on_byte(*byte, now_ns).is_none());
@@ -128,7 +129,7 @@ impl Host {
     }
 }
 
-/// What is told where all frames come once and in order.
+/// Returns the report where all frames come once and in order.
 fn undisturbed() -> (Vec<ChangeReport>, CounterReport) {
     let mut host = Host::watches();
     (0..FRAMES).for_each(|number| host.frame(number));

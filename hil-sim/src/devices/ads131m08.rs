@@ -1,6 +1,6 @@
 //! ADS131M08: eight simultaneously sampled 24-bit ΔΣ converters on SPI (TI data sheet SBAS950B).
 //!
-//! One [`Ads131m08::transfer`] is one frame, chip select low to high. The answer to a command stands in the first
+//! One [`Ads131m08::transfer`] is one frame, chip select low to high. The answer to a command is in the first
 //! word of the **next** frame; the last word is a CRC over all words before it. Modelled: the register map, NULL,
 //! RESET, STANDBY, WAKEUP, LOCK, UNLOCK, RREG, WREG, all word lengths, input and output CRC of both kinds, gain,
 //! offset and gain calibration, disabled channels, OSR, the flags of the register map and of a resynchronisation, an
@@ -36,7 +36,7 @@ const MODE_RX_CRC_EN: u16 = 1 << 12;
 const MODE_CRC_ANSI: u16 = 1 << 11;
 const MODE_RESET: u16 = 1 << 10;
 
-/// What the first words of the next frame hold.
+/// The content that the first words of the next frame hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Answer {
     Status,
@@ -109,7 +109,7 @@ impl Ads131m08 {
         self.flags = 0;
     }
 
-    /// How many frames have passed since power-on.
+    /// Returns how many frames have passed since power-on.
     pub fn frames(&self) -> u64 {
         self.frames
     }

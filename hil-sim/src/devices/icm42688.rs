@@ -269,7 +269,7 @@ impl Icm42688 {
         }
     }
 
-    /// What FIFO_COUNT says: bytes, or records.
+    /// Returns what FIFO_COUNT says: bytes, or records.
     fn count(&self) -> u16 {
         let records = self.register(INTF_CONFIG0) & 0x40 != 0;
         let bytes: usize = self.fifo.iter().map(Vec::len).sum();

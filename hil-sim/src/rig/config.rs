@@ -1,4 +1,4 @@
-//! What a rig is made of, and the fixed frames that follow from it.
+//! The parts of a rig, and the fixed frames that follow from it.
 
 use hexapod::{
     BadRotation, BodyParameters, FrameMotion, Geometry, IdealSensors, MotionError, Mounting, Payload,
@@ -10,7 +10,7 @@ use crate::devices::Ads131m08;
 use crate::links::{JointState, SecondLink};
 use crate::sensors::{Experiment, ImuModel, PerExperiment, SensorModels};
 
-/// What cannot be done with the rig.
+/// Errors in the use of the rig.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RigError {
     /// The motion program.
@@ -36,7 +36,7 @@ pub enum RigError {
     BadRate(f64),
 }
 
-/// What a rig is. Frames: P plate, S load cell, U IMU.
+/// The description of a rig. Frames: P plate, S load cell, U IMU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigConfig {
     /// The body, in S.
@@ -45,7 +45,7 @@ pub struct RigConfig {
     pub load_cell: Mounting,
     /// U in S: the lever arm and `R_SU`.
     pub imu: Mounting,
-    /// What hangs on the body, with an IMU of its own like the first.
+    /// The link that hangs on the body, with an IMU of its own like the first.
     pub second: Option<SecondLink>,
     /// The sensors.
     pub sensors: SensorModels,
@@ -144,7 +144,7 @@ impl RigConfig {
         matrix
     }
 
-    /// What the plate carries, a second link left out.
+    /// Returns what the plate carries, a second link left out.
     pub fn payload(&self) -> Payload {
         Payload { body: self.body, load_cell: self.load_cell, imu: self.imu, gravity_mps2: self.gravity_mps2 }
     }
@@ -198,7 +198,7 @@ impl Mechanics {
         self.sensors.wrench(plate)
     }
 
-    /// What a second link adds to it, as its joint stands.
+    /// Returns what a second link adds to it, at its joint's position.
     pub(super) fn second_wrench(&self, plate: &PlateState, joint: &JointState) -> [f64; 6] {
         self.second.map_or([0.0; 6], |(link, _)| {
             link.wrench(&self.sensor_motion(plate), joint, self.sensors.gravity())

@@ -14,7 +14,7 @@ const BRAKE_S: f64 = 0.3;
 const ABRUPT_S: f64 = 0.05;
 /// Accelerations that are braked out of smoothly, m/s² and rad/s².
 const BRAKED: [f64; 6] = [10.0, 10.0, 10.0, 30.0, 30.0, 30.0];
-/// Sensors look back by their delays, which are shorter than this, ns.
+/// Sensors read the past by their delays, which are shorter than this, ns.
 const KEPT_NS: f64 = 2e9;
 /// Steps in which a move is checked against the legs, s.
 const STEP_S: f64 = 0.004;
@@ -23,7 +23,7 @@ const STEP_S: f64 = 0.004;
 #[derive(Clone, Debug)]
 struct Piece {
     begin_ns: f64,
-    /// Where the next piece takes over; before the piece's own end if it was cut.
+    /// The time at which the next piece takes over; before the piece's own end if it was cut.
     until_ns: f64,
     duration_s: f64,
     from: Coordinates,
@@ -94,7 +94,7 @@ fn rests(c: &Coordinates) -> bool {
 pub(super) struct Follower {
     before: Coordinates,
     pieces: VecDeque<Piece>,
-    /// What happens after the last piece.
+    /// The piece after the last piece.
     tail: Piece,
     /// The last point of a stream, and its time, ns: the piece to it needs the next one.
     pending: Option<(f64, [f64; 6])>,
@@ -117,12 +117,12 @@ impl Follower {
         }
     }
 
-    /// When the plate will be at rest if nothing more is said, ns.
+    /// Returns when the plate will be at rest if nothing more is said, ns.
     pub(super) fn rest_ns(&self) -> f64 {
         if rests(&self.tail.from) { self.tail.begin_ns } else { self.tail.until_ns }
     }
 
-    /// Whether the plate brakes, or has braked, because the points of a stream ceased.
+    /// Returns whether the plate brakes, or has braked, because the points of a stream ceased.
     pub(super) fn starved(&self, now_ns: f64) -> bool {
         self.pending.is_some() && now_ns > self.tail.begin_ns && !rests(&self.tail.from)
     }
@@ -167,7 +167,7 @@ impl Follower {
         self.pending = None;
     }
 
-    /// Goes to a pose in so long, s, from whatever it does now.
+    /// Goes to a pose in the given time, s, from whatever it does now.
     pub(super) fn go(
         &mut self,
         now_ns: f64,

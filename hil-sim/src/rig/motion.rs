@@ -7,10 +7,10 @@ use hexapod::{Coordinates, Geometry, MotionProgram, Pose, Segment, Trajectory, q
 /// Time to come to rest after a stop, s. The plate covers half of it in the program's time.
 const STOP_S: f64 = 0.5;
 
-/// What the plate does.
+/// The motion of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionState {
-    /// It stands, and no program has run since the last one was loaded.
+    /// It is at rest, and no program has run since the last one was loaded.
     Holding,
     /// It runs its program, or comes to rest after a stop.
     Moving,
@@ -53,7 +53,7 @@ impl Platform {
         Self { trajectory: Trajectory::resting(pose), phase: Phase::Holding { loaded: false }, begun: 0 }
     }
 
-    /// How many motions have begun: programs, moves, and streams from rest.
+    /// Returns how many motions have begun: programs, moves, and streams from rest.
     pub(super) fn begun(&self) -> u64 {
         self.begun
     }
@@ -71,7 +71,7 @@ impl Platform {
         self.trajectory.duration_s()
     }
 
-    /// Where it rests; only asked while it rests.
+    /// Returns where it rests; only asked while it rests.
     fn rest(&self) -> Pose {
         match &self.phase {
             Phase::Done { end_ns, .. } => self.coordinates(*end_ns).plate_state().pose(),
@@ -130,7 +130,7 @@ impl Platform {
         }
     }
 
-    /// Goes to a pose in so long, s; a move by set points that is under way gives way to it.
+    /// Goes to a pose in the given time, s; a move by set points that is under way gives way to it.
     pub(super) fn go(
         &mut self,
         now_ns: f64,
@@ -141,7 +141,7 @@ impl Platform {
         self.follow(now_ns, |follower| follower.go(now_ns, to, duration_s, geometry))
     }
 
-    /// Whether the points of a stream ceased.
+    /// Returns whether the points of a stream ceased.
     pub(super) fn starved(&self, now_ns: f64) -> bool {
         matches!(&self.phase, Phase::Following { follower, .. } if follower.starved(now_ns))
     }
@@ -178,7 +178,7 @@ impl Platform {
         Ok(())
     }
 
-    /// When the running program is over, to the nanosecond; `None` if none runs.
+    /// Returns when the running program is over, to the nanosecond; `None` if none runs.
     pub(super) fn end_ns(&self) -> Option<u64> {
         match &self.phase {
             &Phase::Moving { start_ns, stop_s } => {

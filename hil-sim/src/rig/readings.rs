@@ -43,7 +43,7 @@ impl Readings {
         let trajectory = program.trajectory()?;
         config.geometry.check(&trajectory)?;
         let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
-        // What the chain's pole will hold back is looked up that much ahead.
+        // What the chain's pole will hold back is read that much ahead.
         let cell_shift_s = cell.stated_delay_s() - cell.delay_s - cell.undeclared_delay_s;
         let imu_shift_s = imu.stated_delay_s() - imu.delay_s - imu.undeclared_delay_s;
         let count = (trajectory.duration_s() * rate_hz * (1.0 + 1e-12)).floor() as u64 + 1;
@@ -64,12 +64,12 @@ impl Readings {
         Ok(Self { sensors: config.sensors.clone(), mechanics, end, rows })
     }
 
-    /// What perfect sensors read.
+    /// Returns what perfect sensors read.
     pub fn ideal(&self) -> &[ReadingRow] {
         &self.rows
     }
 
-    /// What the configured sensors read in the experiment of this seed.
+    /// Returns what the configured sensors read in the experiment of this seed.
     pub fn measured(&self, seed: u64) -> ReadingStream<'_> {
         let experiment = self.sensors.draw(seed);
         ReadingStream {
@@ -80,7 +80,7 @@ impl Readings {
         }
     }
 
-    /// What is really the case in the experiment of this seed; the motion is that of the end.
+    /// Returns what is really the case in the experiment of this seed; the motion is that of the end.
     pub fn truth(&self, seed: u64) -> Truth {
         Truth::new(&self.mechanics, &self.sensors.draw(seed), self.end)
     }

@@ -1,4 +1,4 @@
-//! What may be wrong between the sensors and the microcontroller.
+//! Faults between the sensors and the microcontroller.
 
 use crate::devices::Device;
 

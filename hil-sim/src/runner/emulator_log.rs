@@ -8,7 +8,7 @@ pub(super) use super::emulator_log_decoded::Decoder;
 #[cfg(not(feature = "firmware-log"))]
 pub(super) use undecoded::Decoder;
 
-/// Lines kept for an error message.
+/// Lines stored for an error message.
 const KEPT: usize = 50;
 
 /// One line the firmware logged.

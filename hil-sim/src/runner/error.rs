@@ -10,7 +10,7 @@ pub enum RunnerError {
         program.display()
     )]
     EmulatorMissing {
-        /// The program that was looked for.
+        /// The program that was searched for.
         program: PathBuf,
     },
     /// There is no firmware to run.
@@ -19,7 +19,7 @@ pub enum RunnerError {
         path.display()
     )]
     FirmwareMissing {
-        /// Where it was expected.
+        /// The path where it was expected.
         path: PathBuf,
     },
     /// The file is there, but it is not a firmware image with a log table.
@@ -30,15 +30,15 @@ pub enum RunnerError {
     NotFirmware {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         reason: String,
     },
     /// The machine refused something.
     #[error("{doing}: {source}")]
     Io {
-        /// What was being done.
+        /// The operation under way.
         doing: &'static str,
-        /// What it answered.
+        /// The answer.
         source: io::Error,
     },
 }

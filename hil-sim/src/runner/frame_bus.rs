@@ -34,14 +34,14 @@ impl FrameGate {
         self.open.store(open, Ordering::Release);
     }
 
-    /// Whether the last one has been fetched.
+    /// Returns whether the last one has been fetched.
     pub fn is_done(&self) -> bool {
         self.done.load(Ordering::Acquire)
     }
 }
 
 impl FrameBus {
-    /// These frames, so many a second.
+    /// These frames, at this rate.
     pub fn new(frames: Vec<Vec<u8>>, rate_hz: f64) -> (Self, FrameGate) {
         let gate = FrameGate::default();
         (Self { frames, period_ns: (1e9 / rate_hz).round() as u64, next: 0, gate: gate.clone() }, gate)

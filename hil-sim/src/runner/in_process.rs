@@ -17,7 +17,7 @@ use super::{Mcu, Pacing};
 use crate::devices::Device;
 use crate::rig::SharedRig;
 
-/// How long an idle firmware sleeps before it looks at its sensors again.
+/// The time that an idle firmware sleeps before it checks its sensors again.
 const NAP: Duration = Duration::from_micros(200);
 
 /// A microcontroller that is part of this process. It works while its owner reads, be it into an empty buffer, and only then.
@@ -57,7 +57,7 @@ impl InProcess {
         }
     }
 
-    /// What a board does between two looks at its queues; whether there was an event.
+    /// Returns what a board does between two checks of its queues; whether there was an event.
     fn step(&mut self) -> bool {
         let PollAnswer { event, time_ns } = lock(&self.sensors).poll();
         self.now_ns = time_ns;
@@ -77,7 +77,7 @@ impl InProcess {
 
 impl Mcu for InProcess {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // What is kept is known before the first word.
+        // What is stored is known before the first word.
         self.tend();
         // Byte by byte, as a line brings them: what one asks of the flash is done before the next.
         for byte in bytes {
@@ -114,7 +114,7 @@ impl Mcu for InProcess {
     }
 }
 
-/// What a transfer is with.
+/// The device of a transfer.
 #[derive(Clone, Copy)]
 enum On {
     Sensor(Device),

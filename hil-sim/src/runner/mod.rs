@@ -1,4 +1,4 @@
-//! What hosts the firmware when there is no board: this process, or an emulated microcontroller.
+//! The host of the firmware when there is no board: this process, or an emulated microcontroller.
 //!
 //! Lives here: the byte stream to the firmware ([`Mcu`]), its two implementations, and how the simulated
 //! sensors are handed to them. May not live here: what the bytes mean, or any physics. Before this:
@@ -48,8 +48,8 @@ pub trait Mcu: Send {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Takes what has arrived, at most `buffer.len()` bytes, waiting up to `timeout` for the first.
-    /// 0 means that nothing came in time. With an empty buffer the microcontroller works for `timeout`, and what it sends
-    /// waits in its queues or, if these are full, is dropped by it.
+    /// 0 means that nothing arrived in time. With an empty buffer the microcontroller works for `timeout`,
+    /// and what it sends waits in its queues or, if these are full, is dropped by it.
     ///
     /// # Errors
     /// `BrokenPipe` if the microcontroller is gone; the message says why. What it had sent before is given out
@@ -60,7 +60,7 @@ pub trait Mcu: Send {
     fn name(&self) -> &'static str;
 }
 
-/// What the simulated clock follows.
+/// The source that the simulated clock follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pacing {
     /// The firmware: the next sample is there when it asks. Time stands still while no motion program runs.

@@ -32,13 +32,13 @@ const FIRMWARE_IN_BOARD: &str = "target/thumbv7em-none-eabihf/release/rigident-m
 const REQUESTS: &str = "requests";
 const ANSWERS: &str = "answers";
 const ERRORS: &str = "errors";
-/// How long a write may go without a byte being taken. The firmware takes bytes whatever else it does, so
-/// only a dead one comes near.
+/// The time that a write may go without a byte being taken. The firmware takes bytes whatever else it does,
+/// so only a dead one comes near.
 const STALLED: Duration = Duration::from_secs(30);
-/// How long a wait goes without looking whether the emulator still lives.
+/// The time between two checks of a wait whether the emulator still lives.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
-/// Where `cargo xtask firmware` leaves the firmware, unless `RIGIDENT_FIRMWARE_ELF` names another.
+/// Returns where `cargo xtask firmware` leaves the firmware, unless `RIGIDENT_FIRMWARE_ELF` names another.
 #[must_use]
 pub fn firmware_elf() -> PathBuf {
     std::env::var_os(FIRMWARE_VARIABLE).map_or_else(
@@ -63,7 +63,7 @@ pub fn watch_elf() -> PathBuf {
     standard.with_file_name(name)
 }
 
-/// What to emulate.
+/// The board to emulate.
 #[derive(Clone, Debug)]
 pub struct QemuOptions {
     /// The firmware image.
@@ -88,12 +88,12 @@ impl Default for QemuOptions {
     }
 }
 
-/// How deep the firmware's stack has been.
+/// The depth to which the firmware's stack has been.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StackUse {
     /// Deepest use, bytes.
     pub used: usize,
-    /// What there is, bytes.
+    /// The size available, bytes.
     pub size: usize,
 }
 
@@ -167,7 +167,7 @@ impl Qemu {
         Ok(Self { line, _device_end: device_end, child, ended: None, leave, log, threads, folder })
     }
 
-    /// The last lines the firmware logged, oldest first; at most 50 are kept.
+    /// Returns the last lines the firmware logged, oldest first; at most 50 are stored.
     #[must_use]
     pub fn log(&self) -> Vec<LogLine> {
         self.log.last(usize::MAX)
@@ -224,7 +224,7 @@ impl Qemu {
         }
     }
 
-    /// What is left to say about an emulator that has ended.
+    /// Returns what is left to say about an emulator that has ended.
     fn obituary(&mut self) -> io::Error {
         self.join();
         let how = match self.ended.map(|status| (status.code(), status.signal())) {
@@ -294,7 +294,7 @@ impl Mcu for Qemu {
             if ended {
                 return Err(self.obituary());
             }
-            // What came between that read and the end is found by one more.
+            // What arrived between that read and the end is found by one more.
             ended = self.look()?.is_some();
             if left.is_zero() && !ended {
                 return Ok(0);

@@ -10,7 +10,8 @@ use crate::devices::Device;
 use crate::flash::SharedFlash;
 use crate::rig::{BusEvent, Rig, SharedRig};
 
-/// What answers the emulated board's bus. Every method returns at once: the machine that asks stands still.
+/// The device that answers the emulated board's bus. Every method returns at once: the machine that asks
+/// stands still.
 pub trait SensorBus: Send {
     /// The next event, or the time if there is none.
     fn poll(&mut self) -> PollAnswer;

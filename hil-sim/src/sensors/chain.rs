@@ -109,7 +109,8 @@ impl LoadCellChain {
         self.faults.iter().filter_map(|f| f.excitation(time_s)).product()
     }
 
-    /// What stands at the converter's input at `time_s` when the wrench is `truth`; N, N m. Call in time order.
+    /// Returns the voltage at the converter's input at `time_s` when the wrench is `truth`; N, N m. Call in
+    /// time order.
     pub fn read(&mut self, time_s: f64, truth: [f64; 6]) -> [f64; 6] {
         let mut w = match &mut self.pole {
             Some(pole) => pole.filter(time_s, truth),
@@ -180,8 +181,8 @@ impl ImuChain {
         self.faults.push(fault);
     }
 
-    /// What the IMU's own converters see at `time_s`: specific force m/s² and angular rate rad/s along its axes, made
-    /// of the true ones. Call in time order.
+    /// Returns what the IMU's own converters see at `time_s`: specific force m/s² and angular rate rad/s
+    /// along its axes, made of the true ones. Call in time order.
     pub fn read(&mut self, time_s: f64, accel: [f64; 3], gyro: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let (mut a, mut g) = (accel, gyro);
         if let Some(pole) = &mut self.pole {

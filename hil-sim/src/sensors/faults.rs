@@ -1,4 +1,4 @@
-//! What can go wrong with a sensor, and when.
+//! The faults of a sensor, and their times.
 
 use std::ops::Range;
 
@@ -22,23 +22,23 @@ pub enum Channel {
 pub enum Fault {
     /// The channel repeats the reading it had when the fault began.
     Frozen {
-        /// Which.
+        /// The one concerned.
         channel: Channel,
-        /// When.
+        /// The time.
         during: Range<f64>,
     },
     /// The channel reads the upper end of its range.
     Saturated {
-        /// Which.
+        /// The one concerned.
         channel: Channel,
-        /// When.
+        /// The time.
         during: Range<f64>,
     },
     /// The load cell's offset runs away.
     Drift {
         /// N/s, N m/s.
         rate_n_nm_per_s: [f64; 6],
-        /// When; afterwards what has accumulated stays.
+        /// The time; afterwards what has accumulated stays.
         during: Range<f64>,
     },
     /// The load cell's offset settles: `amplitude · e^(−t / time constant)`.
@@ -52,12 +52,12 @@ pub enum Fault {
     Excitation {
         /// A ratio; 0: the wire is off.
         to: f64,
-        /// When.
+        /// The time.
         during: Range<f64>,
     },
     /// Somebody hits the body: half a sine of wrench that the motion knows nothing of.
     Knock {
-        /// When.
+        /// The time.
         during: Range<f64>,
         /// Peak, N, N m, in S.
         peak_n_nm: [f64; 6],
@@ -65,7 +65,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// What the fault adds to the load cell's reading at `time_s`, N, N m.
+    /// Returns what the fault adds to the load cell's reading at `time_s`, N, N m.
     pub(super) fn added_wrench(&self, time_s: f64) -> Option<[f64; 6]> {
         let (factor, wrench) = match self {
             Self::Drift { rate_n_nm_per_s, during } => {
@@ -90,12 +90,12 @@ impl Fault {
         Some(1.0 + (to - 1.0) * part.clamp(0.0, 1.0))
     }
 
-    /// Whether it freezes `channel` at `time_s`.
+    /// Returns whether it freezes `channel` at `time_s`.
     pub(super) fn freezes(&self, channel: Channel, time_s: f64) -> bool {
         matches!(self, Self::Frozen { channel: c, during } if c.covers(channel) && during.contains(&time_s))
     }
 
-    /// Whether it drives `channel` to the end of its range at `time_s`.
+    /// Returns whether it drives `channel` to the end of its range at `time_s`.
     pub(super) fn saturates(&self, channel: Channel, time_s: f64) -> bool {
         matches!(self, Self::Saturated { channel: c, during } if c.covers(channel) && during.contains(&time_s))
     }

@@ -21,7 +21,7 @@ impl ByteLink for Firmware {
     }
 }
 
-/// How long one side is waited for while the other may have something.
+/// The time that one side is waited for while the other may have something.
 const TURN: Duration = Duration::from_millis(1);
 
 /// Carries bytes between the port and the firmware until `leave` is set. What the firmware says while nobody

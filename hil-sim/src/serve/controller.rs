@@ -24,9 +24,10 @@ use hexapod::{MotionProgram, PROGRAM_LINE_BYTES, Pose};
 
 use super::listener::{LOOK_AGAIN, Listener};
 
-/// A client that moves the plate and says nothing for so long has hung, s, unless it has named another time.
+/// A client that moves the plate and says nothing for this long has hung, s, unless it has named another
+/// time.
 const QUIET_S: f64 = 2.0;
-/// What it may name.
+/// The values that it may name.
 const QUIETS_S: std::ops::RangeInclusive<f64> = 0.05..=60.0;
 
 /// Not one enum tagged by `cmd`: such an enum cannot hold floats once any crate of the build asks serde_json
@@ -75,7 +76,7 @@ impl Controller {
         Listener::listen(address, move |stream, leave| attend(stream, &rig, leave)).map(Self)
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.0.address()

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// How long a wait goes without looking whether to end.
+/// The time between two checks of a wait whether to end.
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// A port at work. Dropping it closes every connection.
@@ -26,7 +26,7 @@ impl Listener {
     ) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
-        // Accepting without waiting, so that it can be told to leave.
+        // Accepting without waiting, so that it can be asked to end.
         listener.set_nonblocking(true)?;
         let leave = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&leave);
@@ -54,10 +54,10 @@ fn accept(listener: &TcpListener, attend: &(impl Fn(TcpStream, &AtomicBool) + Sy
         while !leave.load(Ordering::Acquire) {
             match listener.accept() {
                 Ok((stream, _)) => {
-                    // A client that breaks off has nobody left to be told.
+                    // A client that breaks off has nobody left to be informed.
                     scope.spawn(move || attend(stream, leave));
                 }
-                // Nobody there, or a client that gave up again: look once more in a while.
+                // Nobody there, or a client that gave up again: check once more in a while.
                 Err(_) => thread::sleep(LOOK_AGAIN),
             }
         }

@@ -59,7 +59,7 @@ impl Port {
         &self.terminal
     }
 
-    /// Whether somebody has it open. What a user who has left had not read is gone.
+    /// Returns whether somebody has it open. What a user who has left had not read is gone.
     ///
     /// # Errors
     /// Whatever the system says.

@@ -109,7 +109,7 @@ pub fn rig_file(rig: &Rig) -> String {
     file.0
 }
 
-/// What an owner would say of the heaviest body (kg) and its size (m): half as much again as it is.
+/// Returns what an owner would say of the heaviest body (kg) and its size (m): half as much again as it is.
 fn bound(config: &RigConfig) -> [f64; 2] {
     // Of a block the corner is at √3 times the radius of gyration.
     let extent = |body: &BodyParameters| {

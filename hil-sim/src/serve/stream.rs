@@ -1,8 +1,9 @@
 //! A platform that takes lines of set points: over TCP, over UDP, over a serial line; nothing is answered.
 //!
-//! Lines are those of [`hexapod::set_points`]. The first one must be where the plate stands, within 5 mm and 20 mrad. A line that
-//! cannot be followed, and lines that cease, bring the plate to rest; a stream is then over. Every connection and every
-//! sender of datagrams has a stream of its own, and none touches what another client moves.
+//! Lines are those of [`hexapod::set_points`]. The first one must be where the plate is, within 5 mm and 20
+//! mrad. A line that cannot be followed, and lines that cease, bring the plate to rest; a stream is then
+//! over. Every connection and every sender of datagrams has a stream of its own, and none touches what
+//! another client moves.
 
 use std::collections::HashMap;
 use std::io::{self, Read};
@@ -19,14 +20,14 @@ use crate::runner::lock;
 use hexapod::set_points::{LINE_BYTES, SetPoint};
 use hexapod::{Geometry, Pose};
 
-/// The plate is at a line's pose so long after the line's time at the earliest, ns.
+/// The plate is at a line's pose this long after the line's time at the earliest, ns.
 const BEHIND_NS: f64 = 5e7;
-/// So many senders of datagrams are told apart before those that move nothing are forgotten.
+/// This many senders of datagrams are distinguished before those that move nothing are forgotten.
 const SENDERS: usize = 64;
-/// How far the first line may be from where the plate stands, m and rad.
+/// The distance that the first line may be from where the plate is, m and rad.
 const NEAR: [f64; 2] = [0.005, 0.02];
 
-/// Told what was wrong with a stream.
+/// Receives what was wrong with a stream.
 type Tell = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// The receiving end. Dropping it closes every connection.
@@ -39,8 +40,8 @@ pub struct StreamServer {
 }
 
 impl StreamServer {
-    /// Listens at `address` for connections and for datagrams (port 0 takes a free one); `tell` is told why a stream
-    /// was refused.
+    /// Listens at `address` for connections and for datagrams (port 0 takes a free one); `tell` receives why
+    /// a stream was refused.
     ///
     /// # Errors
     /// If the address is taken or cannot be had.
@@ -53,7 +54,7 @@ impl StreamServer {
         let (shared, told) = (Arc::clone(&rig), Arc::clone(&tell));
         let listener = Listener::listen(address, move |stream, leave| {
             let mut receiver = Receiver::new(Arc::clone(&shared), Arc::clone(&told));
-            // A client that breaks off has nobody left to be told.
+            // A client that breaks off has nobody left to be informed.
             let _ = connection(stream, &mut receiver, leave);
         })?;
         let datagrams = UdpSocket::bind(listener.address())?;
@@ -65,7 +66,7 @@ impl StreamServer {
             let mut senders: HashMap<SocketAddr, Receiver> = HashMap::new();
             let mut buffer = [0; 2048];
             while !leave.load(Ordering::Acquire) {
-                // Nothing came, or what came was broken: look again.
+                // Nothing arrived, or what arrived was broken: try again.
                 if let Ok((n, sender)) = datagrams.recv_from(&mut buffer) {
                     if senders.len() >= SENDERS {
                         senders.retain(|_, receiver| receiver.moves());
@@ -104,7 +105,7 @@ impl StreamServer {
         self.others.push(thread::spawn(move || serve(&leave)));
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.listener.address()
@@ -144,7 +145,7 @@ struct Course {
     pose: Pose,
     /// Nothing more of it is followed.
     over: bool,
-    /// Which of the rig's motions it is.
+    /// The number of the rig's motion.
     motion: u64,
 }
 
@@ -185,7 +186,7 @@ impl Receiver {
         }
     }
 
-    /// Whether the plate moves, or moved last, by this stream.
+    /// Returns whether the plate moves, or moved last, by this stream.
     fn moves(&self) -> bool {
         self.course.as_ref().is_some_and(|c| !c.over && c.motion == lock(&self.rig).motions_begun())
     }

@@ -61,7 +61,7 @@ impl Frame {
     }
 }
 
-/// What the springs do at one instant, A's axes about P's origin.
+/// The forces of the springs at one instant, A's axes about P's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SpringForces {
     /// Without loss: force and moment.
@@ -103,7 +103,7 @@ fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
 }
 
 impl Suspended {
-    /// What it is made of.
+    /// Returns what it is made of.
     pub fn suspension(&self) -> &Suspension {
         &self.made_of
     }
@@ -200,7 +200,7 @@ impl Suspended {
         (preload - linear - loss, 0.5 * linear.dot(shift) - preload.dot(shift))
     }
 
-    /// Where the support is and how it moves.
+    /// Returns where the support is and how it moves.
     pub(super) fn support(&self, state: &DVector<f64>) -> [Vector3<f64>; 2] {
         let places = self.size().0;
         [0, places].map(|at| Vector3::new(state[at], state[at + 1], state[at + 2]))

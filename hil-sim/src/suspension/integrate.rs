@@ -18,7 +18,7 @@
 //! The crates' explicit scheme costs two fifths at equal error and keeps the drift below 1e-9 too. It always loses energy,
 //! though, as its tolerance bids, and between its own steps, which are not uniform, it interpolates. `ode_solvers` brings a
 //! second nalgebra, and the Gauss scheme of `differential-equations` ran out of steps. 0.15 s for ten seconds is cheap enough:
-//! 130 lines of our own, nothing to depend on, and energy kept to rounding.
+//! 130 lines of our own, nothing to depend on, and energy conserved to rounding.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -56,7 +56,7 @@ fn nodes(n: usize) -> Vec<f64> {
 }
 
 impl Gauss {
-    /// The scheme with so many stages, one to eight.
+    /// Returns the scheme with the given number of stages, one to eight.
     pub fn new(stages: usize) -> Self {
         let n = stages.clamp(1, 8);
         let c = nodes(n);

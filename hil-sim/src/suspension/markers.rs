@@ -1,4 +1,4 @@
-//! What cameras see of a motion: markers, with noise and gaps, in a frame of the cameras' own.
+//! The view that cameras have of a motion: markers, with noise and gaps, in a frame of the cameras' own.
 
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal, StandardUniform};
@@ -11,7 +11,7 @@ use crate::sensors::stream;
 /// Streams of the seed: noise, and gaps.
 const STREAMS: [u64; 2] = [20, 21];
 
-/// What a marker is stuck to.
+/// The part that a marker is stuck to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carrier {
     /// The platform.
@@ -23,9 +23,9 @@ pub enum Carrier {
 /// A marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Marker {
-    /// What carries it.
+    /// The carrier.
     pub on: Carrier,
-    /// Where, in the carrier's frame, m.
+    /// The place, in the carrier's frame, m.
     pub at_m: [f64; 3],
 }
 
@@ -59,7 +59,7 @@ pub struct MotionCapture {
     pub seed: u64,
 }
 
-/// What the cameras saw.
+/// The recording of the cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Frames per second, Hz.

@@ -42,8 +42,9 @@ impl Suspended {
         out
     }
 
-    /// What the preloads add to the stiffness about the reference pose, for they keep their direction while their anchors turn:
-    /// `δM = (θ × a) × f0`, so `−Σ [f0]× [a]×` from turns to moments. Symmetric only together with the weight's part.
+    /// Returns what the preloads add to the stiffness about the reference pose, for they keep their direction
+    /// while their anchors turn: `δM = (θ × a) × f0`, so `−Σ [f0]× [a]×` from turns to moments. Symmetric
+    /// only together with the weight's part.
     pub fn preload_stiffness(&self) -> Matrix6<f64> {
         let mut out = Matrix6::zeros();
         for (spring, preload) in self.made_of.springs.iter().zip(&self.preload_n) {

@@ -14,7 +14,7 @@ const LONGEST_STEP_S: f64 = 1.0 / 120.0;
 /// Longest step, periods of the quickest natural vibration.
 const LONGEST_STEP_PERIODS: f64 = 0.06;
 
-/// How a motion begins.
+/// The beginning of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// P's origin in A, m.
@@ -48,7 +48,7 @@ impl Start {
     }
 }
 
-/// How long to simulate, and what of it to keep.
+/// The time to simulate, and the part of it to store.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
     /// Duration, s; the last instant is not later.
@@ -97,9 +97,9 @@ pub struct Instant {
     pub joint_wxyz: Vec<[f64; 4]>,
     /// Wrench of the springs on P about its origin, A's axes, without loss; N, N m.
     pub springs: [f64; 6],
-    /// What the springs' loss adds to it.
+    /// The addition of the springs' loss to it.
     pub damping: [f64; 6],
-    /// What the locks of P's coordinates add, zero along free ones.
+    /// The addition of the locks of P's coordinates, zero along free ones.
     pub reaction: [f64; 6],
     /// Shift of the support, A's axes, m.
     pub support_m: [f64; 3],

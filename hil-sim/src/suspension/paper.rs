@@ -1,7 +1,7 @@
 //! The experiment of the vibration paper: two links on a spherical joint, on a platform on springs.
 //!
 //! Printed: both links (Table 1) and the rotations of the three postures (Table 2). Chosen here, for the paper does not
-//! print them: the platform, the springs and where the base link stands.
+//! print them: the platform, the springs and where the base link is.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -63,8 +63,8 @@ pub fn springs() -> Vec<Spring> {
     [upright, along].concat()
 }
 
-/// The rig with link 1 on `joint_m` in link 0, whose whole centre of mass in posture 1 stands over P's origin, 0.28 m high
-/// ([`JOINT_M`]).
+/// The rig with link 1 on `joint_m` in link 0, whose whole centre of mass in posture 1 is over P's origin,
+/// 0.28 m high ([`JOINT_M`]).
 pub fn suspension(joint_m: [f64; 3]) -> Suspension {
     let link = JointedLink {
         parent: 0,

@@ -1,4 +1,4 @@
-//! How the springs come to carry the weight: preloads, and the rest that a posture finds.
+//! The way the springs carry the weight: preloads, and the rest that a posture finds.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 
@@ -169,7 +169,8 @@ impl Suspended {
         out
     }
 
-    /// Where support and platform rest with the joints held in this posture: Newton's steps from the reference pose.
+    /// Returns where support and platform rest with the joints held in this posture: Newton's steps from the
+    /// reference pose.
     pub(super) fn resting_state(&self, joint_wxyz: &[[f64; 4]]) -> Result<DVector<f64>, SuspensionError> {
         let mut state = self.state(&Start::resting(joint_wxyz))?;
         let rigid = self.rigid();

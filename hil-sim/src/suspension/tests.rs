@@ -1,4 +1,4 @@
-//! What holds the suspension to mechanics.
+//! Tests of the suspension against mechanics.
 
 mod laws;
 mod parts;

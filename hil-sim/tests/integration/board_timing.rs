@@ -1,9 +1,9 @@
 //! No sample is lost while a board estimates: the firmware's drivers and its interrupts' side against the register models,
 //! with the times of a board.
 //!
-//! Both sensors signal every millisecond. The converter holds two conversions; the model holds one, so that the second stands
-//! here. A transfer takes 30 µs on a bus of 10.5 MHz. The main loop stands still for 6 ms four times a second: an estimate in
-//! one go on a Cortex-M4F at 168 MHz takes 3 to 6 ms.
+//! Both sensors signal every millisecond. The converter holds two conversions; the model holds one, so that
+//! the second is here. A transfer takes 30 µs on a bus of 10.5 MHz. The main loop stands still for 6 ms four
+//! times a second: an estimate in one go on a Cortex-M4F at 168 MHz takes 3 to 6 ms.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -21,7 +21,7 @@ use rigident_sim::devices;
 const US: u64 = 1_000;
 const MS: u64 = 1_000 * US;
 const PERIOD: u64 = MS;
-/// The IMU's edges lie so much later.
+/// The IMU's edges lie this much later.
 const IMU_LATER: u64 = 300 * US;
 const TRANSFER: u64 = 30 * US;
 const HANDLING: u64 = 40 * US;
@@ -93,7 +93,7 @@ fn chips() -> Shared {
 
 const CONFIG: AdcConfig = AdcConfig { rate_hz: 1000, gain: 64 };
 
-/// What becomes of edges while the main loop is elsewhere.
+/// The fate of edges while the main loop is elsewhere.
 struct Interrupts<'a> {
     chips: Shared,
     capture: Capture<'a>,
@@ -221,8 +221,8 @@ fn with_the_ring_no_sample_is_lost_while_the_board_estimates() {
     assert_eq!((signalled, lost), ([20_000, 19_999], [0, 0]));
 }
 
-/// A main loop that stands still for longer than the ring has room loses samples. Each is counted, and those that come have
-/// their own times.
+/// A main loop that stands still for longer than the ring has room loses samples. Each is counted, and those
+/// that arrive have their own times.
 #[test]
 fn what_does_not_fit_into_the_ring_is_counted_exactly() {
     let (signalled, lost) = with_the_ring(90 * MS);

@@ -61,7 +61,7 @@ fn swing(duration_s: f64) -> MotionProgram {
     }
 }
 
-/// What the sensors must say, from the motion and the body alone.
+/// The readings that the sensors must give, from the motion and the body alone.
 struct Expected {
     config: RigConfig,
     trajectory: Trajectory,
@@ -72,7 +72,7 @@ impl Expected {
         Self { config: config.clone(), trajectory: swing(duration_s).trajectory().unwrap() }
     }
 
-    /// Motion of S so long before `time_ns`, and gravity.
+    /// Motion of S this long before `time_ns`, and gravity.
     fn motion(&self, time_ns: u64, delay_s: f64) -> (FrameMotion, Vector3<f64>) {
         let cell = &self.config.load_cell;
         let plate = self.trajectory.state(time_ns as f64 * 1e-9 - delay_s);

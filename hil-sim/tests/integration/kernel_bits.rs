@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 #[path = "../../../firmware/boards/cortex-m/src/kernel_bits.rs"]
 mod on_the_host;
 
-/// Where `cargo xtask firmware --board rp2350` leaves it.
+/// The path where `cargo xtask firmware --board rp2350` leaves it.
 const IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../firmware/boards/rp2350/target/thumbv8m.main-none-eabihf/release/kernel-bits"

@@ -51,14 +51,15 @@ fn settings(rate_hz: f32) -> Settings {
     }
 }
 
-/// What is done with a store.
+/// The operation on a store.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Begin(f32),
     Keep(u32),
 }
 
-/// What a store says it holds: what is told of the run, the rate of its settings, the factor's bytes.
+/// The content of a store by its own report: what is reported of the run, the rate of its settings, the
+/// factor's bytes.
 type Held = (Kept, Option<f32>, Option<Vec<u8>>);
 
 fn store<const SECTOR: usize>(flash: &SharedFlash) -> Store<FlashDriver<SECTOR>> {
@@ -100,7 +101,7 @@ fn held<const SECTOR: usize>(flash: &SharedFlash) -> Held {
     let rate = store.settings(run.run).unwrap().rate_hz;
     let factor = store.checkpoint(run.run).unwrap().map(|(_, bytes)| bytes.to_vec());
     if run.readings > 0 {
-        // The one that is told of is the one that is found.
+        // The one that is reported is the one that is found.
         assert_eq!(factor, Some(numbers(run.readings)));
     }
     (kept, Some(rate), factor)
@@ -127,7 +128,7 @@ fn until_cut<const SECTOR: usize>(flash: &SharedFlash, steps: &[Step]) -> usize 
     steps.len()
 }
 
-/// What is held before each step and after the last, and how many bytes all of them cost.
+/// Returns what is held before each step and after the last, and how many bytes all of them cost.
 fn oracle<const SECTOR: usize>(flash: &SharedFlash, steps: &[Step]) -> (Vec<Held>, u64) {
     let mut states = vec![held::<SECTOR>(flash)];
     for step in steps {
@@ -162,7 +163,7 @@ fn cut<const SECTOR: usize>(
         found == *old || found == *new,
         "cut at {fuel} of step {done}: {found:?}, not {old:?} or {new:?}"
     );
-    // It goes on: a further run and its checkpoint are kept, its number the next.
+    // It goes on: a further run and its checkpoint are stored, its number the next.
     run_step::<SECTOR>(&flash, Step::Begin(7.0)).unwrap();
     run_step::<SECTOR>(&flash, Step::Keep(77)).unwrap();
     let (kept, rate, _) = held::<SECTOR>(&flash);
@@ -258,7 +259,7 @@ fn any_rotten_bit_is_found_out() {
     }
 }
 
-/// Where no sensor is.
+/// A place without sensor.
 struct Nowhere;
 
 impl embedded_hal::spi::ErrorType for Nowhere {

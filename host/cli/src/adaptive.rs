@@ -23,7 +23,7 @@ use rigident_io::rig::RigFile;
 /// Share of the largest principal moment unless asked otherwise.
 const TENSOR_SHARE: f64 = 0.01;
 
-/// After so long no further segment begins unless asked otherwise, s.
+/// After this long no further segment begins unless asked otherwise, s.
 const AT_MOST_S: f64 = 300.0;
 
 /// An identified estimate that a scale rules out.
@@ -48,7 +48,7 @@ pub struct Adaptive {
 }
 
 impl Adaptive {
-    /// What cannot be asked for: bad input.
+    /// Refuses what cannot be asked for: bad input.
     ///
     /// # Errors
     /// A share or a time that is no positive number.
@@ -65,12 +65,12 @@ impl Adaptive {
         Ok(())
     }
 
-    /// What becomes of an axis that does not follow.
+    /// Returns what becomes of an axis that does not follow.
     pub(super) fn axes(&self) -> Axes {
         if self.adaptive { Axes::LeftToPlanner } else { Axes::Each }
     }
 
-    /// Who decides, if anybody is to; `body` is what the load cell may carry, in S.
+    /// Returns who decides, if anybody is to; `body` is what the load cell may carry, in S.
     ///
     /// # Errors
     /// What is wrong with the platform, or nothing that it could do.
@@ -211,7 +211,7 @@ impl Directing {
         }
     }
 
-    /// What is to be said of a goal that was not reached.
+    /// Returns what is to be said of a goal that was not reached.
     fn unmet(&self) -> Option<String> {
         if self.reached {
             return None;
@@ -301,7 +301,7 @@ impl Directing {
         self.at_most_s
     }
 
-    /// What came of the last decision.
+    /// Takes in the result of the last decision.
     fn account(&mut self, told: &Told, ended_s: Option<f64>) {
         let whole = ended_s.is_none();
         let Some(decision) = self.decision.take() else { return };
@@ -325,7 +325,7 @@ impl Directing {
         }
     }
 
-    /// What the segment is for.
+    /// States what the segment is for.
     fn judge_before(&mut self, told: &Told, decision: &Decision) {
         let goal = self.planner.goal(&told.known());
         let worst = told.worst(&self.asked, &self.model);

@@ -425,7 +425,7 @@ pub struct Live {
 }
 
 impl Arguments {
-    /// What a bare `rigident` does.
+    /// Returns what a bare `rigident` does.
     #[cfg(feature = "simulator")]
     pub(super) fn default_demo() -> Demo {
         match Self::parse_from(["rigident", "demo"]).command {

@@ -69,7 +69,7 @@ fn options(arguments: &IdentifyBody) -> BodyOptions {
     }
 }
 
-/// What the firmware makes of the motions.
+/// The firmware's result of the motions.
 struct Firmware<'a> {
     mcu: Mcu,
     stages: &'a Stages,

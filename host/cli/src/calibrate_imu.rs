@@ -12,7 +12,7 @@ use rigident::problem::imu::{AXES, ImuRun, OF_AN_AXIS};
 use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
 
-/// What a program may leave unexplained, as a share of the RMS by which readings vary.
+/// The part that a program may leave unexplained, as a share of the RMS by which readings vary.
 const UNEXPLAINED: f64 = 0.3;
 
 /// The object of `--json`.

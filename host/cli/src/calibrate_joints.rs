@@ -194,7 +194,7 @@ fn write_model(model: &Model, source: &Path, answer: &Answer, path: &Path) -> Re
             moved.move_zero(i, measured.value);
         }
     }
-    // Places of joints are put into a URDF that is kept; other languages are written anew.
+    // Places of joints are put into a URDF that is retained; other languages are written anew.
     let source = Some(source).filter(|_| Language::of_path(path) == Some(Language::Urdf));
     write::write(&moved, source, path).map_err(Failure::input)?;
     Ok(remarks::remarks(&moved, source, path, &[]))

@@ -1,4 +1,4 @@
-//! What `rigident calibrate joints` says: the table, warnings, reasons, refusals.
+//! The messages of `rigident calibrate joints`: the table, warnings, reasons, refusals.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use rigident::present::joint_offsets::with_unit;
 use rigident::present::text::{NOT_IDENTIFIED, counted, significant};
 use rigident_fit::COVERAGE_95;
 
-/// What is left may be so much more than the stated noise explains before it is said, a ratio of variances.
+/// The excess of the residuals over the stated noise from which on it is reported, a ratio of variances.
 const NOISIER: f64 = 1.5;
 
 /// Refuses poses that contradict each other, with the fault that explains them if there is one.

@@ -12,7 +12,7 @@ use rigident::problem::tree::TreeSource;
 use rigident::problem::tree::drive::Friction;
 use rigident_fit::{Factor, plain_factor};
 
-/// What was read.
+/// The data read.
 pub(super) struct Read {
     pub(super) loaded: Vec<Loaded>,
     pub(super) factors: Vec<Factor>,

@@ -1,6 +1,6 @@
 use rigident::answer::result::ExperimentSummary;
 
-/// How far an experiment that decides for itself came.
+/// The point to which an experiment that decides for itself proceeded.
 pub(super) struct Came {
     pub(super) summary: ExperimentSummary,
     /// Why what was asked for is not reached, and what is; `None` if it is.

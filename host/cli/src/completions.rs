@@ -1,4 +1,4 @@
-//! What a shell and `man` are told of the command line: made of the parser's own description.
+//! The description of the command line for a shell and `man`: made of the parser's own description.
 
 use std::process::ExitCode;
 

@@ -9,10 +9,10 @@ use super::Failure;
 use super::tell::tell;
 use rigident::device::session::INTERRUPTED;
 
-/// How long anybody has to stop it by a key, s.
+/// The time that anybody has to stop it by a key, s.
 const COUNTDOWN_S: u64 = 5;
 
-/// How a motion was agreed to.
+/// The form of the agreement to a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Agreed {
     /// By `--yes`.
@@ -95,7 +95,7 @@ pub(super) fn count_down() -> Result<(), Failure> {
     }
 }
 
-/// How a countdown ended.
+/// The end of a countdown.
 #[derive(Debug, PartialEq, Eq)]
 enum Counted {
     Down,
@@ -189,7 +189,8 @@ fn forget_typed(_: &io::Stdin) {
     key_typed();
 }
 
-/// What `read` gives, in a thread that is left behind if nobody answers before `interrupted`: `None` then.
+/// Returns what `read` gives, in a thread that is left behind if nobody answers before `interrupted`: `None`
+/// then.
 pub(super) fn answered(
     read: impl FnOnce() -> io::Result<String> + Send + 'static,
     interrupted: &AtomicBool,

@@ -1,4 +1,4 @@
-//! What is said of a motion before anybody agrees to it.
+//! The statements about a motion before anybody agrees to it.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
@@ -12,14 +12,14 @@ use rigident_io::rig::RigFile;
 /// Less of the stroke than this in reserve at either end is worth a word: plans leave somewhat more.
 const RESERVE: f64 = 0.49 * machine::RESERVE;
 
-/// What is about to move, what watches it, and what is only assumed.
+/// The parts about to move, the guards, and what is only assumed.
 pub(super) struct Consent<'a> {
     pub(super) summary: &'a Summary,
     pub(super) address: &'a str,
     pub(super) rig: &'a RigFile,
     /// Share of the program's own speed.
     pub(super) slow: Option<f64>,
-    /// What the platform said of itself.
+    /// The platform's statements about itself.
     pub(super) found: Vec<String>,
     /// Load guard and motion guard, on or not; `None` before they are set.
     pub(super) guards: Option<[bool; 2]>,
@@ -55,7 +55,7 @@ impl Consent<'_> {
         ]
     }
 
-    /// What is taken for true and looked at by nobody.
+    /// Returns what is taken for true and checked by nobody.
     fn assumed(&self) -> Vec<&'static str> {
         let platform = self.rig.platform.as_ref();
         let mut assumed = vec![

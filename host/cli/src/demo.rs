@@ -24,7 +24,7 @@ use rigident_io::rig::RigFile;
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;
-/// σ that the converter's quantisation stands in for when the noise is switched off, N and N m.
+/// σ that the converter's quantisation represents when the noise is switched off, N and N m.
 pub(super) const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
 
 /// `rigident demo`
@@ -139,9 +139,10 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     .conclude(take, &folder)
 }
 
-/// How heavy and large the owner of the simulated rig says that bodies may be: the largest that fit on the thesis' plate.
+/// The mass and size that the owner of the simulated rig says that bodies may be: the largest that fit on the
+/// thesis' plate.
 const BOUND: [f64; 2] = [40.0, 0.5];
-/// How long the body is weighed, s.
+/// The time for which the body is weighed, s.
 const WEIGHED_S: f64 = 0.5;
 
 /// Weighs the body at rest, in a run of its own: in lock-step time passes only while a program runs.

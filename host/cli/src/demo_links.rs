@@ -33,7 +33,7 @@ use rigident_io::rig::{
 };
 use rigident_model::human::Person;
 
-/// Frames of a person so many a second.
+/// Frames of a person at the given rate.
 const FRAMES_HZ: f64 = 100.0;
 /// Of the force plates below the person: 1 σ per frame, N and N m.
 const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
@@ -120,7 +120,7 @@ pub(super) fn two_links(arguments: &Demo) -> Result<ExitCode, Failure> {
     .conclude(take, &folder)
 }
 
-/// What a user would have written into the rig file of the simulated rig with an arm.
+/// Returns what a user would have written into the rig file of the simulated rig with an arm.
 fn two_link_file(rig: &Rig, second: &SecondLink) -> RigFile {
     let one = simulated::rig_file(rig, "");
     let imu = one.imu.first().cloned().unwrap_or_default();

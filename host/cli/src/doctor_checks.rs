@@ -1,4 +1,4 @@
-//! What `rigident doctor` looks at, one function each.
+//! The checks of `rigident doctor`, one function each.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,7 +16,7 @@ use rigident::device::permission::ownership;
 use rigident::device::ports::{self, Attached, Port};
 use rigident::device::session::Session;
 
-/// What lets a user open a board's port without being in a group.
+/// The rule that lets a user open a board's port without being in a group.
 pub(super) const UDEV_RULE: &str = include_str!("../60-rigident.rules");
 const UDEV_FOLDERS: [&str; 4] =
     ["/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d"];
@@ -25,14 +25,15 @@ const UDEV_NAME: &str = "60-rigident.rules";
 const EMULATOR: &str = "qemu-system-arm";
 /// Recordings are dated by the system's clock: 2025-01-01, s.
 const EARLIEST_S: u64 = 1_735_689_600;
-/// A device's clock is watched for so long.
+/// A device's clock is watched for this long.
 const CLOCK_S: f64 = 6.0;
 /// A crystal is within 100 ppm with years and temperature; an oscillator without one is off by up to 1 % at 25 °C and 4 % elsewhere.
 const CRYSTAL_PPM: f64 = 200.0;
-/// What is known no better than so does not tell an oscillator, which is off by per cents, from a crystal.
+/// An error that is known no better than this does not tell an oscillator, which is off by per cents, from a
+/// crystal.
 const TELLS_PPM: f64 = 5000.0;
 
-/// Looks at everything.
+/// Checks everything.
 pub(super) fn all(port: Option<&str>) -> Vec<Check> {
     let (mut checks, found) = match port {
         // A port that is named is taken for what it is.
@@ -81,7 +82,7 @@ fn ports_found(found: &[Answered]) -> Check {
     Check::ok("ports", asked.join(", "))
 }
 
-/// Whether this user may open the ports; nothing where the system has no groups.
+/// Returns whether this user may open the ports; nothing where the system has no groups.
 fn permissions(found: &[Answered]) -> Option<Check> {
     const WHAT: &str = "permissions";
     if let Some((port, Some(Err(why)))) =
@@ -105,7 +106,7 @@ fn permissions(found: &[Answered]) -> Option<Check> {
     })
 }
 
-/// Whether the udev rule is installed; Linux has them.
+/// Returns whether the udev rule is installed; Linux has them.
 fn udev(found: &[Answered]) -> Option<Check> {
     if !cfg!(target_os = "linux") {
         return None;
@@ -152,7 +153,7 @@ fn emulator() -> Check {
     }
 }
 
-/// Whether the image of the emulated board is this version's.
+/// Returns whether the image of the emulated board is this version's.
 fn image() -> Check {
     const WHAT: &str = "image";
     const BUILD: &str = "`cargo xtask firmware`; only `--mcu qemu` needs it";
@@ -177,7 +178,7 @@ fn image() -> Check {
     }
 }
 
-/// How the device on these ports is, and a session with it if there is only one.
+/// Returns how the device on these ports is, and a session with it if there is only one.
 fn device(found: &[Answered]) -> (Check, Option<(String, Session)>) {
     const WHAT: &str = "device";
     const FLASH: &str = "flash the firmware that belongs to this version of rigident";

@@ -1,8 +1,8 @@
-//! What `rigident doctor` finds: one line each.
+//! The findings of `rigident doctor`: one line each.
 
 use serde::Serialize;
 
-/// How something stands.
+/// The state of something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Standing {
@@ -14,15 +14,15 @@ pub(super) enum Standing {
     NotHere,
 }
 
-/// What was looked at.
+/// The subject of the check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Check {
     /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `clocks`.
     pub(super) what: &'static str,
     pub(super) standing: Standing,
-    /// What was found.
+    /// The finding.
     pub(super) found: String,
-    /// What to do, where something is to be done or could be.
+    /// The advice, where something is to be done or could be.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) advice: Option<String>,
 }

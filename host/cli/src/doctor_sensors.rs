@@ -1,4 +1,4 @@
-//! What a device says of its sensors' lines, and of how its last program ended.
+//! A device's report about its sensors' lines, and of how its last program ended.
 
 use rigident::device::session::Session;
 use rigident_shared::wire::{BadEnd, Command, CounterReport, Reply};
@@ -11,7 +11,7 @@ const WHAT: &str = "sensors";
 /// A stack that has been deeper than this part of its size is not to be trusted with what has not happened yet.
 const DEEP: f64 = 0.95;
 
-/// How the lines between the device and its sensors are, by its counters since the last run began.
+/// Returns how the lines between the device and its sensors are, by its counters since the last run began.
 pub(super) fn sensors(port: &str, session: &mut Session) -> Check {
     let ended = session.identity().ended;
     match session.client().ask("read the counters", &Command::ReadCounters) {

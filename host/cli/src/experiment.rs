@@ -1,4 +1,4 @@
-//! What `demo`, `run` and `replay` share: watching an experiment, recording it, judging it.
+//! The common part of `demo`, `run` and `replay`: watching an experiment, recording it, judging it.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -42,7 +42,7 @@ const ONE_BODY: usize = 16;
 /// Noise alone seldom takes an answer so far from what a body can have, standard deviations.
 const DOUBTFUL_SD: f32 = 3.0;
 
-/// Whether poses and motion fit into so long, s.
+/// Checks whether poses and motion fit into the given time, s.
 pub(super) fn check_duration(duration_s: f64) -> Result<(), Failure> {
     if (SHORTEST_S..=3600.0).contains(&duration_s) {
         return Ok(());
@@ -60,9 +60,9 @@ pub(super) struct Watcher {
     path: PathBuf,
     latest: Option<EstimateReport>,
     expected: usize,
-    /// What else is known, in words.
+    /// Further knowledge, in words.
     pub(super) state: Option<String>,
-    /// Where the platform's motion goes.
+    /// The log of the platform's motion.
     pub(super) motion: Option<MotionLog>,
     /// Of a body that is moved by hand.
     pub(super) next_move: Option<NextMove>,
@@ -209,7 +209,7 @@ impl Observer for Watcher {
     }
 }
 
-/// What the device said of itself.
+/// Returns what the device said of itself.
 pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
     let [major, minor, patch] = identity.firmware_version;
     let board: String = identity.board.iter().take_while(|b| **b != 0).map(|b| char::from(*b)).collect();
@@ -220,12 +220,12 @@ pub(super) fn device_notes(identity: &Identity) -> Vec<(String, String)> {
     ]
 }
 
-/// What the device said of its start.
+/// Returns what the device said of its start.
 pub(super) fn boot_notes(identity: &Identity) -> [(&'static str, &'static str); 2] {
     [("Started by", started_by(identity.reset)), ("Time from", time_from(identity.clock))]
 }
 
-/// What is to be said of a device whose times are not those of a crystal.
+/// Returns what is to be said of a device whose times are not those of a crystal.
 pub(super) fn doubtful_clock(clock: ClockSource) -> Option<String> {
     matches!(clock, ClockSource::Internal | ClockSource::Slow)
         .then(|| format!("the device takes its time from {}", time_from(clock)))
@@ -262,7 +262,7 @@ fn was_reached(take: &Take) -> bool {
     take.states.iter().any(|(_, reason)| *reason == Reason::StopRule)
 }
 
-/// What is to be said of a take, whatever it was of.
+/// Returns what is to be said of a take, whatever it was of.
 fn noticed(take: &Take, seconds: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let counters = &take.counters;
@@ -324,27 +324,27 @@ pub(super) struct Experiment<'a> {
     pub(super) started: Instant,
     pub(super) output: &'a Output,
     pub(super) stop: &'a StopCriterion,
-    /// What the device was given, or said that it read.
+    /// The input that the device was given, or reported.
     pub(super) loaded: Loaded,
     pub(super) mcu: &'a str,
     pub(super) identity: &'a Identity,
-    /// What is known beforehand.
+    /// The prior knowledge.
     pub(super) known: &'a KnownValues,
     pub(super) tare: Option<Tare>,
     /// The rule that the device was given, if it decides when to end.
     pub(super) until: Option<StopRule>,
-    /// How older rows are forgotten, if they are.
+    /// The way older rows are forgotten, if they are.
     pub(super) span: Option<Span<f64>>,
     /// True values of the parameters in the device's order.
     pub(super) parameter_truth: Option<&'a [f64]>,
     pub(super) stages: Vec<Stage>,
     /// Spans of the first pose and of the same pose at the end, s from the first reading.
     pub(super) same_pose: Option<[(f64, f64); 2]>,
-    /// How the platform followed.
+    /// The tracking of the platform.
     pub(super) tracking_error: Option<TrackingError>,
-    /// Segments that were decided on, and what came of them.
+    /// Segments that were decided on, and their results.
     pub(super) decisions: Vec<Decided>,
-    /// How far whoever decides came, and why not farther.
+    /// The point to which the decisions proceeded, and why not farther.
     pub(super) came: Option<Came>,
     pub(super) notes: Vec<String>,
     pub(super) warnings: Vec<String>,

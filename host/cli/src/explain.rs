@@ -16,7 +16,7 @@ use rigident_shared::regressor::{self, RegressorBlock, SIGNALS, SMOOTHED};
 
 use super::Failure;
 
-/// Width of the filter, s; a row block comes every so many readings.
+/// Width of the filter, s, and the readings from one row block to the next.
 const WIDTH_S: f64 = 0.1;
 const ROW_EVERY: u16 = 10;
 /// Room for the filter at 1000 readings a second.

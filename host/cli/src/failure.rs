@@ -15,7 +15,7 @@ pub struct Failure {
     place: Option<Place>,
 }
 
-/// Where something is wrong in a file or in arrays; what does not apply is `None`.
+/// The place of an error in a file or in arrays; what does not apply is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
     /// The file's or the recording's name.
@@ -33,7 +33,7 @@ pub struct Place {
 pub enum ExitStatus {
     /// Everything that was asked for is identified, or done.
     Identified = 0,
-    /// Some of it is not identified, a check found something, or Ctrl-C came before the end.
+    /// Some of it is not identified, a check found something, or Ctrl-C was pressed before the end.
     NotIdentified = 1,
     /// The input or the usage is bad.
     Input = 2,

@@ -12,7 +12,7 @@ static ANSWERED_IN: Mutex<Option<PathBuf>> = Mutex::new(None);
 pub(super) fn note_failure(object: &serde_json::Value) {
     let folder = ANSWERED_IN.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(path) = folder {
-        // What failed has been told; a result that is there already says so too.
+        // What failed has been reported; a result that is there already says so too.
         let _ = Folder { path }.write("result.json", format!("{object:#}").as_bytes());
     }
 }
@@ -79,7 +79,7 @@ impl Folder {
         )))
     }
 
-    /// Where it is.
+    /// Returns where it is.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -115,7 +115,7 @@ fn not_empty(path: &Path) -> Failure {
     ))
 }
 
-/// Temporary files are private unless told otherwise; an answer is not.
+/// Temporary files are private unless set otherwise; an answer is not.
 fn readable_by_others() -> tempfile::Builder<'static, 'static> {
     #[cfg_attr(not(unix), allow(unused_mut, reason = "permissions are Unix'"))]
     let mut builder = tempfile::Builder::new();

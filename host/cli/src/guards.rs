@@ -1,4 +1,4 @@
-//! What watches a motion, as the rig file has it.
+//! The guards of a motion, as the rig file has it.
 
 use super::Failure;
 use rigident::device::session::{Axes, LoadGuard, MotionGuard, Session};

@@ -23,7 +23,7 @@ pub(super) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Looks at a file: by the rig file beside it, or by what its columns may be.
+/// Examines a file: by the rig file beside it, or by what its columns may be.
 ///
 /// # Errors
 /// Bad input: it cannot be read, or holds no table.

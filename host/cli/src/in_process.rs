@@ -23,9 +23,9 @@ use rigident_shared::printable;
 pub struct Called {
     /// The exit status that the command line would have ended with.
     pub status: ExitStatus,
-    /// What would stand on standard output.
+    /// The text that would be on standard output.
     pub output: String,
-    /// Lines that would stand on standard error: warnings and notes.
+    /// Lines that would be on standard error: warnings and notes.
     pub told: Vec<String>,
     /// Why there is no answer, if there is none.
     pub failure: Option<Failure>,
@@ -98,7 +98,7 @@ fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, F
     }
 }
 
-/// Returns the exit status that a code stands for.
+/// Returns the exit status that a code represents.
 pub(super) fn status_of(code: ExitCode) -> ExitStatus {
     let found = ExitStatus::ALL.into_iter().find(|status| ExitCode::from(*status) == code);
     found.unwrap_or(ExitStatus::NotIdentified)

@@ -17,7 +17,7 @@ use rigident::device::link::LinkError;
 use rigident::device::ports::board_name;
 use rigident::device::session::Session;
 
-/// A board has started after so long: its clocks, and a look at what its flash keeps.
+/// A board has started after this long: its clocks, and a check of what its flash stores.
 const STARTS: Duration = Duration::from_millis(500);
 
 /// `rigident info`

@@ -1,4 +1,5 @@
-//! What a thread keeps of a called command that it would print elsewhere, and whether the command is to stop.
+//! The output that a thread stores of a called command that it would print elsewhere, and whether the command
+//! is to stop.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -9,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rigident::device::session::INTERRUPTED;
 
-/// What a thread keeps that runs a called command.
+/// The data of a thread that runs a called command.
 pub(super) struct Kept {
     /// Standard output.
     pub(super) output: String,
@@ -30,7 +31,7 @@ pub(super) fn begin(stop: Arc<AtomicBool>) {
     KEPT.set(Some(Kept { output: String::new(), told: Vec::new(), stop }));
 }
 
-/// Returns what was kept; this thread prints again.
+/// Returns what was stored; this thread prints again.
 pub(super) fn end() -> Option<Kept> {
     KEPT.take()
 }
@@ -69,7 +70,7 @@ pub(super) fn stop_if_asked() {
     }
 }
 
-/// What tells a long search to end with the best so far: Ctrl-C, or the caller of a called command.
+/// The signal to a long search to end with the best so far: Ctrl-C, or the caller of a called command.
 pub(super) enum Stop {
     /// Of this process.
     Process,

@@ -248,7 +248,7 @@ fn without_missing(command: clap::Command) -> clap::Command {
         })
 }
 
-/// What the parser says, without its hints on usage.
+/// Returns what the parser says, without its hints on usage.
 fn in_one_line(said: &str) -> String {
     let first = said.split("\n\n").next().unwrap_or(said);
     first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")

@@ -14,7 +14,7 @@ use rigident_io::rig::RigFile;
 /// A device's name for the answer, and the way to it.
 pub(super) type NamedTransport = (&'static str, Box<dyn rigident::device::link::Transport>);
 
-/// The device says Holding after so long without us.
+/// The device says Holding after this long without us.
 const HOST_TIMEOUT_MS: u32 = 2_000;
 
 /// Returns the timing of a run by the device's own sensors, in motion, at this rate, 1/s.

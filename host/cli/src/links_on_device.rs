@@ -1,4 +1,4 @@
-//! What is asked of the firmware for several links, checked before anything is done.
+//! The demands on the firmware for several links, checked before anything is done.
 
 use rigident_shared::inertia::PARAMETER_NAMES;
 

@@ -34,7 +34,7 @@ use rigident_io::sources::feed::Feeds;
 use rigident_io::sources::url::{Scheme, SourceUrl};
 use rigident_io::sources::{self, Role, SourceError};
 
-/// The first look, by which rates, clocks and noise are known, s.
+/// The first check, by which rates, clocks and noise are known, s.
 const LOOK_S: f64 = 3.0;
 /// Readings are sent this often.
 const EVERY: Duration = Duration::from_millis(50);
@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
     streams.record(&folder)?;
     tell!("recording into {}; Ctrl-C ends it and keeps everything", folder.path().display());
     let fed = look(&mut streams).and_then(|prepared| {
-        // Whoever came too late for a rate was told so by the look.
+        // Who joined too late for a rate was informed by the check.
         let rate_hz = streams.growing().rate_hz().unwrap_or(1.0);
         feed(arguments, &rig, (&prepared, rate_hz), &mut streams, &folder)
     });
@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
     answer(arguments, started, fed, &streams, (&listing, &folder))
 }
 
-/// What the device's part came to.
+/// The result of the device's part.
 struct Fed {
     /// Why it ended, if something broke.
     broken: Option<String>,

@@ -16,19 +16,19 @@ use rigident_io::sources::feed::Feeds;
 use rigident_io::sources::url::SourceUrl;
 use rigident_io::sources::{OwnClock, Role, Row, SourceError};
 
-/// A source from which nothing came for so long is silent, ns.
+/// A source from which nothing arrived for this long is silent, ns.
 pub(super) const SILENT_NS: i64 = 2_000_000_000;
-/// Lines of clocks are looked at anew this often, ns: in between they stay, so that no sample jumps.
+/// Lines of clocks are examined anew this often, ns: in between they stay, so that no sample jumps.
 const ANEW_NS: i64 = 2_000_000_000;
-/// What has come is taken in for so long at a time, ns.
+/// The time for which arrived data are taken in at once, ns.
 const MOST_NS: i64 = 200_000_000;
 /// Clocks that count seconds are no further off than so, a share.
 const OFF: f64 = 0.01;
 /// Stamps of one clock do not differ by more than so, s.
 const APART_S: f64 = 5.0;
-/// No clock goes on by so much more than this computer's between two samples, ns.
+/// No clock goes on by this much more than this computer's between two samples, ns.
 const JUMP_NS: i64 = 5_000_000_000;
-/// So many samples in a row whose times do not go on: the clock has begun anew.
+/// This many consecutive samples whose times do not go on: the clock has begun anew.
 const BACKWARDS: u32 = 100;
 
 /// One source as it was asked for.
@@ -37,7 +37,7 @@ pub(super) struct Asked {
     pub(super) roles: Vec<Role>,
 }
 
-/// Where its samples go.
+/// The destination of its samples.
 struct Stream {
     asked: Asked,
     file: String,
@@ -60,7 +60,7 @@ struct Clock {
     /// Its first time, ns.
     zero_ns: Option<i64>,
     arrivals: ArrivalLine,
-    /// What is used until the next look.
+    /// The state used until the next check.
     line: ClockLine,
     looked_ns: i64,
     counts: bool,
@@ -77,7 +77,7 @@ pub(super) struct Streams {
     flushed_ns: i64,
 }
 
-/// What came.
+/// The data received.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Came {
     /// Samples, or nothing.
@@ -145,7 +145,7 @@ impl Streams {
         Ok(())
     }
 
-    /// Waits up to so long, and takes in what came.
+    /// Waits up to the given time, and takes in what arrived.
     ///
     /// # Errors
     /// In words: a source broke off, fell silent, or began its time anew; a file cannot be written.
@@ -178,7 +178,7 @@ impl Streams {
         }
     }
 
-    /// Says why nothing new came of a source.
+    /// Says why nothing new arrived from a source.
     fn why_silent(&self, source: usize) -> String {
         let (url, when_silent) = self
             .streams

@@ -43,7 +43,7 @@ pub(super) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     write_pooled(&factor, &runs, &arguments.output)
 }
 
-/// Returns the paths that stand in a list, one a line; `-` is standard input.
+/// Returns the paths that are in a list, one a line; `-` is standard input.
 fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
     let refuse = |why: &dyn std::fmt::Display| {
         Failure::input(format!("--from {}: cannot be read: {why}", list.display()))

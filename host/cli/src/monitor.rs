@@ -84,7 +84,7 @@ fn fitting(watch: &Arc<Watch>, rig: RigFile, rate_hz: f64) -> JoinHandle<()> {
     spawn(watch, move |watch| watch.fit_readings(&rig, rate_hz))
 }
 
-/// Starts a thread. If it breaks down, whoever looks is told by the view's end.
+/// Starts a thread. If it breaks down, the viewer is informed by the view's end.
 fn spawn(watch: &Arc<Watch>, work: impl FnOnce(&Watch) + Send + 'static) -> JoinHandle<()> {
     let shared = Arc::clone(watch);
     thread::spawn(move || {
@@ -115,7 +115,7 @@ fn print(
     let is_device = arguments.recording.is_none() && !arguments.demo;
     let mut said = None;
     loop {
-        // Looked at first: what came before the end is printed.
+        // Checked first: what arrived before the end is printed.
         let ended = threads.iter().all(JoinHandle::is_finished);
         let view = watch.view();
         published(&view);

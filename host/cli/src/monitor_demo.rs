@@ -13,7 +13,7 @@ use rigident::device::session::{DeviceTiming, Session, settings};
 use rigident::platform::{LocalPlatform, Platform as _};
 use rigident_io::rig::RigFile;
 
-/// What is ready to move.
+/// The demonstration, ready to move.
 pub(super) struct Demonstration {
     session: Session,
     platform: LocalPlatform,

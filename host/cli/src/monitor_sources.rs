@@ -1,4 +1,4 @@
-//! What a monitor watches: a recording, or the device on a port.
+//! The sources of a monitor: a recording, or the device on a port.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -19,7 +19,7 @@ use rigident_io::recording::extension;
 use rigident_io::recording::mcap::container::MAGIC;
 use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 
-/// A port that vanished is tried again so often.
+/// A port that vanished is tried again this often.
 const TRY_EVERY: Duration = Duration::from_secs(1);
 
 /// A file, as far as it is written.
@@ -92,7 +92,7 @@ fn tell_samples(loaded: &Loaded, watch: &Watch) {
 pub(super) struct Attached {
     pub(super) port: String,
     session: Session,
-    /// What its readings are taken with; none: the device has no settings, or they are of several links.
+    /// The rig of its readings; none: the device has no settings, or they are of several links.
     pub(super) rig: Option<(RigFile, f64)>,
 }
 
@@ -141,12 +141,13 @@ pub(super) fn hear(attached: Attached, watch: &Watch) {
     watch.end();
 }
 
-/// Returns a rig file of what a device was told; of what it was not told nothing is assumed to be known well.
+/// Returns a rig file of the settings given to a device; of those not given nothing is assumed to be known
+/// well.
 fn rig_of(settings: &Settings) -> RigFile {
     let mut rig = RigFile::default();
     let (imu, cell) = (&settings.imu, &settings.load_cell);
     let wide = |values: [f32; 3]| values.map(f64::from);
-    // What stands for none.
+    // What represents none.
     let finite = |v: f32| (v < 1e8).then_some(f64::from(v));
     let positive = |v: f32| (v > 0.0).then_some(f64::from(v));
     rig.recording.rate_hz = Some(f64::from(settings.rate_hz));

@@ -68,7 +68,7 @@ pub(super) fn show(watch: &Watch, each: &mut dyn FnMut(&View)) -> Result<(), Fai
     shown.map_err(gone)
 }
 
-/// Whether colours may be used: see no-color.org.
+/// Returns whether colours may be used: see no-color.org.
 fn colour() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|said| said.is_empty())
 }

@@ -1,4 +1,4 @@
-//! What the threads of a monitor share: readings as they come, the view as it grows.
+//! The data that the threads of a monitor share: readings as they come, the view as it grows.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,25 +20,26 @@ use rigident_io::rig::RigFile;
 /// Readings are fitted anew not more often than this, and not for more than a fourth of the time.
 const FIT_EVERY: Duration = Duration::from_secs(1);
 const PAUSE: u32 = 3;
-/// But not before there are so many seconds of them: of half a second at rest the test of the residuals believes too much.
+/// But not before there are this many seconds of them: of half a second at rest the test of the residuals
+/// believes too much.
 const FIRST_AFTER_S: f64 = 2.0;
-/// The rate is that of so many of the last readings.
+/// The rate is that of this many of the last readings.
 const RATE_OF: usize = 1000;
-/// How long a thread sleeps that has nothing to do.
+/// The time that a thread sleeps that has nothing to do.
 pub(super) const NAP: Duration = Duration::from_millis(50);
 
-/// What the threads share.
+/// The shared data of the threads.
 #[derive(Default)]
 pub(super) struct Watch {
     view: Mutex<View>,
     readings: Mutex<Vec<Reading<f64>>>,
     /// Nothing more comes.
     ended: AtomicBool,
-    /// Whoever looked has gone.
+    /// The viewer has gone.
     left: AtomicBool,
 }
 
-/// What a panic of another thread left is still a view.
+/// Returns what a panic of another thread left is still a view.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -71,7 +72,7 @@ impl Watch {
         self.left.store(true, Ordering::Relaxed);
     }
 
-    /// Nobody looks any more, or Ctrl-C.
+    /// Nobody watches any more, or Ctrl-C.
     pub(super) fn is_left(&self) -> bool {
         self.left.load(Ordering::Relaxed) || INTERRUPTED.load(Ordering::Relaxed)
     }
@@ -180,7 +181,7 @@ impl Observer for Listener<'_> {
             link.lost_readings = u64::from(heard.missing);
             link.lost_messages = u64::from(heard.lost_messages);
             link.damaged_frames = u64::from(heard.damaged_frames);
-            // One that is kept to the clock is not silent.
+            // One that is paced by the clock is not silent.
             link.silent_s = if is_paced { 0.0 } else { heard.silent_s };
         });
     }
@@ -212,7 +213,7 @@ pub(super) fn phase(state: StateName, reason: Reason) -> String {
     }
 }
 
-/// What the device's counters tell of its sensors.
+/// Returns what the device's counters tell of its sensors.
 pub(super) fn trouble(counters: &CounterReport) -> Vec<Counted> {
     let reason = match counters.last_rejection {
         1 => " (not finite)",

@@ -154,7 +154,7 @@ fn counted<V>(
     Ok(verdict)
 }
 
-/// Prints what was found, and returns whether every promise was kept.
+/// Prints what was found, and returns whether every promise was met.
 fn report(
     arguments: &Montecarlo,
     started: Instant,
@@ -209,7 +209,7 @@ impl<'a> Quantity<'a> {
     }
 }
 
-/// What is derived: in S, about the centre of mass.
+/// The derived quantities: in S, about the centre of mass.
 const DERIVED_NAMES: [&str; DERIVED] =
     ["com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "Iyz_com", "Izx_com", "Ixy_com"];
 

@@ -49,7 +49,7 @@ struct Figures {
     predicted_u997_mm: [f64; 3],
 }
 
-/// How much smaller the worst axis' uncertainty is lying than standing, thesis' estimator.
+/// The reduction of the worst axis' uncertainty when lying instead of standing, thesis' estimator.
 #[derive(Serialize)]
 struct Reduction {
     n: usize,

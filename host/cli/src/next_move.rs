@@ -12,10 +12,10 @@ use rigident::answer::{Answer, Context, Status};
 use rigident::application::Loaded;
 use rigident_io::rig::RigFile;
 
-/// There is a look this often at most, and for no more than a tenth of the time.
+/// There is a check this often at most, and for no more than a tenth of the time.
 const LOOK_EVERY: Duration = Duration::from_secs(3);
 const SHARE: u32 = 10;
-/// Before so much has come nothing is said, s.
+/// Before this much has come nothing is said, s.
 const LEAST_S: f64 = 2.0;
 /// Readings are handed over in pieces of this length.
 const PIECE: usize = 50;
@@ -23,7 +23,7 @@ const PIECE: usize = 50;
 /// Said when nothing is missing.
 const ENOUGH: &str = "everything asked for is identified: go on for smaller intervals, or end by Ctrl-C";
 
-/// Looks at what has come, beside whoever takes it in.
+/// Examines what has arrived, beside whoever takes it in.
 pub(super) struct NextMove {
     piece: Vec<Reading<f64>>,
     sender: Option<Sender<Vec<Reading<f64>>>>,
@@ -33,7 +33,7 @@ pub(super) struct NextMove {
 }
 
 impl NextMove {
-    /// Starts to look at readings of one body.
+    /// Starts to examine readings of one body.
     pub(super) fn new(rig: &RigFile, rate_hz: f64, asked: &[String]) -> Self {
         let (sender, receiver) = channel();
         let said = Arc::new(Mutex::new(None));
@@ -48,7 +48,7 @@ impl NextMove {
         if self.piece.len() >= PIECE
             && let Some(sender) = &self.sender
         {
-            // Whoever looks may have ended; nothing depends on it.
+            // The viewer may have ended; nothing depends on it.
             let _ = sender.send(std::mem::take(&mut self.piece));
         }
     }

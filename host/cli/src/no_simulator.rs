@@ -1,4 +1,4 @@
-//! Stands in for the simulated rig in a build without the feature `simulator`: every use of it is refused by name.
+//! Replaces the simulated rig in a build without the feature `simulator`: every use of it is refused by name.
 
 use std::path::PathBuf;
 
@@ -53,7 +53,7 @@ impl FrameSource for Gate {
     }
 }
 
-/// What the command line calls it.
+/// Returns what the command line calls it.
 pub(super) fn name(mcu: Mcu) -> &'static str {
     match mcu {
         Mcu::Inproc => "inproc",

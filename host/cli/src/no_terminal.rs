@@ -1,4 +1,4 @@
-//! Stands in for the terminal where there is none: in a browser.
+//! Replaces the terminal where there is none: in a browser.
 
 use super::Failure;
 use super::monitor_watch::Watch;

@@ -1,4 +1,4 @@
-//! What every command prints on standard output.
+//! The output of every command on standard output.
 
 use std::io::{self, Write};
 use std::sync::OnceLock;
@@ -13,7 +13,8 @@ static SAID: AtomicBool = AtomicBool::new(false);
 /// Why standard output did not take everything, if it did not.
 static UNWRITTEN: OnceLock<String> = OnceLock::new();
 
-/// What `--json` prints of a command that ends without an answer; an object that is out already stays the only one.
+/// Prints the output of `--json` of a command that ends without an answer; an object that is out already
+/// stays the only one.
 pub(super) fn say_failed(error: &str) {
     if !SAID.load(Ordering::Relaxed) {
         say(failed(error));
@@ -59,7 +60,8 @@ pub(super) fn say_not_written(path: &std::path::Path, why: &str) {
 /// Why no model is written of a contradicted answer.
 pub(super) const CANNOT_BE_TRUE: &str = "the recording cannot be true";
 
-/// Returns why an answer is not on standard output as a whole, if anything but a reader that went away kept it from there.
+/// Returns why an answer is not on standard output as a whole, if anything but a reader that went away
+/// prevented it.
 pub(super) fn unwritten() -> Option<&'static str> {
     UNWRITTEN.get().map(String::as_str)
 }

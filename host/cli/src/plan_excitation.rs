@@ -93,7 +93,7 @@ struct NearestObject<'a> {
     time_s: f64,
 }
 
-/// What is planned for, and what files need beside it.
+/// The input of the planning, and what files need beside it.
 struct Prepared {
     task: Task,
     /// Every joint of one freedom, held ones too.
@@ -263,7 +263,7 @@ fn commanded(arguments: &PlanExcitation, held: &[(String, f64)]) -> Result<Vec<S
     Ok(names.filter(|name| !locked.contains(name) || arguments.hold.contains(name)).cloned().collect())
 }
 
-/// Returns the joints that --lock names, and where they stand.
+/// Returns the joints that --lock names, and their positions.
 fn locked(whole: &Model, arguments: &PlanExcitation) -> Result<Vec<(String, f64)>, Failure> {
     let own = arguments.model.changes.lock.iter().map(|words| whole.locked(words));
     let own = own.collect::<Result<Vec<_>, _>>().map_err(Failure::input)?;
@@ -497,7 +497,7 @@ fn text(prepared: &Prepared, planned: &Excitation) -> String {
     out + &told(task, planned)
 }
 
-/// What the trajectory will tell, in words.
+/// Returns what the trajectory will tell, in words.
 fn told(task: &Task, planned: &Excitation) -> String {
     let (before, after) = (&planned.before, &planned.after);
     let noise = &task.measured.effort_noise;

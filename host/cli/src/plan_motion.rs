@@ -29,7 +29,7 @@ use rigident_io::rig::RigFile;
 #[derive(Serialize)]
 struct Object<'a> {
     objective: &'a str,
-    /// Which body the forces and the uncertainties are of.
+    /// The body that the forces and the uncertainties are of.
     body: &'a str,
     duration_s: f64,
     motion_s: [f64; 2],
@@ -158,7 +158,7 @@ pub(super) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
 /// Equipment, the rate of its readings, 1/s, and how heavy and large a body may be.
 type Planned = (Equipment, f64, Option<LoadBound>);
 
-/// What of a rig a motion depends on.
+/// Returns what of a rig a motion depends on.
 fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
     let mut equipment = Equipment::thesis_horizontal();
     let mut rate_hz = 1000.0;

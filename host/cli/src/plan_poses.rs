@@ -23,7 +23,7 @@ use rigident::plan::poses::program::{MOVE_RATE_RADPS, program};
 use rigident::plan::poses::{Objective, Reach, Region};
 use rigident_io::rig::RigFile;
 
-/// What of a rig the plan depends on.
+/// The part of a rig that the plan depends on.
 struct Rig {
     geometry: Geometry,
     load: Option<Load>,
@@ -154,7 +154,7 @@ fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
     arguments.out.as_deref().map_or(Ok(()), absent)
 }
 
-/// What is wrong with a number of poses, by the option that says it.
+/// Returns what is wrong with a number of poses, by the option that says it.
 fn named(error: PlanError, given: bool) -> Failure {
     match error {
         PlanError::Orientations { n, fewest } if given => Failure::input(format!(

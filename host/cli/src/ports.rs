@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Ports) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What a port answers; `None`: it was not asked.
+/// The answer of a port; `None`: it was not asked.
 pub(super) type Answered = (Port, Option<Result<rigident_shared::wire::Identity, Unusable>>);
 
 /// Asks those that may be a device's, if anybody is to be asked.

@@ -55,7 +55,8 @@ impl Programme {
     }
 }
 
-/// Says that nobody looks at collisions, where a rig file does not say how thick things are; what else where it gives no joints.
+/// Says that collisions are not checked, where a rig file does not say how thick things are; what else where
+/// it gives no joints.
 pub(super) fn tell_collisions(geometry: &Geometry) {
     if !geometry.has_joints() {
         tell!("rigident: {WITHOUT_JOINTS}");

@@ -81,7 +81,7 @@ impl Drop for Progress {
     }
 }
 
-/// How often there is a look at the stage.
+/// The interval between checks of the stage.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Shows what is being done, how much of it, and for how long, from a thread of its own while the work goes on.
@@ -130,7 +130,8 @@ impl Stages {
         Caller::new(self).worded_by(worded::notice)
     }
 
-    /// What is being done now, and what share of it is done; zero: that is not known. A called command ends here if it is to.
+    /// States what is being done now, and what share of it is done; zero: that is not known. A called command
+    /// ends here if it is to.
     pub(super) fn at(&self, stage: &str, share: f64) {
         kept::stop_if_asked();
         if let Some(shown) = &self.shown {

@@ -13,7 +13,7 @@ use rigident::reference::{ReferenceBody, Run};
 use rigident_fit::tare::Tare;
 use rigident_io::recording::Recording;
 
-/// Name of the mounting that is `[place]` as it stands.
+/// Name of the mounting that is `[place]` as it is.
 const PLACE: &str = "place";
 
 /// A recording with the body as it was mounted.
@@ -24,7 +24,7 @@ pub(super) struct Read {
     pub(super) mounted: Mounted,
     /// Name of the mounting; empty: its place.
     pub(super) mounting: String,
-    /// What a user should act on.
+    /// The warnings that a user should act on.
     pub(super) warnings: Vec<String>,
 }
 

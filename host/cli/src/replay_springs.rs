@@ -29,8 +29,8 @@ use rigident_fit::{
     plain_noise_gram,
 };
 
-/// The springs' law differs from that of a matrix by more than so many standard deviations of a reading: the device's answer may
-/// differ.
+/// The springs' law differs from that of a matrix by more than this many standard deviations of a reading:
+/// the device's answer may differ.
 const BEYOND_MATRIX_SD: f64 = 0.5;
 
 /// Replays a recording on springs.
@@ -143,7 +143,7 @@ fn noise(
     Ok(six)
 }
 
-/// What is to be said of springs whose law is not that of their matrix.
+/// Returns what is to be said of springs whose law is not that of their matrix.
 fn non_linear(source: &SuspendedSource, sigma: &[f64; 6]) -> Option<String> {
     let off = beyond_matrix(source);
     let share = |k: &usize| off[*k] / sigma[*k];
@@ -163,7 +163,7 @@ fn non_linear(source: &SuspendedSource, sigma: &[f64; 6]) -> Option<String> {
 struct Live<'a> {
     watcher: Watcher,
     map: &'a DMatrix<f64>,
-    /// What noise of the poses adds over the whole recording.
+    /// The addition of the noise of the poses over the whole recording.
     gram: Option<&'a DMatrix<f64>>,
     source: &'a SuspendedSource,
     count: usize,
@@ -177,7 +177,7 @@ fn shown(source: &SuspendedSource) -> Option<usize> {
     of(Kind::Inertia, "yy").or_else(|| of(Kind::Mass, ""))
 }
 
-/// What a factor says of the parameters.
+/// Returns what a factor says of the parameters.
 fn estimate(source: &SuspendedSource, factor: Factor, gram: Option<DMatrix<f64>>) -> Estimate {
     device_estimate(&DeviceFactor { factor, gram }, source.channels().len(), source.rounding())
 }

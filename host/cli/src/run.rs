@@ -75,8 +75,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     check_slow(arguments.slow)?;
     let fixed = fixed.map(|program| arguments.slow.map_or(program.clone(), |share| program.slowed(share)));
     zeroing::bound(&rig)?;
-    // What is told while something moves waits for no terminal. It ends after the platform, which waits for
-    // none either.
+    // What is reported while something moves waits for no terminal. It ends after the platform, which waits
+    // for none either.
     let mut unwaiting = None;
     let mut platform = platform::connect(&arguments.platform, &geometry).map_err(unmoved)?;
     // A controller on a serial port is greeted by nobody but its driver.
@@ -277,7 +277,7 @@ fn check_slow(slow: Option<f64>) -> Result<(), Failure> {
     }
 }
 
-/// What is asked for, on which machine.
+/// The request and the machine.
 struct About<'a> {
     arguments: &'a Run,
     geometry: &'a Geometry,
@@ -291,7 +291,7 @@ impl About<'_> {
     /// home.
     ///
     /// # Errors
-    /// A limit that is not kept. Nothing was moved.
+    /// A limit that is violated. Nothing was moved.
     fn checked(
         &self,
         platform: &mut dyn Platform,

@@ -10,7 +10,7 @@ use rigident::application::{Identified, Load, Report};
 use rigident::present;
 use rigident_fit::Fit;
 
-/// When a command began, and what it prints and writes.
+/// The start of a command, and what it prints and writes.
 #[derive(Clone, Copy)]
 pub(super) struct Outlet<'a> {
     pub(super) started: Instant,

@@ -130,7 +130,7 @@ impl FrameSource for Gate {
     }
 }
 
-/// What the command line calls it.
+/// Returns what the command line calls it.
 pub(super) fn name(mcu: Mcu) -> &'static str {
     match mcu {
         Mcu::Inproc => "inproc",
@@ -143,7 +143,7 @@ fn idle_rig() -> Result<SharedRig, Failure> {
     Rig::new(RigConfig::thesis_horizontal()).map(Rig::shared).map_err(Failure::input)
 }
 
-/// What a user would have written into the rig file of this rig.
+/// Returns what a user would have written into the rig file of this rig.
 pub(super) fn rig_file(rig: &Rig, body_name: &str) -> RigFile {
     let config = rig.config();
     let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);

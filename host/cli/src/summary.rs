@@ -78,7 +78,7 @@ fn read(path: &Path) -> Result<(PathBuf, Answer), Failure> {
     Ok((file, answer))
 }
 
-/// What an answer is of, in words.
+/// Returns what an answer is of, in words.
 fn of(answer: &Answer) -> String {
     match &answer.model {
         Some(model) => format!("the model {}", model.name),

@@ -9,7 +9,7 @@ use rigident_shared::printable;
 
 use super::kept;
 
-/// Who writes on standard error while nobody may wait for it.
+/// The thread that writes on standard error while nobody may wait for it.
 static BEHIND: Mutex<Option<Behind>> = Mutex::new(None);
 
 /// As long as it lives, standard error is written in a thread of its own: a terminal that was stopped

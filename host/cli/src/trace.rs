@@ -1,5 +1,5 @@
-//! What was agreed to, what was driven, and all that went over the line to a platform: kept in a file, line
-//! by line.
+//! The agreement, the motion driven, and all that went over the line to a platform: recorded in a file,
+//! line by line.
 
 use std::fs::File;
 use std::io::Write;
@@ -31,7 +31,7 @@ impl TraceFile {
         Ok(Self { file: Arc::new(Mutex::new(Behind::file(file))), path, begun: Instant::now() })
     }
 
-    /// Where it is.
+    /// Returns where it is.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }

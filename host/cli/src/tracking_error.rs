@@ -1,4 +1,4 @@
-//! The platform's motion: kept as it happens, compared at the end.
+//! The platform's motion: recorded as it happens, compared at the end.
 
 use std::fs::File;
 use std::io::Write;
@@ -77,7 +77,7 @@ impl MotionLog {
     }
 }
 
-/// How the platform followed.
+/// The tracking of the platform.
 pub struct TrackingError {
     tracking: Tracking,
     time_s: Vec<f64>,

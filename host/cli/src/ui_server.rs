@@ -14,7 +14,7 @@ const MOST_OF_HEAD: usize = 16 << 10;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Clients at the same time.
 const MOST_CLIENTS: usize = 32;
-/// Time between two looks whether it is to end.
+/// Time between two checks whether it is to end.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The largest file of a page, bytes.
 const MOST_OF_FILE: u64 = 64 << 20;

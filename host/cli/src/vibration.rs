@@ -16,7 +16,8 @@ pub(super) fn run(arguments: &Vibration) -> Result<ExitCode, Failure> {
         #[cfg(feature = "simulator")]
         VibrationCommand::Demo(a) => super::vibration_demo::run(a),
     }?;
-    // These commands take seconds and are gone through with; that they were to be stopped is told by the status.
+    // These commands take seconds and are gone through with; that they were to be stopped is reported by the
+    // status.
     let stopped = INTERRUPTED.load(Ordering::Relaxed);
     Ok(if stopped { ExitStatus::NotIdentified.into() } else { code })
 }

@@ -31,7 +31,7 @@ const NAMES: [&str; 19] = [
     "base.Jxy", "arm.MSx", "arm.MSy", "arm.MSz", "arm.Jxx", "arm.Jyy", "arm.Jzz", "arm.Jyz", "arm.Jzx",
     "arm.Jxy",
 ];
-/// What the paper identified: its Table 4, row ID; mass was weighed.
+/// The values that the paper identified: its Table 4, row ID; mass was weighed.
 const PAPER: [f64; 19] = [
     80.817, 0.0599, -20.2678, -7.6113, 8.9788, 2.3708, 7.6291, -2.5027, 0.0121, 0.0192, -0.0177, 0.3212,
     -2.6268, 0.5369, 0.5607, 0.0543, 0.0519, -0.0087, -0.0052,

@@ -144,7 +144,7 @@ pub(super) fn identify(
     finish((folder, json, &recording.rig), &object, &vibration, [("modes", by_modes), ("motion", by_motion)])
 }
 
-/// What one way finds.
+/// The result of one way.
 struct Found {
     /// With the bare platform taken off.
     answer: Answer,
@@ -220,7 +220,7 @@ fn by_motion(recording: Recording, stages: &Stages) -> Result<Found, Failure> {
     Ok(Found { answer: Answer::new(&fit, context).map_err(Failure::input)?, factor, body })
 }
 
-/// What stands on the springs, with the centre of mass of the first answer that has one.
+/// Returns the body on the springs, with the centre of mass of the first answer that has one.
 fn scene(rig: &RigFile, answers: [Option<&Answer>; 2]) -> Scene {
     let table = rig.suspension.clone().unwrap_or_default();
     let mount = Mount::of(&table);

@@ -32,14 +32,14 @@ struct Object {
     parameters: usize,
     told: usize,
     sigma_stated: bool,
-    /// What the uncertainty is from, in words.
+    /// The origin of the uncertainty, in words.
     #[serde(skip)]
     from: &'static str,
     subset: Vec<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     open: Option<Bounds>,
     sets: Vec<Set>,
-    /// What the errors of each posture have of the variance of what is told, on average.
+    /// The share of the errors of each posture in the variance of what is determined, on average.
     shares: Vec<PostureShare>,
     #[serde(skip_serializing_if = "Option::is_none")]
     next: Option<Next>,
@@ -121,7 +121,7 @@ pub(super) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
     Ok(ExitStatus::of(object.subset.iter().all(|value| value.value.is_some())).into())
 }
 
-/// What a file of postures tells, and its factor.
+/// Returns what a file of postures tells, and its factor.
 fn of_file(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
     let Some(path) = arguments.files.first() else { return Err(Failure::input("no file is given")) };
     if arguments.rig.is_some() {
@@ -138,7 +138,7 @@ fn of_file(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
     Ok((Object { from, ..object }, pooled))
 }
 
-/// What recordings of locked postures tell, and their factor, the platform on it.
+/// Returns what recordings of locked postures tell, and their factor, the platform on it.
 fn recordings(arguments: &Postures) -> Result<(Object, PooledFactor), Failure> {
     let stages = Stages::new("reading the recordings");
     let Some(first) = arguments.files.first() else { return Err(Failure::input("no file is given")) };

@@ -17,7 +17,7 @@ use rigident::problem::suspension::support::Support;
 use rigident::reference::ReferenceBody;
 use rigident_io::recording::Recording;
 
-/// What is left by what chance gives, from which on body, springs or modes contradict each other.
+/// The ratio of the residuals to those by chance from which on body, springs or modes contradict each other.
 const CONTRADICTED: f64 = 4.0;
 
 /// The object of `--json`.

@@ -33,12 +33,12 @@ const PARAMETERS: [(&str, &str); 10] = [
     ("Ixz", "kg m²"),
     ("Ixy", "kg m²"),
 ];
-/// What to do about an image without the feature.
+/// The advice about an image without the feature.
 const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: `cargo xtask flash --features watch` puts the \
                              other onto a board, and `cargo xtask firmware` builds that of the emulated board beside the standard one";
-/// Beyond so many times the limit of noise a change must be three times as large, which is told.
+/// Beyond this multiple of the limit of noise a change must be three times as large, which is reported.
 const BLIND: u32 = 10;
-/// Of the line's rate frames may take so much.
+/// Of the line's rate frames may take this much.
 const LINE_SHARE: f64 = 0.95;
 /// Coverage factor of a 95 % uncertainty.
 const COVERAGE: f64 = 1.96;
@@ -154,7 +154,7 @@ fn device(
     Ok((Box::new(port), Pace::RealTime { rate_hz, baud: asked }))
 }
 
-/// What became of frames on the way.
+/// Returns what became of frames on the way.
 fn of_the_link(watched: &Watched) -> Vec<String> {
     let (stream, counters) = (&watched.counters.watch.stream, &watched.counters);
     let lost = watched.lost();
@@ -185,7 +185,7 @@ fn ended(watched: &Watched, broken: &SessionError, frames: usize) -> Failure {
     ))
 }
 
-/// What to say of a limit that few changes exceed.
+/// Returns what to say of a limit that few changes exceed.
 fn blind(watched: &Watched) -> Option<String> {
     let times = watched.counters.watch.excess_percent / 100;
     (times > BLIND).then(|| {

@@ -1,4 +1,4 @@
-//! What the application notices and refuses, in the words of the command line: which option is the remedy.
+//! The notices and refusals of the application, in the words of the command line: which option is the remedy.
 
 use super::Failure;
 use rigident::application::{BodyError, BodyOption, Error, ListingError, Notice, TreeOption};

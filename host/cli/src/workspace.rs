@@ -31,7 +31,7 @@ struct Object<'a> {
     tilt: Vec<Tilt>,
 }
 
-/// How far the plate leans in one direction.
+/// The angle by which the plate leans in one direction.
 #[derive(Serialize)]
 struct Tilt {
     azimuth_deg: f64,
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     let span =
         Span { most_deg: arguments.range_deg, step_deg: arguments.step_deg, yaw_deg: arguments.yaw_deg };
     let poses = arguments.plan.as_deref().map(|path| still_poses(path, &geometry)).transpose()?;
-    // One that cannot be written to is told before anything is computed.
+    // One that cannot be written to is reported before anything is computed.
     let asked_for = arguments.out.as_deref().map(|out| Folder::new(Some(out), "workspace")).transpose()?;
     let mut progress = Progress::new();
     let map = Map::make(&geometry, &span, &INTERRUPTED, |share| {

@@ -1,4 +1,5 @@
-//! What the sensors say before anything moves: their zero, their noise, whether the plate stands still and level.
+//! The readings of the sensors before anything moves: their zero, their noise, whether the plate is at rest
+//! and level.
 
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -22,14 +23,16 @@ use rigident::problem::body::imu_noise::{imu_noise, white_imu_noise};
 use rigident::problem::body::prepare::mounting;
 use rigident_io::rig::{Calibrated, ImuTable, RigFile, WRENCH_CHANNELS};
 
-/// Length of one look at the sensors at rest, s.
+/// Length of one check of the sensors at rest, s.
 const WINDOW_S: f64 = 2.0;
-/// A plate that moves is looked at so often before nothing comes of it.
+/// A plate that moves is examined this often before nothing comes of it.
 const LOOKS: usize = 6;
-/// The gyro's mean over a quarter of a second may wander by so much at rest, rad/s, and the accelerometer's, m/s².
+/// The gyro's mean over a quarter of a second may wander by this much at rest, rad/s, and the
+/// accelerometer's, m/s².
 const CHANGE_RADPS: f64 = 0.01;
 const CHANGE_MPS2: f64 = 0.05;
-/// The range of eight means of noise is wider than so many of their standard deviations once in two million.
+/// The range of eight means of noise is wider than this many of their standard deviations once in two
+/// million.
 const CHANCE_SD: f64 = 8.0;
 /// Mountings are not more exact than so, rad, nor are bases more level.
 const LEVEL_RAD: f64 = 0.09;
@@ -49,9 +52,9 @@ pub(super) struct Rest {
     pub(super) imu_noise: ImuNoise<f64>,
     /// Noise of the IMU that rows are weighed by: as stated, else as found at rest.
     pub(super) white_imu_noise: ImuNoise<f64>,
-    /// How many readings there were.
+    /// The number of readings.
     readings: usize,
-    /// What shows that the plate moves, if anything does.
+    /// The evidence that the plate moves, if anything does.
     moving: Option<String>,
 }
 
@@ -110,7 +113,7 @@ pub(super) fn at_rest(readings: &[Reading<f64>], imu: Option<&ImuTable>) -> Resu
     })
 }
 
-/// What changed within the readings by more than noise explains: means of eighths are compared.
+/// Returns what changed within the readings by more than noise explains: means of eighths are compared.
 fn moving(readings: &[Reading<f64>], noise: &ImuNoise<f64>) -> Option<String> {
     let part = readings.len() / 8;
     if part == 0 {
@@ -138,7 +141,7 @@ fn moving(readings: &[Reading<f64>], noise: &ImuNoise<f64>) -> Option<String> {
     None
 }
 
-/// Whether the plate is tilted as the platform says that it stands, as far as gravity shows it. Nothing is
+/// Checks whether the plate is tilted as the platform says that it is, as far as gravity shows it. Nothing is
 /// known without the places of the IMU and the load cell, or where the platform does not know it.
 ///
 /// # Errors
@@ -181,8 +184,8 @@ pub(super) fn check_attitude(
     Ok(())
 }
 
-/// Whether the load cell still reads what it read when it was zeroed: minutes may pass before somebody says
-/// yes.
+/// Checks whether the load cell still reads what it read when it was zeroed: minutes may pass before somebody
+/// says yes.
 ///
 /// # Errors
 /// It does not: somebody has been at it.
@@ -277,7 +280,7 @@ pub(super) fn bound(rig: &RigFile) -> Result<Option<LoadBound>, Failure> {
     }
 }
 
-/// Looks at the sensors for two seconds, absorbing nothing.
+/// Reads the sensors for two seconds, absorbing nothing.
 ///
 /// # Errors
 /// They send nothing, or Ctrl-C.
@@ -289,7 +292,7 @@ pub(super) fn look(session: &mut Session, rig: &RigFile) -> Result<Rest, Failure
     at_rest(&readings, rig.imu.first())
 }
 
-/// Waits until the mean wrench changes by less than σ from one look to the next, twice in a row.
+/// Waits until the mean wrench changes by less than σ from one check to the next, twice in a row.
 pub(super) fn warm_up(
     session: &mut Session,
     rig: &RigFile,
@@ -414,7 +417,7 @@ mod tests {
             .map(|k| {
                 let t = f64::from(k) * 0.005;
                 let rate = (angle(t + 1e-5) - angle(t - 1e-5)) / 2e-5;
-                // A fixed sequence that looks like noise, σ = 0.058 of a range of 0.2.
+                // A fixed sequence that resembles noise, σ = 0.058 of a range of 0.2.
                 let noise = 0.2 * ((f64::from(k) * 0.618_033_988_75).fract() - 0.5);
                 Reading {
                     time_ns: u64::from(k as u32) * 5_000_000,

@@ -15,7 +15,7 @@ pub enum NewFileError {
     Unwritable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
 }
@@ -46,7 +46,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
             _ => e.to_string(),
         },
     };
-    // Found out now rather than after a long job; the rename below looks again.
+    // Found out now rather than after a long job; the rename below checks again.
     check_new(path)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (file, temporary) = tempfile::Builder::new()
@@ -83,7 +83,7 @@ pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), NewFileError> {
     })
 }
 
-/// What a writer says when it cannot go on.
+/// The error of a writer when it cannot go on.
 #[derive(Debug)]
 pub struct RefusedWrite(pub Error);
 

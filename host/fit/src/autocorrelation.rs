@@ -17,7 +17,7 @@ const SIGNIFICANT: f64 = 4.5;
 /// Rows over the longest lag of the tests. With so few, 0.8 s at 200 Hz, white noise is still taken for autocorrelated in
 /// less than one channel of 1e4, and noise that lasts 0.05 s is named in most.
 const LEAST: usize = 5;
-/// Longest lag that is looked at, rows.
+/// Longest lag that is checked, rows.
 const LONGEST: usize = 2000;
 /// Factors on an interval below this are not worth a word.
 const NOTICEABLE: f64 = 1.1;
@@ -32,7 +32,7 @@ pub struct Coloured {
     pub channel: usize,
     /// Test and consequence.
     pub found: Autocorrelation,
-    /// Autocovariance of its residuals at lags of 0, 1, … rows, as far as it is told from chance.
+    /// Autocovariance of its residuals at lags of 0, 1, … rows, as far as it is distinguished from chance.
     pub autocovariance: Vec<f64>,
 }
 
@@ -163,7 +163,8 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
     found
 }
 
-/// Returns residuals as the whitening leaves them, each channel with a variance of the samples that a row stands for.
+/// Returns residuals as the whitening leaves them, each channel with a variance of the samples that a row
+/// represents.
 pub fn whitened(residuals: &[BlockResidual], whitening: &Whitening) -> Vec<BlockResidual> {
     let mut whitener = Whitener::new(whitening, 1);
     let mut rows = vec![0.0; whitening.channels()];

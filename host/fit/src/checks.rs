@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the checks of a recording found when its factor was made.
+/// The findings of the checks of a recording when its factor was made.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checks {
     /// True if the recording contradicts what is stated of the rig, or is not that of one unchanging rigid body.
@@ -16,7 +16,7 @@ pub struct Checks {
 pub struct CheckedRun {
     /// Name of its recording.
     pub recording: String,
-    /// What its checks found; `None`: the file carries none.
+    /// The findings of its checks; `None`: the file carries none.
     pub checks: Option<Checks>,
 }
 

@@ -5,7 +5,8 @@
 //! `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit covariance, as those of R had, so that they are the
 //! factor of the compensated estimate and of its covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
 //!
-//! Where the measured side has noise δ of the same signals, `κ = E[ΔᵀWδ]` is taken off the right side: `ψ = Uᵀz − S⁻¹ Vᵀ D⁻¹ κ`.
+//! If the measured side has noise δ of the same signals, `κ = E[ΔᵀWδ]` is taken off the right side:
+//! `ψ = Uᵀz − S⁻¹ Vᵀ D⁻¹ κ`.
 //!
 //! An eigenvalue s of M is the share of a direction's information that is no noise. The noise that was there differs from its
 //! expectation: with ε the relative standard deviation of its square, `ψ = uᵀUᵀz / s` is uncertain by `ε (1 − s)/s` of itself.
@@ -20,30 +21,30 @@ pub(super) const MOST_UNCERTAIN: f64 = 0.5;
 /// A direction with less than this share that is no noise counts only if something is found there beyond chance.
 const MOSTLY_SIGNAL: f64 = 0.5;
 const SIGNIFICANT_SD: f64 = 4.0;
-/// Shares are told apart down to this.
+/// Shares are distinguished down to this.
 const LEAST_SHARE: f64 = 0.02;
 
-/// What noise of the signals adds to a factor.
+/// The addition of the noise of the signals to a factor.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseGram<'a> {
     /// K; of one more column κ, where the measured side has noise of the signals.
     pub expected: &'a DMatrix<f64>,
-    /// K counts so many times.
+    /// The factor by which K counts.
     pub times: f64,
     /// ε: relative standard deviation of the square of what there is of the noise in one direction.
     pub spread: f64,
 }
 
 impl<'a> NoiseGram<'a> {
-    /// Returns the noise in a factor whose row blocks are independent, of so many channels.
+    /// Returns the noise in a factor whose row blocks are independent, of the given number of channels.
     pub fn in_factor(expected: &'a DMatrix<f64>, factor: &Factor, channels: usize) -> Self {
         let blocks = factor.rows() as f64 / channels.max(1) as f64;
         Self { expected, times: 1.0, spread: spread(&Filter::default(), blocks) }
     }
 }
 
-/// Returns the relative standard deviation of the mean square of filtered white noise, or of its derivative, over so many row
-/// blocks: `√(2 Σ ρ²/n)` with ρ the autocorrelation.
+/// Returns the relative standard deviation of the mean square of filtered white noise, or of its derivative,
+/// over the given number of row blocks: `√(2 Σ ρ²/n)` with ρ the autocorrelation.
 pub fn spread(filter: &Filter, blocks: f64) -> f64 {
     let of = |gamma: Vec<f64>| {
         let zero = gamma.first().copied().unwrap_or(0.0);
@@ -129,9 +130,9 @@ struct Direction<'a> {
     share: f64,
     /// `uᵀUᵀz`, of unit variance.
     measured: f64,
-    /// How uncertain what is found is for the noise that there was, as a share of itself.
+    /// The uncertainty of the result because of the noise that there was, as a share of itself.
     uncertain: f64,
-    /// How uncertain what was taken off for the noise that both sides have is.
+    /// The uncertainty of the part taken off for the noise that both sides have.
     common: f64,
 }
 

@@ -24,7 +24,7 @@ const ROW_RATE_HZ: f64 = 100.0;
 const TAPS: usize = 1024;
 /// Room for the filter of one body's estimator on the host: 0.1 s at 40 kHz.
 pub const ESTIMATOR_TAPS: usize = 256;
-/// A step longer than so many periods is a gap.
+/// A step longer than this many periods is a gap.
 const GAP: f64 = 1.5;
 /// Samples between two reports of progress.
 const REPORTED_SAMPLES: usize = 256;
@@ -39,9 +39,9 @@ pub fn filter_width_s(rate_hz: f64) -> f64 {
     FILTER_WIDTH_S.max(LEAST_WIDTH_SAMPLES / rate_hz)
 }
 
-/// Returns the samples that a row block stands for at this rate: an even number where they are many, so that a filter may
-/// average neighbours ([`rigident_shared::conditioning`]); at least some 75 row blocks come a second, above twice the
-/// filter's bandwidth.
+/// Returns the samples that a row block represents at this rate: an even number where they are many, so that
+/// a filter may average neighbours ([`rigident_shared::conditioning`]); at least some 75 row blocks come a
+/// second, above twice the filter's bandwidth.
 pub fn row_every(rate_hz: f64) -> u16 {
     if rate_hz < 150.0 { 1 } else { 2 * (rate_hz / (2.0 * ROW_RATE_HZ)).floor().clamp(1.0, 500.0) as u16 }
 }
@@ -53,7 +53,7 @@ pub struct Filter {
     pub rate_hz: f64,
     /// Width of the FIR, s; zero without a filter.
     pub width_s: f64,
-    /// Samples that a row block stands for.
+    /// Samples that a row block represents.
     pub every: u16,
     /// `Σh²`: variance of white noise after the filter, relative to before.
     pub noise_gain: f64,

@@ -25,13 +25,13 @@ pub(super) struct Way<'a> {
     pub(super) blocks: &'a dyn RowBlocks,
     pub(super) rounding: f64,
     pub(super) weighing: &'a Weighing,
-    /// What noise of the signals adds to the normal equations of all rows.
+    /// The addition of the noise of the signals to the normal equations of all rows.
     pub(super) noise_gram: Option<NoiseGram<'a>>,
     pub(super) weights: Option<&'a [f64]>,
     /// Nuisance parameters whose columns the blocks have; `None`: they have none.
     pub(super) columns: Option<&'a Columns>,
     pub(super) parameters: usize,
-    /// What the variance of the noise is multiplied by.
+    /// The factor of the variance of the noise.
     pub(super) scale: f64,
     pub(super) noise: Noise,
 }
@@ -65,7 +65,7 @@ impl Way<'_> {
         Estimate::new(&own, self.rounding, left, self.noise)
     }
 
-    /// Returns about so many estimates on the way.
+    /// Returns about the given number of estimates on the way.
     pub(super) fn points(&self, points: usize) -> Vec<Convergence> {
         let count = self.blocks.len();
         let every = every(self.blocks, points, self.columns());

@@ -1,4 +1,4 @@
-//! What some runs see beyond others.
+//! The part that some runs see beyond others.
 //!
 //! Runs with something more are rows over `φ = M κ + N τ`, runs without it are rows over κ: a bare fixture,
 //! an arm that carries nothing, a person with empty hands. What is left of both together where κ is
@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use super::RigRows;
 
-/// What is known of τ, and how far the runs contradict each other.
+/// The knowledge of τ, and how far the runs contradict each other.
 #[derive(Clone, Debug)]
 pub struct Beyond {
     /// The rows over τ and the errors of both, whitened as the runs are.

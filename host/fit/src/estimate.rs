@@ -101,7 +101,8 @@ impl Estimate {
         }
     }
 
-    /// Builds the estimate that a bound or a design gives: no rows stand behind it, and everything is determined.
+    /// Builds the estimate that a bound or a design gives: no rows are behind it, and everything is
+    /// determined.
     pub fn of_bound(values: Vec<f64>, covariance: DMatrix<f64>) -> Self {
         let determined = vec![true; values.len()];
         let null_directions = Vec::new();
@@ -193,7 +194,7 @@ impl Estimate {
         (0..self.len()).filter(|j| self.is_determined(*j)).map(step).fold(0.0, f64::max)
     }
 
-    /// Returns the same estimate with standard deviations `by` times as large, correlations kept.
+    /// Returns the same estimate with standard deviations `by` times as large, with the same correlations.
     #[must_use]
     pub fn inflate(&self, by: &[f64]) -> Self {
         let by = |j: usize| by.get(j).copied().unwrap_or(1.0);

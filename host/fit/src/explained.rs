@@ -3,14 +3,14 @@
 use super::condition::no_rows;
 use super::{Factor, FitError, RowSource, Silent};
 
-/// Blocks that are looked at.
+/// Blocks that are examined.
 const BLOCKS: usize = 800;
 /// Rounds in which the weights follow from the residuals.
 const ROUNDS: usize = 2;
 /// A residual that is smaller than this share of the measurement is rounding.
 const LEAST_SHARE: f64 = 1e-9;
 
-/// What least squares leave of each channel.
+/// The residuals of least squares in each channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explained {
     /// Residual over measurement by channels, root mean squares of filtered rows.

@@ -216,7 +216,8 @@ impl Factor {
 
     /// Returns the factor with the columns that are no longer than their `least` set to zero.
     ///
-    /// What is left of a column that cancelled is rounding, with a direction of its own: it would look like one that depends on others.
+    /// What is left of a column that cancelled is rounding, with a direction of its own: it would resemble
+    /// one that depends on others.
     #[must_use]
     pub fn without_columns_below(mut self, least: &[f64]) -> Self {
         let n = self.parameters;
@@ -297,7 +298,8 @@ impl Factor {
         out
     }
 
-    /// Returns the same rows with standard deviations `by` times as large, the estimate and the correlations kept.
+    /// Returns the same rows with standard deviations `by` times as large, with the same estimate and
+    /// correlations.
     ///
     /// `R (φ − φ̂)` keeps its residual `z − R φ̂`.
     #[must_use]

@@ -2,7 +2,7 @@
 //!
 //! Eight bytes of magic; a postcard object (version, counts, header); the numbers of the factor, f64 little-endian; the
 //! CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds, owners and what they are made of
-//! are part of it, so a factor of another model is told apart.
+//! are part of it, so a factor of another model is distinguished.
 
 mod rigs;
 
@@ -42,7 +42,7 @@ pub const MOST_PARAMETERS: usize = 2048;
 pub const MOST_SOURCES: usize = 1 << 20;
 /// The most errors that the runs of a rig share.
 pub const MOST_ERRORS: usize = 1024;
-/// The most texts that errors are told apart by.
+/// The most texts that errors are distinguished by.
 const MOST_TEXTS: usize = 1 << 16;
 /// The most numbers of errors.
 const MOST_NUMBERS: usize = 1 << 20;
@@ -92,9 +92,9 @@ pub enum FactorFileError {
     TooLarge {
         /// Parameters, runs or bytes.
         what: &'static str,
-        /// How many it says it has.
+        /// The number stated.
         got: u64,
-        /// How many are taken.
+        /// The most that are taken.
         most: u64,
     },
     /// Numbers of the header that no recording can give.
@@ -138,7 +138,7 @@ pub struct SourceChannel {
 pub struct FactorSource {
     /// Name of the recording.
     pub recording: String,
-    /// When it was recorded, s since 1970-01-01 UTC; `None`: not known.
+    /// The time of recording, s since 1970-01-01 UTC; `None`: not known.
     pub recorded_unix_s: Option<i64>,
     /// That of [`super::RowSource::identity`]: a recording counts once.
     pub fingerprint: u64,
@@ -164,10 +164,11 @@ pub struct FactorSource {
     /// Its channels.
     #[serde(deserialize_with = "at_most::<_, _, MOST_CHANNELS>")]
     pub channels: Vec<SourceChannel>,
-    /// What the checks of the recording found; `None`: it was not checked, or by an older program.
+    /// The findings of the checks of the recording; `None`: it was not checked, or by an older program.
     #[serde(skip)]
     pub checks: Option<Checks>,
-    /// What tells it from other runs of a collection: `body`, `rig` and others, each with its value.
+    /// The labels that distinguish it from other runs of a collection: `body`, `rig` and others, each with
+    /// its value.
     #[serde(skip)]
     pub labels: BTreeMap<String, String>,
     /// The smallest hashes of single readings ([`super::RowSource::identity`]); empty: not known, by an older
@@ -179,7 +180,7 @@ pub struct FactorSource {
     pub folded: Option<Folded>,
 }
 
-/// A parameter as it stands in a file: the terms are bounded.
+/// A parameter as it is in a file: the terms are bounded.
 #[derive(Serialize, Deserialize)]
 struct StoredParameter {
     name: String,
@@ -237,7 +238,7 @@ struct Readings(#[serde(deserialize_with = "at_most::<_, _, READINGS_KEPT>")] Ve
 #[serde(bound(deserialize = "T: Deserialize<'de>"))]
 struct OfRuns<T>(#[serde(deserialize_with = "at_most::<_, _, MOST_SOURCES>")] Vec<T>);
 
-/// Takes what each of so many runs has off the bytes.
+/// Takes what each of the given number of runs has off the bytes.
 fn of_runs<'a, T: Deserialize<'a>>(
     bytes: &'a [u8],
     runs: usize,
@@ -262,7 +263,7 @@ impl From<StoredParameter> for Parameter {
     }
 }
 
-/// A list of at most so many elements; room is made as they come.
+/// Reads a list of at most the given number of elements; room is made as they are read.
 pub(super) fn at_most<'de, D: Deserializer<'de>, T: Deserialize<'de>, const MOST: usize>(
     deserializer: D,
 ) -> Result<Vec<T>, D::Error> {
@@ -455,7 +456,7 @@ fn rigs_of<'a>(
     Ok((inside, rigs, rest))
 }
 
-/// Takes what is left of runs that are no longer told apart off the bytes.
+/// Takes what is left of runs that are no longer distinguished off the bytes.
 fn folded_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u8], FactorFileError> {
     let (folded, rest) = of_runs::<Option<Folded>>(bytes, sources.len())?;
     let usual = |own: &Folded| {

@@ -24,7 +24,7 @@ struct Waves {
     channels: Vec<Channel>,
 }
 
-/// A number that looks like chance, from −1 to 1.
+/// Returns a pseudo-random number, from −1 to 1.
 fn weight(k: usize) -> f64 {
     (1.0 + k as f64).powf(1.7).sin()
 }

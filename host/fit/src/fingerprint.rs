@@ -30,7 +30,7 @@ impl Fingerprint {
         self.0 ^= self.0 >> 32;
     }
 
-    /// Takes a text, told apart from the one after it.
+    /// Takes a text, separated from the one after it.
     pub fn add_text(&mut self, text: &str) {
         self.add(text.len() as u64);
         text.bytes().for_each(|byte| self.add(u64::from(byte)));

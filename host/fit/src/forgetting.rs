@@ -19,7 +19,7 @@ const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
 /// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
 const PARTS: usize = 5;
 
-/// Everything remembered of the segments so far.
+/// Everything retained of the segments so far.
 #[derive(Clone, Debug)]
 pub(super) struct Memory {
     kept: Kept,
@@ -96,7 +96,7 @@ impl Memory {
         }
     }
 
-    /// Returns the factor of everything remembered.
+    /// Returns the factor of everything retained.
     pub(super) fn factor(&self) -> Factor {
         match &self.kept {
             Kept::Forgetting { memory, .. } => memory.factor(),

@@ -28,8 +28,8 @@ pub struct Gaussian {
 impl Gaussian {
     /// Builds the distribution of n names with a mean of n and a covariance of n × n.
     ///
-    /// Returns `None` if the sizes differ, a name stands twice, a number is not finite or the covariance is not positive
-    /// definite.
+    /// Returns `None` if the sizes differ, a name occurs twice, a number is not finite or the covariance is
+    /// not positive definite.
     pub fn new(names: Vec<String>, mean: DVector<f64>, covariance: DMatrix<f64>) -> Option<Self> {
         let n = names.len();
         let fits = mean.len() == n && covariance.shape() == (n, n);
@@ -46,7 +46,7 @@ impl Gaussian {
 
     /// Builds the distribution of names without correlation.
     ///
-    /// Returns `None` if a standard deviation is not finite and positive or a name stands twice.
+    /// Returns `None` if a standard deviation is not finite and positive or a name occurs twice.
     pub fn independent(entries: &[(String, f64, f64)]) -> Option<Self> {
         let names = entries.iter().map(|(name, _, _)| name.clone()).collect();
         let mean = DVector::from_iterator(entries.len(), entries.iter().map(|(_, mean, _)| *mean));
@@ -155,8 +155,8 @@ impl Gaussian {
         Agreement::new(&(&after.mean - &self.mean).component_div(&sd), told)
     }
 
-    /// Returns the distribution after something has told of `y = map x + shift`, whose distribution was `before` and is `after`:
-    /// `K = Σ mapᵀ S⁻¹`, `x̂ + K (y′ − y)`, `Σ − K (S − S′) Kᵀ`.
+    /// Returns the distribution after something has informed of `y = map x + shift`, whose distribution was
+    /// `before` and is `after`: `K = Σ mapᵀ S⁻¹`, `x̂ + K (y′ − y)`, `Σ − K (S − S′) Kᵀ`.
     ///
     /// Returns `None` if sizes differ or the result is not one of [`Gaussian::new`].
     pub fn told(&self, map: &DMatrix<f64>, before: &Self, after: &Self) -> Option<Self> {

@@ -1,4 +1,5 @@
-//! What an error would be that is larger than stated: one error, or several, with their own knowledge beforehand left out.
+//! The size of an error that is larger than stated: one error, or several, with their own knowledge
+//! beforehand left out.
 //!
 //! Errors θ drawn from N(μ, P) are estimated as θ̂, and `d = θ̂ − μ` then has the covariance D. With the score `s = P⁻¹ d` and its
 //! covariance `H = P⁻¹ D P⁻¹` an error `U a` in addition to what is drawn has
@@ -35,8 +36,9 @@ pub struct Larger {
 }
 
 impl ErrorScores {
-    /// Returns the scores of estimates that are `off` by so much from their values beforehand, a distribution of the covariance
-    /// `prior`; `drawn` is the covariance of `off` if they are drawn from that. `None` if that is singular.
+    /// Returns the scores of estimates that are `off` by this much from their values beforehand, a
+    /// distribution of the covariance `prior`; `drawn` is the covariance of `off` if they are drawn from
+    /// that. `None` if that is singular.
     pub(super) fn new(off: &DVector<f64>, prior: DMatrix<f64>, drawn: &DMatrix<f64>) -> Option<Self> {
         let beforehand = prior.cholesky()?.inverse();
         let information = &beforehand * drawn * &beforehand;

@@ -33,17 +33,17 @@ pub(super) struct Columns {
     offsets: Vec<Option<usize>>,
     /// Columns of signal errors that the source has.
     signals: usize,
-    /// What else is known of errors: rows of all columns with their values, of unit σ.
+    /// Further knowledge of errors: rows of all columns with their values, of unit σ.
     observations: Vec<(Vec<f64>, f64)>,
-    /// How many of them rows tell of ([`RowSource::told_errors`]).
+    /// The number of them that rows determine ([`RowSource::told_errors`]).
     told: usize,
-    /// What is known beforehand of what is left of them.
+    /// The prior knowledge of what is left of them.
     pub(super) prior: Prior,
-    /// What the signals are corrected for of each.
+    /// The value of each that the signals are corrected for.
     pub(super) corrected: Vec<f64>,
 }
 
-/// What is known beforehand of all columns: rows `W x = W μ ± 1`.
+/// The prior knowledge of all columns: rows `W x = W μ ± 1`.
 #[derive(Clone, Debug)]
 pub(super) struct Prior {
     /// μ; zero of what nothing is known of.

@@ -324,7 +324,7 @@ fn with_forgetting_the_mean_is_taken_off() {
     };
     let known = ["gain 0", "gain 1"].map(|name| (name.to_owned(), GAIN, 1e-4));
     let (with, without) = (fitted(Gaussian::independent(&known)), fitted(None));
-    // What reads a hundredth too much is read as so much less.
+    // What reads a hundredth too much is read as this much less.
     for j in 0..3 {
         assert!((with[j] / without[j] - (1.0 - GAIN)).abs() < 1e-6, "{j}: {} {}", with[j], without[j]);
     }

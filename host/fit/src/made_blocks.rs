@@ -7,10 +7,10 @@ use std::sync::{Mutex, PoisonError};
 use super::condition::{StoredBlocks, Walk};
 use super::{Filter, FitError, Progress, RowBlocks, RowSource, SampleCounts, Silent};
 
-/// Coefficients that are kept at a time: 64 MB.
+/// Coefficients that are held at a time: 64 MB.
 const KEPT: usize = 8_000_000;
 
-/// Row blocks of which one run is kept; a recording of one run is kept whole.
+/// Row blocks of which one run is stored; a recording of one run is stored whole.
 pub struct MadeBlocks<'a, S: RowSource + ?Sized> {
     source: &'a S,
     filter: Filter,

@@ -7,7 +7,7 @@ use super::Noise;
 pub struct RowSet {
     /// Scalar rows.
     pub rows: u64,
-    /// Channels: so many rows a block.
+    /// Channels: the number of rows in a block.
     pub channels: usize,
     /// Variance of the whitened, filtered noise per row.
     pub noise_gain: f64,
@@ -15,10 +15,10 @@ pub struct RowSet {
     pub sigma_given: bool,
 }
 
-/// What residuals say of the noise.
+/// The evidence of the residuals about the noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// How the noise is known.
+    /// The way the noise is known.
     pub noise: Noise,
     /// Residual variance relative to what σ lets expect; 1 where every σ comes from the residuals.
     pub variance_ratio: f64,
@@ -26,7 +26,7 @@ pub struct Judgement {
     pub variance_scale: f64,
 }
 
-/// Noise is far from what is stated if it is so many times larger or smaller.
+/// Noise is far from what is stated if it is this many times larger or smaller.
 const FAR: f64 = 3.0;
 
 /// Noise of a sensor or channel as the rig file states it, beside what differences of its readings show.

@@ -69,7 +69,7 @@ pub struct Nuisance {
     pub basis: Basis,
     /// The runs that share it.
     pub scope: Scope,
-    /// How it enters the rows.
+    /// Its effect on the rows.
     pub effect: Effect,
 }
 
@@ -113,8 +113,9 @@ pub struct NuisanceFit {
     /// Variance of the estimate if the error is drawn from the prior: `σ² − 2 N⁻¹ + C` with the inverse of the normal matrix and
     /// the covariance.
     pub drawn: f64,
-    /// What one standard deviation beforehand brings to each parameter: `(N⁻¹)_jk / σ_k`, signed; of correlated errors the
-    /// part by row k of the prior's whitening ([`super::Gaussian::whitening`]), so that the squares add up to the variance.
+    /// The contribution of one prior standard deviation to each parameter: `(N⁻¹)_jk / σ_k`, signed; of
+    /// correlated errors the part by row k of the prior's whitening ([`super::Gaussian::whitening`]), so that
+    /// the squares add up to the variance.
     pub contributions: Vec<f64>,
 }
 
@@ -152,7 +153,7 @@ pub fn contradict(nuisances: &[NuisanceFit], agreement: Option<Agreement>) -> bo
         || agreement.is_some_and(|agreement| agreement.probability() < DISAGREEMENT)
 }
 
-/// How well the errors found agree with what was known of them beforehand.
+/// The agreement of the errors found with what was known of them beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// `(θ̂ − μ)ᵀ (Σ − C)⁺ (θ̂ − μ)` of the prior's mean μ and covariance Σ and the posterior's C: χ² if the errors are drawn from
@@ -163,8 +164,9 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Returns the agreement of estimates that are `off` by so many standard deviations beforehand, of which rows have `told`: the
-    /// covariance that `off` has if the truth is drawn as known beforehand. `None` if they tell of nothing.
+    /// Returns the agreement of estimates that are `off` by the given number of standard deviations
+    /// beforehand, of which rows have `told`: the covariance that `off` has if the truth is drawn as known
+    /// beforehand. `None` if they tell of nothing.
     pub(super) fn new(off: &DVector<f64>, told: DMatrix<f64>) -> Option<Self> {
         if off.is_empty() {
             return None;

@@ -1,4 +1,4 @@
-//! What a fit is asked for, and why there may be none.
+//! The options of a fit, and the reasons why there may be none.
 
 use nalgebra::DMatrix;
 use rigident_shared::conditioning::KernelError;
@@ -89,6 +89,6 @@ pub enum FitError {
 pub struct DeviceFactor {
     /// The factor, columns in the order of the source's parameters, whitened by the σ of the source's channels.
     pub factor: Factor,
-    /// What noise of the signals adds to it, N × N; `None`: the device counts none.
+    /// The addition of the noise of the signals to it, N × N; `None`: the device counts none.
     pub gram: Option<DMatrix<f64>>,
 }

@@ -12,12 +12,12 @@ use super::{Estimate, RowBlocks, parallel};
 
 pub use rigident_shared::estimator::LONGEST_KNOCK as LONGEST;
 
-/// A row is given less weight beyond so many standard deviations. Of noise alone two rows in 1e9 are.
+/// A row is given less weight beyond this many standard deviations. Of noise alone two rows in 1e9 are.
 pub const LIMIT_SD: f64 = 6.0;
-/// The answer is made anew at most so often: the first was spoilt by the outliers that it shows.
+/// The answer is made anew at most this often: the first was spoilt by the outliers that it shows.
 pub const MOST_ROUNDS: usize = 3;
 
-/// What residuals are taken against, and how far they may be off.
+/// The reference of the residuals, and how far they may be off.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     /// φ.
@@ -27,13 +27,13 @@ pub struct Reference {
     pub standard_deviation: Vec<f64>,
     /// Variance of the noise relative to σ, as far as it is known to be larger; else 1.
     pub noise_scale: f64,
-    /// A row is weighted if its residual exceeds so many standard deviations; zero: never.
+    /// A row is weighted if its residual exceeds this many standard deviations; zero: never.
     pub limit: f64,
 }
 
 impl Reference {
-    /// Returns the reference of an estimate. Residuals larger than σ explains make the noise so much larger, smaller ones
-    /// do not make it smaller.
+    /// Returns the reference of an estimate. Residuals larger than σ explains make the noise this much
+    /// larger, smaller ones do not make it smaller.
     pub fn of(estimate: &Estimate, variance_ratio: f64, limit: f64) -> Self {
         let n = estimate.len();
         let deviation = |j: usize| {
@@ -153,7 +153,7 @@ impl Weights {
         Self { all: None, outliers: vec![0; channels] }
     }
 
-    /// Sets the weights of one block of so many.
+    /// Sets the weights of one block of the given number.
     pub fn set(&mut self, block: usize, blocks: usize, weights: &[f64]) {
         let channels = self.outliers.len();
         let all = self.all.get_or_insert_with(|| vec![1.0; blocks * channels]);

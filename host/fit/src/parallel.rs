@@ -26,7 +26,7 @@ pub fn each<R: Send + Clone + Default>(count: usize, job: impl Fn(usize) -> R + 
     all
 }
 
-/// Does jobs as [`each`] does, and hands on their results in their order; few of them are kept at a time.
+/// Does jobs as [`each`] does, and hands on their results in their order; few of them are held at a time.
 pub fn in_order<R: Send + Clone + Default>(
     count: usize,
     job: impl Fn(usize) -> R + Sync,

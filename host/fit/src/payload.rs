@@ -1,4 +1,4 @@
-//! What a link of a tree carries: its ten parameters from a run with it and runs without it.
+//! The load of a link of a tree: its ten parameters from a run with it and runs without it.
 //!
 //! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is rows over
 //! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).

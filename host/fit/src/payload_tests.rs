@@ -128,7 +128,7 @@ fn what_both_runs_share_cancels() {
     assert!(own.iter().sum::<f64>() < apart.iter().sum::<f64>(), "{own:?} {apart:?}");
 }
 
-/// What is left of two runs of the same arm is noise; what a body on the link does not explain is told.
+/// What is left of two runs of the same arm is noise; what a body on the link does not explain is reported.
 #[test]
 fn runs_that_differ_by_more_than_a_payload_are_told_and_widened() {
     let parameters = tree(2);

@@ -22,7 +22,7 @@ pub(super) use folding::SAMPLE;
 pub use folding::{Folded, MOST_NAMED};
 pub(super) use merging::difference;
 
-/// A disagreement less likely than this among runs of one body is told and scales the covariance.
+/// A disagreement less likely than this among runs of one body is reported and scales the covariance.
 const SURPRISING: f64 = 1e-4;
 
 /// A factor with its parameters and the runs that are in it.
@@ -46,13 +46,13 @@ pub struct PooledFactor {
     pub parameters: Vec<Parameter>,
     /// The model's ([`super::RowSource::model_fingerprint`]).
     pub model_fingerprint: u64,
-    /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
+    /// The share in columns of unit length that is no more than rounding ([`super::RowSource::rounding`]).
     pub rounding: f64,
     /// All rows, whitened by the noise that they have, those of each rig with the errors that its runs share.
     pub rigs: Vec<RigRows>,
     /// True if what was known of errors is in the rows, once a run: an older program wrote them.
     pub errors_inside: bool,
-    /// The runs that they came from.
+    /// The runs that they are from.
     pub sources: Vec<FactorSource>,
     /// Parameters that the rows determined and that were eliminated.
     pub eliminated: u64,

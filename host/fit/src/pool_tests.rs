@@ -252,9 +252,9 @@ fn beforehand(correlation: f64) -> DMatrix<f64> {
     DMatrix::from_fn(3, 3, |i, k| own(i, k) * SIGMA[i] * SIGMA[k])
 }
 
-/// What a run says by normal equations, its offsets eliminated: the information N on the ten parameters for
-/// given errors, these as they are without errors, what each error moves them by, and what the run by itself
-/// says of errors: information and right-hand side.
+/// The information of a run by normal equations, its offsets eliminated: the information N on the ten
+/// parameters for given errors, these as they are without errors, what each error moves them by, and what the
+/// run by itself says of errors: information and right-hand side.
 struct Dense {
     n: DMatrix<f64>,
     psi: DVector<f64>,

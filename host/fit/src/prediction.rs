@@ -12,7 +12,7 @@ use super::{
     Whitening, condition,
 };
 
-/// What parameters leave of a recording.
+/// The residuals of a recording by parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// Root mean square of the filtered residuals, one a channel, in its unit.
@@ -49,8 +49,9 @@ pub fn plain_least_squares(source: &dyn RowSource, progress: &dyn Progress) -> R
     Ok(factor.solve(source.rounding()).estimate)
 }
 
-/// Returns the factor of a source's rows, channels with so many σ per unfiltered sample: no row has less weight than another of its
-/// channel, and nothing is taken for an error of sensors. Without rows it is empty.
+/// Returns the factor of a source's rows, channels with the given σ per unfiltered sample: no row has less
+/// weight than another of its channel, and nothing is taken for an error of sensors. Without rows it is
+/// empty.
 ///
 /// # Errors
 /// [`FitError::Filter`] if the filter does not fit the rate.

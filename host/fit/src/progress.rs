@@ -1,12 +1,12 @@
 //! Progress of a long computation.
 
-/// Told what is being done.
+/// Receives what is being done.
 pub trait Progress {
     /// Takes the name of the present stage and its share that is done, 0 to 1; zero where that is not known.
     fn stage(&self, name: &str, share: f64);
 }
 
-/// Nobody is told.
+/// Nobody is informed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 

@@ -57,7 +57,7 @@ impl Reduction {
         if let Some(to) = self.rows.as_flattened_mut().get_mut(self.waiting * room..(self.waiting + 1) * room)
         {
             to[..count].copy_from_slice(&row[..count]);
-            // Where there is no right-hand side this is room that is not looked at.
+            // Where there is no right-hand side this is room that is not examined.
             to.iter_mut().skip(self.pivots).take(1).for_each(|to| *to = value);
         }
         self.waiting += 1;

@@ -4,7 +4,7 @@
 //! n repetitions say no more of them than one does, though residuals of two repetitions are as far apart as noise of no memory has. The
 //! period is that of the measured efforts; the residuals decide how much of them repeats.
 
-/// Instants that are looked at, at most.
+/// Instants that are examined, at most.
 const MOST: usize = 3000;
 /// A motion begins anew where the measured efforts are as alike as this, as a correlation,
 const ALIKE: f64 = 0.9;
@@ -15,7 +15,7 @@ const AS_GOOD: f64 = 0.02;
 /// Residuals that repeat less than this, as a correlation, are noise.
 const NOISE: f64 = 0.1;
 
-/// Returns every how many of this many row blocks one is looked at.
+/// Returns the step at which row blocks are examined, of the given number.
 pub(super) fn stride(blocks: usize) -> usize {
     blocks.div_ceil(MOST).max(1)
 }
@@ -64,7 +64,7 @@ fn correlation(values: &[f64], lag: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// Numbers that look drawn, from 0 to 1 (Knuth's MMIX generator).
+    /// Pseudo-random numbers from 0 to 1 (Knuth's MMIX generator).
     fn drawn(count: usize) -> Vec<f64> {
         let mut state = 7_u64;
         let mut next = || {

@@ -14,13 +14,13 @@ use super::{BlockResidual, Filter, RowBlocks};
 
 /// Row blocks of a stretch at most,
 const LONGEST: usize = 256;
-/// halved until so many stretches
+/// halved until this many stretches
 const FEWEST: usize = 4;
 /// hold this share of all.
 const LEAST_USED: f64 = 0.8;
-/// Where the filter leaves less than this share of white noise nothing is looked at.
+/// If the filter leaves less than this share of white noise, nothing is examined.
 const LEAST_GAIN: f64 = 0.01;
-/// There is motion where the mean square of what was measured is so many times that of the residuals.
+/// There is motion where the mean square of what was measured is this many times that of the residuals.
 const LEAST_RATIO: f64 = 3.0;
 
 /// A band of frequencies.

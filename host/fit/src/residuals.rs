@@ -4,7 +4,7 @@ use super::left_of_rows::CHUNK;
 use super::outliers::Weights;
 use super::{BlockResidual, Channel, RowBlocks, parallel};
 
-/// Returns the residuals of all row blocks against the values of all their columns, weighted as told.
+/// Returns the residuals of all row blocks against the values of all their columns, weighted as given.
 pub(super) fn residuals(
     blocks: &dyn RowBlocks,
     channels: usize,

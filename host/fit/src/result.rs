@@ -124,7 +124,7 @@ pub struct Forgotten {
     pub effective_s: f64,
 }
 
-/// The estimate as rows came in.
+/// The estimate as rows arrived.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Convergence {
     /// Time of the sample that completed the rows, s.
@@ -133,7 +133,7 @@ pub struct Convergence {
     pub parameters: Vec<Option<Measured>>,
 }
 
-/// What was known beforehand and is in the estimate.
+/// The prior knowledge that is in the estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prior {
     /// Each known value.
@@ -174,7 +174,8 @@ pub struct Fit {
     pub stated_noise: Vec<StatedNoise>,
     /// The errors of sensors and mounting that were estimated with the parameters and eliminated.
     pub nuisances: Vec<NuisanceFit>,
-    /// How these errors agree with what was known of them beforehand; `None` if the rows tell nothing of them.
+    /// The agreement of these errors with what was known of them beforehand; `None` if the rows tell nothing
+    /// of them.
     pub agreement: Option<Agreement>,
     /// The scores of these errors against what was known of them, in their order.
     pub error_scores: Option<ErrorScores>,
@@ -183,7 +184,7 @@ pub struct Fit {
     pub joint: Option<Gaussian>,
     /// Covariance that was added after the fit, by its source: a fixture taken off, several clocks.
     pub added: Vec<(String, DMatrix<f64>)>,
-    /// What a device made of the same samples by itself; `None` without one.
+    /// The device's own result from the same samples; `None` without one.
     pub device: Option<Box<Estimate>>,
     /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the signals.
     pub factor: Factor,
@@ -195,7 +196,7 @@ pub struct Fit {
     /// The rows that `estimate` solves with the errors that other recordings of the rig share as columns;
     /// `None` where these are not known apart. Known values are not in it.
     pub rig_rows: Option<RigRows>,
-    /// What in columns of unit length is no more than rounding ([`super::RowSource::rounding`]).
+    /// The share in columns of unit length that is no more than rounding ([`super::RowSource::rounding`]).
     pub rounding: f64,
     /// The model's ([`super::RowSource::model_fingerprint`]).
     pub model_fingerprint: u64,
@@ -220,11 +221,11 @@ pub struct Fit {
     pub filter: Filter,
     /// Samples and rows counted.
     pub counts: Counts,
-    /// What residuals say against the model; nothing where only a factor is at hand.
+    /// The evidence of the residuals against the model; nothing where only a factor is at hand.
     pub lack_of_fit: LackOfFit,
     /// The runs whose factors alone are in it, with what their own checks found; empty of a recording.
     pub runs: Vec<CheckedRun>,
-    /// What the answer rests on where older rows are forgotten.
+    /// The basis of the answer where older rows are forgotten.
     pub forgotten: Option<Forgotten>,
     /// The estimate on its way; empty where only a factor is at hand.
     pub convergence: Vec<Convergence>,

@@ -37,7 +37,7 @@ pub struct RigError {
 }
 
 impl RigError {
-    /// Returns true if the instrument has no name: what is stated of it stands for one, after a `#`.
+    /// Returns true if the instrument has no name: what is stated of it replaces one, after a `#`.
     pub fn is_unnamed(&self) -> bool {
         self.instrument.contains('#')
     }

@@ -12,11 +12,12 @@ use super::autocorrelation::Coloured;
 use super::outliers::Weights;
 use super::{Estimate, Factor, Filter, RowBlocks, Whitener, Whitening, parallel};
 
-/// Lags that products are made for; where noise lasts for more rows, so many are summed first.
+/// Lags that products are made for; where noise lasts for more rows, this many are summed first.
 const MOST_LAGS: usize = 250;
-/// Numbers that are looked at, shared out evenly over the recording: 60 000 row blocks of a body with its offset.
+/// Numbers that are examined, shared out evenly over the recording: 60 000 row blocks of a body with its
+/// offset.
 const MOST_NUMBERS: usize = 60_000 * 6 * 16;
-/// Most pieces that a long recording in one part is looked at in.
+/// Most pieces that a long recording in one part is examined in.
 const MOST_PIECES: usize = 64;
 /// Sums of rows that are taken side by side.
 const TILE: usize = 32;
@@ -25,11 +26,11 @@ const LEAST_DIRECTION: f64 = 1e-10;
 /// Iterations for each column after which singular values are given up; two or three do.
 const MOST_SWEEPS: usize = 100;
 
-/// Covariances of the scores of all columns, of the rows that were looked at.
+/// Covariances of the scores of all columns, of the rows that were examined.
 pub(super) struct Sandwich {
     white: DMatrix<f64>,
     found: DMatrix<f64>,
-    /// All rows by those that were looked at.
+    /// All rows by those that were examined.
     share: f64,
     /// The variance of the slowest part of the noise by that of white noise.
     most: f64,
@@ -42,7 +43,7 @@ pub(super) struct SlowNoise<'a> {
     pub weights: &'a Weights,
     /// Variance of each channel before the filter that the covariance assumes.
     pub variance: &'a [f64],
-    /// What residuals show.
+    /// The findings in the residuals.
     pub coloured: &'a [Coloured],
 }
 
@@ -99,7 +100,7 @@ impl Sandwich {
     }
 
     /// Returns the rows of a factor of all columns as noisy as the sandwich says, whose variance is `scale`
-    /// times that of the rows that were looked at.
+    /// times that of the rows that were examined.
     pub(super) fn noisier(&self, rows: &Factor, scale: f64) -> Factor {
         let n = rows.parameters();
         let r = rows.r();
@@ -164,7 +165,7 @@ impl<'a> Noise<'a> {
         self.longest().div_ceil(MOST_LAGS).max(1)
     }
 
-    /// Returns the row blocks that are looked at, in each of so many parts.
+    /// Returns the row blocks that are used, in each of the given number of parts.
     fn most_blocks(&self, columns: usize, parts: usize) -> usize {
         let block = (self.variance.len() * columns).max(1);
         (MOST_NUMBERS / block / parts.max(1)).max(4 * self.longest())
@@ -246,7 +247,7 @@ impl Scores {
     }
 }
 
-/// Returns the blocks that are looked at: the beginning of every part, or of every piece of a single part.
+/// Returns the blocks that are examined: the beginning of every part, or of every piece of a single part.
 fn pieces(blocks: &dyn RowBlocks, noise: &Noise, n: usize) -> Vec<std::ops::Range<usize>> {
     let cut = |part: &std::ops::Range<usize>, length: usize| part.start..part.end.min(part.start + length);
     if blocks.parts().len() > 1 {

@@ -1,4 +1,4 @@
-//! Noise of the signals that coefficients are made of: it stands in the rows, and does not average out there.
+//! Noise of the signals that coefficients are made of: it is in the rows, and does not average out there.
 //!
 //! With rows `A + Δ` in place of A, the residual of the truth is `w − Δ φ`: its covariance has, beside that of the measured
 //! side, `Σ_s(φ) = E[Δφ (Δφ)ᵀ]`, which weights are made of. And the normal equations have the expectation
@@ -6,8 +6,9 @@
 //! in System Identification, 2018, bias-eliminating least squares). Both are found by noise of the same size and either sign
 //! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
 //!
-//! Where the measured side is made of the same signals, as the forces of springs are of poses, it has the noise δ: the residual is
-//! `w + δ − Δ φ`, and the normal equations have `Δᵀ W δ` too. So it is a last column of the noise, of the parameter −1.
+//! If the measured side is made of the same signals, as the forces of springs are of poses, it has the noise
+//! δ: the residual is `w + δ − Δ φ`, and the normal equations have `Δᵀ W δ` too. So it is a last column of
+//! the noise, of the parameter −1.
 
 use std::ops::{AddAssign as _, Range};
 use std::sync::{Mutex, PoisonError};
@@ -21,9 +22,9 @@ use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
 use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, parallel};
 
-/// Longer recordings are looked at in their middle.
+/// Longer recordings are examined in their middle.
 const LONGEST: usize = 20_000;
-/// Shorter ones are looked at so often that there are about as many row blocks.
+/// Shorter ones are examined so often that there are about as many row blocks.
 const LEAST_BLOCKS: usize = 2_000;
 /// Most repetitions.
 const MOST_REPETITIONS: usize = 8;
@@ -32,7 +33,7 @@ const MOST_PRODUCTS: usize = 100_000_000;
 /// Columns of noise are made anew where what is predicted moves by more than this: their squares have a sampling error of
 /// some per cent.
 const NEAR: f64 = 0.01;
-/// Lags of the rows that coloured noise is looked at.
+/// Lags of the rows that coloured noise is examined.
 const CORRELATED_LAGS: usize = 200;
 /// Samples by which it is seen whether noise is felt at all,
 const TRIAL: usize = 500;
@@ -45,7 +46,8 @@ pub(super) struct RowNoise<'a> {
     /// Row blocks of the whole recording.
     blocks: f64,
     measured: Vec<Band>,
-    /// `2 Σ ρ²` of noise that is not white before the filter: its squares are so much less independent. Zero of white noise.
+    /// `2 Σ ρ²` of noise that is not white before the filter: its squares are this much less independent.
+    /// Zero of white noise.
     correlated: f64,
     /// Gram matrix of the rows.
     gram: DMatrix<f64>,
@@ -57,7 +59,7 @@ pub(super) struct RowNoise<'a> {
 
 /// Columns of nuisance parameters in the rows with noise of either sign, by groups and repetitions.
 struct Kept {
-    /// What they are linearised about.
+    /// The point that they are linearised about.
     phi: Vec<f64>,
     sensitivities: Vec<Vec<Option<[Sensitivities; 2]>>>,
 }

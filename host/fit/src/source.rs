@@ -10,10 +10,10 @@ use super::{
     StatedNoise, condition,
 };
 
-/// How the samples of a source follow one another.
+/// The timing by which the samples of a source follow one another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Timing {
-    /// Each sample stands for itself: still poses, known values. Nothing is filtered.
+    /// Each sample represents itself: still poses, known values. Nothing is filtered.
     Static,
     /// Samples at a constant rate, filtered together.
     Uniform {
@@ -105,7 +105,7 @@ pub trait RowSource: Send + Sync {
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection>;
 
     /// Returns what in columns of unit length is no more than rounding of the model: parameters that differ by less are
-    /// not told apart.
+    /// not distinguished.
     fn rounding(&self) -> f64 {
         f64::EPSILON * self.parameters().len() as f64
     }
@@ -190,14 +190,14 @@ pub trait RowSource: Send + Sync {
     }
 
     /// Returns how many of the errors, the first ones, rows tell of. Others are only counted: an estimate is that for no such error, and its
-    /// covariance has what these may move. Where noise of the signals stands in the columns of errors as in the measured side, an error
-    /// that all have in common would explain the noise.
+    /// covariance has what these may move. Where noise of the signals is in the columns of errors as in the
+    /// measured side, an error that all have in common would explain the noise.
     fn told_errors(&self) -> usize {
         usize::MAX
     }
 
     /// Returns true if the noise of the signals is white before the rows are filtered. What other noise leaves in the residuals, where it
-    /// counts, looks like a part that swings or a body that changes, and is not taken for one.
+    /// counts, resembles a part that swings or a body that changes, and is not taken for one.
     fn signal_noise_is_white(&self) -> bool {
         true
     }

@@ -8,7 +8,7 @@ use super::Parameter;
 const REGROUPED: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
 
 /// Returns the place among a link's ten parameters of what is called `quantity`: `mcx`, `MSx`; not those with a prime,
-/// which stand in other axes.
+/// which are in other axes.
 fn place(quantity: &str) -> Option<usize> {
     let among = |names: &[&str]| names.iter().position(|name| *name == quantity);
     among(&PARAMETER_NAMES[..10]).or_else(|| among(&REGROUPED))

@@ -197,7 +197,7 @@ impl Tare {
         let difference = pool::difference(fixture, &inertial);
         let geometry = self.pooled.model_fingerprint == fit.model_fingerprint;
         if !geometry || !difference.missing.is_empty() || !difference.changed.is_empty() {
-            // The run's against the fixture's is told the other way about.
+            // The run's against the fixture's is stated the other way about.
             let difference = pool::ModelDifference {
                 missing: Vec::new(),
                 foreign: difference.missing,
@@ -257,7 +257,7 @@ fn links_of(fit: &Fit) -> Vec<&str> {
     links
 }
 
-/// What a fixture adds to each of a run's parameters; `None` where it is not determined.
+/// Returns what a fixture adds to each of a run's parameters; `None` where it is not determined.
 fn taken_off(fixture: &Estimate, map: &DMatrix<f64>) -> Vec<Option<Measured>> {
     map.row_iter()
         .map(|row| {

@@ -15,7 +15,7 @@ const SETTLED: f64 = 1e-6;
 pub(super) struct Components {
     /// θ, one a component.
     pub(super) variance: Vec<f64>,
-    /// Standard deviations of θ for so many independent samples.
+    /// Standard deviations of θ for the given number of independent samples.
     pub(super) deviation: Vec<f64>,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct Sample<'a> {
     pub(super) covariance: &'a DMatrix<f64>,
     /// Number of independent ones.
     pub(super) count: f64,
-    /// What each component of unit variance adds, C × C, symmetric and positive semidefinite.
+    /// The addition of each component of unit variance, C × C, symmetric and positive semidefinite.
     pub(super) components: Vec<DMatrix<f64>>,
 }
 

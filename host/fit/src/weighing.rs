@@ -1,4 +1,5 @@
-//! What rows are weighed by: the covariance of all noise, and what noise in the coefficients adds to the normal equations.
+//! The weights of rows: the covariance of all noise, and what noise in the coefficients adds to the normal
+//! equations.
 
 use nalgebra::DMatrix;
 
@@ -6,9 +7,11 @@ use super::residual_spectrum::{Band, bands};
 use super::variance_components::{Sample, explain};
 use super::{BlockResidual, Estimate, Filter, SignalNoise, Whitening};
 
-/// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
+/// A parameter counts in the covariance of the noise if it differs from zero by this many standard
+/// deviations.
 const SIGNIFICANT_SD: f64 = 2.0;
-/// A variance that residuals and differences both show is no larger than so many standard deviations above the residuals'.
+/// A variance that residuals and differences both show is no larger than this many standard deviations above
+/// the residuals'.
 const CERTAIN_SD: f64 = 3.0;
 
 /// Noise of a group of unit σ, per sample: `white + ω² rising`, C × C each.
@@ -31,7 +34,7 @@ pub(super) struct Weighing {
     pub(super) whitening: Whitening,
 }
 
-/// What an estimate leaves.
+/// The residuals of an estimate.
 pub(super) struct Residuals {
     /// By bands of frequency.
     pub(super) bands: Vec<Band>,
@@ -40,7 +43,7 @@ pub(super) struct Residuals {
 }
 
 impl Weighing {
-    /// Returns the weighing by σ of the channels alone; a row stands for `every` samples.
+    /// Returns the weighing by σ of the channels alone; a row represents `every` samples.
     pub(super) fn diagonal(sigma: Vec<f64>, every: f64) -> Self {
         let weights: Vec<f64> = sigma.iter().map(|s| every.sqrt() / s).collect();
         let whitening = Whitening::diagonal(&weights);

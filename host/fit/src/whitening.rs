@@ -13,7 +13,8 @@ const LEAST_POLE: f64 = 0.02;
 /// Time constants after which a low-pass has forgotten where it started.
 const SETTLED: f64 = 10.0;
 
-/// What the rows of a block are multiplied by, C × C, and the time constants of the low-pass of each channel after that.
+/// The matrix that multiplies the rows of a block, C × C, and the time constants of the low-pass of each
+/// channel after that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Whitening {
     channels: usize,

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// What is to be done, in order.
+/// The tasks, in order.
 enum Task {
     Write(Vec<u8>),
     Flush,

@@ -131,7 +131,8 @@ pub fn union(factors: Vec<PooledFactor>, shared_offsets: bool) -> Result<Union, 
     Ok(Union { factor: PooledFactor::merged(once.collect(), shared_offsets)?, repeated, given })
 }
 
-/// Returns the factors of files as one, on all cores; few are in memory at a time. `done` is told how much is read, of how much.
+/// Returns the factors of files as one, on all cores; few are in memory at a time. `done` receives how much
+/// is read, of how much.
 ///
 /// # Errors
 /// As [`union`] and [`Part::read`]; a file that changes meanwhile is named.

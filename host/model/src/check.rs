@@ -1,4 +1,4 @@
-//! What is strange about the inertias of a robot description: impossible ones, and ones that are in another frame, unit
+//! Suspicious inertias of a robot description: impossible ones, and ones that are in another frame, unit
 //! or place than they should be.
 
 mod conventions;
@@ -26,7 +26,7 @@ pub const DENSEST: f64 = 22_590.0;
 /// Less than of anything that a link is made of, its hollows counted, kg/m³.
 const LIGHTEST: f64 = 2.0;
 
-/// What was looked at, and what was found.
+/// The checked parts, and the findings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checked {
     /// The model's name.
@@ -35,14 +35,14 @@ pub struct Checked {
     pub links: usize,
     /// Sum of the masses, kg.
     pub mass_kg: f64,
-    /// What is strange.
+    /// The suspicious findings.
     pub findings: Vec<Finding>,
-    /// What its file states and is not used here; it says nothing against the links.
+    /// The statements of its file that are not used here; they say nothing against the links.
     pub not_used: Vec<Finding>,
 }
 
-/// Looks at a model; `text` is that of its URDF, MJCF or SDF, if it has one, and `path` the place that its
-/// meshes are looked for from.
+/// Checks a model; `text` is that of its URDF, MJCF or SDF, if it has one, and `path` the place that its
+/// meshes are searched for from.
 #[must_use]
 pub fn check(model: &Model, text: Option<&str>, path: &Path) -> Checked {
     let (not_used, mut findings): (Vec<Finding>, Vec<Finding>) =
@@ -111,7 +111,7 @@ fn sizes(model: &Model) -> Vec<Finding> {
         let Some(phi) = &link.nominal else { continue };
         let own = body(phi);
         let mut say = |text: String| found.push(Finding { place: format!("link {}", link.name), text });
-        // What no body has is told elsewhere.
+        // What no body has is reported elsewhere.
         if impossibility(phi).is_some() {
             continue;
         }

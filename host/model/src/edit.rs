@@ -23,10 +23,10 @@ pub struct Place {
 
 impl Model {
     /// Makes joints fixed: `JOINT` at zero, `JOINT=VALUE` at an angle, rad, or a length, m. Who follows a joint that is locked is
-    /// locked with it where it then stands, if it is not among them itself.
+    /// locked with it where it then is, if it is not among them itself.
     ///
     /// # Errors
-    /// [`ModelError::Option`] if there is no such joint, or it cannot stand there.
+    /// [`ModelError::Option`] if there is no such joint, or it cannot be there.
     pub fn lock(&mut self, joints: &[String]) -> Result<(), ModelError> {
         let given = joints.iter().map(|words| self.locked(words)).collect::<Result<Vec<_>, _>>()?;
         let own: Vec<&str> = given.iter().map(|(name, _)| *name).collect();
@@ -41,7 +41,7 @@ impl Model {
         Ok(())
     }
 
-    /// A joint's name and where it stands, of `JOINT` or `JOINT=VALUE`.
+    /// Returns a joint's name and position, of `JOINT` or `JOINT=VALUE`.
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such joint, or the value is no number.
@@ -98,8 +98,8 @@ impl Model {
         Ok(())
     }
 
-    /// Moves the zero of the joint on which link `i` hangs to where it stood at `value`, rad or m: `q` is then what `q + value` was.
-    /// Joints of other than one freedom stay.
+    /// Moves the zero of the joint on which link `i` hangs to where it was at `value`, rad or m: `q` is then
+    /// what `q + value` was. Joints of other than one freedom stay.
     pub fn move_zero(&mut self, i: usize, value: f64) {
         let Some(ModelLink { link, .. }) = self.links.get_mut(i).filter(|_| value != 0.0) else { return };
         match link.joint {

@@ -1,4 +1,4 @@
-//! What is wrong with a model, and what is only strange.
+//! The faults of a model, and what is only suspicious.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ pub enum ModelError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The message of the system.
         source: std::io::Error,
     },
     /// A file cannot be written, or is there already.
@@ -25,7 +25,7 @@ pub enum ModelError {
     Syntax {
         /// The file's name.
         what: String,
-        /// What the reader says.
+        /// The message of the reader.
         reason: String,
     },
     /// There is no model of this name.
@@ -39,7 +39,7 @@ pub enum ModelError {
     Structure {
         /// The model's name.
         what: String,
-        /// What, where, and what to do.
+        /// The problem, its place, and the advice.
         problem: String,
     },
     /// An option that does not fit the model.
@@ -52,7 +52,7 @@ pub enum ModelError {
 pub struct Finding {
     /// The link or joint.
     pub place: String,
-    /// What is strange, and what it means.
+    /// The suspicious part, and its meaning.
     pub text: String,
 }
 

@@ -21,14 +21,14 @@ use super::human_segments::{ANKLE, HIP, Part, SHOULDER, segment};
 use super::inertial::{Parameters, in_parent};
 use super::tree::{Model, ModelLink};
 
-/// Whom to model.
+/// The person to model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Person {
     /// Stature, m.
     pub height_m: f64,
     /// Mass, kg.
     pub mass_kg: f64,
-    /// Whose means to take.
+    /// The sex whose means are taken.
     pub sex: Sex,
     /// Lengths known otherwise, m: `thigh`, `shank`, `foot`, `upper_arm`, `forearm`, `hand`, `head`, `upper_trunk`,
     /// `middle_trunk`, `lower_trunk`, `shoulder_width`, `hip_width`, `ankle_height`.
@@ -44,7 +44,7 @@ impl Default for Person {
 /// From small children to the tallest and heaviest people known.
 const HEIGHTS_M: [f64; 2] = [0.4, 2.8];
 const MASSES_KG: [f64; 2] = [2.0, 650.0];
-/// No segment is so many times longer or shorter than the table's for the stature.
+/// No segment is this many times longer or shorter than the table's for the stature.
 const ODD_LENGTH: f64 = 3.0;
 
 const LENGTHS: [&str; 13] = [
@@ -83,8 +83,8 @@ const ULNA: f64 = 0.5;
 
 /// The plane of the pelvis' four spines leans forward so far in standing, rad (10°); the table's axis of the lower trunk is the vertical.
 pub const PELVIS_TILT: f64 = 0.175;
-/// How far the lowest joint of the spine is behind the hips in the axes of the four spines, over the stature: 35 mm at 1.80 m (30 mm in
-/// S. Delp et al. 1990).
+/// The distance of the lowest joint of the spine behind the hips in the axes of the four spines, over the
+/// stature: 35 mm at 1.80 m (30 mm in S. Delp et al. 1990).
 pub const SPINE_BEHIND: f64 = 0.0194;
 
 struct Builder {
@@ -330,7 +330,7 @@ impl Builder {
         self.links.len() - 1
     }
 
-    /// Where the lowest joint of the spine is in the pelvis, m.
+    /// Returns where the lowest joint of the spine is in the pelvis, m.
     fn lowest_joint(&self) -> Vector3<f64> {
         Vector3::new(-SPINE_BEHIND * self.person.height_m, 0.0, self.length(Part::LowerTrunk))
     }

@@ -10,7 +10,7 @@
 //!
 //! They are means of young adults: a nominal guess, no measurement of anybody.
 
-/// Whose means.
+/// The sex of the means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sex {
     /// Women's: mean stature 1.735 m, 61.9 kg.

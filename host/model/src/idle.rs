@@ -6,11 +6,11 @@ use rigident_shared::tree::Joint;
 use super::finding::Finding;
 use super::tree::Model;
 
-/// Sample-to-sample noise beyond this is none of an encoder's or an attitude's, rad, and of what slides, m: what looks white
-/// then is motion too fast for the recording.
+/// Sample-to-sample noise beyond this is none of an encoder's or an attitude's, rad, and of what slides, m:
+/// what appears white then is motion too fast for the recording.
 const LARGEST_NOISE: f64 = 0.02;
 const LARGEST_NOISE_M: f64 = 2e-3;
-/// What leaves its mean by so many times the noise, 1 σ, does not stay.
+/// A signal that leaves its mean by this many times the noise, 1 σ, does not stay.
 pub const DEVIATION: f64 = 3.0;
 /// A gyro at rest may read as much, rad/s.
 const BIAS_RADPS: f64 = 0.05;
@@ -26,7 +26,7 @@ pub fn white_noise(values: &[f64]) -> f64 {
     if count > 0.0 { (sum / (70.0 * count)).sqrt() } else { 0.0 }
 }
 
-/// How a series spreads about its mean, and how much of that is white noise.
+/// The spread of a series about its mean, and how much of that is white noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Its mean.
@@ -47,7 +47,7 @@ impl Spread {
     }
 }
 
-/// Whether something stays where it is: exactly, or in time as far as its own noise shows.
+/// Returns whether something stays where it is: exactly, or in time as far as its own noise shows.
 fn stays(values: &[f64], in_time: bool, largest_noise: f64) -> bool {
     if values.windows(2).all(|w| matches!(w, [a, b] if a == b)) {
         return true;

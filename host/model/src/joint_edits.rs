@@ -1,4 +1,4 @@
-//! Places of joints written into a URDF that is kept.
+//! Places of joints written into a URDF that is retained.
 
 use std::mem::discriminant;
 

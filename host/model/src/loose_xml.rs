@@ -80,7 +80,7 @@ fn find(bytes: &[u8], what: &str) -> Option<usize> {
     bytes.windows(what.len()).position(|window| window == what.as_bytes())
 }
 
-/// Whether bytes begin with one of the entities that XML has.
+/// Returns whether bytes begin with one of the entities that XML has.
 fn is_entity(bytes: &[u8]) -> bool {
     let own = ["&amp;", "&lt;", "&gt;", "&quot;", "&apos;", "&#"];
     own.iter().any(|entity| bytes.starts_with(entity.as_bytes()))

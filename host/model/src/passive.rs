@@ -1,4 +1,4 @@
-//! What a joint does by itself: rotor inertia, friction and springs, as robot descriptions state them.
+//! The passive parameters of a joint: rotor inertia, friction and springs, as robot descriptions state them.
 
 use rigident_shared::tree::Joint;
 
@@ -7,7 +7,8 @@ use super::xml::Language;
 /// Numbers that were multiplied by a gear ratio and divided by it again differ by no more, relative.
 const ROUNDING: f64 = 1e-12;
 
-/// What one axis of a joint adds to the effort that the links need: `armature · q̈ + damping · q̇ + friction · sign q̇ +
+/// The addition of one axis of a joint to the effort that the links need:
+/// `armature · q̈ + damping · q̇ + friction · sign q̇ +
 /// stiffness · (q − spring_reference)`. All are zero where a file says nothing.
 ///
 /// A ball has one for its three freedoms. Units are those of a turning joint; a sliding one has m for rad and N for N m.
@@ -21,7 +22,7 @@ pub struct Passive {
     pub friction: f64,
     /// Stiffness of a spring, N m/rad.
     pub stiffness: f64,
-    /// Where that spring is slack, rad from the model's zero.
+    /// The position where that spring is slack, rad from the model's zero.
     pub spring_reference: f64,
 }
 

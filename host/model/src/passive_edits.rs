@@ -1,4 +1,4 @@
-//! Friction, rotors and springs of joints written into a file that is kept.
+//! Friction, rotors and springs of joints written into a file that is retained.
 
 use std::mem::discriminant;
 
@@ -23,7 +23,7 @@ pub(super) struct Changed<'a> {
 }
 
 /// Returns the axes of which a model says something else than `file`, what a file says of it. Joints that are of another kind
-/// there, as those that were locked, are left out: of them the file is kept.
+/// there, as those that were locked, are left out: of them the file is left as it is.
 pub(super) fn changed<'a>(model: &'a Model, file: &Model, language: Language) -> Vec<Changed<'a>> {
     let mut found = Vec::new();
     for link in model.links.iter().skip(1) {

@@ -9,7 +9,7 @@ use super::passive::Passive;
 use super::tree::Model;
 use super::xml::Language;
 
-/// What the first lines of a table say.
+/// The first lines of a table.
 const HEAD: [&str; 4] = [
     "# What joints do by themselves: effort = armature * acceleration + damping * rate + friction * sign(rate)",
     "# + stiffness * (position - spring_reference), in kg m2, N m s/rad, N m, N m/rad and rad, of joints that slide in",

@@ -1,4 +1,4 @@
-//! Rotors, friction and springs of joints are read, kept and written.
+//! Rotors, friction and springs of joints are read, stored and written.
 
 use super::passive::Passive;
 use super::xml::Language;

@@ -8,9 +8,10 @@ use rigident_shared::tree::Joint;
 use super::inertial::{Parameters, impossibility};
 use super::tree::Model;
 
-/// Density of the balls that stand in for inertias of zero, kg/m³: water's.
+/// Density of the balls that replace inertias of zero, kg/m³: water's.
 const DENSITY: f64 = 1000.0;
-/// The least second moment of a mended body over its largest: a plate whose thickness is a tenth of its width.
+/// The least second moment of a repaired body over its largest: a plate whose thickness is a tenth of its
+/// width.
 const FLATTEST: f64 = 0.01;
 /// Second moments that are negative by less, relative to the largest, are flat ones that were rounded.
 const ROUNDED: f64 = 0.01;
@@ -45,14 +46,14 @@ fn mended(phi: &Parameters, rounded_only: bool) -> Option<(Parameters, String)> 
     impossibility(&new).is_none().then_some((new, text))
 }
 
-/// What was done to a link whose inertia no body has.
+/// The repair of a link whose inertia no body has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repair {
     /// The link.
     pub link: String,
     /// Why no body has its inertia.
     pub why: String,
-    /// What is taken instead, in words; `None` where nothing near it is a body's, and it stays as it is.
+    /// The replacement, in words; `None` where nothing near it is a body's, and it stays as it is.
     pub taken: Option<String>,
     /// Norm of the change of the tensor about the centre of mass over that of the tensor.
     pub change: f64,
@@ -86,8 +87,9 @@ impl Model {
 
     /// Returns the inertias of all links as bodies have them, and what was found of those that none has: a link's index and why.
     ///
-    /// What is fixed together is judged as one. If that is a body, each link of it is mended, or left out where it has moments and
-    /// no mass; otherwise only what was rounded is. What cannot be mended stays as it is, and [`impossibility`] says why.
+    /// What is fixed together is judged as one. If that is a body, each link of it is repaired, or left out
+    /// where it has moments and no mass; otherwise only what was rounded is. What cannot be repaired stays as
+    /// it is, and [`impossibility`] says why.
     #[must_use]
     pub fn possible(&self) -> (Vec<Option<Parameters>>, Vec<(usize, String)>) {
         let welded = self.welded();

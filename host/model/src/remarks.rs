@@ -1,4 +1,4 @@
-//! What a file that was written of a model does not say as the model does.
+//! The statements of a model that a file written of it does not make as the model does.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use super::sdf::generated::Said;
 use super::tree::{Model, ModelLink};
 use super::xml::Language;
 
-/// What whoever reads a file of a model should know: what it does not say as the model does, or only some readers read.
-/// `locked` are the joints, `JOINT` or `JOINT=VALUE`, that were locked in it.
+/// Returns what whoever reads a file of a model should know: what it does not say as the model does, or only
+/// some readers read. `locked` are the joints, `JOINT` or `JOINT=VALUE`, that were locked in it.
 pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[String]) -> Vec<String> {
     let language = Language::of_path(path);
     let mut said = Vec::new();
@@ -50,7 +50,7 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         }
     }
     if is_kept {
-        // The rest of it is kept.
+        // The rest of it is left as it is.
         return said;
     }
     say("holds links, joints, inertias and what its language says of friction; shapes, limits and whatever else the model's file may have are left out".to_owned());

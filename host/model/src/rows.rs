@@ -1,8 +1,9 @@
 //! The rows of a model in motion, from numbers for its joints.
 //!
-//! Coordinates stand in the order of the links: an angle (rad) or length (m) each, two angles for a universal joint, a
-//! quaternion w, x, y, z for a spherical one, position and quaternion for a free one. Rates likewise: rad/s or m/s, a
-//! spherical joint's angular rate in link axes, a free joint's velocity of the origin and angular rate, in link axes.
+//! Coordinates are in the order of the links: an angle (rad) or length (m) each, two angles for a universal
+//! joint, a quaternion w, x, y, z for a spherical one, position and quaternion for a free one. Rates
+//! likewise: rad/s or m/s, a spherical joint's angular rate in link axes, a free joint's velocity of the
+//! origin and angular rate, in link axes.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rigident_shared::tree::motion::{self, BaseMotion, LinkState, Screw};

@@ -1,4 +1,4 @@
-//! How long rows and base parameters take, and how long Pinocchio takes for the same.
+//! The time that rows and base parameters take, and that which Pinocchio takes for the same.
 //!
 //! Lives here: the trees that are timed, ours and theirs under one clock in one run. Pinocchio's figure is its
 //! `computeJointTorqueRegressor`, called from Python, less the same call on an empty model: so what Python costs is out.
@@ -18,9 +18,9 @@ use super::finding::ModelError;
 use super::rows::Moving;
 use super::tree::Model;
 
-/// What asks Pinocchio.
+/// The script that asks Pinocchio.
 const SCRIPT: &str = include_str!("speed_pinocchio.py");
-/// Each figure is the best of so many: what else runs only slows down.
+/// Each figure is the best of this many: what else runs only slows down.
 const TRIES: usize = 25;
 /// Calls in a try.
 const CALLS: usize = 200;
@@ -36,7 +36,7 @@ pub struct Timed {
     pub unit_changes_us: f64,
     /// Base parameters from scratch, both ways, ms.
     pub base_parameters_ms: f64,
-    /// How many there are.
+    /// The number of them.
     pub count: usize,
 }
 
@@ -104,8 +104,8 @@ pub fn time(model: &Model, floating: bool) -> Result<Timed, ModelError> {
     })
 }
 
-/// A tree whose size and shape are those of a kind of robot, as URDF: limbs of so many revolute joints each, the first
-/// ones of which may hang on the end of the first limb.
+/// A tree whose size and shape are those of a kind of robot, as URDF: limbs of the given number of revolute
+/// joints each, the first ones of which may hang on the end of the first limb.
 fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
     let mut links = String::new();
     let mut joints = String::new();

@@ -217,7 +217,7 @@ fn what_is_fixed_together_is_judged_as_one_body_and_mended() {
         assert_eq!(inertial::impossibility(&plate.unwrap()), None);
         let (sound, told) = model(1.0, [1.0; 3], kind);
         assert!(told.is_empty() && sound.is_some(), "{told}");
-        // A whole body's impossible inertia is nobody's to mend.
+        // A whole body's impossible inertia is not to be repaired.
         let (negative, told) = model(1.0, [-0.01, 0.01, 0.01], kind);
         let is_mended = inertial::impossibility(&negative.unwrap()).is_none();
         assert_eq!((is_mended, told.contains("is taken as")), (kind == "fixed", kind == "fixed"), "{told}");
@@ -285,7 +285,7 @@ fn a_urdf_is_read_where_only_what_nobody_uses_is_wrong() {
     assert_eq!(follows.links[2].mimic.as_ref().unwrap().leader, "ab");
 }
 
-/// Oracle: inverse dynamics of the tree whose joints stand there.
+/// Oracle: inverse dynamics of the tree whose joints are there.
 #[test]
 fn joints_are_locked_where_they_stand_and_their_followers_with_them() {
     use super::dynamics::inverse_dynamics;
@@ -350,7 +350,7 @@ fn people_have_the_lengths_of_people() {
     assert!(with(&[("thigh", 0.5), ("hand", 0.1)]).human34().is_ok());
 }
 
-/// As Pinocchio reads them; each is kept but for its inertias.
+/// As Pinocchio reads them; each is left as it is but for its inertias.
 #[test]
 fn a_urdf_that_is_no_xml_is_read_and_kept_as_it_is() {
     let body = format!("{}{}{}", link("a"), link("b"), joint("ab", "a", "b", ""));

@@ -14,7 +14,7 @@ use super::xml::{
 
 /// The namespace of these words.
 const NAMESPACE: &str = "http://drake.mit.edu";
-/// What declares it in a first tag.
+/// The text that declares it in a first tag.
 pub(super) const DECLARED: &str = " xmlns:drake=\"http://drake.mit.edu\"";
 
 /// Returns the actuator and the joint's name of every transmission of one joint and one actuator.

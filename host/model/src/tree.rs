@@ -32,16 +32,16 @@ pub struct ModelLink {
     pub name: String,
     /// Name of its joint; empty for the base.
     pub joint_name: String,
-    /// Parent and joint. The first link is the base; its own joint is not looked at.
+    /// Parent and joint. The first link is the base; its own joint is not examined.
     pub link: Link<f64>,
-    /// What the model says of its inertia, link axes, about the link's origin. `None` if it has no mass there and may have one;
-    /// [`NO_BODY`] if it is nothing but the place where two joints of one body meet.
+    /// The model's statement of its inertia, link axes, about the link's origin. `None` if it has no mass
+    /// there and may have one; [`NO_BODY`] if it is nothing but the place where two joints of one body meet.
     pub nominal: Option<Parameters>,
     /// Names of links that are rigidly one with it.
     pub welded: Vec<String>,
     /// The joint it follows.
     pub mimic: Option<Mimic>,
-    /// What its joint does by itself, by axis; only a universal joint has a second one.
+    /// The passive parameters of its joint, by axis; only a universal joint has a second one.
     pub passive: [Passive; 2],
     /// Limits of its joint, of one freedom.
     pub limits: Limits,
@@ -63,7 +63,7 @@ impl ModelLink {
         Self { name, joint_name, link, nominal, welded: Vec::new(), mimic: None, passive, limits }
     }
 
-    /// Whether there can be mass: it is more than a place where two joints of one body meet.
+    /// Returns whether there can be mass: it is more than a place where two joints of one body meet.
     pub fn is_body(&self) -> bool {
         self.nominal != Some(NO_BODY)
     }
@@ -76,7 +76,7 @@ pub struct Model {
     pub name: String,
     /// The links, base first.
     pub links: Vec<ModelLink>,
-    /// What is strange about it.
+    /// The suspicious findings about it.
     pub findings: Vec<Finding>,
     /// Gravity that its file states, m/s², axes of the world; `None` where it states none.
     pub gravity_mps2: Option<[f64; 3]>,
@@ -244,7 +244,7 @@ impl Model {
         Ok(())
     }
 
-    /// Looks at what joints do by themselves.
+    /// Checks what joints do by themselves.
     ///
     /// # Errors
     /// [`ModelError::Structure`] if a number is not finite.
@@ -414,7 +414,7 @@ impl Model {
         self.links.iter().flat_map(|l| l.nominal.unwrap_or([0.0; 10])).collect()
     }
 
-    /// How many joints move, of each kind.
+    /// Returns how many joints move, of each kind.
     pub fn kinds(&self) -> Vec<(&'static str, usize)> {
         let mut kinds = Vec::new();
         let kind = |j: &Joint<f64>| match j {

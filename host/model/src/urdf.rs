@@ -128,8 +128,8 @@ fn joints<'a, 'i>(
     Ok(held)
 }
 
-/// Reads a link and the joint that holds it, if one does; before it stand the links that are no bodies, if its joint becomes
-/// several.
+/// Reads a link and the joint that holds it, if one does; before it are the links that are no bodies, if its
+/// joint becomes several.
 fn raw_links(
     link: &Node,
     joint: Option<&Node>,
@@ -253,7 +253,7 @@ fn number(node: &Node, attribute: &str) -> Option<f64> {
     node.attribute(attribute)?.trim().parse().ok()
 }
 
-/// Returns three numbers that [`fault`] has looked at.
+/// Returns three numbers that [`fault`] has checked.
 pub(super) fn three(node: &Node, attribute: &str) -> Option<[f64; 3]> {
     let words = node.attribute(attribute)?.split_whitespace();
     words.map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()?.try_into().ok()

@@ -1,4 +1,4 @@
-//! What a URDF must have before it is read, and where it has not.
+//! The parts that a URDF must have before it is read, and where it has not.
 
 use roxmltree::Node;
 
@@ -34,7 +34,7 @@ pub(super) fn fault(robot: &Node) -> Option<String> {
     None
 }
 
-/// Whether a text that can be read as a URDF still holds elements of xacro.
+/// Returns whether a text that can be read as a URDF still holds elements of xacro.
 pub(super) fn has_macro_elements(text: &str) -> bool {
     let of_xacro = |n: Node| n.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
     text.contains("<xacro:") && parsed(text).map_or(true, |document| document.descendants().any(of_xacro))

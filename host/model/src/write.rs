@@ -1,7 +1,8 @@
 //! Models with new inertias written into URDF, MJCF and SDF.
 //!
-//! A file of the same language is kept as it is but for its inertias, friction and rotors; otherwise a new one is made of the
-//! tree: links, joints, inertias, nothing else. What was written is read again and compared before it is a file.
+//! A file of the same language is left as it is but for its inertias, friction and rotors; otherwise a new
+//! one is made of the tree: links, joints, inertias, nothing else. What was written is read again and
+//! compared before it is a file.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,7 +24,8 @@ use super::tree::{Mimic, Model, ModelLink, Parsed};
 use super::xml::{self, Language, escaped, inertial, rpy, vector};
 use super::{joint_edits, mjcf, sdf, urdf};
 
-/// What was written differs by no more, relative, when it is read again: rounding of sums and rotations.
+/// The bound on the difference of what was written, relative, when it is read again: rounding of sums and
+/// rotations.
 const ROUNDING: f64 = 1e-12;
 
 /// A model with other parameters for some of its links, by name.
@@ -51,7 +53,7 @@ pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passi
     out
 }
 
-/// Whether a file can be written there.
+/// Returns whether a file can be written there.
 ///
 /// # Errors
 /// [`ModelError::Option`] if it, or the table of joints beside it, exists, its folder does not, or its ending is not known.
@@ -66,7 +68,7 @@ pub fn check_target(path: &Path) -> Result<Language, ModelError> {
     Ok(language)
 }
 
-/// Whether a new file can be there.
+/// Checks whether a new file can be there.
 ///
 /// # Errors
 /// [`ModelError::Option`] if it exists, or its folder does not.
@@ -92,7 +94,7 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
     parse_in(text, what, None)
 }
 
-/// Reads a text of any of the languages; files that it includes are looked for in `folder`.
+/// Reads a text of any of the languages; files that it includes are searched for in `folder`.
 ///
 /// # Errors
 /// [`ModelError`].
@@ -211,7 +213,7 @@ fn check_passive(
 pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelError> {
     let language = Language::of_text(text).unwrap_or(Language::Urdf);
     let own = parse(text, what)?;
-    // Elements stand in it where they do in the text.
+    // Elements are in it where they do in the text.
     let tidy = tidied(text);
     let document = xml::document(&tidy, what)?;
     let names = Names::of(&document);
@@ -352,7 +354,7 @@ fn as_mjcf(model: &Model) -> String {
             place = format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&position), q.w, q.i, q.j, q.k);
         }
         let _ = writeln!(out, "{pad}<body name=\"{}\"{place}>", escaped(&own.name));
-        // Joints stand in the axes of their body: place and turn of each of the chain's links in it.
+        // Joints are in the axes of their body: place and turn of each of the chain's links in it.
         let (mut turn, mut point) = (Matrix3::identity(), Vector3::zeros());
         let mut at = Vec::new();
         for k in chain.iter().rev() {

@@ -1,4 +1,4 @@
-//! What is written is read again with the same inverse dynamics, and a file that was kept is kept.
+//! What is written is read again with the same inverse dynamics, and a file that was retained is retained.
 
 use nalgebra::{Rotation3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -337,7 +337,7 @@ fn links_of_tables_are_written_in_every_language_and_look_well() {
     assert!(!said.contains("fixed"), "{said}");
     let nowhere = place.path().join("none").join("w.urdf");
     assert!(write::check_target(&nowhere).unwrap_err().to_string().contains("its folder is not there"));
-    // A file that is kept keeps all of it.
+    // A file that is retained keeps all of it.
     let urdf = place.path().join("w.urdf");
     assert!(
         remarks::remarks(&model, Some(&urdf), &place.path().join("n.urdf"), &["arm".to_owned()]).is_empty()
@@ -461,7 +461,7 @@ fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_
     );
 }
 
-/// A URDF that is kept, with a joint that turns and one that slides, its zeros moved.
+/// A URDF that is retained, with a joint that turns and one that slides, its zeros moved.
 #[test]
 fn zeros_of_joints_that_were_moved_are_written_and_all_else_is_kept() {
     let text = r#"<robot name="r"><!-- kept --><link name="a"/><link name="b"/><link name="c"/>
@@ -480,7 +480,7 @@ fn zeros_of_joints_that_were_moved_are_written_and_all_else_is_kept() {
     let again = write::parse(&written, "r").unwrap().model;
     super::joint_edits::check(&moved, &written, "r").unwrap();
     assert!(super::joint_edits::check(&model, &written, "r").is_err());
-    // The turned joint stands at zero where it stood at 0.07 before.
+    // The turned joint is at zero where it was at 0.07 before.
     let turn = nalgebra::Rotation3::new(Vector3::new(0.0, 0.6, 0.8) * 0.07).into_inner();
     let [i, k] = ["turn", "slide"].map(|joint| model.joint(joint).unwrap());
     let off = again.links[i].link.rotation - model.links[i].link.rotation * turn;

@@ -1,4 +1,5 @@
-//! What the readers of MJCF and SDF share: numbers of attributes, rotations, and where to put an element.
+//! The common part of the readers of MJCF and SDF: numbers of attributes, rotations, and where to put an
+//! element.
 
 use std::ops::Range;
 use std::path::Path;
@@ -99,7 +100,7 @@ pub(super) fn parse(text: &str, what: &str) -> Result<Vec<f64>, String> {
         .ok_or_else(|| format!("{what} is {text:?}, which are no finite numbers"))
 }
 
-/// Exactly so many of them.
+/// Exactly this number of them.
 pub(super) fn exactly<const N: usize>(values: Vec<f64>, what: &str) -> Result<[f64; N], String> {
     let count = values.len();
     values.try_into().map_err(|_| format!("{what} has {count} numbers where {N} are needed"))
@@ -151,7 +152,7 @@ pub(super) fn rpy(r: &Matrix3<f64>) -> String {
     format!("{roll} {pitch} {yaw}")
 }
 
-/// A range of a text, and what stands there instead.
+/// A range of a text, and its replacement.
 pub(super) type Edit = (Range<usize>, String);
 
 /// Returns the edit that puts `new` in place of a parent's first child of a tag, or at the parent's beginning if it has none.
@@ -189,7 +190,7 @@ pub(super) fn before_end(text: &str, node: &Node, new: String) -> Edit {
     (at..at, new)
 }
 
-/// Returns a text as it may stand in an attribute.
+/// Returns a text as it may be in an attribute.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

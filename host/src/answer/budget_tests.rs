@@ -33,7 +33,7 @@ fn shares_are_what_the_variance_is_made_of() {
         assert!((sum - 1.0).abs() < 1e-9, "{}: {sum}", own.quantity);
         assert!(own.contributions.is_sorted_by(|a, b| a.sd >= b.sd));
     }
-    // The mass is told by fz where gravity is, and by fx and fy where the body is tilted or pushed.
+    // The mass is determined by fz where gravity is, and by fx and fy where the body is tilted or pushed.
     let m = &all[0];
     assert_eq!(m.quantity, "m");
     assert!((m.sd - fit.estimate.covariance(0, 0).unwrap().sqrt()).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! Checks of the recordings behind factors: what is kept with a factor, and what an answer says of it.
+//! Checks of the recordings behind factors: what is stored with a factor, and what an answer says of it.
 
 use super::judgement::Findings;
 use super::result::{Answer, Cause, Run, RunVerdict};

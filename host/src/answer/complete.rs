@@ -15,7 +15,7 @@ use rigident_fit::{Factor, Fit, Owner, Parameter};
 /// Singular values below this share of the largest are not determined.
 const ROUNDING: f64 = 1e-12;
 
-/// What is said of the values.
+/// The note about the values.
 const NOTE: &str = "values of all columns to predict with, which belong together; those that are not identified are such that all \
                     fit best, beside the nominal model where there is one, and by themselves they mean nothing";
 

@@ -1,4 +1,4 @@
-//! What an answer needs beside a fit.
+//! The data that an answer needs beside a fit.
 
 use std::time::SystemTime;
 
@@ -18,29 +18,29 @@ pub struct Context<'a> {
     pub payload: Option<PayloadResult>,
     /// The customer's frame, for one body.
     pub body: Option<&'a BodyTable>,
-    /// The true body, stood beside the answer and never used by it.
+    /// The true body, given beside the answer and never used by it.
     pub truth: Option<&'a TruthTable>,
     /// True values of the parameters in their order, likewise.
     pub parameter_truth: Option<&'a [f64]>,
     /// The words of `--estimate`.
     pub asked: &'a [String],
-    /// Where the numbers come from.
+    /// The origin of the numbers.
     pub source: Source,
-    /// How several files became one recording.
+    /// The way several files became one recording.
     pub time_base: Option<TimeBase>,
     /// Why the experiment broke off, if it did.
     pub error: Option<String>,
     /// Information that asks for nothing.
     pub notes: Vec<String>,
-    /// What a user should act on, beyond what the fit says itself.
+    /// The warnings that a user should act on, beyond what the fit says itself.
     pub warnings: Vec<String>,
-    /// What was found outside of the fit, to be judged with it; said after all other warnings.
+    /// The findings outside of the fit, to be judged with it; said after all other warnings.
     pub findings: Vec<Finding>,
     /// Standard deviation (1 σ) of the rates in the rows, rad/s, for the note on its effect; zero: not known.
     pub rate_sigma: f64,
-    /// How a platform followed.
+    /// The tracking of a platform.
     pub tracking: Option<Tracking>,
-    /// How an experiment that decides for itself went.
+    /// The course of an experiment that decides for itself.
     pub experiment: Option<ExperimentSummary>,
     /// First against last pose.
     pub drift: Option<Drift>,
@@ -72,7 +72,7 @@ impl Default for Context<'_> {
     }
 }
 
-/// What was found of a recording outside of its fit.
+/// The findings about a recording outside of its fit.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Finding {
     /// It in words, with what to do about it.
@@ -105,7 +105,7 @@ pub struct Links<'a> {
     pub model: &'a Model,
     /// The base parameters, in the order of the columns.
     pub base: &'a BaseParameters,
-    /// What was measured, on what kind of base.
+    /// The measured quantities and the kind of base.
     pub situation: Situation,
     /// Motion of the drives that have parameters.
     pub drives: Vec<DriveMotion>,
@@ -113,9 +113,9 @@ pub struct Links<'a> {
     pub as_stated: &'a [String],
     /// Why some parameters cannot be identified in this motion, as found before the fit.
     pub idle: Vec<String>,
-    /// What goes beyond the limits of the model, and whether it is so far beyond that it cannot be.
+    /// The quantities beyond the limits of the model, and whether it is so far beyond that it cannot be.
     pub beyond: Vec<(String, bool)>,
-    /// How standard parameters are sought; `None`: not at all.
+    /// The way standard parameters are sought; `None`: not at all.
     pub standard: Option<StandardRequest<'a>>,
 }
 

@@ -13,10 +13,11 @@ use rigident_fit::{
 
 /// Contradictions that are named.
 const NAMED: usize = 3;
-/// Causes are not told apart if one is up to a hundred times likelier than the other; an error more has to make the recording as
-/// much likelier.
+/// Causes are not distinguished if one is up to a hundred times likelier than the other; an error more has to
+/// make the recording as much likelier.
 const TIE: f64 = 9.2;
-/// A cause that would have to be so many times further from what is known than another one is not named beside it.
+/// A cause that would have to be this many times further from what is known than another one is not named
+/// beside it.
 const FARTHER: f64 = 4.0;
 /// Causes that are named beside one another.
 const CAUSES: usize = 4;

@@ -110,7 +110,7 @@ pub struct Principal {
     pub moments_sd: [f64; 3],
     /// Unit axes in S, right-handed, the largest component of each positive (but for the last).
     pub axes: [[f64; 3]; 3],
-    /// Standard deviation of each axis' direction, rad. Infinite where two moments cannot be told apart.
+    /// Standard deviation of each axis' direction, rad. Infinite where two moments cannot be distinguished.
     pub axes_sd_rad: [f64; 3],
 }
 

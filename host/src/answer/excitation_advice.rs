@@ -32,7 +32,7 @@ const COLLINEAR: f64 = 0.9;
 
 type Body = SVector<f64, 10>;
 
-/// What rows say about the body when nothing is known of the offset.
+/// The information of rows on the body when nothing is known of the offset.
 struct Information {
     /// In units of what identifies a parameter.
     needed: SMatrix<f64, 10, 10>,
@@ -137,7 +137,8 @@ impl Information {
         pairs.filter(|(_, q)| **q < 1.0).map(|(v, q)| (v.into_owned(), *q)).collect()
     }
 
-    /// The weakest direction that has no share in those told already, in the units of `needed`, with its information.
+    /// Returns the weakest direction that has no share in those reported already, in the units of `needed`,
+    /// with its information.
     fn weakest_beside(&self, told: &[Body]) -> Option<(Body, f64)> {
         let mut space = SMatrix::<f64, 10, 10>::identity();
         let mut basis: Vec<Body> = Vec::new();
@@ -149,7 +150,7 @@ impl Information {
                 basis.push(b);
             }
         }
-        // Directions told already are lifted out of the way.
+        // Directions reported already are lifted out of the way.
         let lift = self.needed.trace().max(1.0);
         let rest = space * self.needed * space + (SMatrix::identity() - space) * lift;
         let eigen = SymmetricEigen::new(rest);
@@ -206,10 +207,11 @@ fn listed(names: &[String], last: &str) -> String {
     }
 }
 
-/// A smaller share of the information is told as this one.
+/// A smaller share of the information is reported as this one.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// How much more is needed of a motion that brought this share of the information: `2.5 times the rate, or 6 times as long`.
+/// Returns how much more is needed of a motion that brought this share of the information:
+/// `2.5 times the rate, or 6 times as long`.
 fn more(share: f64, what: &str) -> String {
     let rate = 1.0 / share.max(LEAST_SHARE).sqrt();
     if share <= LEAST_SHARE {

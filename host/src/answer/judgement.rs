@@ -1,9 +1,9 @@
 //! The one judgement: the status of an answer and the state of each parameter, for every subject and every
 //! way in.
 //!
-//! What is found of a recording comes in as [`Findings`]; [`Answer::judge`] is the only place that sets a
+//! The findings about a recording come in as [`Findings`]; [`Answer::judge`] is the only place that sets a
 //! status or a state of an answer by them. A recording that cannot be true has nothing identified: its
-//! parameters are contradicted, what derives from them is taken out, and the numbers of its fit are kept
+//! parameters are contradicted, what derives from them is taken out, and the numbers of its fit are retained
 //! apart, in [`super::result::UnusableFit`]. A factor keeps the same judgement of its recording
 //! ([`super::checks()`]), since what it was made by is not in it.
 
@@ -45,7 +45,7 @@ pub(super) struct Findings<'a> {
     pub(super) beyond: bool,
     /// True if the parameters are those of the nominal model but for one large factor.
     pub(super) scaled: bool,
-    /// What was found outside of the fit.
+    /// The findings outside of the fit.
     pub(super) others: &'a [Finding],
 }
 

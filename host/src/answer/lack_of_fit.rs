@@ -1,17 +1,17 @@
-//! What residuals say against the model, in the answer's terms and in words.
+//! The evidence of the residuals against the model, in the answer's terms and in words.
 
 use super::result::{Answer, Change, Changed, NotRigid, ParameterStep, PoseDrift, WithinMotion};
 use crate::present::text::{significant, unit_symbol, with_u95};
 use rigident_fit::lack_of_fit::{self as found, Motion};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
 
-/// Steps below so many standard deviations are not told.
+/// Steps below this many standard deviations are not reported.
 const TOLD_SD: f64 = 3.0;
 /// Steps at most that words tell.
 const IN_WORDS: usize = 4;
-/// A resonance is told by one frequency if its range is narrower than this factor.
+/// A resonance is reported by one frequency if its range is narrower than this factor.
 const NARROW: f64 = 1.3;
-/// A mass below this is told in grams.
+/// A mass below this is given in grams.
 const GRAMS: f64 = 0.5;
 
 impl Answer {

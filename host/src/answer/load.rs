@@ -1,4 +1,4 @@
-//! The load that a controller is told by an answer about a payload.
+//! The load that a controller is given by an answer about a payload.
 
 use super::payload::{ControllerLoad, LoadBasis, PayloadResult};
 use super::result::{Answer, Status};
@@ -7,7 +7,7 @@ impl ControllerLoad {
     /// Returns the load of an answer about one body.
     ///
     /// # Errors
-    /// Says why no controller should be told one.
+    /// Says why no controller should be given one.
     fn of(answer: &Answer) -> Result<Self, String> {
         if answer.status == Status::Failed || answer.is_contradicted() {
             return Err("the numbers are not to be used: the warnings say why".to_owned());

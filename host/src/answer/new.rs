@@ -27,7 +27,7 @@ use rigident_model::{ModelError, ModelLink};
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AnswerError {
-    /// What was asked for is no parameter.
+    /// The name asked for is no parameter.
     #[error("{0}")]
     Selection(#[from] SelectionError),
     /// Standard parameters were asked for and cannot be found.
@@ -38,7 +38,7 @@ pub enum AnswerError {
     Reversed(String),
 }
 
-/// What is said of the standard parameters of links.
+/// The note about the standard parameters of links.
 pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
                         parameters above are identified, the rest is the nominal model's";
 
@@ -201,7 +201,7 @@ impl Answer {
         fields.into_iter().filter(|(_, prior)| *prior).map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// Adds the judgement of physical consistency and returns what a user should look for.
+    /// Adds the judgement of physical consistency and returns what a user should check.
     fn add_consistency(&mut self, judged: &Judged, of_base: Option<PhysicalConsistency>) -> Option<String> {
         if let Some(found) = of_base {
             self.physically_consistent = Some(found.is_consistent());

@@ -1,4 +1,4 @@
-//! What a link carries, as an answer has it.
+//! The load of a link, as an answer has it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

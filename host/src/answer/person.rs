@@ -1,4 +1,5 @@
-//! What was found of one person: segments beside the table, predictions of left-out motions, and what became of the frames.
+//! The findings about one person: segments beside the table, predictions of left-out motions, and what became
+//! of the frames.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -30,7 +30,7 @@ const ACCURACY: f64 = 0.05;
 /// Mass of a made-up body, kg, and its radius where its link has no length, m.
 const MASS: f64 = 1.0;
 const LENGTH: f64 = 0.1;
-/// Reversed signs bring an estimate so much nearer to bodies.
+/// Reversed signs bring an estimate this much nearer to bodies.
 const REVERSED: f64 = 0.1;
 
 /// The distance of an estimate from the parameters that bodies can have.
@@ -44,8 +44,8 @@ pub struct PhysicalConsistency {
     pub reversed: bool,
 }
 
-/// Returns the probability that a distance is larger, whose square is χ² of so many degrees of freedom, or F where the noise is
-/// estimated; `None` without degrees of freedom.
+/// Returns the probability that a distance is larger, whose square is χ² of the given number of degrees of
+/// freedom, or F where the noise is estimated; `None` without degrees of freedom.
 pub fn probability(square: f64, freedoms: f64, noise: Noise) -> Option<f64> {
     match noise {
         Noise::Given => Some(ChiSquared::new(freedoms).ok()?.sf(square)),
@@ -61,7 +61,7 @@ impl PhysicalConsistency {
         self.probability >= SURPRISING
     }
 
-    /// Returns what a user should look for if base parameters are no bodies'; `None` if they are.
+    /// Returns what a user should check if base parameters are no bodies'; `None` if they are.
     pub fn warning(&self) -> Option<String> {
         if self.is_consistent() {
             return None;

@@ -23,8 +23,8 @@ const UNEXPLAINED_EFFORT: f64 = 0.6;
 const CROSSED: f64 = 0.15;
 /// No body on a load cell has its centre of mass further away, m.
 const FURTHEST_M: f64 = 10.0;
-/// Where a channel varies by fewer than so many σ of its noise, noise alone may leave that much: a tenth more of it than stated
-/// leaves √0.21 σ, 23 % of two σ.
+/// If a channel varies by fewer than this many σ of its noise, noise alone may leave that much: a tenth
+/// more of it than stated leaves √0.21 σ, 23 % of two σ.
 const STILL: f64 = 2.0;
 /// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so far off,
 const SCALE: f64 = 5.0;
@@ -78,7 +78,8 @@ fn negative(fit: &Fit) -> Option<String> {
     let data = fit.data_alone();
     let cannot = |kind: Kind| matches!(kind, Kind::Viscous | Kind::Coulomb | Kind::Rotor);
     let own = |(j, p): (usize, &Parameter)| {
-        // At rest Stribeck's curve stands on Coulomb friction, and falls or rises from their sum to that alone.
+        // At rest Stribeck's curve begins at Coulomb friction, and falls or rises from their sum to that
+        // alone.
         let beside = p.name.strip_suffix(".stribeck").map(|drive| format!("{drive}.coulomb"));
         let beside = beside.and_then(|name| fit.parameters.iter().position(|other| other.name == name));
         let terms: Vec<usize> = beside.into_iter().chain([j]).collect();

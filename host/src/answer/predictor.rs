@@ -1,4 +1,4 @@
-//! What an answer, or a model, says of every column of a source: values to predict with.
+//! The values of an answer, or a model, for every column of a source: values to predict with.
 //!
 //! An answer of a tree has a value for every column; of others what is identified counts, and the rest is zero and named.
 

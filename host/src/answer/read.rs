@@ -35,8 +35,8 @@ struct Named {
     schema: String,
 }
 
-/// A parameter as it stands in a file. Flattened fields are read by way of serde's own buffer, which has no numbers as soon as any
-/// crate of the build wants them in full length (`arbitrary_precision`).
+/// A parameter as it is in a file. Flattened fields are read by way of serde's own buffer, which has no
+/// numbers as soon as any crate of the build wants them in full length (`arbitrary_precision`).
 #[derive(Deserialize)]
 struct Written {
     name: String,
@@ -99,7 +99,7 @@ fn unfit(value: &serde_json::Value) -> Option<&str> {
 /// The longest text of a result, bytes.
 const LONGEST_TEXT: usize = 1 << 16;
 
-/// A step of a parameter as it stands in a file.
+/// A step of a parameter as it is in a file.
 #[derive(Deserialize)]
 struct WrittenStep {
     name: String,
@@ -116,7 +116,7 @@ impl<'de> Deserialize<'de> for ParameterStep {
     }
 }
 
-/// A channel's drift as it stands in a file.
+/// A channel's drift as it is in a file.
 #[derive(Deserialize)]
 struct WrittenDrift {
     channel: String,
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(Answer::read(&text).unwrap(), failed);
     }
 
-    /// Whatever numbers look like in the file, and whatever crates of the build want of them.
+    /// Whatever the form of numbers in the file, and whatever crates of the build want of them.
     #[test]
     fn an_answer_with_numbers_is_read_back() {
         let with = |state, truth| Parameter {
@@ -212,7 +212,7 @@ mod tests {
         assert!(serde_json::from_str::<Parameter>(bare).is_err());
     }
 
-    /// Numbers that stand beside a name, not in an object of their own.
+    /// Numbers beside a name, not in an object of their own.
     #[test]
     fn steps_and_drifts_are_read_back() {
         let measured = Measured { value: -1.234_567_890_123e-7, u95: 2e-9 };
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!(Answer::read(&serde_json::to_string(&answer).unwrap()).unwrap(), answer);
     }
 
-    /// What a stranger wrote in place of an answer.
+    /// Numbers that a stranger wrote in place of an answer.
     #[test]
     fn impossible_numbers_and_steering_texts_are_refused() {
         let with = |name: &str, value: f64, u95: f64| {
@@ -252,7 +252,7 @@ mod tests {
         }
     }
 
-    /// What was written before the state `contradicted` came is read as if it were written today.
+    /// What was written before the state `contradicted` existed is read as if it were written today.
     #[test]
     fn an_earlier_implausible_answer_loses_its_numbers() {
         let earlier = |status: &str| {

@@ -12,7 +12,7 @@ use rigident_fit::{Autocorrelation, ChannelFit, Fit, Kind, NuisanceFit, PriorSta
 
 /// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
 const ENOUGH_SPARE_ROWS: usize = 12;
-/// Residual variance over the stated one from which on the data or the rig file should be looked at.
+/// Residual variance over the stated one from which on the data or the rig file should be examined.
 const MUCH_LARGER: f64 = 2.0;
 /// Residual variance over the stated one below which the stated noise is too large,
 const MUCH_SMALLER: f64 = 0.25;
@@ -40,8 +40,8 @@ impl std::fmt::Display for Forgotten {
     }
 }
 
-/// Returns notes and warnings about the residuals, the noise and what was left out. `of_links`: a model of links stands behind
-/// the rows, whose joints may be other than the measured ones.
+/// Returns notes and warnings about the residuals, the noise and what was left out. `of_links`: a model of
+/// links is behind the rows, whose joints may be other than the measured ones.
 pub(super) fn of_the_fit(fit: &Fit, of_links: bool, rate_sigma: f64) -> (Vec<String>, Vec<String>) {
     let (mut notes, mut warnings) = left_out(fit);
     match residual_noise(fit) {

@@ -1,8 +1,9 @@
 //! Several runs of one body: what scatters from one to the next, beside what each said of itself.
 //!
-//! The platform thesis sums its repeated experiments up by mean and standard deviation. Here the scatter is held against the
-//! runs' own uncertainties: `χ² = Σ (xᵢ − x̄)²/uᵢ²` with the weighted mean x̄ is that of n − 1 degrees of freedom at most where
-//! these hold, since what the runs have in common (mounting, scales) is in uᵢ and does not scatter.
+//! The platform thesis sums its repeated experiments up by mean and standard deviation. Here the scatter is
+//! compared with the runs' own uncertainties: `χ² = Σ (xᵢ − x̄)²/uᵢ²` with the weighted mean x̄ is that of n
+//! − 1 degrees of freedom at most where these hold, since what the runs have in common (mounting, scales) is
+//! in uᵢ and does not scatter.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
@@ -32,7 +33,7 @@ pub struct Repeated {
     pub stated_std: f64,
     /// Least and largest.
     pub range: [f64; 2],
-    /// Probability of so much scatter where the stated uncertainties hold.
+    /// Probability of this much scatter where the stated uncertainties hold.
     pub probability: f64,
     /// Its true value, where all runs say the same.
     pub truth: Option<f64>,
@@ -41,11 +42,11 @@ pub struct Repeated {
 /// Several runs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// How many runs it is of.
+    /// The number of its runs.
     pub runs: usize,
-    /// What at least two of them identify, in their order.
+    /// The quantities that at least two of them identify, in their order.
     pub quantities: Vec<Repeated>,
-    /// What one of them identifies at most.
+    /// The quantities that at most one of them identifies.
     pub left_out: Vec<String>,
     /// Quantities other than offsets that scatter more than the runs' uncertainties explain.
     pub surprising: Vec<String>,

@@ -1,7 +1,7 @@
 //! The answer: what text, JSON and page are made of, for every kind of body.
 //!
-//! `result.json` and `--json` hold an [`Answer`] as it stands here, and the documentation of the fields is the schema's
-//! (`rigident schema result`). What is not known is absent, never `null`.
+//! `result.json` and `--json` hold an [`Answer`] as it is here, and the documentation of the fields is the
+//! schema's (`rigident schema result`). What is not known is absent, never `null`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

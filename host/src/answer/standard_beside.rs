@@ -10,7 +10,8 @@ use nalgebra::{DMatrix, DVector};
 use super::standard_parameters::{BaseEstimate, Full, Problem, full, symmetric_pairs, variables};
 use rigident_model::{Model, ModelError, symmetry};
 
-/// How much the barrier weighs that keeps bodies possible: it moves nothing that is inside by more than this in standard deviations.
+/// The weight of the barrier that keeps bodies possible: it moves nothing that is inside by more than this in
+/// standard deviations.
 const BARRIER: f64 = 0.03;
 
 /// Directions that rows tell less of than this share of the best one know no error.
@@ -18,11 +19,12 @@ const LEAST_DIRECTION: f64 = 1e-5;
 
 /// Errors that all rows share.
 pub struct Errors {
-    /// How those that rows are weighted by move the base parameters by rows and what is known beforehand, one column each, of 1 σ.
+    /// The effect of those that rows are weighted by on the base parameters by rows and what is known
+    /// beforehand, one column each, of 1 σ.
     pub moved: DMatrix<f64>,
     /// The same of errors that values are not to follow, as of zeros: they are in the covariance alone.
     pub beside: DMatrix<f64>,
-    /// What is known of the base parameters beforehand, as rows of variance 1.
+    /// The prior knowledge of the base parameters, as rows of variance 1.
     pub known: DMatrix<f64>,
 }
 

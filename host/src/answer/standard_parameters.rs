@@ -37,7 +37,7 @@ const ROUGH: f64 = 1e-3;
 /// Singular values below this share of the largest are not determined, as in the rows of a tree.
 const ROUNDING: f64 = 1e-10;
 
-/// Rows that are to be kept weigh so many times as much as those of the data, beside the nominal model.
+/// Rows that are to be kept weigh this many times as much as those of the data, beside the nominal model.
 const HEAVY: f64 = 1e4;
 /// Bodies keep base parameters if they are off by no more, in standard deviations of the data.
 const EXACT: f64 = 1e-2;
@@ -59,7 +59,7 @@ pub struct BaseEstimate<'a> {
     determined: Vec<bool>,
     /// Number of directions that the rows determine.
     pub rank: usize,
-    /// How the noise is known.
+    /// The way the noise is known.
     pub noise: Noise,
 }
 
@@ -151,11 +151,11 @@ pub(super) fn with_rotors(factor: &Factor, base: &BaseParameters) -> Factor {
 pub struct Full {
     /// Links that have mass, as the model's file has them.
     pub links: Vec<FullLink>,
-    /// How far the base parameters of these are from those identified, standard deviations.
+    /// The distance of the base parameters of these from those identified, standard deviations.
     pub distance_sd: f64,
     /// Largest of that distance for a single identified parameter, in its own standard deviations.
     pub largest_sd: f64,
-    /// True if the steps came to an end.
+    /// True if the steps ended.
     pub converged: bool,
     /// Their base parameters, without rotors.
     pub base: Vec<f64>,
@@ -367,7 +367,8 @@ impl Problem<'_> {
     }
 
     /// The square of what the rows leave of the right-hand side, of bodies of which no others that are not much heavier leave
-    /// less by more than a `share` of it or of `unit`; `None` if the steps do not end. The weight is not looked at.
+    /// less by more than a `share` of it or of `unit`; `None` if the steps do not end. The weight is not
+    /// examined.
     pub(super) fn least_misfit(&mut self, share: f64, unit: f64) -> Option<f64> {
         let mut psi = self.start();
         self.weight = self.misfit(&psi).clamp(1.0, f64::MAX.sqrt());
@@ -400,7 +401,7 @@ impl Problem<'_> {
         (&self.rows * psi - &self.rhs).norm()
     }
 
-    /// Newton's steps until they promise less than `done` of the weight's square; whether they came so far.
+    /// Newton's steps until they promise less than `done` of the weight's square; whether they reached it.
     fn descend(&self, psi: &mut DVector<f64>, done: f64) -> bool {
         let Some(mut cost) = self.cost(psi) else { return false };
         // The residual of the rows is known to their rounding only.
@@ -458,7 +459,7 @@ impl Problem<'_> {
                 target[m + 10 * k + i] = -self.weight * s;
             }
         }
-        // Columns of one size; the rows of the data, heavy ones, stand first.
+        // Columns of one size; the rows of the data, heavy ones, are first.
         let scale: Vec<f64> = stacked.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
         for (mut column, scale) in stacked.column_iter_mut().zip(&scale) {
             column /= *scale;

@@ -1,4 +1,4 @@
-//! Full parameters: what the data say is kept, the rest is the nominal model's, and every link is a body.
+//! Full parameters: what the data say is retained, the rest is the nominal model's, and every link is a body.
 
 use nalgebra::Rotation3;
 use nalgebra::Vector3;

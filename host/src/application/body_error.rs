@@ -24,7 +24,7 @@ pub enum BodyError {
         option: BodyOption,
         /// The number, in words.
         value: String,
-        /// What it may be.
+        /// The values that it may have.
         wanted: &'static str,
     },
     /// The forces of the ground of a trial that is none; holds the file.
@@ -52,7 +52,7 @@ pub enum BodyError {
         "no marker follows {0} in all trials, so that what it holds cannot be found: put markers on it, or name the link that has some"
     )]
     ToolLink(String),
-    /// What a caller computed beside it.
+    /// The failure of what a caller computed beside it.
     #[error(transparent)]
     Beside(Box<dyn std::error::Error + Send + Sync>),
 }

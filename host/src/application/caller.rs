@@ -1,4 +1,4 @@
-//! Who calls a job: sees its progress, may stop it, and words what is noticed.
+//! The caller of a job: sees its progress, may stop it, and words what is noticed.
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -11,7 +11,8 @@ use rigident_fit::{Progress, Silent};
 /// Carried by the unwinding of a job that is to stop.
 struct Stopped;
 
-/// What a job needs of its caller. By default nothing is shown, nothing stops it, and remedies are worded for users of this library.
+/// The functions that a job needs of its caller. By default nothing is shown, nothing stops it, and remedies
+/// are worded for users of this library.
 #[derive(Clone, Copy)]
 pub struct Caller<'a> {
     progress: &'a (dyn Progress + Sync),

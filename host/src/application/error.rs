@@ -33,7 +33,7 @@ pub enum Error {
     /// Several files with clocks of their own.
     #[error(transparent)]
     Streams(Box<StreamError>),
-    /// How several files were given.
+    /// The list of several files.
     #[error(transparent)]
     Listing(#[from] ListingError),
     /// Recording, rig and model pose no problem, or it has no fit.
@@ -48,7 +48,7 @@ pub enum Error {
     /// The calibration of a rig.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// What is known beforehand.
+    /// The prior knowledge.
     #[error(transparent)]
     Known(#[from] KnownError),
     /// The fixture.
@@ -60,7 +60,7 @@ pub enum Error {
     /// Rows.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// What was asked for.
+    /// The request.
     #[error(transparent)]
     Answer(#[from] AnswerError),
     /// An answer that cannot be read.
@@ -82,15 +82,15 @@ pub enum Error {
     Of {
         /// The thing.
         of: String,
-        /// What is wrong with it.
+        /// The fault in it.
         error: Box<Error>,
     },
-    /// What is wrong, and what was assumed before.
+    /// The fault, and what was assumed before.
     #[error("{error}\n{assumed}")]
     Assuming {
-        /// What is wrong.
+        /// The fault.
         error: Box<Error>,
-        /// What was assumed, in words.
+        /// The assumptions, in words.
         assumed: String,
     },
     /// No fit, and the fault of the recording that explains it.
@@ -100,7 +100,7 @@ pub enum Error {
         error: Box<ProblemError>,
         /// The fault.
         what: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
     },
     /// It is no recording of a body, but has columns of a robot's joints.
@@ -126,7 +126,7 @@ pub enum Error {
     LockedMoves {
         /// The joint.
         joint: String,
-        /// Where it is seen to move, and how far.
+        /// The place where it is seen to move, and the distance.
         moves: String,
     },
     /// A calibration of the rig, where a tree is identified.
@@ -177,9 +177,9 @@ pub enum Error {
          or none"
     )]
     OtherLinks {
-        /// What the factor is of.
+        /// The subject of the factor.
         factor: String,
-        /// What the rig file is of.
+        /// The subject of the rig file.
         rig: String,
     },
     /// An offset is asked for that merged runs do not have in common.
@@ -227,7 +227,7 @@ pub enum Error {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The message of the system.
         why: String,
     },
     /// The caller stopped the job.
@@ -320,7 +320,7 @@ pub enum ListingError {
     },
 }
 
-/// What is asked of trees of links alone.
+/// The options that apply to trees of links alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeOption {
     /// Columns of friction.
@@ -331,7 +331,7 @@ pub enum TreeOption {
     SymmetricSides,
     /// A model to be written.
     WriteModel,
-    /// What a link carries.
+    /// The load of a link.
     Payload,
     /// The trust in the nominal model.
     NominalSigma,
@@ -341,7 +341,7 @@ pub enum TreeOption {
     Spherical,
     /// A body that a link holds.
     Tool,
-    /// Whose body a person's is.
+    /// The person whose body it is.
     Person,
 }
 

@@ -8,14 +8,14 @@ use crate::problem::ProblemOptions;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::{Fit, Progress};
 
-/// How a recording is reduced.
+/// The way a recording is reduced.
 #[derive(Clone, Debug, Default)]
 pub struct FactorOptions {
     /// The rig file of a recording that is a file. Default: the one beside it.
     pub rig: Option<PathBuf>,
     /// The calibration of the rig. Default: that of the rig file.
     pub calibration: Option<PathBuf>,
-    /// Which tree the recording is of.
+    /// The tree that the recording is of.
     pub tree: Tree,
     /// Labels beside those of the rig file, and before them.
     pub labels: BTreeMap<String, String>,
@@ -26,7 +26,7 @@ pub struct FactorOptions {
 pub struct Reduced {
     /// The factor, which keeps what the checks of the recording found.
     pub factor: PooledFactor,
-    /// What was done, as information.
+    /// The steps done, as information.
     pub notes: Vec<String>,
 }
 

@@ -19,22 +19,22 @@ use rigident_fit::tare::Tare;
 use rigident_fit::{Fit, Progress};
 use rigident_model::write;
 
-/// How a recording is identified.
+/// The way a recording is identified.
 #[derive(Clone, Debug)]
 pub struct IdentifyOptions {
     /// Rig file. Default: `NAME.rig.toml` beside the recording; a recording in memory has its own, and this one is of the fixture's.
     pub rig: Option<PathBuf>,
     /// Calibration of the rig. Default: that of the rig file.
     pub calibration: Option<PathBuf>,
-    /// How long rows are remembered; `None`: all of them.
+    /// The time for which rows are retained; `None`: all of them.
     pub span: Option<Span<f64>>,
     /// Runs with the bare fixture, which is taken off.
     pub tare: Vec<Fixture>,
-    /// What is known beforehand.
+    /// The prior knowledge.
     pub known: KnownValues,
     /// The parameters that must be identified: any of m, mc, I, offset, or single names; empty: all.
     pub asked: Vec<String>,
-    /// Which tree the recording is of.
+    /// The tree that the recording is of.
     pub tree: Tree,
     /// Friction columns of the joints.
     pub friction: Friction,

@@ -48,7 +48,7 @@ pub struct Loaded {
     case: Option<Case>,
 }
 
-/// How standard parameters of links are sought.
+/// The way standard parameters of links are sought.
 #[derive(Clone, Copy, Debug)]
 pub struct StandardOptions<'a> {
     /// Relative standard deviation (1 σ) that the nominal model is trusted with.
@@ -270,7 +270,7 @@ impl Loaded {
     /// Fits the recording; the uncertainty of skews between several clocks is counted.
     ///
     /// # Errors
-    /// There are no usable rows, or a span that cannot be kept.
+    /// There are no usable rows, or a span that cannot be retained.
     pub fn fit(&self, span: Option<Span<f64>>, points: usize, caller: &Caller<'_>) -> Result<Fit, Error> {
         if span.is_some() && self.problem.time_base().is_some() {
             return Err(Error::SpanOfStreams);

@@ -1,5 +1,6 @@
-//! Changes to a model that depend on what is recorded: joints that are locked stand where the recording has them, unless it
-//! was stated; three revolute joints that are one spherical joint stay three where their angles are recorded.
+//! Changes to a model that depend on what is recorded: joints that are locked are where the recording has
+//! them, unless it was stated; three revolute joints that are one spherical joint stay three where their
+//! angles are recorded.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::tree::Joint;
@@ -100,7 +101,7 @@ pub(super) fn meet(model: &mut Model, groups: &[[String; 3]], recording: &Record
     Ok(())
 }
 
-/// Where something stands.
+/// The place of something.
 struct Stand {
     mean: f64,
     least: f64,
@@ -124,7 +125,7 @@ impl Stand {
     }
 }
 
-/// The column that a joint's position is looked for in, if it has one freedom.
+/// Returns the column that a joint's position is searched for in, if it has one freedom.
 fn source(model: &Model, i: usize, recording: &Recording) -> Option<Column> {
     let link = &model.links[i];
     columns::column(&recording.rig, &link.joint_name, &link.link.joint, Quantity::Position)

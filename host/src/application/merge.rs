@@ -21,7 +21,7 @@ pub struct Merged {
     pub repeated: usize,
     /// Factors in all, with those.
     pub given: usize,
-    /// What the runs say of each other, and what merging assumes.
+    /// The agreement of the runs with each other, and what merging assumes.
     pub warnings: Vec<String>,
 }
 

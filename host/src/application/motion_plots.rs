@@ -21,7 +21,7 @@ pub(super) fn of_body(input: &Input, gravity_columns: bool) -> Vec<TimePlot> {
         })
     };
     let force = if gravity_columns {
-        // As it stands in the columns: what a sensor at rest would feel is its reverse.
+        // As it is in the columns: what a sensor at rest would feel is its reverse.
         plot("Gravity from its columns, axes of S", "m/s2", &|r| r.specific_force.array().map(|a| -a))
     } else {
         plot("Specific force, IMU axes", "m/s2", &|r| r.specific_force.array())

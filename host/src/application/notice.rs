@@ -1,8 +1,10 @@
-//! What a job notices on the way and a user may want to act on, as values: whoever calls words the remedy.
+//! The findings of a job on the way that a user may want to act on, as values: whoever calls words the
+//! remedy.
 
 use std::fmt;
 
-/// What was noticed, where the remedy is another one for each way to call a job. Its text is for users of this library.
+/// The findings where the remedy is another one for each way to call a job. Its text is for users of this
+/// library.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Notice {
     /// Neither the names of the columns nor a rig file say what the columns are: how they were understood.
@@ -20,7 +22,7 @@ pub enum Notice {
     },
     /// The recording with the payload cannot be true, so nothing is said of the payload. Holds the link as it was given.
     PayloadNotUsed(String),
-    /// What the answer is about: the payload of a link.
+    /// The subject of the answer: the payload of a link.
     Payload {
         /// The link.
         link: String,
@@ -36,7 +38,7 @@ pub enum Notice {
     },
     /// The rig file states the platform on springs, which was not taken off.
     PlatformNotTakenOff,
-    /// Where the load in a controller's file comes from: the recordings with and without it.
+    /// The origin of the load in a controller's file: the recordings with and without it.
     LoadOrigin {
         /// The recording with the load.
         with: String,

@@ -1,4 +1,4 @@
-//! What a link carries, and the files that say it to a controller.
+//! The load of a link, and the files that say it to a controller.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use rigident_io::recording::new_file::write_new_text;
 use rigident_model::inertial::map_to_parent;
 use rigident_model::load::{Language, LoadError};
 
-/// How an error names the place of a payload.
+/// The name that errors use for the place of a payload.
 const PAYLOAD: &str = "payload";
 
 /// The fit of a payload.

@@ -1,4 +1,4 @@
-//! What models say of a recording, beside what was measured.
+//! The predictions of models for a recording, beside what was measured.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,12 +16,12 @@ use rigident_fit::{Prediction, Progress, RowSource, plain_least_squares};
 use rigident_model::human::Person;
 use rigident_model::{Model, ModelLink};
 
-/// How a recording is predicted.
+/// The way a recording is predicted.
 #[derive(Clone, Debug, Default)]
 pub struct PredictOptions {
     /// Rig file. Default: `NAME.rig.toml` beside the recording.
     pub rig: Option<PathBuf>,
-    /// Which tree the recording is of. Default: the description among the models.
+    /// The tree that the recording is of. Default: the description among the models.
     pub tree: Tree,
     /// A recording that plain least squares are trained on, to be compared with.
     pub train: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub struct PredictOptions {
     pub needs_measured: bool,
 }
 
-/// What models say of a recording.
+/// The predictions of models for a recording.
 #[derive(Clone, Debug)]
 pub struct Predicted {
     /// Channels with what each model leaves of them.

@@ -1,4 +1,4 @@
-//! What jobs take as a recording: one file, or several with clocks of their own.
+//! The form in which jobs take a recording: one file, or several with clocks of their own.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use rigident_io::rig::RigFile;
 /// The rig file that lists the streams that a live run recorded, in its folder.
 pub const STREAMS: &str = "streams.rig.toml";
 
-/// What a job takes as a recording.
+/// The form in which a job takes a recording.
 #[derive(Clone, Debug)]
 pub enum Recorded {
     /// A file, a rig file that lists several, or their folder.

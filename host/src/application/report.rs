@@ -1,4 +1,4 @@
-//! What a job knows at its end, and what is concluded from it.
+//! The results of a job at its end, and the conclusions from them.
 
 use crate::answer::result::ExperimentSummary;
 use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
@@ -17,11 +17,11 @@ pub struct Report<'a> {
     pub rig: &'a RigFile,
     /// The recording with its model; `None` where only a factor is at hand.
     pub loaded: Option<&'a Loaded>,
-    /// How standard parameters of links are sought.
+    /// The way standard parameters of links are sought.
     pub standard: StandardOptions<'a>,
-    /// What a link carries, where the fit is of that.
+    /// The load of a link, if the fit is of that.
     pub payload: Option<PayloadResult>,
-    /// Where the numbers come from.
+    /// The origin of the numbers.
     pub source: Source,
     /// The parameters asked for; empty: all.
     pub asked: Vec<String>,
@@ -37,9 +37,9 @@ pub struct Report<'a> {
     pub decisions: Vec<Decided>,
     /// First against last pose.
     pub drift: Option<Drift>,
-    /// How a platform followed.
+    /// The tracking of a platform.
     pub tracking: Option<Tracking>,
-    /// How an experiment that decides for itself went.
+    /// The course of an experiment that decides for itself.
     pub experiment: Option<ExperimentSummary>,
     /// Plots of the platform's motion, after those of the recording.
     pub motion: Vec<TimePlot>,
@@ -91,7 +91,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Concludes the answer of a fit, with all that is kept, written and shown of it.
+    /// Concludes the answer of a fit, with all that is stored, written and shown of it.
     ///
     /// # Errors
     /// [`Error::Answer`] if what was asked for is no parameter.
@@ -156,7 +156,7 @@ impl<'a> Report<'a> {
     }
 }
 
-/// What a page shows beside answer and fit.
+/// The content of a page beside answer and fit.
 #[derive(Clone, Debug)]
 struct Shown {
     is_static: bool,

@@ -15,7 +15,7 @@ use rigident_fit::prior::KnownValues;
 use rigident_fit::{Fit, Parameter};
 use rigident_io::rig::RigFile;
 
-/// How a factor is solved.
+/// The way a factor is solved.
 #[derive(Clone, Debug, Default)]
 pub struct SolveOptions {
     /// Rig file: its `[body]` and `[truth]`, and what recordings of a tare were taken with.
@@ -24,7 +24,7 @@ pub struct SolveOptions {
     pub without_platform: bool,
     /// Runs with the bare fixture, which is taken off.
     pub tare: Vec<Fixture>,
-    /// What is known beforehand.
+    /// The prior knowledge.
     pub known: KnownValues,
     /// The parameters that must be identified: any of m, mc, I, offset, or single names; empty: all.
     pub asked: Vec<String>,

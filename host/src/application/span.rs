@@ -1,4 +1,4 @@
-//! How long rows are remembered.
+//! The time for which rows are retained.
 
 use rigident_shared::forgetting::Span;
 
@@ -9,7 +9,7 @@ use rigident_fit::{RowSource, Timing, filter_width_s, row_every};
 /// Row blocks of which a window holds one at least in each of its parts.
 const LEAST_BLOCKS: f64 = 5.0;
 
-/// What rows are remembered of.
+/// The subject whose rows are retained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowsOf {
     /// Samples per second.
@@ -19,12 +19,12 @@ pub struct RowsOf {
 }
 
 impl RowsOf {
-    /// Returns what is remembered of one body's readings.
+    /// Returns what is retained of one body's readings.
     pub fn input(input: &Input) -> Self {
         Self { rate_hz: input.rate_hz, is_static: input.is_static }
     }
 
-    /// Returns what is remembered of a source.
+    /// Returns what is retained of a source.
     pub fn source(source: &dyn RowSource) -> Self {
         let (rate_hz, is_static) = match source.timing() {
             Timing::Static => (1.0, true),
@@ -33,13 +33,13 @@ impl RowsOf {
         Self { rate_hz, is_static }
     }
 
-    /// Returns what is remembered of a rig that moves.
+    /// Returns what is retained of a rig that moves.
     pub fn moving(rate_hz: f64) -> Self {
         Self { rate_hz, is_static: false }
     }
 }
 
-/// Returns the span to keep; `None`: everything is kept, which an infinite one asks for too.
+/// Returns the span to keep; `None`: everything is retained, which an infinite one asks for too.
 ///
 /// # Errors
 /// [`Error::Span`] if rows cannot be forgotten by it.

@@ -22,7 +22,8 @@ pub enum Fixture {
     Factor(Box<PooledFactor>),
 }
 
-/// What recordings of a fixture are read with: the rig file and the calibration of those that have none of their own, and the tree.
+/// The files that recordings of a fixture are read with: the rig file and the calibration of those that have
+/// none of their own, and the tree.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadWith<'a> {
     /// The rig file.
@@ -51,7 +52,7 @@ pub fn tare(
     Ok(Some(tare))
 }
 
-/// Returns the merged runs of a fixture, if there are any; the errors of a single recording are kept.
+/// Returns the merged runs of a fixture, if there are any; the errors of a single recording are stored.
 ///
 /// # Errors
 /// A run cannot be read, or runs do not fit together.

@@ -1,4 +1,4 @@
-//! Which tree a recording is of, and what is changed about it.
+//! The tree that a recording is of, and the changes to it.
 
 use std::path::{Path, PathBuf};
 
@@ -11,17 +11,17 @@ use rigident_io::rig::RigFile;
 use rigident_model::Model;
 use rigident_model::human::Person;
 
-/// Which tree a recording is of.
+/// The tree that a recording is of.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tree {
     /// human34, human58, or the path of a URDF, MJCF, SDF or rig file; `None`: the `[[link]]` tables of the recording's rig file, if
     /// there are several, else one body.
     pub model: Option<String>,
-    /// What is changed about it.
+    /// The changes to it.
     pub changes: Changes,
 }
 
-/// What is changed about a model, and whose body a person's is.
+/// The changes to a model, and whose body a person's is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Changes {
     /// Joints that do not move, `JOINT` or `JOINT=VALUE` in rad or m.
@@ -30,7 +30,7 @@ pub struct Changes {
     pub spherical: Vec<[String; 3]>,
     /// Bodies held rigidly by a link, `LINK@x,y,z,roll,pitch,yaw` in m and degrees.
     pub tool: Vec<String>,
-    /// Whose body human34 and human58 are.
+    /// The person whose body human34 and human58 are.
     pub person: Person,
 }
 

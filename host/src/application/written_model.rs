@@ -19,7 +19,7 @@ pub struct WrittenModel {
     model: Model,
     source: Option<PathBuf>,
     path: PathBuf,
-    /// What whoever uses it should know.
+    /// The remarks that a user should know.
     pub remarks: Vec<String>,
 }
 
@@ -71,12 +71,12 @@ impl WrittenModel {
     }
 }
 
-/// What an answer has of drives, on the way into a model.
+/// The values of drives in an answer, on the way into a model.
 struct Drives<'a> {
     complete: &'a Complete,
     /// Names of the drives whose rotors go into links.
     inside: Vec<&'a str>,
-    /// What a model does not hold.
+    /// The values that a model does not hold.
     said: Vec<String>,
 }
 

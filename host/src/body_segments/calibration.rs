@@ -1,4 +1,4 @@
-//! How uncertain joint centres and marker places make the parameters.
+//! The uncertainty of the parameters from joint centres and marker places.
 //!
 //! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration leaves open. Each has her own
 //! poses and rows, and other parameters explain the same forces; how far these scatter is `C = D Dᵀ`, D one column a draw.

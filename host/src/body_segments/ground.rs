@@ -1,4 +1,4 @@
-//! How errors of force plates that are not known move the parameters: zeros, tilt, place and scale.
+//! The effect of unknown errors of force plates on the parameters: zeros, tilt, place and scale.
 //!
 //! Rows do not tell such an error: what people's soft parts and markers leave would be taken for it, and a long trial would tell
 //! it surely and wrongly. The parameters are found as if plates were as the file has them. An error moves a motion's own estimate by
@@ -21,7 +21,7 @@ const PLACE_M: f64 = 0.007;
 /// Of more motions than these some answer for their neighbours.
 const LOOKED_AT: usize = 12;
 
-/// How well plates' scales are known, 1 σ, relative.
+/// The uncertainty of plates' scales, 1 σ, relative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateScale {
     /// A scale that all plates share: of amplifiers, of the weights that they were calibrated with.
@@ -51,7 +51,7 @@ struct Place {
     sigma: f64,
 }
 
-/// What errors of the plates of all trials do to estimates.
+/// The effect of errors of the plates of all trials on estimates.
 #[derive(Default)]
 pub(super) struct GroundErrors {
     /// The kind of each error.
@@ -150,7 +150,8 @@ fn places(person: &Person, scale: PlateScale) -> (Vec<usize>, Vec<Vec<Place>>) {
     (kinds, trials)
 }
 
-/// What errors of unit size add to the ground's wrench about the laboratory's origin in a frame that rows are made of.
+/// Returns what errors of unit size add to the ground's wrench about the laboratory's origin in a frame that
+/// rows are made of.
 fn wrenches(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     let mut all = Vec::new();
     let mut sum = [0.0; 6];

@@ -10,20 +10,20 @@ use crate::problem::person::Person;
 use crate::problem::person::noise::noise_gain;
 use rigident_fit::{PredictedBlock, Prediction, parallel};
 
-/// Motions that are left out: one at a time, or so many groups of neighbours.
+/// Motions that are left out: one at a time, or this many groups of neighbours.
 const GROUPS: usize = 12;
 
 /// Motions predicted.
 pub struct LeftOutMotions {
     /// The errors of every channel.
     pub channels: Vec<LeftOut>,
-    /// What the person's own parameters predict of each motion that they do not come from, then what the table predicts; of the
-    /// beginning of each trial.
+    /// The predictions of the person's own parameters for each motion that they do not come from, then what
+    /// the table predicts; of the beginning of each trial.
     pub predictions: Vec<[Vec<PredictedBlock>; 2]>,
 }
 
 /// Returns the errors of motions that were left out one at a time, of more than twelve in as many groups; of a single motion those of
-/// itself. Predictions are kept of the first `keep_s` of each trial.
+/// itself. Predictions are stored of the first `keep_s` of each trial.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.

@@ -27,7 +27,7 @@ pub struct Motion {
     pub frames: Range<usize>,
     /// 1 σ of every channel, per unfiltered sample.
     pub sigma: Vec<f64>,
-    /// Samples that a row stands for.
+    /// Samples that a row represents.
     pub every: u16,
     /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is counted in the
     /// intervals, and no warning.
@@ -69,10 +69,10 @@ pub(super) struct Part {
     pub frames: Range<usize>,
 }
 
-/// How trials become motions.
+/// The way trials become motions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parts {
-    /// A single trial is cut into so many parts of equal length.
+    /// A single trial is cut into this many parts of equal length.
     Equal(usize),
     /// Every trial is cut into strides.
     Strides,

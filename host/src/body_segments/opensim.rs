@@ -186,7 +186,8 @@ impl<'a> Ours<'a> {
         Some(Self { model, segments, places, hips })
     }
 
-    /// What a segment of a model has of us, about its joint; `has` tells which segments the model has.
+    /// Returns what a segment of a model has of us, about its joint; `has` tells which segments the model
+    /// has.
     fn of(&self, (part, side): Segment, has: &dyn Fn(Segment) -> bool) -> Option<Matter> {
         let at = match part {
             Part::Pelvis | Part::Trunk => self.hips,

@@ -28,16 +28,17 @@ const EACH: usize = 3;
 const FEWEST: usize = 10;
 /// … with less than this vertical force, N.
 const CARRIES_N: f32 = 100.0;
-/// What is less likely than this by chance is significant.
+/// A value less likely than this by chance is significant.
 const SURPRISING: f64 = 1e-3;
 /// The same in standard deviations, of either sign.
 const SURPRISING_SD: f64 = 3.29;
-/// Laboratories place plates, and plates find centres of pressure, to some millimetres: less than this is not told, m.
+/// Laboratories place plates, and plates find centres of pressure, to some millimetres: less than this is not
+/// reported, m.
 const LEAST_SHIFT_M: f64 = 0.01;
-/// Plates are calibrated to about 1 %: two that differ by less than this are not told.
+/// Plates are calibrated to about 1 %: two that differ by less than this are not reported.
 const LEAST_SCALE: f64 = 0.02;
 
-/// How far a plate is from where the file has it.
+/// The distance of a plate from where the file has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shift {
     /// The place in the file less the true one, along x and y, m.
@@ -54,7 +55,7 @@ impl Shift {
     }
 }
 
-/// What a trial tells of its plates.
+/// The information of a trial about its plates.
 #[derive(Clone, Debug)]
 pub struct PlateErrors {
     /// The trial, by its number.
@@ -115,7 +116,7 @@ fn of_trial(
 ) -> Result<Option<PlateErrors>, StudyError> {
     let n = study.parameters();
     let plates = EACH * tracked.plates.len();
-    // So much of a long trial tells enough.
+    // This much of a long trial tells enough.
     let mut frames = 0;
     let is_looked_at = |motion: &&Motion| {
         frames += motion.frames.len();
@@ -155,7 +156,7 @@ fn of_trial(
     }))
 }
 
-/// What is known beforehand: the table, and next to nothing of plates.
+/// Returns what is known beforehand: the table, and next to nothing of plates.
 fn beforehand(table: &Gaussian, tracked: &Tracked) -> Option<Gaussian> {
     let (n, plates) = (table.names().len(), tracked.plates.len());
     let all = n + EACH * plates + 6 * tracked.unzeroed.len();
@@ -204,7 +205,8 @@ fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -
     with_wrenches(source, more, move |sample| errors(tracked, first + sample))
 }
 
-/// What errors of unit size add to the ground's wrench about the laboratory's origin in a frame, in the order of the columns.
+/// Returns what errors of unit size add to the ground's wrench about the laboratory's origin in a frame, in
+/// the order of the columns.
 fn errors(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     let mut all = Vec::new();
     for plate in &tracked.plates {

@@ -1,8 +1,8 @@
 //! Noise by bodies that do not explain the rows: the segments of a person are not rigid.
 //!
 //! Rows leave little where many parameters follow a slow motion, as of somebody who stands: breathing, the heart and skin
-//! then look like bodies that there are none of. How far the estimate is from all bodies shows how much larger the noise is
-//! than what is left: `d²` of as many directions as rows determine is their number.
+//! then resemble bodies that do not exist. How far the estimate is from all bodies shows how much larger the
+//! noise is than what is left: `d²` of as many directions as rows determine is their number.
 
 use super::Study;
 use super::error::StudyError;

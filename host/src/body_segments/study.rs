@@ -24,18 +24,18 @@ use rigident_io::motion_capture::trial::Trial;
 use rigident_model::base::{BaseParameters, Situation};
 use rigident_model::{Model, ModelError};
 
-/// What is asked for.
+/// The request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StudyOptions {
-    /// How well the table is known of one person.
+    /// The uncertainty of the table for one person.
     pub spread: Spread,
     /// Right segments mirror left ones.
     pub symmetric: bool,
-    /// How trials become motions.
+    /// The way trials become motions.
     pub parts: Parts,
     /// The person's mass by scales, kg, with 1 σ; `None`: not known.
     pub mass_kg: Option<[f64; 2]>,
-    /// How well the plates' scales are known.
+    /// The uncertainty of the plates' scales.
     pub plates: PlateScale,
 }
 
@@ -80,7 +80,7 @@ fn nothing_stated(mut fit: Fit) -> Fit {
 
 /// A motion whose mass differs from that of all by more than this share, …
 const OTHER_MASS: f64 = 0.01;
-/// … and by so many times the U95 of the difference, is another body's.
+/// … and by this many times the U95 of the difference, is another body's.
 const OTHER_MASS_U95: f64 = 2.0;
 
 /// A whole mass.
@@ -88,7 +88,7 @@ struct Mass {
     kg: f64,
     /// Without errors of plates, kg².
     variance: f64,
-    /// What each error of a plate adds to it, 1 σ, kg.
+    /// The addition of each error of a plate to it, 1 σ, kg.
     plates: Vec<f64>,
 }
 
@@ -109,15 +109,16 @@ impl Mass {
 pub struct Study {
     /// The motions.
     pub motions: Vec<Motion>,
-    /// What the table says of the base parameters, and scales of the mass.
+    /// The table's values of the base parameters, and scales of the mass.
     pub table: Gaussian,
-    /// What the table alone says of them.
+    /// The values of them by the table alone.
     open: Gaussian,
     /// Settings.
     pub options: StudyOptions,
     /// Trials without a usable frame, or too few, with the reason.
     pub left: Vec<String>,
-    /// How joint centres and marker places move the parameters, one column a draw; none before [`Study::draw`].
+    /// The effect of joint centres and marker places on the parameters, one column a draw; none before
+    /// [`Study::draw`].
     pub draws: DMatrix<f64>,
     ground: GroundErrors,
     /// σ is this many times what rows and table leave, so that bodies explain them.
@@ -125,7 +126,7 @@ pub struct Study {
     base: BaseParameters,
     /// The model that the rows are of, without fixed joints.
     pub model: Model,
-    /// What is measured of it.
+    /// The measured quantities of it.
     pub situation: Situation,
     /// The same by channels.
     pub channels: Vec<Channel>,
@@ -241,7 +242,7 @@ impl Study {
         Ok(fit)
     }
 
-    /// Returns the whole mass by plates and table, kg, whatever scales say; `None` if that is not told.
+    /// Returns the whole mass by plates and table, kg, whatever scales say; `None` if that is not determined.
     ///
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
@@ -250,7 +251,7 @@ impl Study {
         Ok(self.mass_of(&all)?.map(|mass| mass.measured()))
     }
 
-    /// The whole mass that some motions say beside the table; `None` if that is not told.
+    /// The whole mass that some motions say beside the table; `None` if that is not determined.
     fn mass_of(&self, motions: &[usize]) -> Result<Option<Mass>, StudyError> {
         let factors = motions.iter().filter_map(|k| self.motions.get(*k)).map(|motion| motion.pooled.clone());
         let fit = Self::merged(factors.collect(), &self.open)?;
@@ -377,7 +378,8 @@ impl Study {
     }
 }
 
-/// Whether two masses contradict each other: their intervals do not overlap, and plates do not differ by so much.
+/// Returns whether two masses contradict each other: their intervals do not overlap, and plates do not differ
+/// by this much.
 fn apart(a: &Measured, b: &Measured) -> bool {
     let off = (a.value - b.value).abs();
     off > a.u95 + b.u95 && off > OTHER_MASS * a.value.max(b.value)

@@ -1,4 +1,4 @@
-//! What a person holds: its own parameters from motions with it and without it.
+//! The tool that a person holds: its own parameters from motions with it and without it.
 //!
 //! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with the tool are rows over
 //! `φ + K τ`, those without over φ. Both factors and the table are merged, and φ is eliminated.

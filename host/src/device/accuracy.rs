@@ -1,10 +1,10 @@
-//! How far a device's answer may be from that of the same rows in double precision.
+//! The deviation of a device's answer allowed from that of the same rows in double precision.
 
 use rigident_fit::Estimate;
 
-/// A device may differ by so many standard deviations, …
+/// A device may differ by this many standard deviations, …
 const ALLOWED_SD: f64 = 0.05;
-/// … or by so many roundings, times condition and size of the parameters.
+/// … or by this many roundings, times condition and size of the parameters.
 const ALLOWED_ROUNDINGS: f64 = 20.0;
 
 /// A device's answer beside that of the same rows in double precision.
@@ -12,7 +12,7 @@ const ALLOWED_ROUNDINGS: f64 = 20.0;
 pub struct Accuracy {
     /// Largest difference of a parameter, in standard deviations.
     pub largest_difference_sd: f64,
-    /// Which parameter that is.
+    /// The number of that parameter.
     pub parameter: usize,
     /// Largest difference by what is allowed: no more than one.
     pub share_of_allowed: f64,

@@ -1,4 +1,4 @@
-//! Who may open a port: the group that owns it, and whether this user is in it.
+//! The users who may open a port: the group that owns it, and whether this user is in it.
 
 use std::path::Path;
 

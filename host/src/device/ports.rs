@@ -12,9 +12,9 @@ use serialport::{SerialPortInfo, SerialPortType};
 use super::link::{Client, LinkError, PortError, SerialTransport};
 use super::session::Session;
 
-/// Where `rigident-sim serve` puts the port of its rig, in the folder that it runs in.
+/// The path where `rigident-sim serve` puts the port of its rig, in the folder that it runs in.
 pub const SIMULATED: &str = "rigident-rig";
-/// A port that may be another device's is asked so often.
+/// A port that may be another device's is asked this often.
 const ATTEMPTS: u32 = 2;
 
 /// Holds what a USB port says of the device behind it.
@@ -56,9 +56,9 @@ pub enum Attached {
 pub struct Port {
     /// The name that it is opened by.
     pub port: String,
-    /// How it is attached.
+    /// The way it is attached.
     pub kind: Attached,
-    /// What a USB port says of itself.
+    /// The identity of a USB port.
     #[serde(flatten)]
     pub usb: Option<Usb>,
 }
@@ -106,7 +106,7 @@ pub enum Unusable {
     /// The port cannot be opened.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// What answers is no device of ours, or firmware built from other definitions, or nothing does.
+    /// The device that answers is none of ours, or firmware built from other definitions, or nothing does.
     #[error(transparent)]
     Link(#[from] LinkError),
 }

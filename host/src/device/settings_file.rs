@@ -25,7 +25,7 @@ pub enum SettingsFileError {
     Text {
         /// The file.
         file: String,
-        /// What its reader says, with the line.
+        /// The message of its reader, with the line.
         why: String,
     },
     /// A key that means nothing.
@@ -53,9 +53,9 @@ pub enum SettingsFileError {
 pub struct Change {
     /// The key, with the tables that it is in: `imu.rate_hz`.
     pub key: String,
-    /// What it was; null: it was not there.
+    /// The old value; null: it was not there.
     pub from: Value,
-    /// What it is; null: it is not there.
+    /// The new value; null: it is not there.
     pub to: Value,
 }
 

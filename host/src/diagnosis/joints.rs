@@ -11,7 +11,7 @@ use rigident_model::Model;
 
 const ALL: [Quantity; 3] = [Quantity::Position, Quantity::Rate, Quantity::Effort];
 const MOTION: [Quantity; 2] = [Quantity::Position, Quantity::Rate];
-/// Joints that are looked at one by one.
+/// Joints that are examined one by one.
 const MOST_JOINTS: usize = 12;
 /// Units of efforts, with their factors to N m.
 const UNITS: [(&str, f64); 6] = [

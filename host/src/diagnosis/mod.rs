@@ -26,7 +26,7 @@ use rigident_fit::{Fit, FitOptions, Progress, RowSource, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
 
-/// Rows that faults are tried on at first, from the middle of the recording; at least so many seconds.
+/// Rows that faults are tried on at first, from the middle of the recording; at least this many seconds.
 const QUICK_ROWS: usize = 2000;
 const QUICK_S: f64 = 10.0;
 /// Seconds that the best are fitted to.
@@ -61,7 +61,7 @@ pub struct Case {
     pub recording: Recording,
     /// The tree; `None` of one body.
     pub model: Option<Model>,
-    /// What is identified beside the links.
+    /// The parameters identified beside the links.
     pub options: ProblemOptions,
 }
 
@@ -74,7 +74,7 @@ pub struct Fault {
     pub kind: String,
     /// The fault in words.
     pub what: String,
-    /// What to do about it.
+    /// The remedy.
     pub remedy: String,
     undo: Undo,
 }
@@ -290,7 +290,7 @@ fn rows(recording: &Recording) -> (usize, usize) {
     (QUICK_ROWS.max((QUICK_S * rate) as usize), (FULL_S * rate) as usize)
 }
 
-/// Returns the case with so many rows of the middle of its recording.
+/// Returns the case with the given number of rows of the middle of its recording.
 fn shortened(case: &Case, rows: usize) -> Case {
     let recording = middle(&case.recording, rows);
     Case { recording, model: case.model.clone(), options: case.options.clone() }
@@ -316,7 +316,7 @@ fn middle(recording: &Recording, rows: usize) -> Recording {
     recording.section(start..start + rows)
 }
 
-/// Returns the part of a recording that [`diagnose`] looks at.
+/// Returns the part of a recording that [`diagnose`] examines.
 pub fn looked_at(recording: &Recording) -> Recording {
     let (quick, full) = rows(recording);
     let (all, most) = (recording.rows(), quick.max(full));

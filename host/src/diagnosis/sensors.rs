@@ -435,7 +435,7 @@ mod tests {
             let undone = fault.undone(&case()).unwrap().recording;
             assert_eq!(undone.rows(), 97);
             let (wrench, gyro) = (undone.wrench.unwrap(), undone.imus[0].gyro.clone().unwrap());
-            // Read three rows later, it stands beside what it belongs to.
+            // Read three rows later, it is beside what it belongs to.
             assert!(wrench.iter().zip(&gyro).all(|(w, g)| g[0] - w[0] == 100.0 * s), "{s}");
             assert_eq!(gyro[0][0], first);
         }

@@ -16,7 +16,7 @@ const STEPS: usize = 30;
 /// The search ends when the cost falls by less, relative.
 const ENOUGH: f64 = 1e-5;
 
-/// What is found.
+/// The result.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
     /// The skeleton with its joints where they were found.
@@ -27,12 +27,13 @@ pub struct Calibrated {
     pub poses: Vec<Pose>,
     /// Root mean square of the distances of markers from their links, m.
     pub rms_m: f64,
-    /// What frames and prior say of what all frames share, inverse covariance: three numbers for every joint's place in its parent,
-    /// then three for every marker's place on its link, 1/m².
+    /// The information of frames and prior on what all frames share, inverse covariance: three numbers for
+    /// every joint's place in its parent, then three for every marker's place on its link, 1/m².
     pub information: DMatrix<f64>,
 }
 
-/// Frames of one person count as no more than so many independent ones (assumed): skin moves over bone with the pose.
+/// Frames of one person count as no more than this many independent ones (assumed): skin moves over bone with
+/// the pose.
 const INDEPENDENT: f64 = 6.0;
 
 struct Frame {

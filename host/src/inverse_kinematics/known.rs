@@ -1,4 +1,4 @@
-//! What is known of a person beside her markers.
+//! The knowledge of a person beside her markers.
 
 use super::marker_file::MarkerFile;
 use rigident_model::human::Sex;
@@ -6,14 +6,14 @@ use rigident_model::human::Sex;
 /// A marker whose place is known better than this, m, tells of the stature.
 pub(super) const ANATOMICAL_M: f64 = 0.1;
 
-/// What is known of a person beside markers.
+/// The knowledge of a person beside markers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Stature, m; `None`: from the markers.
     pub height_m: Option<f64>,
     /// Mass, kg, that the table is scaled to.
     pub mass_kg: f64,
-    /// Whose means the table has.
+    /// The sex whose means the table has.
     pub sex: Sex,
     /// Right joints are where left ones are, mirrored.
     pub symmetric: bool,

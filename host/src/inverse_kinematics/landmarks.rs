@@ -1,4 +1,5 @@
-//! What is known of markers by their names: the sets of Plug-in Gait, of OpenSim's examples, and names like theirs.
+//! The knowledge of markers by their names: the sets of Plug-in Gait, of OpenSim's examples, and names like
+//! theirs.
 //!
 //! Places are of a standing adult 1.741 m tall, about joint centres, and scale with the stature. Those of the pelvis about the
 //! hips are M. Harrington et al., "Prediction of the hip joint centre in adults, children, and patients with cerebral palsy based on
@@ -14,12 +15,12 @@ use rigident_model::Model;
 
 /// Stature that places are of, m.
 const STATURE_M: f64 = 1.741;
-/// How well a marker is where its link is, 1 σ, m: skin moves over bone by about so much.
+/// The uncertainty of a marker's place on its link, 1 σ, m: skin moves over bone by about this much.
 const SKIN_M: f64 = 0.006;
 /// The same on the trunk and the shoulder girdle, which are not rigid.
 const SOFT_M: f64 = 0.012;
 
-/// Where a marker is fixed.
+/// The place where a marker is fixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum On {
     Pelvis,
@@ -227,7 +228,7 @@ fn find_in(name: &str, centres: bool) -> Option<(&'static Landmark, f64)> {
     if centres { own().or_else(|| find(name)) } else { find(name) }
 }
 
-/// Where a marker of a known name is taken to be.
+/// The assumed place of a marker of a known name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     /// The segment that it is fixed to.
@@ -236,7 +237,7 @@ pub struct Place {
     pub joint: String,
     /// Forward, to the left and up of that centre, m, of a standing adult 1.741 m tall.
     pub at_m: [f64; 3],
-    /// How well that is known, 1 σ, m; [`ANYWHERE`] of a marker that may be anywhere on its segment.
+    /// The uncertainty of that, 1 σ, m; [`ANYWHERE`] of a marker that may be anywhere on its segment.
     pub sigma_m: f64,
 }
 

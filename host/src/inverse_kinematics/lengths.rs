@@ -7,13 +7,13 @@ use super::skeleton::Skeleton;
 use rigident_model::Model;
 use rigident_model::human::Person;
 
-/// How well lengths are known that another program scaled by markers, 1 σ, m (assumed).
+/// The uncertainty of lengths that another program scaled by markers, 1 σ, m (assumed).
 pub(super) const LENGTH_SIGMA_M: f64 = 0.015;
-/// A length from elsewhere that is so many times another than usual for the stature is in another unit.
+/// A length from elsewhere that is this many times the usual one for the stature is in another unit.
 const OTHER_UNIT: f64 = 1.5;
 /// Lengths that are less likely than this are another person's.
 const SURPRISING: f64 = 1e-3;
-/// A joint is moved by so much to see what lengths become, m.
+/// A joint is moved by this much to see what lengths become, m.
 const STEP_M: f64 = 1e-6;
 
 /// A length from elsewhere that is another one.

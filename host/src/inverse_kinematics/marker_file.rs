@@ -8,9 +8,9 @@ use serde::Deserialize;
 use super::markers::Attached;
 use rigident_model::Model;
 
-/// How well a marker is where its link is, 1 σ, m, if nothing is said.
+/// The uncertainty of a marker's place on its link, 1 σ, m, if nothing is said.
 const SIGMA_M: f64 = 0.006;
-/// How well a place is known that is not given, and one that is, 1 σ, m.
+/// The uncertainty of a place that is not given, and one that is, 1 σ, m.
 const PLACE_M: [f64; 2] = [0.15, 0.012];
 
 /// Segments that are raised with the arms.
@@ -31,9 +31,10 @@ pub struct MarkerFile {
 pub struct OwnMarker {
     /// The link of the model that it is on; empty: it is not used.
     pub segment: String,
-    /// Where it is on the link, link axes (x forward, y left, z up when standing) from its proximal joint, m; absent: anywhere.
+    /// The place of it on the link, link axes (x forward, y left, z up when standing) from its proximal
+    /// joint, m; absent: anywhere.
     pub position_m: Option<[f64; 3]>,
-    /// How well it is where its link is, 1 σ, m; absent: 0.006.
+    /// The uncertainty of its place on its link, 1 σ, m; absent: 0.006.
     pub sigma_m: Option<f64>,
 }
 

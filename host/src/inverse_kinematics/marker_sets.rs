@@ -115,7 +115,7 @@ const SEGMENTS: [(&str, usize); 8] = [
     ("r_foot", 1),
 ];
 
-/// How a recording's markers are those of a set.
+/// The likeness of a recording's markers to a set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Likeness {
     /// The set.

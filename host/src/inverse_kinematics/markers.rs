@@ -11,11 +11,13 @@ pub struct Attached {
     pub label: usize,
     /// The link, by its index in the model.
     pub link: usize,
-    /// Where it is on the link, link axes, m.
+    /// The place of it on the link, link axes, m.
     pub position_m: Vector3<f64>,
-    /// How well that is known before any frame is seen: 1 σ, m; infinite of a marker that may be anywhere on the link.
+    /// The uncertainty of that before any frame is seen: 1 σ, m; infinite of a marker that may be anywhere on
+    /// the link.
     pub position_sigma_m: f64,
-    /// How well the marker is where its link is, 1 σ, m: its own noise, and skin that moves over bone.
+    /// The uncertainty of the marker's place on its link, 1 σ, m: its own noise, and skin that moves over
+    /// bone.
     pub sigma_m: f64,
     /// Whether its height tells of the stature: those of arms are raised with them.
     pub tells_stature: bool,

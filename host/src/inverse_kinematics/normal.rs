@@ -6,7 +6,7 @@ use rigident_shared::tree::Joint;
 use super::markers::{Attached, Seen};
 use super::skeleton::{Pose, Skeleton, Turn};
 
-/// Residuals of so many σ count as they are; beyond, a marker counts ever less (Huber).
+/// Residuals of this many σ count as they are; beyond, a marker counts ever less (Huber).
 const HUBER: f64 = 3.0;
 /// 1 σ of a joint's turn from zero, rad: so wide that it decides only what markers leave open.
 pub(super) const POSTURE_SIGMA: f64 = 1.0;
@@ -24,7 +24,8 @@ pub(super) struct Normal {
     pub cost: f64,
 }
 
-/// What all frames share: three numbers for every joint's place in its parent, then three for every marker's place on its link.
+/// Returns what all frames share: three numbers for every joint's place in its parent, then three for every
+/// marker's place on its link.
 pub(super) fn shared_columns(skeleton: &Skeleton, markers: usize) -> usize {
     3 * (skeleton.links().len() - 1) + 3 * markers
 }

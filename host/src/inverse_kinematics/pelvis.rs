@@ -9,10 +9,10 @@ use super::skeleton::Skeleton;
 use rigident_model::Model;
 use rigident_model::human::{Person, SPINE_BEHIND};
 
-/// How high the lowest joint of the spine is above midway between the hips over the stature, axes of the pelvis' four spines: 150 mm at 1.80 m, as in
-/// scaled models of gait (S. Delp et al. 1990: 148 mm).
+/// The height of the lowest joint of the spine above midway between the hips over the stature, axes of the
+/// pelvis' four spines: 150 mm at 1.80 m, as in scaled models of gait (S. Delp et al. 1990: 148 mm).
 const SPINE_ABOVE: f64 = 0.0833;
-/// How far it may be from there, 1 σ, m (assumed).
+/// The distance that it may be from there, 1 σ, m (assumed).
 pub(super) const LOWEST_JOINT_SIGMA_M: [f64; 3] = [0.012, 0.004, 0.012];
 
 /// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of the pelvis, where

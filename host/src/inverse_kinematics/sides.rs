@@ -10,7 +10,7 @@ use super::skeleton::{Pose, Skeleton};
 const WRONG_M: f64 = 0.1;
 /// … and belongs to the other side if it is nearer to that by this factor.
 const NEARER: f64 = 0.5;
-/// A whole set is exchanged if it fits so much better the other way round.
+/// A whole set is exchanged if it fits this much better the other way round.
 const BETTER: f64 = 0.7;
 
 /// Returns the numbers of markers that are the same on either side, left first.

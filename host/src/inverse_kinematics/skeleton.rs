@@ -18,7 +18,7 @@ pub struct Skeleton {
     ways: Vec<Vec<usize>>,
 }
 
-/// What the joint of a link is turned by.
+/// The type of turn of the joint of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turn {
     /// About its axis, rad.
@@ -36,11 +36,11 @@ pub struct Pose {
     pub position_m: Vector3<f64>,
     /// Laboratory ← base axes.
     pub attitude: UnitQuaternion<f64>,
-    /// The joint of every link; the base's is not looked at.
+    /// The joint of every link; the base's is not examined.
     pub turns: Vec<Turn>,
 }
 
-/// Where a link is: laboratory ← link axes, and its origin, m.
+/// The place of a link: laboratory ← link axes, and its origin, m.
 pub type Place = (Matrix3<f64>, Vector3<f64>);
 
 impl Skeleton {

@@ -6,7 +6,7 @@ use super::markers::{Attached, Seen};
 use super::normal::{Normal, fill};
 use super::skeleton::{Pose, Skeleton};
 
-/// Steps of a frame are at most so many.
+/// Steps of a frame are at most this many.
 const STEPS: usize = 60;
 /// A step shorter than this, rad and m, ends the search.
 const SHORT: f64 = 1e-7;

@@ -26,7 +26,7 @@ const COMPARED: usize = 5;
 /// Statures of people from small children on, m.
 const STATURES_M: [f64; 2] = [0.5, 2.5];
 
-/// Which model of people.
+/// The model of people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HumanModel {
     /// 15 links, 34 degrees of freedom.
@@ -65,11 +65,11 @@ pub enum SubjectError {
         "left and right are exchanged in the names of {what}: the person would stand {left_mm:.0} mm off the model as they are named, and          {other_mm:.0} mm the other way round; correct the names"
     )]
     Exchanged {
-        /// Which markers.
+        /// The markers.
         what: String,
-        /// What is left as they are named, mm.
+        /// The residuals as they are named, mm.
         left_mm: f64,
-        /// What is left the other way round, mm.
+        /// The residuals the other way round, mm.
         other_mm: f64,
     },
     /// A pair of markers is exchanged.
@@ -89,11 +89,11 @@ pub enum SubjectError {
         name.replace('_', " ")
     )]
     OtherPerson {
-        /// Which length.
+        /// The length.
         name: String,
         /// The one that was given, m.
         given_m: f64,
-        /// What stature or markers say, m.
+        /// The value by stature or markers, m.
         found_m: f64,
     },
     /// The search for joint centres failed.
@@ -121,7 +121,8 @@ pub struct Subject {
     pub unknown: Vec<String>,
     /// The trunk's link if no marker follows it.
     pub unseen_trunk: Option<usize>,
-    /// What frames and prior say of the places of joints and markers ([`Calibrated::information`]), its lower triangular root.
+    /// The information of frames and prior on the places of joints and markers ([`Calibrated::information`]),
+    /// its lower triangular root.
     root: DMatrix<f64>,
 }
 
@@ -340,7 +341,8 @@ fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<
     Some((pose, (left / pairs.len() as f64).sqrt(), scale))
 }
 
-/// How many times as high as the model's the markers are, of those that tell of the stature; of all if those are too few.
+/// Returns how many times as high as the model's the markers are, of those that tell of the stature; of all
+/// if those are too few.
 fn height_scale(all: &[(bool, [Vector3<f64>; 2])]) -> Option<f64> {
     let telling: Vec<_> = all.iter().filter(|(tells, _)| *tells).map(|(_, pair)| *pair).collect();
     let pairs = if telling.len() < FEWEST { all.iter().map(|(_, pair)| *pair).collect() } else { telling };
@@ -357,8 +359,8 @@ fn means(pairs: &[[Vector3<f64>; 2]]) -> [Vector3<f64>; 2] {
     [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<Vector3<f64>>() / pairs.len() as f64)
 }
 
-/// How well the table knows where the joint of each link is in its parent, 1 σ along the parent's axes, m. Along a limb its length is
-/// open; across it the axis goes through the joint by definition.
+/// Returns how well the table knows where the joint of each link is in its parent, 1 σ along the parent's
+/// axes, m. Along a limb its length is open; across it the axis goes through the joint by definition.
 fn joint_sigma(model: &Model, known: &Known) -> Vec<[f64; 3]> {
     const ACROSS: f64 = 0.001;
     let by_table = |name: &str| match name {

@@ -9,7 +9,7 @@ use super::{Contacts, Held, Imu, JointTree, Plane, Sole};
 const FARTHEST_M: f64 = 2.0;
 /// Corners of one sole are apart by more, m.
 const LEAST_EXTENT_M: f64 = 1e-3;
-/// Fewest corners of a sole: with three a plane is told.
+/// Fewest corners of a sole: with three a plane is determined.
 const FEWEST: usize = 3;
 /// A unit vector's or quaternion's length differs from one by no more: four digits were written.
 const UNIT_WITHIN: f64 = 0.01;

@@ -1,4 +1,5 @@
-//! How a pose looks: links as lines in the world, contacts with their corners, and how far these are off.
+//! The drawing of a pose: links as lines in the world, contacts with their corners, and how far these are
+//! off.
 
 use nalgebra::Vector3;
 

@@ -1,8 +1,9 @@
 //! The fault that explains poses that contradict each other.
 //!
-//! Each fault that can be thought of is undone, one at a time, and the offsets are found again. One that makes what is left so much smaller
-//! that chance does not is named. Faults of which each reading is either right or wrong (axes, signs, units, names) are compared by their
-//! squares; those with a size (a floor that leans, a step, an IMU that is mounted askew) are estimated along, without what is known of them
+//! Each fault that can be thought of is undone, one at a time, and the offsets are found again. One that
+//! makes what is left this much smaller that chance does not is named. Faults of which each reading is either
+//! right or wrong (axes, signs, units, names) are compared by their squares; those with a size (a floor that
+//! leans, a step, an IMU that is mounted askew) are estimated along, without what is known of them
 //! beforehand, and named if they are far from zero and from what is stated.
 
 use std::fmt;
@@ -19,25 +20,26 @@ use super::{Plane, Pose, Setup};
 use rigident_fit::parallel::{map, threads};
 use rigident_fit::{COVERAGE_95, Estimate, Noise};
 
-/// Poses from which faults are looked for; of more, as many that are spread over all.
+/// Poses from which faults are searched for; of more, as many that are spread over all.
 const POSES: usize = 120;
-/// Poses by which all faults are looked at.
+/// Poses by which all faults are examined.
 const GLANCED: usize = 16;
-/// Faults that are tried in full: those that look best with offsets at zero.
+/// Faults that are tried in full: those that appear best with offsets at zero.
 const TRIED: usize = 6;
-/// Steps of a base when a fault is looked at.
+/// Steps of a base when a fault is examined.
 const BASE_STEPS: usize = 4;
-/// What offsets may be when a fault is looked at, 1 σ, rad (3°) and m.
+/// The size of offsets when a fault is tested, 1 σ, rad (3°) and m.
 const OFFSETS: (f64, f64) = (0.052, 0.02);
-/// A fault explains the poses if it takes off so much more of the squares than what is left explains.
+/// A fault explains the poses if it takes off this much more of the squares than what is left explains.
 const BETTER: f64 = 30.0;
-/// Faults of which the squares differ by less are not told apart.
+/// Faults of which the squares differ by less are not distinguished.
 const ALIKE: f64 = 10.0;
-/// Squares are more than the noise explains by so many standard deviations: then faults without a size are looked for.
+/// Squares are more than the noise explains by this many standard deviations: then faults without a size are
+/// searched for.
 const SUSPICIOUS: f64 = 4.0;
 /// Probability that a size of zero is called a fault.
 const CHANCE: f64 = 1e-3;
-/// 1 σ of a size that is looked for, rad (10°).
+/// 1 σ of a size that is searched for, rad (10°).
 const WIDE_RAD: f64 = 0.175;
 /// An offset above this, rad, is none (30°).
 const LARGEST_RAD: f64 = 0.52;
@@ -46,7 +48,7 @@ const NOT_NOISE: f64 = 4.0;
 /// Directions below this share of the best known one are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What explains poses that contradict each other.
+/// The explanation of poses that contradict each other.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// The axes of an IMU are turned by right angles.
@@ -72,7 +74,7 @@ pub enum Fault {
     Names([String; 2]),
     /// The floor leans: about x and y, rad, and the U95 of the larger.
     Floor([f64; 2], f64),
-    /// A sole stands higher than the others: by how much, m, and its U95.
+    /// A sole is higher than the others: by how much, m, and its U95.
     Step(String, f64, f64),
     /// An IMU is mounted askew: link, turn, rad, and its largest U95.
     Mounting(String, [f64; 3], f64),
@@ -155,7 +157,7 @@ pub enum Contradiction {
     Faults(Vec<Fault>),
     /// The offset of a joint is too large to be one, rad.
     TooLarge(String, f64),
-    /// What is left is not the stated noise, and no single fault explains it.
+    /// The residuals are not the stated noise, and no single fault explains it.
     NotNoise,
 }
 
@@ -267,7 +269,7 @@ fn all(setup: &Setup) -> Vec<Fault> {
     out
 }
 
-/// Returns the faults without a size that look best with the offsets at zero.
+/// Returns the faults without a size that appear best with the offsets at zero.
 fn likeliest(setup: &Setup, poses: &[Pose]) -> Vec<Fault> {
     let some: Vec<Pose> = poses.iter().step_by(poses.len().div_ceil(GLANCED).max(1)).cloned().collect();
     let all = all(setup);

@@ -24,7 +24,7 @@ const SECANTS: usize = 4;
 /// A slope along the direction below this share of the first ends its search.
 const LEVEL: f64 = 1e-3;
 
-/// What stays for a round.
+/// The data that stay for a round.
 struct Round<'a> {
     setup: &'a Setup,
     poses: &'a [Pose],

@@ -17,7 +17,7 @@ pub struct JointTree {
 /// Tells why a joint cannot be between the base and a contact.
 pub type TreeProblem = String;
 
-/// Where a link is in the base's frame.
+/// The place of a link in the base's frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     /// Base axes ← link axes.
@@ -33,7 +33,7 @@ impl Place {
     }
 }
 
-/// How a joint moves what hangs on it, in the base's frame.
+/// The way a joint moves what hangs on it, in the base's frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Moves {
     /// Turns about an axis through a point.
@@ -150,7 +150,8 @@ impl JointTree {
         Ok(moving)
     }
 
-    /// Returns where all links are, with these positions of all links' joints, rad or m; other joints stand at zero.
+    /// Returns where all links are, with these positions of all links' joints, rad or m; other joints are at
+    /// zero.
     pub(super) fn places(&self, positions: &[f64]) -> Vec<Place> {
         let mut places: Vec<Place> = Vec::with_capacity(self.links.len());
         for (i, link) in self.links.iter().enumerate() {

@@ -2,9 +2,9 @@
 //!
 //! Lives here: the tree of joints that turn or slide one by one (`kinematics`), what poses share ([`shared`]), what a pose says as whitened
 //! rows ([`pose`]), the search for the offsets ([`search`]) by two methods ([`solve`], `gradient`), what they are worth and how many poses
-//! are enough ([`result`]), the fault that explains poses that contradict each other ([`faults`]), how a pose looks ([`drawn`]), and the
-//! files of poses and contacts ([`poses_file`], [`contacts_file`]). May not live here: options, pages, and models beyond their joints
-//! (`rigident_model`).
+//! are enough ([`result`]), the fault that explains poses that contradict each other ([`faults`]), the
+//! drawing of a pose ([`drawn`]), and the files of poses and contacts ([`poses_file`], [`contacts_file`]).
+//! May not live here: options, pages, and models beyond their joints (`rigident_model`).
 //!
 //! The theory is that of K. Yamane, *Practical kinematic and dynamic calibration methods for force-controlled humanoid robots*, with every
 //! row divided by its standard deviation.
@@ -76,7 +76,7 @@ pub struct Imu {
     pub rotation: UnitQuaternion<f64>,
 }
 
-/// What touches or holds the robot. Names are in the order of soles, then held links.
+/// The parts that touch or hold the robot. Names are in the order of soles, then held links.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// The soles.
@@ -164,12 +164,12 @@ impl Default for Noise {
     }
 }
 
-/// What is the same in all poses.
+/// The data that are the same in all poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The robot's joints.
     pub tree: JointTree,
-    /// What touches or holds it.
+    /// The parts that touch or hold it.
     pub contacts: Contacts,
     /// Indices of the links whose attitudes are measured.
     pub measured_links: Vec<usize>,

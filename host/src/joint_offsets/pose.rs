@@ -1,4 +1,4 @@
-//! What one pose says: rows of its attitudes and of its contacts.
+//! The information of one pose: rows of its attitudes and of its contacts.
 //!
 //! With the base's attitude R and place p, and corner x of a link at `y = p_i + R_i x` in the base's frame, a corner that touches a plane of
 //! normal n and distance d says `0 = n·(R y + p) − d`. Of the floor d is zero, and the height of p is free in every pose, so that only the
@@ -18,7 +18,7 @@ use rigident_fit::Factor;
 const ANYWHERE_M: f64 = 100.0;
 /// 1 σ of a heading that says nothing, rad.
 const ANY_HEADING: f64 = 100.0;
-/// Directions of the base below this share of the best known are not told by a pose.
+/// Directions of the base below this share of the best known are not determined by a pose.
 const TOLD: f64 = 1e-6;
 
 /// The base of a pose.
@@ -48,7 +48,7 @@ impl Base {
     }
 }
 
-/// What a row is of.
+/// The subject of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowOf {
     /// The attitude of a measured link, by its place in [`Setup::measured_links`].
@@ -63,7 +63,7 @@ pub enum RowOf {
 
 /// The rows of a pose before they are whitened: measured less expected values, and how the expected ones change.
 pub struct Rows {
-    /// What each row is of.
+    /// The subject of each row.
     pub of: Vec<RowOf>,
     /// Columns of the base, then those that all poses share.
     pub columns: DMatrix<f64>,
@@ -76,7 +76,7 @@ pub struct Rows {
     base_columns: usize,
 }
 
-/// What a pose says of what is shared, its base eliminated, and how its base follows.
+/// The information of a pose on what is shared, its base eliminated, and how its base follows.
 #[derive(Clone, Debug, Default)]
 pub struct Told {
     /// Whitened rows of the shared columns; `None` if they cannot be made.

@@ -1,4 +1,4 @@
-//! What the offsets are worth, and how many poses are enough.
+//! The quality of the offsets, and the number of poses that are enough.
 
 use nalgebra::DMatrix;
 
@@ -13,11 +13,11 @@ use rigident_fit::{Estimate, Factor, Measured, Noise};
 const ROUNDING: f64 = 1e-9;
 /// An offset whose U95 is above this is not identified: by eye a joint is set better (2°, 10 mm).
 pub const COARSEST: Coarsest = Coarsest { rad: 0.035, m: 0.01 };
-/// A joint that moves by less over all poses stands still, rad (0.6°) and m.
+/// A joint that moves by less over all poses is at rest, rad (0.6°) and m.
 const STILL: Coarsest = Coarsest { rad: 0.01, m: 1e-3 };
 /// The last step moves no identified offset by more than this share of its U95. Along what poses do not tell the search may go on for long.
 const SETTLED: f64 = 0.05;
-/// Shares of the weakest combination that are told.
+/// Shares of the weakest combination that are reported.
 const SHARE: f64 = 0.2;
 /// Fewest poses: with one, each height is as well the base's.
 pub const FEWEST: usize = 2;
@@ -41,7 +41,7 @@ impl Coarsest {
 /// Why the poses do not identify an offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Open {
-    /// What its U95 would be, rad or m; `None` if the poses say nothing of it.
+    /// The U95 that it would have, rad or m; `None` if the poses say nothing of it.
     pub u95: Option<f64>,
     /// Joints whose offsets act as its own does, the most alike first.
     pub beside: Vec<String>,
@@ -58,21 +58,21 @@ pub struct Offset {
     pub measured: Option<Measured>,
     /// Why they do not.
     pub open: Option<Open>,
-    /// How far the joint moves over the poses that count, rad or m.
+    /// The distance that the joint moves over the poses that count, rad or m.
     pub moves_by: f64,
 }
 
 impl Offset {
-    /// Tells whether the joint stands still in all poses.
+    /// Tells whether the joint is at rest in all poses.
     pub fn stands_still(&self) -> bool {
         self.moves_by < STILL.of(self.slides)
     }
 }
 
-/// What is estimated along with the offsets.
+/// The parameters estimated along with the offsets.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Along {
-    /// What it is.
+    /// The meaning.
     pub name: String,
     /// Whether it is a length, m; otherwise rad.
     pub length: bool,
@@ -93,12 +93,12 @@ pub struct BadPose {
     pub height_off: (String, f64),
 }
 
-/// What the first so many poses determine.
+/// The result of the given number of first poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OverPoses {
-    /// How many poses, in the file's order, those left out not counted.
+    /// The number of poses, in the file's order, those left out not counted.
     pub poses: usize,
-    /// How many offsets they identify.
+    /// The number of offsets that they identify.
     pub identified: usize,
     /// Largest U95 of joints that turn, of those that all poses identify, rad; `None` while one of them is not determined or there is none.
     pub worst_u95: Option<f64>,
@@ -115,21 +115,22 @@ pub struct Answer {
     pub covariance: DMatrix<f64>,
     /// Poses that were left out.
     pub bad: Vec<BadPose>,
-    /// What is left over what the stated noise explains, a ratio of variances; intervals are widened if it is above 1.
+    /// The residuals over what the stated noise explains, a ratio of variances; intervals are widened if it
+    /// is above 1.
     pub variance_ratio: f64,
     /// Degrees of freedom of what is left.
     pub degrees_of_freedom: f64,
     /// The combination of offsets that the poses know worst: 1 σ (infinite if not at all), joints with their shares.
     pub weakest: Option<(f64, Vec<(String, f64)>)>,
-    /// What the first poses determine.
+    /// The results of the first poses.
     pub over_poses: Vec<OverPoses>,
     /// Root mean square of the attitudes' residuals, rad.
     pub attitude_rms: f64,
     /// Root mean square of the contacts' residuals, m.
     pub height_rms: f64,
-    /// What was estimated along: the floor's slope, planes, held links, mountings.
+    /// The parameters estimated along: the floor's slope, planes, held links, mountings.
     pub along: Vec<Along>,
-    /// Where the search ended: offsets, identified or not, and the bases of all poses.
+    /// The end of the search: offsets, identified or not, and the bases of all poses.
     pub state: State,
     /// Whether each pose was left out.
     pub left_out: Vec<bool>,

@@ -10,7 +10,7 @@ use super::{Pose, Setup, gradient};
 /// Probability that one of all good poses is left out.
 const CHANCE: f64 = 0.01;
 
-/// How the offsets are searched for.
+/// The method of the search for the offsets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Steps of Gauss and Newton, the base of each pose eliminated.

@@ -1,4 +1,5 @@
-//! What all poses share: the offsets, and what is estimated along with them. The columns of each, and what is known of it beforehand.
+//! The common parameters of all poses: the offsets, and what is estimated along with them. The columns of
+//! each, and what is known of it beforehand.
 
 use std::ops::Range;
 
@@ -10,7 +11,7 @@ use super::{HEADING_FREE, Setup};
 /// 1 σ of a place of which nothing is known, m, and of an attitude, rad: so far above any other that it says nothing.
 const UNKNOWN: f64 = 10.0;
 
-/// What all poses share.
+/// The common parameters of all poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shared {
     /// Offsets of the joints that are asked for, rad or m: true less measured position.
@@ -19,20 +20,20 @@ pub struct Shared {
     pub mountings: Vec<Rotation3<f64>>,
     /// The planes.
     pub planes: Vec<PlaneAt>,
-    /// Where held links are.
+    /// The places of held links.
     pub held: Vec<HeldAt>,
 }
 
-/// Where a plane is.
+/// The place of a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneAt {
-    /// How it is turned against the stated one, rad, about [`Setup::tilt_axes`].
+    /// The turn of it against the stated one, rad, about [`Setup::tilt_axes`].
     pub tilt_rad: [f64; 2],
     /// Its distance from the origin along its normal, m.
     pub distance_m: f64,
 }
 
-/// Where a held link is.
+/// The place of a held link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldAt {
     /// Its point in the world, m.
@@ -47,12 +48,12 @@ impl Default for HeldAt {
     }
 }
 
-/// What is known beforehand of a shared column.
+/// The prior knowledge of a shared column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {
     /// The column.
     pub column: usize,
-    /// How far the present value is above what is expected.
+    /// The distance of the present value above what is expected.
     pub off: f64,
     /// 1 σ.
     pub sigma: f64,

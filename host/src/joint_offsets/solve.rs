@@ -15,36 +15,37 @@ use rigident_fit::parallel::{map, threads};
 const STEPS: usize = 60;
 /// The search ends with a step below this, rad or m: far below any interval.
 const ENOUGH: f64 = 1e-10;
-/// A step is halved at most so often.
+/// A step is halved at most this often.
 const HALVINGS: usize = 8;
 /// A step may raise the cost by this share: weights and covariances change with the offsets.
 const RISE: f64 = 1e-3;
 /// A direction of which the poses know less than this, 1 σ in rad or m, is not moved along: no joint is assembled so badly (10°).
 pub const HELD: f64 = 0.175;
-/// A pose's squares count in full up to so many standard deviations above their mean; beyond, ever less (Huber).
+/// A pose's squares count in full up to this many standard deviations above their mean; beyond, ever less
+/// (Huber).
 const HUBER: f64 = 3.0;
 /// Rounds of leaving poses out, and of weighing before the conjugate gradient begins anew.
 pub(super) const ROUNDS: usize = 12;
 /// Poses from which on several threads share the work.
 const MANY: usize = 64;
 
-/// Where the search is.
+/// The state of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// What all poses share.
+    /// The common parameters of all poses.
     pub shared: Shared,
     /// The base of each pose.
     pub bases: Vec<Base>,
 }
 
-/// Where the search ended.
+/// The end of the search.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// Offsets and bases.
     pub state: State,
-    /// What each pose says there.
+    /// The information of each pose there.
     pub told: Vec<Told>,
-    /// How much each pose counts, 0 to 1; 0 if it is left out.
+    /// The weight of each pose, 0 to 1; 0 if it is left out.
     pub weights: Vec<f64>,
     /// Median of the poses' squares over their degrees of freedom, at least 1: by how much the stated noise is too small.
     pub scale: f64,
@@ -52,7 +53,7 @@ pub struct Found {
     pub steps: usize,
     /// Whether the last step was short enough.
     pub converged: bool,
-    /// What the last step moved of what is shared, rad or m.
+    /// The change of what is shared in the last step, rad or m.
     pub last: Vec<f64>,
 }
 

@@ -28,7 +28,7 @@ pub enum Contradiction {
     Error {
         /// Its name.
         name: String,
-        /// What it would be.
+        /// The value it would have.
         value: f64,
         /// 1 σ as it was stated.
         sigma: f64,

@@ -27,7 +27,7 @@ pub struct Matrix {
     pub condition_number: f64,
     /// 1 σ of a mean reading, V: stated, or found.
     pub reading_v: f64,
-    /// What the matrix leaves of each loading, N and N m, in the order of the table.
+    /// The residuals of each loading, N and N m, in the order of the table.
     pub residuals: Vec<[f64; 6]>,
     /// The largest of these over full scale.
     pub largest_residual: f64,
@@ -92,7 +92,7 @@ pub(super) fn answers(rows: &Loadings, fit: &Fit) -> Matrix6<f64> {
     Matrix6::from_fn(|j, k| values[(runs + 6) * j + runs + k])
 }
 
-/// What is left of each loading, as a wrench.
+/// Returns what is left of each loading, as a wrench.
 fn residuals(
     rows: &Loadings,
     matrix: &Matrix6<f64>,

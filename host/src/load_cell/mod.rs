@@ -26,7 +26,7 @@ const LEAST_SHARE: f64 = 1e-3;
 /// U95 at full scale of every component, relative, above which a matrix is too coarse to be used.
 pub const COARSEST: f64 = 0.1;
 
-/// How well loadings are known: 1 σ.
+/// The uncertainty of loadings: 1 σ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Of each weight, relative.

@@ -23,7 +23,7 @@ pub enum Load {
     Weight {
         /// kg.
         mass_kg: f64,
-        /// Where it acts, in S, m.
+        /// The place where it acts, in S, m.
         place_m: [f64; 3],
         /// Unit vector of gravity in S.
         down: [f64; 3],
@@ -37,9 +37,9 @@ pub enum Load {
 pub struct Loading {
     /// Line of the table, from 1.
     pub line: u64,
-    /// Which zero it has: the name in column `run`, empty without.
+    /// The zero of it: the name in column `run`, empty without.
     pub run: String,
-    /// Which weight hangs: the name in column `weight`, or its mass as written.
+    /// The weight that hangs: the name in column `weight`, or its mass as written.
     pub weight: String,
     /// The load.
     pub load: Load,

@@ -92,7 +92,7 @@ pub struct Study<'a> {
     pub base: &'a BaseParameters,
     /// Factors of the parts, in standard deviations: each is left out once.
     pub parts: &'a [Factor],
-    /// What of every link is unknown.
+    /// The parameters of every link that are unknown.
     pub set: ParameterSet,
     /// Right links are mirror images of left ones in what they change by.
     pub symmetric: bool,
@@ -100,7 +100,7 @@ pub struct Study<'a> {
     pub least: f64,
 }
 
-/// What a way gave.
+/// The result of a way.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The way and its setting.
@@ -109,7 +109,7 @@ pub struct Outcome {
     pub is_chosen: bool,
     /// Sum of squares that it leaves of all rows, in standard deviations.
     pub direct: f64,
-    /// What is left of each part by what the others gave, together; `None` of one part.
+    /// The residuals of each part by the results of the others, together; `None` of one part.
     pub left_out: Option<Left>,
     /// Bodies whose mass is not positive.
     pub negative: usize,
@@ -130,7 +130,7 @@ pub struct Comparison {
     pub condition: f64,
     /// Number of rows of the factors.
     pub rows: u64,
-    /// What the nominal model leaves.
+    /// The residuals of the nominal model.
     pub nominal: f64,
     /// Two ways predict equally well if what they leave of what was left out differs by no more.
     pub equal: f64,
@@ -230,7 +230,7 @@ impl Study<'_> {
         parts.map(|(i, part)| (BaseRows::of(part, self.base, bodies), self.merged(Some(i)))).collect()
     }
 
-    /// What a way leaves of each part by the others, together.
+    /// Returns what a way leaves of each part by the others, together.
     fn left_out(
         &self,
         unknowns: &Unknowns,
@@ -276,7 +276,7 @@ impl Study<'_> {
     }
 }
 
-/// What a way leaves of parts that it has not seen.
+/// The residuals of a way for parts that it has not seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Left {
     /// Sum of squares, in standard deviations.

@@ -9,20 +9,20 @@ use rigident_model::Model;
 const DEAD: f64 = 0.02;
 /// Predicted and measured torque are alike above this correlation.
 const ALIKE: f64 = 0.8;
-/// No nominal model is off by so much: the unit is another.
+/// No nominal model is off by this much: the unit is another.
 const OTHER_UNIT: f64 = 4.0;
 /// Units that torques are recorded in instead of N m, and what they are of it.
 const UNITS: [(&str, f64); 5] =
     [("N mm", 1e-3), ("N cm", 1e-2), ("lbf in", 0.112_985), ("lbf ft", 1.355_818), ("kgf m", 9.806_65)];
 
-/// What is wrong with a channel.
+/// The fault of a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// It hardly changes where the model predicts that it does.
     Dead,
     /// It has the other sign.
     Sign,
-    /// It is so many times what the model predicts.
+    /// It is this many times what the model predicts.
     Unit(f64),
 }
 
@@ -31,7 +31,7 @@ pub enum Fault {
 pub struct Suspect {
     /// The joint.
     pub joint: String,
-    /// What is wrong.
+    /// The fault.
     pub fault: Fault,
 }
 

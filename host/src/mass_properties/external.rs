@@ -13,7 +13,8 @@ use rigident_model::base::ROUNDED;
 const COMPONENTS: usize = 6;
 /// Squares that a wrench explains are no chance below this probability.
 const SURPRISING: f64 = 1e-6;
-/// Rows behind the filter, and errors of what is measured, are not independent: they count as this share of so many.
+/// Rows behind the filter, and errors of what is measured, are not independent: they count as this share of
+/// their number.
 const INDEPENDENT: f64 = 0.2;
 
 /// Returns the source with a constant wrench on the base as six columns after the base parameters; `None` where the base's wrench has
@@ -37,7 +38,7 @@ pub struct External {
     pub force_n: [f64; 3],
     /// Moment about its origin, N m.
     pub moment_nm: [f64; 3],
-    /// Probability of so much by chance.
+    /// Probability of this much by chance.
     pub probability: f64,
 }
 

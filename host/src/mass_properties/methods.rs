@@ -12,19 +12,20 @@ const SETTLED: f64 = 1e-10;
 /// A way to solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Singular values below the largest over `condition` are left out: the part of ψ that is told better (equation 21).
+    /// Singular values below the largest over `condition` are left out: the part of ψ that is determined
+    /// better (equation 21).
     Truncated {
         /// The largest condition number.
         condition: f64,
     },
-    /// Conjugate gradients from ψ = 0 with masses kept above their bounds, stopped after so many steps.
+    /// Conjugate gradients from ψ = 0 with masses held above their bounds, stopped after this many steps.
     Gradient {
         /// Steps.
         steps: usize,
     },
     /// The least squares under the same bounds, by an active set: where the gradient method ends.
     Bounded,
-    /// Least squares beside `ψ = 0 ± scale/weight`: the nominal model counts as so many rows.
+    /// Least squares beside `ψ = 0 ± scale/weight`: the nominal model counts as this many rows.
     Ridge {
         /// Weight of the nominal model.
         weight: f64,

@@ -28,7 +28,7 @@ fn all_singular_values_are_least_squares_and_few_are_their_part() {
     let (all, count) = truncated(&rows, &values, f64::INFINITY);
     assert_eq!(count, 12);
     assert!((&all - &normal).amax() < 1e-9 * normal.amax());
-    // What is left out is orthogonal to what is kept, in ψ and in the rows.
+    // What is left out is orthogonal to what is retained, in ψ and in the rows.
     let (few, count) = truncated(&rows, &values, 10.0);
     assert!(count < 12 && count > 1);
     assert!(few.dot(&(&all - &few)).abs() < 1e-9 * all.norm_squared());

@@ -1,4 +1,4 @@
-//! What is unknown of the links, and its rows.
+//! The unknown parameters of the links, and their rows.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::inertia::PARAMETER_NAMES;
@@ -13,12 +13,12 @@ use rigident_model::{Model, ModelError};
 
 /// Parameters of a link.
 const TEN: usize = 10;
-/// Mass and first moment stand first.
+/// Mass and first moment are first.
 const FOUR: usize = 4;
 /// A link's size where its nominal tensor says nothing, m.
 const SIZE_M: f64 = 0.1;
 
-/// Which parameters of every link are unknown.
+/// The parameters of every link that are unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ParameterSet {
     /// Mass and first moment; tensors about the links' origins stay the nominal ones.
@@ -146,7 +146,8 @@ pub struct BaseRows {
 }
 
 impl BaseRows {
-    /// Returns the rows of a factor whose first parameters are the base parameters of a model of so many bodies.
+    /// Returns the rows of a factor whose first parameters are the base parameters of a model of the given
+    /// number of bodies.
     pub fn of(factor: &Factor, base: &BaseParameters, bodies: usize) -> Self {
         let own = BaseEstimate::of_factor(factor, base, 1.0, Noise::Given);
         let mut map = DMatrix::zeros(own.r.ncols(), TEN * bodies);

@@ -5,7 +5,7 @@ use rigident_fit::{FitError, Prediction, Progress, RowSource as _, plain_factor}
 
 /// Rounds of weights by residuals.
 const ROUNDS: usize = 2;
-/// What is left of a channel is at least this share of what it measures: rounding.
+/// The residuals of a channel are at least this share of what it measures: rounding.
 const ROUNDED: f64 = 1e-6;
 
 /// Returns σ of every channel: as stated, else the root mean square of what least squares leave behind the filter, channel by channel.

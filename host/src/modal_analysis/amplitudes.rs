@@ -191,8 +191,8 @@ fn correlation_root(correlation: &DMatrix<f64>) -> DMatrix<f64> {
     &eigen.eigenvectors * DMatrix::from_diagonal(&roots)
 }
 
-/// What noise that is not white widens standard deviations by: amplitudes by their channel's, poles by the channels' mean, each
-/// weighted by what it tells of the pole (its amplitude by its noise, squared).
+/// Returns what noise that is not white widens standard deviations by: amplitudes by their channel's, poles
+/// by the channels' mean, each weighted by what it tells of the pole (its amplitude by its noise, squared).
 fn widening(fit: &Fit, noise: &Noise) -> Vec<f64> {
     let (count, channels) = (fit.poles.len(), fit.sigma.len());
     let mut wider = vec![1.0; place(count, channels, count, 0)];

@@ -1,4 +1,4 @@
-//! What is wrong with the numbers of a channel by themselves: missing, clipped, frozen, repeated.
+//! The faults in the numbers of a channel by themselves: missing, clipped, frozen, repeated.
 
 use super::input::{FreeDecay, ModalError, Options};
 
@@ -102,7 +102,8 @@ fn quantum(values: &[f64]) -> f64 {
     steps.fold(f64::INFINITY, f64::min).min(range)
 }
 
-/// How far the signal is from a run's value so many samples before it and after, the larger of both.
+/// Returns how far the signal is from a run's value this many samples before it and after, the larger of
+/// both.
 fn jump(values: &[f64], run: &Run, away: usize) -> f64 {
     let before = run.first.checked_sub(away).and_then(|k| values.get(k));
     let after = values.get(run.first + run.length - 1 + away);

@@ -58,7 +58,7 @@ impl Fit {
         Some(Self { poles, upper, amplitudes, sigma, objective, floor })
     }
 
-    /// Whether a channel's residual is nothing but rounding.
+    /// Returns whether a channel's residual is nothing but rounding.
     pub(super) fn is_rounding(&self, channel: usize) -> bool {
         self.sigma[channel] <= 20.0 * self.floor[channel].max(1e-150)
     }
@@ -68,7 +68,7 @@ impl Fit {
         levels.iter().zip(&self.floor).map(|(level, floor)| level.max((20.0 * floor).powi(2))).collect()
     }
 
-    /// Whether all residuals are nothing but rounding.
+    /// Returns whether all residuals are nothing but rounding.
     pub(super) fn is_exact(&self) -> bool {
         (0..self.sigma.len()).all(|channel| self.is_rounding(channel))
     }
@@ -108,8 +108,9 @@ impl Fit {
         scaled_inverse(&self.normal().0)
     }
 
-    /// How much of the likelihood hangs on each pole's amplitudes: `Σ_c x_cᵀ V⁻¹ x_c / level_c` over `(a, b)`, V their covariance at
-    /// unit noise and fixed poles. It is χ² with two degrees of freedom for each channel if the pole is not there.
+    /// Returns how much of the likelihood hangs on each pole's amplitudes: `Σ_c x_cᵀ V⁻¹ x_c / level_c` over
+    /// `(a, b)`, V their covariance at unit noise and fixed poles. It is χ² with two degrees of freedom for
+    /// each channel if the pole is not there.
     pub(super) fn strength(&self, pole: usize, level: &[f64]) -> f64 {
         let p = linear(self.poles.len());
         let Some(inverse) = self.upper.view((0, 0), (p, p)).solve_upper_triangular(&DMatrix::identity(p, p))
@@ -126,7 +127,7 @@ impl Fit {
         sum
     }
 
-    /// Searches from given poles; nothing if they cannot be told apart.
+    /// Searches from given poles; nothing if they cannot be distinguished.
     pub(super) fn refined(samples: &Samples, poles: Vec<Pole>, steps: usize) -> Option<Self> {
         let mut best = Self::at(samples, poles)?;
         let mut damping = 1e-4;

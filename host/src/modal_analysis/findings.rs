@@ -1,6 +1,6 @@
-//! What is said of a decay beside its modes.
+//! The findings about a decay beside its modes.
 
-/// How much a finding weighs.
+/// The weight of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The numbers hold; this is to be known.
@@ -12,7 +12,7 @@ pub enum Severity {
 /// Something that was noticed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Finding {
-    /// A mode has few cycles, or too few to be told from a drift.
+    /// A mode has few cycles, or too few to be distinguished from a drift.
     #[error(
         "the mode at {hz:.3} Hz has {cycles:.1} cycles in the recording{}: record {needed_s:.0} s or more",
         if *is_refused { ", too few to tell it from a drift, and is left out" } else { "" }
@@ -35,7 +35,7 @@ pub enum Finding {
     MissingModes {
         /// Modes that there are.
         wanted: usize,
-        /// Modes found, those included that cannot be told apart.
+        /// Modes found, those included that cannot be distinguished.
         found: usize,
         /// The unit vector over scaled channels that the found shapes reach least, in words.
         direction: String,
@@ -58,7 +58,7 @@ pub enum Finding {
         distance: f64,
         /// The least distance at which modes are given.
         least: f64,
-        /// What the length and the decay resolve, Hz.
+        /// The resolution of the length and the decay, Hz.
         resolution_hz: f64,
         /// Two orthonormal directions over scaled channels that their amplitudes span.
         plane: [Vec<f64>; 2],
@@ -107,7 +107,7 @@ pub enum Finding {
         shift_sd: f64,
         /// The relative shift that would be said.
         limit: f64,
-        /// Which multiple or sum, in words.
+        /// The multiple or sum, in words.
         combination: String,
         /// Its frequency, Hz.
         line_hz: f64,
@@ -140,7 +140,7 @@ pub enum Finding {
          linear at this amplitude"
     )]
     Harmonic {
-        /// Which multiple or sum, in words.
+        /// The multiple or sum, in words.
         combination: String,
         /// Its frequency, Hz.
         line_hz: f64,
@@ -161,7 +161,7 @@ pub enum Finding {
         /// Power there by the mean.
         ratio: f64,
     },
-    /// A decay that cannot be told from none.
+    /// A decay that cannot be distinguished from none.
     #[error(
         "the damping of the mode at {hz:.3} Hz is not known: {damping:.6} ± {sd:.6}; record longer if it matters"
     )]

@@ -67,8 +67,8 @@ pub(super) fn combinations(poles: &[Pole], of: &[usize], strengths: &[f64]) -> V
     found
 }
 
-/// Looks for combinations in residuals, by the correlation with `e^{−αt − iνt}`: `|Σ r e|² / (σ² Σ e²)` is χ² / 2 of two degrees of
-/// freedom for each channel.
+/// Searches for combinations in residuals, by the correlation with `e^{−αt − iνt}`: `|Σ r e|² / (σ² Σ e²)` is
+/// χ² / 2 of two degrees of freedom for each channel.
 pub(super) fn harmonics(
     samples: &Samples,
     fit: &Fit,

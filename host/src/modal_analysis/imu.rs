@@ -16,7 +16,7 @@ use super::input::ModalError;
 
 type Complex6 = Matrix6<Complex<f64>>;
 
-/// Where an IMU is.
+/// The place of an IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Imu {
     /// From the reference point to the accelerometer, in platform axes, m.

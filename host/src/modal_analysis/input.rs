@@ -1,4 +1,4 @@
-//! What comes in, and the reasons for which nothing can come out.
+//! The input, and the reasons for which there may be no result.
 
 use nalgebra::DMatrix;
 
@@ -13,14 +13,15 @@ pub struct FreeDecay<'a> {
     pub names: &'a [&'a str],
 }
 
-/// What is looked for.
+/// The subject of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The number of modes that there are, if it is known: six for a platform on springs.
     pub modes: Option<usize>,
-    /// At most so many modes are looked for where their number is not given.
+    /// At most this many modes are searched for where their number is not given.
     pub most: usize,
-    /// What counts as one in each channel when the shape is brought to unit norm, in the channel's unit; all one if it is empty.
+    /// The unit of each channel when the shape is brought to unit norm, in the channel's unit; all one if it
+    /// is empty.
     pub scales: Vec<f64>,
     /// Modes lie between these frequencies, Hz.
     pub band_hz: Option<[f64; 2]>,
@@ -75,7 +76,7 @@ pub enum ModalError {
         value: f64,
         /// Time from the beginning, s.
         time_s: f64,
-        /// How long, s.
+        /// The duration, s.
         duration_s: f64,
     },
     /// The channel repeats its values.
@@ -85,7 +86,7 @@ pub enum ModalError {
     Repeated {
         /// The channel.
         channel: String,
-        /// How often it does.
+        /// The number of times.
         times: usize,
         /// The rate of its own values, Hz.
         rate_hz: f64,

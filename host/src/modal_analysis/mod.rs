@@ -51,13 +51,13 @@ const LAST_STEPS: usize = 8;
 pub struct Component {
     /// Its pole.
     pub pole: Pole,
-    /// What it is.
+    /// The meaning.
     pub role: Role,
     /// Energy by the noise's variance.
     pub strength: f64,
 }
 
-/// What a decay tells.
+/// The result of a decay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Modes {
     /// The modes by rising frequency, only those that are known one by one; with their joint covariance.
@@ -70,7 +70,7 @@ pub struct Modes {
     pub noise: Vec<f64>,
     /// Correlation of noise between channels.
     pub noise_correlation: DMatrix<f64>,
-    /// What was noticed, errors first.
+    /// The findings, errors first.
     pub findings: Vec<Finding>,
 }
 
@@ -87,8 +87,8 @@ impl Modes {
 /// residuals' spectrum near a mode where that is higher than white.
 ///
 /// # Errors
-/// [`ModalError`] where no mode can be told: numbers that are missing, clipped or frozen, nothing that vibrates, a recording that is
-/// too short. What concerns single modes is among [`Modes::findings`].
+/// [`ModalError`] where no mode can be determined: numbers that are missing, clipped or frozen, nothing that
+/// vibrates, a recording that is too short. What concerns single modes is among [`Modes::findings`].
 pub fn identify(decay: &FreeDecay<'_>, options: &Options) -> Result<Modes, ModalError> {
     channels::check(decay, options)?;
     let samples = Samples::new(decay);

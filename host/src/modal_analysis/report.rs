@@ -20,7 +20,7 @@ const COLOURED: f64 = 2.5;
 /// Lines of the residual that are said at most.
 const MOST_LINES: usize = 5;
 
-/// What findings are made from.
+/// The evidence that findings are made from.
 pub(super) struct Evidence<'a> {
     pub(super) decay: &'a FreeDecay<'a>,
     pub(super) options: &'a Options,
@@ -32,7 +32,7 @@ pub(super) struct Evidence<'a> {
     pub(super) amplitudes: &'a Amplitudes,
     pub(super) roles: &'a [Role],
     pub(super) strengths: &'a [f64],
-    /// What coloured noise has for each component and channel.
+    /// The coloured noise of each component and channel.
     pub(super) coloured: &'a [Vec<f64>],
     /// Residuals, their spectrum and its levels.
     pub(super) columns: &'a DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! What each component is: a mode, or something that a mode's numbers must not be given for.
+//! The meaning of each component: a mode, or something that a mode's numbers must not be given for.
 
 use nalgebra::DMatrix;
 
@@ -7,19 +7,19 @@ use super::harmonics::combinations;
 use super::input::Options;
 use super::triangle::Pole;
 
-/// Cycles below which a vibration is not told from a drift.
+/// Cycles below which a vibration is not distinguished from a drift.
 pub(super) const LEAST_CYCLES: f64 = 1.5;
 /// Standard deviations by which poles must differ for their shapes to be known one by one. Twice this is the ratio of the difference
 /// to what bends the likelihood's parabola, on which the covariance rests.
 pub(super) const APART: f64 = 8.0;
 /// Damping ratio below which nothing decays: half the least one that is promised.
 const UNDAMPED: f64 = 2.5e-4;
-/// Strength by that of the stronger one, below which a component may be its harmonic or stand beside it.
+/// Strength by that of the stronger one, below which a component may be its harmonic or be beside it.
 const WEAK: f64 = 0.05;
 /// The same for what the change of its own frequency leaves beside a mode.
 const WEAK_BESIDE: f64 = 0.4;
 
-/// What a component is.
+/// The meaning of a component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
     /// A mode.
@@ -61,7 +61,7 @@ pub(super) fn roles(
     mark_harmonics(&mut roles, poles, amplitudes, strengths, duration_s);
     let is_found = |role: &Role| matches!(role, Role::Mode | Role::TooClose(_) | Role::TooShort);
     let wanted = options.modes.unwrap_or(0);
-    // Before and after pairs are looked at: those that are taken back must be apart, too.
+    // Before and after pairs are examined: those that are taken back must be apart, too.
     take_back(&mut roles, strengths, wanted, is_found);
     mark_close(&mut roles, poles, amplitudes, strengths, duration_s);
     take_back(&mut roles, strengths, wanted, is_found);
@@ -174,7 +174,8 @@ fn mark_close(
     }
 }
 
-/// Where modes are missing, a weak one beside another or at a multiple or sum is one of them: the strongest first.
+/// If modes are missing, a weak one beside another or at a multiple or sum is one of them: the
+/// strongest first.
 fn take_back(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found: impl Fn(&Role) -> bool) {
     let found = roles.iter().filter(|role| is_found(role)).count();
     let is_weak = |r: &usize| matches!(roles[*r], Role::Beside(_) | Role::Harmonic);
@@ -210,7 +211,7 @@ pub(super) fn distance(amplitudes: &Amplitudes, i: usize, j: usize) -> f64 {
     })
 }
 
-/// What length and decay of two components resolve, Hz: `√(1/T² + (ᾱ/π)²)`.
+/// Returns what length and decay of two components resolve, Hz: `√(1/T² + (ᾱ/π)²)`.
 pub(super) fn resolution_hz(poles: &[Pole], i: usize, j: usize, duration_s: f64) -> f64 {
     let decay = 0.5 * (poles[i].decay + poles[j].decay).max(0.0);
     (1.0 / duration_s).hypot(decay / std::f64::consts::PI)

@@ -1,5 +1,6 @@
-//! How many components a decay has: first those that are stable over orders, without those that noise explains as well; then, one
-//! after the other, what still stands out of the residual's spectrum, as long as the likelihood gains by it.
+//! The number of components of a decay: first those that are stable over orders, without those that noise
+//! explains as well; then, one after the other, what still stands out of the residual's spectrum, as long as
+//! the likelihood gains by it.
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -11,7 +12,8 @@ use super::triangle::{Pole, Samples, residuals};
 
 /// Chance that noise alone adds a component.
 const FALSE_ALARM: f64 = 1e-5;
-/// Power around a pole by the mean, in a channel, at which a second pole is tried there; over so many frequencies on each side.
+/// Power around a pole by the mean, in a channel, at which a second pole is tried there; over this many
+/// frequencies on each side.
 const COLOURED: f64 = 2.5;
 const NARROW: usize = 8;
 /// Room for levels of noise that are themselves measured, by some tens of frequencies.
@@ -46,8 +48,9 @@ pub(super) fn quantile(freedom: f64, probability: f64) -> f64 {
     ChiSquared::new(freedom).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - probability.clamp(1e-13, 1.0)))
 }
 
-/// Looks for at most so many modes: in samples at a lower rate, which is raised where all samples have a line beyond it that is
-/// left, as a fast mode of strong damping has no peak of its own beside slow ones.
+/// Searches for at most the given number of modes: in samples at a lower rate, which is raised where all
+/// samples have a line beyond it that is left, as a fast mode of strong damping has no peak of its own beside
+/// slow ones.
 pub(super) fn search(samples: &Samples, most: usize) -> Searched {
     let (mut fastest, strongest) = fastest_line(samples);
     loop {
@@ -73,7 +76,7 @@ pub(super) fn search(samples: &Samples, most: usize) -> Searched {
     }
 }
 
-/// What the likelihood gains by a pole that fits noise best, at any of the frequencies.
+/// Returns what the likelihood gains by a pole that fits noise best, at any of the frequencies.
 fn chance_limit(samples: &Samples) -> f64 {
     quantile(2.0 * samples.y.ncols() as f64 + 2.0, FALSE_ALARM / samples.y.nrows() as f64)
 }
@@ -197,7 +200,7 @@ fn begun(samples: &Samples, candidates: Vec<Pole>) -> Option<Fit> {
     None
 }
 
-/// What the likelihood must gain by a pole where noise is stronger than its mean.
+/// Returns what the likelihood must gain by a pole where noise is stronger than its mean.
 fn gain_limit(samples: &Samples, fit: &Fit, hz: f64) -> f64 {
     let (_, levels) = left(samples, Some(fit));
     let levels = fit.above_rounding(&levels.at(hz));

@@ -1,5 +1,5 @@
 //! Spectra: of a recording for a picture, of residuals for the checks. The transform is rustfft's, as lengths of recordings are
-//! no powers of two and the checks look at the whole spectrum of up to 60 000 samples again and again.
+//! no powers of two and the checks use the whole spectrum of up to 60 000 samples again and again.
 
 use std::f64::consts::TAU;
 
@@ -125,7 +125,8 @@ impl Periodogram {
     }
 
     /// The rows of independent frequencies nearest to one: the same number on both sides, so that a slope does not count, at most
-    /// `side` and at least [`LEAST_SIDE`] if there are so many. Not those closer than 1.5 of them to any of `away`, and not zero.
+    /// `side` and at least [`LEAST_SIDE`] if there are as many. Not those closer than 1.5 of them to any of
+    /// `away`, and not zero.
     fn near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<usize> {
         let width = self.padding as f64 * self.step_hz;
         let is_free = |row: &usize| away.iter().all(|other| (self.hz(*row) - other).abs() > 1.5 * width);

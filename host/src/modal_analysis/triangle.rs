@@ -1,7 +1,8 @@
 //! Rows of a decay, and the triangle that orthogonal reflections make of them.
 //!
 //! A pole gives the columns `c = e^{−αt} cos νt` and `s = e^{−αt} sin νt`, and `t c`, `t s`, of which its derivatives consist. Of
-//! `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is kept, in which residuals and projections are as exact as in the rows.
+//! `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is stored, in which residuals and projections are as
+//! exact as in the rows.
 
 use nalgebra::DMatrix;
 
@@ -55,7 +56,8 @@ impl Samples {
         self.y.nrows() as f64 / self.rate_hz
     }
 
-    /// Means of so many samples each: an exponential stays one, with the same pole, and white noise stays white.
+    /// Means of the given number of samples each: an exponential stays one, with the same pole, and white
+    /// noise stays white.
     pub(super) fn averaged(&self, factor: usize) -> Self {
         let rows = self.y.nrows() / factor;
         let mean = |row: usize, channel: usize| self.y.column(channel).rows(row * factor, factor).mean();

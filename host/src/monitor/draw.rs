@@ -16,7 +16,7 @@ const LEAST: [u16; 2] = [40, 8];
 /// Rows from which on there is room for a chart of the chosen parameter.
 const CHART_FROM: u16 = 36;
 const CHART: u16 = 12;
-/// The chart reaches so many U95 to either side.
+/// The chart reaches this many U95 to either side.
 const CHART_U95: f64 = 6.0;
 /// Columns of a parameter's name, its value, and the course of its uncertainty.
 const NAME: usize = 11;
@@ -28,7 +28,7 @@ const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█
 /// Tells how a view is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// Colours may be used; nothing is told by colour alone.
+    /// Colours may be used; nothing is shown by colour alone.
     pub colour: bool,
     /// The parameter that is chosen.
     pub chosen: usize,
@@ -193,7 +193,7 @@ fn course(history: &[Band], width: usize) -> String {
     if logs.is_empty() { String::new() } else { (0..width).filter_map(level).collect() }
 }
 
-/// What stands below the parameters, a line each.
+/// Returns the text below the parameters, a line each.
 fn below(view: &View, look: Look, width: u16) -> Vec<Line<'static>> {
     let width = usize::from(width);
     let mut lines = Vec::new();
@@ -250,7 +250,7 @@ fn below(view: &View, look: Look, width: u16) -> Vec<Line<'static>> {
     lines
 }
 
-/// What happened, or that nothing did.
+/// Returns what happened, or that nothing did.
 fn counted(counts: &[Counted]) -> (String, Color) {
     let happened = counts.iter().filter(|counted| counted.count > 0);
     let words: Vec<String> = happened.map(|Counted { what, count }| format!("{count} {what}")).collect();
@@ -310,7 +310,7 @@ fn cut(text: &str, width: usize) -> String {
     text.chars().take(width.saturating_sub(1)).chain(['…']).collect()
 }
 
-/// A text in lines of so many letters, and no more than `most` of them.
+/// Breaks a text into lines of the given number of letters, and no more than `most` of them.
 fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {

@@ -29,13 +29,14 @@ use super::View;
 /// The protocol's names: that of today, and that of older clients, whose messages are the same.
 const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 const PROTOCOL_HEADER: &str = "Sec-WebSocket-Protocol";
-/// Where Foxglove looks first.
+/// The place where Foxglove searches first.
 pub const PORT: u16 = 8765;
 /// First byte of a message's data.
 const DATA: u8 = 1;
-/// Clients are looked after so often.
+/// The interval at which clients are served.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// A client that does not take its messages for so long is gone; its handshake is whole within the same time.
+/// A client that does not take its messages for this long is gone; its handshake is whole within the same
+/// time.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// More clients than this are sent away.
 const MOST_CLIENTS: usize = 16;
@@ -50,7 +51,7 @@ struct Topic {
     schema: String,
     message: String,
     time_ns: u64,
-    /// How many messages there were.
+    /// The number of messages.
     count: u64,
 }
 
@@ -138,7 +139,7 @@ impl Drop for Server {
     }
 }
 
-/// What is sent of a view.
+/// Returns what is sent of a view.
 fn messages(view: &View) -> Vec<(&'static str, Value)> {
     let mut messages = vec![("/rigident/sensors", {
         let trouble: serde_json::Map<String, Value> =
@@ -321,10 +322,10 @@ impl io::Write for Timed {
     }
 }
 
-/// What a client knows and wants.
+/// The state and the subscriptions of a client.
 #[derive(Debug, Default)]
 struct Client {
-    /// Topics that it was told of, by number.
+    /// Topics that it was informed of, by number.
     announced: Vec<u32>,
     /// Its own number of a subscription, that of the topic, and how many of its messages it has.
     wanted: Vec<(u32, u32, u64)>,

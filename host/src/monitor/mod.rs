@@ -1,4 +1,5 @@
-//! What is shown while an experiment runs: one object, drawn in a terminal ([`draw`]) and sent to Foxglove ([`foxglove`]).
+//! The view while an experiment runs: one object, drawn in a terminal ([`draw`]) and sent to Foxglove
+//! ([`foxglove`]).
 //!
 //! Lives here: the object [`View`], made of an answer and of what is counted on the way, and what is made of it. May not live
 //! here: where readings come from, threads that fit them, keys of a terminal (`cli`).

@@ -39,7 +39,7 @@ pub struct ParameterView {
 /// Holds an answer as a monitor shows it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Answered {
-    /// How much is identified.
+    /// The part that is identified.
     pub status: Status,
     /// Readings that it rests on.
     pub readings: u64,
@@ -47,11 +47,11 @@ pub struct Answered {
     pub parameters: Vec<ParameterView>,
     /// 2-norm condition number of the column-scaled rows.
     pub condition_number: Option<f64>,
-    /// What of the readings was left out, by reason, and gaps between them.
+    /// The readings left out, by reason, and gaps between them.
     pub left_out: Vec<Counted>,
-    /// What motion is missing, the weakest direction first.
+    /// The missing motion, the weakest direction first.
     pub advice: Vec<String>,
-    /// What is wrong.
+    /// The fault.
     pub warnings: Vec<String>,
 }
 
@@ -117,9 +117,9 @@ fn left_out(fit: &Fit) -> Vec<Counted> {
 /// Counts something.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counted {
-    /// What.
+    /// The quantity.
     pub what: String,
-    /// How often.
+    /// The number of times.
     pub count: u64,
 }
 
@@ -130,33 +130,33 @@ pub struct SensorHealth {
     pub readings: u64,
     /// Readings a second by their own times.
     pub rate_hz: Option<f64>,
-    /// What was rejected, clipped or could not be read, by reason; what never happened is left out.
+    /// The readings rejected, clipped or not readable, by reason; what never happened is left out.
     pub trouble: Vec<Counted>,
 }
 
 /// Tells how the link to a device is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LinkHealth {
-    /// Readings that never came.
+    /// Readings that never arrived.
     pub lost_readings: u64,
-    /// Messages of the device that never came.
+    /// Messages of the device that never arrived.
     pub lost_messages: u64,
-    /// Frames that came damaged, here.
+    /// Frames that arrived damaged, here.
     pub damaged_frames: u64,
-    /// Frames that came damaged, there.
+    /// Frames that arrived damaged, there.
     pub damaged_there: u64,
     /// Messages that the device dropped for want of room.
     pub dropped_there: u64,
-    /// How long nothing has come, s.
+    /// The time for which nothing has arrived, s.
     pub silent_s: f64,
 }
 
 /// Holds everything that a monitor shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct View {
-    /// What is watched: a port with its device, a file, the demonstration.
+    /// The subject that is watched: a port with its device, a file, the demonstration.
     pub watched: String,
-    /// What it does, in words.
+    /// The activity, in words.
     pub phase: String,
     /// From the first reading to the last, s.
     pub elapsed_s: f64,
@@ -164,10 +164,10 @@ pub struct View {
     pub answer: Option<Answered>,
     /// Why there is no answer, or no newer one.
     pub trouble: Option<String>,
-    /// How the sensors are.
+    /// The state of the sensors.
     pub sensors: SensorHealth,
-    /// How the link is; none where there is no link.
+    /// The state of the link; none where there is no link.
     pub link: Option<LinkHealth>,
-    /// What the device says of its own estimate, in words.
+    /// The device's report about its own estimate, in words.
     pub device: Option<String>,
 }

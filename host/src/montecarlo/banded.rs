@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-/// What the noise of unit variance of three samples adds to the residuals of the middle one, C × S each.
+/// The addition of noise of unit variance of three samples to the residuals of the middle one, C × S each.
 pub(super) struct Coefficients {
     pub(super) before: DMatrix<f64>,
     pub(super) now: DMatrix<f64>,

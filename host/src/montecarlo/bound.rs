@@ -172,7 +172,7 @@ fn wrenches(
     Ok(ideal(config, body, program, rate_hz)?.iter().map(|row| row.wrench).collect())
 }
 
-/// What ideal sensors read of `body` along the motion, the IMU at the load cell's origin.
+/// Returns what ideal sensors read of `body` along the motion, the IMU at the load cell's origin.
 fn ideal(
     config: &RigConfig,
     body: BodyParameters,

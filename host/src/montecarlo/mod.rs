@@ -1,4 +1,4 @@
-//! What the intervals are worth: the same experiment many times over, each with its own noise.
+//! The quality of the intervals: the same experiment many times over, each with its own noise.
 //!
 //! Lives here: the experiments and what they are judged by, the bound ([`bound`]). May not live here: the
 //! estimator (that is [`rigident_fit`], used as it ships), printing. Before this: `rigident_sim`; after
@@ -39,7 +39,7 @@ pub use tree_experiment::TreeExperiment;
 
 /// Largest filter of the firmware's estimator on this side: 0.1 s at 2.5 kHz.
 const FIRMWARE_TAPS: usize = 256;
-/// Row blocks between two looks of the firmware's at its factor.
+/// Row blocks between two checks of its factor by the firmware.
 const LOOK_EVERY_BLOCKS: u16 = 50;
 /// Of the firmware's readings.
 const FIRMWARE_FASTEST_HZ: f64 = 2500.0;
@@ -48,7 +48,7 @@ const MOST_READINGS: f64 = 1e6;
 /// 1 σ of a 95 % figure.
 pub const K95: f64 = 1.96;
 
-/// Who makes the factor.
+/// The maker of the factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solver {
     /// The batch pipeline in double precision.
@@ -57,20 +57,20 @@ pub enum Solver {
     Firmware,
 }
 
-/// What is repeated.
+/// The experiment that is repeated.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     /// The rig; what its sensors draw is stated to the estimator as σ.
     pub config: RigConfig,
-    /// What the platform does; the default experiment of `duration_s`, if none is given.
+    /// The motion of the platform; the default experiment of `duration_s`, if none is given.
     pub program: Option<MotionProgram>,
     /// Length of the default experiment, s.
     pub duration_s: f64,
     /// Rate of the readings, 1/s.
     pub rate_hz: f64,
-    /// Who estimates.
+    /// The estimator.
     pub solver: Solver,
-    /// Whether the estimator is told of the gain errors; off only to see what that costs.
+    /// Whether the estimator is given the gain errors; off only to see what that costs.
     pub tell_gain_errors: bool,
     /// States the white noise of load cell and IMU to the estimator; else it finds it in the readings.
     pub tell_noise: bool,
@@ -120,7 +120,7 @@ pub enum CampaignError {
         /// Why.
         error: FitError,
     },
-    /// The firmware's filter has not so many taps.
+    /// The firmware's filter does not have this many taps.
     #[error(
         "{0} Hz: the firmware's filter has room for {FIRMWARE_FASTEST_HZ} Hz; take a lower rate, or the host"
     )]
@@ -169,7 +169,7 @@ pub struct Judgement {
     pub std: f64,
     /// Cramér–Rao bound of the standard deviation.
     pub crb_std: f64,
-    /// What the estimates themselves said it was: root mean square.
+    /// The value by the estimates themselves: root mean square.
     pub predicted_std: f64,
     /// Share of the 95 % intervals that hold the truth.
     pub coverage95: f64,
@@ -207,7 +207,7 @@ impl Judgement {
     }
 }
 
-/// What an estimator must keep to over `runs` experiments to be called calibrated and efficient.
+/// The limits that an estimator must meet over `runs` experiments to be called calibrated and efficient.
 ///
 /// The figures asked for are those of 2 000 experiments; there a calibrated interval misses 93–97 % once in 20 000
 /// times. With fewer the chance of the draw is allowed for, by as many standard errors.
@@ -220,10 +220,11 @@ pub struct Limits95 {
 }
 
 impl Limits95 {
-    /// With so many experiments and more the limits are as promised; with fewer they are wider, by the standard errors.
+    /// With this many experiments and more the limits are as promised; with fewer they are wider, by the
+    /// standard errors.
     pub const ASKED: u64 = 2000;
 
-    /// For so many experiments.
+    /// For this many experiments.
     pub fn of(runs: u64) -> Self {
         const ASKED: f64 = Limits95::ASKED as f64;
         let shortage = (ASKED / (runs as f64).clamp(1.0, ASKED)).sqrt();
@@ -235,14 +236,14 @@ impl Limits95 {
         }
     }
 
-    /// Whether a parameter keeps to them.
+    /// Returns whether a parameter keeps to them.
     pub fn kept_by(&self, judgement: &Judgement) -> bool {
         let (least, largest) = self.coverage;
         judgement.efficiency() >= self.efficiency && (least..=largest).contains(&judgement.coverage95)
     }
 }
 
-/// What the experiments say.
+/// The verdict of the experiments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// Experiments done.
@@ -256,7 +257,7 @@ pub struct Verdict {
 /// Coordinates of the centre of mass, elements of the tensor about it.
 pub const DERIVED: usize = 9;
 
-/// What is derived, to first order, and its standard deviations.
+/// Returns what is derived, to first order, and its standard deviations.
 fn derived(estimate: &Estimate) -> ([f64; DERIVED], [f64; DERIVED]) {
     let (com, inertia) = (centre_of_mass(estimate), inertia_com(estimate));
     let joined = |com: [f64; 3], inertia: [f64; 6]| {
@@ -337,7 +338,7 @@ impl Prepared {
     }
 
     /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures, whatever
-    /// the number of cores. `done` is told how many are done; `stop` ends early with what there is.
+    /// the number of cores. `done` receives how many are done; `stop` ends early with what there is.
     ///
     /// # Errors
     /// An experiment that cannot be identified, or fewer than two of them.
@@ -410,7 +411,7 @@ impl Prepared {
         self.campaign.tell_gain_errors && gains.iter().any(|spread| *spread > 0.0)
     }
 
-    /// The device's own estimate, with looks at the factor and the noise of the IMU as on the device.
+    /// The device's own estimate, with checks of the factor and the noise of the IMU as on the device.
     fn by_firmware(&self, rows: &[ReadingRow], source: &BodySource) -> Result<Estimate, FitError> {
         let campaign = &self.campaign;
         let settings = EstimatorConfig {

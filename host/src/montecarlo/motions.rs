@@ -16,7 +16,7 @@ pub struct RepeatedMotion {
     pub motion: &'static str,
     /// Predicted 95 % uncertainties of mass, first moment and tensor about S, kg, kg m, kg m².
     pub predicted_u95: [f64; 10],
-    /// What was found.
+    /// The finding.
     pub verdict: Verdict,
 }
 

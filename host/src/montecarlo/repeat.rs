@@ -6,7 +6,8 @@ use std::time::Duration;
 
 /// Runs `runs` experiments on every core, and returns what they gave in the order of the runs.
 ///
-/// Their seeds follow from `seed` alone. `done` is told how many are done; `stop` ends early with what there is.
+/// Their seeds follow from `seed` alone. `done` receives how many are done; `stop` ends early with what there
+/// is.
 ///
 /// # Errors
 /// The first experiment that failed: its seed, and why.

@@ -53,7 +53,7 @@ pub struct TreeVerdict {
     pub not_identified: Vec<String>,
 }
 
-/// What one experiment found: names and units, and each parameter's error with its σ if it was identified.
+/// The result of one experiment: names and units, and each parameter's error with its σ if it was identified.
 struct Outcome {
     names: Vec<(String, String)>,
     found: Vec<Option<One>>,
@@ -93,7 +93,7 @@ impl TreeCampaign {
     }
 
     /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures, whatever the
-    /// number of cores. `done` is told how many are done; `stop` ends early with what there is.
+    /// number of cores. `done` receives how many are done; `stop` ends early with what there is.
     ///
     /// # Errors
     /// [`CampaignError`] if an experiment cannot be identified, or there are fewer than two of them.

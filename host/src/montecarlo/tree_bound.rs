@@ -16,10 +16,11 @@ const STEP: f64 = 1e-6;
 /// Returns the Cramér–Rao bound of base parameters and offsets, 1 σ; `None` if the motion leaves something undetermined.
 ///
 /// `J⁻¹` with `J = aᵀ C⁻¹ a` over every sample. Forces are linear in the standard parameters, `w = Y φ`, the columns of Y
-/// being forces of unit bodies by Newton and Euler. With `β = M φ` and `M_L` the columns of M of those that stand for β,
-/// `w = Y_L M_L⁻¹ β`. The motion is known through the signals alone: C is the covariance of the noise of load cell or
-/// torques and of what noise of the signals moves the forces by, to first order. Accelerations are central differences of
-/// rates, or of positions where these alone are measured, so that C is banded.
+/// being forces of unit bodies by Newton and Euler. With `β = M φ` and `M_L` the columns of M of those that
+/// represent β, `w = Y_L M_L⁻¹ β`. The motion is known through the signals alone: C is the covariance of the
+/// noise of load cell or torques and of what noise of the signals moves the forces by, to first order.
+/// Accelerations are central differences of rates, or of positions where these alone are measured, so that C
+/// is banded.
 pub(super) fn bound(model: &Model, base: &BaseParameters, experiment: &TreeExperiment) -> Option<Vec<f64>> {
     let map = base.map();
     let skip = 10 * model.links.len() - base.standard.len();
@@ -264,7 +265,7 @@ impl Way<'_> {
     }
 }
 
-/// Where the signals of a link stand, and its rate.
+/// The places of the signals of a link, and its rate.
 struct Signals {
     gyro: usize,
     attitude: usize,

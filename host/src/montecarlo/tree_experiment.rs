@@ -1,4 +1,4 @@
-//! What an experiment with a tree is: rate, length, what is measured, and the noise.
+//! The description of an experiment with a tree: rate, length, what is measured, and the noise.
 
 use crate::simulated::trees::{TreeInstant, TreeNoise, arm_recording, person_recording};
 use rigident_io::recording::Recording;

@@ -1,4 +1,4 @@
-//! The model that a name stands for: one of the built-in people, or a file.
+//! The model of a name: one of the built-in people, or a file.
 
 pub mod rig_links;
 

@@ -1,4 +1,4 @@
-//! What the plate carries, as far as anything is known of it before it has been identified.
+//! The load of the plate, as far as anything is known of it before it has been identified.
 //!
 //! Nothing is guessed: a rig file, or options, say how heavy the body may be and how far from the load cell a part of it may
 //! be; the load cell at rest says how heavy it is and where across the vertical its centre of mass lies, as well as its
@@ -13,7 +13,7 @@ use rigident_io::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
 /// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what data sheets of
 /// multi-axis load cells give as zero balance.
 const OFFSET_SHARE: f64 = 0.01;
-/// And within so many standard deviations of its noise, where that is the coarser.
+/// And within this many standard deviations of its noise, where that is the coarser.
 const OFFSET_SD: f64 = 3.0;
 /// A load cell without a stated range: the same as a share of what it reads.
 const OFFSET_OF_READING: f64 = 0.02;
@@ -30,7 +30,7 @@ pub enum CarriedError {
          part of it may be"
     )]
     NoBound {
-        /// What has a limit, in words.
+        /// The quantity that has a limit, in words.
         limited: &'static str,
     },
     /// More than is ever put on it.
@@ -39,7 +39,7 @@ pub enum CarriedError {
          cell's sign, its calibration or offset_within_n_nm"
     )]
     Heavier {
-        /// What it reads less all that its offset may be, kg.
+        /// The reading less all that its offset may be, kg.
         least: f64,
         /// As stated, kg.
         bound: f64,
@@ -83,12 +83,12 @@ pub enum CarriedError {
         /// kg/m³.
         density: f64,
     },
-    /// What the rig file says of the machine.
+    /// The error in the rig file's statements about the machine.
     #[error(transparent)]
     Machine(#[from] MachineError),
 }
 
-/// How heavy the body may be, and how far a part of it may be from the load cell's origin.
+/// The mass that the body may have, and the distance that a part of it may have from the load cell's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadBound {
     /// kg.
@@ -136,7 +136,7 @@ pub struct Weighing {
     pub wrench: [f64; 6],
     /// Noise of a reading, 1 σ, and of the mean.
     pub sigma: [f64; 6],
-    /// How many readings it is the mean of.
+    /// The number of readings that it is the mean of.
     pub readings: usize,
     /// "Up" in S.
     pub up: [f64; 3],
@@ -212,7 +212,7 @@ impl Weighing {
     }
 }
 
-/// What has a limit that only a body can reach, in words; `None` if nothing has.
+/// Returns what has a limit that only a body can reach, in words; `None` if nothing has.
 pub fn limited(leg_force_n: Option<f64>, wrench_range_n_nm: &[f64; 6]) -> Option<&'static str> {
     if leg_force_n.is_some() {
         Some("the force of the legs (leg_force_n)")
@@ -244,7 +244,7 @@ pub fn up_of(specific_force_in_s: Vector3<f64>) -> Option<[f64; 3]> {
     (norm > 1.0).then(|| (specific_force_in_s / norm).into())
 }
 
-/// Returns "up" in S where the plate stands level.
+/// Returns "up" in S where the plate is level.
 ///
 /// # Errors
 /// A rotation of the load cell that is none.

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// Weights of the barrier, one after the other, and steps with each.
 const WEIGHTS: [(f64, usize); 3] = [(0.1, 60), (0.01, 120), (0.001, 200)];
-/// Pairs that the quasi-Newton method remembers.
+/// Pairs that the quasi-Newton method stores.
 const MEMORY: usize = 15;
 
 /// A motion under way.
@@ -101,7 +101,8 @@ pub trait Descent: Sync {
         Some(Found { coefficients: z, merit })
     }
 
-    /// From so many random beginnings, the first by `seed` and the next ones by the numbers after it, on every core; the best first. `done` is told how many have ended.
+    /// From the given number of random beginnings, the first by `seed` and the next ones by the numbers after
+    /// it, on every core; the best first. `done` receives how many have ended.
     fn search(
         &self,
         starts: usize,

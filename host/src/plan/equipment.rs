@@ -11,14 +11,14 @@ use rigident_shared::spatial::{Position, Rotation};
 
 use super::machine::on_plate;
 
-/// What planning knows: geometry, payload, and the data sheets of the sensors.
+/// The knowledge of planning: geometry, payload, and the data sheets of the sensors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equipment {
     /// The platform and its limits.
     pub geometry: Geometry,
     /// Body, mountings and gravity.
     pub payload: Payload,
-    /// What the body may be, in S, where it is not known: limits are kept for all of them.
+    /// The bodies that are possible, in S, where it is not known: limits are met for all of them.
     pub bodies: Option<BodySet>,
     /// White noise of the load cell per reading, 1 σ, N and N m.
     pub noise_n_nm: [f64; 6],

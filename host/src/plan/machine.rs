@@ -13,7 +13,7 @@ use rigident_io::rig::{PartTable, PlatformTable, RigFile};
 /// Share of the legs' stroke, or of the plate's travel, that plans leave unused, half of it at either end.
 pub const RESERVE: f64 = 0.05;
 
-/// What a `[platform]` table lacks or gets wrong beyond single numbers.
+/// Errors and missing values of a `[platform]` table beyond single numbers.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MachineError {
     /// No table.
@@ -22,7 +22,7 @@ pub enum MachineError {
     /// A key without which nothing can be said.
     #[error("[platform] has no {0}")]
     Missing(&'static str),
-    /// What depends on joints is asked of a machine without.
+    /// A request that depends on joints to a machine without them.
     #[error(
         "[platform] gives no joints, and what its plate reaches at once depends on them: `plan motion` and `run` do with travel_m and travel_rad"
     )]
@@ -41,9 +41,9 @@ pub enum MachineError {
     NoLevelPose {
         /// The best level pose.
         at: Metres,
-        /// What is in the way there.
+        /// The violation there.
         violation: Violation,
-        /// What to do about it.
+        /// The remedy.
         advice: &'static str,
     },
 }
@@ -86,7 +86,7 @@ pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
     if is_described(rig) { geometry(rig) } else { Ok(Geometry::thesis()) }
 }
 
-/// Whether the rig file says anything of joints or legs.
+/// Returns whether the rig file says anything of joints or legs.
 pub fn is_described(rig: &RigFile) -> bool {
     rig.platform.as_ref().is_some_and(|t| {
         *t != PlatformTable {
@@ -99,7 +99,7 @@ pub fn is_described(rig: &RigFile) -> bool {
     })
 }
 
-/// Where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
+/// Returns where the load cell is on the plate: its origin in P, m, and its axes to the plate's.
 ///
 /// # Errors
 /// A rotation that is none.
@@ -136,7 +136,7 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
     }
 }
 
-/// Whether the limits leave a level pose.
+/// Checks whether the limits leave a level pose.
 ///
 /// # Errors
 /// What is in the way at the best of them.
@@ -210,7 +210,7 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
     Ok(geometry)
 }
 
-/// What a table says of a plate whose joints it does not give.
+/// Returns what a table says of a plate whose joints it does not give.
 fn travel(table: &PlatformTable) -> Result<Option<Travel>, MachineError> {
     let of_plate = [
         ("travel_m", table.travel_m.is_some()),
@@ -259,7 +259,7 @@ fn travel(table: &PlatformTable) -> Result<Option<Travel>, MachineError> {
     }))
 }
 
-/// How thick legs, plate and base are; `None` where nothing is said of that.
+/// Returns how thick legs, plate and base are; `None` where nothing is said of that.
 fn bulk(table: &PlatformTable) -> Result<Option<Bulk>, MachineError> {
     let Some(leg_radius_m) = table.leg_radius_m else {
         let others = [

@@ -1,4 +1,5 @@
-//! What to do before anything moves: which poses and motions of the platform, or of a robot's joints, tell most of the body.
+//! The decision before anything moves: which poses and motions of the platform, or of a robot's joints, tell
+//! most of the body.
 //!
 //! Lives here: the platform that a rig file describes ([`machine`]) with body and sensors ([`equipment`]), what the plate may carry before
 //! that is known ([`carried`]), what the sensors are to read ([`ranges`]), where it can be tilted to ([`workspace`]), still

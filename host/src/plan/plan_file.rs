@@ -13,7 +13,8 @@ use rigident_shared::printable;
 const SCHEMA: &str = "rigident/plan/1";
 /// Joints that are closer than this are the same, m.
 const SAME_JOINT_M: f64 = 1e-4;
-/// Shortest and longest plan, s: from less than a second nothing is told; an hour is what `--duration-s` takes.
+/// Shortest and longest plan, s: from less than a second nothing is determined; an hour is what
+/// `--duration-s` takes.
 const DURATION_S: [f64; 2] = [1.0, 3600.0];
 
 /// The file's object.
@@ -136,7 +137,7 @@ impl PlanFile {
         self
     }
 
-    /// What the plan was made to carry, in P.
+    /// Returns what the plan was made to carry, in P.
     pub fn carries(&self) -> Option<BodyParameters> {
         self.carries
     }

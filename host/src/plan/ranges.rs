@@ -1,4 +1,4 @@
-//! What the sensors are to read on the way, beside their ranges.
+//! The expected readings of the sensors on the way, beside their ranges.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use super::machine::{self, MachineError};
 use super::motion::information::Instrument;
 use rigident_io::rig::{RigFile, WRENCH_CHANNELS};
 
-/// Steps in which a motion is looked at, s, and how many they are at most.
+/// Steps in which a motion is examined, s, and how many they are at most.
 const LOOK_S: f64 = 0.005;
 const MOST_LOOKS: f64 = 100_000.0;
 
@@ -22,7 +22,7 @@ pub enum RangeError {
          motion"
     )]
     Beyond {
-        /// Which channel.
+        /// The channel.
         what: String,
         /// The largest value.
         value: f64,
@@ -30,13 +30,13 @@ pub enum RangeError {
         range: f64,
         /// Of both.
         unit: &'static str,
-        /// When, s.
+        /// The time, s.
         time_s: f64,
     },
     /// A segment that makes no sense.
     #[error(transparent)]
     Motion(#[from] MotionError),
-    /// What the rig file says of the machine.
+    /// The error in the rig file's statements about the machine.
     #[error(transparent)]
     Machine(#[from] MachineError),
 }

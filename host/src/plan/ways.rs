@@ -6,12 +6,12 @@ use hexapod::{Geometry, Limit, Load, MotionError, MotionProgram, Pose, Segment, 
 const LONGER: f64 = 1.25;
 /// So often the last step of that is halved to find what is needed.
 const HALVINGS: u32 = 3;
-/// Moves that take so long are given up, s.
+/// Moves that take this long are given up, s.
 const LONGEST_S: f64 = 1200.0;
-/// Looks at a path before it is checked at every instant: most that cannot be driven show it there.
+/// Checks of a path before it is checked at every instant: most that cannot be driven show it there.
 const LOOKS: u32 = 24;
 
-/// How quickly the plate is moved where the legs do not ask for more time.
+/// The speed at which the plate is moved where the legs do not ask for more time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// Peak of the angular rate, rad/s.
@@ -20,7 +20,7 @@ pub struct Pace {
     pub shortest_s: f64,
 }
 
-/// What moves, and what it carries.
+/// The moving parts, and their load.
 #[derive(Clone, Copy, Debug)]
 struct Carrier<'a> {
     geometry: &'a Geometry,
@@ -30,7 +30,7 @@ struct Carrier<'a> {
 /// One move, as fast as `pace` says and the legs allow, carrying `load`.
 ///
 /// # Errors
-/// A limit that is not kept at any speed, and when.
+/// A limit that is violated at any speed, and when.
 pub fn straight(
     geometry: &Geometry,
     load: Option<&Load>,
@@ -80,7 +80,8 @@ fn segment(via: &[Pose], to: &Pose, duration_s: f64) -> Segment {
 }
 
 impl Carrier<'_> {
-    /// The shortest duration from `least_s` on in which every limit is kept at every instant, to three per cent.
+    /// Returns the shortest duration from `least_s` on in which every limit is met at every instant, to three
+    /// per cent.
     fn timed(&self, from: &Pose, via: &[Pose], to: &Pose, least_s: f64) -> Result<Segment, MotionError> {
         let checked = |duration_s: f64| {
             let segment = segment(via, to, duration_s);
@@ -116,7 +117,8 @@ impl Carrier<'_> {
         Ok(best)
     }
 
-    /// How long a path takes at least by the looks at it; `None` where it cannot be driven at any speed.
+    /// Returns how long a path takes at least by the checks of it; `None` where it cannot be driven at any
+    /// speed.
     fn least_s(&self, from: &Pose, via: &[Pose], to: &Pose, pace: Pace) -> Option<f64> {
         let segments = vec![segment(via, to, 1.0)];
         let trajectory = MotionProgram { start: *from, segments }.trajectory().ok()?;
@@ -175,7 +177,7 @@ mod tests {
         assert!(straight(&slow, None, &home, &there, PACE).is_err());
     }
 
-    /// Everything about the path is looked at every millisecond with the mechanics alone.
+    /// Everything about the path is examined every millisecond with the mechanics alone.
     #[test]
     fn a_path_is_taken_where_the_straight_line_is_barred_and_keeps_every_limit() {
         let mut geometry = Geometry::thesis();

@@ -1,4 +1,4 @@
-//! Where a platform is and how it is spoken to.
+//! The address of a platform and its protocol.
 
 use std::fmt::Display;
 use std::io::{self, Read, Write};
@@ -12,13 +12,13 @@ use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
 use super::{NetworkPlatform, Platform, PlatformError};
 
-/// How long a controller may take to answer.
+/// The time that a controller may take to answer.
 pub(super) const PATIENCE: Duration = Duration::from_secs(3);
 /// Set points per second where the address does not say.
 const RATE_HZ: f64 = 100.0;
 /// Rates that make sense, 1/s.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 10.0..=500.0;
-/// How long before their time they are sent where the address does not say, s.
+/// The time before their own at which they are sent where the address does not say, s.
 const LEAD_S: f64 = 0.2;
 /// Leads that make sense, s.
 const LEADS_S: std::ops::RangeInclusive<f64> = 0.02..=2.0;
@@ -55,7 +55,7 @@ pub(super) struct Address {
     pub text: String,
     scheme: String,
     place: String,
-    /// When set points are sent.
+    /// The time at which set points are sent.
     pub timing: Timing,
     baud: u32,
 }
@@ -148,7 +148,8 @@ pub fn port_of(address: &str) -> Vec<String> {
     [Some(place), listed].into_iter().flatten().filter(|_| is_port).collect()
 }
 
-/// Whether what is at an address holds programs against its own limits, so that the host need not know them.
+/// Returns whether what is at an address holds programs against its own limits, so that the host need not
+/// know them.
 pub fn checks_itself(address: &str) -> bool {
     address.starts_with("tcp://")
 }

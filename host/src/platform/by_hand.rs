@@ -4,7 +4,7 @@ use hexapod::MotionProgram;
 
 use super::{Motion, Platform, PlatformError, Stop};
 
-/// Stands for whoever moves the body.
+/// Represents whoever moves the body.
 #[derive(Debug, Default)]
 pub struct ByHand {
     stopped: bool,

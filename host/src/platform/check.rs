@@ -1,4 +1,4 @@
-//! A program held against the platform's limits before anything moves.
+//! A program compared with the platform's limits before anything moves.
 
 use std::fmt;
 
@@ -8,24 +8,24 @@ use super::PlatformError;
 use super::pace::SLOW_S;
 use super::stop_force::stop_force_n;
 
-/// Steps in which what is shown of a program is looked at, s, and how many they are at most. The limits themselves are
-/// checked at every instant.
+/// Steps in which what is shown of a program is examined, s, and how many they are at most. The limits
+/// themselves are checked at every instant.
 const STEP_S: f64 = 0.004;
 const MOST_STEPS: f64 = 50_000.0;
 
 /// A stop by the controller itself is shown as one of this duration, s: nothing says how long it takes.
 const ALARM_S: f64 = 0.1;
 
-/// What cannot be said of a machine whose joints are not published.
+/// The statements that cannot be made about a machine whose joints are not published.
 pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every pose inside the travel, their \
                                   speeds, accelerations and forces, singular poses, collisions";
 
-/// How near a program comes to the limits.
+/// The distance of a program to the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// How long it takes, s.
+    /// The duration, s.
     pub duration_s: f64,
-    /// Where the plate must stand before, where the platform goes by that.
+    /// The place where the plate must be before, where the platform goes by that.
     pub from: Option<Pose>,
     /// Nothing is said of the machine: the limits are the built-in platform's.
     pub assumed: bool,
@@ -65,13 +65,13 @@ pub struct Summary {
     pub acceleration_mps2: f64,
     /// Greatest angular acceleration, rad/s².
     pub angular_acceleration_radps2: f64,
-    /// How long the way to the start takes, s; it is part of all the above.
+    /// The duration of the way to the start, s; it is part of all the above.
     pub way_s: f64,
-    /// How long the way home takes, s; likewise.
+    /// The duration of the way home, s; likewise.
     pub home_s: f64,
 }
 
-/// What a program uses of a plate's travel.
+/// The part of a plate's travel that a program uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Used {
     /// Largest share: one is all of it.

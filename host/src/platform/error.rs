@@ -1,26 +1,26 @@
-//! Why the platform does not do as told.
+//! Why the platform does not follow its command.
 
 use hexapod::MotionError;
 
 use super::gcs::words;
 
-/// Why the platform does not do as told.
+/// Why the platform does not follow its command.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlatformError {
     /// An address that names no platform.
     #[error("{address} names no platform ({reason}): {HOW}")]
     Address {
-        /// What was given.
+        /// The address given.
         address: String,
-        /// What is wrong with it.
+        /// The fault in it.
         reason: String,
     },
     /// Nobody answers.
     #[error("the platform at {address} does not answer ({reason}): is its controller on, the address right?")]
     Unreachable {
-        /// Where it should be.
+        /// The address where it should be.
         address: String,
-        /// What the network said.
+        /// The message of the network.
         reason: String,
     },
     /// It answered before and does so no more.
@@ -28,11 +28,11 @@ pub enum PlatformError {
         "the platform at {address} was lost at the command {command} ({reason}): check its cable and supply"
     )]
     Lost {
-        /// Where it was.
+        /// The address where it was.
         address: String,
-        /// What was said to it.
+        /// The command sent to it.
         command: String,
-        /// What the network said.
+        /// The message of the network.
         reason: String,
     },
     /// The controller refused.
@@ -41,7 +41,7 @@ pub enum PlatformError {
     /// The controller refused by a number.
     #[error("the platform's controller refuses the command {command}: error {code}, {}", words(*.code))]
     Controller {
-        /// What was said to it.
+        /// The command sent to it.
         command: String,
         /// Its number of the error.
         code: i32,
@@ -49,7 +49,7 @@ pub enum PlatformError {
     /// The program itself.
     #[error("the motion program is beyond the platform: {0}")]
     Motion(#[from] MotionError),
-    /// Whoever should watch the motion does not.
+    /// The motion is not watched as it should be.
     #[error("the platform was stopped because the program that watches it said nothing for {0} s")]
     Unwatched(f64),
     /// Set points could not be sent in time.
@@ -68,9 +68,9 @@ pub enum PlatformError {
          to it, or was it not heard from here?"
     )]
     Cut {
-        /// When, s since the start.
+        /// The time, s since the start.
         at_s: f64,
-        /// How long the program takes, s.
+        /// The duration of the program, s.
         of_s: f64,
     },
     /// More than the controller takes.
@@ -88,7 +88,7 @@ pub enum PlatformError {
     Interrupted,
 }
 
-/// What addresses look like.
+/// The form of addresses.
 const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or gcs:///dev/ttyUSB0 (PI hexapods), \
                    pose+tcp://HOST:PORT, legs+udp://HOST:PORT or pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100, \
                    &lead_s=0.2, &follows=time and &baud=115200 where they apply";

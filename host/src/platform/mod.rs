@@ -1,4 +1,4 @@
-//! What moves the rig's plate.
+//! The drive of the rig's plate.
 //!
 //! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig in this
 //! process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set points ([`stream`]);
@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use hexapod::{Load, MotionProgram, Pose};
 
-/// What the platform is doing.
+/// The activity of the platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
     /// Holding a pose; no program is running.
@@ -53,7 +53,7 @@ pub enum Stop {
     Alarm,
 }
 
-/// What goes over the line to a controller.
+/// The traffic on the line to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Said<'a> {
     /// From here.
@@ -65,14 +65,14 @@ pub enum Said<'a> {
 /// Takes what goes over the line, as it goes; it must not wait.
 pub type Trace = Arc<dyn Fn(Said<'_>) + Send + Sync>;
 
-/// Where the plate should be and is.
+/// The place where the plate should be and is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionSample {
     /// Time since the program's beginning, s, on the host's clock.
     pub time_s: f64,
-    /// What the program says for that time.
+    /// The pose of the program for that time.
     pub commanded: Pose,
-    /// What the controller said then, if it says anything.
+    /// The pose that the controller reported then, if any.
     pub measured: Option<Pose>,
 }
 
@@ -83,8 +83,8 @@ pub trait Platform: Send {
     /// # Errors
     /// Out of reach, too fast, or no answer.
     fn load(&mut self, program: &MotionProgram) -> Result<(), PlatformError>;
-    /// Returns the way to the program's start from where the plate stands, or from where getting ready will leave it: what
-    /// [`Platform::approach`] will drive; `None` where the controller adds it to the program.
+    /// Returns the way to the program's start from where the plate is, or from where getting ready will leave
+    /// it: what [`Platform::approach`] will drive; `None` where the controller adds it to the program.
     ///
     /// # Errors
     /// There is no straight way, or no answer.
@@ -95,7 +95,7 @@ pub trait Platform: Send {
     /// The plate may move; it stops when `go_on` says no.
     ///
     /// # Errors
-    /// The controller refuses, no answer, or told to stop.
+    /// The controller refuses, no answer, or a command to stop.
     fn approach(&mut self, _go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
         Ok(())
     }
@@ -109,19 +109,21 @@ pub trait Platform: Send {
     /// # Errors
     /// No answer.
     fn stop(&mut self, stop: Stop) -> Result<(), PlatformError>;
-    /// What it is doing. Whoever started a motion must ask often: a platform that nobody watches is stopped.
+    /// Returns what it is doing. Whoever started a motion must ask often: a platform that nobody watches is
+    /// stopped.
     ///
     /// # Errors
     /// No answer; what broke the motion, once.
     fn motion(&mut self) -> Result<Motion, PlatformError>;
-    /// Returns where the plate stands at rest, as far as the platform knows.
+    /// Returns where the plate is at rest, as far as the platform knows.
     ///
     /// # Errors
     /// It moves, or no answer.
     fn stands(&mut self) -> Result<Option<Pose>, PlatformError> {
         Ok(self.expects())
     }
-    /// Where the plate must stand before anything is sent, if the platform goes by that; after a motion, where it was left.
+    /// Returns where the plate must be before anything is sent, if the platform goes by that; after a motion,
+    /// where it was left.
     fn expects(&self) -> Option<Pose> {
         None
     }
@@ -138,15 +140,16 @@ pub trait Platform: Send {
     fn way_home(&self, _program: &MotionProgram) -> Result<Option<MotionProgram>, PlatformError> {
         Ok(None)
     }
-    /// Starts the way to where the next connection expects the plate, and returns it; `None` if it stands there, or may be
-    /// anywhere.
+    /// Starts the way to where the next connection expects the plate, and returns it; `None` if it is there,
+    /// or may be anywhere.
     ///
     /// # Errors
     /// It moves, its end is not known, or there is no way.
     fn go_home(&mut self) -> Result<Option<MotionProgram>, PlatformError> {
         Ok(None)
     }
-    /// What of the state in which it was found its owner should know before anything moves, a sentence each.
+    /// Returns what of the state in which it was found its owner should know before anything moves, a
+    /// sentence each.
     fn found(&self) -> Vec<String> {
         Vec::new()
     }
@@ -158,7 +161,7 @@ pub trait Platform: Send {
     fn release(&mut self) -> Result<Vec<String>, PlatformError> {
         Ok(Vec::new())
     }
-    /// What was commanded and measured since the last time.
+    /// Returns what was commanded and measured since the last time.
     fn samples(&mut self) -> Vec<MotionSample> {
         Vec::new()
     }

@@ -14,13 +14,13 @@ use super::address::PATIENCE;
 use super::pace::UNWATCHED_S;
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, way};
 
-/// A program whose clock stood still so much before its end was cut short, s.
+/// A program whose clock stood still this long before its end was cut short, s.
 const END_S: f64 = 1e-3;
 /// Samples are taken no more often than so, s.
 const SAMPLE_S: f64 = 0.05;
-/// A controller that hears nothing for so long while the plate moves stops it, s.
+/// A controller that hears nothing for this long while the plate moves stops it, s.
 const QUIET_S: f64 = 0.25;
-/// It hears something so often.
+/// It hears something this often.
 const HEARD_EVERY: Duration = Duration::from_millis(50);
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.
@@ -54,9 +54,9 @@ struct Line {
     asked: Instant,
     /// Whether the plate may move: it was started, and has not been seen at rest since.
     moves: bool,
-    /// What broke it.
+    /// The error that broke it.
     broken: Option<PlatformError>,
-    /// Where all that goes over it is noted.
+    /// The trace in which all that goes over it is noted.
     trace: Option<Trace>,
 }
 
@@ -81,7 +81,7 @@ impl Keeper {
             while !told.load(Ordering::Acquire) && lock(&last).elapsed().as_secs_f64() < UNWATCHED_S {
                 thread::sleep(HEARD_EVERY / 2);
                 let mut line = lock(&line);
-                // What is wrong is told to whoever asks next.
+                // What is wrong is reported to whoever asks next.
                 if line.asked.elapsed() > HEARD_EVERY && line.ask(&Request::State).is_err() {
                     return;
                 }
@@ -177,7 +177,7 @@ impl NetworkPlatform {
 }
 
 impl Line {
-    /// Says a line and takes the answer. What broke it once is told ever after.
+    /// Says a line and takes the answer. What broke it once is reported ever after.
     fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {
         if let Some(broken) = self.broken.clone() {
             if matches!(request, Request::Stop) {
@@ -262,7 +262,7 @@ fn answer(stream: &mut BufReader<TcpStream>, within: Duration) -> std::io::Resul
     let (begun, mut line) = (Instant::now(), Vec::new());
     loop {
         let left = within.saturating_sub(begun.elapsed());
-        // What has come already is taken, however late somebody looks.
+        // What has arrived already is taken, however late somebody checks.
         stream.get_ref().set_read_timeout(Some(left.max(Duration::from_millis(1))))?;
         let here = match stream.fill_buf() {
             Ok([]) => return Ok(None),
@@ -442,7 +442,7 @@ mod tests {
         thread::spawn(move || while stream.write_all(&[b' '; 4096]).is_ok() {});
     }
 
-    /// What a controller does in place of an answer, and words of the error.
+    /// The behaviour of a controller in place of an answer, and words of the error.
     type Hostile = (fn(&mut TcpStream), &'static str);
 
     #[test]
@@ -464,7 +464,7 @@ mod tests {
             assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
             let mut stops = heard.iter().filter(|line| line.contains("stop"));
             assert!(stops.next().is_some());
-            // Whoever stops then is heard, too, and told what is wrong.
+            // Whoever stops then is heard, too, and informed what is wrong.
             assert!(platform.stop(Stop::Alarm).is_err());
             assert!(stops.next().is_some());
         }

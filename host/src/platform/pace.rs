@@ -1,4 +1,4 @@
-//! A program sent as set points at a fixed rate, and what came of it.
+//! A program sent as set points at a fixed rate, and its result.
 //!
 //! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its own or the line
 //! itself is broken. No point follows the one before sooner than a share of their interval ([`Follows::closest`]),
@@ -14,19 +14,19 @@ use hexapod::{Pose, Trajectory};
 
 use super::{Motion, MotionSample, PlatformError, Stop};
 
-/// Whoever watches the motion asks often; after so long without, s, the platform is stopped.
+/// The time without a question by the watcher of a motion, s, after which the platform is stopped.
 pub(super) const UNWATCHED_S: f64 = 2.0;
 /// The plate is led to rest on its path within, s.
 pub(super) const SLOW_S: f64 = 0.35;
-/// The last pose is repeated for so long, s.
+/// The last pose is repeated for this long, s.
 const TAIL_S: f64 = 0.2;
 /// The longest wait for rest after the last point or a stop, s.
 const REST_S: f64 = 3.0;
-/// A plate that still moves so long after a smooth stop is stopped abruptly, s.
+/// A plate that still moves this long after a smooth stop is stopped abruptly, s.
 const ABRUPT_S: f64 = 0.5;
-/// A plate that still moves so long after its last point is stopped, s.
+/// A plate that still moves this long after its last point is stopped, s.
 const LINGER_S: f64 = 1.5;
-/// A controller that says nothing is given so long to come to rest at the last pose, s.
+/// A controller that says nothing is given this long to come to rest at the last pose, s.
 const SETTLE_S: f64 = 0.3;
 /// A gap after which the motion does not go on, s.
 pub(super) const GAP_S: f64 = 0.5;
@@ -38,7 +38,7 @@ const CLOSEST_OF_TIME: f64 = 0.25;
 /// A controller that follows lines as they come stands still after a pause of more intervals than this.
 const STANDS: f64 = 3.0;
 
-/// What a controller goes by.
+/// The reference that a controller follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Follows {
     /// Nobody has said.
@@ -56,29 +56,30 @@ impl Follows {
     }
 }
 
-/// When set points are sent.
+/// The time at which set points are sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timing {
     /// Points per second.
     pub rate_hz: f64,
-    /// Points are sent so long before their time, s: what the network or this machine delays by less does not show. A stop
-    /// comes so much later where the controller has none of its own. It is nothing where points are followed
-    /// as they come.
+    /// Points are sent this long before their time, s: what the network or this machine delays by less does
+    /// not show. A stop comes this much later where the controller has none of its own. It is nothing where
+    /// points are followed as they come.
     pub lead_s: f64,
-    /// What the controller goes by.
+    /// The reference that the controller follows.
     pub follows: Follows,
 }
 
-/// What set points go to: by default a controller that says nothing.
+/// The destination of set points: by default a controller that says nothing.
 pub(super) trait Sink: Send {
     /// Sends the set point for a time since the beginning, s.
     fn send(&mut self, time_s: f64, pose: &Pose) -> Result<(), PlatformError>;
-    /// Whether all is well; where the plate is, if the controller says.
+    /// Returns whether all is well; where the plate is, if the controller says.
     fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
         Ok(None)
     }
-    /// A set point that comes so long after its time ends the motion, s. Whether a controller that says nothing goes by a
-    /// line's time or follows as it comes, nobody knows: one that goes by it stands by then.
+    /// A set point that comes this long after its time ends the motion, s. Whether a controller that says
+    /// nothing goes by a line's time or follows as it comes, nobody knows: one that goes by it stands by
+    /// then.
     fn patience_s(&self) -> f64 {
         0.0
     }
@@ -90,13 +91,13 @@ pub(super) trait Sink: Send {
     fn halt_abruptly(&mut self) -> Result<(), PlatformError> {
         Ok(())
     }
-    /// Whether the plate is at rest; `None` if the controller does not say.
+    /// Returns whether the plate is at rest; `None` if the controller does not say.
     fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
         Ok(None)
     }
 }
 
-/// Looks until the plate rests, for a few seconds at most; `None` if the controller does not say. A plate
+/// Checks until the plate rests, for a few seconds at most; `None` if the controller does not say. A plate
 /// that goes on is stopped: smoothly after its last point, abruptly after a smooth stop, `halted`.
 ///
 /// # Errors
@@ -132,7 +133,7 @@ pub(super) fn rest(sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, P
     }
 }
 
-/// What is known of the plate once nothing more is sent.
+/// The knowledge of the plate once nothing more is sent.
 #[derive(Clone, Debug, PartialEq)]
 enum End {
     /// It rests: the controller says so or, if it says nothing, all lines to rest were sent.
@@ -147,7 +148,7 @@ struct Shared {
     error: Option<PlatformError>,
     samples: Vec<MotionSample>,
     watched: Option<Instant>,
-    /// What was sent last, and for when, s.
+    /// The point sent last, and its time, s.
     last: Option<(f64, Pose)>,
 }
 
@@ -158,7 +159,7 @@ pub(super) struct Pace<S> {
     thread: Option<JoinHandle<S>>,
 }
 
-/// Which stop was asked for, if any.
+/// The stop that was asked for, if any.
 #[derive(Clone, Default)]
 struct Asked(Arc<AtomicU8>);
 
@@ -187,7 +188,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl<S: Sink + 'static> Pace<S> {
-    /// Begins to send `trajectory`, looking `looks_hz` times per second.
+    /// Begins to send `trajectory`, checking `looks_hz` times per second.
     pub(super) fn begin(sink: S, trajectory: Trajectory, timing: Timing, looks_hz: f64) -> Self {
         let shared = Arc::new(Mutex::new(Shared { watched: Some(Instant::now()), ..Shared::default() }));
         let stop = Asked::default();
@@ -202,7 +203,7 @@ impl<S: Sink + 'static> Pace<S> {
         self.stop.ask(stop);
     }
 
-    /// What it is doing. What broke is told once; after that, whether the plate was seen at rest.
+    /// Returns what it is doing. What broke is reported once; after that, whether the plate was seen at rest.
     pub(super) fn motion(&self) -> Result<Motion, PlatformError> {
         let mut shared = lock(&self.shared);
         shared.watched = Some(Instant::now());
@@ -221,7 +222,7 @@ impl<S: Sink + 'static> Pace<S> {
         lock(&self.shared).last.map(|(_, pose)| pose)
     }
 
-    /// What was commanded and measured since the last time.
+    /// Returns what was commanded and measured since the last time.
     pub(super) fn samples(&self) -> Vec<MotionSample> {
         std::mem::take(&mut lock(&self.shared).samples)
     }
@@ -254,11 +255,11 @@ struct Run<S> {
     course: Course,
 }
 
-/// Where on its path the plate is.
+/// The place of the plate on its path.
 struct Course {
     /// The program's own time, s: it goes slower once the plate is led to rest, or where it stood.
     program_s: f64,
-    /// When the plate set off again after it stood, s.
+    /// The time when the plate set off again after it stood, s.
     resumed_s: f64,
     /// Since when the plate is led to rest, s.
     slowing_s: Option<f64>,
@@ -267,13 +268,13 @@ struct Course {
 }
 
 impl Course {
-    /// When all points to rest are sent but the last one repeated, s; `at_s` is now, of a trajectory of this
-    /// length.
+    /// Returns when all points to rest are sent but the last one repeated, s; `at_s` is now, of a trajectory
+    /// of this length.
     fn over_s(&self, at_s: f64, duration_s: f64) -> f64 {
         self.slowing_s.map_or(at_s + duration_s - self.program_s, |since_s| since_s + SLOW_S)
     }
 
-    /// How fast the program's time goes: it grows and falls as a quintic.
+    /// Returns how fast the program's time goes: it grows and falls as a quintic.
     fn speed(&self, time_s: f64) -> f64 {
         let grown = |since_s: f64| {
             let u = ((time_s - since_s) / SLOW_S).clamp(0.0, 1.0);
@@ -283,12 +284,12 @@ impl Course {
     }
 }
 
-/// How the sending of points ended.
+/// The end of the sending of points.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Ended {
     /// All points to rest were sent.
     Sent,
-    /// The controller was told to stop.
+    /// The controller was commanded to stop.
     Halted,
     /// Neither could be done.
     Broken,
@@ -306,7 +307,7 @@ impl<S: Sink> Run<S> {
         self.sink
     }
 
-    /// The first thing that went wrong is the one told.
+    /// The first thing that went wrong is the one reported.
     fn note(&self, error: PlatformError) {
         lock(&self.shared).error.get_or_insert(error);
     }
@@ -336,12 +337,13 @@ impl<S: Sink> Run<S> {
                 return Ok(Ended::Halted);
             }
             if late_s > GAP_S && time_s < self.course.over_s(time_s, duration_s) {
-                // No line came for so long: the plate stands at the last pose by now, or near it. Nothing but that is sent.
+                // No line arrived for this long: the plate is at the last pose by now, or near it. Nothing
+                // but that is sent.
                 k += (late_s / step_s).ceil() as u64;
                 time_s = k as f64 * step_s;
                 self.course.slowing_s = Some(time_s - SLOW_S);
             } else if by_arrival && late_s > STANDS * step_s {
-                // It stands at the last point, and sets off from there.
+                // It is at the last point, and sets off from there.
                 stretched_s += late_s;
                 self.course.resumed_s = time_s - step_s;
             }
@@ -365,8 +367,8 @@ impl<S: Sink> Run<S> {
         }
     }
 
-    /// Whether the controller was told to stop now; where it has no stop, or the plan ends here, the plate is
-    /// led to rest from now on.
+    /// Returns whether the controller was commanded to stop now; where it has no stop, or the plan ends here,
+    /// the plate is led to rest from now on.
     ///
     /// # Errors
     /// The line.
@@ -396,7 +398,7 @@ impl<S: Sink> Run<S> {
         (quiet_s > UNWATCHED_S).then_some(PlatformError::Unwatched(UNWATCHED_S))
     }
 
-    /// Where the plate should be and is. While it is led to rest the two have no time in common.
+    /// Returns where the plate should be and is. While it is led to rest the two have no time in common.
     fn sample(&mut self, begun: Instant) -> Result<(), PlatformError> {
         let asked_s = begun.elapsed().as_secs_f64();
         let measured = self.sink.look()?;
@@ -410,7 +412,7 @@ impl<S: Sink> Run<S> {
         Ok(())
     }
 
-    /// What becomes of the plate.
+    /// Returns what becomes of the plate.
     fn come_to_rest(&mut self, ended: Ended) -> End {
         match rest(&mut self.sink, ended == Ended::Halted) {
             Ok(Some(true)) => End::AtRest,

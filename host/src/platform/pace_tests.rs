@@ -7,7 +7,7 @@ struct Slow {
     delay: Duration,
 }
 
-/// Its time, x, and when it came.
+/// Its time, x, and when it arrived.
 type Point = (f64, f64, Instant);
 
 impl Sink for Slow {
@@ -44,8 +44,8 @@ fn ended(pace: &Pace<impl Sink + 'static>) -> Told {
     told
 }
 
-/// The points of a move of 0.1 m in 2 s, one of which took so long, s, with a lead of 0.3 s; what was
-/// told.
+/// The points of a move of 0.1 m in 2 s, one of which took this long, s, with a lead of 0.3 s; what was
+/// reported.
 fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Told) {
     let sent = Arc::default();
     let sink = Slow { sent: Arc::clone(&sent), delay: Duration::from_secs_f64(delay_s) };
@@ -124,7 +124,7 @@ fn a_controller_that_goes_by_time_has_its_lead_again_after_a_stall() {
     }
 }
 
-/// Stops when it is told to; notes how.
+/// Stops on request; notes how.
 #[derive(Clone)]
 struct Stopped(Arc<Mutex<Vec<(&'static str, f64)>>>);
 

@@ -2,12 +2,12 @@
 
 use hexapod::{Geometry, Load, MotionError, PlateState, Trajectory};
 
-/// Instants that are looked at, at most.
+/// Instants that are examined, at most.
 const INSTANTS: f64 = 2000.0;
 /// They are no closer than this, s.
 const STEP_S: f64 = 0.02;
-/// Where in a stop is looked: shares of its duration, the program's speed there, and how fast that falls, in
-/// durations. It falls as the quintic `1 − u³ (10 − 15 u + 6 u²)`.
+/// The points of a stop that are checked: shares of its duration, the program's speed there, and how fast
+/// that falls, in durations. It falls as the quintic `1 − u³ (10 − 15 u + 6 u²)`.
 const WITHIN: [[f64; 2]; 4] = [[0.9, 0.7], [0.75, 1.45], [0.5, 1.875], [0.25, 1.45]];
 
 /// The state of a plate whose program goes at a share `s` of its speed, which changes by `ds` 1/s:

@@ -23,10 +23,10 @@ use super::pace::{Pace, Sink, Timing};
 use super::way::{self, same};
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check};
 
-/// How often nothing is looked at, 1/s: how often what is commanded is noted.
+/// The rate of notes of the commanded pose where nothing is checked, 1/s.
 const LOOKS_HZ: f64 = 20.0;
 
-/// What the lines hold.
+/// The content of the lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lines {
     /// Poses of the plate.
@@ -41,7 +41,7 @@ pub struct StreamPlatform {
     timing: Timing,
     program: Option<MotionProgram>,
     load: Option<Load>,
-    /// Where the lines have left the plate.
+    /// The pose in which the lines have left the plate.
     at: Pose,
     state: State,
 }

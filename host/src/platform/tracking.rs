@@ -5,12 +5,12 @@ use serde::Serialize;
 
 use super::MotionSample;
 
-/// The longest delay that is looked for, s.
+/// The longest delay that is searched for, s.
 const LONGEST_S: f64 = 0.6;
 /// A rotation counts in the search for the delay as the way of a point so far from the axis, m.
 const ARM_M: f64 = 0.25;
 
-/// How the plate followed.
+/// The tracking of the plate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tracking {
     /// Samples of the measured motion.
@@ -23,7 +23,7 @@ pub struct Tracking {
     pub largest_m: f64,
     /// Largest angle, rad.
     pub largest_rad: f64,
-    /// By how much the plate came late, s: the delay that makes the differences smallest.
+    /// By how much the plate was late, s: the delay that makes the differences smallest.
     pub delay_s: f64,
     /// Root mean square with this delay taken off, m.
     pub rms_without_delay_m: [f64; 3],

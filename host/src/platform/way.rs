@@ -1,5 +1,5 @@
-//! The way from where the plate stands to where a program begins: gently, as a program of its own, so that the experiment's time is
-//! the program's.
+//! The way from where the plate is to where a program begins: gently, as a program of its own, so that the
+//! experiment's time is the program's.
 
 use std::time::{Duration, Instant};
 
@@ -9,30 +9,30 @@ use super::{Motion, Platform, PlatformError, Stop, check};
 
 /// Poses that are nearer than this are the same, m and rad: what a controller's answer leaves out is less.
 pub(super) const SAME: f64 = 1e-5;
-/// A plate that is nearer than this to where it should be stands there, m and rad.
+/// A plate that is nearer than this to where it should be is there, m and rad.
 const NEAR: f64 = 2e-3;
 /// The longest way, s.
 const LONGEST_S: f64 = 120.0;
-/// The plate is looked at so often.
+/// The plate is examined this often.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// How long it may take to come to rest.
+/// The time that it may take to come to rest.
 const REST: Duration = Duration::from_secs(4);
 
 fn far(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).fold(0.0, |m: f64, (p, q)| m.max((p - q).abs()))
 }
 
-/// Whether two poses are the same.
+/// Returns whether two poses are the same.
 pub(super) fn same(a: &Pose, b: &Pose) -> bool {
     far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < SAME
 }
 
-/// Whether a plate stands where it should, m and rad, as encoders read it.
+/// Returns whether a plate is where it should, m and rad, as encoders read it.
 pub(super) fn near(a: &Pose, b: &Pose) -> bool {
     far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < NEAR
 }
 
-/// How long the way takes at least: at most 0.1 m/s or 0.4 rad/s.
+/// Returns how long the way takes at least: at most 0.1 m/s or 0.4 rad/s.
 fn gentle_s(from: &Pose, to: &Pose) -> f64 {
     (1.875 * (far(from.position_m, to.position_m) / 0.1).max(far(from.rpy_rad, to.rpy_rad) / 0.4)).max(0.5)
 }

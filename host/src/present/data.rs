@@ -51,7 +51,7 @@ pub struct PrincipalAxis {
     pub moment: Quantity,
     /// Unit vector in S.
     pub axis: [f64; 3],
-    /// 95 % uncertainty of the axis' direction, rad; not finite where two moments cannot be told apart.
+    /// 95 % uncertainty of the axis' direction, rad; not finite where two moments cannot be distinguished.
     pub direction_u95_rad: f64,
 }
 
@@ -60,7 +60,7 @@ pub struct PrincipalAxis {
 pub struct Stage {
     /// Beginning, s.
     pub start_s: f64,
-    /// What happens: `pose 1`, `motion`, …
+    /// The event: `pose 1`, `motion`, …
     pub name: String,
 }
 
@@ -95,7 +95,7 @@ pub struct Residual {
 /// Several quantities of one unit over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TimePlot {
-    /// What is shown.
+    /// The title shown.
     pub title: String,
     /// Unit of all series.
     pub unit: String,
@@ -112,7 +112,7 @@ impl TimePlot {
     }
 
     /// Adds a series of `count` points, `of(k)` being the time, s, and the value of one. Only what is drawn
-    /// is kept.
+    /// is retained.
     #[must_use]
     pub fn with(mut self, label: &str, count: usize, of: impl Fn(usize) -> (f64, f64)) -> Self {
         let times = (0..count).map(|k| of(k).0);
@@ -134,7 +134,7 @@ pub struct Drift {
     pub changes: Vec<Quantity>,
 }
 
-/// What the plots' horizontal axis counts.
+/// The quantity of the plots' horizontal axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Along {
     /// Seconds.
@@ -148,11 +148,11 @@ pub enum Along {
 /// for; infinite while something is not determined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decided {
-    /// When it began, s.
+    /// The time when it began, s.
     pub begun_s: f64,
-    /// What was done.
+    /// The action.
     pub name: String,
-    /// What was furthest off.
+    /// The quantity furthest off.
     pub purpose: String,
     /// Before it.
     pub before: f64,
@@ -160,8 +160,8 @@ pub struct Decided {
     pub expected: f64,
     /// At its end; `None` if it was not seen.
     pub got: Option<f64>,
-    /// How long it lasted, s; `None` if its end was not seen.
+    /// The duration, s; `None` if its end was not seen.
     pub lasted_s: Option<f64>,
-    /// Whether it came to its end.
+    /// Whether it reached its end.
     pub whole: bool,
 }

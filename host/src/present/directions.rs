@@ -43,7 +43,7 @@ pub fn svg(title: &str, spheres: &[Directions]) -> String {
     svg
 }
 
-/// Where a direction lies on the disc of its half, from the middle, of the disc's radius.
+/// Returns where a direction lies on the disc of its half, from the middle, of the disc's radius.
 fn place([x, y, z]: [f64; 3], sign: f64) -> Option<[f64; 2]> {
     let length = (x * x + y * y + z * z).sqrt();
     let up = sign * z / length;

@@ -2,7 +2,7 @@
 
 /// A series with at most `2 · buckets` points: the smallest and the largest value of each bucket of time, in the
 /// order in which they occur. A series that is short enough is returned as it is. Values that are not finite
-/// break the line: one point `(time, NaN)` stands for a bucket of them.
+/// break the line: one point `(time, NaN)` represents a bucket of them.
 pub fn envelope(time_s: &[f64], values: &[f64], buckets: usize) -> Vec<(f64, f64)> {
     envelope_of(time_s.len().min(values.len()), |k| (time_s[k], values[k]), buckets)
 }

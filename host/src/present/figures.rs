@@ -10,7 +10,7 @@ use super::text::{Rounded, beside, three_digits, unit_symbol};
 
 /// Buckets of an envelope: about one per user unit of the plot's width.
 const BUCKETS: usize = 450;
-/// Up to so many residuals are dots, more are a line.
+/// Up to this many residuals are dots, more are a line.
 const FEW: usize = 150;
 /// Estimates move slowly: fewer will do.
 const CONVERGENCE_BUCKETS: usize = 220;

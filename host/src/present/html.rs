@@ -112,7 +112,8 @@ fn remarks(answer: &Answer) -> String {
         boxed("plain", "Notes", &answer.notes),
         boxed("plain", "Common time base", &base),
         boxed("plain", "Known beforehand", &known),
-        // Nobody moves a person's every segment to 10 % of its own: the table beside the segments says what is told.
+        // Nobody moves a person's every segment to 10 % of its own: the table beside the segments says what
+        // is determined.
         if answer.person.is_some() {
             String::new()
         } else {

@@ -1,4 +1,4 @@
-//! What merging gains: the best run alone beside all of them.
+//! The gain of merging: the best run alone beside all of them.
 
 use super::text::{NOT_IDENTIFIED, with_u95};
 use rigident_fit::factor_file::FactorSource;
@@ -9,7 +9,7 @@ use rigident_fit::{CheckedRun, Measured, RigError, RigRows};
 const MOST: usize = 16;
 /// More runs than that are not solved one by one.
 const MOST_RUNS: usize = 50;
-/// A name of a run is cut after so many characters.
+/// A name of a run is cut after this many characters.
 const NAME: usize = 20;
 
 /// A parameter in one run, and in all.
@@ -27,7 +27,7 @@ impl Line {
     }
 }
 
-/// What to do where instruments have no names.
+/// The advice where instruments have no names.
 const NAME_THEM: &str = "state `serial` of each in the rig file, or the label `rig`, where that is not so";
 
 /// Returns the kinds of instruments that have no name: load cell, IMU.
@@ -152,13 +152,13 @@ pub fn rigs_of_tare(total: &RigRows, fixture: &RigRows) -> Option<String> {
     }
 }
 
-/// Returns true if a table is made of so many runs.
+/// Returns true if a table is made of the given number of runs.
 pub fn is_shown(runs: usize) -> bool {
     (2..=MOST_RUNS).contains(&runs)
 }
 
 /// Returns a table of the inertial parameters by the best run alone and by all, those first that gain most;
-/// `None` of one run, of more than can be looked at, or if a recording of them cannot be true.
+/// `None` of one run, of more than can be examined, or if a recording of them cannot be true.
 pub fn table(runs: &[PooledFactor], all: &PooledFactor) -> Option<String> {
     if !is_shown(runs.len()) {
         return None;

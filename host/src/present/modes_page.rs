@@ -19,7 +19,7 @@ const PICTURES: usize = 16;
 const PERIOD_S: f64 = 2.4;
 /// Half the side of a platform whose springs are a matrix, m.
 const HALF_SIDE_M: f64 = 0.4;
-/// The platform is so much larger than its springs' places.
+/// The platform is this much larger than its springs' places.
 const RIM: f64 = 1.12;
 /// Length of a spring that is drawn, as a share of the platform's side.
 const SPRING: f64 = 0.35;
@@ -27,10 +27,10 @@ const STYLE: &str = "<style>figure svg{width:100%}.plate{fill:var(--band);stroke
                      .spring{stroke:var(--soft);stroke-width:2}.com{fill:var(--y)}figure{margin:0}figcaption{color:var(--soft)}pre{overflow-x:auto;font-size:13px}\
                      @media (prefers-reduced-motion: reduce){animate{display:none}}</style>\n";
 
-/// What stands on the springs.
+/// The body on the springs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// Where springs hold the platform, m; empty where a matrix is stated.
+    /// The points where springs hold the platform, m; empty where a matrix is stated.
     pub anchors_m: Vec<[f64; 3]>,
     /// The point O, m.
     pub at_m: [f64; 3],
@@ -67,7 +67,7 @@ pub fn page(
     html + END
 }
 
-/// Where a point is drawn.
+/// Returns where a point is drawn.
 fn projected(point: &Vector3<f64>) -> (f64, f64) {
     ((point.x + 0.6 * point.y) * FRAC_1_SQRT_2 * 1.3, -point.z - 0.42 * point.y)
 }
@@ -169,7 +169,8 @@ fn figure(number: usize, mode: &ModeRow, scene: &Scene) -> String {
     )
 }
 
-/// What a mode does most, in words: the coordinates with more than a third of the largest, turns at half a metre.
+/// Returns what a mode does most, in words: the coordinates with more than a third of the largest, turns at
+/// half a metre.
 fn largest(mode: &ModeRow) -> String {
     let arm = |name: &str| if ["x", "y", "z"].contains(&name) { 1.0 } else { 0.5 };
     let sizes: Vec<f64> =

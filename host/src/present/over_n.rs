@@ -29,7 +29,7 @@ pub struct Panel {
     pub title: String,
     /// Of the uncertainties.
     pub unit: String,
-    /// At most four are told apart by colour.
+    /// At most four are distinguished by colour.
     pub curves: Vec<Curve>,
 }
 

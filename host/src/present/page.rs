@@ -22,7 +22,7 @@ pub(super) fn beginning_with(title: &str, about: &str, head: &str) -> String {
 /// All after it.
 pub(super) const END: &str = "</main>\n</body>\n</html>\n";
 
-/// What was decided, and what came of it.
+/// Returns what was decided, and its result.
 pub(super) fn decisions(decided: &[Decided]) -> String {
     if decided.is_empty() {
         return String::new();
@@ -232,7 +232,7 @@ pub(super) fn symbol(name: &str) -> String {
     }
 }
 
-/// What a parameter is, in words.
+/// Returns what a parameter is, in words.
 pub(super) fn describe(name: &str) -> &'static str {
     match name {
         "m" => "mass",

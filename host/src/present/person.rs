@@ -184,7 +184,7 @@ fn table(rows: &[Vec<String>]) -> String {
     )
 }
 
-/// What the columns of the segments are.
+/// The meaning of the columns of the segments.
 const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the segment from its proximal joint (feet: before it), ± U95, the \
                              table's beside with how far one person is from it; radii of gyration about the axes forward, left and up; how much of the table's \
                              variance of the mass the plates took away. Where that is less than a quarter the motions tell nothing of the segment, and \
@@ -251,7 +251,7 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
     rows
 }
 
-/// What the columns of the choices are.
+/// The meaning of the columns of the choices.
 const CHOICES_NOTE: &str = "Ways to choose motions: parameters known to 5 %, to 15 %, worse, and small ones (1 σ, the table known beforehand); condition \
                             number of the rows, and with columns of unit length; log10 of the determinant of the information; root mean \
                             square of what is left of the whitened rows of the other motions.";

@@ -10,7 +10,7 @@ use crate::answer::result::{
 };
 use rigident_model::base::names::legend;
 
-/// Where the numbers are that must not be used.
+/// The note about the numbers that must not be used.
 pub(super) const UNUSABLE: &str = "The recording cannot be true, so nothing of it is identified. \
                                    `fit` of the JSON object has the numbers of the fit, which must \
                                    not be used but help to find the fault.";

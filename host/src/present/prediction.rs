@@ -1,4 +1,5 @@
-//! What models predict of a recording, as text and page: measured against predicted, channel by channel.
+//! The predictions of models for a recording, as text and page: measured against predicted, channel by
+//! channel.
 
 use serde::Serialize;
 
@@ -15,13 +16,13 @@ use rigident_fit::Prediction;
 pub struct Predictions {
     /// Name of the recording.
     pub recording: String,
-    /// What root mean squares are divided by.
+    /// The divisor of root mean squares.
     pub normalised_by: String,
     /// Names of the models, in order.
     pub models: Vec<String>,
     /// Every channel.
     pub channels: Vec<PredictedChannel>,
-    /// What was done and noticed on the way.
+    /// The steps and findings on the way.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
@@ -36,12 +37,12 @@ pub struct PredictedChannel {
     /// Standard deviation of what was measured; absent where nothing was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_sd: Option<f64>,
-    /// What each model leaves; empty where nothing was measured.
+    /// The residuals of each model; empty where nothing was measured.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<ChannelError>,
 }
 
-/// What a model leaves of a channel.
+/// The residuals of a model in a channel.
 #[derive(Clone, Debug, Serialize)]
 pub struct ChannelError {
     /// The model's name.

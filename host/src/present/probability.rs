@@ -34,9 +34,9 @@ pub struct Sample {
 pub struct Panel {
     /// Above it.
     pub title: String,
-    /// What the values are.
+    /// The unit of the values.
     pub unit: String,
-    /// At most three are told apart by colour.
+    /// At most three are distinguished by colour.
     pub samples: Vec<Sample>,
 }
 

@@ -13,7 +13,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 const TENSOR: [&str; 6] = ["Ixx", "Iyy", "Izz", "Iyz", "Izx", "Ixy"];
 /// The caption of offsets.
 const OFFSETS: &str = "Apparent wrench offsets, on the body";
-/// At most so many other standard parameters are named beside a base parameter.
+/// At most this many other standard parameters are named beside a base parameter.
 const NAMED: usize = 4;
 
 /// Quantities under one caption.
@@ -23,7 +23,7 @@ pub(super) struct Group {
     pub title: String,
     /// The quantities, with their full names.
     pub quantities: Vec<Quantity>,
-    /// What else each is made of; empty where all stand for themselves.
+    /// The other parts of each; empty where all represent themselves.
     pub made_of: Vec<String>,
 }
 

@@ -79,13 +79,14 @@ pub fn with_u95(value: f64, u95: f64, unit: &str) -> String {
     }
 }
 
-/// What stands in place of a number that the data do not give.
+/// The text in place of a number that the data do not give.
 pub const NOT_IDENTIFIED: &str = "not identified";
 
 /// Replaces the number of a fit that must not be used.
 pub const CONTRADICTED: &str = "contradicted";
 
-/// A reference value to stand beside `value ± u95`: one decimal more than the estimate's, no trailing zeros.
+/// Returns a reference value to be beside `value ± u95`: one decimal more than the estimate's, no trailing
+/// zeros.
 pub fn beside(reference: f64, u95: f64) -> String {
     if !reference.is_finite() {
         return "unknown".to_owned();
@@ -112,7 +113,7 @@ pub fn nearest_words(nearest: &NearestBody, distance_sd: f64) -> String {
     )
 }
 
-/// How several files became one recording, line by line.
+/// Returns how several files became one recording, line by line.
 pub fn time_base_words(base: &TimeBase) -> Vec<String> {
     let mut lines = vec![format!(
         "{} rows per second, every stream through a local cubic {} ms wide",
@@ -136,7 +137,7 @@ pub fn time_base_words(base: &TimeBase) -> Vec<String> {
     lines
 }
 
-/// How late stamps are, s, in ms.
+/// Returns how late stamps are, s, in ms.
 fn skew_words(late_s: f64, u95_s: f64) -> String {
     let late = if late_s < 0.0 { "early" } else { "late" };
     format!("stamps {late} by {}", with_u95(1e3 * late_s.abs(), 1e3 * u95_s, "ms"))
@@ -147,7 +148,8 @@ pub fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-/// At most so many significant digits, without trailing zeros; scientific outside 1e-5 … 1e7.
+/// Returns a number with at most the given number of significant digits, without trailing zeros; scientific
+/// outside 1e-5 … 1e7.
 pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -174,7 +176,7 @@ fn exponent_rounded(value: f64, decimals: usize) -> i32 {
     text.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0)
 }
 
-/// Three significant digits, trailing zeros kept: `10.0`.
+/// Three significant digits, with trailing zeros: `10.0`.
 pub fn three_digits(value: f64) -> String {
     Rounded::new(value, 0.1 * value.abs()).map_or("unknown".to_owned(), |r| r.value_alone())
 }

@@ -13,7 +13,7 @@ const STYLE: &str = ".title{font-size:16px}.held{fill:var(--sand)}.free{fill:var
                      .pose{fill:var(--ink);stroke:var(--rule);stroke-width:1.5}\
                      .halo{paint-order:stroke;stroke:var(--rule);stroke-width:3px;stroke-linejoin:round;fill:var(--ink)}";
 
-/// What the figure shows. Rows are rolls, columns pitches.
+/// The content of the figure. Rows are rolls, columns pitches.
 #[derive(Clone, Copy, Debug)]
 pub struct Workspace<'a> {
     /// Above the figure.
@@ -107,7 +107,7 @@ impl Workspace<'_> {
         path
     }
 
-    /// Where `cos roll · cos pitch = cos tilt`.
+    /// Returns where `cos roll · cos pitch = cos tilt`.
     fn tilt_line(&self, tilt_deg: f64, x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) -> String {
         let ends = [self.roll_deg, self.pitch_deg].map(|d| d.last().copied().unwrap_or(0.0));
         if ends.iter().any(|end| *end < tilt_deg) {

@@ -1,7 +1,8 @@
 //! An IMU against the motion that it was driven through: turns calibrate the gyro, gravity and accelerations the accelerometer.
 //!
-//! Each axis reads `b + Σ_j M_j u_j`, with `u` the angular rate or the specific force that the program foretells at the IMU, in its
-//! axes as the rig file has them: a bias, a scale (the axis' own `M`) and two misalignments.
+//! Each axis reads `b + Σ_j M_j u_j`, with `u` the angular rate or the specific force that the program
+//! predicts at the IMU, in its axes as the rig file has them: a bias, a scale (the axis' own `M`) and two
+//! misalignments.
 
 use hexapod::{IdealSensors, Trajectory};
 use rigident_shared::calibration::Reading;
@@ -13,9 +14,9 @@ use rigident_fit::{Channel, Kind, Owner, Parameter, RowSource, SampleRows, Timin
 pub const OF_AN_AXIS: usize = 4;
 /// Names of the six axes, gyro first.
 pub const AXES: [&str; 6] = ["gx", "gy", "gz", "ax", "ay", "az"];
-/// The program may have begun so much before and after the first reading, s.
+/// The program may have begun this much before and after the first reading, s.
 const BEGINS_S: [f64; 2] = [-0.5, 1.0];
-/// Steps in which that is looked for, s, before it is refined.
+/// Steps in which that is searched for, s, before it is refined.
 const STEP_S: f64 = 0.01;
 
 /// A recording with the motion behind it.
@@ -75,7 +76,7 @@ impl<'a> ImuRun<'a> {
         run
     }
 
-    /// When the program began after the first reading, s.
+    /// Returns when the program began after the first reading, s.
     pub fn begins_s(&self) -> f64 {
         self.begins_s
     }
@@ -86,7 +87,8 @@ impl<'a> ImuRun<'a> {
         self.readings.get(sample).map_or(0.0, |r| r.time_ns.saturating_sub(first_ns) as f64 * 1e-9)
     }
 
-    /// What the program foretells, angular rate, rad/s, and specific force, m/s², at a time after the first reading, s.
+    /// Returns what the program predicts, angular rate, rad/s, and specific force, m/s², at a time after the
+    /// first reading, s.
     fn foretold(&self, time_s: f64, begins_s: f64) -> [[f64; 3]; 2] {
         let (force, rate) = self.sensors.imu(&self.trajectory.state(time_s - begins_s));
         [rate, force]

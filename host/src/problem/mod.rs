@@ -54,7 +54,7 @@ pub enum ProblemError {
     Fit(#[from] FitError),
 }
 
-/// What is identified beside the links of a tree.
+/// The parameters identified beside the links of a tree.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProblemOptions {
     /// Friction columns of the joints.
@@ -98,11 +98,11 @@ pub struct Problem {
     pub rig: RigFile,
     /// The thing that is identified, with its rows.
     pub subject: Subject,
-    /// What was done and noticed on the way, in words.
+    /// The steps and findings on the way, in words.
     pub notes: Vec<String>,
-    /// What a user should act on, as far as it was seen before the fit.
+    /// The warnings that a user should act on, as far as it was seen before the fit.
     pub warnings: Vec<String>,
-    /// What was found outside of the rows, for an answer to be judged by.
+    /// The findings outside of the rows, for an answer to be judged by.
     pub findings: Vec<answer::Finding>,
     /// Several files with clocks of their own.
     clocks: Option<Box<Clocks>>,

@@ -12,7 +12,7 @@ pub struct Moved {
     pub rates: Vec<f64>,
 }
 
-/// What a stretch of the coordinates is.
+/// The meaning of a stretch of the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The base's position.

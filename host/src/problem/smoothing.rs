@@ -77,10 +77,12 @@ pub fn width_s(cut_off_hz: f64) -> f64 {
     CUT_OFF_TIMES_WIDTH / cut_off_hz
 }
 
-/// Returns the cut-off, Hz, that predicts left-out samples of so many series best: least mean logarithm of their generalised
-/// cross-validation (P. Craven and G. Wahba 1979; for human movement H. Woltring 1986).
+/// Returns the cut-off, Hz, that predicts left-out samples of the given number of series best: least mean
+/// logarithm of their generalised cross-validation (P. Craven and G. Wahba 1979; for human movement H.
+/// Woltring 1986).
 ///
-/// Those above a quarter of the rate are not looked at; the fourth is the answer where no series is long enough.
+/// Those above a quarter of the rate are not examined; the fourth is the answer where no series is long
+/// enough.
 pub fn best_cut_off(
     count: usize,
     series: impl Fn(usize) -> Vec<f32> + Sync,

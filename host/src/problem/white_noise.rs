@@ -28,7 +28,7 @@ const COUNTED_OF_THREE: f64 = 0.877;
 const COUNTED_OF_ONE: f64 = 0.759;
 /// Noise below this share of the largest value is rounding, of computed signals: no sensor has twenty bits.
 const LEAST: f64 = 1e-6;
-/// Longer recordings are looked at in as many places.
+/// Longer recordings are examined in as many places.
 const MOST: usize = 100_000;
 
 /// Weights of sixth differences; the squares add up to 924.
@@ -56,7 +56,7 @@ pub(super) fn sixth_differences_of<R, const N: usize>(
 }
 
 /// Returns the same if the noise is white. Tenth differences show another one where a sensor has a low-pass, which hides its noise, and where
-/// vibration looks like noise; zero then.
+/// vibration resembles noise; zero then.
 pub(super) fn certain_noise<R, const N: usize>(
     readings: &[R],
     of: impl Fn(&R) -> (u64, [f64; N]),

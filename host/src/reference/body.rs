@@ -266,7 +266,7 @@ struct Central {
 }
 
 impl ReferenceBody {
-    /// Returns the mounting of a name; an empty name is the place as it stands.
+    /// Returns the mounting of a name; an empty name is the place as it is.
     ///
     /// # Errors
     /// [`ReferenceError::Mounting`] if there is none.
@@ -347,7 +347,7 @@ impl ReferenceBody {
         all
     }
 
-    /// Returns the body about its centre of mass, its dimensions changed by so much.
+    /// Returns the body about its centre of mass, its dimensions changed by this much.
     fn central(&self, by: &[f64]) -> Central {
         let by = |k: usize| by.get(k).copied().unwrap_or(0.0);
         let diagonal = |[a, b, c]: [f64; 3]| Matrix3::from_diagonal(&Vector3::new(a, b, c));
@@ -377,7 +377,7 @@ impl ReferenceBody {
         }
     }
 
-    /// Returns the ten parameters in S with every cause off by so much.
+    /// Returns the ten parameters in S with every cause off by this much.
     fn parameters(&self, mounting: Option<&Mounting>, by: &[f64]) -> [f64; 10] {
         let dimensions = self.dimensions().len();
         let (own, rest) = by.split_at(by.len().min(1 + dimensions));

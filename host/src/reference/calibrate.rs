@@ -1,9 +1,10 @@
 //! The errors of a rig from runs with a reference body.
 //!
-//! What is known beforehand, of the body as it is mounted and of the errors, is one normal distribution of independent causes x.
-//! A run sees `y = H x`: the ten parameters in S, and those errors that it has columns of. It is fitted with the distribution of
-//! y as its prior, its own errors and offsets eliminated, and what that tells of y is told of x. Run after run this is the
-//! joint solution of all of them, each linearised about its own estimate: errors and the body are shared, drift and bias are not.
+//! The prior knowledge of the body as it is mounted and of the errors is one normal distribution of
+//! independent causes x. A run sees `y = H x`: the ten parameters in S, and those errors that it has columns
+//! of. It is fitted with the distribution of y as its prior, its own errors and offsets eliminated, and what
+//! that tells of y holds of x. Run after run this is the joint solution of all of them, each linearised about
+//! its own estimate: errors and the body are shared, drift and bias are not.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -31,14 +32,15 @@ pub struct Run<'a> {
     pub mounted: Mounted,
 }
 
-/// What the runs told.
+/// The information of the runs.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
     /// The errors that all runs share, as they were known beforehand.
     pub before: Vec<Nuisance>,
-    /// What is known of them now.
+    /// The knowledge of them now.
     pub known: Gaussian,
-    /// What is known of the causes of the reference's parameters now, each about zero and in standard deviations beforehand.
+    /// The knowledge of the causes of the reference's parameters now, each about zero and in standard
+    /// deviations beforehand.
     pub causes: Gaussian,
 }
 
@@ -61,7 +63,7 @@ pub enum CalibrateError {
     OtherBody {
         /// The recording.
         run: String,
-        /// How far it is off.
+        /// The distance that it is off.
         mismatch: Box<Mismatch>,
     },
     /// The run contradicts what is stated of the rig's errors, or is not that of a rigid body.
@@ -69,7 +71,7 @@ pub enum CalibrateError {
     Contradicted {
         /// The recording.
         run: String,
-        /// What does, in words.
+        /// The part that does, in words.
         said: String,
     },
     /// Numbers that determine nothing.
@@ -135,7 +137,7 @@ pub fn contradiction(run: &Run<'_>) -> Option<CalibrateError> {
     joint(std::slice::from_ref(run), &beforehand, &|_| ()).err()
 }
 
-/// What is known before any run.
+/// The knowledge before any run.
 struct Beforehand {
     /// The errors that the runs share.
     errors: Vec<Nuisance>,
@@ -249,7 +251,7 @@ fn told(
     }
     let after = found.joint.as_ref().map(|joint| joint.only(|name| names.iter().any(|own| own == name)));
     let after = after.ok_or_else(singular)?;
-    // What a run before this one has told of the body counts, too.
+    // What a run before this one has shown of the body counts, too.
     let of_body = |all: &Gaussian| all.only(|name| names.iter().take(TEN).any(|own| own == name));
     if judged
         && let Some(agreement) = of_body(&before).agreement(&of_body(&after))

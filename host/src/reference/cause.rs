@@ -9,7 +9,8 @@ const UNITS: [(f64, &str); 4] = [
     (9.806_65, "9.80665, newtons for kilograms"),
     (25.4, "25.4, inches for millimetres"),
 ];
-/// Relative distance at which a ratio is taken for one of units: those of a balance that is right are told apart by far.
+/// Relative distance at which a ratio is taken for one of units: those of a balance that is right are
+/// distinguished by far.
 const NEAR: f64 = 0.05;
 /// A tensor of twice or half the diameter, where the mass is that of the balance.
 const DIAMETER: f64 = 4.0;

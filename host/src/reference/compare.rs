@@ -1,4 +1,5 @@
-//! What was measured against a reference: the E_n number of each quantity, and whether it is the body at all.
+//! The measured values against a reference: the E_n number of each quantity, and whether it is the body at
+//! all.
 
 use nalgebra::{DMatrix, DVector, SVector};
 use rigident_shared::inertia::{InertialParameters, tensor_elements};

@@ -25,7 +25,7 @@ pub struct ArmRun {
     pub rest_s: f64,
     /// Further rest of each joint while the others move, s; zero of joints beyond.
     pub held_s: Vec<f64>,
-    /// Which motion; others have other phases.
+    /// The number of the motion; others have other phases.
     pub motion: usize,
     /// Positions that the motion is about, rad or m; zero of joints beyond.
     pub home: Vec<f64>,
@@ -142,7 +142,8 @@ impl ArmRun {
         Some(Self { rate_hz, ..self.clone() }.read(&model, rows, &moves))
     }
 
-    /// Returns what the sensors read in so many rows, in each of which the joints have positions, rates and accelerations.
+    /// Returns what the sensors read in the given number of rows, in each of which the joints have positions,
+    /// rates and accelerations.
     fn read(&self, model: &Model, rows: usize, moves: &dyn Fn(usize) -> Vec<[f64; 3]>) -> Recording {
         let names: Vec<&str> = model.links.iter().skip(1).map(|l| l.joint_name.as_str()).collect();
         let mut noise = Noise(Some(self.seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));

@@ -1,6 +1,7 @@
 //! Robots of any model that stand, touch and are held, and what their encoders and IMUs read.
 //!
-//! Where links are is computed here by chains of isometries and differences, not by the kinematics of the search.
+//! The places of links are computed here by chains of isometries and differences, not by the kinematics of
+//! the search.
 #![allow(clippy::missing_panics_doc, reason = "of a robot that is made here")]
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -10,7 +11,7 @@ use super::noise::Noise;
 use crate::joint_offsets::{Pose, Setup};
 use rigident_model::Model;
 
-/// What is wanted of a pose holds to this, m and rad.
+/// The conditions of a pose hold to this, m and rad.
 const EXACT: f64 = 1e-12;
 /// Difference that slopes are taken over.
 const STEP: f64 = 1e-6;
@@ -34,7 +35,7 @@ pub struct Robot {
     links: Vec<(usize, Isometry3<f64>, Joint<f64>)>,
 }
 
-/// Where a robot is.
+/// The place of a robot.
 #[derive(Clone, Debug)]
 pub struct Stance {
     /// World ← base.

@@ -264,7 +264,7 @@ impl Wave {
     }
 }
 
-/// How a person moves.
+/// The motion of a person.
 struct Dance<'a> {
     somebody: &'a Somebody,
     /// Of the base: place, then turns; of every other link: turns.
@@ -272,7 +272,7 @@ struct Dance<'a> {
     waves: Vec<[Wave; 3]>,
     /// Standing height of the base, m.
     height_m: f64,
-    /// How much of all that every link does.
+    /// The share of all that every link does.
     shares: Vec<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! A robot that moves on two feet, with what its joints, its base and its feet measure.
 //!
-//! What the ground bears follows from recursive Newton and Euler about centres of mass, and so do the torques beside it: neither
-//! regressors nor screws.
+//! The load of the ground follows from recursive Newton and Euler about centres of mass, and so do the
+//! torques beside it: neither regressors nor screws.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
@@ -29,7 +29,7 @@ pub struct OnFeet {
     pub sizes: [f64; 3],
     /// 1 σ of torques, N m, forces, N, and moments, N m.
     pub noise: [f64; 3],
-    /// Horizontal forces read so many times their value.
+    /// Horizontal forces read this many times their value.
     pub horizontal_scale: f64,
     /// Horizontal forces are not to be believed.
     pub without_horizontal: bool,

@@ -11,7 +11,7 @@ use rigident_sim::links::{Swing, Tree, TreeLink};
 use super::noise::Noise;
 use rigident_model::{Model, ModelLink};
 
-/// Segments are heavier or lighter than the table's by at most so much, relative.
+/// Segments are heavier or lighter than the table's by at most this much, relative.
 const SPREAD: f64 = 0.15;
 
 /// Mass, centre of mass and tensor about it, of φ about the link's origin.
@@ -24,7 +24,7 @@ fn body(phi: [f64; 10]) -> BodyParameters {
     }
 }
 
-/// How the joint of link `i` swings; what it cannot do it does not.
+/// Returns how the joint of link `i` swings; what it cannot do it does not.
 fn swing(i: usize, link: &ModelLink) -> Swing {
     let possible = match link.link.joint {
         Joint::Revolute(axis) => axis.map(f64::abs).into(),
@@ -54,7 +54,8 @@ pub fn tree(model: &Model, parameters: &[f64]) -> Tree {
     }
 }
 
-/// Parameters of somebody whose segments are not the model's, but up to so much heavier or lighter: ten of every link.
+/// Parameters of somebody whose segments are not the model's, but up to this much heavier or lighter: ten of
+/// every link.
 pub fn somebody(model: &Model, seed: u64) -> Vec<f64> {
     let mut noise = Noise(Some(seed));
     let nominal = model.nominal();

@@ -24,7 +24,8 @@ pub struct PicksUp {
     pub link: &'static str,
     /// Its mass, kg; below zero: the link has lost it from the first time to the second.
     pub mass_kg: f64,
-    /// Links weigh up to so much more or less than known, their centres and radii of gyration are off by half of it.
+    /// Links weigh up to this much more or less than known, their centres and radii of gyration are off by
+    /// half of it.
     pub off: f64,
     /// 1 σ of the joints' rates, rad/s, the IMU's specific force, m/s², and rate, rad/s.
     pub noise: [f64; 3],
@@ -48,7 +49,7 @@ impl Default for PicksUp {
 
 /// Name of the link that picks up where nothing else is said.
 pub const HAND: &str = "r_hand";
-/// Where it holds the thing, in its frame, m.
+/// The place where it holds the thing, in its frame, m.
 pub const GRIP_M: [f64; 3] = [0.02, 0.0, -0.08];
 
 /// Parameters of a body of this mass, centre, and radii of gyration.

@@ -74,7 +74,7 @@ pub fn setup(noise: crate::joint_offsets::Noise) -> Setup {
     Setup::new(JointTree::new(&humanoid()), soles(), vec![0], &[], noise).expect("joints that turn")
 }
 
-/// Where the sole's link of a leg is in the pelvis, by angles of its seven joints, rad.
+/// Returns where the sole's link of a leg is in the pelvis, by angles of its seven joints, rad.
 fn foot(side: usize, angles: &[f64]) -> Isometry3<f64> {
     let sign = if side == 0 { 1.0 } else { -1.0 };
     let mut at = Isometry3::translation(0.0, sign * HALF_WIDTH_M, 0.0);
@@ -85,7 +85,8 @@ fn foot(side: usize, angles: &[f64]) -> Isometry3<f64> {
     at
 }
 
-/// What keeps the soles from being flat on one level floor: tilts of both, and by how much one is higher.
+/// Returns what keeps the soles from being flat on one level floor: tilts of both, and by how much one is
+/// higher.
 fn unevenness(pelvis: &UnitQuaternion<f64>, angles: &[f64]) -> DVector<f64> {
     let feet = [0, 1].map(|side| foot(side, &angles[7 * side..7 * side + 7]));
     let normal = feet.map(|foot| pelvis * foot.rotation * Vector3::z());

@@ -122,7 +122,7 @@ fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
     ((w(1.0) - w(-1.0)) * 8.0 - (w(2.0) - w(-2.0))) / (12.0 * h)
 }
 
-/// Returns the rig file of sensors that err by noise alone, on so many links.
+/// Returns the rig file of sensors that err by noise alone, on the given number of links.
 fn exact_rig(links: usize) -> RigFile {
     RigFile {
         imu: (0..links)
@@ -225,8 +225,9 @@ pub fn seven_axis_recording(
     recording
 }
 
-/// The same recording with noise that is remembered for `time_s` on what was measured of forces and torques, of the standard
-/// deviations that the other recordings have: 0.5 N, 0.03 N m, and 0.3 N m of joints. Zero: white.
+/// The same recording with noise that is correlated over `time_s` on what was measured of forces and torques,
+/// of the standard deviations that the other recordings have: 0.5 N, 0.03 N m, and 0.3 N m of joints. Zero:
+/// white.
 pub fn with_remembered_noise(recording: &Recording, time_s: f64, seed: u64) -> Recording {
     let mut noise = Noise(Some(seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
@@ -268,7 +269,7 @@ pub fn with_noise_of_rates(recording: &Recording, sigma: f64, seed: u64) -> Reco
     out
 }
 
-/// The same recording by a load cell with relative gain errors of so much, 1 σ; its offset has none.
+/// The same recording by a load cell with relative gain errors of this much, 1 σ; its offset has none.
 pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Recording {
     let mut noise = Noise(Some(seed.wrapping_mul(0x9e6d_62d0_6f6a_9a9b)));
     let gains = sigma.map(|s| noise.normal(s));

@@ -128,7 +128,7 @@ fn unpack<T: Scalar>(packed: &[T; 10]) -> Sym4<T> {
     full
 }
 
-/// Step lengths tried at most, and so many at once.
+/// Step lengths tried at most, and the number at once.
 const TRIES: u8 = 30;
 const TRIES_AT_ONCE: u8 = 6;
 
@@ -139,7 +139,7 @@ enum Phase {
     End,
     /// Makes the first scaling.
     Begin,
-    /// Looks whether it is at the optimum; else Newton's matrix.
+    /// Checks whether it is at the optimum; else Newton's matrix.
     Measure,
     /// The predictor's direction.
     Predict,

@@ -1,4 +1,4 @@
-//! What fixes an estimator, and what follows from it.
+//! The settings of an estimator, and what follows from them.
 
 use crate::Scalar;
 use crate::calibration::ImuMounting;
@@ -14,7 +14,7 @@ pub struct EstimatorConfig<T: Scalar> {
     pub rate_hz: T,
     /// Width of the FIR, s; zero for still rows, which have no time.
     pub filter_width_s: T,
-    /// A row block is absorbed every so many readings, with weight √`row_every`.
+    /// A row block is absorbed once in this many readings, with weight √`row_every`.
     pub row_every: u16,
     /// 1 σ of the unfiltered wrench per reading: N, N m.
     pub channel_sigma: [T; 6],

@@ -1,4 +1,4 @@
-//! What an estimator counts and sums up as it goes.
+//! The counters and sums of an estimator.
 
 use crate::Scalar;
 #[cfg(doc)]

@@ -27,7 +27,7 @@ use crate::tree::{LinkState, rows};
 /// Base parameters at most.
 pub const PARAMETERS: usize = 128;
 const ENTRIES: usize = packed_entries(PARAMETERS);
-/// Beyond so many frames single precision loses digits of one level.
+/// Beyond this many frames single precision loses digits of one level.
 pub const LEVEL_FRAMES: u32 = 100_000;
 
 /// A level of the factor of a tree.
@@ -42,7 +42,8 @@ pub struct FramesConfig<T> {
     pub known_offset: [T; 6],
     /// Range of each wrench channel: N, N m.
     pub range: [T; 6],
-    /// So many frames in a row whose motion repeats itself to the last bit while the wrench does not have none. Zero: never.
+    /// This many consecutive frames whose motion repeats itself to the last bit while the wrench does not
+    /// have none. Zero: never.
     pub still_after: u16,
     /// The filter of a base that is tracked; `None`: the base carries an IMU.
     pub filter: Option<FrameFilter<T>>,
@@ -50,12 +51,12 @@ pub struct FramesConfig<T> {
     pub suspension: Option<Suspension<T>>,
 }
 
-/// Tells when a run of frames has told enough.
+/// Tells when a run of frames has brought enough information.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameStop<T> {
     /// Largest standard deviation of each base parameter; infinite for one that is not asked for.
     pub standard_deviation: [T; PARAMETERS],
-    /// Not before so many frames.
+    /// Not before this many frames.
     pub minimum_frames: u32,
 }
 
@@ -64,7 +65,7 @@ pub struct FrameStop<T> {
 pub enum FramesError {
     /// No links, or too many.
     Links(usize),
-    /// The parent of this link does not stand before it, or its joint has no such axis or no finite place.
+    /// The parent of this link does not precede it, or its joint has no such axis or no finite place.
     Link(usize),
     /// More base parameters than there is room for.
     Parameters(usize),
@@ -74,7 +75,7 @@ pub enum FramesError {
     Filter(KernelError),
     /// The stiffness is not symmetric and positive.
     Stiffness,
-    /// Where the base stands on the springs is not finite, or no rotation; or all coordinates are locked.
+    /// The base's place on the springs is not finite, or no rotation; or all coordinates are locked.
     Suspension,
 }
 
@@ -107,7 +108,7 @@ pub struct Frame<'a, T> {
 /// Tells why a frame was not taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRejection {
-    /// It has so many links, not those of the tree.
+    /// It has this number of links, not those of the tree.
     Links(u8),
     /// A number of this link's motion is NaN or infinite; 0 is the base.
     NotFinite(u8),
@@ -136,7 +137,7 @@ pub struct FrameCounters {
     pub no_attitude: u32,
     /// With a wrench at its range.
     pub saturated: u32,
-    /// Whose motion repeats itself.
+    /// The number whose motion repeats itself.
     pub without_motion: u32,
     /// After the level was full.
     pub full: u32,
@@ -276,7 +277,7 @@ impl<T: Scalar> FrameEstimator<T> {
         Ok(parameters)
     }
 
-    /// Makes it an estimator that has seen nothing, where it stands.
+    /// Makes it an estimator that has seen nothing, in place.
     ///
     /// # Errors
     /// See [`Self::check`]; nothing is changed then.
@@ -307,8 +308,9 @@ impl<T: Scalar> FrameEstimator<T> {
         self.small_enough = 0;
     }
 
-    /// Looks at the standard deviation of one parameter, after a frame that waits for its block; returns whether every one
-    /// that is asked for is small enough. The level alone is judged: what has been handed over before counts for nothing.
+    /// Checks the standard deviation of one parameter, after a frame that waits for its block; returns
+    /// whether every one that is asked for is small enough. The level alone is judged: what has been handed
+    /// over before counts for nothing.
     #[inline(never)]
     pub fn look(&mut self) -> bool {
         let Some(stop) = &self.stop else { return false };
@@ -356,7 +358,7 @@ impl<T: Scalar> FrameEstimator<T> {
         self.in_level >= LEVEL_FRAMES
     }
 
-    /// Whether frames are those of a base that is tracked.
+    /// Returns whether frames are those of a base that is tracked.
     pub fn is_tracked(&self) -> bool {
         self.window.is_used() || self.sums.is_used()
     }
@@ -393,7 +395,7 @@ impl<T: Scalar> FrameEstimator<T> {
             _ => Ok(()),
         };
         let frame = &TrackedFrame { wrench: wrench.unwrap_or(frame.wrench), ..*frame };
-        // Numbers that are none are told from turns that do not agree.
+        // Numbers that are none are distinguished from turns that do not agree.
         if let Err(rejection) = self.judge_tracked(frame).and(judged) {
             self.window.clear();
             self.sums.clear();

@@ -410,9 +410,9 @@ fn the_stop_rule_is_met_when_every_deviation_of_the_level_is_small_enough() {
         estimator.absorb(&f.frame()).unwrap();
         estimator.look()
     });
-    // Each is looked at with every second frame, one after the other.
+    // Each is examined with every second frame, one after the other.
     assert!((79..84).contains(&met.unwrap()), "{met:?}");
-    // What was handed over is not looked at any more.
+    // What was handed over is not examined any more.
     estimator.begin_hand_over();
     (0..128).for_each(|row| estimator.factor_mut().forget_row(row));
     assert!(!estimator.look());

@@ -24,7 +24,7 @@ pub struct Reference<T: Scalar, const N: usize> {
     pub standard_deviation: [T; N],
     /// Variance of the noise relative to the σ of the configuration, as far as it is known to be larger; else 1.
     pub noise_scale: T,
-    /// k: a row is weighted if its innovation is larger than so many standard deviations; zero: never.
+    /// k: a row is weighted if its innovation is larger than this many standard deviations; zero: never.
     pub knock_limit: T,
 }
 

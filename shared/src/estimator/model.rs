@@ -1,4 +1,5 @@
-//! What makes rows, and where they go: the two things in which the estimators of different bodies differ.
+//! The source of rows, and their destination: the two things in which the estimators of different bodies
+//! differ.
 
 use super::EstimatorConfig;
 use super::noise::{BodyNoise, RowNoise};
@@ -35,8 +36,8 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     fn screen(&mut self, reading: &Self::Reading) -> Result<(), Rejection>;
     /// The signals of a reading. Those that are differentiated are the last.
     fn signals(&mut self, config: &EstimatorConfig<T>, reading: &Self::Reading) -> [T; S];
-    /// What remains linear of calibration, done once per row block: conditioned signals in the axes of S, the known offset
-    /// taken off. `None` while the rows are not yet to be trusted.
+    /// Returns what remains linear of calibration, done once per row block: conditioned signals in the axes
+    /// of S, the known offset taken off. `None` while the rows are not yet to be trusted.
     fn rows(&mut self, config: &EstimatorConfig<T>, conditioned: &[T; S]) -> Option<[T; S]>;
     /// The measured wrench less what the parameters predict: N, N m.
     fn residual(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], parameters: &[T; N]) -> [T; 6];
@@ -67,7 +68,8 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool;
     /// Does one step towards it; true when `gathering` holds it.
     fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool;
-    /// Begins with this factor instead of nothing. False, and nothing is done, where not everything is kept.
+    /// Begins with this factor instead of nothing. False, and nothing is done, where not everything is
+    /// retained.
     fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool;
     /// Keeps what this memory keeps, from now on.
     fn set_memory(&mut self, _plan: &Plan<T, N>) {}
@@ -79,7 +81,7 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn remembers(&self) -> bool {
         false
     }
-    /// What noise of the signals has added to it.
+    /// Returns what noise of the signals has added to it.
     fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
         None
     }
@@ -89,7 +91,7 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     }
     /// Multiplies all rows absorbed so far.
     fn scale(&mut self, _by: T) {}
-    /// Is told that the rows of a block are whitened together from now on.
+    /// Receives that the rows of a block are whitened together from now on.
     fn see_together(&mut self) {}
     /// Returns whether enough has been absorbed for a segment of it.
     fn segment_is_complete(&self) -> bool {

@@ -5,9 +5,9 @@
 //! is summed up beside the factor and taken off when it is solved ([`Compensation`]).
 //!
 //! Of one body Δ is linear in six signals, the accelerometer's axes and the gyro's by their derivative; what the gyro brings to
-//! the products of the rates is smaller by its bandwidth and left out. Whitening and K of one row block are made anew at a look, in
-//! steps, when a fifth of all rows has come since the last time. Weights that an early estimate made too large are not kept: what was
-//! absorbed with them is scaled down.
+//! the products of the rates is smaller by its bandwidth and left out. Whitening and K of one row block are
+//! made anew at a check, in steps, when a fifth of all rows has come since the last time. Weights that an
+//! early estimate made too large are not retained: what was absorbed with them is scaled down.
 
 use super::{EstimatorConfig, Reference};
 use crate::Scalar;
@@ -24,18 +24,20 @@ pub const BODY: usize = 10;
 const NOISY: usize = 6;
 /// Lags, in row blocks, over which the filter's noise is correlated; if it reaches further there is no low-pass.
 const LAGS: usize = 16;
-/// A parameter counts in the covariance of the noise if it differs from zero by so many standard deviations.
+/// A parameter counts in the covariance of the noise if it differs from zero by this many standard
+/// deviations.
 const SIGNIFICANT_SD: u32 = 2;
 /// Noise of the IMU does not count in the weights if it is at most this share of every channel's variance.
 const NEGLIGIBLE_SHARE: f32 = 0.01;
-/// What was absorbed is scaled down if its noise is found to have so many times the variance it was whitened by.
+/// The absorbed rows are scaled down if its noise is found to have this many times the variance it was
+/// whitened by.
 const TOO_LARGE: f32 = 1.1;
 /// A variance that exceeds that of any load cell's noise, N² and N² m².
 const WHATEVER_IS_FOUND: f32 = 1e12;
 /// The square of how many standard deviations of the estimate count as its uncertainty, as early ones are too small.
 const UNCERTAINTY: u32 = 9;
 
-/// What becomes of a step.
+/// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refreshed<T: Scalar> {
     /// There is more to do.
@@ -67,13 +69,13 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn counts(&self) -> bool;
     /// Takes what was added to a segment that ends with this row block.
     fn close_segment(&mut self, blocks: u32);
-    /// What was added to that segment.
+    /// Returns what was added to that segment.
     fn segment(&self) -> Option<&Gram<T, BODY>>;
     /// Keeps what has been added to what has been absorbed up to this row block, a waiting segment and a memory's share included.
     fn take_snapshot(&mut self, blocks: u32, waiting_segment: bool, memory: Option<&Gram<T, ROOM>>);
-    /// What was kept.
+    /// Returns what was retained.
     fn snapshot(&self) -> Option<&Gram<T, ROOM>>;
-    /// Begins to compensate the factor of a look at everything absorbed up to this row block.
+    /// Begins to compensate the factor of a check of everything absorbed up to this row block.
     fn begin_look(&mut self, factor: &InformationFactor<T, N>, blocks: u32);
     /// Begins to compensate the factor of a memory.
     fn begin_memory(&mut self, factor: &InformationFactor<T, N>, memory: &Gram<T, ROOM>);
@@ -89,9 +91,10 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T>;
     /// Factor that all rows absorbed so far are to be multiplied by, if they are; asking takes it as done.
     fn take_shrink(&mut self, blocks: u32) -> Option<T>;
-    /// Goes on from what had been added up to this row block: its rows were whitened by the noise that a look finds, and are not scaled down.
+    /// Goes on from what had been added up to this row block: its rows were whitened by the noise that a
+    /// check finds, and are not scaled down.
     fn restore(&mut self, gram: &Gram<T, BODY>, blocks: u32);
-    /// Is told that the first look after that is over.
+    /// Receives that the first check after that is over.
     fn restored(&mut self, config: &EstimatorConfig<T>);
     /// Root mean square, per whitened row, of what noise brings to the coefficients of each parameter; `None` if nothing is known.
     fn per_row(&self) -> Option<[T; N]>;
@@ -162,9 +165,9 @@ pub struct BodyNoise<T: Scalar> {
     low_pass: LowPass<T>,
     /// Covariance of the noise that rows are whitened by, per sample.
     covariance: Square<T>,
-    /// What a row block adds.
+    /// The addition of a row block.
     unit: Gram<T, BODY>,
-    /// What the row blocks up to `counted` have added, those of closed segments left out.
+    /// The additions of the row blocks up to `counted`, those of closed segments left out.
     gram: Gram<T, BODY>,
     counted: u32,
     segment: Gram<T, BODY>,
@@ -182,7 +185,7 @@ pub struct BodyNoise<T: Scalar> {
 #[derive(Clone, Copy, Debug)]
 struct Refresh<T: Scalar> {
     stage: Stage,
-    /// What of the estimate is significant, and how uncertain that is: variances.
+    /// The significant part of the estimate, and its uncertainty: variances.
     parameters: [T; BODY],
     variances: [T; BODY],
     /// White part of the noise, columns of its rising part, and both together, per sample.
@@ -202,18 +205,18 @@ struct Refresh<T: Scalar> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Idle,
-    /// What this signal leaves in the residuals.
+    /// The share of this signal in the residuals.
     Spectrum(u8),
     /// The covariance of all noise.
     Begin,
     Design,
     Finish,
-    /// What this signal adds to a row block.
+    /// The addition of this signal to a row block.
     Unit(u8),
     /// Is noise larger than it was taken to be?
     Compare,
     Take,
-    /// What row blocks have added until then.
+    /// The additions of row blocks until then.
     Count,
 }
 
@@ -345,7 +348,7 @@ impl<T: Scalar> BodyNoise<T> {
         self.counted = blocks;
     }
 
-    /// What has been added up to this row block.
+    /// Returns what has been added up to this row block.
     #[inline(never)]
     fn total(&self, blocks: u32) -> Gram<T, BODY> {
         let (mut gram, mut unit, mut counted) = (self.gram, &self.unit, self.counted);
@@ -361,7 +364,7 @@ impl<T: Scalar> BodyNoise<T> {
     fn keep(&mut self, blocks: u32, waiting_segment: bool, memory: Option<&Gram<T, ROOM>>) {
         match memory {
             Some(memory) => self.snapshot = *memory,
-            // Nothing stands beside the body's parameters.
+            // Nothing is beside the body's parameters.
             None => self.snapshot.columns.iter_mut().take(BODY).for_each(|column| *column = [T::ZERO; ROOM]),
         }
         let total = self.total(blocks);

@@ -2,8 +2,8 @@
 //!
 //! The rows are those of [`crate::tree::momentum`], which know no acceleration: about the base IMU's origin, where gravity
 //! and acceleration are one measured thing, and moved to S behind the filter. Of the second link's mass nothing can
-//! be told ([`crate::tree`]: it belongs to the base's ten), so its column is left out: 10 + 9 parameters, and six more
-//! for the wrench offset.
+//! be determined ([`crate::tree`]: it belongs to the base's ten), so its column is left out: 10 + 9
+//! parameters, and six more for the wrench offset.
 //!
 //! # The joint's attitude
 //! is streamed with the readings, or found here: both gyros turn it (`Ṙ = R [ω₁]× − [ω₀]× R`), and what is left over
@@ -33,7 +33,8 @@ const SECOND: usize = 9;
 const ENTRIES: usize = 6 * 3 + 3 * 6;
 /// Of one body's signals, those that are smoothed.
 const BASE: usize = regressor::SMOOTHED;
-/// Tells where the second link's smoothed entries stand, the joint's specific force, and what is differentiated.
+/// Tells where the second link's smoothed entries are, the joint's specific force, and what is
+/// differentiated.
 const LINK: usize = BASE;
 const JOINT_FORCE: usize = LINK + ENTRIES;
 const SMOOTHED: usize = JOINT_FORCE + 3;
@@ -60,7 +61,8 @@ pub struct TwoLinkReading<T: Scalar> {
     pub specific_force: SpecificForce<Imu, T>,
     /// Angular rate in the second IMU's axes, uncorrected.
     pub angular_rate: AngularRate<Imu, T>,
-    /// Attitude of the second link, `R_SL` as a quaternion w, x, y, z; not looked at if it is found from the IMUs.
+    /// Attitude of the second link, `R_SL` as a quaternion w, x, y, z; not examined if it is found from the
+    /// IMUs.
     pub attitude: [T; 4],
 }
 

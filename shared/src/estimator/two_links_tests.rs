@@ -157,7 +157,7 @@ impl Case {
         }
     }
 
-    /// Returns what can be told: the second link's mass sits in the joint as a part of the base.
+    /// Returns what can be determined: the second link's mass sits in the joint as a part of the base.
     fn base_parameters(&self) -> [f64; 19] {
         let (m, p) = (self.phi[10], Vector3::from(self.at));
         let mut out = [0.0; 19];

@@ -35,8 +35,8 @@ const FULL_TOGETHER: u16 = FULL / 2;
 /// merged into one factor of all parameters. At N = 10 four wrenches meet 10 + 45 pairs of columns of twelve rows;
 /// without that knowledge it would be 2 × 55.
 ///
-/// Where the noise of forces and moments is correlated, every whitened row sees every parameter: the moments' triangle then
-/// takes all of them, twelve rows of two wrenches at a time.
+/// If the noise of forces and moments is correlated, every whitened row sees every parameter: the moments'
+/// triangle then takes all of them, twelve rows of two wrenches at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyCascade<T: Scalar, const N: usize> {
     level: Level<T>,
@@ -51,7 +51,7 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     wrenches: u16,
     /// Parts of the full level that are in the next one already.
     parts_merged: u8,
-    /// So many wrenches are a segment; none if everything is kept.
+    /// The number of wrenches of a segment; none if everything is retained.
     segment: Option<NonZeroU16>,
     upper: Upper<T, N>,
 }
@@ -137,7 +137,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         (self.level, self.waiting, self.wrenches) = (Level::EMPTY, 0, 0);
     }
 
-    /// What noise of the signals has added to the memory, if there is one.
+    /// Returns what noise of the signals has added to the memory, if there is one.
     pub(crate) fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
         match &self.upper {
             Upper::Memory(memory) => Some(memory.gram()),
@@ -365,7 +365,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     }
 
     /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of it. True
-    /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what came since.
+    /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what arrived
+    /// since.
     pub fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
         if *step == 0 && whole.rows > 0 {

@@ -12,10 +12,11 @@ use crate::linear_algebra::{Jacobi, ROOM, add_scaled, dot_slices};
 
 /// Columns that are substituted in one step.
 const COLUMNS: usize = 4;
-/// A pair of columns of n numbers takes about 40 n instructions to rotate: so many instructions in one step.
+/// A pair of columns of n numbers takes about 40 n instructions to rotate: the number of instructions in one
+/// step.
 const ROTATION: usize = 8_000 / 40;
 
-/// Shares of a direction's information that are no noise are told apart down to this.
+/// Shares of a direction's information that are no noise are distinguished down to this.
 const LEAST_SHARE: f32 = 0.02;
 
 /// Tells what is done next.
@@ -46,7 +47,7 @@ pub struct Compensation<T: Scalar> {
     stage: Stage,
     /// Parameters.
     n: usize,
-    /// R by columns, what began, then what came of it; z is column n.
+    /// R by columns, the beginning, then the result; z is column n.
     triangle: [[T; ROOM]; ROOM + 1],
     residual_sum_of_squares: T,
     scalar_rows: u32,
@@ -68,8 +69,8 @@ impl<T: Scalar> Compensation<T> {
         jacobi: Jacobi::EMPTY,
     };
 
-    /// Begins with a factor and so many times what noise adds to it. Where rows say nothing at all of a parameter, to rounding,
-    /// the factor stays as it is.
+    /// Begins with a factor and the given multiple of what noise adds to it. Where rows say nothing at all of
+    /// a parameter, to rounding, the factor stays as it is.
     #[inline(never)]
     pub fn begin<const N: usize, const M: usize>(
         &mut self,

@@ -12,7 +12,7 @@ impl<T: Scalar, const N: usize> Gram<T, N> {
     /// Of no noise.
     pub const ZERO: Self = Self { columns: [[T::ZERO; N]; N] };
 
-    /// Adds so many times another one, whose further parameters, if it has more, are left out.
+    /// Adds the given multiple of another one, whose further parameters, if it has more, are left out.
     #[inline(never)]
     pub fn add<const M: usize>(&mut self, other: &Gram<T, M>, times: T) {
         for (column, other) in self.columns.iter_mut().zip(&other.columns) {
@@ -58,7 +58,7 @@ impl<T: Scalar, const N: usize> Gram<T, N> {
         }
     }
 
-    /// Replaces it by `FᵀKF` with `F = 1 − x sᵀ`; numbers of x and s beyond its parameters are not looked at.
+    /// Replaces it by `FᵀKF` with `F = 1 − x sᵀ`; numbers of x and s beyond its parameters are not examined.
     #[inline(never)]
     pub(crate) fn project(&mut self, x: &[T], s: &[T]) {
         let mut v = [T::ZERO; N];

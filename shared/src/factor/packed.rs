@@ -28,7 +28,7 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
     pub const EMPTY: Self =
         Self { entries: [T::ZERO; E], parameters: 0, residual_sum_of_squares: T::ZERO, rows: 0 };
 
-    /// Forgets everything; from now on of so many parameters, at most N.
+    /// Forgets everything; from now on of the given number of parameters, at most N.
     pub fn clear(&mut self, parameters: usize) {
         const { assert!(E == packed_entries(N) && N <= u16::MAX as usize) }
         self.entries.fill(T::ZERO);
@@ -36,7 +36,8 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         (self.residual_sum_of_squares, self.rows) = (T::ZERO, 0);
     }
 
-    /// Makes it the factor of the rows of `smaller`, of so many parameters, of which the first are those of `smaller`.
+    /// Makes it the factor of the rows of `smaller`, of the given number of parameters, of which the first
+    /// are those of `smaller`.
     pub fn extend<const M: usize, const F: usize>(
         &mut self,
         smaller: &PackedFactor<T, M, F>,
@@ -44,7 +45,7 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
     ) {
         self.clear(parameters);
         let (n, all) = (smaller.parameters(), self.parameters());
-        // Columns are packed one after the other, so the first ones stand where they stood.
+        // Columns are packed one after the other, so the first ones are where they were.
         let (triangle, z) = smaller.entries.split_at(smaller.entries.len().min(n * (n + 1) / 2));
         self.entries.iter_mut().zip(triangle).for_each(|(slot, value)| *slot = *value);
         let slots = self.entries.iter_mut().skip(all * (all + 1) / 2).take(n);
@@ -84,8 +85,8 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         x
     }
 
-    /// Root of the inflation of a parameter's variance by all others: 1 where no other one looks like it. Infinite where it is not
-    /// determined.
+    /// Root of the inflation of a parameter's variance by all others: 1 where no other one resembles it.
+    /// Infinite where it is not determined.
     pub fn inflation(&self, j: usize) -> T {
         let first = j * (j + 1) / 2;
         let column = self.entries.get(first..=first + j).unwrap_or_default();

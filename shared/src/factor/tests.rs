@@ -127,7 +127,7 @@ fn permuted_columns_permute_the_answer() {
 
 #[test]
 fn dependent_columns_are_not_determined_and_the_others_are() {
-    // Column 4 repeats column 0 and column 5 is empty: 0, 4 and 5 cannot be told.
+    // Column 4 repeats column 0 and column 5 is empty: 0, 4 and 5 cannot be determined.
     let mut random = Random(21);
     let mut factor = InformationFactor::<f64, 6>::new();
     for _ in 0..10 {

@@ -12,7 +12,7 @@ const PARTS: usize = 5;
 /// Parameters of a body, which may have noise in their coefficients.
 const BODY: usize = 10;
 
-/// Tells how long rows are remembered. Seconds are those of rows taken in: they stand still where none are.
+/// Tells how long rows are retained. Seconds are those of rows taken in: they stand still where none are.
 ///
 /// The tags begin at 1, which leaves 0 for `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ const BODY: usize = 10;
 pub enum Span<T> {
     /// Forgets what newer rows renew, with this time constant, s ([`Forgetting`]).
     TimeConstant(T) = 1,
-    /// The rows of so many seconds at most, of four fifths of it at least, and nothing else ([`Window`]).
+    /// The rows of this many seconds at most, of four fifths of it at least, and nothing else ([`Window`]).
     Window(T) = 2,
 }
 
@@ -33,7 +33,7 @@ pub struct ImuNoise<T> {
     pub gyro: T,
 }
 
-/// Holds what an estimator remembers, if not everything.
+/// Holds what an estimator retains, if not everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MemoryConfig<T> {
     /// Tells how long.
@@ -83,7 +83,7 @@ impl<T: Scalar> Rows<T> {
     }
 }
 
-/// Holds what is remembered of all segments so far.
+/// Holds what is retained of all segments so far.
 #[derive(Clone, Copy, Debug)]
 pub struct Memory<T: Scalar, const N: usize> {
     kept: Kept<T, N>,
@@ -99,7 +99,7 @@ enum Kept<T: Scalar, const N: usize> {
     },
     Window {
         window: Window<T, N, PARTS>,
-        /// What noise of the signals has added to its segments.
+        /// The part that noise of the signals has added to its segments.
         grams: [Gram<T, BODY>; PARTS],
         part_blocks: u32,
         filled: u32,
@@ -203,7 +203,7 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
         }
     }
 
-    /// What noise of the signals has added to everything remembered.
+    /// Returns what noise of the signals has added to everything retained.
     pub(crate) fn gram(&self) -> Gram<T, NOISY> {
         match &self.kept {
             Kept::Forgetting { memory, .. } => *memory.gram(),
@@ -237,14 +237,14 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
         }
     }
 
-    /// Told the answer, for the digits' sake; see [`Forgetting::recentre`].
+    /// Receives the answer, for the digits' sake; see [`Forgetting::recentre`].
     pub(crate) fn recentre(&mut self, parameters: &[T; N]) {
         if let Kept::Forgetting { memory, .. } = &mut self.kept {
             memory.recentre(parameters);
         }
     }
 
-    /// Everything remembered.
+    /// Everything retained.
     pub(crate) fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = InformationFactor::EMPTY;
         for k in 0..PARTS {
@@ -253,7 +253,7 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
         whole
     }
 
-    /// Takes the `k`th of five parts of what is remembered into a factor that began empty; there are no more.
+    /// Takes the `k`th of five parts of what is retained into a factor that began empty; there are no more.
     pub(crate) fn fold(&self, k: usize, whole: &mut InformationFactor<T, N>) {
         match &self.kept {
             Kept::Forgetting { memory, .. } if k == 0 => *whole = memory.factor(),

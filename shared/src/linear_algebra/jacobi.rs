@@ -56,7 +56,7 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
         (self.pair, self.rotated, self.sweeps) = ((0, 1), false, 0);
     }
 
-    /// Rotates so many pairs of columns; true when no pair needs it any more.
+    /// Rotates the given number of pairs of columns; true when no pair needs it any more.
     #[inline(never)]
     pub(crate) fn rotate_pairs(&mut self, count: usize) -> bool {
         for _ in 0..count {

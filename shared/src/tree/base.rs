@@ -1,4 +1,5 @@
-//! Which columns of a link's base rows stay when what the rows cannot tell apart is regrouped to its parent.
+//! The columns of a link's base rows that stay when what the rows cannot tell apart is regrouped to its
+//! parent.
 //!
 //! Regrouping moves parameters, not columns: `Y φ = Y_B φ_B` with `Y_B` a subset of Y's columns, one for every base
 //! parameter. Which ones is a matter of the joint alone: it keeps the rules of G. Venture, K. Ayusawa, Y. Nakamura
@@ -16,7 +17,7 @@ pub enum TurningJoint {
 }
 
 /// Bit k: column k of φ stays. Of a revolute joint about z (x, y, z in a circle) the mass, MSz and Jyy go to the parent,
-/// and the column of Jxx stands for Jxx − Jyy. `None` if there is no such axis.
+/// and the column of Jxx represents Jxx − Jyy. `None` if there is no such axis.
 pub const fn kept_columns(joint: TurningJoint) -> Option<u16> {
     const ALL: u16 = 0x3FF;
     match joint {

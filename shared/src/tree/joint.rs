@@ -45,7 +45,8 @@ impl<T: Scalar> Joint<T> {
     }
 }
 
-/// A link: its parent and the joint it hangs on. The first link of a tree is the base, whose joint is not looked at.
+/// A link: its parent and the joint it hangs on. The first link of a tree is the base, whose joint is not
+/// examined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link<T: Scalar> {
     /// Index of the parent, smaller than the link's own.
@@ -63,13 +64,13 @@ pub struct Link<T: Scalar> {
 pub enum TreeError {
     /// There is not even a base.
     Empty,
-    /// The parent of this link does not stand before it.
+    /// The parent of this link does not precede it.
     Order(usize),
     /// The arrays given are not as long as the tree.
     Lengths,
 }
 
-/// Returns whether every link's parent stands before it.
+/// Returns whether every link's parent precedes it.
 ///
 /// # Errors
 /// [`TreeError`] naming the first link for which it does not.

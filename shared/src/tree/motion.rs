@@ -12,7 +12,7 @@ pub struct BaseMotion<T: Scalar> {
     pub specific_force: Vector3<T>,
     /// Angular rate, rad/s.
     pub rate: Vector3<T>,
-    /// Its derivative, rad/s². Not looked at by [`super::momentum`].
+    /// Its derivative, rad/s². Not examined by [`super::momentum`].
     pub angular_acceleration: Vector3<T>,
 }
 
@@ -95,7 +95,8 @@ pub fn step<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mu
     step_by::<T, true>(parent, joint, state);
 }
 
-/// Does what [`step`] does for a joint that only turns: its velocity and acceleration, both zero, are not looked at.
+/// Does what [`step`] does for a joint that only turns: its velocity and acceleration, both zero, are not
+/// examined.
 #[inline(always)]
 pub fn step_turning<T: Scalar>(parent: &LinkState<T>, joint: &JointMotion<T>, state: &mut LinkState<T>) {
     step_by::<T, false>(parent, joint, state);

@@ -265,7 +265,7 @@ pub fn all_rows<T: Scalar>(
     Ok(())
 }
 
-/// Room for the screws of all freedoms, and where each link's first one stands.
+/// Room for the screws of all freedoms, and where each link's first one is.
 #[derive(Debug)]
 pub struct Workspace<'a, T: Scalar> {
     /// One for every freedom.

@@ -1,4 +1,5 @@
-//! The messages of models of several links: what the device is told of them, their readings, frames and factor.
+//! The messages of models of several links: what the device is given of them, their readings, frames and
+//! factor.
 //!
 //! Frames and signs as in [`super::messages`], which says when these travel.
 
@@ -55,7 +56,7 @@ pub struct SuspensionSettings {
 }
 
 impl SuspensionSettings {
-    /// Returns where the elements of the stiffness stand in a matrix.
+    /// Returns where the elements of the stiffness are in a matrix.
     pub fn places() -> impl Iterator<Item = (usize, usize)> {
         (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
     }
@@ -135,7 +136,7 @@ pub struct LinkBatch {
 /// Holds what became of frames. Of those that were left out nothing was absorbed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct FrameReport {
-    /// That came whole.
+    /// That arrived whole.
     pub frames: u32,
     /// That were absorbed.
     pub absorbed: u32,
@@ -151,7 +152,7 @@ pub struct FrameReport {
     pub no_attitude: u32,
     /// With a wrench at its range.
     pub saturated: u32,
-    /// Whose motion repeats itself while the wrench changes.
+    /// The number whose motion repeats itself while the wrench changes.
     pub without_motion: u32,
     /// After the level was full.
     pub full: u32,

@@ -31,7 +31,7 @@ pub const MAX_PARAMETERS: usize = 25;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub enum Command {
-    /// Who is there? Any state.
+    /// Asks who is there. Any state.
     Hello,
     /// Take these settings: Idle, Configured or Holding → Configured. Nothing changes on an error.
     Configure(Settings),
@@ -63,8 +63,8 @@ pub enum Command {
     },
     /// The host is there.
     Heartbeat,
-    /// Go on with the run that is kept in flash ([`Kept::Run`]): Idle → Holding, with its settings and what its last checkpoint
-    /// holds. `Start` then absorbs more.
+    /// Go on with the run that is stored in flash ([`Kept::Run`]): Idle → Holding, with its settings and what
+    /// its last checkpoint holds. `Start` then absorbs more.
     Resume {
         /// The run's number; another one is refused.
         run: u32,
@@ -79,7 +79,7 @@ pub enum Command {
     WatchLink {
         /// Its index.
         link: u8,
-        /// What is known of it.
+        /// The knowledge of it.
         settings: WatchLinkSettings,
     },
     /// The line has another rate from now on; the answer is the last thing at the old one: Configured, of a robot that is watched. The
@@ -91,7 +91,8 @@ pub enum Command {
     },
 }
 
-/// A device that has heard nothing whole for so long takes its line back to the rate that it started with, ms.
+/// A device that has heard nothing whole for this long takes its line back to the rate that it started with,
+/// ms.
 pub const LINE_RATE_MS: u32 = 1_000;
 
 /// Answer to a command.
@@ -149,7 +150,7 @@ pub enum ErrorCode {
     Stale,
     /// 10: the image leaves out what is asked for; see the features of the boards.
     NotBuiltIn,
-    /// 11: no run of this number is kept in flash, or it can no longer be read.
+    /// 11: no run of this number is stored in flash, or it can no longer be read.
     NotKept,
 }
 
@@ -281,7 +282,7 @@ pub enum SettingName {
     Links,
     /// The stiffness of springs, in `model`: not finite, not symmetric, or not positive
     Stiffness,
-    /// Where the base link stands on springs, in `model`, or that no coordinate is free
+    /// The base link's place on springs, in `model`, or that no coordinate is free
     Suspension,
     /// The watch: its sensors of forces, limit, or time constant, in `model`
     Watch,
@@ -315,20 +316,20 @@ pub struct Settings {
     pub load_cell: LoadCellSettings,
     /// Width of the FIR, s; zero for still rows without time.
     pub filter_width_s: f32,
-    /// A row block is absorbed every so many readings.
+    /// A row block is absorbed once in this many readings.
     pub row_every: u16,
-    /// A row is given less weight if it is further from the estimate so far than so many standard deviations; 0: never.
-    /// The estimate is that of the last look at the factor, every fifty row blocks.
+    /// A row is given less weight if it is further from the estimate so far than this many standard
+    /// deviations; 0: never. The estimate is that of the last check of the factor, every fifty row blocks.
     pub knock_limit_sd: f32,
-    /// Tells what is kept of the rows.
+    /// Tells what is retained of the rows.
     pub memory: MemorySettings,
-    /// Tells when the run ends by itself: judged by what is remembered.
+    /// Tells when the run ends by itself: judged by what is retained.
     pub stop: Option<StopRule>,
     /// Tells what is sent unasked.
     pub telemetry: TelemetrySettings,
     /// A channel is frozen after this many equal readings; 0: never.
     pub frozen_after: u16,
-    /// Holding after so long without a byte from the host, ms; 0: never.
+    /// Holding after this long without a byte from the host, ms; 0: never.
     pub host_timeout_ms: u32,
 }
 
@@ -372,12 +373,13 @@ pub struct LoadCellSettings {
     pub group_delay_ns: u32,
     /// Range, N and N m.
     pub range_n_nm: [f32; 6],
-    /// What the converter's seventh input has of the excitation while it is the one of the calibration, V; gauges are divided by
-    /// the excitation's ratio to it. `None`: that input is not looked at.
+    /// The part that the converter's seventh input has of the excitation while it is the one of the
+    /// calibration, V; gauges are divided by the excitation's ratio to it. `None`: that input is not
+    /// examined.
     pub excitation_v: Option<f32>,
 }
 
-/// Tells what is kept of the rows. Seconds are those of rows taken in.
+/// Tells what is retained of the rows. Seconds are those of rows taken in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub enum MemorySettings {
     /// Everything.
@@ -394,7 +396,7 @@ pub enum MemorySettings {
     },
     /// The rows of the last seconds and nothing else.
     Window {
-        /// At most so many of them, s, at least `filter_width_s`; never less than four fifths of it.
+        /// At most this many of them, s, at least `filter_width_s`; never less than four fifths of it.
         length_s: f32,
     },
 }
@@ -407,9 +409,9 @@ pub const MAX_STOP_LIMITS: usize = 16;
 pub struct StopRule {
     /// The uncertainties asked for; one at least, of parameters that are estimated.
     pub limits: Vec<StopLimit, MAX_STOP_LIMITS>,
-    /// But not before so many row blocks, or frames.
+    /// But not before this many row blocks, or frames.
     pub minimum_blocks: u32,
-    /// The run does not end but goes on: that the rule is met is only told.
+    /// The run does not end but goes on: that the rule is met is only reported.
     pub goes_on: bool,
 }
 
@@ -448,7 +450,7 @@ impl StopLimit {
 /// Holds what is sent unasked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct TelemetrySettings {
-    /// An estimate every so many row blocks; 0: never.
+    /// The number of row blocks from one estimate to the next; 0: never.
     pub estimate_every_blocks: u16,
     /// Every reading, in batches.
     pub stream_readings: bool,
@@ -481,7 +483,7 @@ pub struct InjectBatch {
     pub readings: Vec<ReadingMessage, INJECT_BATCH>,
 }
 
-/// Who is there.
+/// The identity of the device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Identity {
     /// [`PROTOCOL_VERSION`] of the device.
@@ -506,11 +508,11 @@ pub struct Identity {
     pub state: StateName,
     /// Tells why.
     pub reason: Reason,
-    /// Tells what is kept in flash.
+    /// Tells what is stored in flash.
     pub kept: Kept,
 }
 
-/// Tells what is kept in the device's flash.
+/// Tells what is stored in the device's flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Kept {
     /// There is no flash to keep anything in, or it does not answer.
@@ -520,7 +522,7 @@ pub enum Kept {
     Nothing,
     /// A run, which [`Command::Resume`] goes on with; while it is under way, what would be left of it now.
     Run(KeptRun),
-    /// What other firmware has left, which is not read.
+    /// The data that other firmware has left, which is not read.
     OtherFirmware {
         /// CRC-32 of that firmware's sources.
         hash: u32,
@@ -577,7 +579,7 @@ pub enum ResetReason {
 pub struct BadEnd {
     /// Address of the instruction that faulted.
     pub pc: u32,
-    /// Where its function would have returned to.
+    /// The address to which its function would have returned.
     pub lr: u32,
     /// The core's configurable fault status register.
     pub status: u32,
@@ -646,7 +648,7 @@ pub struct CounterReport {
     /// Rates of load cell, IMU and second IMU by the device's clock, less those asked for, parts in a million of these; `None`: not
     /// measured yet.
     pub rate_error_ppm: [Option<i32>; 3],
-    /// How deep the stack has been, and its size, bytes; zeros: the device does not know.
+    /// The depth of the stack so far, and its size, bytes; zeros: the device does not know.
     pub stack_bytes: [u32; 2],
     /// Failed transfers with the IMU, overflows of its FIFO, and samples of it that were read too late.
     pub imu_errors: u32,

@@ -36,7 +36,7 @@ pub use watch_frame::WatchFrame;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GapCounter {
     next: Option<u32>,
-    /// Numbers that never came.
+    /// Numbers that never arrived.
     pub missing: u32,
     /// Stretches of missing numbers.
     pub gaps: u32,

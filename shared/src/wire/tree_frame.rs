@@ -46,7 +46,7 @@ pub type TrackedFrame<'a> = NumberedFrame<'a, 2, TRACKED_BASE_NUMBERS, TRACKED_L
 pub enum TreeFrameError {
     /// Too short, another mark or version, or the check does not fit.
     Damaged,
-    /// It has so many links, and others were expected.
+    /// It has this number of links, and others were expected.
     Links(u8),
 }
 
@@ -61,15 +61,15 @@ pub struct NumberedFrame<'a, const VERSION: u8, const BASE: usize, const LINK: u
 }
 
 impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<'a, VERSION, BASE, LINK> {
-    /// Bytes of a frame of so many links.
+    /// Bytes of a frame of the given number of links.
     pub const fn bytes(links: usize) -> usize {
         HEADER + 4 * (BASE + LINK * links.saturating_sub(1)) + CHECK
     }
 
-    /// The frame that `bytes` begin with, of a tree of so many links.
+    /// The frame that `bytes` begin with, of a tree of the given number of links.
     ///
     /// # Errors
-    /// [`TreeFrameError`]; that of another tree is told apart although its end may not have been clocked.
+    /// [`TreeFrameError`]; that of another tree is distinguished although its end may not have been clocked.
     pub fn decode(bytes: &'a [u8], links: usize) -> Result<Self, TreeFrameError> {
         const DAMAGED: TreeFrameError = TreeFrameError::Damaged;
         let ([m0, m1, version, count, number @ ..], _) =

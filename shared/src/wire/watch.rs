@@ -8,8 +8,9 @@ pub const MAX_WATCHED_LINKS: usize = 32;
 /// Most sensors of forces of a robot that is watched.
 pub const MAX_WATCH_FEET: usize = 4;
 
-/// A robot whose inertial parameters are known but for those of one link, which may change. Its links are told one by one, with
-/// [`super::Command::WatchLink`], before it starts. Frames bring joints, the base's IMU and the wrenches of sensors. The base link has the axes of the IMU, and its origin is the IMU's
+/// A robot whose inertial parameters are known but for those of one link, which may change. Its links are
+/// given one by one, with [`super::Command::WatchLink`], before it starts. Frames bring joints, the base's
+/// IMU and the wrenches of sensors. The base link has the axes of the IMU, and its origin is the IMU's
 /// place. The other settings that count: rate, filter, rows, and the load cell's noise, which is that of the wrench on the whole robot
 /// about the IMU's place, and range, which is each sensor's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
@@ -20,11 +21,11 @@ pub struct WatchSettings {
     pub watched: u8,
     /// Sensors of forces: under the feet, or under the base.
     pub feet: [FootSettings; MAX_WATCH_FEET],
-    /// How many there are; what stands behind them does not count.
+    /// The number of them; what is behind them does not count.
     pub foot_count: u8,
-    /// What a change must explain to be told: χ² of ten degrees of freedom.
+    /// The least that a change must explain to be reported: χ² of ten degrees of freedom.
     pub limit: f32,
-    /// Bins of two rows before any is told.
+    /// Bins of two rows before any is reported.
     pub settle_bins: u16,
     /// Rows before a change are forgotten with this time constant, s; zero: never.
     pub forget_s: f32,
@@ -46,7 +47,7 @@ pub struct FootSettings {
 pub struct WatchLinkSettings {
     /// Index of its parent, smaller than its own.
     pub parent: u8,
-    /// How its joint moves.
+    /// The way its joint moves.
     pub joint: WatchJoint,
     /// Its axis in the link's frame, a unit vector.
     pub axis: [f32; 3],
@@ -88,7 +89,7 @@ pub struct ChangeReport {
     pub at: u32,
     /// Numbers of frames: not before the one, and not after the other.
     pub between: [u32; 2],
-    /// What it explains against the limit.
+    /// The part that it explains against the limit.
     pub ratio: f32,
     /// Its size, when it has been measured.
     pub size: Option<ChangeSize>,
@@ -97,7 +98,7 @@ pub struct ChangeReport {
 /// Holds the size of a change, in the order of a link's parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ChangeSize {
-    /// What is there now and was not before.
+    /// The part that is there now and was not before.
     pub change: [f32; 10],
     /// Standard deviations; infinite: rows do not tell.
     pub standard_deviation: [f32; 10],
@@ -117,9 +118,9 @@ pub(super) fn nothing_watched<S: serde::Serializer>(
 pub struct WatchReport {
     /// Changes found.
     pub changes: u16,
-    /// A change would be told: it has seen enough.
+    /// A change would be reported: it has seen enough.
     pub settled: bool,
-    /// What errors of the known parameters make of the limit, %: 100 where they are nothing beside noise.
+    /// The effect of errors of the known parameters on the limit, %: 100 where they are nothing beside noise.
     pub excess_percent: u32,
     /// Sensor that was last at its range.
     pub last_saturated: u8,
@@ -132,10 +133,10 @@ pub struct WatchReport {
 pub struct StreamReport {
     /// That had not come when a later one did.
     pub lost: u32,
-    /// That came once more; the copy was left out.
+    /// That arrived once more; the copy was left out.
     pub repeated: u32,
-    /// That came after a later one, and were left out; each has been counted as lost, too.
+    /// That arrived after a later one, and were left out; each has been counted as lost, too.
     pub late: u32,
-    /// That came while no robot was watched.
+    /// That arrived while no robot was watched.
     pub unasked: u32,
 }

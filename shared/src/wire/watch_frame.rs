@@ -25,7 +25,7 @@ pub const MAX_WATCH_FRAME: usize = WatchFrame::bytes(MAX_WATCHED_LINKS, MAX_WATC
 pub enum WatchFrameError {
     /// Its length is not that of its links and sensors.
     Length,
-    /// It has so many links and sensors of forces, and others were expected.
+    /// It has this number of links and sensors of forces, and others were expected.
     Robot {
         /// Links.
         links: u8,
@@ -46,12 +46,12 @@ pub struct WatchFrame<'a> {
 }
 
 impl<'a> WatchFrame<'a> {
-    /// Returns the bytes of a frame of so many links and sensors of forces.
+    /// Returns the bytes of a frame of the given number of links and sensors of forces.
     pub const fn bytes(links: usize, feet: usize) -> usize {
         HEADER + 4 * (SIX + SIX * feet + 2 * links.saturating_sub(1))
     }
 
-    /// Reads a payload as a frame of a robot of so many links and sensors of forces.
+    /// Reads a payload as a frame of a robot of the given number of links and sensors of forces.
     ///
     /// # Errors
     /// [`WatchFrameError`] says what it is instead.

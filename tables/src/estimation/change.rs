@@ -1,4 +1,5 @@
-//! Changes, drift and bodies that are not rigid: what is told of them, and how often an honest recording is accused.
+//! Changes, drift and bodies that are not rigid: what is reported of them, and how often an honest recording
+//! is accused.
 //!
 //! A body of 3.2 kg on a load cell of 0.05 N and 2 mN m, turned by ±0.5 rad about all axes for 20 s at 200 Hz; every run has its own
 //! frequencies and phases, noise, time and place.
@@ -28,7 +29,7 @@ const CONSUMER_IMU: [f64; 2] = [0.3, 0.02];
 /// 1/f noise begins where it is as large as the white noise, Hz.
 const CORNER_HZ: f64 = 1.0;
 
-/// What happens in a recording.
+/// The events in a recording.
 #[derive(Clone, Copy, PartialEq)]
 enum Case {
     /// White noise alone.
@@ -37,7 +38,7 @@ enum Case {
     OrdinaryImu,
     /// σ not stated.
     NotStated,
-    /// It begins with so many seconds of rest, with an IMU of these σ, m/s² and rad/s.
+    /// It begins with this many seconds of rest, with an IMU of these σ, m/s² and rad/s.
     Rest(f64, [f64; 2]),
     /// It is turned slowly, with an IMU of these σ.
     Slow([f64; 2]),
@@ -335,7 +336,7 @@ fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
     fit(&BodySource::new(input, Some(&imu)), &FitOptions::default(), &Silent).expect("there are rows")
 }
 
-/// What was told of the recordings of a case.
+/// The reports about the recordings of a case.
 #[derive(Default)]
 struct Told {
     runs: usize,

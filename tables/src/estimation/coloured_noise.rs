@@ -1,4 +1,4 @@
-//! What becomes of the intervals when the load cell's noise is not white, and whether the answer says so.
+//! The change of the intervals when the load cell's noise is not white, and whether the answer says so.
 
 use rigident::fit::{Fit, FitOptions};
 use rigident::problem::body::Input;

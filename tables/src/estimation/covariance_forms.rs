@@ -1,4 +1,4 @@
-//! How the covariance forms of recursive least squares fail in f32, beside the information forms.
+//! The failure of the covariance forms of recursive least squares in f32, beside the information forms.
 
 use rigident_shared::Scalar;
 use rigident_shared::factor::Cascade;
@@ -65,7 +65,7 @@ fn times<T: Scalar, const N: usize>(a: &[T; N], p: &[[T; N]]) -> [T; N] {
     product
 }
 
-/// Whether the innovation's variance was positive.
+/// Returns whether the innovation's variance was positive.
 fn update<T: Scalar, const N: usize>(p: &mut [[T; N]], x: &mut [T; N], a: &[T; N], y: T, form: Form) -> bool {
     let mut u = [T::ZERO; N];
     for (u, row) in u.iter_mut().zip(p.iter()) {
@@ -122,7 +122,7 @@ fn information_sum<const N: usize>(blocks: &[Block<N>]) -> Option<Vec<f64>> {
     Some(x.iter().map(|v| f64::from(*v)).collect())
 }
 
-/// What ships.
+/// Returns what ships.
 fn square_root_information<const N: usize>(blocks: &[Block<N>]) -> Vec<f64> {
     let mut cascade = Box::new(Cascade::<f32, N, 4>::new());
     for (columns, rhs) in blocks {

@@ -25,7 +25,7 @@ const PATTERNS: u64 = 8;
 /// Rows `[A y]` of all blocks.
 type Rows = DMatrix<f64>;
 
-/// What whitens and what is known of the noise.
+/// The whitening and the knowledge of the noise.
 struct Known {
     /// Multiplies a block of six rows.
     whitening: DMatrix<f64>,

@@ -80,7 +80,7 @@ pub fn random<const N: usize>(condition: f64, checkpoints: &[u64], seed: u64) ->
     lines
 }
 
-/// Random rows of 128 parameters: pieces of so many samples on target, merged on the host in f64.
+/// Random rows of 128 parameters: pieces of this many samples on target, merged on the host in f64.
 pub fn pieces(condition: f64, count: usize, samples: u64, seed: u64) -> Line {
     let mut rows = Mixed::<128>::new(condition, NOISE, 1.0, seed);
     let mut exact = BlockQr::<128>::new();

@@ -1,4 +1,4 @@
-//! What the filter passes and what it aliases into the rows, asked of the pipeline itself.
+//! The signals that the filter passes and those that it aliases into the rows, asked of the pipeline itself.
 
 use rigident::fit::{ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, row_every};
 use rigident_shared::calibration::{ImuMounting, Reading};
@@ -9,7 +9,7 @@ use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 use super::report::short;
 
 const RATES_HZ: [f64; 6] = [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0];
-/// Rounding of sums of a hundred terms; below it nothing is told.
+/// Rounding of sums of a hundred terms; below it nothing is reported.
 const ROUNDING: f64 = 1e-13;
 
 /// `|Σ h exp(−2πi f t)|`
@@ -19,7 +19,7 @@ fn magnitude(h: &[f64], f_hz: f64, rate_hz: f64) -> f64 {
     sum(&f64::cos).hypot(sum(&f64::sin))
 }
 
-/// Neighbours that have one coefficient: so many readings are averaged.
+/// Neighbours that have one coefficient: this many readings are averaged.
 fn averaged(h: &[f64]) -> usize {
     h.chunk_by(|a, b| a == b).map(<[f64]>::len).min().unwrap_or(0)
 }

@@ -158,12 +158,12 @@ impl Study {
         &self.input
     }
 
-    /// What perfect sensors read.
+    /// Returns what perfect sensors read.
     pub fn ideal(&self) -> impl Iterator<Item = Reading<f64>> + '_ {
         self.input.readings.iter().copied()
     }
 
-    /// What is to be found in them; they have no offset.
+    /// Returns what is to be found in them; they have no offset.
     pub fn ideal_parameters(&self) -> [f64; N] {
         let body = RigConfig::thesis_horizontal().body.parameters();
         std::array::from_fn(|j| body.get(j).copied().unwrap_or(0.0))

@@ -27,7 +27,7 @@ const SLOW: Conditions = Conditions { slow_s: 1.0, slower: 3.0, ..Conditions::ST
 /// A load cell whose gains and cross-talk are known.
 const CALIBRATED: Conditions = Conditions { cell: 0.0, ..Conditions::STATED };
 
-/// What is merged.
+/// The recordings that are merged.
 #[derive(Clone, Copy)]
 enum Case {
     /// Recordings of one rig.
@@ -44,7 +44,7 @@ enum Case {
     Tare,
 }
 
-/// What a rig is asked for.
+/// The properties required of a rig.
 struct Asked {
     of_body: Errors,
     of_centre: Errors,
@@ -61,7 +61,7 @@ impl Asked {
     }
 }
 
-/// Which body, rig, motion and conditions a recording has.
+/// The body, rig, motion and conditions of a recording.
 #[derive(Clone, Copy)]
 struct Made {
     rig: usize,

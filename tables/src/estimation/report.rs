@@ -5,7 +5,7 @@ use std::sync::Mutex;
 /// A part of a table that can be made by itself.
 pub type Job<'a, T> = Box<dyn FnOnce() -> T + Send + 'a>;
 
-/// What independent jobs give, in their order, on all cores.
+/// Returns what independent jobs give, in their order, on all cores.
 pub fn in_parallel<T: Send>(jobs: Vec<Job<'_, T>>) -> Vec<T> {
     let count = jobs.len();
     let queue = Mutex::new(jobs.into_iter().enumerate());
@@ -20,7 +20,7 @@ pub fn in_parallel<T: Send>(jobs: Vec<Job<'_, T>>) -> Vec<T> {
     };
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
-            // A factor of 128 parameters and its solution stand on the stack.
+            // A factor of 128 parameters and its solution are on the stack.
             let thread = std::thread::Builder::new().stack_size(64 << 20);
             thread.spawn_scoped(scope, work).expect("there is memory for a thread");
         }

@@ -50,7 +50,7 @@ pub(super) fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionP
     }
 }
 
-/// What is estimated how, of which recordings.
+/// The estimate, the way of it, and the recordings.
 struct Case {
     /// Sampling rate, Hz, and duration, s.
     sampled: (f64, f64),

@@ -13,11 +13,11 @@ use super::{Expected, Extent, Verdict};
 
 /// A fault and what is to become of it.
 pub struct Case {
-    /// What is done.
+    /// The fault.
     pub name: String,
-    /// Where.
+    /// The place.
     pub place: Place,
-    /// What is to come of it.
+    /// The expected outcome.
     pub expected: Expected,
     /// It is in the short selection.
     pub short: bool,
@@ -31,7 +31,7 @@ pub struct Case {
 pub type Run =
     std::sync::Arc<dyn Fn(Extent) -> Result<Verdict, String> + Send + Sync + std::panic::RefUnwindSafe>;
 
-/// When sensor faults act: in the middle of the motion, s.
+/// The time when sensor faults act: in the middle of the motion, s.
 const DURING: std::ops::Range<f64> = 8.0..10.0;
 
 /// The kind of sensor fault after this one, with numbers of its own; the first if there is none before it.

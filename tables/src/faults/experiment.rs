@@ -25,7 +25,7 @@ const SECONDS: f64 = 20.0;
 /// Reads that bring something until a device restarts in the middle.
 const RESTARTS_AFTER: usize = 900;
 
-/// What a user would have written into the rig file of this rig.
+/// Returns what a user would have written into the rig file of this rig.
 fn rig_file(config: &RigConfig) -> RigFile {
     let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
     let most = |sigmas: [f64; 3]| Some(sigmas.into_iter().fold(0.0, f64::max)).filter(|s| *s > 0.0);
@@ -172,7 +172,7 @@ fn on_line(
         }
     }
     if let Some(broken) = take.broken.as_deref().filter(|_| fault.is_none()) {
-        // What is lost stands behind the first colon.
+        // What is lost follows the first colon.
         words.push(broken.lines().next().unwrap_or_default().replace('|', "/"));
     }
     let input = prepare::input(&file, take.readings, false, RATE_HZ);
@@ -202,7 +202,7 @@ fn on_line(
     Ok(Verdict { detected, worst, words: words.join("; ") })
 }
 
-/// Nothing came of it, for this reason.
+/// It had no result, for this reason.
 pub fn refused(words: String) -> Verdict {
     Verdict { detected: true, worst: None, words: first_words(&words) }
 }

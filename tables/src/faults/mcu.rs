@@ -8,7 +8,7 @@ use rigident_shared::wire::bus::{Event, PollAnswer};
 use rigident_sim::link::{ByteLink, FaultyLink, LinkFaults};
 use rigident_sim::runner::{InProcess, Mcu, Qemu, QemuOptions, SensorBus};
 
-/// Where a case runs.
+/// The place where a case runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The release image on the emulated board.
@@ -56,7 +56,7 @@ impl Line {
         Self { link: FaultyLink::new(Wired(mcu), faults, 1), restart: None }
     }
 
-    /// The device restarts after so many reads that brought something.
+    /// The device restarts after this many reads that brought something.
     pub fn restarting(self, after: usize, reboot: Reboot) -> Self {
         Self { restart: Some((after, reboot)), ..self }
     }

@@ -25,29 +25,31 @@ pub const DOCUMENT: Document =
 /// A case that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(240);
 
-/// What a case is to come to.
+/// The expected outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
-    /// It is told: by a state with a reason, a counter, a refusal, a status or a warning. The answer is right or withheld.
+    /// It is reported: by a state with a reason, a counter, a refusal, a status or a warning. The answer is
+    /// right or withheld.
     Detected,
     /// Nothing of it is noticed in the answer, which is right.
     Survived,
 }
 
-/// What it came to.
+/// The result.
 pub struct Verdict {
-    /// It was told of.
+    /// It was reported.
     pub detected: bool,
     /// Largest error of a parameter called identified, over its U95; `None`: no number was given.
     pub worst: Option<f64>,
-    /// What was seen.
+    /// The observations.
     pub words: String,
 }
 
-/// An identified number may be off by so many U95: a hundred intervals of 95 % are looked at, and this is four standard deviations.
+/// An identified number may be off by this many U95: a hundred intervals of 95 % are examined, and this is
+/// four standard deviations.
 const MOST_OFF: f64 = 2.0;
 
-/// How much is run.
+/// The extent of the run.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
     /// Restarts in each case that restarts the device again and again.
@@ -59,7 +61,7 @@ pub struct Extent {
 impl Extent {
     /// Everything.
     pub const LONG: Self = Self { restarts: 1000, short: false };
-    /// What takes a minute.
+    /// The extent that takes a minute.
     pub const SHORT: Self = Self { restarts: 20, short: true };
 }
 
@@ -80,7 +82,7 @@ fn bounded(case: &Case, extent: Extent) -> Result<Verdict, String> {
     }
 }
 
-/// What is wrong with a verdict, if anything.
+/// Returns what is wrong with a verdict, if anything.
 fn complaint(case: &Case, verdict: &Verdict) -> Option<String> {
     match verdict.worst {
         Some(worst) if worst.is_nan() || worst > MOST_OFF => {
@@ -136,7 +138,7 @@ fn run_all(only: Option<&str>, extent: Extent) -> (String, Vec<String>) {
 /// The whole table.
 ///
 /// # Panics
-/// If a fault leads to a wrong number, a panic or a hang, or nobody is told.
+/// If a fault leads to a wrong number, a panic or a hang, or nobody is informed.
 fn table() -> String {
     let (text, failed) = run_all(None, Extent::LONG);
     assert!(failed.is_empty(), "{}", failed.join("; "));

@@ -88,19 +88,19 @@ fn recording() -> Vec<Reading<f64>> {
         .collect()
 }
 
-/// What happens to the supply.
+/// The event of the supply.
 struct Supply {
     random: ChaCha8Rng,
     /// Cuts that are left.
     cuts: usize,
-    /// A cut comes after at most so many writes of the host.
+    /// A cut comes after at most this many writes of the host.
     within: u64,
     /// Writes until the next.
     until: u64,
 }
 
 impl Supply {
-    /// A supply that ends so often, drawn from a seed.
+    /// Returns a supply that ends the given number of times, drawn from a seed.
     fn failing(cuts: usize, within: u64, seed: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         // Not before the device is configured: a host that has not begun says so and ends.
@@ -238,7 +238,7 @@ fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<(Verdict,
     Ok((verdict, done.load(Ordering::Relaxed)))
 }
 
-/// The supply ends so often in the middle of a recording.
+/// The supply ends a number of times in the middle of a recording.
 pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
     let (mut restarts, mut recordings, mut last) = (0, 0, None);
     while restarts < extent.restarts {
@@ -273,7 +273,7 @@ pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
     Ok(Verdict { detected: true, words, ..verdict })
 }
 
-/// The flash does not answer: nothing is kept, and the recording goes through all the same.
+/// The flash does not answer: nothing is stored, and the recording goes through all the same.
 pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     flash.lock().fail(FlashFault::Dead);
@@ -295,7 +295,8 @@ pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
     Ok(verdict)
 }
 
-/// A bit of what is kept rots: it is read as damaged or as an older checkpoint, and never as something else.
+/// A bit of what is stored flips: it is read as damaged or as an older checkpoint, and never as something
+/// else.
 pub fn bit_rot(place: Place) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     let mut random = ChaCha8Rng::seed_from_u64(9);

@@ -10,7 +10,7 @@ use rigident::simulated::laboratory::Laboratory;
 
 use super::subjects::subject;
 
-/// How many are chosen.
+/// The number chosen.
 const CHOSEN: usize = 12;
 /// Length of each, s.
 const SECONDS: f64 = 8.0;
@@ -28,7 +28,7 @@ const KINDS: [(&str, usize, &[&str]); 9] = [
     ("stands", 2, &[]),
 ];
 
-/// What still moves of what does not, as nobody stands quite still.
+/// The remaining motion of what is at rest, as nobody stands quite still.
 const STILL: f64 = 0.05;
 
 /// The table.

@@ -1,4 +1,5 @@
-//! What long recordings take: time and memory of the program, from files of a simulated person to the answer.
+//! The cost of long recordings: time and memory of the program, from files of a simulated person to the
+//! answer.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -14,7 +15,7 @@ use super::subjects::{Subject, subject};
 
 /// Frames, and whether they are worked on by one core.
 const RUNS: [(usize, bool); 4] = [(6_000, true), (6_000, false), (60_000, false), (300_000, false)];
-/// The child's memory is read so often.
+/// The child's memory is read this often.
 const EVERY: Duration = Duration::from_millis(20);
 
 /// The table.

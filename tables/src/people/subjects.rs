@@ -49,7 +49,7 @@ pub fn subject(kind: HumanModel, tool: Option<[f64; 10]>, seed: u64) -> Subject 
     Subject { model, truth, somebody }
 }
 
-/// What is found of a person.
+/// The result for a person.
 struct Found {
     parameters: usize,
     counts: [usize; 4],

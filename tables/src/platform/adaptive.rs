@@ -14,7 +14,7 @@ const ASKED: Asked = Asked::Tensor(0.01);
 const SEEDS: u64 = 3;
 /// The default length of an experiment, s.
 const DEFAULT_S: f64 = 60.0;
-/// What counts as never, s.
+/// The time that counts as never, s.
 const LONGEST_S: f64 = 240.0;
 
 /// Mounting, readings per second, case; rig time of each way.

@@ -17,7 +17,7 @@ const MASSES_KG: [f64; 5] = [0.5, 5.0, 20.0, 60.0, 120.0];
 const CENTRES_M: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.3], [0.18, -0.18, 0.16]];
 const LIMITS: [f64; 3] = [0.3, 1.0, 3.0];
 const NOISES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
-/// What a leg of the nominal machine carries, N, and how fast it gains speed, m/s²: not printed, assumed.
+/// The load of a leg of the nominal machine, N, and its acceleration, m/s²: not printed, assumed.
 const LEG_FORCE_N: f64 = 600.0;
 const LEG_ACCELERATION_MPS2: f64 = 8.0;
 

@@ -1,4 +1,4 @@
-//! What each objective gives up for its own sake: five poses with 20 cm of stroke.
+//! The cost of each objective in the others: five poses with 20 cm of stroke.
 
 use rigident::plan::poses::Objective;
 use rigident::plan::poses::plan::Task;

@@ -1,4 +1,4 @@
-//! What the tables of still poses share: the thesis' platform and its best poses.
+//! The common part of the tables of still poses: the thesis' platform and its best poses.
 
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;

@@ -1,4 +1,5 @@
-//! Where the plate can be tilted to: the maps of `rigident workspace` in figures, two strokes.
+//! The orientations that the plate can be tilted to: the maps of `rigident workspace` in figures, two
+//! strokes.
 
 use std::sync::atomic::AtomicBool;
 

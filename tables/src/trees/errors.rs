@@ -28,7 +28,7 @@ const LARGE: u64 = 30;
 const TOGETHER: u64 = 200;
 const RATE_HZ: f64 = 100.0;
 const DURATION_S: f64 = 20.0;
-/// An error that is to be told is so many of its standard deviations.
+/// An error that is to be reported is this many of its standard deviations.
 const FAR: f64 = 5.0;
 const FULL_SCALE: [f64; 6] = [200.0, 200.0, 200.0, 20.0, 20.0, 20.0];
 const LEVER_ARM: [f64; 3] = [0.04, -0.03, 0.02];
@@ -314,7 +314,7 @@ fn seven_axes_with(model: &Model, errors: &Errors) -> Recording {
     recording
 }
 
-/// What one run gave.
+/// The result of one run.
 struct Run {
     inside: Vec<bool>,
     status: Status,

@@ -1,5 +1,5 @@
-//! How many poses are enough for the offsets of joints: errors and intervals over the number of poses; and how often poses in which
-//! nothing is wrong are refused.
+//! The number of poses that are enough for the offsets of joints: errors and intervals over the number of
+//! poses; and how often poses in which nothing is wrong are refused.
 //!
 //! The humanoid stands in random flat poses, or in symmetric squats; its encoders have noise of 0.05°, its IMU of 0.2° (1 σ). Corners
 //! stand on the floor exactly, and their heights are said to be known to 0.1 mm.
@@ -16,17 +16,17 @@ use statrs::distribution::{Beta, ContinuousCDF as _};
 
 /// Sets of poses of each kind and number.
 const SETS: usize = 100;
-/// Sets of poses of each kind that are looked at for faults they do not have.
+/// Sets of poses of each kind that are examined for faults they do not have.
 const HONEST_SETS: usize = 300;
 /// Numbers of poses.
 const POSES: [usize; 6] = [3, 6, 12, 24, 48, 96];
 /// True offsets are within ± this, rad.
 const OFFSETS_RAD: f64 = 0.035;
 
-/// Makes so many poses of a humanoid with these offsets, rad, as they are read, by a seed.
+/// Makes the given number of poses of a humanoid with these offsets, rad, as they are read, by a seed.
 type Poses = fn(usize, &[f64], Reading, u64) -> Vec<Pose>;
 
-/// What a set of poses gave: errors and U95 of the identified offsets, rad.
+/// The result of a set of poses: errors and U95 of the identified offsets, rad.
 struct Found {
     identified: Vec<[f64; 2]>,
     asked: usize,

@@ -14,13 +14,13 @@ use rigident::simulated::on_feet::OnFeet;
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 
-/// Nominal masses, places of centres and radii of gyration are off by so much, uniformly.
+/// Nominal masses, places of centres and radii of gyration are off by this much, uniformly.
 const OFF: f64 = 0.2;
 const RATE_HZ: f64 = 100.0;
 /// 1 σ of torques, N m, forces, N, and moments, N m.
 const NOISE: [f64; 3] = [0.2, 2.0, 0.2];
 
-/// How much is measured, and how well.
+/// The measured quantities and their quality.
 struct Case {
     words: &'static str,
     seconds: f64,

@@ -1,4 +1,5 @@
-//! What `rigident model check` finds in published descriptions, and in the same with mistakes put into them.
+//! The findings of `rigident model check` in published descriptions, and in the same with mistakes put into
+//! them.
 //!
 //! The descriptions are those of the wheel `example-robot-data`. Of links with the same numbers in several files the first counts.
 
@@ -119,7 +120,7 @@ const MISTAKES: [Mistake; 4] = [
     }),
 ];
 
-/// Links, and those of which it is told.
+/// Links, and those of which it is reported.
 #[derive(Clone, Copy, Default)]
 struct Count(usize, usize);
 
@@ -165,7 +166,7 @@ fn kind(finding: &Finding) -> Option<&'static str> {
     kinds.iter().find(|(words, _)| finding.text.contains(words)).map(|(_, kind)| *kind)
 }
 
-/// Whether coordinates in a shape are correlated: else it does not tell the products' signs.
+/// Returns whether coordinates in a shape are correlated: else it does not tell the products' signs.
 fn is_lopsided(shape: &Shape) -> bool {
     let of =
         |i: usize, j: usize| shape.second[(i, j)].powi(2) / (shape.second[(i, i)] * shape.second[(j, j)]);
@@ -217,7 +218,7 @@ pub fn table() -> String {
                 }
             }
         }
-        // Impossible tensors stand apart: they need no judgement.
+        // Impossible tensors are separate: they need no judgement.
         for sum in &mut sums[usize::from(name == MISTAKES[0].0)..] {
             sum[0].join(all);
             sum[1].join(detectable);
@@ -265,8 +266,8 @@ const AS_PUBLISHED: [&str; 4] = [
     "not the other side's image",
 ];
 
-/// What is told of the files as they are. What is true of them nobody knows; a file of which three links or more are told is taken
-/// to have mistakes, and what is told of others for false alarms.
+/// Reports the files as they are. What is true of them nobody knows; a file of which three links or
+/// more are reported is taken to have mistakes, and what is reported of others for false alarms.
 fn as_published(robots: &[Robot], distinct: usize) -> String {
     let told = |robot: &Robot, i: usize| -> Option<usize> {
         let place = format!("link {}", robot.model.links[i].name);

@@ -20,7 +20,7 @@ use rigident_sim::runner::{InProcess, Mcu, Pacing};
 const FIRST: u64 = 310_000;
 /// Coverage factor of 95 %.
 const COVERAGE: f64 = 1.96;
-/// A change that is found later than so many seconds is missed.
+/// A change that is found later than this many seconds is missed.
 const LATE_S: f64 = 5.0;
 /// Length of a run in which nothing changes, s.
 const HONEST_S: f64 = 300.0;
@@ -59,7 +59,7 @@ impl Transport for Line {
     }
 }
 
-/// What became of one change, or of a row.
+/// The result of one change, or of a row.
 #[derive(Clone, Default)]
 struct Tally {
     changes: usize,

@@ -1,4 +1,4 @@
-//! What a sample may cost: promised limits, held by the verb.
+//! The limits of the cost of a sample: promised limits, held by the verb.
 
 use anyhow::{Result, bail};
 
@@ -25,7 +25,8 @@ const BUDGETS: [(&str, u32, f64, f64); 12] = [
 /// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and all else that
 /// happens with it.
 const WORST: [(&str, u32, u64); 6] = [
-    // Slices of a look and pieces of a row block, evened out: at 4 kHz a sample has 42 000 cycles of 168 MHz.
+    // Slices of a check and pieces of a row block, evened out: at 4 kHz a sample has 42 000 cycles of 168
+    // MHz.
     ("path", 10, 6_000),
     ("path", 16, 11_000),
     ("path with estimates", 10, 10_300),

@@ -28,7 +28,7 @@ pub const KINDS: [&str; 12] = [
     "other",
 ];
 
-/// What a stretch of execution cost.
+/// The cost of a stretch of execution.
 #[derive(Clone, Debug, Default)]
 pub struct Cost {
     counts: BTreeMap<&'static str, u64>,
@@ -45,12 +45,12 @@ impl Cost {
         self.last = Some(instruction);
     }
 
-    /// How many of a kind were executed.
+    /// Returns how many of a kind were executed.
     pub fn count(&self, kind: &str) -> u64 {
         self.counts.get(kind).copied().unwrap_or(0)
     }
 
-    /// How many were executed.
+    /// Returns how many were executed.
     pub fn instructions(&self) -> u64 {
         self.counts.values().sum()
     }

@@ -1,4 +1,4 @@
-//! How many samples take how many instructions.
+//! The number of samples by their number of instructions.
 
 use serde::Serialize;
 
@@ -18,7 +18,7 @@ pub struct Histogram {
     path_p50_instructions: u64,
     path_p99_instructions: u64,
     path_p99_9_instructions: u64,
-    /// Where a bin of 500 instructions begins, and the samples in it; empty bins are left out.
+    /// The beginning of a bin of 500 instructions, and the samples in it; empty bins are left out.
     path_histogram: Vec<(u64, u64)>,
 }
 

@@ -32,8 +32,8 @@ const C_PART: &str = "C Householder";
 const PATHS: [(&str, f64); 3] = [("path", 1000.0), ("frame path", 100.0), ("tracked frame path", 100.0)];
 /// The path of a robot that is watched; its N is that of links, and no kernel has it.
 const WATCH_PATH: &str = "watch path";
-/// How far the two ways of counting may be apart: the emulated clock ticks once in 40 instructions, and the
-/// marks themselves cost a few.
+/// The distance allowed between the two ways of counting: the emulated clock ticks once in 40 instructions,
+/// and the marks themselves cost a few.
 const AGREEMENT: f64 = 0.005;
 
 /// How to print.
@@ -141,7 +141,7 @@ struct BaselineEntry {
     baseline_estimated_cycles_m4: f64,
 }
 
-/// Whether the C compiler of [`Options::baseline`] is here already.
+/// Returns whether the C compiler of [`Options::baseline`] is here already.
 pub fn can_compile_baseline() -> bool {
     process::is_installed(C_COMPILER.0)
 }

@@ -1,4 +1,4 @@
-//! What the verb prints for people.
+//! The output of the verb for people.
 
 use super::cycles::{self, KINDS};
 use super::{Case, Entry, histogram};
@@ -67,7 +67,7 @@ fn worst(cases: &[Case]) {
     );
     println!("|---|---|---|---|---|---|---|---|");
     for case in cases.iter().filter(|case| case.reported.worst_of > 0) {
-        // A case that goes through its samples by itself is not told apart in the trace.
+        // A case that goes through its samples by itself is not distinguished in the trace.
         let traced = match case.stretch.worst {
             (0, _) => "– | – | – | –".to_owned(),
             (instructions, cycles) => format!(

@@ -53,7 +53,7 @@ impl Stretch {
     }
 }
 
-/// What each stretch between the two marks cost, in the order they ran.
+/// Returns what each stretch between the two marks cost, in the order they ran.
 pub fn stretches(program: &Program) -> Result<Vec<Stretch>> {
     let mark = |symbol: &str| {
         let index = program.function_of_symbol(symbol);
@@ -96,7 +96,7 @@ fn said(folder: &Path) -> Result<String> {
     Ok(text)
 }
 
-/// Where the marks are.
+/// The places of the marks.
 struct Marks {
     begin: u32,
     end: u32,
@@ -107,7 +107,7 @@ fn count(trace: impl Read, program: &Program, marks: &Marks) -> Result<Vec<Stret
     let mut lines = BufReader::with_capacity(1 << 20, trace);
     let mut line = Vec::new();
     let mut counter = Counter { program, marks, found: Vec::new(), open: None, last: None };
-    // What the emulator translated last; every block by where its translation stands; the block that comes next.
+    // What the emulator translated last; every block by where its translation is; the block that comes next.
     let mut translated: Option<Block> = None;
     let mut blocks: HashMap<u64, Block> = HashMap::new();
     let mut waiting: Option<Block> = None;
@@ -135,7 +135,7 @@ fn count(trace: impl Read, program: &Program, marks: &Marks) -> Result<Vec<Stret
     Ok(counter.found)
 }
 
-/// How a line begins that says: the block of the line before was not executed after all.
+/// The beginning of a line that says: the block of the line before was not executed after all.
 const STOPPED: &[u8] = b"Stopped execution of TB chain before";
 
 /// Instructions one behind the other that the emulator executes in one go.
@@ -193,8 +193,8 @@ impl Counter<'_> {
     }
 }
 
-/// The block in a line of the trace, `Trace 0: 0x7f… [flags/address/flags/flags] name`: where its translation stands,
-/// and its address.
+/// The block in a line of the trace, `Trace 0: 0x7f… [flags/address/flags/flags] name`: where its translation
+/// is, and its address.
 fn executed(line: &[u8]) -> Option<(u64, u32)> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix("Trace ")?;
     let (before, inside) = text.split_once('[')?;

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::process;
 
-/// What a program used.
+/// The resources that a program used.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Used {
     /// Processor time, user's and system's, of the program and of those that it started and waited for, s.
@@ -18,8 +18,8 @@ pub struct Used {
     pub memory_mb: f64,
 }
 
-/// How often memory is looked at. The figure read is the system's own maximum, so that no peak falls between two looks
-/// but the last one's.
+/// The time between two samples of memory. The figure read is the system's own maximum, so that no peak falls
+/// between two samples but the last one's.
 const EVERY: Duration = Duration::from_millis(5);
 
 /// Runs a program to its end without its output.

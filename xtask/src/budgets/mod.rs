@@ -2,7 +2,7 @@
 //!
 //! A figure is a ratio of two programs that ran in turn on this machine, a size, or a count of instructions, because
 //! seconds by themselves say as much of the machine as of the program. Building is counted in *reference builds*
-//! ([`building`]). The table stands in docs/measuring.md.
+//! ([`building`]). The table is in docs/measuring.md.
 
 mod building;
 mod device;

@@ -1,11 +1,11 @@
-//! Who calls whom, read from the instructions.
+//! The call graph, read from the instructions.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::program::Program;
 use super::thumb::Flow;
 
-/// How control leaves a function.
+/// The ways control leaves a function.
 #[derive(Clone, Debug, Default)]
 pub struct Exits {
     /// Functions called or jumped to.

@@ -1,6 +1,6 @@
 //! The linked program: its functions, their instructions, who calls whom, and how much stack that takes.
 //!
-//! What lives here: reading an ELF for Armv7E-M and judging it. What may not: building or running it.
+//! Lives here: reading an ELF for Armv7E-M and judging it. What may not: building or running it.
 //! Start with `program`, then `thumb` (the decoder), `graph` and `stack`.
 
 pub mod graph;

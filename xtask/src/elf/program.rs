@@ -153,7 +153,7 @@ impl Program {
         })
     }
 
-    /// Where the data end that hold this address; `None` where there is code.
+    /// Returns where the data end that hold this address; `None` where there is code.
     fn data_until(&self, address: u32) -> Option<u32> {
         let (_, is_data) = self.marks.range(..=address).next_back()?;
         is_data.then(|| {

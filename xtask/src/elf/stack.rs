@@ -1,6 +1,6 @@
 //! Worst stack by the call graph: the deepest sum of frames, from what each function's instructions push.
 //!
-//! A bound, not an estimate: every push of a function counts, whichever branch it stands on, and a jump out of a
+//! A bound, not an estimate: every push of a function counts, whichever branch it is on, and a jump out of a
 //! function counts as a call. Panics are left out: they are entered once and do not come back.
 
 use anyhow::{Result, bail};

@@ -1,7 +1,7 @@
 //! A decoder for the Thumb-2 instructions of an Armv7E-M with single-precision floating point: length, control
 //! flow, stack, and the class that the cycle model counts by. Encodings: Armv7-M Architecture Reference Manual, A5–A7.
 
-/// Where control goes after an instruction.
+/// The destination of control after an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     /// To the next instruction.
@@ -24,7 +24,7 @@ pub enum Flow {
     Trap,
 }
 
-/// What the cycle model distinguishes.
+/// The classes that the cycle model distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Class {
     /// Integer arithmetic, logic, moves, comparisons.

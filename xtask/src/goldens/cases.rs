@@ -1,4 +1,4 @@
-//! The commands whose output is kept.
+//! The commands whose output is stored.
 
 /// One command.
 pub struct Case {

@@ -1,4 +1,4 @@
-//! When two outputs are the same.
+//! The comparison of two outputs.
 
 use super::cases::{Case, EXCEPTIONS};
 use super::seen::{Parameter, Seen};
@@ -8,7 +8,7 @@ const TOLERANCE: f64 = 1e-9;
 
 /// One difference.
 pub struct Difference {
-    /// What differs and how.
+    /// The difference.
     pub what: String,
     /// Why it should, where the list of exceptions says so.
     pub reason: Option<&'static str>,
@@ -82,7 +82,7 @@ fn numbers(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
     }
 }
 
-/// Every entry of the golden must stand somewhere in the new file, whatever its format.
+/// Every entry of the golden must be somewhere in the new file, whatever its format.
 fn factor(name: &str, entries: &[String], now: &Seen, tolerance: f64, what: &mut Vec<String>) {
     let Some(bytes) = now.files.get(name) else {
         what.push(format!("factor {name} is not written"));

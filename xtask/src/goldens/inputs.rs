@@ -18,7 +18,8 @@ pub fn write(folder: &Path, data: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What is made of what a case wrote: of a recording as CSV its halves, and the rig that makes a tenth of the body of it.
+/// Makes the files that follow from those a case wrote: of a recording as CSV its halves, and the rig that
+/// makes a tenth of the body of it.
 pub fn after(case: &str, folder: &Path) -> Result<()> {
     if case != "convert" {
         return Ok(());

@@ -1,7 +1,8 @@
-//! The verb `goldens`: what the program printed once, held against what it prints now.
+//! The verb `goldens`: what the program printed once, compared with what it prints now.
 //!
 //! Every case of [`cases`] is one command, run in a folder of its own in the order of the list, so that later ones may
-//! read what earlier ones wrote. [`seen`] says what of a command's output is kept, [`compare`] when two are the same.
+//! read what earlier ones wrote. [`seen`] says what of a command's output is stored, [`compare`] when two are
+//! the same.
 
 mod cases;
 mod compare;
@@ -146,12 +147,12 @@ fn build() -> Result<PathBuf> {
     Ok(places::released("rigident"))
 }
 
-/// Where the goldens are.
+/// Returns where the goldens are.
 fn stored() -> PathBuf {
     places::root().join("host/cli/tests/goldens")
 }
 
-/// Where recordings of others are; they are not part of the project.
+/// Returns where recordings of others are; they are not part of the project.
 fn data() -> PathBuf {
     places::root().join("../shared/data")
 }

@@ -1,4 +1,5 @@
-//! What of a command's output is kept: exit status, parameters, other numbers, printed numbers, factors.
+//! The part of a command's output that is stored: exit status, parameters, other numbers, printed numbers,
+//! factors.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +13,7 @@ use serde_json::Value;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter(pub String, pub Option<f64>, pub Option<f64>);
 
-/// What is kept of one command.
+/// The data stored of one command.
 #[derive(Default, Serialize, Deserialize)]
 pub struct Seen {
     /// Words after `rigident`, for who reads the file.
@@ -39,7 +40,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// What a command left behind.
+    /// Returns what a command left behind.
     pub fn of(folder: &Path, words: &[&str], output: &Output) -> Result<Self> {
         let mut seen = Self { exit: output.status.code().unwrap_or(-1), ..Self::default() };
         let after = |flag: &str| words.iter().position(|w| *w == flag).and_then(|n| words.get(n + 1));

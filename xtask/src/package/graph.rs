@@ -20,7 +20,7 @@ pub struct Part {
     pub version: String,
     /// Its licence, as an SPDX expression.
     pub licence: String,
-    /// Where its sources are published; empty if it does not say.
+    /// The address where its sources are published; empty if it does not say.
     pub repository: String,
     /// The folder of its sources here.
     pub folder: PathBuf,

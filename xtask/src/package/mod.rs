@@ -18,7 +18,7 @@ use crate::process;
 use crate::toolchain::Core;
 use crate::windows;
 
-/// What the program is made of beside code.
+/// The parts of the program beside code.
 const TEXTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
 const SHELLS: [&str; 4] = ["bash", "zsh", "fish", "powershell"];
 /// Linux without any shared library.

@@ -1,4 +1,5 @@
-//! Notices of third parties: every package that the program holds, with the texts of its licence as they came with it.
+//! Notices of third parties: every package that the program holds, with the texts of its licence as they were
+//! delivered with it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -8,7 +9,7 @@ use anyhow::{Result, ensure};
 
 use super::graph::Part;
 
-/// What is compiled from C inside a package, and under what it may be used.
+/// The C code compiled inside a package, and its licence.
 const INSIDE: [(&str, &str); 2] = [
     ("libsqlite3-sys", "SQLite, in the public domain: https://sqlite.org/copyright.html"),
     ("zstd-sys", "Zstandard, Copyright (c) Meta Platforms, Inc. and affiliates, BSD-3-Clause"),
@@ -16,7 +17,7 @@ const INSIDE: [(&str, &str); 2] = [
 /// Beginnings of the names of files that hold licences.
 const NAMES: [&str; 5] = ["license", "licence", "copying", "notice", "unlicense"];
 
-/// Returns the whole file. Texts that several packages share stand once.
+/// Returns the whole file. Texts that several packages share are there once.
 ///
 /// # Errors
 /// A package names no licence.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::modules::Reference;
 
-/// Dependencies of one level: from room to room, each with a file in which it stands.
+/// Dependencies of one level: from room to room, each with a file in which it is.
 pub type Arrows = BTreeMap<(String, String), PathBuf>;
 
 /// Returns the arrows of every level, under the name of the room that holds them; the crate's own under "".

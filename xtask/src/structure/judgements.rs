@@ -1,4 +1,4 @@
-//! Where the status of an answer, or the state of one of its parameters, is set.
+//! The places where the status of an answer, or the state of one of its parameters, is set.
 
 use syn::visit::{self, Visit};
 use syn::{Attribute, Expr, Item, Member};
@@ -65,7 +65,7 @@ fn is_judgement(member: &Member, value: &Expr) -> bool {
     })
 }
 
-/// Looks for a path with a name in it.
+/// Searches for a path with a name in it.
 struct Named {
     name: &'static str,
     found: bool,

@@ -86,7 +86,7 @@ impl Crate {
             }
             let beside = module.file.parent().unwrap_or(Path::new(""));
             let candidates = match path_of(&inner.attrs) {
-                // A file of another crate, which is looked at there.
+                // A file of another crate, which is examined there.
                 Some(path) if path.starts_with("..") => continue,
                 Some(path) => vec![beside.join(path)],
                 None => vec![folder.join(format!("{word}.rs")), below.join("mod.rs")],

@@ -1,4 +1,4 @@
-//! Where a text names an option of the command line.
+//! The places where a text names an option of the command line.
 
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, LitStr, Macro, Meta};

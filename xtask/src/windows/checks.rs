@@ -1,5 +1,5 @@
-//! What the program for Windows has to do in Wine beside its tests: the numbers of this system's program, files as Windows writes
-//! them, ports by name, closed pipes, sensors over UDP.
+//! The checks of the program for Windows in Wine beside its tests: the numbers of this system's program,
+//! files as Windows writes them, ports by name, closed pipes, sensors over UDP.
 
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::process::{self, Steps};
 /// which rows multiply by their condition; a thousandth of a U95 changes no digit that is printed.
 const MOST_U95: f64 = 1e-3;
 
-/// What the checks need.
+/// The data that the checks need.
 struct Bench<'a> {
     wine: &'a Wine,
     program: &'a Path,

@@ -1,6 +1,6 @@
 //! The verb `windows`: builds the program for Windows on this system, and runs it and its tests in Wine.
 //!
-//! What Wine cannot show: real COM ports, a console's own behaviour, antivirus (docs/platforms.md).
+//! Wine cannot show: real COM ports, a console's own behaviour, antivirus (docs/platforms.md).
 
 mod checks;
 mod wine;
@@ -123,7 +123,7 @@ fn cargo(core: Core, verb: &str) -> Command {
     command
 }
 
-/// Where builds for Windows go, and Wine's own files.
+/// Returns where builds for Windows go, and Wine's own files.
 fn folder() -> PathBuf {
     places::target().join("windows")
 }

@@ -10,7 +10,7 @@ use crate::process;
 
 /// Debian's packages beside the compiler.
 pub const PACKAGES: [&str; 2] = ["gcc-mingw-w64-x86-64", "wine64"];
-/// Where programs of that name are: the first is Debian's, which is on no path.
+/// The paths of programs of that name: the first is Debian's, which is on no path.
 const PROGRAMS: [&str; 2] = ["/usr/lib/wine/wine64", "/usr/bin/wine64"];
 /// Windows' random numbers, which Rust's `std` asks for and Wine 8 has under an older name alone.
 const RANDOM: &str = "#include <windows.h>

@@ -1,4 +1,4 @@
-//! Where a sensor is not.
+//! The place of a sensor that is absent.
 
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 

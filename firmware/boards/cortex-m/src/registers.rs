@@ -85,8 +85,8 @@ impl AddressRegister {
     }
 }
 
-/// Waits until the register's bits under `mask` are `wanted`, for so many looks at most, and returns whether they are. A look
-/// takes some five cycles.
+/// Waits until the register's bits under `mask` are `wanted`, for a limited number of reads, and returns
+/// whether they are. A read takes some five cycles.
 #[inline]
 pub fn wait_for(register: Register, mask: u32, wanted: u32, looks: u32) -> bool {
     (0..looks).any(|_| register.read() & mask == wanted)

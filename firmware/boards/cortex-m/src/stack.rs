@@ -1,4 +1,4 @@
-//! How deep the stack has been.
+//! The depth of the stack so far.
 //!
 //! Start-up paints everything between the end of the statics and the first stack word; what is no longer
 //! painted has been used.
@@ -18,7 +18,7 @@ const GUARD: usize = 256;
 const MPU_CTRL: usize = 0xe000_ed94;
 const MPU_RBAR: usize = 0xe000_ed9c;
 const MPU_RASR: usize = 0xe000_eda0;
-/// Where the guard begins, once there is one.
+/// The address at which the guard begins, once there is one.
 static GUARDED: AtomicUsize = AtomicUsize::new(0);
 
 /// Has the core fault where the stack would run over what lies below it. Its fault handler works on all the same: the guard does

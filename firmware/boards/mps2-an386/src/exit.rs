@@ -1,4 +1,4 @@
-//! How a run ends: with a line in the log and an exit status.
+//! The end of a run: with a line in the log and an exit status.
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};

@@ -45,13 +45,13 @@ impl Flash<'_> {
     }
 }
 
-/// What goes with a request.
+/// The data that go with a request.
 pub enum Data<'a> {
     /// Nothing.
     None,
     /// Bytes to be programmed.
     Out(&'a [u8]),
-    /// Where bytes that are read go.
+    /// The place for bytes that are read.
     In(&'a mut [u8]),
 }
 

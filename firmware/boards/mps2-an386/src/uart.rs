@@ -52,7 +52,7 @@ pub fn start() {
 pub fn receive(buffer: &mut [u8]) -> usize {
     let n = QUEUES.receive(buffer);
     if n > 0 {
-        // The interrupt masks itself when the queue is full; with room again, let it look once more.
+        // The interrupt masks itself when the queue is full; with room again, let it check once more.
         unmask(RECEIVED);
         pend(RECEIVED);
     }

@@ -23,7 +23,7 @@ use rigident_firmware::progress::{Progress, Turn};
 use rigident_firmware::{Buses, Instrument, Path};
 use rigident_shared::wire::{BadEnd, ClockSource, ResetReason};
 
-/// Tells the boot ROM what it looks for: an image for the secure Arm core (data sheet, 5.9.5).
+/// Tells the boot ROM what it expects: an image for the secure Arm core (data sheet, 5.9.5).
 // SAFETY: the section holds nothing else, and the ROM only reads it.
 #[unsafe(link_section = ".start_block")]
 #[used]

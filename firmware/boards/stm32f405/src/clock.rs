@@ -1,7 +1,7 @@
 //! The clock tree: crystal, or the chip's own oscillator where none starts; then the PLL.
 //!
-//! Where RCC_CR reads zero there is no clock tree: the image runs in an emulator. On silicon it never does, for some
-//! oscillator runs.
+//! If RCC_CR reads zero, there is no clock tree: the image runs in an emulator. On silicon it never does, for
+//! some oscillator runs.
 
 use rigident_shared::wire::ClockSource;
 
@@ -18,7 +18,8 @@ const INTERNAL_MHZ: u32 = 16;
 /// The core by the chip's own oscillator, MHz, which may be 4 % fast: so that the buses' limits hold all the same.
 const CORE_MHZ_WITHOUT_CRYSTAL: u32 = if cfg!(feature = "f411") { 96 } else { 160 };
 
-/// Looks at a ready bit, of five cycles at 16 MHz each: 60 ms for a crystal, which takes 2 ms, and 3 ms for the PLL.
+/// Reads of a ready bit, of five cycles at 16 MHz each: 60 ms for a crystal, which takes 2 ms, and 3 ms for
+/// the PLL.
 const CRYSTAL_LOOKS: u32 = 200_000;
 const PLL_LOOKS: u32 = 10_000;
 
@@ -138,7 +139,7 @@ fn slow() -> Clocks {
     Clocks { core_hz: hz, usart_hz: hz, timer_hz: hz, source: ClockSource::Slow }
 }
 
-/// Returns whether the interrupt that is not masked came because the crystal has stopped.
+/// Returns whether the interrupt that is not masked was raised because the crystal has stopped.
 pub fn crystal_has_stopped() -> bool {
     const CSSF: u32 = 1 << 7;
     let stopped = RCC_CIR.read() & CSSF != 0;

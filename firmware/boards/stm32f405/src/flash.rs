@@ -1,4 +1,5 @@
-//! The chip's own flash, where settings and checkpoints are kept: sectors 8 to 11 of an STM32F405, 128 KB each.
+//! The chip's own flash, where settings and checkpoints are stored: sectors 8 to 11 of an STM32F405, 128 KB
+//! each.
 //!
 //! By RM0090, section 3.6. Code is not fetched while a sector is erased or a word is programmed: one second, two at most, and 16 µs, 100 at
 //! most. So sectors are erased where no sample is taken, and the watchdog is fed before each. What was written is read back, since the
@@ -36,12 +37,12 @@ const ERRORS: u32 = 0b1111 << 4 | 1 << 1;
 /// The data cache: on, and emptied.
 const DATA_CACHE: u32 = 1 << 10;
 const EMPTY_DATA_CACHE: u32 = 1 << 12;
-/// Looks until a word is programmed, of five cycles at 168 MHz: 300 µs.
+/// Reads until a word is programmed, of five cycles at 168 MHz: 300 µs.
 const WORD_LOOKS: u32 = 10_000;
-/// Looks until a sector is erased: 3 s.
+/// Reads until a sector is erased: 3 s.
 const SECTOR_LOOKS: u32 = 100_000_000;
 
-/// The part of the flash that is kept for this.
+/// The part of the flash that is reserved for this.
 pub struct Flash(());
 
 /// It did not take what was written, or said that it failed.

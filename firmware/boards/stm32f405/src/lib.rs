@@ -27,7 +27,7 @@ pub mod time;
 pub mod usart;
 pub mod watchdog;
 
-/// The chip that this is built for, as the host is told.
+/// The chip that this is built for, as reported to the host.
 pub const CHIP: &str = if cfg!(feature = "f446") {
     "stm32f446"
 } else if cfg!(feature = "f411") {

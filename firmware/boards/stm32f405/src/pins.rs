@@ -1,4 +1,4 @@
-//! Which pin is for what. docs/wiring.md has the same table; a test compares them.
+//! The assignment of the pins. docs/wiring.md has the same table; a test compares them.
 
 use crate::registers::PORTS;
 

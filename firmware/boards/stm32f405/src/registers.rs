@@ -37,7 +37,7 @@ pub const FLASH_ACR: Register = at(FLASH, 0x00);
 pub const FLASH_KEYR: Register = at(FLASH, 0x04);
 /// Busy, and what went wrong.
 pub const FLASH_SR: Register = at(FLASH, 0x0c);
-/// What is done to the cells.
+/// The operation on the cells.
 pub const FLASH_CR: Register = at(FLASH, 0x10);
 /// Unlocks the option bytes.
 pub const FLASH_OPTKEYR: Register = at(FLASH, 0x08);
@@ -78,7 +78,7 @@ pub fn kept_word(number: usize) -> Option<Register> {
 const PWR: usize = 0x4000_7000;
 /// The core's voltage.
 pub const PWR_CR: Register = at(PWR, 0x00);
-/// What the supply is like.
+/// The state of the supply.
 pub const PWR_CSR: Register = at(PWR, 0x04);
 
 const GPIO: [usize; 2] = [0x4002_0000, 0x4002_0400];
@@ -131,13 +131,13 @@ pub const EXTI_PR: Register = at(EXTI, 0x14);
 const TIM2: usize = 0x4000_0000;
 /// Control.
 pub const TIM2_CR1: Register = at(TIM2, 0x00);
-/// Flags: captures, and captures that came before the last was read; cleared by zeros.
+/// Flags: captures, and captures that occurred before the last was read; cleared by zeros.
 pub const TIM2_SR: Register = at(TIM2, 0x10);
 /// Events by hand.
 pub const TIM2_EGR: Register = at(TIM2, 0x14);
-/// What channels 1 and 2, 3 and 4 capture.
+/// The captures of channels 1 and 2, 3 and 4.
 pub const TIM2_CCMR: [Register; 2] = [at(TIM2, 0x18), at(TIM2, 0x1c)];
-/// Which channels capture, and at which edge.
+/// The channels that capture, and at which edge.
 pub const TIM2_CCER: Register = at(TIM2, 0x20);
 /// The count.
 pub const TIM2_CNT: Register = at(TIM2, 0x24);
@@ -145,7 +145,7 @@ pub const TIM2_CNT: Register = at(TIM2, 0x24);
 pub const TIM2_PSC: Register = at(TIM2, 0x28);
 /// The highest count.
 pub const TIM2_ARR: Register = at(TIM2, 0x2c);
-/// What channels 1 to 4 have latched; reading clears the flag.
+/// The values that channels 1 to 4 have latched; reading clears the flag.
 pub const TIM2_CCR: [Register; 4] = [at(TIM2, 0x34), at(TIM2, 0x38), at(TIM2, 0x3c), at(TIM2, 0x40)];
 
 const USART2: usize = 0x4000_4400;
@@ -234,7 +234,7 @@ pub const IWDG_PR: Register = at(IWDG, 0x04);
 /// The highest count.
 pub const IWDG_RLR: Register = at(IWDG, 0x08);
 
-/// What stands still while a debugger holds the core.
+/// The units that stop while a debugger holds the core.
 pub const DBGMCU_APB1_FZ: Register = at(0xe004_2000, 0x08);
 
 /// Numbers of interrupts.

@@ -27,10 +27,10 @@ const EDGES: [(Sensor, Pin, usize); 3] = [
 const LOOKS: u32 = 100_000;
 
 static CAPTURE: Mutex<RefCell<Option<Capture<'static>>>> = Mutex::new(RefCell::new(None));
-/// Whose sample is being read.
+/// The sensor whose sample is being read.
 static READS: Mutex<Cell<Option<Sensor>>> = Mutex::new(Cell::new(None));
 
-/// Begins to look for edges; none is served before [`listen`].
+/// Begins to detect edges; none is served before [`listen`].
 pub fn start(capture: Capture<'static>) {
     interrupts::free(|section| {
         CAPTURE.borrow(section).replace(Some(capture));

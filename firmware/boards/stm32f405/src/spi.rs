@@ -35,17 +35,17 @@ const FLAGS: u32 = 0x3d | 0x3d << 22;
 const ENDED: u32 = 1 << 5;
 /// Errors of a transfer and of the direct mode, of both.
 const BAD: u32 = (1 << 3 | 1 << 2) | (1 << 3 | 1 << 2) << 22;
-/// A byte came before the last one was taken.
+/// A byte arrived before the last one was read.
 const OVERRUN: u32 = 1 << 6;
 /// SPI1, of the peripherals of APB2.
 const RESET: u32 = 1 << 12;
 
-/// A byte takes 130 cycles, a look five.
+/// A byte takes 130 cycles, a read five.
 const LOOKS: u32 = 1_000;
 
-/// Where the DMA leaves what comes.
+/// The buffer in which the DMA stores received bytes.
 static BYTES: [AtomicU8; MAX_CAPTURED] = [const { AtomicU8::new(0) }; MAX_CAPTURED];
-/// What it sends: in RAM, for flash cannot be read while a word is programmed.
+/// The bytes that it sends: in RAM, for flash cannot be read while a word is programmed.
 static REQUEST: [AtomicU8; MAX_CAPTURED] = [const { AtomicU8::new(0) }; MAX_CAPTURED];
 
 /// The bus did not come round in time.
@@ -146,10 +146,10 @@ pub fn begin(order: &Order) {
     DMA2_LIFCR.write(FLAGS);
     let count = order.request.len().min(MAX_CAPTURED) as u32;
     REQUEST.iter().zip(order.request).for_each(|(to, from)| to.store(*from, Ordering::Relaxed));
-    // The request is in memory before the DMA looks.
+    // The request is in memory before the DMA reads it.
     fence(Ordering::Release);
     // SAFETY: both are statics of atomics, of `MAX_CAPTURED` bytes, which `count` is no more than; the DMA writes into the first
-    // one alone, and what it holds is looked at after the end.
+    // one alone, and what it holds is read after the end.
     unsafe {
         DMA2_FROM_SPI1.begin(BYTES.as_ptr().cast(), count, FROM);
         DMA2_TO_SPI1.begin(REQUEST.as_ptr().cast(), count, TO);
@@ -162,7 +162,7 @@ pub fn has_ended() -> bool {
     DMA2_LISR.read() & (ENDED | BAD) != 0
 }
 
-/// Ends a transfer by DMA and returns what came; `None` if it failed.
+/// Ends a transfer by DMA and returns what was received; `None` if it failed.
 pub fn finished(sensor: Sensor) -> Option<[u8; MAX_CAPTURED]> {
     let flags = DMA2_LISR.read();
     let good = flags & ENDED != 0 && flags & BAD == 0 && SPI1_SR.read() & OVERRUN == 0;

@@ -19,7 +19,8 @@ const WINDOW_WATCHDOG: u32 = 1 << 30;
 /// The key of the core's reset, and the reset.
 const RESET: u32 = 0x05fa << 16 | 1 << 2;
 
-/// What the last program left in memory that a reset leaves alone: a mark and why it ended, then [`BadEnd`], then the check of all.
+/// The note that the last program left in memory that a reset leaves alone: a mark and why it ended, then
+/// [`BadEnd`], then the check of all.
 // SAFETY: the section is not initialised; every bit pattern is a value, and what is found there is checked.
 #[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.rigident_note"))]
 static NOTE: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];

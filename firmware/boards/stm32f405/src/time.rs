@@ -13,7 +13,7 @@ pub const TICKS_HZ: u32 = 4_000_000;
 const TICK_NS: u64 = 1_000_000_000 / TICKS_HZ as u64;
 /// A filter of eight samples.
 const EIGHT: u32 = 0b0011;
-/// Looks, of five cycles of the core each, in which the filter has come to an end: 0.5 µs.
+/// Reads, of five cycles of the core each, in which the filter has come to an end: 0.5 µs.
 const FILTER_LOOKS: u32 = 16;
 
 /// Starts the count; channel 2 latches it when its pin falls, 1 and 3 when theirs rise.
@@ -82,7 +82,7 @@ impl DelayNs for Wait {
     fn delay_ns(&mut self, ns: u32) {
         let ticks = ns / TICK_NS as u32 + 1;
         let from = TIM2_CNT.read();
-        // More looks than a tick has cycles. The watchdog must not bite meanwhile.
+        // More reads than a tick has cycles. The watchdog must not bite meanwhile.
         for look in 0..ticks.saturating_mul(48) {
             if TIM2_CNT.read().wrapping_sub(from) >= ticks {
                 break;

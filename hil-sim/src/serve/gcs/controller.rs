@@ -48,7 +48,7 @@ pub struct Hexapod {
     in_macro: bool,
 }
 
-/// How a motion is stopped.
+/// The way a motion is stopped.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Stop {
     /// `HLT`.
@@ -121,7 +121,7 @@ impl Hexapod {
         }
     }
 
-    /// What has happened since.
+    /// Takes in what has happened since.
     fn look(&mut self, rig: &Rig) {
         if self.referencing && rig.motion() != MotionState::Moving {
             (self.referencing, self.referenced) = (false, true);

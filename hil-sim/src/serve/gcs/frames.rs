@@ -10,12 +10,12 @@ use hexapod::gcs::{GcsPosition, answer, error, read_pairs};
 const ROOT: &str = "ZERO";
 /// The type of those that are defined here.
 const KIND: &str = "KSD";
-/// So many may be defined.
+/// At most this many may be defined.
 const MOST: usize = 16;
 /// Names of the pivot point's coordinates.
 const PIVOT: [&str; 3] = ["R", "S", "T"];
 
-/// What is defined and what is in force.
+/// The frames that are defined and those in force.
 #[derive(Debug, Default)]
 pub(super) struct Frames {
     pivot_mm: [f64; 3],
@@ -30,27 +30,27 @@ impl Frames {
         std::array::from_fn(|i| 1e-3 * (self.pivot_mm[i] + frame[i]))
     }
 
-    /// Where the point `r` of the plate goes by the plate's turn: `R r − r`.
+    /// Returns where the point `r` of the plate goes by the plate's turn: `R r − r`.
     fn shift_m(&self, pose: &Pose) -> [f64; 3] {
         let (turn, r) = (pose.rotation(), self.point_m());
         std::array::from_fn(|i| (0..3).map(|k| turn[i][k] * r[k]).sum::<f64>() - r[i])
     }
 
-    /// The position that stands for a pose.
+    /// Returns the position that represents a pose.
     pub(super) fn position(&self, pose: &Pose, reference: &Pose) -> GcsPosition {
         let shift = self.shift_m(pose);
         let point = Pose { position_m: std::array::from_fn(|i| pose.position_m[i] + shift[i]), ..*pose };
         GcsPosition::of(&point, reference)
     }
 
-    /// The pose that a position stands for.
+    /// Returns the pose that a position represents.
     pub(super) fn pose(&self, position: &GcsPosition, reference: &Pose) -> Pose {
         let point = position.pose(reference);
         let shift = self.shift_m(&point);
         Pose { position_m: std::array::from_fn(|i| point.position_m[i] - shift[i]), ..point }
     }
 
-    /// What is asked for here; `None` for other questions.
+    /// Returns what is asked for here; `None` for other questions.
     pub(super) fn asked(&self, verb: &str) -> Option<String> {
         match verb {
             "SPI?" => Some(answer((0..3).map(|i| format!("{}={:.6}", PIVOT[i], self.pivot_mm[i])))),

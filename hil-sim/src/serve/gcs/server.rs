@@ -44,14 +44,14 @@ impl GcsServer {
         let (shared, clients) = (Arc::clone(&hexapod), AtomicU64::new(1));
         let listener = Listener::listen(address, move |stream, leave| {
             let client = clients.fetch_add(1, Ordering::Relaxed);
-            // A client that breaks off has nobody left to be told.
+            // A client that breaks off has nobody left to be informed.
             let _ = converse(stream, &shared, client, leave);
             lock(&shared).left(client);
         })?;
         Ok(Self { listener, hexapod })
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.listener.address()
@@ -67,7 +67,7 @@ impl GcsServer {
         let leave = Arc::new(AtomicBool::new(false));
         let (told, hexapod) = (Arc::clone(&leave), Arc::clone(&self.hexapod));
         let serving = thread::spawn(move || {
-            // A line that is gone has nobody left to be told.
+            // A line that is gone has nobody left to be informed.
             let _ = serve_port(&mut port, &hexapod, &told);
             lock(&hexapod).left(0);
         });

@@ -5,7 +5,7 @@ use hexapod::gcs::{FREE_POINTS, IS_READY, LINE_BYTES, MACRO, MOVING, STATUS, STO
 /// Bytes that are commands by themselves.
 const SINGLE: [u8; 6] = [STATUS, MOVING, IS_READY, MACRO, FREE_POINTS, STOP];
 
-/// What a client has said.
+/// The message of a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Said {
     /// A single byte.

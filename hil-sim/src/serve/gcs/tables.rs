@@ -12,7 +12,7 @@ pub(super) const PARAMETERS: [(u32, &str); 4] = [
 /// The longest buffer.
 pub(super) const MOST_POINTS: f64 = 10_000.0;
 
-/// What is answered to `HLP?`: a command a line.
+/// The answer to `HLP?`: a command a line.
 pub(super) const HELP: [(&str, &str); 41] = [
     ("#4", "status register"),
     ("#5", "motion status"),

@@ -1,4 +1,4 @@
-//! How far the axes go.
+//! The travel of the axes.
 
 use hexapod::gcs::GcsPosition;
 use hexapod::{Geometry, Pose};
@@ -30,7 +30,7 @@ pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
     })
 }
 
-/// Whether every leg is as long as a pose needs it.
+/// Returns whether every leg is as long as a pose needs it.
 pub fn is_reached(geometry: &Geometry, pose: &Pose) -> bool {
     let [lo, hi] = geometry.leg_length_m;
     geometry.leg_lengths(pose).iter().all(|l| (lo..=hi).contains(l))

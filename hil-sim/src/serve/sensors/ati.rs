@@ -68,7 +68,7 @@ impl Drop for AtiServer {
     }
 }
 
-/// Streams to whoever asked last, until told to stop or to leave.
+/// Streams to whoever asked last, until asked to stop or to end.
 fn serve(socket: &UdpSocket, played: &Played, leave: &AtomicBool) {
     let mut buffer = [0; 64];
     while !leave.load(Ordering::Acquire) {

@@ -58,7 +58,7 @@ impl BridgeServer {
         subprotocols: &'static [&'static str],
     ) -> io::Result<Self> {
         Ok(Self(Listener::listen(address, move |stream, leave| {
-            // A client that breaks off has nobody left to be told.
+            // A client that breaks off has nobody left to be informed.
             let _ = attend(stream, &topics, subprotocols, leave);
         })?))
     }

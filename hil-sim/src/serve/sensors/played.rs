@@ -9,7 +9,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::rig::{Readings, RigConfig, RigError};
 
-/// Returns the rig's body and the motion that it makes: the thesis' experiment of so long, s, and home again.
+/// Returns the rig's body and the motion that it makes: the thesis' experiment of the given length, s, and
+/// home again.
 pub fn body_moved(duration_s: f64, seed: u64) -> (RigConfig, MotionProgram) {
     let config = RigConfig::thesis_horizontal().with_seed(seed);
     let mut program = thesis_program(&config.geometry, duration_s);
@@ -57,9 +58,9 @@ pub struct Sample {
 pub struct Delivery {
     /// Share of samples that are lost.
     pub lose: f64,
-    /// Samples come up to so much late, s.
+    /// Samples come up to this much late, s.
     pub jitter_s: f64,
-    /// The device falls silent after so long, s.
+    /// The device falls silent after this long, s.
     pub stops_after_s: Option<f64>,
     /// Every number is multiplied by it: another unit.
     pub scale: f64,
@@ -161,7 +162,7 @@ impl Played {
         self.delivery.stops_after_s.is_some_and(|after_s| self.begun.elapsed().as_secs_f64() > after_s)
     }
 
-    /// Hands samples over, each at its time, until told to leave, or `send` says no.
+    /// Hands samples over, each at its time, until asked to end, or `send` says no.
     pub fn play(&self, leave: &AtomicBool, mut send: impl FnMut(u64, &Sample) -> bool) {
         let mut number = self.next();
         while !leave.load(Ordering::Acquire) {

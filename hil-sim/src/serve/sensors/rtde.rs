@@ -22,7 +22,7 @@ impl RtdeServer {
     /// The address is taken.
     pub fn listen(address: &str, played: Played) -> io::Result<Self> {
         Ok(Self(Listener::listen(address, move |stream, leave| {
-            // A client that breaks off has nobody left to be told.
+            // A client that breaks off has nobody left to be informed.
             let _ = attend(stream, &played, leave);
         })?))
     }

@@ -1,4 +1,4 @@
-//! What goes over the line.
+//! The traffic on the line.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

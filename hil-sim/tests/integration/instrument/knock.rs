@@ -13,7 +13,7 @@ fn quiet() -> RigConfig {
     RigConfig::thesis_horizontal().with_sensors(sensors)
 }
 
-/// What the device says of the body, its 95 % uncertainty, and the truth.
+/// The device's statement about the body, its 95 % uncertainty, and the truth.
 struct Answer {
     values: Vec<f64>,
     u95: Vec<f64>,

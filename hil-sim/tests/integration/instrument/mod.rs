@@ -1,4 +1,4 @@
-//! What the application makes of a whole experiment, given over the wire as a recording.
+//! The application's result of a whole experiment, given over the wire as a recording.
 
 mod consistency;
 mod host;

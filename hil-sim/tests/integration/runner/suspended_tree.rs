@@ -70,7 +70,8 @@ fn motion(rig: &Suspension, scale: f64, duration_s: f64) -> Motion {
     simulated.simulate(&start, &Run::new(duration_s, RATE_HZ)).unwrap()
 }
 
-/// What the base link's parameters are: its own, the platform's, and the second link's mass in the joint.
+/// Returns what the base link's parameters are: its own, the platform's, and the second link's mass in the
+/// joint.
 fn true_base(rig: &Suspension) -> [f64; 10] {
     let turn = rig.mount.rotation().unwrap();
     let turn = nalgebra::Matrix3::from_fn(|i, j| turn[(i, j)]);

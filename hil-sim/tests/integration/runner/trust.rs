@@ -1,4 +1,4 @@
-//! What a converter and its gauges can do wrong without a word: the device says it, or makes up for it.
+//! The faults of a converter and its gauges without a word: the device says it, or makes up for it.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use rigident_sim::sensors::{Fault, SensorModels};
 /// GAIN1 of the converter.
 const GAIN1: usize = 0x04;
 
-/// What a device at rest for four seconds has said.
+/// The messages of a device at rest for four seconds.
 struct Said {
     readings: Vec<ReadingMessage>,
     counters: CounterReport,

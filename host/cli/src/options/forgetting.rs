@@ -26,7 +26,7 @@ impl Forgetting {
         self.forget.map(Span::TimeConstant).or(self.window.map(Span::Window))
     }
 
-    /// Returns the span asked for; `None`: everything is kept, which an infinite one asks for too.
+    /// Returns the span asked for; `None`: everything is retained, which an infinite one asks for too.
     ///
     /// # Errors
     /// Why it cannot be: bad input.

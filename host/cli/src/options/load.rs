@@ -1,4 +1,4 @@
-//! How heavy and how large the body on the load cell may be.
+//! The mass and size that the body on the load cell may have.
 
 use clap::Args;
 

@@ -1,4 +1,4 @@
-//! Which simulated microcontroller, and which image it runs.
+//! The simulated microcontroller, and the image that it runs.
 
 /// The microcontroller that runs the firmware.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,4 +1,4 @@
-//! What a link carries, and the files that tell a controller.
+//! The load of a link, and the files that tell a controller.
 
 use std::path::PathBuf;
 

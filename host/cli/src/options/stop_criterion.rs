@@ -11,7 +11,7 @@ use rigident_fit::{Fit, Parameter};
 /// Parameters that a warning names; the others are counted.
 const NAMED: usize = 4;
 
-/// Row blocks before which the rule is not looked at: a second.
+/// Row blocks before which the rule is not examined: a second.
 const MINIMUM_BLOCKS: u32 = 100;
 
 /// What the device does while it estimates.
@@ -57,7 +57,7 @@ impl StopCriterion {
 }
 
 /// Returns the warning of a run that ended before the device saw its criterion reached: what was asked for and what the
-/// device's rows came to, the furthest first.
+/// device's rows reached, the furthest first.
 pub(crate) fn not_reached(stop: &StopRule, found: &Fit) -> String {
     let asked =
         found.parameters.iter().enumerate().filter_map(|(j, p)| Some((j, p, f64::from(stop.u95(j)?))));
@@ -110,7 +110,7 @@ fn stop_rule(words: &[String], parameters: &[Parameter]) -> Result<Option<StopRu
         }
         asked.push((name, selected, u95));
     }
-    // A single name refines its group, wherever it stands.
+    // A single name refines its group, wherever it is.
     asked.sort_by_key(|(_, selected, _)| std::cmp::Reverse(selected.len()));
     let mut limits: Vec<StopLimit> = Vec::new();
     for j in 0..parameters.len() {

@@ -1,4 +1,4 @@
-//! What the estimator promises of its answers, against a simulator that shares none of its algebra.
+//! The estimator's promises about its answers, against a simulator that shares none of its algebra.
 #![cfg(feature = "simulator")]
 
 use hexapod::experiment::thesis_program;
@@ -37,7 +37,7 @@ fn estimator_config<T: Scalar>(
 /// Relative errors of mass, of m·c against m·|c|, and of the tensor in the Frobenius norm.
 fn errors(got: &[f64], truth: &[f64; 10]) -> [f64; 3] {
     let norm = |v: &[f64], w: &[f64]| v.iter().zip(w).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    // Off-diagonal elements stand twice in the matrix.
+    // Off-diagonal elements are twice in the matrix.
     let tensor = |p: &[f64]| -> Vec<f64> {
         p[4..10].iter().enumerate().map(|(k, v)| if k < 3 { *v } else { v * 2_f64.sqrt() }).collect()
     };

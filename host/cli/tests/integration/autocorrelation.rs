@@ -1,4 +1,5 @@
-//! Noise of the load cell that is not white: told from chance, and by how much intervals on white noise are too small.
+//! Noise of the load cell that is not white: distinguished from chance, and by how much intervals on white
+//! noise are too small.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -104,7 +105,7 @@ fn white_noise_gives_no_warning() {
     for seed in 0..100 {
         assert_eq!(found(200.0, 0.0, 20.0, seed), [], "seed {seed}");
     }
-    // As few rows as are looked at.
+    // As few rows as are examined.
     for seed in 0..1000 {
         assert_eq!(found(200.0, 0.0, 0.9, seed), [], "seed {seed}");
     }

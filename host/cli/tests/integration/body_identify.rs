@@ -268,7 +268,7 @@ fn plates_of_shared_data_that_lean_are_named_with_degrees_and_make_no_head_heavi
         assert!((lean + degrees).abs() < 0.6, "{degrees}: {lean}");
         assert!(result["warnings"].to_string().contains("not the cameras' vertical"), "{degrees}");
         let segments = result["person"]["segments"].as_array().unwrap();
-        // A slope is a contradiction: nothing is told.
+        // A slope is a contradiction: nothing is reported.
         assert_eq!(segments.is_empty(), degrees > 5.0);
         assert_eq!(output.status.code(), Some(i32::from(degrees > 5.0)));
         for head in segments.iter().filter(|s| s["name"] == "head") {

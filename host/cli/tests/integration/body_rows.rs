@@ -23,7 +23,7 @@ use rigident_shared::spatial::{AngularRate, Imu, Position, Rotation, Sensor, Spe
 
 const RATE_HZ: f64 = 100.0;
 
-/// Attitude and place of the IMU where its errors are looked for.
+/// Attitude and place of the IMU where its errors are searched for.
 const MOUNTED: ([f64; 4], [f64; 3]) = ([0.8, -0.3, 0.4, 0.2], [0.05, -0.03, 0.08]);
 
 /// Returns the attitude of the IMU with a small turn about the axes of S on top.

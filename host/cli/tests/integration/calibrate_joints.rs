@@ -63,7 +63,7 @@ impl Files {
         rigident(self.at(), &[&words, more].concat())
     }
 
-    /// What is said after a file was changed.
+    /// Returns what is said after a file was changed.
     fn refused(&self, name: &str, change: impl Fn(&str) -> String) -> String {
         let text = fs::read_to_string(self.at().join(name)).unwrap();
         let changed = change(&text);

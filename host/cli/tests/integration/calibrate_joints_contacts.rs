@@ -20,7 +20,7 @@ fn answer(setup: &Setup, poses: &[Pose]) -> Answer {
     identify(setup, poses, Method::GaussNewton, COARSEST).unwrap()
 }
 
-/// What identified offsets are worth, over several answers.
+/// The quality of identified offsets, over several answers.
 #[derive(Debug, Default)]
 struct Coverage {
     known: f64,

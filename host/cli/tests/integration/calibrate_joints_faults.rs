@@ -10,7 +10,7 @@ use crate::calibrate_joints_contacts::flat_poses;
 use crate::program::{json, said, status};
 use crate::study_length::runs;
 
-/// An identified number may be off by no more than so many U95.
+/// An identified number may be off by no more than this many U95.
 const OFF: f64 = 2.0;
 
 /// Runs changed poses and returns what is said; an answer is to hold the truth.

@@ -159,7 +159,7 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
     let both =
         calibrate(&["upright.csv", "lying.csv"], "both.calibration.toml", &["--mounting", "place,lying"]);
     assert_eq!(both.status.code(), Some(0), "{}", said(&both));
-    // What is told in either order is the same, but for where it was linearised.
+    // The result in either order is the same, but for where it was linearised.
     let turned =
         calibrate(&["lying.csv", "upright.csv"], "turned.calibration.toml", &["--mounting", "lying,place"]);
     let (both, turned) = (json(&both), json(&turned));
@@ -269,7 +269,7 @@ fn what_is_not_the_reference_or_not_the_rig_calibrates_nothing() {
     let output = rigident(at, &line);
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("imu.position_m"), "{}", said(&output));
-    // An old one is told, and used.
+    // An old one is reported, and used.
     let made = RigCalibration::load(&at.join("no.toml")).unwrap();
     let old = RigCalibration { date: "2020-01-01T00:00:00Z".to_owned(), ..made }.sealed();
     fs::write(at.join("old.toml"), old.to_toml()).unwrap();
@@ -326,8 +326,8 @@ fn a_reference_weighed_wrongly_is_refused_by_both_commands() {
     }
 }
 
-/// The cylinder stands 0.3 mm off and nobody has said how well it is placed: the lever arm's interval holds the truth, and what
-/// was assumed is said, in the calibration's own output and in the answers that rest on it.
+/// The cylinder is 0.3 mm off and nobody has said how well it is placed: the lever arm's interval holds the
+/// truth, and what was assumed is said, in the calibration's own output and in the answers that rest on it.
 #[test]
 fn a_place_of_unknown_tolerance_makes_no_sure_lever_arm() {
     let folder = tempfile::tempdir().unwrap();

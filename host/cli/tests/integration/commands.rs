@@ -79,7 +79,7 @@ fn a_demonstration_that_decides_for_itself_is_over_soon_and_says_what_it_decided
     assert!((8_000..9_000).contains(&rows), "{rows}");
     assert!(result["warnings"].to_string().contains("--at-most-s"), "{result}");
 
-    // What nothing can reach is said, and what there is by then is kept.
+    // What nothing can reach is said, and what there is by then is stored.
     let output =
         rigident(at, &["demo", "--adaptive", "--until", "Ixx=1e-5", "--at-most-s", "5", "--out", "b"]);
     assert!(status(&output) < 2, "{}", said(&output));
@@ -316,7 +316,7 @@ fn too_little_excitation_gives_no_number_and_says_which_motion_would_help() {
         let missing = parameter["state"] == "not_identified";
         assert_eq!(parameter.get("value").is_none(), missing, "{parameter}");
     }
-    // Mass and the vertical offset cannot be told apart without tilting.
+    // Mass and the vertical offset cannot be distinguished without tilting.
     assert_eq!(result["parameters"][0]["state"], "not_identified");
     let advice = result["advice"].to_string();
     assert!(advice.contains("attitudes") && advice.contains("S.x"), "{advice}");
@@ -351,7 +351,7 @@ fn a_monte_carlo_prints_one_object_that_follows_from_its_seed() {
         assert!((0.0..=1.0).contains(&number("coverage95")));
     }
     assert_eq!(rigident(place.path(), &arguments).stdout, output.stdout);
-    // Nothing is written, and bad usage is told as such.
+    // Nothing is written, and bad usage is reported as such.
     assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
     assert_eq!(status(&rigident(place.path(), &["montecarlo", "--runs", "1"])), 2);
     assert_eq!(status(&rigident(place.path(), &["montecarlo", "--rate-hz", "-1"])), 2);
@@ -454,7 +454,7 @@ fn a_stop_criterion_that_is_not_reached_is_a_warning_of_every_kind_of_body() {
     assert_eq!(warnings_of(&json(&reached), "--until"), 0);
 }
 
-/// Honest runs agree within what they state; one that is heavier is told.
+/// Honest runs agree within what they state; one that is heavier is reported.
 #[test]
 fn repeated_runs_are_summed_up_and_one_that_differs_is_told() {
     let place = tempfile::tempdir().unwrap();

@@ -37,7 +37,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()
 }
 
-/// How far the values are from the truth, in standard deviations.
+/// Returns how far the values are from the truth, in standard deviations.
 fn deviations(object: &Value) -> Vec<f64> {
     let known = parameters(object).iter().filter(|p| p["state"] == "identified");
     known.map(|p| 1.96 * (number(&p["value"]) - number(&p["truth"])) / number(&p["u95"])).collect()
@@ -269,7 +269,7 @@ fn the_device_decides_when_two_links_and_a_person_are_known_well_enough() {
             // The device judges by the noise stated; noise of the rates and autocorrelation widen the intervals.
             assert!(number(&p["u95"]) < 1.5 * u95, "{p}");
         }
-        // The same again where it is only told.
+        // The same again where it is only reported.
         let line = format!("{line} --until {asked}={u95} --keep-going --out {folder}2 --json");
         let output = rigident(place, &line);
         assert!(said(&output).contains("the uncertainties asked for were reached"), "{}", said(&output));

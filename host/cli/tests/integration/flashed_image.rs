@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::program::{json, rigident, said, status};
 
-/// Where `cargo xtask firmware --board stm32f405` leaves it.
+/// The path where `cargo xtask firmware --board stm32f405` leaves it.
 const IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405"
@@ -23,7 +23,7 @@ const WATCH_IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405-watch"
 );
-/// What the emulator says of its second serial port, before the port's name.
+/// The emulator's message about its second serial port, before the port's name.
 const REDIRECTED: &str = "char device redirected to ";
 
 /// Six gauges, each of which reads one channel.
@@ -126,7 +126,7 @@ fn it_starts_anew_when_it_is_asked_to() {
     assert_eq!(status(&output), 0, "{}", said(&output));
     let info = json(&output);
     assert_eq!((&info["state"], &info["reason"]), (&"idle".into(), &"boot".into()));
-    // The stack is looked at while the board has nothing else to do.
+    // The stack is examined while the board has nothing else to do.
     std::thread::sleep(Duration::from_millis(1500));
     let stack = board.info(at)["counters"]["stack_bytes"].clone();
     let (deepest, size) = (stack[0].as_u64().unwrap(), stack[1].as_u64().unwrap());
@@ -194,7 +194,7 @@ fn it_watches_a_recording_with_the_bits_of_the_firmware_in_this_process() {
     assert!(status(&output) == 2 && said(&output).contains("no line with a rate"), "{}", said(&output));
 }
 
-/// Where no converter answers, the words say which sensor and what was found; nothing hangs.
+/// If no converter answers, the words say which sensor and what was found; nothing hangs.
 #[test]
 #[ignore = "needs the STM32F405's image"]
 fn it_says_that_another_chip_answers_where_the_load_cell_should() {

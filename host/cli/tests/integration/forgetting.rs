@@ -73,7 +73,7 @@ impl Changing {
         }
     }
 
-    /// Until so long after the change.
+    /// Until this long after the change.
     fn until(&self, seconds: f64, seed: u64) -> Input {
         let (change, end) = ((CHANGE_S * RATE_HZ) as usize, ((CHANGE_S + seconds) * RATE_HZ) as usize);
         let rows = self.before.measured(seed).take(change);
@@ -100,7 +100,7 @@ fn a_body_that_changes_is_followed_and_its_intervals_hold() {
         let window = Span::Window(5.0 * TIME_CONSTANT_S);
         let windowed = body(&fit_forgetting(&input, window));
         assert!((windowed[0].value - changing.truth[0]).abs() < 1.5 * windowed[0].u95, "{windowed:?}");
-        // Without forgetting the change is told, and the interval holds both bodies.
+        // Without forgetting the change is reported, and the interval holds both bodies.
         let fit = fit_body(&input);
         assert!(fit.lack_of_fit.contradicts());
         let whole = [fit.estimate.measured(0).unwrap()];
@@ -112,7 +112,7 @@ fn a_body_that_changes_is_followed_and_its_intervals_hold() {
     assert!(held * 100 >= of * 95, "{held} of {of}");
 }
 
-/// Poses and multisine, then a pose held for so long.
+/// Poses and multisine, then a pose held for the given time.
 fn stopping(config: &RigConfig, seconds: f64) -> MotionProgram {
     let mut program = thesis_program(&config.geometry, 60.0);
     if let Some(Segment::Hold { duration_s }) = program.segments.last_mut() {
@@ -134,8 +134,8 @@ fn where_the_motion_stops_the_answer_and_its_intervals_stay() {
         let whole = input(&config, rows(program.duration_s()));
         let after = body(&fit_forgetting(&whole, FORGETTING));
         for (j, (a, b)) in before.iter().zip(&after).enumerate() {
-            // What is not renewed is kept; the six sums of weight and offset that rest renews pull at it by no more than
-            // they were uncertain. Plain forgetting would have widened the intervals by e¹⁰.
+            // What is not renewed is retained; the six sums of weight and offset that rest renews pull at it
+            // by no more than they were uncertain. Plain forgetting would have widened the intervals by e¹⁰.
             assert!(b.u95 < 1.1 * a.u95, "seed {seed}, {j}: {a:?} {b:?}");
             assert!((a.value - b.value).abs() < a.u95, "seed {seed}, {j}: {a:?} {b:?}");
         }

@@ -1,6 +1,6 @@
 //! The fuzzer's checks of the host's decoders, on the committed corpus and on what chance makes of it.
 //!
-//! The fuzzer itself, which looks for new paths, runs for long at night: `cargo xtask fuzz`.
+//! The fuzzer itself, which searches for new paths, runs for long at night: `cargo xtask fuzz`.
 
 use std::path::Path;
 

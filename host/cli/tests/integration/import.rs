@@ -119,7 +119,7 @@ fn a_look_says_what_is_missing_and_writes_nothing() {
     assert_eq!((&beside["rig_file"], &beside["recording"]["rows"]), (&"a.rig.toml".into(), &50.into()));
 }
 
-/// Files that nptdms and openpyxl wrote: proposed, read, and told by `info`.
+/// Files that nptdms and openpyxl wrote: proposed, read, and reported by `info`.
 #[test]
 fn workbooks_and_tdms_files_are_imported_and_told() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_table");

@@ -39,7 +39,7 @@ fn a_known_mass_narrows_a_recording_s_answer_and_bad_statements_write_nothing() 
     }
     let page = fs::read_to_string(at.join("identify/report.html")).unwrap();
     assert!(page.contains("mass_kg = 20.001 ± 0.001 (1 σ)"));
-    // What is kept is the data's alone, so a known quantity cannot be counted twice.
+    // What is stored is the data's alone, so a known quantity cannot be counted twice.
     assert_eq!(fs::read(at.join("replay/demo.factor")).unwrap(), fs::read(at.join("d/demo.factor")).unwrap());
 
     for (statements, complaint) in [

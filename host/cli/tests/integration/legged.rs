@@ -30,12 +30,12 @@ struct Robot {
     rows: Vec<Vec<f64>>,
 }
 
-/// What feet measure in a test.
+/// The quantities that feet measure in a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Feet {
     All,
     WithoutHorizontal,
-    /// Where they stand, and moments; no force.
+    /// The contact states, and moments; no force.
     WithoutForces,
 }
 
@@ -547,7 +547,8 @@ fn bad_input_of_feet_and_torques_of_shared_data_robots_is_named() {
     }
 }
 
-/// The command with a robot of another program's: nothing changes and nothing is told, and what it lacks is named.
+/// The command with a robot of another program's: nothing changes and nothing is reported, and what it lacks
+/// is named.
 #[test]
 fn a_robot_is_watched_from_the_command_line_and_what_it_lacks_is_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -386,7 +386,7 @@ fn what_the_command_refuses_the_library_refuses_by_its_kind() {
     }
 }
 
-/// Where the token is set the work ends at its next stage, and the caller goes on.
+/// If the token is set, the work ends at its next stage, and the caller goes on.
 #[test]
 fn a_job_that_is_stopped_ends_with_that_error() {
     let stop = std::sync::atomic::AtomicBool::new(true);

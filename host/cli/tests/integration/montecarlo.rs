@@ -132,7 +132,7 @@ fn two_links_keep_the_promises_against_a_bound_of_their_own() {
     tree_promises(&trees::two_links(), experiment(20.0));
 }
 
-/// Noise that is as large as the load cell's in the forces, and that nobody told of.
+/// Noise that is as large as the load cell's in the forces, and that nobody stated.
 #[test]
 fn two_links_with_ordinary_imus_keep_the_promises_without_being_told() {
     let mut coarse = TreeExperiment { tell_noise: false, ..experiment(20.0) };

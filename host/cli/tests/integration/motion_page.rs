@@ -18,7 +18,7 @@ const MARKER: [u8; 3] = [0x1d, 0x7a, 0x4f];
 const SAME: f64 = 20.0;
 const FRAME: &str = "+document.querySelector('#time').value";
 
-/// Writes a page into the folder of tests' own files, where one can look at it afterwards.
+/// Writes a page into the folder of tests' own files, where one can inspect it afterwards.
 fn written(name: &str, motion: &MotionPage) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("motion_page");
     std::fs::create_dir_all(&folder).unwrap();
@@ -300,7 +300,7 @@ fn in_a_browser_motions_of_little_or_nothing_are_shown_without_an_error() {
         forces: vec![ForceArrow { at_m: vec![[0.0; 3]; 3], ..force }],
         ..unseen.clone()
     };
-    // Markers alone are looked at as a figure is.
+    // Markers alone are examined as a figure is.
     let walk = figure::walk("Markers", 1.0);
     let markers = MotionPage { points_m: vec![vec![]; 100], markers_m: walk.markers_m, ..least.clone() };
     let mut browser = opened("markers.html", &markers);

@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::study_length::runs;
 
-/// Where the payload is: on the last link, turned.
+/// The place of the payload: on the last link, turned.
 const PLACE: &str = "l7@0.02,-0.01,0.1,0,30,15";
 const FRICTION: &str = "viscous,coulomb,offset";
 
@@ -38,7 +38,7 @@ fn answer(output: &Output) -> Value {
         .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// A box with edges in the ratio 6 : 11 : 18 that is heavy and long by so much, off the flange's axes.
+/// A box with edges in the ratio 6 : 11 : 18 that is heavy and long by this much, off the flange's axes.
 fn payload(mass_kg: f64, length_m: f64) -> Load {
     let [a, b, c] = [6.0, 11.0, 18.0].map(|v| v / 18.0 * length_m);
     let m = mass_kg / 12.0;
@@ -61,7 +61,7 @@ fn run(seed: u64, effort_noise: f64) -> ArmRun {
     ArmRun { rest_s: 1.0, effort_noise, seed, position_noise: 1e-6, rate_noise: 1e-4, ..ArmRun::default() }
 }
 
-/// Writes the arm and recordings with and without a load, of so many seconds of motion.
+/// Writes the arm and recordings with and without a load, of the given number of seconds of motion.
 fn record(folder: &Path, load: &Load, effort_noise: f64, motion_s: f64) {
     let [bare, with] = arms(load);
     std::fs::write(folder.join("arm.urdf"), generated(&bare, rigident::model::xml::Language::Urdf).unwrap())

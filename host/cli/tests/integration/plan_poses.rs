@@ -96,7 +96,7 @@ fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
                 assert_eq!(plan["poses_deg"].as_array().unwrap().len(), 30);
                 interrupted += 1;
             }
-            // Over before, or told before the program listened.
+            // Over before, or reported before the program listened.
             other => assert!(matches!(other, Some(0) | None), "{other:?}: {said}"),
         }
     }

@@ -71,7 +71,7 @@ fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
         odd += usize::from(!found.is_empty());
         let is_body = |phi: &Option<_>| phi.as_ref().is_none_or(|phi| impossibility(phi).is_none());
         mended += usize::from(!found.is_empty() && possible.iter().all(is_body));
-        // With mended inertias and friction they are written as they are kept.
+        // With repaired inertias and friction they are written as they are stored.
         let names: Vec<&str> = model.links.iter().map(|link| link.name.as_str()).collect();
         let new = names.iter().zip(&possible).filter_map(|(name, phi)| Some((*name, (*phi)?)));
         let damped = model.links.iter().map(|link| {
@@ -83,7 +83,7 @@ fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
     }
     // One has a <robot> without a name and holds nothing.
     assert_eq!((all.len(), read), (69, 68));
-    // Negative moments of whole bodies are not mended.
+    // Negative moments of whole bodies are not repaired.
     assert_eq!((odd, mended), (29, 27));
 }
 

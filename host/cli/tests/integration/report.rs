@@ -1,4 +1,4 @@
-//! What the report page promises, checked by an XML parser that knows nothing of how it was written.
+//! The promises of the report page, checked by an XML parser that knows nothing of how it was written.
 
 mod synthetic;
 

@@ -16,7 +16,7 @@ const RATE_HZ: f64 = 200.0;
 const G: f64 = 9.80665;
 const MASS: f64 = 3.2;
 const LEVER: [f64; 3] = [0.05, -0.02, 0.03];
-/// What is stated of the rig: all errors small.
+/// The statements about the rig: all errors small.
 const STATED: &str = "
 [[imu]]
 position_m = [0.05, -0.02, 0.03]
@@ -55,7 +55,7 @@ struct Errors {
     gain: [f64; 6],
     /// Seconds at rest before the motion.
     rest_s: f64,
-    /// What the motion's frequencies are multiplied by.
+    /// The factor of the motion's frequencies.
     faster: f64,
     /// Noise of accelerometer and gyro, m/s² and rad/s.
     imu: [f64; 2],
@@ -184,13 +184,14 @@ fn errors_that_cannot_be_told_apart_are_all_named_the_likeliest_first() {
     assert!(
         place("accelerometer_bias_z") < place("gravity") && place("accelerometer_scale_x") < place("gravity")
     );
-    // Gravity that was looked up is not to blame.
+    // Gravity from a table is not to blame.
     let local = format!("[recording]\ngravity_mps2 = 9.80665\ngravity_std_mps2 = 5e-4\n{DEFAULT}");
     let said = contradictions(&identified(&local, &errors, 4));
     assert!(said[0].contains("accelerometer_bias_z") && !said[0].contains("gravity"), "{said:?}");
 }
 
-/// Returns still poses of the body, whose fz drifts by so many newtons from the first to the last.
+/// Returns still poses of the body, whose fz drifts by the given number of newtons from the first to the
+/// last.
 fn poses(count: u32, drift_n: f64, seed: u64) -> Vec<Reading<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -245,7 +246,8 @@ fn poses_that_drift_are_told_whatever_the_drift() {
     }
 }
 
-/// Noise that is stated thirty times too large or too small is told with both figures, whatever the sensor, and nothing of the honest.
+/// Noise that is stated thirty times too large or too small is reported with both figures, whatever the
+/// sensor, and nothing of the honest.
 #[test]
 fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
     let warnings = |rig: &str| {

@@ -23,13 +23,13 @@ struct Segment {
 pub(crate) struct Somebody {
     pub height_m: f64,
     pub mass_kg: f64,
-    /// Skin slides by so much where a joint bends by a quarter of a turn, m.
+    /// Skin slides by this much where a joint bends by a quarter of a turn, m.
     pub skin_m: f64,
     /// 1 σ of a force channel, N.
     pub plate_n: f64,
 }
 
-/// What a person does at an instant; turns about y, rad, a bend forward positive.
+/// The posture of a person at an instant; turns about y, rad, a bend forward positive.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Posture {
     /// Midway between the hips, x and z, m.
@@ -42,11 +42,11 @@ pub(crate) struct Posture {
     /// x and z of each ankle, m.
     pub ankles: [[f64; 2]; 2],
     pub soles: [f64; 2],
-    /// How far each foot is to the side, m.
+    /// The distance of each foot to the side, m.
     pub beside: f64,
 }
 
-/// What carries her at an instant.
+/// The supports of her at an instant.
 #[derive(Clone, Copy)]
 pub(crate) enum Carried {
     /// Both feet, on a plate each.
@@ -89,7 +89,7 @@ impl Noise {
     }
 }
 
-/// Where a segment is: its turn about y and its origin.
+/// The place of a segment: its turn about y and its origin.
 type Place = (f64, [f64; 3]);
 
 fn on((turn, at): &Place, [x, y, z]: [f64; 3]) -> [f64; 3] {
@@ -392,7 +392,7 @@ pub(crate) fn rising(body: &Somebody, turn_s: f64) -> impl Fn(f64) -> Posture + 
     }
 }
 
-/// Whether the seat of [`rising`] carries.
+/// Returns whether the seat of [`rising`] carries.
 pub(crate) fn on_the_seat(turn_s: f64) -> impl Fn(f64) -> Carried {
     move |t: f64| {
         let u = (t / turn_s).rem_euclid(1.0);
@@ -400,7 +400,7 @@ pub(crate) fn on_the_seat(turn_s: f64) -> impl Fn(f64) -> Carried {
     }
 }
 
-/// How somebody runs on a belt.
+/// The gait of somebody who runs on a belt.
 #[derive(Clone, Copy)]
 pub(crate) struct Gait {
     pub speed_mps: f64,
@@ -416,7 +416,7 @@ impl Gait {
         (steps as i64 as usize % 2, t - steps * self.step_s)
     }
 
-    /// What carries her.
+    /// Returns what carries her.
     pub(crate) fn carried(&self, t: f64) -> Carried {
         let (foot, since) = self.phase(t);
         match since / self.stance_s {
@@ -542,7 +542,7 @@ pub(crate) fn drop_jump(body: &Somebody) -> impl Fn(f64) -> Posture + '_ {
     }
 }
 
-/// What carries her in [`drop_jump`].
+/// Returns what carries her in [`drop_jump`].
 pub(crate) fn drop_carried(t: f64) -> Carried {
     let [off, land, up, again] = DROP_S;
     match t {

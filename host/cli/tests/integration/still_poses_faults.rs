@@ -13,7 +13,7 @@ const MASS_KG: f64 = 7.4;
 const CENTRE_M: [f64; 3] = [0.012, -0.008, 0.094];
 const OFFSET: [f64; 6] = [3.1, -1.7, 5.5, 0.11, -0.07, 0.03];
 
-/// Numbers between −1 and 1 that look as if they were drawn.
+/// Pseudo-random numbers between −1 and 1.
 struct Drawn(u64);
 
 impl Drawn {

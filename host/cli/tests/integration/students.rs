@@ -1,4 +1,5 @@
-//! What a student changes: a body of one's own, its noise, the ten steps, and the estimator in one's own firmware.
+//! The changes that a student makes: a body of one's own, its noise, the ten steps, and the estimator in
+//! one's own firmware.
 #![cfg(feature = "simulator")]
 
 use serde_json::Value;

@@ -199,7 +199,8 @@ fn known_values(subject: Subject) {
 }
 
 /// The body is not symmetric about y: a loose statement narrows what it names, a tight one contradicts the data. The mass of a link
-/// behind a joint is told in sums only, so that metres off a plane are no first moment: the refusal names the mass.
+/// behind a joint is determined in sums only, so that metres off a plane are no first moment: the refusal
+/// names the mass.
 fn symmetry(subject: Subject) {
     let (place, _, _) = plain(subject);
     let refused = |plane: &str| {
@@ -218,7 +219,8 @@ fn symmetry(subject: Subject) {
     refused("y±0.0001");
 }
 
-/// A file with a rate and a clock of its own: late by so much, with the columns that begin with one of these.
+/// A file with a rate and a clock of its own: late by this much, with the columns that begin with one of
+/// these.
 type FileOfClock = (&'static str, f64, f64, &'static [&'static str]);
 
 /// Wrench; IMU of the base; IMU and attitude of the arm; encoder of the hand.

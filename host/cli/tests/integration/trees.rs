@@ -255,7 +255,7 @@ fn intervals_count_gain_errors_of_the_load_cell() {
     assert!(untold < 0.8, "{untold}");
 }
 
-/// Without noise gains that are exact are found and change nothing; without a σ they are not looked for.
+/// Without noise gains that are exact are found and change nothing; without a σ they are not searched for.
 #[test]
 fn gains_that_are_certain_are_left_alone() {
     let model = two_links();

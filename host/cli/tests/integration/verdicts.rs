@@ -133,7 +133,8 @@ const WAYS: [(&str, Way); 7] = [
     ("replay", of_replay),
 ];
 
-/// What is wrong with a recording: the columns that are multiplied, by how much, and what stands in its rig file in place of what.
+/// The fault of a recording: the columns that are multiplied, by how much, and what is in its rig file
+/// in place of what.
 type Fault = (&'static str, &'static [&'static str], f64, [&'static str; 2], &'static str);
 
 /// Requires the verdict of an answer, and that its numbers go with it.
@@ -256,11 +257,11 @@ fn moments_in_newton_millimetres_give_no_number_anywhere() {
     for shown in [&text, &page] {
         assert!(shown.contains("Not to be used") && shown.contains("contradicted"), "{shown}");
         assert!(!shown.contains("Convergence") && !shown.contains("hysically consistent"), "{shown}");
-        // Nothing of the fit with its uncertainty, whatever stands between the two.
+        // Nothing of the fit with its uncertainty, whatever is between the two.
         let plain = without_marks(shown);
         for number in numbers {
             let [value, u95] = ["value", "u95"].map(|key| number[key].as_f64().unwrap());
-            // A small one may look like an error of the rig.
+            // A small one may resemble an error of the rig.
             let words = with_u95(value, u95, "");
             assert!(value.abs() < 1.0 || !plain.contains(&words), "{} {words}", number["name"]);
         }

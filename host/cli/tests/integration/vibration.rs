@@ -108,7 +108,8 @@ fn a_locked_posture_is_one_body_by_its_modes_and_by_its_motion() {
     };
     let (off, u95) = mass("by_modes");
     assert!(found["by_modes"]["status"] == "identified" && off.abs() < 1.5 * u95, "{off} {u95}");
-    // Noise stands in the coefficients and in the springs' forces: what it adds to the normal equations, some 10 kg, is taken off.
+    // Noise is in the coefficients and in the springs' forces: what it adds to the normal equations, some 10
+    // kg, is taken off.
     let (off, u95) = mass("by_motion");
     assert!(off.abs() < 1.5 * u95 && u95 < 8.0, "{off} {u95}");
     let noise = &found["by_motion"]["signals"][0];
@@ -169,7 +170,7 @@ fn the_microcontroller_makes_the_same_of_a_motion() {
     );
 }
 
-/// Moves a column of a recording by so much, or by so many times.
+/// Moves a column of a recording by an amount, or by a factor.
 fn altered(from: &Path, to: &Path, column: usize, change: impl Fn(f64) -> f64) {
     let text = fs::read_to_string(from).unwrap();
     let line = |(k, line): (usize, &str)| {
@@ -194,7 +195,7 @@ fn recordings_of_postures_tell_what_they_are_and_whether_a_spring_changed() {
         object(place.path(), &arguments)
     };
     let found = run(&[&all[0], &all[1], &all[2]]);
-    // As the demonstration has it, which knows how the joint stands; here cameras tell it.
+    // As the demonstration has it, which knows the joint's position; here cameras tell it.
     let demo: Value =
         serde_json::from_slice(&fs::read(place.path().join("demo/result.json")).unwrap()).unwrap();
     for (own, other) in found["subset"].as_array().unwrap().iter().zip(demo["table_3"].as_array().unwrap()) {

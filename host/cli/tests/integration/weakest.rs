@@ -1,4 +1,4 @@
-//! Motions that lack something are told so, in words, and those that lack nothing are not.
+//! Motions that lack something are reported, in words, and those that lack nothing are not.
 #![cfg(feature = "simulator")]
 
 use hexapod::experiment::{THESIS_POSES_DEG, thesis_program};
@@ -27,7 +27,7 @@ fn ideal_rig() -> RigConfig {
     RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal())
 }
 
-/// What perfect sensors read in a motion.
+/// Returns what perfect sensors read in a motion.
 fn ideal(config: &RigConfig, program: &MotionProgram) -> Vec<Reading<f64>> {
     Readings::new(config, program, RATE_HZ).unwrap().ideal().iter().map(reading).collect()
 }
@@ -162,7 +162,7 @@ fn roll_and_pitch_lack_yaw_until_their_coupling_brings_enough_of_it() {
     says(&turning(60.0, &both), &[]);
 }
 
-/// What the sentence promises: 2.9 times as long is enough, and half of that is not.
+/// The promise of the sentence: 2.9 times as long is enough, and half of that is not.
 #[test]
 fn the_motion_asked_for_is_enough_and_not_far_too_much() {
     let both = [ROLL, PITCH].concat();

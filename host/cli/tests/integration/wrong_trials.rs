@@ -64,7 +64,7 @@ fn other_side(name: &str) -> String {
     }
 }
 
-/// Where the data of a parameter of a C3D file begin, which holds floating numbers or text.
+/// Returns where the data of a parameter of a C3D file begin, which holds floating numbers or text.
 fn parameter(bytes: &[u8], name: &str) -> usize {
     let at = (512..bytes.len()).find(|k| bytes[*k..].starts_with(name.as_bytes())).unwrap() + name.len();
     // Offset to the next, type, number of dimensions, dimensions.

@@ -250,7 +250,7 @@ fn the_way_to_the_start_is_no_part_of_the_program() {
     let tracked = compare(&program.trajectory().unwrap(), &samples).unwrap();
     assert!(tracked.largest_m < 1e-6 && tracked.largest_rad < 1e-6, "{tracked:?}");
 
-    // Told to stop on the way.
+    // Asked to stop on the way.
     let elsewhere = MotionProgram { start: Geometry::thesis().home(), segments: Vec::new() };
     platform.load(&elsewhere).unwrap();
     assert_eq!(platform.approach(&|| false), Err(PlatformError::Interrupted));

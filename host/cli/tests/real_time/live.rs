@@ -20,7 +20,7 @@ use super::{python, text};
 
 const BOTH: &[&str] = &["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
-/// A body that moves for so long, and a folder.
+/// A body that moves for this long, and a folder.
 struct Scene {
     folder: TempDir,
     moved: (RigConfig, MotionProgram),
@@ -112,7 +112,7 @@ fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses
         rates.iter().zip([-80e-6, 60e-6]).all(|(rate, off)| (rate - 1.0 - off).abs() < 1e-4),
         "{rates:?}"
     );
-    // What was recorded is whole, and says the same again; its folder stands for it.
+    // What was recorded is whole, and says the same again; its folder represents it.
     for (command, file) in [("identify", "streams.rig.toml"), ("identify", "."), ("replay", ".")] {
         let again = Command::new(env!("CARGO_BIN_EXE_rigident"))
             .args([command.as_ref(), scene.file(file).as_os_str(), "--json".as_ref()])
@@ -267,7 +267,7 @@ fn lines_through_a_pipe_end_with_it_and_with_an_answer() {
     check_truth(&serde_json::from_slice(&output.stdout).unwrap(), 4);
 }
 
-/// What a run that went wrong said, and that it left nothing half.
+/// Checks what a run that went wrong said, and that it left nothing half.
 fn failed(scene: &Scene, output: &Output, status: i32, words: &[&str], kept: bool) {
     let said = said(output);
     assert_eq!(output.status.code(), Some(status), "{said}");
@@ -405,7 +405,7 @@ fn units_that_cannot_be_are_told_and_what_came_is_kept() {
     failed(&scene, &output, 2, &["its time counts milliseconds", "scale = 1e-3"], true);
 }
 
-/// What a program of another maker says.
+/// Returns what a program of another maker says.
 fn said_by_others(arguments: &[&str]) -> Vec<Vec<f64>> {
     let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/sensors_clients.py");

@@ -76,8 +76,8 @@ impl Drop for Served {
 /// Root mean square of how far poses are from the path of a trajectory, m; an angle counts by what it moves the joints of
 /// the plate, 0.2 m from its centre.
 ///
-/// When a pose was reached does not count. On a busy machine the host asks and the simulated controller answers late, by as
-/// much as the system pleases; the path stays the same.
+/// The time at which a pose was reached does not count. On a busy machine the host asks and the simulated
+/// controller answers late, by as much as the system pleases; the path stays the same.
 fn rms_off_path(trajectory: &Trajectory, poses: &[Pose]) -> f64 {
     const LEVER_M: f64 = 0.2;
     let point = |pose: &Pose| {

@@ -82,7 +82,7 @@ fn a_motion_that_someone_else_ends_is_no_end() {
         }
     };
     assert!(matches!(error, PlatformError::Cut { at_s, of_s } if at_s < 5.0 && of_s > 29.0), "{error}");
-    // Once told, it is at rest; and a stop from here is no error.
+    // Once asked, it is at rest; and a stop from here is no error.
     platform.stop(Stop::Alarm).unwrap();
     assert_eq!(platform.motion(), Ok(Motion::Done));
     platform.load(&swing(3.0)).unwrap();

@@ -10,7 +10,7 @@ use rigident::plan::plan_file::PlanFile;
 use super::runs::{run_at, said};
 use super::{Served, python};
 
-/// What the vendor's client finds, and whether it can move the hexapod to a height, mm.
+/// Returns what the vendor's client finds, and whether it can move the hexapod to a height, mm.
 fn found(served: &Served, height_mm: &str) -> String {
     let python = python();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/vendors_client.py");

@@ -1,4 +1,5 @@
-//! What a pass says: its estimate, its noise against what was stated, and what the residuals say against the model.
+//! The conclusion of a pass: its estimate, its noise against what was stated, and what the residuals say
+//! against the model.
 
 use super::{Conclusion, Engine, Pass, Solved};
 use crate::autocorrelation::{self, Coloured};
@@ -17,7 +18,7 @@ use crate::{
 /// Rounds in which what a model of drives lacks is counted.
 const MODEL_ERROR_ROUNDS: usize = 4;
 
-/// What residuals show beyond white noise.
+/// The findings in residuals beyond white noise.
 pub(super) struct BeyondWhite {
     /// Noise that is slow; `None` where none is found.
     slow: Option<Sandwich>,

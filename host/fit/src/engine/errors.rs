@@ -30,7 +30,7 @@ impl Engine<'_> {
     }
 
     /// Returns parameters and errors together, as far as they are determined, if something is known of them together;
-    /// autocorrelated rows count as so much noisier.
+    /// autocorrelated rows count as this much noisier.
     pub(super) fn joint(
         &self,
         pass: &Pass,

@@ -70,7 +70,7 @@ impl Engine<'_> {
         Ok((found, moved * mean.rows(n, self.columns.nuisances.len())))
     }
 
-    /// Restricts what residuals say to the rows that are remembered.
+    /// Restricts what residuals say to the rows that are retained.
     pub(super) fn restrict(&self, conclusion: &mut Conclusion, span: Span<f64>, weighing: &Weighing) {
         let channels = self.source.channels().len();
         let blocks = conclusion.factor.rows() as f64 / channels.max(1) as f64;

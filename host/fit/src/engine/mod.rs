@@ -71,7 +71,8 @@ pub fn fit_device(
     Ok(Fit { device: Some(Box::new(estimate)), ..found })
 }
 
-/// Returns the estimate of a device with so many channels, beside the noise that it was told of.
+/// Returns the estimate of a device with the given number of channels, beside the noise that was stated to
+/// it.
 pub fn device_estimate(device: &DeviceFactor, channels: usize, rounding: f64) -> Estimate {
     let compensated = device.gram.as_ref().and_then(|gram| {
         compensate(&device.factor, &NoiseGram::in_factor(gram, &device.factor, channels), rounding)
@@ -101,7 +102,7 @@ struct Pass<'a> {
     weighing: Weighing,
     /// Of all columns, without what is known beforehand.
     factor: Factor,
-    /// What noise of the signals adds to it; `None`: nothing that counts.
+    /// The addition of the noise of the signals to it; `None`: nothing that counts.
     gram: Option<DMatrix<f64>>,
     /// The rows with the columns of nuisance parameters; `None`: without them.
     linearised: Option<Linearised<'a>>,
@@ -116,7 +117,7 @@ struct Solved {
     rows: Factor,
     /// Of all columns.
     joint: Estimate,
-    /// The same with directions that noise fills as least squares find them: residuals are looked at about it.
+    /// The same with directions that noise fills as least squares find them: residuals are examined about it.
     about: Estimate,
     /// Of the parameters alone.
     own: Estimate,
@@ -124,7 +125,7 @@ struct Solved {
     least_squares: Estimate,
 }
 
-/// What a pass says.
+/// The conclusion of a pass.
 struct Conclusion {
     /// Nuisance parameters eliminated.
     factor: Factor,

@@ -10,11 +10,11 @@ use crate::{Estimate, FitError, SignalNoise};
 
 /// Rounds of weights and columns that the estimate is part of.
 const ROUNDS: usize = 5;
-/// Done when no parameter moves by more than so many standard deviations.
+/// Done when no parameter moves by more than this many standard deviations.
 const SETTLED_SD: f64 = 0.1;
 /// Noise of the signals does not count if it is at most this share of every channel's variance,
 const NEGLIGIBLE_SHARE: f64 = 0.01;
-/// and moves no parameter by more than so many standard deviations.
+/// and moves no parameter by more than this many standard deviations.
 const NEGLIGIBLE_SD: f64 = 0.02;
 
 impl Engine<'_> {

@@ -59,7 +59,8 @@ impl Engine<'_> {
         pass.linearised.as_ref().map_or(&*self.blocks, |l| l as &dyn RowBlocks)
     }
 
-    /// Returns what noise of the signals adds to the rows, so many times; its square may be wrong by `doubt`.
+    /// Returns what noise of the signals adds to the rows, times a factor; its square may be wrong by
+    /// `doubt`.
     pub(super) fn noise_gram<'g>(&self, expected: &'g DMatrix<f64>, times: f64, doubt: f64) -> NoiseGram<'g> {
         let blocks = self.noise.as_ref().map_or(0.0, RowNoise::independent_blocks);
         let correlated = self.noise.as_ref().map_or(0.0, RowNoise::correlated);

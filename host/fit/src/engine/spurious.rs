@@ -3,11 +3,12 @@
 use super::Engine;
 use crate::{Estimate, Kind};
 
-/// A moment of inertia whose information is less than so many times what noise of the rates alone would bring is not
-/// informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
+/// A moment of inertia whose information is less than this many times what noise of the rates alone would
+/// bring is not informed: noise in a coefficient attenuates the estimate by the inverse of this ratio.
 pub const LEAST_EXCITATION: f64 = 20.0;
 
-/// A moment of inertia whose information is at most so many times that is mostly noise: half of it and more.
+/// A moment of inertia whose information is at most this many times that is mostly noise: half of it and
+/// more.
 const MOSTLY_NOISE: f64 = 2.0;
 
 impl Engine<'_> {

@@ -1,4 +1,5 @@
-//! Means of whitened rows over bins of time: what is slow in a recording, in a size that every pair of bins can be looked at.
+//! Means of whitened rows over bins of time: what is slow in a recording, in a size that every pair of bins
+//! can be examined.
 //!
 //! Any mean of rows leaves the equation exact. Bins are at least as long as the filter, so that white noise is all but
 //! independent from bin to bin; a sum of w rows over `√w` then has the variance that the rows' covariance states, 1.
@@ -13,7 +14,7 @@ use crate::left_of_rows::left_of_rows;
 const MOST: usize = 2000;
 /// Bins with an outlier are left out if they are at most this share of all: knocks are. A changed body stays.
 const KNOCKS: f64 = 0.1;
-/// A step longer than so many periods is a gap.
+/// A step longer than this many periods is a gap.
 const GAP: f64 = 1.5;
 
 /// Bins of a recording.
@@ -49,13 +50,13 @@ pub(super) struct BinNoise {
 }
 
 impl BinNoise {
-    /// Returns no noise in so many columns.
+    /// Returns no noise in the given number of columns.
     fn none(columns: usize) -> Self {
         Self { gram: DMatrix::zeros(columns, columns + 1), uncertain: 0.0, doubt: 0.0 }
     }
 }
 
-/// Returns the noise in bins of so many blocks, by channels; there are `count` bins.
+/// Returns the noise in bins of the given number of blocks, by channels; there are `count` bins.
 fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNoise> {
     let channels = rows.whitening.channels();
     let mut all = vec![BinNoise::none(wide); channels];

@@ -2,10 +2,11 @@
 //!
 //! The supremum over time of the score test of a step in the parameters (D. W. K. Andrews, Tests for parameter instability
 //! and structural change with unknown change point, Econometrica 61, 1993), on means of whitened rows over bins of time
-//! (`bins`). A first look takes the bins' noise as white; what it suspects is looked at again with white, flicker and
-//! walking noise as the residuals beside the step show them (`noise`), a line and a curve in time of every channel
-//! eliminated. A step of the body counts only beside a step of the channels' offsets: what a load cell does by itself is no
-//! change of the body. Nothing here knows of bodies: columns say themselves whose they are.
+//! (`bins`). A first test takes the bins' noise as white; what it suspects is tested again with white,
+//! flicker and walking noise as the residuals beside the step show them (`noise`), a line and a curve in time
+//! of every channel eliminated. A step of the body counts only beside a step of the channels' offsets: what a
+//! load cell does by itself is no change of the body. Nothing here knows of bodies: columns say themselves
+//! whose they are.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,11 +19,11 @@ use super::{Role, Rows, tail};
 use crate::Whitener;
 use crate::left_of_rows::dot;
 
-/// A change by chance in one honest recording of so many, at most.
+/// A change by chance in one honest recording of this many, at most.
 pub const FALSE_ALARM: f64 = 1e-7;
-/// A first look at white noise lets so many honest recordings pass to the second.
+/// A first test with white noise lets this many honest recordings pass to the second.
 const SUSPICION: f64 = 1e-2;
-/// Share of the bins at either end in which no change is looked for, and least number of them.
+/// Share of the bins at either end in which no change is searched for, and least number of them.
 const ENDS: f64 = 0.05;
 const LEAST_END: usize = 5;
 /// Fewer bins than this say nothing.
@@ -32,16 +33,16 @@ const ROUNDS: usize = 4;
 const MOST_FILLED: usize = 16;
 /// Steps at all times are worth this many independent ones.
 const INDEPENDENT: f64 = 4.0;
-/// Bins about the change in which its time is looked for row by row.
+/// Bins about the change in which its time is searched for row by row.
 const NEAR: usize = 3;
 /// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
 /// (J. Bai, Estimation of a change point in multiple regression models, Review of Economics and Statistics 79, 1997).
 const BAI_95: f64 = 11.0;
 
-/// What changed.
+/// The change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Changed {
-    /// What is identified.
+    /// The parameters that are identified.
     Body,
     /// Offsets of channels.
     Offset,
@@ -67,7 +68,7 @@ pub struct Change {
     pub time_s: f64,
     /// Its 95 % uncertainty, s.
     pub time_u95_s: f64,
-    /// What changed.
+    /// The change.
     pub changed: Changed,
     /// Probability, at most, that an honest recording shows as much somewhere.
     pub probability: f64,
@@ -111,7 +112,8 @@ impl Search<'_> {
         (self.bins.len() as f64 - per_channel as f64).max(1.0)
     }
 
-    /// Returns the probability of a step of so much at one of the times that were looked at, by the sum of all.
+    /// Returns the probability of a step of this much at one of the times that were examined, by the sum of
+    /// all.
     fn probability(&self, square: f64, rank: usize) -> f64 {
         (tail(square, rank, self.others()) * self.range().len() as f64).min(1.0)
     }

@@ -28,7 +28,7 @@ pub use rigidity::{Motion, NotRigid};
 /// recording that was computed.
 const NOISE_FREE: f64 = 1e-4;
 
-/// Variance of the residuals, over the stated one, from which on a cause is looked for.
+/// Variance of the residuals, over the stated one, from which on a cause is searched for.
 pub const SUSPECT: f64 = 1.5;
 
 /// The part that a column has in the model.
@@ -97,9 +97,10 @@ pub struct Rows<'a> {
     pub noise: Option<&'a dyn NoiseRows>,
     /// Weights of outliers.
     pub weights: &'a Weights,
-    /// True if there are efforts of drives among the channels: what friction is not in the columns looks like much else.
+    /// True if there are efforts of drives among the channels: friction that is not in the columns resembles
+    /// much else.
     pub has_drives: bool,
-    /// True if residuals are larger than the noise stated, or autocorrelated: then the cause is looked for.
+    /// True if residuals are larger than the noise stated, or autocorrelated: then the cause is searched for.
     pub is_suspect: bool,
 }
 
@@ -110,12 +111,12 @@ impl Rows<'_> {
     }
 }
 
-/// What residuals say against the model.
+/// The evidence of the residuals against the model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LackOfFit {
     /// A change at one time.
     pub change: Option<Change>,
-    /// What moves within.
+    /// The motion within.
     pub not_rigid: Option<NotRigid>,
     /// Channels that drift from still pose to still pose.
     pub pose_drift: Vec<PoseDrift>,
@@ -136,7 +137,7 @@ impl LackOfFit {
     }
 }
 
-/// Looks for a lack of fit.
+/// Searches for a lack of fit.
 pub fn look(rows: &Rows) -> LackOfFit {
     let bins = Bins::new(rows);
     if bins.unexplained < NOISE_FREE {

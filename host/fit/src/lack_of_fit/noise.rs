@@ -9,14 +9,15 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Coefficients that are looked at one by one; above, so many to an octave.
+/// Coefficients that are examined one by one; above, this many to an octave.
 const LOWEST: usize = 64;
 const PER_OCTAVE: f64 = 32.0;
 /// Steps of the likelihood.
 const STEPS: usize = 200;
 /// A coefficient of which the model leaves less than this says nothing.
 const LEAST_LEFT: f64 = 0.05;
-/// Slow noise is taken as so many standard deviations larger than found: few coefficients show it, and a step explains some.
+/// Slow noise is taken as this many standard deviations larger than found: few coefficients show it, and a
+/// step explains some.
 const UPPER_SD: f64 = 2.0;
 /// Of a column less than this is rounding.
 pub(super) const ROUNDING: f64 = 1e-8;
@@ -32,13 +33,14 @@ pub(super) struct PowerLaw {
     pub(super) walk: f64,
 }
 
-/// Returns the factors from bin to bin of exponentially correlated noise that makes up flicker noise in so many bins.
+/// Returns the factors from bin to bin of exponentially correlated noise that makes up flicker noise in the
+/// given number of bins.
 fn octaves(count: usize) -> Vec<f64> {
     let most = (4.0 * count as f64).log2().ceil() as i32;
     (0..=most).map(|k| (-1.0 / 2f64.powi(k)).exp()).collect()
 }
 
-/// Returns the factor of what is a walk in so many bins.
+/// Returns the factor of what is a walk in the given number of bins.
 fn walk(count: usize) -> f64 {
     (-1.0 / (4.0 * count as f64)).exp()
 }
@@ -53,7 +55,7 @@ fn quadratic(x: &DVector<f64>, rho: f64) -> f64 {
     sum
 }
 
-/// Returns the cosine of number j over so many bins, of unit length.
+/// Returns the cosine of number j over the given number of bins, of unit length.
 fn cosine(count: usize, j: usize) -> DVector<f64> {
     let scale = if j == 0 { 1.0 / count as f64 } else { 2.0 / count as f64 }.sqrt();
     let step = std::f64::consts::PI * j as f64 / count as f64;
@@ -185,8 +187,8 @@ impl PowerLaw {
         self.flicker == 0.0 && self.walk == 0.0
     }
 
-    /// Returns the inverse of the covariance of so many bins (W. F. Trench, An algorithm for the inversion of finite Toeplitz
-    /// matrices, J. SIAM 12, 1964).
+    /// Returns the inverse of the covariance of the given number of bins (W. F. Trench, An algorithm for the
+    /// inversion of finite Toeplitz matrices, J. SIAM 12, 1964).
     pub(super) fn inverse(&self, count: usize) -> DMatrix<f64> {
         let gamma = self.autocovariance(count);
         let (filter, variance) = prediction(&gamma);

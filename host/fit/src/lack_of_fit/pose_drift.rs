@@ -13,7 +13,7 @@ use super::noise::{self, PowerLaw};
 use super::score::{Added, Common, Further};
 use super::tail;
 
-/// A channel of an honest recording is accused once in so many, by either test.
+/// A channel of an honest recording is accused once in this many, by either test.
 pub const FALSE_ALARM: f64 = 1e-4;
 /// Fewer poses than this say nothing.
 const LEAST_POSES: usize = 8;

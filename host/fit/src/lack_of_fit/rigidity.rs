@@ -1,15 +1,16 @@
-//! Bodies that are not rigid, told by what their residuals look like.
+//! Bodies that are not rigid, recognised by the form of their residuals.
 //!
 //! - *Resonance* (an elastic mount, liquid, a load that swings): a part of the body on a spring of the frequency ω₀ and the
 //!   damping ζ moves against the rest by z, `z̈ + 2ζω₀ ż + ω₀² z = −u`, u being what moves the body. The wrench has `z̈` times the
 //!   part's mass too much: the rows of the body through the filter `−s²/(s² + 2ζω₀ s + ω₀²)`, whatever the source. Frequencies and
 //!   dampings are tried one after the other.
 //!   The part makes no larger a wrench than the whole.
-//! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that angular accelerations stand in.
+//! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that contain
+//!   angular accelerations.
 //! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
 //!
-//! Where efforts of drives are measured, friction that is left out looks like all of these, and of many parameters something
-//! always does: nothing is named there.
+//! If efforts of drives are measured, friction that is left out resembles all of these, and of many
+//! parameters something always does: nothing is named there.
 //!
 //! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
 //! named, less 7 for each of its columns.
@@ -24,12 +25,13 @@ use super::noise_filled::Quiet;
 use super::score::{Added, Candidate, Common, Further, PER_COLUMN};
 use super::tail;
 
-/// A candidate counts if noise explains as much once in so many recordings. What a load cell does by itself is no more than nearly
-/// noise, and a cable or a resonance that matters is far beyond.
+/// A candidate counts if noise explains as much once in this many recordings. What a load cell does by itself
+/// is no more than nearly noise, and a cable or a resonance that matters is far beyond.
 pub const FALSE_ALARM: f64 = 1e-12;
-/// Row blocks that are looked at, the middle ones.
+/// Row blocks that are examined, the middle ones.
 const MOST_BLOCKS: usize = 12_000;
-/// Frequencies that are tried: from the lowest on, so many to an octave, up to this share of the rate of the rows.
+/// Frequencies that are tried: from the lowest on, this many to an octave, up to this share of the rate of
+/// the rows.
 const LOWEST_HZ: f64 = 0.4;
 const PER_OCTAVE: f64 = 2.5;
 const HIGHEST: f64 = 0.2;
@@ -48,7 +50,7 @@ const LEAST_BURSTS: usize = 8;
 /// Bins that may be loud without being bursts of something: beyond, all is loud.
 const MOST_LOUD: f64 = 0.6;
 
-/// What moves.
+/// The part that moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// A part swings at a frequency, Hz.
@@ -58,17 +60,17 @@ pub enum Motion {
     },
     /// Something pulls as the body turns.
     Spring,
-    /// Something rattles, so many times.
+    /// Something rattles, this many times.
     Bursts {
         /// Number of bursts.
         count: usize,
     },
 }
 
-/// What explains the residuals of a body that is not rigid.
+/// The explanation of the residuals of a body that is not rigid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NotRigid {
-    /// What moves.
+    /// The part that moves.
     pub motion: Motion,
     /// Probability that an honest recording shows as much.
     pub probability: f64,
@@ -140,7 +142,7 @@ impl Section {
 /// Whitened rows over time, by channels and columns.
 type Series = Vec<Vec<Vec<f64>>>;
 
-/// Whitened rows of a stretch, kept.
+/// Whitened rows of a stretch, stored.
 struct Stretch<'a> {
     rows: &'a Rows<'a>,
     /// Bins of all columns.
@@ -163,7 +165,7 @@ struct NoiseSeries {
     binned: Vec<DMatrix<f64>>,
     /// First row block of each bin.
     first: Vec<usize>,
-    /// What its squares count.
+    /// The weight of its squares.
     weight: f64,
 }
 
@@ -397,7 +399,7 @@ impl<'a> Stretch<'a> {
         }
         let filter = self.rows.blocks.filter();
         let free = (several * self.residuals.len()) as f64 * filter.row_noise_gain().min(1.0);
-        // So many of all bins as loud by chance.
+        // This number of all bins as loud by chance.
         let one = tail(LOUD * free, free as usize, free * energies.len() as f64) * energies.len() as f64;
         let probability = one.powi(LEAST_BURSTS as i32);
         // What the loud bins have beyond the quiet ones.

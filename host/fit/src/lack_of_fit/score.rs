@@ -5,9 +5,11 @@
 //! covariance is `V_t = D_tᵀ W D_t − D_tᵀ W X (XᵀWX)⁺ XᵀW D_t`, and `S_tᵀ V_t⁺ S_t` is χ² with as many degrees of freedom as V_t
 //! has rank (D. W. K. Andrews, Econometrica 61, 1993).
 //!
-//! Noise Δ of the signals stands in D and in r alike: a bin's score is less by `κ φ`, `κ = E[ΔᵀΔ]`, which is given back, and taken off
-//! the information of the common fit, `G = XᵀWX − K`. With `H_t = D_tᵀWX − K_t` the score is `S_t = s_t − H_t G⁻¹ s`, its covariance
-//! `D_tᵀWD_t − D_tᵀWX G⁻¹ H_tᵀ − H_t G⁻¹ XᵀWD_t + H_t G⁻¹ XᵀWX G⁻¹ H_tᵀ`. A bin's own varies by `κφ (κφ)ᵀ` more.
+//! Noise Δ of the signals is in D and in r alike: a bin's score is less by `κ φ`, `κ = E[ΔᵀΔ]`, which is
+//! given back, and taken off the information of the common fit, `G = XᵀWX − K`. With `H_t = D_tᵀWX − K_t` the
+//! score is `S_t = s_t − H_t G⁻¹ s`, its covariance
+//! `D_tᵀWD_t − D_tᵀWX G⁻¹ H_tᵀ − H_t G⁻¹ XᵀWD_t + H_t G⁻¹ XᵀWX G⁻¹ H_tᵀ`. A bin's own varies by `κφ (κφ)ᵀ`
+//! more.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -20,7 +22,7 @@ use crate::compensation::{MOST_UNCERTAIN, possible, uncertainty};
 
 /// A column with less than this part in a direction, of that of the largest, that noise could fill has its step by itself.
 const MOST_PART: f64 = 0.5;
-/// What a column has to explain by itself.
+/// The part that a column has to explain by itself.
 pub(super) const PER_COLUMN: f64 = 7.0;
 
 /// The score of a step from a bin on, and its covariance.
@@ -71,7 +73,7 @@ pub(super) struct Added {
     pub(super) square: f64,
     /// Its degrees of freedom.
     pub(super) rank: usize,
-    /// What the columns are multiplied by.
+    /// The factors of the columns.
     pub(super) factors: DVector<f64>,
 }
 
@@ -96,7 +98,7 @@ pub(super) struct Common<'a> {
     left: Vec<DVector<f64>>,
     /// Information of each column that may step, in all bins.
     whole: Vec<f64>,
-    /// Whether noise of the signals stands in the columns.
+    /// Whether noise of the signals is in the columns.
     is_noisy: bool,
 }
 

@@ -31,7 +31,7 @@ const N: usize = 4;
 const ROLES: [Role; N] = [Role::Body, Role::Turning, Role::Offset, Role::Offset];
 const PHI: [f64; N] = [3.0, 0.4, 1.0, -0.2];
 
-/// Rows that stand for themselves, with a filter's width.
+/// Rows that represent themselves, with a filter's width.
 struct Blocks {
     filter: Filter,
     counts: SampleCounts,

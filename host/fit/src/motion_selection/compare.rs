@@ -15,10 +15,10 @@ pub const SMALL: f64 = 0.05;
 /// Singular values below this share of the largest tell nothing.
 const ROUNDING: f64 = 1e-10;
 
-/// What comes of a choice.
+/// The result of a choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// How it was made.
+    /// The way it was made.
     pub name: String,
     /// The motions.
     pub motions: Vec<usize>,
@@ -38,7 +38,7 @@ pub struct Choice {
     pub left_out: Option<f64>,
 }
 
-/// Returns what comes of a choice. `known` are rows of what is known beforehand, which stand in every solution.
+/// Returns the result of a choice. `known` are rows of what is known beforehand, which are in every solution.
 ///
 /// # Errors
 /// [`SelectionError`] if there is nothing to choose from.

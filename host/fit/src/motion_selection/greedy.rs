@@ -52,11 +52,11 @@ impl Scaled {
     }
 }
 
-/// What a motion would add, by the last look at it.
+/// The information that a motion would add, by the last check of it.
 struct Offer {
     gain: f64,
     motion: usize,
-    /// The number of motions that were chosen when it was looked at.
+    /// The number of motions that were chosen when it was examined.
     seen: usize,
 }
 
@@ -80,8 +80,8 @@ impl Ord for Offer {
 /// Returns the motions that add most to the logarithm of the determinant of the information, one after the other, in the order of
 /// their choice: at least `1 − 1/e` of what any choice of the same size adds (G. Nemhauser, L. Wolsey, M. Fisher 1978).
 ///
-/// What a motion adds never grows while others are chosen, so that only the best offers are looked at again: some n p³ operations
-/// for n motions of p columns, and few more for each choice.
+/// What a motion adds never grows while others are chosen, so that only the best offers are examined again:
+/// some n p³ operations for n motions of p columns, and few more for each choice.
 ///
 /// # Errors
 /// [`SelectionError`] if there is nothing to choose from.
@@ -166,7 +166,7 @@ pub fn e_optimal(candidates: &[Candidate], count: usize) -> Result<Vec<usize>, S
     Ok(chosen)
 }
 
-/// Returns so many motions by chance; the same for the same seed and names, whatever their order.
+/// Returns the given number of motions by chance; the same for the same seed and names, whatever their order.
 ///
 /// # Errors
 /// [`SelectionError`] if there is nothing to choose from.

@@ -1,15 +1,16 @@
 //! The choice of G. Venture, K. Ayusawa and Y. Nakamura (2009): motions that excite at least one part of the body well, without
 //! near-duplicates.
 //!
-//! The paper gives neither the threshold nor the formula of the "variance" by which motions are told apart. Here the signature of
-//! motion k are the logarithms `s_ki = log10 cond` of its groups i, the distance of two motions is `D² = mean(d)² + var(d)`,
-//! `d_i = s_ki − s_li`, which is the mean of `d_i²`; of the closest pair the one that is also closer to a third motion is taken
+//! The paper gives neither the threshold nor the formula of the "variance" by which motions are
+//! distinguished. Here the signature of motion k are the logarithms `s_ki = log10 cond` of its groups i, the
+//! distance of two motions is `D² = mean(d)² + var(d)`, `d_i = s_ki − s_li`, which is the mean of `d_i²`; of
+//! the closest pair the one that is also closer to a third motion is taken
 //! away, until as many are left as were asked for.
 
 use super::conditions::{Condition, Group, conditions};
 use super::{Candidate, SelectionError, check};
 
-/// A condition beyond this counts as this: nothing is told.
+/// A condition beyond this counts as this: nothing is reported.
 const WORST: f64 = 1e12;
 
 /// Returns the motions whose best group has a condition number below `threshold`, near-duplicates taken away until `count` are left,
@@ -41,7 +42,7 @@ pub fn choose(
     Ok(left)
 }
 
-/// Takes near-duplicates away until so many are left.
+/// Takes near-duplicates away until the given number is left.
 fn thin(left: &mut Vec<usize>, signatures: &[Vec<f64>], count: usize) {
     let distance = |a: usize, b: usize| square_distance(&signatures[a], &signatures[b]);
     // The nearest other one of each.

@@ -69,7 +69,7 @@ fn information(candidates: &[Candidate], set: &[usize]) -> DMatrix<f64> {
     })
 }
 
-/// What a set adds to the logarithm of the determinant.
+/// Returns what a set adds to the logarithm of the determinant.
 fn worth(candidates: &[Candidate], set: &[usize]) -> f64 {
     let columns = candidates[0].factor.parameters();
     information(candidates, set).determinant().ln() - columns as f64 * BEFOREHAND.ln()
@@ -88,7 +88,7 @@ fn the_greedy_choice_is_near_the_best_of_all_choices() {
             .map(|set| worth(&candidates, &set))
             .fold(f64::NEG_INFINITY, f64::max);
         assert!(own <= best + 1e-9 && own >= (1.0 - (-1.0_f64).exp()) * best, "{count}: {own} {best}");
-        // Not looking again at what cannot win changes nothing.
+        // Not examining again what cannot win changes nothing.
         let mut plain: Vec<usize> = Vec::new();
         for _ in 0..count {
             let with = |k: usize| worth(&candidates, &[plain.clone(), vec![k]].concat());

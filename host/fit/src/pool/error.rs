@@ -24,7 +24,7 @@ pub enum PoolError {
         /// Why.
         error: FactorFileError,
     },
-    /// The same readings stand in two factors.
+    /// The same readings are in two factors.
     #[error(
         "the recording {recording} is in it twice ({first} and {second}): counting the same noise twice would halve \
          the variance without knowing more; leave one of them out"
@@ -62,7 +62,7 @@ pub enum PoolError {
         /// The factor.
         name: String,
     },
-    /// Its runs have no value, or several, of a label that factors are told apart by.
+    /// Its runs have no value, or several, of a label that factors are distinguished by.
     #[error(
         "{name} cannot be sorted by the label {key}: {reason}; `rigident factor --label {key}=…` gives runs one"
     )]
@@ -71,7 +71,7 @@ pub enum PoolError {
         name: String,
         /// The key of the label.
         key: String,
-        /// What its runs have.
+        /// The labels of its runs.
         reason: String,
     },
     /// Nothing was given.

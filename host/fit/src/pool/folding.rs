@@ -1,7 +1,7 @@
-//! Runs of a merged factor that are no longer told apart: its size does not grow with their number.
+//! Runs of a merged factor that are no longer distinguished: its size does not grow with their number.
 //!
-//! What judging the residuals needs of a run adds up. Of the fingerprints the smallest are kept, which are a
-//! sample of all: the smallest of two sets together are those of the smallest of each. So a factor that is
+//! What judging the residuals needs of a run adds up. Of the fingerprints the smallest are stored, which are
+//! a sample of all: the smallest of two sets together are those of the smallest of each. So a factor that is
 //! merged with one that holds a good part of its recordings is noticed, a single recording seldom.
 
 use std::collections::{BTreeMap, HashMap};
@@ -15,14 +15,14 @@ use crate::{Checks, Identity, Noise};
 
 /// Runs that a factor names one by one at most.
 pub const MOST_NAMED: usize = 64;
-/// Fingerprints that are kept of folded runs.
+/// Fingerprints that are stored of folded runs.
 pub(crate) const SAMPLE: usize = 32;
 /// Pairs of runs with readings in common that are kept.
 pub(super) const OVERLAPS: usize = 16;
 /// Warnings that are kept of them.
 const WARNINGS: usize = 8;
 
-/// Holds what is left of several runs beside the sums that stand in their [`FactorSource`].
+/// Holds what is left of several runs beside the sums that are in their [`FactorSource`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Folded {
     /// The number of runs, two or more.
@@ -94,7 +94,7 @@ impl FactorSource {
         }
     }
 
-    /// Returns true if the two may be folded: of the same channels, and nothing told of one alone.
+    /// Returns true if the two may be folded: of the same channels, and nothing stated of one alone.
     fn is_like(&self, other: &Self) -> bool {
         let contradicted = |own: &Self| own.checks.as_ref().map(|checks| checks.contradicted);
         let name = |c: &SourceChannel| (c.name.clone(), c.unit.clone());

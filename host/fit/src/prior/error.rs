@@ -119,7 +119,7 @@ pub enum KnownError {
     Needs {
         /// The statement.
         name: String,
-        /// What is missing.
+        /// The missing part.
         needs: &'static str,
     },
     /// The data, or the other known values, say otherwise.
@@ -165,7 +165,7 @@ pub(super) fn plain(value: f64) -> String {
     if value == 0.0 || (1e-6..1e7).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
-/// A number of so many digits.
+/// Returns a number with the given digits.
 pub(super) fn significant(value: f64, digits: usize) -> String {
     plain(format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value))
 }

@@ -1,4 +1,4 @@
-//! What is known beforehand, as rows with a σ.
+//! The prior knowledge, as rows with a σ.
 //!
 //! `m = 20.013 ± 0.005` is one whitened row `m/σ = 20.013/σ` like any other. A centre of mass is
 //! `mcx − cx m = 0 ± σ m`: linear in φ, its σ taken at the estimated mass. A tensor about the centre of mass is

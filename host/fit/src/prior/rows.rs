@@ -7,11 +7,12 @@ use super::subject::{ELEMENT, Subject, trace};
 use super::{Known, KnownError, REFUSED_PROBABILITY};
 use crate::{Factor, Noise};
 
-/// The linearisation is renewed so often; the change is quadratic, and of second order in σ/m to begin with.
+/// The linearisation is renewed this often; the change is quadratic, and of second order in σ/m to begin
+/// with.
 const ROUNDS: usize = 4;
 
 /// A row `a φ = y ± σ` rounds the others by about `ε |a φ| / σ` of their standard deviations, as all share one
-/// triangle: σ is at least so many times `ε |a| (|φ| + sd)`, which leaves 1e-4 of a standard deviation.
+/// triangle: σ is at least this many times `ε |a| (|φ| + sd)`, which leaves 1e-4 of a standard deviation.
 const LEAST_SIGMA_OVER_ROUNDING: f64 = 1e4;
 
 /// `a φ = y ± σ`; a by the parameters that it is not zero for.
@@ -21,7 +22,7 @@ struct Row {
     sigma: f64,
 }
 
-/// What a factor says of φ.
+/// The information of a factor on φ.
 struct Point {
     phi: Vec<f64>,
     determined: Vec<bool>,
@@ -40,8 +41,8 @@ impl Point {
         Some([*value, self.covariance[(j, j)].max(0.0).sqrt()])
     }
 
-    /// What is rounded where the row is absorbed: `Σ |a_j| (|φ_j| + sd_j)` over what is determined, or y if that is
-    /// larger.
+    /// Returns what is rounded where the row is absorbed: `Σ |a_j| (|φ_j| + sd_j)` over what is determined,
+    /// or y if that is larger.
     fn size(&self, row: &Row) -> f64 {
         let parts = row.a.iter().filter_map(|(j, a)| {
             let [value, sd] = self.of_parameter(*j)?;
@@ -123,7 +124,7 @@ impl Known {
     }
 }
 
-/// Returns the probability of so many σ or more on either side.
+/// Returns the probability of the given number of σ or more on either side.
 pub(super) fn two_sided(deviation: f64, noise: Noise) -> f64 {
     if !deviation.is_finite() {
         return 0.0;
@@ -187,7 +188,7 @@ fn judge(
 ) -> Result<(), KnownError> {
     let least = least_sigma * so_far.size(row);
     if row.sigma < least {
-        // One digit more than is told, rounded up.
+        // One digit more than is stated, rounded up.
         let least = 1.05 * least * statement.sigma / row.sigma;
         return Err(KnownError::TooTight { name: statement.name.clone(), sigma: statement.sigma, least });
     }
@@ -196,7 +197,7 @@ fn judge(
     if two_sided(deviation, noise) >= REFUSED_PROBABILITY {
         return Ok(());
     }
-    // In the statement's own unit: `mcx − cx m` is told as a centre of mass.
+    // In the statement's own unit: `mcx − cx m` is stated as a centre of mass.
     let scale = statement.sigma / row.sigma;
     Err(KnownError::Contradiction {
         name: statement.name.clone(),

@@ -17,7 +17,7 @@ const OFFSETS: [&str; 6] =
 /// Axes of each tensor element in the order of the parameters.
 pub(super) const ELEMENT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [1, 2], [2, 0], [0, 1]];
 
-/// What a statement is about, by places among the fit's parameters.
+/// The subject of a statement, by places among the fit's parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Subject {
     /// One parameter.
@@ -31,7 +31,7 @@ pub(super) enum Subject {
     },
     /// An element of a link's tensor about its centre of mass, in its axes.
     Central {
-        /// Which of the six.
+        /// The index among the six.
         element: usize,
         /// The link's mass.
         mass: usize,
@@ -53,7 +53,7 @@ pub(super) enum Subject {
     },
 }
 
-/// A link of a model, whose standard parameters are looked for.
+/// A link of a model, whose standard parameters are searched for.
 struct Link<'a> {
     parameters: &'a [Parameter],
     /// The statement, for messages.
@@ -110,7 +110,7 @@ fn links(parameters: &[Parameter]) -> Vec<&str> {
 }
 
 impl Subject {
-    /// Finds what a name stands for.
+    /// Finds the quantity of a name.
     pub(super) fn named(statement: &str, parameters: &[Parameter]) -> Result<Self, KnownError> {
         if let Some(j) = parameters.iter().position(|p| p.name == statement) {
             return Ok(Self::Parameter(j));

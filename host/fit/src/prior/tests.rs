@@ -94,7 +94,7 @@ fn parameters_of_trees_are_known_by_their_names() {
     }
 }
 
-/// What is stated of a link whose parameters stand by themselves is what it is of a body.
+/// What is stated of a link whose parameters are separate is what it is of a body.
 #[test]
 fn a_link_s_centre_and_planes_are_those_of_a_body() {
     let fit = data(&truth(), 0.05);

@@ -1,7 +1,8 @@
 //! C3D: markers, analog channels and force plates in one binary file.
 //!
 //! Of the format's description (c3d.org): a header block of 512 bytes, a parameter section of groups and parameters, then frames.
-//! Each frame has all points, then so many samples of all analog channels. Numbers are Intel's, DEC's or MIPS', integers or floating.
+//! Each frame has all points, then a set number of samples of all analog channels. Numbers are Intel's, DEC's
+//! or MIPS', integers or floating.
 
 mod bytes;
 mod error;
@@ -42,7 +43,7 @@ pub struct C3d {
     pub analog: Vec<f32>,
     /// Force plates, in their order; those that are not described or not wired are left out.
     pub plates: Vec<Plate>,
-    /// What to know of what was read, in sentences.
+    /// The notes about what was read, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -143,7 +144,7 @@ fn unreadable(error: std::io::Error) -> C3dError {
     C3dError::Unreadable(error.to_string())
 }
 
-/// Where the frames are and how they are written.
+/// The place of the frames and the way they are written.
 struct Layout {
     frames: usize,
     points: usize,
@@ -208,7 +209,7 @@ impl Layout {
         })
     }
 
-    /// How many bytes a frame has, of a file of this length.
+    /// Returns how many bytes a frame has, of a file of this length.
     fn frame_bytes(&self, length: u64) -> Result<usize, C3dError> {
         let size = self.number_bytes();
         let frame_bytes = size * (4 * self.points + self.samples_per_frame * self.channels);
@@ -306,7 +307,7 @@ impl Scaling {
     }
 }
 
-/// How many frames there are: the parameters know of more than the header's sixteen bits.
+/// Returns how many frames there are: the parameters know of more than the header's sixteen bits.
 fn frames(bytes: Bytes, parameters: &Parameters) -> Result<usize, C3dError> {
     let field = |name: &'static str| -> Result<Option<i64>, C3dError> {
         let Some(words) = parameters.numbers("TRIAL", name)? else { return Ok(None) };

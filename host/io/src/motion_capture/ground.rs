@@ -1,4 +1,4 @@
-//! What the ground does to a person: wrenches of force plates in the laboratory's frame.
+//! The action of the ground on a person: wrenches of force plates in the laboratory's frame.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,21 +15,22 @@ pub struct GroundWrench {
     pub rate_hz: f64,
     /// Time of the first sample, s: of its middle.
     pub first_s: f64,
-    /// What each sample is the mean over, s.
+    /// The time that each sample is the mean over, s.
     pub mean_s: f64,
     /// Force and moment on the person about the laboratory's origin, laboratory axes, N and N m.
     pub wrench: Vec<[f32; 6]>,
 }
 
-/// Neighbouring samples are taken together as long as so many a second are left, ten times the highest cut-off that is chosen, …
+/// Neighbouring samples are taken together as long as this many a second are left, ten times the highest
+/// cut-off that is chosen, …
 const RATE_HZ: f64 = 150.0;
-/// … and so many a frame of markers: of a cut-off that is asked for that is eight times as many.
+/// … and this many a frame of markers: of a cut-off that is asked for that is eight times as many.
 const PER_FRAME: f64 = 2.0;
 
 /// More bytes than these are not asked for before they are there: the count may be wrong.
 const MOST_ROOM: usize = 1 << 28;
 
-/// Returns an empty list with room for so many: one that grows leaves holes in memory.
+/// Returns an empty list with room for the given number: one that grows leaves holes in memory.
 pub(super) fn with_room<T>(count: usize) -> Vec<T> {
     let mut list = Vec::new();
     // Without the room it grows.
@@ -46,7 +47,7 @@ pub(super) struct Means {
 }
 
 impl Means {
-    /// Of about so many samples a second, beside so many frames of so many a second.
+    /// Returns means for samples at about the given rate, beside the given number of frames at their rate.
     pub(super) fn new(rate_hz: f64, frames: usize, frames_hz: f64) -> Self {
         let together = (rate_hz / RATE_HZ.max(PER_FRAME * frames_hz)).floor().clamp(1.0, 1000.0) as usize;
         let samples = frames as f64 / frames_hz * rate_hz / together as f64;
@@ -62,7 +63,8 @@ impl Means {
         }
     }
 
-    /// The plate whose samples they were, so many a second from an instant on; what is left of them at the end is dropped.
+    /// Returns the plate whose samples they were, at the given rate from an instant on; what is left of them
+    /// at the end is dropped.
     pub(super) fn plate(
         self,
         name: String,

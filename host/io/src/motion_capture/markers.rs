@@ -9,12 +9,14 @@ use nalgebra::Vector3;
 pub struct Markers {
     count: usize,
     frames: usize,
-    /// Frames that are kept: the first of each piece, and its points, frame by frame; NaN where a marker was not seen.
+    /// Frames that are stored: the first of each piece, and its points, frame by frame; NaN where a marker
+    /// was not seen.
     pieces: Vec<(usize, Vec<[f32; 3]>)>,
 }
 
 impl Markers {
-    /// Returns the markers of frames that follow one another, so many a frame, m; NaN where one was not seen.
+    /// Returns the markers of frames that follow one another, the given number a frame, m; NaN where one was
+    /// not seen.
     pub fn new(count: usize, points_m: Vec<[f32; 3]>) -> Self {
         Self { count, frames: points_m.len() / count.max(1), pieces: vec![(0, points_m)] }
     }
@@ -32,7 +34,7 @@ impl Markers {
         p[0].is_finite().then(|| Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
     }
 
-    /// Whether no frame of a range, as far as it is in the recording, was dropped.
+    /// Returns whether no frame of a range, as far as it is in the recording, was dropped.
     pub fn has(&self, range: Range<usize>) -> bool {
         let end = range.end.min(self.frames);
         self.pieces
@@ -62,7 +64,7 @@ impl Markers {
                 };
                 points.get(at(range.start)..at(range.end)).filter(|own| !own.is_empty()).map(<[_]>::to_vec)
             };
-            // What is kept follows one another within one piece.
+            // What is stored follows one another within one piece.
             Some((range.start, self.pieces.iter().find_map(own)?))
         };
         self.pieces = joined.into_iter().filter(|range| !range.is_empty()).filter_map(piece).collect();

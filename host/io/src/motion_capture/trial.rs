@@ -24,7 +24,7 @@ pub enum TrialError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// The ending is none that is known.
@@ -35,7 +35,7 @@ pub enum TrialError {
     C3d {
         /// The file.
         name: String,
-        /// What is wrong.
+        /// The fault.
         error: C3dError,
     },
     /// It is no text file of OpenSim's that can be read.
@@ -43,17 +43,17 @@ pub enum TrialError {
     OpenSim {
         /// The file.
         name: String,
-        /// What is wrong.
+        /// The fault.
         error: OpenSimError,
     },
-    /// What it holds cannot be.
+    /// The content cannot be.
     #[error("{name}: {what}: {advice}")]
     Contents {
         /// The file.
         name: String,
-        /// What is wrong, with its numbers.
+        /// The fault, with its numbers.
         what: String,
-        /// What to do.
+        /// The advice.
         advice: String,
     },
 }
@@ -73,7 +73,7 @@ pub struct Trial {
     pub markers: Markers,
     /// Force plates, in the same axes.
     pub ground: Vec<GroundWrench>,
-    /// What to know.
+    /// The notes.
     pub notes: Vec<String>,
 }
 
@@ -337,7 +337,7 @@ impl Trial {
     }
 }
 
-/// Whether a plate's readings change at all: those of one that is plugged in are never all the same.
+/// Returns whether a plate's readings change at all: those of one that is plugged in are never all the same.
 fn changes(plate: &GroundWrench) -> bool {
     let mut wrenches = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
     let first = wrenches.next();

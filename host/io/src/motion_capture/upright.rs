@@ -1,7 +1,7 @@
 //! Markers and forces of a trial that come in two files and point upwards along different axes.
 //!
 //! People are taller than wide, so that markers tell which axis is vertical; the ground tells it by its push. How one is
-//! turned to the other about the vertical is told by the centre of pressure, which is under a foot.
+//! turned to the other about the vertical is recognised by the centre of pressure, which is under a foot.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
@@ -13,7 +13,7 @@ const TALLER: f64 = 1.35;
 /// Fewest markers that have an extent, and the least, m.
 const FEWEST: usize = 6;
 const SHORTEST_M: f64 = 0.5;
-/// Frames that are looked at.
+/// Frames that are examined.
 const LOOKED_AT: usize = 200;
 /// A foot is loaded by more than this, N.
 const LOADED_N: f64 = 100.0;
@@ -26,7 +26,7 @@ const CLEARLY: f64 = 1.5;
 /// Markers and forces of one trial.
 pub(super) struct Both<'a> {
     pub(super) markers: &'a Markers,
-    /// How many markers a frame has.
+    /// The number of markers in a frame.
     pub(super) labels: usize,
     /// Frames a second, and the time of the first, s.
     pub(super) rate_hz: f64,

@@ -6,14 +6,16 @@ use super::ground::GroundWrench;
 const STRETCH_S: f64 = 0.05;
 /// A load whose vertical force scatters by more within a stretch is a person's, N.
 const QUIET_N: f64 = 3.0;
-/// An unloaded plate is off by at most so much, N: a foot of somebody who sits rests on it with 40 N and more.
+/// An unloaded plate is off by at most this much, N: a foot of somebody who sits rests on it with 40 N and
+/// more.
 const LARGEST_OFFSET_N: f64 = 30.0;
 /// Stretches belong to the unloaded plate if their mean is so near the quietest level, N.
 const SAME_LEVEL_N: f64 = 4.0;
 /// Least time without load, s.
 const LEAST_S: f64 = 0.1;
 
-/// What a plate reads without load, N and N m about the laboratory's origin; `None` if it was always loaded.
+/// Returns what a plate reads without load, N and N m about the laboratory's origin; `None` if it was always
+/// loaded.
 ///
 /// The unloaded level is the one nearest zero at which the vertical force rests.
 pub fn offset(plate: &GroundWrench) -> Option<[f64; 6]> {
@@ -68,7 +70,8 @@ pub fn drift(plate: &GroundWrench) -> Option<f64> {
 /// Holds 1 σ of each force's zero of a plate that was always loaded, N. It is assumed: 0.01 N/s of drift over some minutes between the
 /// amplifiers' reset and a trial.
 pub const UNKNOWN_ZERO_N: f64 = 5.0;
-/// The same of each moment about the plate's middle, N m: its sensors stand about a quarter of a metre from there.
+/// The same of each moment about the plate's middle, N m: its sensors are about a quarter of a metre from
+/// there.
 pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;
 
 /// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height zero, m.
@@ -96,7 +99,7 @@ pub fn take_off(plate: &mut GroundWrench, offset: &[f64; 6]) {
 mod tests {
     use super::*;
 
-    /// A plate that is stepped on in the middle of three seconds, with a zero that moves by so much.
+    /// A plate that is stepped on in the middle of three seconds, with a zero that moves by this much.
     fn plate(drift: f64) -> GroundWrench {
         let sample = |k: usize| {
             let load = if (100..200).contains(&k) { 700.0 + 50.0 * (0.3 * k as f64).sin() } else { 0.0 };

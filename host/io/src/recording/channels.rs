@@ -1,5 +1,5 @@
-//! What a channel's own readings say of its sensor: one that never changes is dead, a lone reading far off its neighbours is a
-//! spike.
+//! The evidence of a channel's own readings about its sensor: one that never changes is dead, a lone reading
+//! far off its neighbours is a spike.
 //!
 //! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there to compare it
 //! with.
@@ -13,9 +13,10 @@ const EFFORTS: [&str; 2] = ["_nm", "_n"];
 const MOTION: [&str; 4] = ["_rad", "_radps", "_m", "_mps"];
 /// Fewer rows say nothing of a channel.
 const LEAST_ROWS: usize = 50;
-/// A spike is so many times as far from the mean of its two neighbours as white noise is on average.
+/// A spike is this many times as far from the mean of its two neighbours as white noise is on average.
 const SPIKE_SD: f64 = 20.0;
-/// And so many times as far as any other reading near it: noise comes near two there, and smooth motion near one.
+/// And this many times as far as any other reading near it: noise comes near two there, and smooth motion
+/// near one.
 const SPIKE_SHARE: f64 = 8.0;
 /// Readings on either side that may belong to the same spike, and up to which others are compared.
 const OWN: usize = 3;
@@ -148,7 +149,7 @@ impl Recording {
     }
 
     /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells of them by channel.
-    /// Wrench and efforts are not looked at: rows that they have spoilt weigh less in the fit.
+    /// Wrench and efforts are not examined: rows that they have spoilt weigh less in the fit.
     pub fn leave_out_spikes(&mut self) {
         if self.is_static || self.rows() < LEAST_ROWS {
             return;
@@ -217,7 +218,7 @@ impl Recording {
             .map(move |(k, name)| Channel { name, values: self.column(group, k) })
     }
 
-    /// Keeps so many rows, the first ones.
+    /// Keeps the given number of rows, the first ones.
     pub fn keep_first(&mut self, rows: usize) {
         let keep: Vec<bool> = (0..self.rows()).map(|row| row < rows).collect();
         self.keep_rows(&keep);

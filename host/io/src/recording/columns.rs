@@ -88,7 +88,7 @@ pub enum Known {
 }
 
 impl Known {
-    /// What a column of this name means.
+    /// Returns what a column of this name means.
     pub fn parse(name: &str) -> Option<Self> {
         if name == TIME {
             return Some(Self::Time);

@@ -34,7 +34,7 @@ const TIMES: &[&str] = &[
     "abszeit",
 ];
 
-/// Words that stand before or after an axis, and the quantity.
+/// Words before or after an axis, and the quantity.
 const WORDS: &[(Quantity, &[&str])] = &[
     (Quantity::Force, &["f", "force", "forces", "kraft", "frc"]),
     (Quantity::Moment, &["m", "t", "moment", "moments", "torque", "torques", "drehmoment", "mom", "trq"]),
@@ -74,7 +74,7 @@ const WORDS: &[(Quantity, &[&str])] = &[
     ),
 ];
 
-/// What a column of another program's file is by its name.
+/// The meaning of a column of another program's file by its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Meaning {
     /// Name of the column here: `fx_n`.
@@ -161,7 +161,7 @@ pub fn units_above(lines: &[String]) -> Vec<(Quantity, String)> {
     for (quantity, key) in [(Quantity::Force, "force unit"), (Quantity::Moment, "torque unit")] {
         for line in lines {
             let low = line.to_lowercase();
-            // Lengths in bytes are those of the line where nothing but ASCII stands.
+            // Lengths in bytes are those of the line where there is nothing but ASCII.
             let Some(at) = low.find(key).filter(|_| line.is_ascii()) else { continue };
             let rest = line.get(at + key.len()..).unwrap_or_default();
             let value = rest.trim_start_matches(['s', 'S', ':', ';', ',', '=', '"', '\t', ' ']);

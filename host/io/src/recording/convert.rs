@@ -8,14 +8,14 @@ use super::mcap::write::WriteError;
 use super::new_file::{RefusedWrite, write_new, write_new_text};
 use super::{Recording, extension, rig_path};
 
-/// What a conversion wrote.
+/// The output of a conversion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Converted {
     /// The new recording and, beside a CSV file, its rig file.
     pub files: Vec<PathBuf>,
     /// Rows in it.
     pub rows: usize,
-    /// What was noticed on reading.
+    /// The warnings of the reading.
     pub warnings: Vec<String>,
 }
 

@@ -24,7 +24,7 @@ use crate::rig::{ColumnSource, Quantity, RecordingTable, RigFile, Unit, WrenchSi
 /// The longest line, bytes: a hundred thousand columns and more.
 const LONGEST_LINE: usize = 16 << 20;
 
-/// What becomes of a column's cells.
+/// The destination of a column's cells.
 enum Sink {
     /// The time.
     Time { scale: f64, times: Vec<Time> },
@@ -56,11 +56,11 @@ pub(super) struct Reader<'a> {
     above: Vec<String>,
     /// Columns that hold times of day.
     clocks: Vec<usize>,
-    /// Where its columns were found by their names and units.
+    /// The statement that its columns were found by their names and units.
     assumed: Option<String>,
     /// The program that wrote the file, where its way of writing counts.
     program: Option<&'static str>,
-    /// What was noticed.
+    /// The warnings.
     warnings: Vec<String>,
 }
 
@@ -290,7 +290,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// What each column is, by its name or by the rig file.
+    /// Returns what each column is, by its name or by the rig file.
     fn assign(&self, header: Vec<String>) -> Result<Vec<Column>, RecordingError> {
         let mapping = &self.rig.recording.columns;
         let mut sources = BTreeMap::new();
@@ -480,7 +480,7 @@ impl<'a> Reader<'a> {
         if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
             self.comments.retain(|(key, _)| key != "wrench_sign");
         }
-        // What stands above the header is kept; an equals sign would make it a key.
+        // What is above the header is retained; an equals sign would make it a key.
         let above = self.above.iter().map(|line| (String::new(), line.replace('=', ":")));
         recording.comments = self.comments.into_iter().chain(above).collect();
         if !of_file {
@@ -620,7 +620,7 @@ fn header(line: &str, separator: u8) -> Option<Vec<String>> {
     Some(reader.headers().ok()?.iter().map(str::to_owned).collect())
 }
 
-/// What the system said, as it said it: a full disk is told from other failures by its kind.
+/// Returns what the system said, as it said it: a full disk is distinguished from other failures by its kind.
 fn of_system(error: csv::Error) -> std::io::Error {
     match error.into_kind() {
         csv::ErrorKind::Io(error) => error,

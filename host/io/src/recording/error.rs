@@ -10,7 +10,7 @@ pub enum RecordingError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// It cannot be written.
@@ -18,7 +18,7 @@ pub enum RecordingError {
     Unwritable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// A file of that name is there.
@@ -57,7 +57,7 @@ pub enum RecordingError {
         line: u64,
         /// Name of the column.
         column: Option<String>,
-        /// What is wrong, and what to do.
+        /// The fault, and the advice.
         reason: String,
     },
     /// Something is wrong with a number of an array.
@@ -69,7 +69,7 @@ pub enum RecordingError {
         index: u64,
         /// Name of the column.
         column: String,
-        /// What is wrong, and what to do.
+        /// The fault, and the advice.
         reason: String,
     },
     /// The columns are not those of a recording.
@@ -77,7 +77,7 @@ pub enum RecordingError {
     Columns {
         /// The recording.
         name: String,
-        /// What is wrong, and what to do.
+        /// The fault, and the advice.
         reason: String,
     },
     /// A message of an MCAP file.
@@ -89,7 +89,7 @@ pub enum RecordingError {
         topic: String,
         /// Its number on the topic, from 1.
         message: usize,
-        /// What is wrong, and what to do.
+        /// The fault, and the advice.
         reason: String,
     },
     /// The rig file.

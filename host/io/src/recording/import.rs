@@ -24,7 +24,7 @@ pub struct FileColumn {
     pub name: String,
     /// Its unit, if the file says it.
     pub unit: Option<String>,
-    /// What it is by its name and unit.
+    /// The meaning by its name and unit.
     pub meaning: Option<Meaning>,
     /// It holds times of day.
     pub is_clock: bool,
@@ -32,12 +32,12 @@ pub struct FileColumn {
     pub cells: Vec<String>,
 }
 
-/// How a file is written, and its columns.
+/// The format of a file, and its columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Understood {
     /// The file's name.
     pub file: String,
-    /// How it is written, by what is said of it: `encoding`, `separator`, `numbers`.
+    /// The format, by what is said of it: `encoding`, `separator`, `numbers`.
     pub written: Vec<(&'static str, String)>,
     /// Line of its header or, if that is above it, of its row of units; `None` of a file of columns.
     pub header_line: Option<u64>,
@@ -46,7 +46,7 @@ pub struct Understood {
     bytes: Vec<u8>,
 }
 
-/// What a user says of a file beyond what is found.
+/// A user's statements about a file beyond what is found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choices {
     /// Columns here, each with its name in the file and its unit.
@@ -270,7 +270,7 @@ impl Understood {
     }
 }
 
-/// What a user is to say before a rig file can be written.
+/// The statements that a user is to make before a rig file can be written.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Undecided {
     /// Units of columns.

@@ -26,7 +26,7 @@ use self::columns::{Group, Known, TIME};
 pub use self::error::RecordingError;
 use crate::rig::{RigFile, files_outside};
 
-/// A step longer than so many periods is a gap.
+/// A step longer than this many periods is a gap.
 const GAP: f64 = 1.5;
 
 /// Columns of one IMU; its halves may be missing one by one.
@@ -44,7 +44,7 @@ pub struct ImuColumns {
 pub struct Recording {
     /// Its name, without folder and ending.
     pub name: String,
-    /// What it was taken with.
+    /// The rig that it was taken with.
     pub rig: RigFile,
     /// Text of the rig file it was read with, if there was one.
     pub rig_text: Option<String>,
@@ -72,16 +72,16 @@ pub struct Recording {
     pub attitudes: Vec<(usize, Vec<[f64; 4]>)>,
     /// Groups that were made of others and are no sensor's own readings: they may rest, to the last digit.
     pub derived: Vec<Group>,
-    /// Other columns, kept as they are.
+    /// Other columns, stored as they are.
     pub extra: Vec<(String, Vec<String>)>,
     /// `key = value` of the comment lines, values as TOML writes them; a line that is no such pair has an empty
     /// key.
     pub comments: Vec<(String, String)>,
     /// Names of the columns in the order of the file; empty if it does not matter.
     pub order: Vec<String>,
-    /// What was noticed on reading.
+    /// The warnings of the reading.
     pub warnings: Vec<String>,
-    /// Where the columns were found, if by the names and units that another program gave them: in words.
+    /// The places of the columns, if found by the names and units that another program gave them: in words.
     pub assumed: Option<String>,
     /// Line of the first row in the file, if it is not the one after comments and header.
     pub first_line: Option<u64>,
@@ -133,7 +133,7 @@ impl Recording {
         if self.order.is_empty() { self.name.clone() } else { format!("{}.csv", self.name) }
     }
 
-    /// Where a row, counted from 0, is in the file: its line in a CSV.
+    /// Returns where a row, counted from 0, is in the file: its line in a CSV.
     pub fn place(&self, row: usize) -> String {
         if self.order.is_empty() {
             return format!("row {}", row + 1);
@@ -143,7 +143,7 @@ impl Recording {
         format!("line {}", row as u64 + first)
     }
 
-    /// Names of all columns: in the order of the file they came from, new ones after them.
+    /// Names of all columns: in the order of the file they are from, new ones after them.
     pub fn column_names(&self) -> Vec<String> {
         let mut names = Vec::new();
         if !self.is_static {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{GAP, Recording};
 
-/// What a recording holds, and what its motion lets be seen.
+/// The content of a recording, and what its motion lets be seen.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Overview {
     /// Rows.

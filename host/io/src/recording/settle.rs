@@ -9,7 +9,7 @@ use crate::rig::WrenchSign;
 const RATE_TOLERANCE: f64 = 0.01;
 /// Stamps jitter if their standard deviation is this share of a period or more.
 const LEAST_JITTER: f64 = 0.1;
-/// Stamps that are made even are at most so many periods off.
+/// Stamps that are made even are at most this many periods off.
 const MOST_JITTER: f64 = 3.0;
 /// The norm of an attitude differs from one by at most this.
 const UNIT_TOLERANCE: f64 = 0.01;

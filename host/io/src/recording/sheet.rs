@@ -17,7 +17,7 @@ use crate::parquet_file::guarded_as;
 use crate::rig::DecimalMark;
 
 const TORN: &str = "as a workbook it is damaged or cut off";
-/// Sheets that are looked at.
+/// Sheets that are examined.
 const MOST_SHEETS: usize = 256;
 /// The last column up to which rows are filled with empty cells.
 const MOST_PADDED: u32 = 1024;
@@ -190,7 +190,7 @@ fn stamp(time: &ExcelDateTime) -> String {
     if day == 0 && time.is_datetime() {
         return clock;
     }
-    // Which day is the first is not told directly: both ways of counting are four years apart.
+    // Which day is the first is not stated directly: both ways of counting are four years apart.
     let (shown, ..) = time.to_ymd_hms_milli();
     let (year, ..) = date(day - EPOCH);
     day -= if (i64::from(shown) - year).abs() >= 3 { EPOCH_1904 } else { EPOCH };

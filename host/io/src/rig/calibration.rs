@@ -1,4 +1,5 @@
-//! The calibration of a rig: what a body of known properties told of the errors of its sensors and of their mounting.
+//! The calibration of a rig: what a body of known properties shows of the errors of its sensors and of their
+//! mounting.
 //!
 //! Lives here: the file and the `[calibration]` table of a rig file, and whether the one belongs to the other. How a calibration
 //! is made is in `rigident::reference`; what it is to a fit, a prior, in `rigident::problem::body::errors`.
@@ -16,7 +17,7 @@ use rigident_fit::{Fingerprint, Gaussian};
 /// Days that a calibration is valid for, unless it says otherwise.
 pub const VALID_DAYS: u32 = 365;
 
-/// The clock of the computer that made a calibration may be ahead by so much.
+/// The clock of the computer that made a calibration may be ahead by this much.
 const CLOCKS: Duration = Duration::from_secs(86_400);
 /// Geometry that differs by less, m or relative, is the same.
 const SAME: f64 = 1e-9;
@@ -280,7 +281,7 @@ impl RigCalibration {
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// Returns the fingerprint of readings as it stands in the file.
+    /// Returns the fingerprint of readings as it is in the file.
     pub fn fingerprint(readings: u64) -> String {
         format!("{readings:016x}")
     }

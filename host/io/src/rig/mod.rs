@@ -123,7 +123,7 @@ pub struct RecordingTable {
     pub labels: BTreeMap<String, String>,
 }
 
-/// Gravity's direction in a base that stands upright.
+/// Gravity's direction in a base that is upright.
 pub const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 
 fn is_down(direction: &[f64; 3]) -> bool {
@@ -812,7 +812,7 @@ pub struct RotationMatrixTable {
 }
 
 impl RotationMatrixTable {
-    /// Whether it is `R_AS`; else it is `R_SA`.
+    /// Returns whether it is `R_AS`; else it is `R_SA`.
     pub fn is_s_in_a(&self) -> bool {
         self.frame == "S in A"
     }

@@ -22,7 +22,7 @@ pub enum RigFileError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// Not TOML, an unknown key, a value of the wrong kind.
@@ -32,7 +32,7 @@ pub enum RigFileError {
         file: Option<String>,
         /// Line and column, in characters, both from 1.
         place: Option<(usize, usize)>,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// A value that makes no sense.
@@ -44,9 +44,9 @@ pub enum RigFileError {
         line: Option<usize>,
         /// The key.
         key: String,
-        /// What stands there.
+        /// The text there.
         value: String,
-        /// What should.
+        /// The advice.
         advice: String,
     },
 }
@@ -205,7 +205,7 @@ fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     Some((key, expected.split('`').skip(1).step_by(2).collect()))
 }
 
-/// Where a value stands: `imu[0].position_m`.
+/// Returns the place of a value: `imu[0].position_m`.
 fn locate(text: &str, path: &str) -> Option<usize> {
     let document = DeTable::parse(text).ok()?;
     let mut table = Some(document.get_ref());

@@ -1,4 +1,4 @@
-//! `[suspension]`: a platform that hangs or stands on springs, and moves freely on them.
+//! `[suspension]`: a platform that hangs or rests on springs, and moves freely on them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

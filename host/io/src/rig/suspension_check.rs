@@ -1,4 +1,4 @@
-//! Whether `[suspension]` can be: every complaint is the key below it, what stands there, and what should.
+//! Whether `[suspension]` can be: every complaint is the key below it, what is there, and what should.
 
 use nalgebra::{Matrix6, SymmetricEigen};
 

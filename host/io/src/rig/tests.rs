@@ -89,7 +89,7 @@ fn every_key_of_the_format_is_read_and_written() {
     assert_eq!(RigFile::parse("").unwrap(), RigFile::default());
 }
 
-/// What stands in the file, and the words that its message must hold.
+/// The content of the file, and the words that its message must hold.
 #[test]
 fn what_makes_no_sense_is_named_with_its_line() {
     for (text, words) in [

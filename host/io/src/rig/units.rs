@@ -1,6 +1,6 @@
 //! Units by name, as rig files and the headers of other programs' files write them: `N mm`, `deg/s`, `m/s²`.
 
-/// What a unit measures.
+/// The quantity of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Time, SI unit s.
@@ -26,7 +26,7 @@ pub enum Quantity {
 /// A unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// What it measures.
+    /// The quantity measured.
     pub quantity: Quantity,
     /// Its size in the SI unit.
     pub scale: f64,

@@ -2,8 +2,8 @@
 //!
 //! By the vendor's manual 9620-05-NET FT: a request of 8 bytes to UDP port 49152 (header 0x1234, command 2 to stream, count 0
 //! without end; command 0 stops) is answered by records of 36 bytes: `rdt_sequence`, `ft_sequence`, status, six counts. Counts per
-//! force and per torque are told by `http://HOST/netftapi2.xml` (`cfgcpf`, `cfgcpt`, units `scfgfu`, `scfgtu`, rate `comrdtrate`),
-//! or by READCALINFO on TCP port 49151. All numbers are big-endian.
+//! force and per torque are given by `http://HOST/netftapi2.xml` (`cfgcpf`, `cfgcpt`, units `scfgfu`,
+//! `scfgtu`, rate `comrdtrate`), or by READCALINFO on TCP port 49151. All numbers are big-endian.
 
 use std::io::Write;
 use std::net::UdpSocket;
@@ -29,7 +29,7 @@ pub const RECORD: usize = 36;
 const IS_FAULTY: u32 = 1 << 31;
 /// A page of the sensor is no longer than this.
 const MOST_PAGE: usize = 1 << 20;
-/// Asked again after so long without a record: a request may be lost as any datagram.
+/// Asked again after this long without a record: a request may be lost as any datagram.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Holds a record as it is sent.
@@ -75,7 +75,7 @@ pub struct Calibration {
     pub newton: f64,
     /// N m for a count of a torque.
     pub newton_metre: f64,
-    /// Records a second, if told.
+    /// Records a second, if given.
     pub rate_hz: Option<f64>,
 }
 
@@ -206,7 +206,7 @@ impl Decoder {
     }
 }
 
-/// Any rate does where none is told: the arrivals tell it.
+/// Any rate does where none is given: the arrivals determine it.
 const NOMINAL_HZ: f64 = 1000.0;
 
 /// Reads a sensor that streams.
@@ -312,7 +312,7 @@ impl Source for Ati {
             Err(error) if is_patience(&error) || error.kind() == std::io::ErrorKind::ConnectionRefused => {
                 if self.heard.elapsed() > ASK_AGAIN {
                     self.heard = Instant::now();
-                    // Nobody may be there yet; the silence is told by whoever waits.
+                    // Nobody may be there yet; the silence is reported by whoever waits.
                     let _ = self.socket.send(&request(STREAM));
                 }
                 Ok(())

@@ -6,7 +6,7 @@ fn bytes(sequence: u32, status: u32, counts: [i32; 6]) -> Vec<u8> {
     words.into_iter().chain(counts.map(i32::to_be_bytes)).flatten().collect()
 }
 
-/// The request that streams without end stands in the vendor's manual: 12 34 00 02 00 00 00 00.
+/// The request that streams without end is in the vendor's manual: 12 34 00 02 00 00 00 00.
 #[test]
 fn the_request_is_the_manuals() {
     assert_eq!(request(STREAM), [0x12, 0x34, 0, 2, 0, 0, 0, 0]);

@@ -1,4 +1,4 @@
-//! How a source's clock goes against this computer's, by the arrivals of its samples.
+//! The rate of a source's clock against this computer's, by the arrivals of its samples.
 //!
 //! A sample that was taken at t of its own clock arrives at `a = offset + rate · t + delay`, and delays are never negative but now
 //! and then next to nothing. So the line that lies below all points (t, a) and closest to them on average is the clock's, but for
@@ -64,7 +64,8 @@ impl ArrivalLine {
         self.hull.push((own_s, here_s));
     }
 
-    /// Returns the line, `None` before anything came. Over less than half a second the rate is taken as one.
+    /// Returns the line, `None` before anything arrived. Over less than half a second the rate is taken as
+    /// one.
     pub fn line(&self) -> Option<ClockLine> {
         let (first, last) = (self.hull.first()?, self.hull.last()?);
         if last.0 - first.0 < LEAST_SPAN_S {

@@ -9,17 +9,17 @@ use std::time::{Duration, Instant};
 use super::source::{Losses, OwnClock, Row, Source, SourceError};
 use crate::recording::columns::Group;
 
-/// How long a thread waits before it looks whether to end.
+/// The time that a thread waits before it checks whether to end.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-/// Holds what came of a source.
+/// Holds what arrived from a source.
 #[derive(Debug)]
 pub struct Arrival {
-    /// Which, in the order in which they were given.
+    /// The number, in the order in which they were given.
     pub source: usize,
-    /// When, ns after the feeds began.
+    /// The time, ns after the feeds began.
     pub at_ns: i64,
-    /// What, or why no more comes.
+    /// The rows, or why no more come.
     pub rows: Result<Vec<Row>, SourceError>,
 }
 
@@ -30,7 +30,7 @@ pub struct Described {
     pub groups: Vec<Group>,
     /// Its clock.
     pub clock: OwnClock,
-    /// What to look at if it falls silent.
+    /// The parts to check if it falls silent.
     pub when_silent: String,
 }
 
@@ -77,13 +77,13 @@ impl Feeds {
         nanoseconds(&self.begun)
     }
 
-    /// Waits up to so long for something to come.
+    /// Waits up to the given time for something to arrive.
     pub fn next(&self, timeout: Duration) -> Option<Arrival> {
         match self.arrivals.recv_timeout(timeout) {
             Ok(arrival) => Some(arrival),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => {
-                // Everything has ended and was told.
+                // Everything has ended and was reported.
                 std::thread::sleep(timeout);
                 None
             }

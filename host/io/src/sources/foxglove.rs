@@ -26,7 +26,7 @@ const LOOK_AT: &str =
 /// Of this subscription messages are.
 const SUBSCRIPTION: u32 = 1;
 const MESSAGE_DATA: u8 = 1;
-/// So many messages in a row that cannot be read end the stream.
+/// This many consecutive messages that cannot be read end the stream.
 const USELESS: u32 = 20;
 
 /// Describes a channel that a server advertises.
@@ -291,7 +291,7 @@ impl Bridge {
     /// Connects, finds the topic and waits for its first message.
     ///
     /// # Errors
-    /// Nobody is there, it is no bridge, or there is no such topic: those there are are told.
+    /// Nobody is there, it is no bridge, or there is no such topic: the existing topics are listed.
     pub fn open(url: &SourceUrl, role: Role) -> Result<Self, SourceError> {
         let by_header = match url.setting("stamp") {
             None | Some("header") => true,

@@ -26,11 +26,11 @@ const BAUD: u32 = 115_200;
 const MOST: usize = 4096;
 /// Names of a column that counts lines.
 const COUNTS: [&str; 2] = ["seq", "sequence"];
-/// So many lines in a row that are no samples end the stream.
+/// This many consecutive lines that are no samples end the stream.
 const USELESS: u32 = 100;
 /// A time that is further ahead of the last, ns, is believed if the next line goes on from it.
 const FAR_NS: i64 = 5_000_000_000;
-/// A sender that was silent for so long may have begun anew from another port.
+/// A sender that was silent for this long may have begun anew from another port.
 const SILENT: Duration = Duration::from_secs(3);
 
 /// A number in a line.
@@ -41,7 +41,7 @@ struct Cell {
     offset: f64,
 }
 
-/// What the cells of a line are.
+/// The meaning of the cells of a line.
 #[derive(Clone, Debug)]
 struct Layout {
     separator: char,
@@ -294,15 +294,15 @@ impl Decoder {
     }
 }
 
-/// Where lines come from.
+/// The origin of lines.
 enum Line {
     Serial(Box<dyn serialport::SerialPort>),
     Udp(UdpSocket, Sender),
-    /// A thread reads, as nobody can wait for standard input for so long and no longer.
+    /// A thread reads, as nobody can wait for standard input for a limited time.
     Input(Receiver<Vec<u8>>),
 }
 
-/// Whose datagrams are taken: those of the first who sent something of use.
+/// The sender whose datagrams are taken: those of the first who sent something of use.
 #[derive(Debug, Default)]
 struct Sender {
     /// Addresses of the host that was asked for; none: anybody's.

@@ -89,7 +89,7 @@ pub struct Packages {
 }
 
 impl Packages {
-    /// Takes what came.
+    /// Takes what arrived.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.bytes.drain(..self.at);
         self.at = 0;

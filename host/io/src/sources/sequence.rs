@@ -5,15 +5,15 @@
 pub enum Order {
     /// It follows the last one.
     Next,
-    /// So many between the last one and it are missing.
+    /// This number between the last one and it is missing.
     After(u64),
-    /// It came already, or is older than one that did.
+    /// It arrived already, or is older than one that did.
     Late,
     /// The sender has begun to count anew.
     Anew,
 }
 
-/// Counts samples by numbers of so many bits.
+/// Counts samples by numbers of the given number of bits.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     modulus: u64,
@@ -21,7 +21,7 @@ pub struct Sequence {
     last: Option<u64>,
 }
 
-/// So far back a number may lie and still be one of a sample that came late.
+/// The distance back at which a number may still be one of a sample that arrived late.
 const LATE: u64 = 1000;
 
 impl Sequence {

@@ -1,4 +1,4 @@
-//! Sockets and lines that wait for so long and no longer.
+//! Sockets and lines that wait for a limited time.
 
 use std::io::{self, Read as _};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
@@ -8,7 +8,7 @@ use super::SourceError;
 use super::url::SourceUrl;
 use crate::stop;
 
-/// How long a host may take to answer.
+/// The time that a host may take to answer.
 pub const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Returns the addresses of a host.
@@ -27,7 +27,7 @@ pub fn resolve(url: &SourceUrl, host: &str, port: u16) -> Result<Vec<SocketAddr>
 /// Connects by TCP.
 ///
 /// # Errors
-/// Nobody answers, with what to look at.
+/// Nobody answers, with what to check.
 pub fn tcp(url: &SourceUrl, host: &str, port: u16, look_at: &str) -> Result<TcpStream, SourceError> {
     let mut last = String::new();
     for address in resolve(url, host, port)? {
@@ -90,7 +90,7 @@ pub fn serial(url: &SourceUrl, default_baud: u32) -> Result<Box<dyn serialport::
     })
 }
 
-/// Reads what there is of a serial port, waiting up to so long; 0 if nothing came.
+/// Reads what there is of a serial port, waiting up to the given time; 0 if nothing arrived.
 ///
 /// # Errors
 /// The port is gone.

@@ -1,4 +1,4 @@
-//! What a source is: samples with the time of its own clock, and what was lost of them.
+//! The samples of a source with the time of its own clock, and what was lost of them.
 
 use std::fmt;
 use std::time::Duration;
@@ -40,7 +40,8 @@ impl fmt::Display for Role {
 /// Holds one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// When it was taken by the source's own clock, ns after that clock's zero; `None` if the source does not say.
+    /// The time of it by the source's own clock, ns after that clock's zero; `None` if the source does not
+    /// say.
     pub time_ns: Option<i64>,
     /// The columns of the source's groups, in their order, SI units.
     pub values: Vec<f64>,
@@ -60,9 +61,9 @@ pub enum OwnClock {
 /// Counts what did not come, or was of no use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
-    /// Samples that never came, by their sequence numbers.
+    /// Samples that never arrived, by their sequence numbers.
     pub lost: u64,
-    /// Samples that came twice, or after later ones.
+    /// Samples that arrived twice, or after later ones.
     pub late: u64,
     /// Pieces that are no samples: a wrong check sum, a cut line, a number that is none.
     pub damaged: u64,
@@ -70,7 +71,7 @@ pub struct Losses {
     pub others: u64,
     /// Samples that the sensor itself says are wrong.
     pub faulty: u64,
-    /// What the sensor said of the last of these.
+    /// The status that the sensor gave of the last of these.
     pub status: Option<u32>,
 }
 
@@ -82,7 +83,7 @@ pub enum SourceError {
     Url {
         /// As given.
         url: String,
-        /// What is wrong with it, and how it is to be.
+        /// The fault in it, and how it is to be.
         reason: String,
     },
     /// Nobody is there.
@@ -90,7 +91,7 @@ pub enum SourceError {
     Unreachable {
         /// As given.
         url: String,
-        /// What the system says, and what to look at.
+        /// The message of the system, and what to check.
         reason: String,
     },
     /// Somebody is there and says something else.
@@ -98,7 +99,7 @@ pub enum SourceError {
     Protocol {
         /// As given.
         url: String,
-        /// What was said, and what to do.
+        /// The message, and the advice.
         reason: String,
     },
     /// The source has come to its end, as a file does.
@@ -114,7 +115,7 @@ pub trait Source: Send {
     /// Returns what its times are of.
     fn clock(&self) -> OwnClock;
 
-    /// Waits up to so long for samples, and appends what came.
+    /// Waits up to the given time for samples, and appends what arrived.
     ///
     /// # Errors
     /// [`SourceError`] ends the stream.
@@ -123,6 +124,6 @@ pub trait Source: Send {
     /// Returns what has been lost until now.
     fn losses(&self) -> Losses;
 
-    /// Says in words what to look at if it falls silent.
+    /// Says in words what to check if it falls silent.
     fn when_silent(&self) -> String;
 }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use super::SourceError;
 
-/// Tells what stands before an address.
+/// Tells the prefix of an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// `ati+udp://HOST[:PORT]`
@@ -39,7 +39,7 @@ const SCHEMES: [(&str, Scheme, &[&str]); 6] = [
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceUrl {
     text: String,
-    /// How it is spoken to.
+    /// The protocol.
     pub scheme: Scheme,
     /// Host and port, device, or nothing.
     pub place: String,

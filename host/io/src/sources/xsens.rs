@@ -27,9 +27,9 @@ const RATE_OF_TURN: u16 = 0x8020;
 const TICK_NS: i64 = 100_000;
 /// A message is no longer than this, by the protocol.
 const MOST: usize = 2048;
-/// After so many messages without a sample it is said what they lack.
+/// After this many messages without a sample it is said what they lack.
 const MESSAGES: u32 = 50;
-/// And after so many bytes without a message.
+/// And after this many bytes without a message.
 const BYTES: u64 = 20_000;
 
 /// Holds what one message says.
@@ -227,7 +227,7 @@ enum Piece<'a> {
     Whole { kind: u8, data: &'a [u8], length: usize },
 }
 
-/// Looks for a message at a preamble.
+/// Searches for a message at a preamble.
 fn message(bytes: &[u8]) -> Piece<'_> {
     let (head, long) = match bytes {
         [_, bus, ..] if *bus != BUS => return Piece::None,
@@ -261,7 +261,8 @@ impl Xsens {
     /// The port cannot be opened, or messages lack what is needed.
     pub fn open(url: &SourceUrl) -> Result<Self, SourceError> {
         let port = serial(url, BAUD)?;
-        // What waits on the line is older than it looks: its times would not go with its arrivals. A line that cannot be emptied is read as it is.
+        // What waits on the line is older than it appears: its times would not go with its arrivals. A line
+        // that cannot be emptied is read as it is.
         let _ = port.clear(serialport::ClearBuffer::Input);
         let mut source = Self { url: url.clone(), port, decoder: Decoder::default(), first: Vec::new() };
         let begun = std::time::Instant::now();

@@ -19,7 +19,7 @@ pub(super) fn without(rules: &[Rule], present: &[usize], reach: f64) -> Vec<Rule
     });
     let pivoted = Columns { rows: rules.len(), data: natural.as_slice().to_vec() }.pivot();
     let rank = rank(&pivoted.diagonal, pivoted.floor, rules.len().min(present.len()));
-    // Those that stood for a rule before, base first, if they do; otherwise the best conditioned.
+    // Those that represented a rule before, base first, if they do; otherwise the best conditioned.
     let leads = rules.iter().filter_map(|rule| present.iter().position(|c| *c == rule.column));
     let others = 0..present.len();
     let mut chosen = independent(&natural, leads.chain(others), rank);
@@ -56,7 +56,7 @@ pub(super) fn without(rules: &[Rule], present: &[usize], reach: f64) -> Vec<Rule
 /// Weights of less, in natural units of the order of one, are rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// The first so many columns of an order that do not depend on those before.
+/// Returns the first columns of an order that do not depend on those before, at most the given number.
 fn independent(matrix: &DMatrix<f64>, order: impl Iterator<Item = usize>, most: usize) -> Vec<usize> {
     let mut basis: Vec<DVector<f64>> = Vec::new();
     let mut chosen = Vec::new();

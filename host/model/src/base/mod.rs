@@ -21,11 +21,12 @@ use super::tree::Model;
 pub use numerical::Gap;
 use numerical::Reduction;
 
-/// Smallest singular value, relative to the largest, of what is told apart in columns of unit length. Robot descriptions
-/// round angles to some 1e-11 (π/2 as 1.57079632679), and by that alone columns that are one seem to be two.
+/// Smallest singular value, relative to the largest, of what is distinguished in columns of unit length.
+/// Robot descriptions round angles to some 1e-11 (π/2 as 1.57079632679), and by that alone columns that are
+/// one seem to be two.
 pub const ROUNDED: f64 = 1e-10;
 
-/// What is measured, on what kind of base.
+/// The measured quantities and the kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
     /// The base moves; otherwise it is held still, gravity along −z of its frame.
@@ -37,7 +38,7 @@ pub struct Situation {
 }
 
 impl Situation {
-    /// What one should know of it, in a sentence.
+    /// Returns what one should know of it, in a sentence.
     pub fn sentence(&self) -> &'static str {
         match (self.floating, self.rows) {
             (true, Rows::Base) => "the base moves; six rows, the wrench on the base link",
@@ -60,7 +61,8 @@ impl Situation {
 pub struct BaseParameter {
     /// Its name, by the link and the regrouped quantity: `forearm.MSx`.
     pub name: String,
-    /// Standard parameters (index of the column) and their constant weights. The first is the one that stands for it.
+    /// Standard parameters (index of the column) and their constant weights. The first is the one that
+    /// represents it.
     pub terms: Vec<(usize, f64)>,
     /// Rotors, by their parameters' names, whose inertia has the same column, with their weights.
     pub rotors: Vec<(String, f64)>,
@@ -73,16 +75,16 @@ pub struct BaseParameters {
     pub standard: Vec<String>,
     /// The base parameters.
     pub parameters: Vec<BaseParameter>,
-    /// Where the rank was cut.
+    /// The gap where the rank was cut.
     pub gap: Gap,
     /// Largest relative difference between the two ways.
     pub disagreement: f64,
-    /// How many of the standard parameters are zero, as those of links that are no bodies.
+    /// The number of the standard parameters that are zero, as those of links that are no bodies.
     pub absent: usize,
 }
 
 impl BaseParameters {
-    /// How many standard parameters there are.
+    /// Returns how many standard parameters there are.
     pub fn standard_count(&self) -> usize {
         self.standard.len() - self.absent
     }
@@ -111,8 +113,8 @@ impl BaseParameters {
         DMatrix::from_fn(self.parameters.len(), names.len(), weight)
     }
 
-    /// Returns the standard columns that stand for the base parameters, and what makes the base parameters' own columns of them, n × n;
-    /// `None` where these are the same.
+    /// Returns the standard columns that represent the base parameters, and what makes the base parameters'
+    /// own columns of them, n × n; `None` where these are the same.
     pub fn columns(&self) -> (Vec<usize>, Option<DMatrix<f64>>) {
         let leads: Vec<usize> = self.parameters.iter().filter_map(|p| Some(p.terms.first()?.0)).collect();
         let map = self.map();

@@ -1,4 +1,4 @@
-//! What the names of base parameters mean.
+//! The meaning of the names of base parameters.
 
 /// A sentence on the names, where there are any to explain.
 pub fn legend<'a>(names: impl Iterator<Item = &'a str>) -> Option<String> {

@@ -46,13 +46,14 @@ impl Sampled {
 /// Independent columns and how the others depend on them.
 #[derive(Clone, Debug)]
 pub struct Reduction {
-    /// The columns that were looked at.
+    /// The columns that were examined.
     pub columns: Vec<usize>,
-    /// Which of them (index into `columns`) are independent.
+    /// Those of them (index into `columns`) that are independent.
     pub independent: Vec<usize>,
-    /// `Y = Y_independent · map`, SI units: one row for each independent column, one column for each looked at.
+    /// `Y = Y_independent · map`, SI units: one row for each independent column, one column for each
+    /// examined.
     pub map: DMatrix<f64>,
-    /// Where the rank was cut.
+    /// The gap where the rank was cut.
     pub gap: Gap,
 }
 
@@ -232,7 +233,7 @@ impl Reduction {
         Self { columns: columns.to_vec(), independent: pivoted.order[..rank].to_vec(), map, gap }
     }
 
-    /// How many columns are independent.
+    /// Returns how many columns are independent.
     pub fn rank(&self) -> usize {
         self.independent.len()
     }
@@ -247,7 +248,8 @@ pub(super) fn power(column: usize) -> i32 {
     }
 }
 
-/// Where the diagonal drops most. What lies below rounding counts as rounding, and so does what comes after the end.
+/// Returns where the diagonal drops most. What lies below rounding counts as rounding, and so does what comes
+/// after the end.
 pub(super) fn rank(diagonal: &[f64], floor: f64, most: usize) -> usize {
     let at = |k: usize| diagonal.get(k).copied().unwrap_or(0.0).max(floor);
     let drop = |k: usize| at(k - 1) / at(k);

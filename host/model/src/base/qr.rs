@@ -7,12 +7,12 @@ pub(super) struct Columns {
     pub data: Vec<f64>,
 }
 
-/// What the reduction leaves.
+/// The result of the reduction.
 #[derive(Clone, Debug)]
 pub(super) struct Pivoted {
     /// Upper triangle, column by column, `steps` deep.
     pub triangle: Columns,
-    /// Which column stands where.
+    /// The order of the columns.
     pub order: Vec<usize>,
     /// Magnitudes of the diagonal, decreasing, as far as they rise above `floor`.
     pub diagonal: Vec<f64>,

@@ -1,7 +1,7 @@
 //! Regrouping by rules, leaf to root, for a base that moves freely.
 //!
 //! The motion of a link differs from its parent's by what its joint does; what the joint leaves alone the two links
-//! cannot be told apart by. With a the axis, R and p of the joint at zero position:
+//! cannot be distinguished by. With a the axis, R and p of the joint at zero position:
 //!
 //! | joint | goes to the parent | stays |
 //! |---|---|---|
@@ -26,7 +26,8 @@ use crate::tree::Model;
 pub struct Rule {
     /// Its name.
     pub name: String,
-    /// The standard column that stands for it: it has weight 1 there, and none in other rules, unless its name is primed.
+    /// The standard column that represents it: it has weight 1 there, and none in other rules, unless its
+    /// name is primed.
     pub column: usize,
     /// Its name is primed: axes are the joint's, not the link's.
     pub primed: bool,
@@ -34,13 +35,14 @@ pub struct Rule {
     pub terms: Vec<(usize, f64)>,
 }
 
-/// What stays with a link: its name, the column that stands for it, and two of the link's ten rows with their weights.
+/// The parts that stay with a link: its name, the column that represents it, and two of the link's ten rows
+/// with their weights.
 type Stays = (String, usize, [(usize, f64); 2]);
 
 const M: usize = 0;
 pub(super) const NAMES: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
 
-/// Where the tensor's element (i, k) stands in φ.
+/// Returns the place of the tensor's element (i, k) in φ.
 fn tensor(i: usize, k: usize) -> usize {
     if i == k { 4 + i } else { 10 - i - k }
 }
@@ -132,7 +134,7 @@ fn joint_frame(axis: &Vector3<f64>) -> (Matrix3<f64>, bool) {
     (Matrix3::from_columns(&[y.cross(axis), y, *axis]), true)
 }
 
-/// Names, columns that stand for them, and rows in the joint's frame of the seven that stay.
+/// Names, columns that represent them, and rows in the joint's frame of the seven that stay.
 fn revolute_names(frame: &Matrix3<f64>, primed: bool) -> [Stays; 7] {
     // Which of the link's axes is nearest to each of the frame's; where the frame is the link's, exactly it.
     let near: [usize; 3] = {

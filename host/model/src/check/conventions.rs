@@ -3,7 +3,7 @@
 //!
 //! A link's inertia is compared with its shapes, taken for a shell of one thickness, and with the link of the other side. What
 //! matter is made of where is not known: its spread is some ten per cent off, so that only mistakes are found that change it by
-//! more. Each mistake is undone, and is told where the body is much nearer to its shapes without it.
+//! more. Each mistake is undone, and is reported where the body is much nearer to its shapes without it.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,8 @@ use crate::tree::{Model, ModelLink};
 const FLATTEST: f64 = 0.01;
 /// The least second moment over the largest that is left of a tensor when it is moved from the origin to the centre of mass.
 const LEFT: f64 = 0.003;
-/// How many times the tensor about the centre of mass the way there must have added, with shapes and without.
+/// The multiple of the tensor about the centre of mass that the way there must have added, with shapes and
+/// without.
 const TIMES: (f64, f64) = (0.999, 2.0);
 /// Logarithm of a ratio of second moments: how much nearer to the shapes those as given may be at most.
 const NEARER: f64 = 0.5;
@@ -30,7 +31,8 @@ const CORRELATED: f64 = 0.03;
 const OPPOSITE: f64 = 0.5;
 /// The change of the tensor, relative to itself, from which the products' signs matter.
 const MATTERS: f64 = 0.1;
-/// How often the square of a distance from the shapes' centre must be that of the other side, and by how much it must exceed it.
+/// The multiple by which the square of a distance from the shapes' centre must exceed that of the other side,
+/// and by how much it must exceed it.
 const FARTHER: (f64, f64) = (3.0, 0.5);
 /// Fewest links, and their least share, by which a whole file's products are judged.
 const CONVENTION: (usize, f64) = (3, 0.75);

@@ -22,8 +22,8 @@ pub struct Shape {
     pub simple: Option<(Vector3<f64>, Vector3<f64>)>,
 }
 
-/// Returns the shapes of a URDF's links by their names; `path` is where the text stands. Links with a mesh that is not there or
-/// cannot be read have none, unless what they collide with can be read.
+/// Returns the shapes of a URDF's links by their names; `path` is where the text is. Links with a mesh that
+/// is not there or cannot be read have none, unless what they collide with can be read.
 #[must_use]
 pub fn shapes(text: &str, path: &Path) -> BTreeMap<String, Shape> {
     let tidy = tidied(text);
@@ -67,7 +67,7 @@ struct Reader {
 }
 
 impl Reader {
-    /// Returns the reader of a description that stands at a path.
+    /// Returns the reader of a description that is at a path.
     fn beside(path: &Path) -> Self {
         let folder = std::path::absolute(path).ok().and_then(|path| Some(path.parent()?.to_owned()));
         Self { folder: folder.unwrap_or_default(), meshes: BTreeMap::new() }

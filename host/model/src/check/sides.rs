@@ -10,7 +10,7 @@ use crate::tree::Model;
 
 /// Numbers that agree to this, relative, were copied or mirrored.
 const ALIKE: f64 = 1e-3;
-/// What is off by less is no mistake of these kinds.
+/// A deviation below this is no mistake of these kinds.
 const OFF: f64 = 0.02;
 
 /// Finds links of one side that would be the image of the other but for one mistake.
@@ -28,8 +28,8 @@ pub(super) fn sides(model: &Model) -> Vec<Finding> {
         else {
             continue;
         };
-        // The same part on both sides, turned about, has the same numbers by right; and of two that stand in one place at zero,
-        // as closed fingers, the place does not say that one is the other's image.
+        // The same part on both sides, turned about, has the same numbers by right; and of two that are in
+        // one place at zero, as closed fingers, the place does not say that one is the other's image.
         let may_be_copy = pair.turned || pair.together;
         if !same_mass || off(&image, &own) <= OFF || (may_be_copy && off(&copy, &own) <= OFF) {
             continue;

@@ -141,7 +141,7 @@ fn ids<'a, 'i>(document: &'a Document<'i>) -> BTreeMap<&'a str, Node<'a, 'i>> {
 struct Scene<'a, 'i> {
     ids: BTreeMap<&'a str, Node<'a, 'i>>,
     triangles: Vec<Triangle>,
-    /// How many nodes and primitives were followed.
+    /// The number of nodes and primitives that were followed.
     nodes: usize,
 }
 
@@ -228,7 +228,7 @@ impl<'a, 'i> Scene<'a, 'i> {
     }
 }
 
-/// Returns where a node stands in the one above it.
+/// Returns where a node is in the one above it.
 fn transform(node: &Node) -> Option<Matrix4<f64>> {
     let mut all = Matrix4::identity();
     for step in node.children().filter(Node::is_element) {

@@ -1,4 +1,4 @@
-//! Mistakes of convention are told of, and what is right is not; meshes of every kind are the same surface.
+//! Mistakes of convention are reported, and what is right is not; meshes of every kind are the same surface.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -64,7 +64,8 @@ fn stl_of_bytes() -> Vec<u8> {
     out
 }
 
-/// In millimetres, y upwards, in a node that is turned, scaled and moved, so that the box stands where the others do.
+/// In millimetres, y upwards, in a node that is turned, scaled and moved, so that the box is where the others
+/// do.
 fn dae(primitive: &str) -> String {
     let turned: Vec<f64> = (0..8)
         .flat_map(|k| {

@@ -1,4 +1,5 @@
-//! What Franka Robotics' controllers take: libfranka's `setLoad` and the `endeffector-config.json` of an end effector.
+//! The input of Franka Robotics' controllers: libfranka's `setLoad` and the `endeffector-config.json` of an
+//! end effector.
 //!
 //! `setLoad(load_mass, F_x_Cload, load_inertia)`: kg, m from the flange's frame, and the inertia matrix about the centre of mass in
 //! kg m², nine numbers column by column (`RobotState::I_load`: "with respect to center of mass"). The file has the same

@@ -20,10 +20,10 @@ use rigident_shared::spatial::{Body, Position};
 
 use super::inertial::Parameters;
 
-/// What was written and read again differs by rounding only if it does by less, relative.
+/// The bound below which a value written and read again differs by rounding only, relative.
 const ROUNDING: f64 = 1e-5;
 
-/// What a controller has to know of what its robot carries.
+/// The data that a controller needs of what its robot carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Mass, kg.

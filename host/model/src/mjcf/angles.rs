@@ -5,7 +5,7 @@ use roxmltree::Node;
 
 use crate::xml::{describe, exactly, numbers, of_quaternion};
 
-/// How a file writes angles.
+/// The way a file writes angles.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Angles {
     /// In degrees, not radians.

@@ -1,4 +1,4 @@
-//! MJCF written out: what `include`, `replicate` and `attach` stand for is put in their place.
+//! MJCF written out: what `include`, `replicate` and `attach` represent is put in their place.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -12,13 +12,13 @@ use crate::element::{DEEPEST, Element, MOST_ELEMENTS, beside};
 use crate::finding::ModelError;
 use crate::xml::{self, vector};
 
-/// Elements that stand for others.
+/// Elements that represent others.
 const STAND_FOR_OTHERS: [&str; 3] = ["include", "replicate", "attach"];
 /// Attributes that hold the name of a default class.
 const CLASSES: [&str; 2] = ["class", "childclass"];
 
-/// Returns a text in which nothing stands for other elements: as it is, or written anew. Files that it names are looked for in
-/// `folder`; without one they are refused.
+/// Returns a text in which nothing represents other elements: as it is, or written anew. Files that it names
+/// are searched for in `folder`; without one they are refused.
 ///
 /// # Errors
 /// [`ModelError`] that says which element cannot be followed and why.

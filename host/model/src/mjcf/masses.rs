@@ -1,4 +1,4 @@
-//! What MuJoCo's compiler makes of stated masses: least ones, moments that are balanced, a total.
+//! The effect of MuJoCo's compiler on stated masses: least ones, moments that are balanced, a total.
 
 use nalgebra::{Matrix3, Vector3};
 use roxmltree::Node;

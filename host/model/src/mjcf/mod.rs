@@ -1,8 +1,9 @@
 //! Models from MJCF, the language of MuJoCo: bodies, joints and inertias. What else changes forces is named.
 //!
 //! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last is a body. Lives here: the
-//! reader; what stands for other elements ([`elements`]), inertias of geoms ([`geoms`]), orientations ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of
-//! masses ([`masses`]), which bodies are the robot ([`robot`]), and what is not followed ([`unused`]).
+//! reader; what represents other elements ([`elements`]), inertias of geoms ([`geoms`]), orientations
+//! ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of masses ([`masses`]), which bodies are the
+//! robot ([`robot`]), and what is not followed ([`unused`]).
 
 mod angles;
 mod elements;
@@ -42,7 +43,7 @@ use super::xml::{self, Language, describe, exactly, numbers};
 /// Name of the base where bodies hang on the world.
 pub(super) const WORLD: &str = "world";
 
-/// Begins what is told of attributes that are read and written, and say nothing of links.
+/// Begins what is reported of attributes that are read and written, and say nothing of links.
 pub(super) const NOT_USED: &str = "the answer does not use what the file states of its ";
 
 /// Attributes of a default class, by tag and name.
@@ -89,7 +90,8 @@ pub(super) fn written_out<'a>(
     })
 }
 
-/// Reads the text of an MJCF; `what` names it in complaints, and files that it names are looked for in `folder`.
+/// Reads the text of an MJCF; `what` names it in complaints, and files that it names are searched for in
+/// `folder`.
 ///
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
@@ -485,7 +487,7 @@ impl<'a> Reader<'a> {
 struct Held {
     name: String,
     kind: Joint<f64>,
-    /// Where it is in the body's frame, m.
+    /// The place of it in the body's frame, m.
     anchor: Vector3<f64>,
     /// The position that the file's pose is of, rad or m.
     reference: f64,

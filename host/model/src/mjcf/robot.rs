@@ -1,4 +1,4 @@
-//! Which bodies of the world are the robot, and which lie beside it.
+//! The bodies of the world that are the robot, and those that lie beside it.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;

@@ -51,7 +51,7 @@ fn states(model: &Model, count: usize) -> Vec<Vec<f64>> {
 }
 
 /// Rank of the forces' dependence on the bodies' parameters, by inverse dynamics alone: differences of forces for bodies that
-/// are heavier by a bit in one parameter. That is how many parameters there are to be told apart.
+/// are heavier by a bit in one parameter. That is how many parameters there are to be distinguished.
 fn rank(model: &Model) -> usize {
     let flat = |m: &Model| states(m, 60).concat();
     let reference = flat(model);

@@ -1,4 +1,4 @@
-//! What an MJCF states that changes forces and is not followed here: each is named.
+//! The statements of an MJCF that change forces and are not followed here: each is named.
 
 use roxmltree::Node;
 
@@ -8,14 +8,14 @@ use super::names::Names;
 use crate::finding::Finding;
 use crate::xml::line;
 
-/// What tendons do by themselves.
+/// The passive forces of tendons.
 const OF_TENDONS: [&str; 4] = ["stiffness", "damping", "frictionloss", "armature"];
 
 fn finding(place: &str, text: String) -> Finding {
     Finding { place: place.to_owned(), text }
 }
 
-/// Whether a text holds a number that is not zero.
+/// Returns whether a text holds a number that is not zero.
 fn is_some(text: &str) -> bool {
     text.split_whitespace().any(|word| word.parse().is_ok_and(|value: f64| value != 0.0))
 }

@@ -59,7 +59,8 @@ pub(super) fn written_out<'a>(
     })
 }
 
-/// Reads the text of an SDF; `what` names it in complaints, and files that it includes are looked for in `folder`.
+/// Reads the text of an SDF; `what` names it in complaints, and files that it includes are searched for in
+/// `folder`.
 ///
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
@@ -225,7 +226,8 @@ fn gravity(root: &Node) -> Result<Option<[f64; 3]>, String> {
     Ok(Some(exactly::<3>(xml::parse(text, "<gravity>")?, "<gravity>")?))
 }
 
-/// Whether axes of joints are in the model's frame where the file does not say: before version 1.5 of the language.
+/// Returns whether axes of joints are in the model's frame where the file does not say: before version 1.5 of
+/// the language.
 fn has_model_axes(root: &Node) -> bool {
     let numbers =
         root.attribute("version").unwrap_or_default().split('.').map(|word| word.trim().parse::<u32>());

@@ -11,8 +11,8 @@ const NAMES: [&str; 3] = ["relative_to", "attached_to", "expressed_in"];
 /// Elements of a joint that do.
 const ENDS: [&str; 2] = ["parent", "child"];
 
-/// Returns a text in which no model is in another one and no file is included; `None` if none is in this one. Files are looked
-/// for in `folder`; without one they are refused.
+/// Returns a text in which no model is in another one and no file is included; `None` if none is in this one.
+/// Files are searched for in `folder`; without one they are refused.
 ///
 /// # Errors
 /// What cannot be followed, and why.

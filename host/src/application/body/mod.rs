@@ -32,29 +32,29 @@ use rigident_io::recording::new_file::write_new_text;
 use rigident_model::human::Sex;
 use rigident_model::write;
 
-/// How well a mass that is given is known, relative (1 σ): scales, clothes and markers.
+/// The uncertainty of a mass that is given, relative (1 σ): scales, clothes and markers.
 const SCALES: f64 = 0.005;
 /// The mass that is given and that of the plates may differ by this share.
 const LARGEST_DIFFERENCE: f64 = 0.05;
 
-/// How a person is identified.
+/// The way a person is identified.
 #[derive(Clone, Debug)]
 pub struct BodyOptions {
     /// A trial in a known standing pose.
     pub standing: Option<PathBuf>,
     /// Forces of the ground of TRC trials, in their order. Default: the file beside each.
     pub ground: Vec<PathBuf>,
-    /// What markers are whose names say nothing.
+    /// The meaning of markers whose names say nothing.
     pub markers: Option<PathBuf>,
     /// The person's scaled OpenSim model.
     pub osim: Option<PathBuf>,
-    /// Which model.
+    /// The model.
     pub model: HumanModel,
     /// Mass, kg; `None`: from the plates.
     pub mass_kg: Option<f64>,
     /// Stature, m; `None`: from the markers.
     pub height_m: Option<f64>,
-    /// Whose means the table has.
+    /// The sex whose means the table has.
     pub table: Sex,
     /// Segments whose masses are known otherwise.
     pub given: Vec<GivenMass>,
@@ -66,15 +66,15 @@ pub struct BodyOptions {
     pub delay_s: Option<f64>,
     /// Plates were reset right before each trial.
     pub plates_zeroed: bool,
-    /// How trials are cut into motions.
+    /// The way trials are cut into motions.
     pub parts: Parts,
-    /// How many motions are used, and by which way they are chosen; `None`: all.
+    /// The number of motions used, and the way they are chosen; `None`: all.
     pub motions: Option<(usize, Way)>,
-    /// How well the table is trusted: 1 σ, relative.
+    /// The uncertainty of the table: 1 σ, relative.
     pub nominal_sigma: f64,
     /// Right segments mirror left ones.
     pub symmetric: bool,
-    /// What the person holds.
+    /// The tool that the person holds.
     pub tool: Option<HeldTool>,
     /// The file that the model is to be written to: [`IdentifiedPerson::write_model`] does.
     pub write_model: Option<PathBuf>,
@@ -117,7 +117,7 @@ pub struct HeldTool {
     pub without: Vec<PathBuf>,
 }
 
-/// What a caller computes beside the answer, such as the firmware's.
+/// The values that a caller computes beside the answer, such as the firmware's.
 pub trait Beside {
     /// Refuses a person before anything is computed.
     ///

@@ -12,7 +12,7 @@ use crate::problem::person::track::SHOWN_S;
 use crate::problem::person::{Person, Tracked};
 use rigident_io::motion_capture::trial::Trial;
 
-/// Frames a second that are kept, at most.
+/// Frames a second that are stored, at most.
 const RATE_HZ: f64 = 100.0;
 /// A total force below this has no point of application worth showing, N.
 const LEAST_N: f64 = 25.0;

@@ -1,4 +1,4 @@
-//! What is told of force plates that contradict a person's motion, or one another.
+//! The report of force plates that contradict a person's motion, or one another.
 
 use crate::answer::Finding;
 use crate::body_segments::plates::{PlateErrors, plate_errors};

@@ -12,16 +12,17 @@ use rigident_shared::wire::{
 use super::Transport;
 use rigident_fit::{Factor, NoiseGram, compensate};
 
-/// A command is sent again after so long without an answer.
+/// A command is sent again after this long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
-/// And given up after so many times: a board answers nothing while it erases three sectors of its flash, of two seconds at most.
+/// And given up after this many times: a board answers nothing while it erases three sectors of its flash, of
+/// two seconds at most.
 const ATTEMPTS: u32 = 10;
 /// Channels of a wrench.
 const WRENCH: usize = 6;
 /// For messages.
 const FACTOR: &str = "read the factor";
 
-/// Why the device did not do as told.
+/// Why the device did not follow its command.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The bytes no longer flow.
@@ -59,7 +60,7 @@ pub enum LinkError {
     /// The device refused.
     #[error("the device refuses `{command}`: {} (error {})", explain(.code), .code.number())]
     Refused {
-        /// What was asked.
+        /// The command.
         command: &'static str,
         /// Why not.
         code: ErrorCode,
@@ -97,7 +98,7 @@ fn explain(code: &ErrorCode) -> String {
 pub struct TakenFactor {
     /// The factor, in the device's order of parameters.
     pub factor: Factor,
-    /// What noise of the signals has added to its `RᵀR`, N × N; `None`: the device counts none.
+    /// The part that noise of the signals has added to its `RᵀR`, N × N; `None`: the device counts none.
     pub gram: Option<DMatrix<f64>>,
 }
 
@@ -124,13 +125,13 @@ pub struct Client {
     telemetry: VecDeque<Telemetry>,
     telemetry_sequence: Option<u16>,
     heard: Instant,
-    /// How often a command is sent before it is given up.
+    /// The number of times that a command is sent before it is given up.
     attempts: u32,
-    /// Answers that came whole and make no sense.
+    /// Answers that arrived whole and make no sense.
     unknown_answers: u32,
-    /// Frames that came damaged.
+    /// Frames that arrived damaged.
     pub bad_frames: u32,
-    /// Telemetry frames that never came.
+    /// Telemetry frames that never arrived.
     pub lost_telemetry: u32,
 }
 
@@ -156,7 +157,7 @@ impl Client {
     /// # Errors
     /// No answer, or another protocol.
     pub fn hello(&mut self) -> Result<Identity, LinkError> {
-        // Ends whatever half frame stands in the device's buffer.
+        // Ends whatever half frame is in the device's buffer.
         self.transport.write(&[0])?;
         let Reply::Hello(identity) = self.ask("hello", &Command::Hello)? else {
             return Err(LinkError::Nonsense("hello"));
@@ -198,7 +199,7 @@ impl Client {
     /// The line has no rate, or not this one.
     pub fn set_baud(&mut self, baud: u32) -> Result<(), LinkError> {
         self.transport.set_baud(baud)?;
-        // Ends what the change looks like in the device's buffer.
+        // Ends what the change left in the device's buffer.
         Ok(self.transport.write(&[0])?)
     }
 
@@ -274,7 +275,7 @@ impl Client {
         self.heard = Instant::now();
     }
 
-    /// How long the device has said nothing.
+    /// Returns how long the device has said nothing.
     pub fn silence(&self) -> Duration {
         self.heard.elapsed()
     }
@@ -436,7 +437,7 @@ mod tests {
 
     #[test]
     fn firmware_whose_hello_is_not_known_is_told_from_silence() {
-        // No result has so many variants.
+        // No result has this many variants.
         let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION, 0x77), false)));
         let error = client.greet(1).unwrap_err();
         assert!(matches!(error, LinkError::OtherMessages("hello")), "{error}");

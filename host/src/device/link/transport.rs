@@ -11,7 +11,7 @@ pub trait Transport: Send {
     /// The link is gone.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Reads what there is, waiting up to `timeout` for the first byte; 0 if none came.
+    /// Reads what there is, waiting up to `timeout` for the first byte; 0 if none arrived.
     ///
     /// # Errors
     /// The link is gone. A wait without bytes is not an error.
@@ -40,13 +40,13 @@ pub struct SerialTransport {
 /// Tells whether the port is there.
 enum Line {
     Open(Box<dyn serialport::SerialPort>),
-    /// Since the first instant; last looked for at the second. What it said as it went.
+    /// Since the first instant; last searched for at the second. What it said as it went.
     Out(Instant, Instant, String),
 }
 
-/// A port that has vanished is given up after so long.
+/// A port that has vanished is given up after this long.
 const OUT_AT_MOST: Duration = Duration::from_secs(20);
-/// And looked for this often.
+/// And searched for this often.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Default rate of the serial link, baud. A pseudo-terminal ignores it.
@@ -69,7 +69,7 @@ pub enum PortError {
     Other(String, String),
 }
 
-/// What to type so that a port can be opened.
+/// Returns what to type so that a port can be opened.
 fn may_open(port: &str) -> String {
     ownership(port).map_or_else(
         || {
@@ -114,7 +114,7 @@ impl SerialTransport {
         serialport::new(path, BAUD).timeout(Duration::from_millis(10)).open()
     }
 
-    /// The port, looked for again if it has vanished; `None` while it is out.
+    /// The port, searched for again if it has vanished; `None` while it is out.
     fn line(&mut self) -> io::Result<Option<&mut dyn serialport::SerialPort>> {
         if let Line::Out(since, looked, said) = &mut self.line {
             if since.elapsed() > OUT_AT_MOST {

@@ -8,7 +8,7 @@ use super::{INTERRUPTED, Observer, STOPPED, Session, SessionError, Take, Taking}
 use crate::platform::{Motion, Platform, PlatformError};
 use rigident_fit::Factor;
 
-/// What a platform is asked for.
+/// The proposal to a platform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// Starting where the last one ended.
@@ -17,9 +17,9 @@ pub struct Proposal {
     pub drive: bool,
 }
 
-/// Who decides between segments.
+/// The part that decides between segments.
 pub trait Director: Send {
-    /// What comes next; `None` ends the experiment. The plate is at rest meanwhile.
+    /// Returns what comes next; `None` ends the experiment. The plate is at rest meanwhile.
     ///
     /// # Errors
     /// The factor cannot be used.
@@ -28,15 +28,16 @@ pub trait Director: Send {
     fn refused(&mut self, error: &PlatformError);
     /// The platform would take what is not to be driven; another proposal is asked for.
     fn taken(&mut self);
-    /// The segment begins, so long after the first reading, s.
+    /// The segment begins, this long after the first reading, s.
     fn begins(&mut self, time_s: f64);
-    /// Whether it looks, by a new estimate, as if everything asked for were reached: a factor is then worth its reading.
+    /// Returns whether, by a new estimate, everything asked for seems reached: a factor is then worth its
+    /// reading.
     fn may_be_reached(&mut self, report: &EstimateReport) -> bool;
-    /// Whether everything asked for is reached, so long after the first reading, s.
+    /// Returns whether everything asked for is reached, this long after the first reading, s.
     fn is_reached(&mut self, factor: &Factor, time_s: f64) -> bool;
 }
 
-/// How a segment ended.
+/// The end of a segment.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Ended {
     /// At its end.
@@ -50,7 +51,7 @@ impl Session {
     /// read between segments.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
+    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
     pub fn follow_decided(
         &mut self,
         platform: &mut dyn Platform,
@@ -149,7 +150,8 @@ impl Session {
         heard.map(|()| done)
     }
 
-    /// Work is told by its flag when the device is not heard any more, or what it says is a reason to end.
+    /// Work is announced by its flag when the device is not heard any more, or what it says is a reason to
+    /// end.
     fn heard<T: Send>(
         &mut self,
         taking: &mut Taking,
@@ -199,7 +201,8 @@ impl Session {
                 return Ok(Ended::Early);
             }
             if taking.states.contains(&STOPPED) && !taking.overridden {
-                // The device believes the noise that it was told; whoever decides knows the noise there is.
+                // The device believes the noise that was stated to it; whoever decides knows the noise there
+                // is.
                 if !director.is_reached(&self.client.factor()?.compensated(), taking.span_s()) {
                     taking.overridden = true;
                     self.client.ask("go on", &Command::Start)?;

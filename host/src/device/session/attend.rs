@@ -7,7 +7,7 @@ use rigident_shared::wire::{Command, Reply, Settings};
 use super::{Observer, Session, SessionError, Taking};
 use crate::device::link::LinkError;
 
-/// The counters are asked for so often.
+/// The counters are asked for this often.
 const COUNTERS_EVERY: Duration = Duration::from_secs(1);
 
 impl Session {
@@ -35,7 +35,7 @@ impl Session {
         self.start()
     }
 
-    /// Hears the device until `until` says so. A device that waits for a host is told that one is there.
+    /// Hears the device until `until` says so. A device that waits for a host is informed that one is there.
     ///
     /// # Errors
     /// The link, a sensor's fault, or a restart.

@@ -1,4 +1,4 @@
-//! How an experiment ends: the plate at rest, what the device holds fetched, the way home.
+//! The end of an experiment: the plate at rest, what the device holds fetched, the way home.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -11,9 +11,9 @@ use crate::device::link::{LinkError, TakenFactor};
 use crate::platform::{Motion, Platform, PlatformError, Stop};
 use rigident_fit::Factor;
 
-/// How long a platform may take to come to rest.
+/// The time that a platform may take to come to rest.
 const REST: Duration = Duration::from_secs(4);
-/// How long to wait for readings that were counted but have not come.
+/// The time to wait for readings that were counted but have not come.
 const STRAGGLERS: Duration = Duration::from_secs(2);
 
 impl Session {
@@ -95,7 +95,8 @@ impl Session {
         let mut told = platform.stop(stop);
         let mut deadline = Instant::now() + REST;
         loop {
-            // In lock-step the plate moves only while the device is heard. What is broken there has been told.
+            // In lock-step the plate moves only while the device is heard. What is broken there has been
+            // reported.
             let heard = self.listen(taking, observer);
             let late = Instant::now() > deadline;
             if stop == Stop::Planned && (late || heard.is_err() || INTERRUPTED.load(Ordering::Relaxed)) {
@@ -138,7 +139,7 @@ impl Session {
         Self::taken(taking, factor, outcome)
     }
 
-    /// What an experiment brought.
+    /// Returns what an experiment brought.
     pub(super) fn taken(
         taking: Taking,
         factor: Option<TakenFactor>,

@@ -23,7 +23,7 @@ pub enum NoFrames {
     Missing {
         /// The recording.
         name: String,
-        /// What.
+        /// The quantity.
         what: String,
     },
     /// More links than a frame holds.
@@ -36,7 +36,8 @@ pub fn acceleration_columns(link: usize) -> [String; 3] {
     ["x", "y", "z"].map(|axis| format!("alpha{link}_{axis}_radps2"))
 }
 
-/// Frames so many a second as a recording; those that are not whole, or not of so many links, are left out.
+/// Frames at the given rate as a recording; those that are not whole, or not of the given number of links,
+/// are left out.
 pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, links: usize, frames: &[Vec<u8>]) -> Recording {
     let mut recording = Recording {
         name: name.to_owned(),

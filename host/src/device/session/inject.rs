@@ -29,7 +29,7 @@ impl Session {
     /// Sends a recording's readings to the device and fetches the factor.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`].
+    /// What prevents a start. Anything later is stated in [`Take::broken`].
     pub fn inject(
         &mut self,
         readings: &[Reading<f64>],
@@ -47,7 +47,7 @@ impl Session {
     /// Likewise, readings of two links.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`].
+    /// What prevents a start. Anything later is stated in [`Take::broken`].
     pub fn inject_links(
         &mut self,
         readings: &[LinkReadingMessage],
@@ -62,8 +62,9 @@ impl Session {
         Ok(self.conclude_injected(taking, ended, observer))
     }
 
-    /// Starts, and sends so many readings by commands that are made of the index of their first one. A device that restarts is sent again
-    /// what it does not hold. What came meanwhile, how it ended, and how many readings were taken.
+    /// Starts, and sends the given number of readings by commands that are made of the index of their first
+    /// one. A device that restarts is sent again what it does not hold. What arrived meanwhile, how it ended,
+    /// and how many readings were taken.
     fn send(
         &mut self,
         count: usize,

@@ -5,7 +5,7 @@ use rigident_io::rig::WRENCH_CHANNELS;
 
 /// A channel this near its range ends the motion: what is planned stays below, whatever body it is.
 const NEAR: f64 = 0.97;
-/// So many readings in a row: one that is far off is none.
+/// This many consecutive readings: one that is far off is none.
 const IN_A_ROW: u32 = 3;
 
 /// Watches the channels of a load cell.

@@ -43,18 +43,18 @@ pub use take::{Heard, Nobody, Observer, Take, narrow, widen};
 use crate::device::link::{Client, LinkError};
 use crate::platform::{Motion, MotionSample, Platform, PlatformError};
 
-/// Looked at between messages.
+/// Examined between messages.
 pub use rigident_io::stop::INTERRUPTED;
 
-/// Told to the device this often that the host is there.
+/// The interval at which the device is informed that the host is there.
 const HEARTBEAT_EVERY: Duration = Duration::from_millis(500);
-/// A device that streams nothing and answers no heartbeat for so long has hung.
+/// A device that streams nothing and answers no heartbeat for this long has hung.
 const SILENT: Duration = Duration::from_secs(4);
-/// A plate that moves is stopped when it was listened for so long and no reading came.
+/// A plate that moves is stopped when it was listened for this long and no reading arrived.
 const UNHEARD: Duration = Duration::from_millis(200);
-/// What the device says when every asked-for parameter has its uncertainty.
+/// The state of the device when every asked-for parameter has its uncertainty.
 const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
-/// What the device says when it has not heard the host for longer than its settings allow.
+/// The state of the device when it has not heard the host for longer than its settings allow.
 const QUIET: (StateName, Reason) = (StateName::Holding, Reason::HostQuiet);
 
 /// Why an experiment ends early.
@@ -73,7 +73,7 @@ pub enum SessionError {
         state: StateName,
         /// Why.
         reason: Reason,
-        /// What to do.
+        /// The advice.
         advice: &'static str,
     },
     /// The device restarted, and what is left.
@@ -123,7 +123,7 @@ pub struct Session {
     identity: Identity,
     last_heartbeat: Instant,
     heartbeats: bool,
-    /// What it was set to last.
+    /// The last settings.
     settings: Option<Settings>,
     /// Number under which the device keeps the run, if it keeps runs.
     run: Option<u32>,
@@ -131,7 +131,7 @@ pub struct Session {
     of_two_links: bool,
     /// It was set to end a run by itself.
     stops_itself: bool,
-    /// [`Session::follow`] ends a program after so long, s of the device's clock.
+    /// [`Session::follow`] ends a program after this long, s of the device's clock.
     pub at_most_s: Option<f64>,
     /// Ends a motion before the load cell is overloaded.
     pub load_guard: Option<LoadGuard>,
@@ -141,7 +141,7 @@ pub struct Session {
     opened: Instant,
     /// A program is under way.
     moves: bool,
-    /// For so long nothing has been taken in while it was listened.
+    /// The time for which nothing has been taken in while it was listened.
     unheard: Duration,
 }
 
@@ -175,7 +175,7 @@ impl Session {
         })
     }
 
-    /// Who answered.
+    /// Returns who answered.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
@@ -210,7 +210,7 @@ impl Session {
     /// Starts the device and the loaded `program`, follows both to the end, and fetches the factor.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`], with what came before.
+    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
     pub fn follow(
         &mut self,
         platform: &mut dyn Platform,
@@ -268,7 +268,7 @@ impl Session {
         }
     }
 
-    /// Collects readings for so long without absorbing them, the platform at rest.
+    /// Collects readings for the given time without absorbing them, the platform at rest.
     ///
     /// # Errors
     /// The link, or a sensor fault.
@@ -419,7 +419,7 @@ impl Session {
         guarded
     }
 
-    /// Looks at load cell and IMU while something moves; what comes after the first alarm is the way to rest.
+    /// Monitors load cell and IMU while something moves; what follows the first alarm is the way to rest.
     fn guarded(&mut self, reading: &ReadingMessage, arrived_s: f64) -> Result<(), SessionError> {
         if let Some(guard) = &mut self.load_guard {
             let looked = guard.reading(&reading.wrench);
@@ -437,7 +437,7 @@ impl Session {
         looked
     }
 
-    /// Hands on where the plate should be and is, for a program that began so long after the first, s.
+    /// Hands on where the plate should be and is, for a program that began this long after the first, s.
     fn tell(
         &mut self,
         platform: &mut dyn Platform,

@@ -1,7 +1,8 @@
 //! Believes that the plate moves only while the IMU, and the platform's own reading, show it.
 //!
-//! Over a third of a second the angular rate and the specific force that the program foretells are held against those read. When
-//! the plate is where the program has it is not known: the delay of [`DELAYS_S`] that explains most is taken.
+//! Over a third of a second the angular rate and the specific force that the program predicts are compared
+//! with those read. When the plate is where the program has it is not known: the delay of [`DELAYS_S`] that
+//! explains most is taken.
 
 use std::collections::VecDeque;
 
@@ -12,19 +13,19 @@ use super::SessionError;
 use crate::platform::MotionSample;
 use crate::platform::tracking::difference;
 
-/// Readings are averaged over so long, s.
+/// Readings are averaged over this time, s.
 const BIN_S: f64 = 0.01;
-/// So many of these are looked at together.
+/// This many of these are checked together.
 const BINS: usize = 35;
-/// What takes longer than this, because readings are rare or missing, is not looked at, s.
+/// A span longer than this, because readings are rare or missing, is not examined, s.
 const LONGEST_S: f64 = 0.8;
-/// How often is looked, s.
+/// The time between two checks, s.
 const LOOK_S: f64 = 0.05;
 /// The plate may be so early and so late, s: clocks and controllers are.
 const DELAYS_S: [f64; 2] = [-0.1, 0.25];
-/// A plate that comes later is looked for up to here, s.
+/// A plate that comes later is searched for up to here, s.
 const LATEST_S: f64 = 1.2;
-/// An acceleration of so many m/s² counts as 1 rad/s.
+/// An acceleration of this many m/s² counts as 1 rad/s.
 const ACCELERATION: f64 = 5.0;
 /// Less motion than this is not judged, rad/s as a root mean square.
 const LEAST: f64 = 0.04;
@@ -39,24 +40,25 @@ const DEAD: f64 = 0.3;
 const MOST: f64 = 2.0;
 /// Of the angular rate or the acceleration an axis must make at least this share to be judged by itself.
 const OF_ALL: f64 = 0.3;
-/// An error in time by so much makes turns look like accelerations, s.
+/// An error in time by this much makes turns resemble accelerations, s.
 const LEAK_S: f64 = 0.02;
 /// A window of which less than this share stays unexplained is one of a plate that follows.
 const FOLLOWS: f64 = 0.6;
 /// A lag must explain all but this share.
 const LAGS: f64 = 0.25;
-/// The share by which the bias of the specific force goes with what a look has seen.
+/// The share by which the bias of the specific force goes with what a check has seen.
 const SLOWLY: f64 = 0.05;
-/// Looks in a row before it is believed.
+/// Consecutive checks before it is believed.
 const IN_A_ROW: u32 = 3;
-/// The platform's own reading may be so far from the program, m, an angle as the way of a point at [`ARM_M`], for so long, s.
+/// The platform's own reading may be so far from the program, m, an angle as the way of a point at [`ARM_M`],
+/// for this long, s.
 const OFF_M: f64 = 0.008;
 const ARM_M: f64 = 0.25;
 const OFF_S: f64 = 0.25;
 
 const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
-/// How a missing axis is treated.
+/// The way a missing axis is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// It ends the motion.
@@ -74,7 +76,7 @@ pub struct MotionGuard {
     axes: Axes,
     /// Least time from a reading to its arrival, the clocks' difference included, s.
     offset_s: f64,
-    /// By how much the specific force read differs from that foretold, in P, m/s²: bias and mounting.
+    /// By how much the specific force read differs from that predicted, in P, m/s²: bias and mounting.
     bias: Option<[f64; 3]>,
     course: Option<Course>,
 }
@@ -89,7 +91,7 @@ struct Course {
     off_since_s: Option<f64>,
 }
 
-/// How the device's time goes with the program's.
+/// The relation of the device's time to the program's.
 enum Clock {
     /// Not known before the first reading, which is the program's zero: in lock-step.
     First(Option<f64>),
@@ -224,7 +226,8 @@ impl Course {
         }
     }
 
-    /// Whether a whole window is there and has not been looked at. The last bin is still being filled.
+    /// Returns whether a whole window is there and has not been examined. The last bin is still being
+    /// filled.
     fn is_due(&mut self) -> bool {
         let (Some(first), Some(last)) = (self.bins.front(), self.bins.back()) else { return false };
         let (span_s, now_s) = (last.began_s - first.began_s, last.began_s);
@@ -235,7 +238,7 @@ impl Course {
         due
     }
 
-    /// How far a pose is from the program at the delay that suits it best, m.
+    /// Returns how far a pose is from the program at the delay that suits it best, m.
     fn off_m(&self, time_s: f64, measured: &Pose) -> f64 {
         let steps = ((DELAYS_S[1] - DELAYS_S[0]) / BIN_S).round() as i32;
         (0..=steps).fold(f64::INFINITY, |least: f64, k| {
@@ -290,16 +293,16 @@ impl Course {
     }
 }
 
-/// What a look has seen.
+/// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Seen {
     /// Too little moves.
     NotJudged,
     Follows,
     Still,
-    /// By so much, s, if a delay explains it.
+    /// By this much, s, if a delay explains it.
     Late(Option<f64>),
-    /// Which, and the share of its motion that is there.
+    /// The axis, and the share of its motion that is there.
     Axis(usize, f64),
 }
 
@@ -310,7 +313,7 @@ struct Look<'a> {
     bias: Option<[f64; 3]>,
 }
 
-/// What the program foretells at the middle of a bin.
+/// The program's prediction for the middle of a bin.
 #[derive(Clone, Copy)]
 struct Foretold {
     six: Six,
@@ -318,7 +321,7 @@ struct Foretold {
     origin: [f64; 3],
 }
 
-/// What the program foretells, every [`BIN_S`] from a time on, s.
+/// The program's predictions, every [`BIN_S`] from a time on, s.
 struct Foresight {
     from_s: f64,
     steps: Vec<Foretold>,
@@ -353,7 +356,7 @@ impl Look<'_> {
         Foresight { from_s, steps }
     }
 
-    /// What is seen, and the bias where the plate rests or follows.
+    /// Returns what is seen, and the bias where the plate rests or follows.
     fn judge(&self, axes: Axes) -> (Seen, Option<[f64; 3]>) {
         let bins = self.course.bins.iter().take(BINS);
         let (times, measured): (Vec<f64>, Vec<Six>) =
@@ -417,7 +420,7 @@ impl Look<'_> {
         if turns.iter().any(|turn| judged(turn) && !(0.6..1.6).contains(&turn.share)) {
             return None;
         }
-        // What is felt beyond what the turns make: f − (f foretold − a) is the acceleration.
+        // What is felt beyond what the turns make: f − (f predicted − a) is the acceleration.
         let ways = [0, 1, 2].map(|k| {
             let raw = |(m, f): (&Six, &Foretold)| [m[3 + k] - f.six[3 + k] + f.origin[k], f.origin[k]];
             let pairs: Vec<[f64; 2]> = measured.iter().zip(foretold).map(raw).collect();
@@ -435,16 +438,16 @@ impl Look<'_> {
     }
 }
 
-/// How much of a foretold signal is in the one read.
+/// The share of a predicted signal in the one read.
 #[derive(Clone, Copy)]
 struct Share {
-    /// Root mean square of what is foretold.
+    /// Root mean square of what is predicted.
     told: f64,
     share: f64,
 }
 
 impl Share {
-    /// Of pairs read, foretold; the most distant few are left out.
+    /// Of pairs read, predicted; the most distant few are left out.
     fn of(pairs: &[[f64; 2]]) -> Self {
         let fit = |pairs: &[[f64; 2]]| {
             let sum = |f: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(f).sum::<f64>();
@@ -468,7 +471,7 @@ fn without_mean(mut pairs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     pairs
 }
 
-/// Mean of the specific force read less that foretold, m/s².
+/// Mean of the specific force read less that predicted, m/s².
 fn bias(measured: &[Six], foretold: &[Foretold]) -> [f64; 3] {
     let n = measured.len().max(1) as f64;
     std::array::from_fn(|k| {
@@ -503,7 +506,7 @@ fn motion(six: &[Six]) -> f64 {
     squares(moving(six).iter().map(|s| s.iter().map(|v| v * v).sum())).sqrt()
 }
 
-/// The share of the energy foretold that is not in what is read.
+/// Returns the share of the energy predicted that is not in what is read.
 fn unexplained(measured: &[Six], foretold: &[Six]) -> f64 {
     let (m, f) = (moving(measured), moving(foretold));
     let distance = |(a, b): (&Six, &Six)| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();

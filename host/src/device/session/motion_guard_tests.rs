@@ -70,7 +70,7 @@ fn read(config: &RigConfig, program: &MotionProgram, rate_hz: f64, seed: u64) ->
     Readings::new(config, program, rate_hz).unwrap().measured(seed).collect()
 }
 
-/// When it was ended, and the words.
+/// Returns when it was ended, and the words.
 fn ended(
     told: &MotionProgram,
     config: &RigConfig,

@@ -8,7 +8,7 @@ use rigident_shared::screening::CHANNEL_NAMES;
 
 use rigident_fit::{FitError, Progress, RowSource};
 
-/// The largest number of a row counts so many times for the least σ: `√25 ε/2`, rounded up.
+/// The largest number of a row counts this many times for the least σ: `√25 ε/2`, rounded up.
 const STEPS: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Returns the least σ of a channel whose rows hold numbers up to `largest`.

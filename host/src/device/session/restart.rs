@@ -88,8 +88,8 @@ impl Session {
         Ok(Some(held.map_or(0, |(_, next)| next)))
     }
 
-    /// Fetches what a device that restarted in the middle of an experiment still holds, and says what is lost. The readings that came
-    /// are here whatever it says.
+    /// Fetches what a device that restarted in the middle of an experiment still holds, and says what is
+    /// lost. The readings that arrived are here whatever it says.
     pub(super) fn left_of(
         &mut self,
         error: SessionError,

@@ -13,16 +13,16 @@ const ESTIMATE_RATE_HZ: f64 = 4.0;
 /// Range where the rig file states none: beyond any sensor.
 const NO_RANGE: f64 = 1e9;
 
-/// How the device is to be driven in this experiment.
+/// The timing of the device in this experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceTiming {
     /// Rate of the load cell, 1/s; 1 for still rows.
     pub rate_hz: f64,
     /// Rows are still poses: no filter.
     pub is_static: bool,
-    /// Where readings come from.
+    /// The origin of readings.
     pub source: Source,
-    /// Holding after so long without the host; zero where time is simulated.
+    /// Holding after this long without the host; zero where time is simulated.
     pub host_timeout_ms: u32,
 }
 

@@ -1,6 +1,8 @@
-//! What the readings of a run say of the sensors that the device read: channels that are dead, readings that no motion takes.
+//! The evidence of the readings of a run about the sensors that the device read: channels that are dead,
+//! readings that no motion takes.
 //!
-//! The device sees a reading and those before it; a spike is told by those after it too, and a dead channel by the whole run.
+//! The device sees a reading and those before it; a spike is recognised by those after it too, and a dead
+//! channel by the whole run.
 
 use rigident_shared::calibration::Reading;
 
@@ -91,7 +93,7 @@ mod tests {
         let mut spoilt = recording("run", &rig, 200.0, &taken);
         let said = leave_out_spikes(&mut spoilt, &mut taken);
         assert!(said.len() == 1 && said[0].contains("imu_gy_radps"), "{said:?}");
-        // With the readings beside it, which it makes look far off, too.
+        // With the readings beside it, which it makes appear far off, too.
         assert!((397..400).contains(&taken.len()) && spoilt.rows() == taken.len(), "{}", taken.len());
         assert!(taken.iter().all(|r| r.time_ns != 200 * 5_000_000));
         assert!(leave_out_spikes(&mut spoilt, &mut taken).is_empty());

@@ -39,7 +39,7 @@ pub enum Pace {
     },
 }
 
-/// Returns the bits a second that the line must carry for these frames, so many a second at most.
+/// Returns the bits a second that the line must carry for these frames, at the given rate at most.
 pub fn line_need(frames: &[NumberedFrame], rate_hz: f64) -> f64 {
     let mut line = [0; MAX_FRAME];
     let on_line = |frame: &NumberedFrame| encode_payload(Kind::Stream, 0, &frame.payload, &mut line).ok();
@@ -57,7 +57,7 @@ pub struct Watched {
     pub sent: u32,
     /// It was ended by Ctrl-C.
     pub interrupted: bool,
-    /// What broke in the middle, if anything did; what came before is here.
+    /// The failure in the middle, if there was one; what was taken before is here.
     pub broken: Option<SessionError>,
 }
 
@@ -73,7 +73,7 @@ impl Session {
     /// Tells the device a robot, streams its frames and takes the changes until they end.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Watched::broken`], with what was found before.
+    /// What prevents a start. Anything later is stated in [`Watched::broken`], with what was found before.
     pub fn watch_robot(
         &mut self,
         robot: &WatchedRobot,
@@ -192,7 +192,7 @@ impl Session {
         Ok(())
     }
 
-    /// Takes the changes that were told.
+    /// Takes the changes that were reported.
     fn hear(
         &mut self,
         watched: &mut Watched,

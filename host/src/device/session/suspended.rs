@@ -1,4 +1,5 @@
-//! Bodies on springs as frames: the displacement of the platform stands where a wrench would, which the device makes of it.
+//! Bodies on springs as frames: the displacement of the platform is where a wrench would, which the device
+//! makes of it.
 
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use rigident_shared::estimator::frames::SUSPENDED_LINKS;

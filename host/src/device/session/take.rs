@@ -1,4 +1,4 @@
-//! What an experiment brings, and who wants to know of it as it happens.
+//! The data that an experiment brings, and their observers.
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::frames::TreeFactor;
@@ -11,7 +11,7 @@ use super::{QUIET, STOPPED};
 use crate::device::link::TakenFactor;
 use crate::platform::MotionSample;
 
-/// What wants to know as it happens.
+/// The observer of an experiment.
 pub trait Observer {
     /// A reading, in order, with the time on the device's clock.
     ///
@@ -27,9 +27,9 @@ pub trait Observer {
     }
     /// A new estimate.
     fn estimate(&mut self, _report: &EstimateReport) {}
-    /// A level of a tree's factor was taken, after so many frames: all that is known until then.
+    /// A level of a tree's factor was taken, after this many frames: all that is known until then.
     fn level(&mut self, _factor: &TreeFactor<f64>, _frames: u32) {}
-    /// Where the plate should be and is.
+    /// Receives where the plate should be and is.
     ///
     /// # Errors
     /// The experiment is then stopped.
@@ -38,24 +38,24 @@ pub trait Observer {
     }
     /// Called often: progress may be shown.
     fn progress(&mut self, _readings: usize) {}
-    /// Likewise: what of the device's messages came.
+    /// Likewise: what of the device's messages arrived.
     fn heard(&mut self, _heard: &Heard) {}
     /// The device has changed its state.
     fn state(&mut self, _state: StateName, _reason: Reason) {}
-    /// What the device has counted, where it is asked meanwhile.
+    /// Receives what the device has counted, where it is asked meanwhile.
     fn counters(&mut self, _counters: &CounterReport) {}
 }
 
-/// Tells what came of the device's messages, and what did not.
+/// Tells what arrived of the device's messages, and what did not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Heard {
-    /// Readings that never came.
+    /// Readings that never arrived.
     pub missing: u32,
-    /// Messages that never came.
+    /// Messages that never arrived.
     pub lost_messages: u32,
-    /// Frames that came damaged.
+    /// Frames that arrived damaged.
     pub damaged_frames: u32,
-    /// How long nothing has come, s.
+    /// The time for which nothing has arrived, s.
     pub silent_s: f64,
 }
 
@@ -68,7 +68,7 @@ impl Observer for Nobody {
     }
 }
 
-/// What an experiment brought.
+/// The data that an experiment brought.
 #[derive(Debug, Clone)]
 pub struct Take {
     /// Every reading of one body while running, in f64.
@@ -77,25 +77,25 @@ pub struct Take {
     pub links: Vec<LinkReadingMessage>,
     /// Every estimate sent.
     pub estimates: Vec<EstimateReport>,
-    /// Readings that never came.
+    /// Readings that never arrived.
     pub missing: u32,
     /// The device's factor, in its order of parameters.
     pub factor: Option<TakenFactor>,
-    /// How often a level of it was taken and merged; a tree's from frames.
+    /// The number of times that a level of it was taken and merged; a tree's from frames.
     pub levels: u32,
     /// The device's counters at the end.
     pub counters: CounterReport,
     /// State changes while it lasted.
     pub states: Vec<(StateName, Reason)>,
-    /// How often the device had stopped, not hearing the host, and was started again.
+    /// The number of times that the device had stopped, not hearing the host, and was started again.
     pub resumed: usize,
-    /// How often the device had restarted, and went on from what its flash kept.
+    /// The number of times that the device had restarted, and went on from what its flash stored.
     pub restarts: usize,
     /// Ended by Ctrl-C.
     pub interrupted: bool,
     /// Ended before the program's end, because it was to last no longer.
     pub cut_short: bool,
-    /// What broke in the middle, if anything did; what came before is here.
+    /// The failure in the middle, if there was one; what was taken before is here.
     pub broken: Option<String>,
 }
 
@@ -126,7 +126,7 @@ pub fn narrow(reading: &Reading<f64>) -> ReadingMessage {
     }
 }
 
-/// What has come so far.
+/// The data so far.
 #[derive(Default)]
 pub(super) struct Taking {
     pub(super) readings: Vec<Reading<f64>>,
@@ -137,21 +137,22 @@ pub(super) struct Taking {
     pub(super) states: Vec<(StateName, Reason)>,
     pub(super) counters: CounterReport,
     pub(super) interrupted: bool,
-    /// Whoever decides has ended it before the program's end.
+    /// The director has ended it before the program's end.
     pub(super) ended: bool,
     /// It was to last no longer.
     pub(super) cut_short: bool,
     /// The stop rule has been overridden.
     pub(super) overridden: bool,
-    /// How often the device restarted and was gone on with.
+    /// The number of times that the device restarted and was continued.
     pub(super) restarts: usize,
-    /// How often a run was gone on with that the device had stopped because it did not hear the host.
+    /// The number of times that a run was continued that the device had stopped because it did not hear the
+    /// host.
     pub(super) resumed: usize,
     /// Nothing is absorbed meanwhile.
     pub(super) watching: bool,
-    /// What was taken of the level of a tree from frames.
+    /// The data taken of the level of a tree from frames.
     pub(super) level: Option<Box<TreeFactor<f64>>>,
-    /// How often it was taken.
+    /// The number of times that it was taken.
     pub(super) levels: u32,
 }
 

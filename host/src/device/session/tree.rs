@@ -1,4 +1,5 @@
-//! A tree of links on the device: what it is told, its factor as it hands it over, and what became of its frames.
+//! A tree of links on the device: what it is given, its factor as it hands it over, and what became of its
+//! frames.
 //!
 //! The device holds one level of the factor in single precision; it is taken row by row and merged here in double
 //! ([`take_level`]), at the latest every [`LEVEL_FRAMES`] frames; a [`Session`] does so while it follows them.
@@ -70,7 +71,7 @@ pub enum DeviceTreeError {
     NoBody(String),
 }
 
-/// What the device is to be told of a model, and its base parameters in the device's order.
+/// Returns what the device is to be given of a model, and its base parameters in the device's order.
 ///
 /// # Errors
 /// [`DeviceTreeError`] says what does not fit.
@@ -105,7 +106,7 @@ pub fn device_tree(model: &Model) -> Result<(ModelSettings, Vec<BaseParameter>),
     if parameters.len() > MAX_TREE_PARAMETERS {
         return Err(DeviceTreeError::Parameters(parameters.len()));
     }
-    // Columns of a link stand in the order of φ; the first term is the column that stands for the parameter.
+    // Columns of a link are in the order of φ; the first term is the column that represents the parameter.
     parameters.sort_by_key(|p| p.terms.first().map(|(column, _)| *column));
     Ok((ModelSettings::Tree(links.into_iter().collect()), parameters))
 }
@@ -128,7 +129,7 @@ pub fn tree_settings(
     Ok(Settings { model, source: timing.source, ..one })
 }
 
-/// A factor of nothing for so many parameters.
+/// Returns a factor of nothing for the given number of parameters.
 pub fn empty_factor(parameters: usize) -> Box<TreeFactor<f64>> {
     let mut factor = Box::new(TreeFactor::EMPTY);
     factor.clear(parameters);
@@ -138,7 +139,8 @@ pub fn empty_factor(parameters: usize) -> Box<TreeFactor<f64>> {
 /// Takes the device's level, row by row, and merges it. It may go on absorbing meanwhile.
 ///
 /// # Errors
-/// The link. What was taken before is merged; if no answer came to the last command at all, its row is lost with the link.
+/// The link. What was taken before is merged; if no answer arrived to the last command at all, its row is
+/// lost with the link.
 pub fn take_level(client: &mut Client, factor: &mut TreeFactor<f64>) -> Result<(), LinkError> {
     const NAME: &str = "take a row of the factor";
     for row in 0..factor.parameters() {
@@ -170,26 +172,28 @@ fn merge(factor: &mut TreeFactor<f64>, taken: &FactorRow) -> bool {
     fits
 }
 
-/// A level of as many parameters as there may be is taken after about so many frames: often against [`LEVEL_FRAMES`], seldom against
-/// the time that its rows need on the link; a smaller one more often, but no more often than
+/// A level of as many parameters as there may be is taken after about this many frames: often against
+/// [`LEVEL_FRAMES`], seldom against the time that its rows need on the link; a smaller one more often, but no
+/// more often than
 const TAKEN_EVERY: u32 = 1500;
 /// this.
 const MOST_OFTEN: u32 = 200;
 
-/// Who streams frames to the device.
+/// The source that streams frames to the device.
 pub trait FrameSource {
     /// Lets frames go, or keeps them back.
     fn set_open(&self, open: bool);
-    /// Whether the device has had the last one.
+    /// Returns whether the device has had the last one.
     fn is_done(&self) -> bool;
 }
 
 impl Session {
-    /// Starts a device that was set to a tree of so many base parameters, lets the frames go, takes its level now and then, and
-    /// for the last time at the end; where the device decides when that is, its level is left alone as long as there is room.
+    /// Starts a device that was set to a tree of the given number of base parameters, lets the frames go,
+    /// takes its level now and then, and for the last time at the end; where the device decides when that is,
+    /// its level is left alone as long as there is room.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is told in [`Take::broken`], with what was taken before.
+    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
     pub fn follow_frames(
         &mut self,
         source: &dyn FrameSource,
@@ -255,7 +259,8 @@ pub fn frames_taken(take: &Take) -> usize {
     frames.saturating_add(missing).saturating_add(damaged) as usize
 }
 
-/// What is to be said of frames that were not absorbed, each with what to do. `links` are the model's names.
+/// Returns what is to be said of frames that were not absorbed, each with what to do. `links` are the model's
+/// names.
 pub fn complaints(report: &FrameReport, links: &[String]) -> Vec<String> {
     let link = links.get(usize::from(report.last_link)).map_or("?", String::as_str);
     let expected = links.len();

@@ -46,7 +46,7 @@ pub enum TwoLinkError {
     Columns {
         /// The recording.
         name: String,
-        /// What.
+        /// The quantity.
         what: String,
     },
 }
@@ -80,8 +80,8 @@ pub fn two_link_settings(
     Ok(Settings { model: ModelSettings::TwoLinks(model), ..settings(rig, timing, noise, None)? })
 }
 
-/// Where the device is to take the joint's attitude from: from both IMUs if the rig file says how the second link hangs at
-/// the start, else as it is streamed.
+/// Returns where the device is to take the joint's attitude from: from both IMUs if the rig file says how the
+/// second link hangs at the start, else as it is streamed.
 pub fn attitude_source(rig: &RigFile) -> AttitudeSource {
     match rig.link.get(1).and_then(|link| link.initial_wxyz) {
         Some(initial) => AttitudeSource::FromImus {
@@ -113,8 +113,8 @@ pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[LinkReadin
     }
 }
 
-/// A recording's readings as the device takes them, rounded to single precision; attitudes are not looked at if it finds them
-/// itself.
+/// A recording's readings as the device takes them, rounded to single precision; attitudes are not examined
+/// if it finds them itself.
 ///
 /// # Errors
 /// [`TwoLinkError::Columns`] names what is missing.
@@ -169,8 +169,8 @@ pub fn readings(recording: &Recording) -> Result<Vec<LinkReadingMessage>, TwoLin
     Ok((0..recording.rows()).map(reading).collect())
 }
 
-/// Fetches the device's factor of two links: base parameters in the order of the standard columns that stand for them, then the
-/// offset.
+/// Fetches the device's factor of two links: base parameters in the order of the standard columns that
+/// represent them, then the offset.
 ///
 /// # Errors
 /// The link, or what is no factor of two links.

@@ -1,4 +1,4 @@
-//! A robot that the device watches while it works: what the device is told of it, and its frames.
+//! A robot that the device watches while it works: what the device is given of it, and its frames.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements};
@@ -21,12 +21,12 @@ use rigident_shared::estimator::watch::BINS;
 const WIDTH_S: f64 = 0.1;
 /// Rows a second: those of a bin are two.
 const ROWS_PER_S: f64 = 20.0;
-/// What is known before is forgotten with this time constant, s.
+/// The prior knowledge is forgotten with this time constant, s.
 const FORGET_S: f64 = 120.0;
 /// A wrench in a recording has no noise less than this, N and N m.
 const LEAST_SIGMA: f64 = 1e-3;
 
-/// In the mean no robot is pushed by so many times its weight, or by so small a part of it.
+/// In the mean no robot is pushed by this many times its weight, or by so small a part of it.
 const UNLIKE: f64 = 2.5;
 
 /// Says why a robot cannot be watched.
@@ -50,7 +50,7 @@ pub enum WatchError {
         "the device watches by the wrenches on the robot: its feet ([[foot]] in the rig file) or its base (fx_n … mz_nm), and there are none"
     )]
     NoWrench,
-    /// What pushes is far from the weight, N.
+    /// The pushing force is far from the weight, N.
     #[error(
         "the wrenches push by {0:.0} N in the mean, and the model weighs {1:.0} N: are they in another unit (a scale in columns of the rig file), does something \
          push or hold the robot that is not measured, or is it another model?"
@@ -85,7 +85,7 @@ pub enum WatchError {
 pub struct WatchOptions {
     /// False alarms per hour at most, of noise alone.
     pub false_alarms_per_hour: f64,
-    /// No change is told before, s.
+    /// No change is reported before, s.
     pub settle_s: f64,
 }
 
@@ -108,7 +108,7 @@ impl WatchOptions {
     }
 }
 
-/// Holds what the device is told, and its frames.
+/// Holds what the device is given, and its frames.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
     /// Its settings.
@@ -137,7 +137,7 @@ impl WatchedRobot {
         }
     }
 
-    /// Returns what the device is to be told so that it watches this link of a recording's model.
+    /// Returns what the device is to be given so that it watches this link of a recording's model.
     ///
     /// # Errors
     /// [`WatchError`] says what does not fit onto the device.
@@ -271,7 +271,7 @@ fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64;
     Ok((told.collect(), [force, force, force, moment, moment, moment]))
 }
 
-/// What noise sixth differences of the base's wrench show.
+/// Returns what noise sixth differences of the base's wrench show.
 fn shown(input: &Input) -> [f64; 6] {
     std::array::from_fn(|c| {
         let values: Vec<f64> = input.frames.iter().map(|frame| frame.wrench[c]).collect();
@@ -308,7 +308,8 @@ fn wrenches<'a>(input: &'a Input, frame: &'a Frame) -> &'a [[f64; 6]] {
     if input.contact.is_some() { &frame.ground.wrenches } else { std::slice::from_ref(&frame.wrench) }
 }
 
-/// What pushes the robot in the mean, by the sum of its forces' sizes, and what the model weighs by its IMU, N.
+/// Returns what pushes the robot in the mean, by the sum of its forces' sizes, and what the model weighs by
+/// its IMU, N.
 fn weights(input: &Input) -> [f64; 2] {
     let size = |[x, y, z, ..]: &[f64; 6]| x.hypot(*y).hypot(*z);
     let mass: f64 = input.model.links.iter().filter_map(|link| link.nominal).map(|phi| phi[0]).sum();
@@ -334,7 +335,7 @@ fn frames(input: &Input) -> Vec<NumberedFrame> {
         let joints: Vec<[f32; 2]> = joints.collect();
         let number = super::tracked::number(input, k);
         let mut payload = vec![0; MAX_WATCH_FRAME];
-        // No more links and sensors than there may be: it has been looked at.
+        // No more links and sensors than there may be: it has been examined.
         let length = WatchFrame::encode(number, &imu, &feet, &joints, &mut payload).unwrap_or(0);
         payload.truncate(length);
         all.push(NumberedFrame { number, payload });

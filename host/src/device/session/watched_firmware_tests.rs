@@ -15,7 +15,7 @@ use crate::device::session::streamed::{Pace, Watched};
 use crate::device::session::watched::NumberedFrame;
 use crate::device::session::{Session, SessionError};
 
-/// What the line does to the frames that pass it.
+/// The effect of the line on the frames that pass it.
 #[derive(Clone, Copy)]
 enum Fate {
     Passes,
@@ -24,13 +24,13 @@ enum Fate {
     Damaged,
 }
 
-/// A line to firmware, on which something happens to every so many-th frame.
+/// A line to firmware, on which something happens to every nth frame.
 struct Line {
     mcu: Box<dyn Mcu>,
     decoder: Decoder,
     frames: usize,
     fate: fn(usize) -> Fate,
-    /// It goes out after so many frames.
+    /// It goes out after this many frames.
     out_after: Option<usize>,
 }
 

@@ -1,7 +1,8 @@
-//! Axes that were told to move and did not.
+//! Axes that were commanded to move and did not.
 //!
-//! What a segment told is compared with what it would have told had this axis or that one stood still. The columns of the
-//! moments and products of inertia see nothing but rotation, so standing still in between does not disturb them.
+//! The information of a segment is compared with that which it would have brought had this axis or that one
+//! been at rest. The columns of the moments and products of inertia see nothing but rotation, so standing
+//! still in between does not disturb them.
 
 use hexapod::MotionProgram;
 
@@ -12,7 +13,8 @@ const SHARE: f64 = 0.5;
 /// Sum over the six columns of |ln(told / expected)|: together twice as much, or a sixth of one column.
 const LEAST: f64 = 1.8;
 
-/// The coordinates that stood still: the smallest set, of those that should have moved, that explains what was told.
+/// Returns the coordinates that were at rest: the smallest set, of those that should have moved, that
+/// explains the information.
 pub fn stood_still(
     rig: &RigModel,
     program: &MotionProgram,
@@ -54,7 +56,7 @@ fn discrepancy(expected: &Information, told: &Information, floor: f64) -> f64 {
     (4..10).map(|j| ((told[(j, j)].max(0.0) + floor) / (expected[(j, j)] + floor)).ln().abs()).sum()
 }
 
-/// Which share of the expected information on rotation came; at most 1.
+/// Returns which share of the expected information on rotation arrived; at most 1.
 pub fn share(expected: &Information, told: &Information) -> f64 {
     let sum = |m: &Information| (4..10).map(|j| m[(j, j)].max(0.0)).sum::<f64>();
     let whole = sum(expected);

@@ -1,4 +1,5 @@
-//! Which segment next: the first of the sequence that reaches what is asked for in the shortest time.
+//! The choice of the next segment: the first of the sequence that reaches what is asked for in the shortest
+//! time.
 //!
 //! For a sequence S that tells ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal, and `k t` is
 //! the time it is believed to take. Singles, then the best of them continued, then those once more: a segment that is
@@ -14,22 +15,22 @@ const MOST_TIMES: f64 = 1e12;
 /// Segments in a sequence.
 const LONGEST: usize = 3;
 
-/// A sequence that reaches the goal in so many rounds or more is driven in turn.
+/// A sequence that reaches the goal in this many rounds or more is driven in turn.
 const REPEATED: f64 = 2.0;
 
-/// What a candidate costs and tells, from where it is begun.
+/// The cost and the information of a candidate, from where it is begun.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// Seconds, the way there included.
     pub seconds: f64,
-    /// What it tells.
+    /// The information that it brings.
     pub tells: Information,
 }
 
 /// A choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// Which candidates, in order; the first is what to do now.
+    /// The candidates, in order; the first is what to do now.
     pub sequence: Vec<usize>,
     /// Until the goal is reached, s.
     pub seconds: f64,
@@ -153,7 +154,7 @@ fn volume(information: &Information) -> f64 {
     scaled.symmetric_eigenvalues().iter().map(|v| v.max(1e-9).ln()).sum()
 }
 
-/// How often `tells` must be added until the goal is reached; infinite if it never is.
+/// Returns how often `tells` must be added until the goal is reached; infinite if it never is.
 fn times(goal: &Goal, now: &Information, tells: &Information, variance_scale: f64) -> f64 {
     let worst = |k: f64| goal.worst(&(now + tells * k), variance_scale);
     let (mut low, mut high) = (0.0, 1.0);

@@ -2,8 +2,8 @@
 //! least time.
 //!
 //! A motion that tells ΔM must be repeated until the worst uncertainty is what was asked for, so the best one makes the
-//! worst ratio least. Its smooth stand-in is the p-norm of the squared ratios `r_j = s_jᵀ M⁻¹ s_j / u_j²`, whose derivative by
-//! M is of rank one for each: `d(s M⁻¹ s) = −s M⁻¹ dM M⁻¹ s`.
+//! worst ratio least. Its smooth substitute is the p-norm of the squared ratios `r_j = s_jᵀ M⁻¹ s_j / u_j²`,
+//! whose derivative by M is of rank one for each: `d(s M⁻¹ s) = −s M⁻¹ dM M⁻¹ s`.
 
 use std::sync::atomic::AtomicBool;
 
@@ -25,12 +25,12 @@ const SCALE: f64 = 10.0;
 /// Random beginnings of the search.
 const STARTS: usize = 2;
 
-/// What a motion is made for.
+/// The purpose of a motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Design<'a> {
     /// The machine, and what is known of the sensors' ranges.
     pub rig: &'a RigModel,
-    /// Where it begins and ends.
+    /// The pose where it begins and ends.
     pub centre: &'a Pose,
     /// Its length and that of its ramps, s.
     pub duration_s: f64,
@@ -38,9 +38,9 @@ pub struct Design<'a> {
     pub ramp_s: f64,
     /// Coordinates that do not move.
     pub still: [bool; 6],
-    /// What is asked for.
+    /// The request.
     pub goal: &'a Goal,
-    /// What is known, by the number of times that the motion is believed to be needed.
+    /// The knowledge, by the number of times that the motion is believed to be needed.
     pub beforehand: &'a Information,
 }
 

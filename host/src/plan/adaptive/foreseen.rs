@@ -1,4 +1,4 @@
-//! What an experiment can still reach.
+//! The goals that an experiment can still reach.
 
 use std::mem::discriminant;
 
@@ -6,7 +6,7 @@ use super::goal::{Asked, Goal};
 use super::information::Information;
 use super::planner::Known;
 
-/// What can be reached in the time that an experiment has, where what is asked for cannot.
+/// The goals that can be reached in the time that an experiment has, where what is asked for cannot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Foreseen {
     /// Worst uncertainty over what is asked for.
@@ -28,12 +28,12 @@ impl Foreseen {
     }
 }
 
-/// By so much what is foreseen must have changed to be said again.
+/// The change of the prediction from which on it is reported again.
 const CHANGED: f64 = 0.03;
-/// What is foreseen twice in a row must agree so well to be said at all.
+/// Two consecutive predictions must agree this well to be said at all.
 const AGREE: f64 = 0.05;
 
-/// What has been foreseen, and what has been said of it.
+/// The predictions so far, and those reported.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Forecast {
     last: Option<Foreseen>,
@@ -46,7 +46,7 @@ impl Forecast {
         self.said
     }
 
-    /// Takes in what is foreseen now; returns it if it is to be said.
+    /// Takes in the present prediction; returns it if it is to be reported.
     pub fn take(&mut self, foreseen: Foreseen) -> Option<Foreseen> {
         let off = |before: Option<Foreseen>| {
             let alike = before.filter(|before| discriminant(before) == discriminant(&foreseen));
@@ -73,7 +73,7 @@ impl Asked {
         Some(Foreseen::Moment(moments.worst(then, known.variance_scale))).filter(Foreseen::is_finite)
     }
 
-    /// Returns what came of what was foreseen, in the same unit; `None` if a body is not identified.
+    /// Returns the result of what was predicted, in the same unit; `None` if a body is not identified.
     pub fn came_of(&self, foreseen: Foreseen, goal: &Goal, known: &Known) -> Option<f64> {
         let phi = known.estimate?;
         let reached = |goal: &Goal| goal.worst(known.information, known.variance_scale);

@@ -1,4 +1,4 @@
-//! What is asked for, and how far it is.
+//! The goal, and the distance to it.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
@@ -10,10 +10,10 @@ const COVERAGE: f64 = 1.96;
 
 /// Density of the most compact body of a mass, kg/m³ (steel).
 const DENSITY: f64 = 7850.0;
-/// Its centre of mass is reckoned with so many of its radii from S.
+/// Its centre of mass is reckoned with this many of its radii from S.
 const AWAY: f64 = 3.0;
 
-/// What is asked for.
+/// The request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked {
     /// At most these 95 % uncertainties, SI; infinite where anything will do.
@@ -40,7 +40,7 @@ impl Compact {
     }
 }
 
-/// What is asked for, in SI.
+/// The goal, in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// Largest 95 % uncertainties; infinite where anything will do.
@@ -73,8 +73,9 @@ impl Asked {
 }
 
 impl Asked {
-    /// Returns true if it can be said what share of what is asked for can be reached where so much of it is known now: of a
-    /// relative goal the largest moment, by which it is measured, must be known itself: 10 % are then nearly three standard deviations.
+    /// Returns true if it can be said what share of what is asked for can be reached where this much of it is
+    /// known now: of a relative goal the largest moment, by which it is measured, must be known itself: 10 %
+    /// are then nearly three standard deviations.
     pub(super) fn can_foresee(&self, ratio: f64) -> bool {
         match self {
             Self::Absolute(_) => ratio.is_finite(),

@@ -1,4 +1,4 @@
-//! What a motion tells of the body.
+//! The information of a motion on the body.
 
 use hexapod::{
     Bodies, BodyParameters, BodySet, Coordinates, Geometry, Load, MotionError, MotionProgram, PlateState,
@@ -27,15 +27,15 @@ pub const HIGHEST_RATE_RADPS: f64 = 1.2;
 /// Information on a known offset: that of a standard deviation of 1e-6 N or N m.
 const KNOWN: f64 = 1e12;
 
-/// A parameter whose deviation is so many times that without the others counts as not determined: rounding.
+/// A parameter whose deviation is this many times that without the others counts as not determined: rounding.
 const MOST_INFLATED: f64 = 1e6;
 
-/// What the planner knows of the rig.
+/// The planner's knowledge of the rig.
 #[derive(Clone, Debug)]
 pub struct RigModel {
     /// The machine and its limits.
     pub geometry: Geometry,
-    /// Where S is in P, m.
+    /// The place of S in P, m.
     pub load_cell_m: Vector3<f64>,
     /// Axes of S to those of P.
     pub load_cell_rotation: nalgebra::Matrix3<f64>,
@@ -51,10 +51,10 @@ pub struct RigModel {
     pub wrench_range_n_nm: [f64; 6],
     /// White noise of the gyro, rad/s.
     pub gyro_noise_radps: f64,
-    /// What the legs carry and the load cell does not feel, in P.
+    /// The parts that the legs carry and the load cell does not feel, in P.
     pub parts: Vec<BodyParameters>,
-    /// What the load cell may carry, in S: before the body is identified what bounds and a scale leave, then the estimate with
-    /// its uncertainty; `None` if nothing bounds it.
+    /// The bodies that the load cell may carry, in S: before the body is identified what bounds and a scale
+    /// leave, then the estimate with its uncertainty; `None` if nothing bounds it.
     pub body: Option<BodySet>,
     /// Ten parameters are estimated, not sixteen.
     pub offset_known: bool,
@@ -90,22 +90,22 @@ impl RigModel {
         })
     }
 
-    /// How fast the plate may turn, rad/s.
+    /// Returns how fast the plate may turn, rad/s.
     pub fn highest_rate_radps(&self) -> f64 {
         (GYRO_SHARE * self.rate_range_radps).min(HIGHEST_RATE_RADPS)
     }
 
-    /// What has a limit that depends on the body, in words; `None` if nothing has.
+    /// Returns what has a limit that depends on the body, in words; `None` if nothing has.
     pub fn limits_forces(&self) -> Option<&'static str> {
         carried::limited(self.geometry.limits.leg_force_n, &self.wrench_range_n_nm)
     }
 
-    /// The largest share of what is allowed that a program takes, looked at every 10 ms, if all of it is then shown to be kept: the
-    /// machine's limits and the gyro's range at every instant, by bounds between looks. Above one if it is not; infinite for a
-    /// program without sense.
+    /// The largest share of what is allowed that a program takes, checked every 10 ms, if all of it is then
+    /// shown to be met: the machine's limits and the gyro's range at every instant, by bounds between checks.
+    /// Above one if it is not; infinite for a program without sense.
     pub fn overstepped(&self, program: &MotionProgram) -> f64 {
         const LOOK_S: f64 = 0.01;
-        /// Where bounds show nothing although the looks do, the program is made smaller by a little.
+        /// If bounds show nothing although the checks do, the program is made smaller by a little.
         const NOT_SHOWN: f64 = 1.03;
         /// A tenth of a second of work.
         const MOST_LOOKS: u32 = 10_000;
@@ -133,12 +133,13 @@ impl RigModel {
     fn share(&self, state: &PlateState, load: Option<&Load>, instrument: &Instrument) -> f64 {
         let machine = 1.0 - self.geometry.margins(state, load).tightest().relative;
         let turning = state.angular_rate.norm() / self.highest_rate_radps();
-        // What is no number is not known to be kept.
+        // What is no number is not known to be met.
         let most = |most: f64, v: f64| if v.is_nan() { f64::INFINITY } else { most.max(v) };
         [instrument.load_share(state), machine, turning].into_iter().fold(0.0, most)
     }
 
-    /// The load cell with its range and the accelerometer's, so many readings at each instant.
+    /// Returns the load cell with its range and the accelerometer's, the given number of readings at each
+    /// instant.
     pub(super) fn instrument(&self, readings: f64) -> Instrument {
         Instrument::new(
             &self.load_cell_m,
@@ -159,7 +160,7 @@ impl RigModel {
         Compact::of(self.body.as_ref().map_or(20.0, |body| body.middle[0].max(0.01)))
     }
 
-    /// What the legs may carry; `None` if nothing bounds it.
+    /// Returns what the legs may carry; `None` if nothing bounds it.
     fn load(&self) -> Option<Load> {
         let body = self.body.as_ref()?.in_frame(&self.load_cell_m, &self.load_cell_rotation);
         Some(Load::new(Bodies::Within { known: self.parts.clone(), body }))
@@ -185,8 +186,8 @@ impl RigModel {
         Information::from_fn(|i, j| if i == j && i >= 10 { known } else { 0.0 })
     }
 
-    /// What a program tells if the coordinates in `lost` stay where they are at its beginning. The estimator's filter is
-    /// left out: at 2.5 Hz it takes 3 % off the information.
+    /// Returns what a program tells if the coordinates in `lost` stay where they are at its beginning. The
+    /// estimator's filter is left out: at 2.5 Hz it takes 3 % off the information.
     ///
     /// # Errors
     /// A segment that makes no sense.
@@ -231,7 +232,7 @@ impl RigModel {
         sum
     }
 
-    /// What a device's factor says.
+    /// Returns what a device's factor says.
     pub fn of_factor(&self, factor: &Factor) -> Information {
         let (mut sum, r) = (self.prior(), factor.r());
         let n = factor.parameters().min(PARAMETERS);

@@ -32,9 +32,9 @@ const LEAST_SCALE: f64 = 0.1;
 pub struct Candidate {
     /// For people.
     pub name: String,
-    /// Where it begins and ends.
+    /// The pose where it begins and ends.
     pub centre: Pose,
-    /// What happens there.
+    /// The segment there.
     pub segment: Segment,
 }
 
@@ -69,7 +69,8 @@ impl Candidate {
     }
 }
 
-/// A straight move, so many times slower than thought right, and slower still where a leg would be too fast.
+/// Returns a straight move, slower by the given factor than thought right, and slower still where a leg would
+/// be too fast.
 pub(super) fn way(from: &Pose, to: &Pose, slower: f64, geometry: &Geometry) -> Option<Segment> {
     let square = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(p, q)| (p - q).powi(2)).sum::<f64>();
     let angle = square(&from.rpy_rad, &to.rpy_rad).sqrt();
@@ -176,7 +177,7 @@ fn shifting(centre: Pose) -> Candidate {
     }
 }
 
-/// What an axis is called.
+/// Returns what an axis is called.
 pub fn word(axis: Axis) -> &'static str {
     match axis {
         Axis::X => "x",
@@ -215,7 +216,7 @@ pub fn fitted(candidate: &Candidate, rig: &RigModel) -> Option<Candidate> {
     None
 }
 
-/// Highest angular rate, rad/s, looked at every 4 ms.
+/// Highest angular rate, rad/s, examined every 4 ms.
 fn peak_rate(program: &MotionProgram) -> Option<f64> {
     let trajectory = program.trajectory().ok()?;
     let steps = (trajectory.duration_s() / 0.004).ceil() as usize;

@@ -1,4 +1,4 @@
-//! What to do next, decided between segments: the closed loop.
+//! The decision what to do next, made between segments: the closed loop.
 //!
 //! Lives here: what a motion would tell ([`information`]), the segments there are to choose from ([`library`]) and those made
 //! for the purpose ([`design`]), what a factor says ([`Told`]), what is asked for and how far it is ([`goal`]), the choice ([`choice`]), axes that turn out not to follow ([`axes`]), and the

@@ -20,17 +20,17 @@ use crate::simulated::{mounting, reading};
 use rigident_fit::{ESTIMATOR_TAPS, Factor, filter_width_s, row_every};
 use rigident_io::rig::RigFile;
 
-/// The factor is looked at this often, s.
+/// The factor is examined this often, s.
 const LOOK_S: f64 = 0.25;
-/// What a motion that is made between segments takes, s: twice what was measured on two cores.
+/// The time that a motion made between segments takes, s: twice what was measured on two cores.
 const MAKING_S: f64 = 0.75;
-/// So long the load cell is looked at before anything moves, s.
+/// The load cell is read this long before anything moves, s.
 const WEIGHED_S: f64 = 2.0;
-/// Steps in which what was driven is held against the limits, s.
+/// Steps in which what was driven is compared with the limits, s.
 const HELD_S: f64 = 0.005;
-/// What an owner says of the largest body.
+/// An owner's statement about the largest body.
 const BOUND: LoadBound = LoadBound { mass_kg: 40.0, within_m: 0.5 };
-/// What counts as a frozen sensor, readings.
+/// The number of equal readings of a frozen sensor, readings.
 const FROZEN_AFTER: u16 = 50;
 
 /// A rig and what is wrong with it.
@@ -40,15 +40,15 @@ pub struct Rehearsal {
     pub config: RigConfig,
     /// As it is believed to be; the body is weighed.
     pub believed: RigModel,
-    /// How heavy and large a body may be.
+    /// The mass and size that a body may have.
     pub bound: LoadBound,
-    /// Coordinates that are told to move and do not.
+    /// Coordinates that are commanded to move and do not.
     pub stuck: [bool; 6],
     /// Coordinates whose motion the platform refuses.
     pub refused: [bool; 6],
 }
 
-/// How an experiment went.
+/// The course of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Rig time until everything asked for was reached, s; `None` if it was not.
@@ -61,14 +61,14 @@ pub struct Outcome {
     pub error: f64,
     /// Coordinates that counted as lost at the end.
     pub lost: [bool; 6],
-    /// What was done: name, and worst ratio expected and got.
+    /// The segments done: name, and worst ratio expected and got.
     pub segments: Vec<(String, f64, f64)>,
     /// The largest share of a limit that was taken at any instant, by the body as it is: of the machine, of the load cell's
     /// range, of the gyro's and of the accelerometer's.
     pub taken: f64,
-    /// What was said that could be reached in the time there is.
+    /// The prediction of what could be reached in the time there is.
     pub promised: Option<Foreseen>,
-    /// What was reached, less that, as a share of it.
+    /// The result, less that, as a share of it.
     pub off: Option<f64>,
     /// Why it ended before, in words.
     pub ended: Option<String>,
@@ -134,7 +134,7 @@ impl Rehearsal {
         Some(Self { config, believed, bound: BOUND, stuck: [false; 6], refused: [false; 6] })
     }
 
-    /// What becomes of a program: the moves that do not happen left out.
+    /// Returns what becomes of a program: the moves that do not happen left out.
     fn as_followed(&self, program: &MotionProgram) -> MotionProgram {
         let held = |to: &Pose| {
             let mut to = *to;
@@ -169,7 +169,7 @@ impl Rehearsal {
         MotionProgram { start: program.start, segments }
     }
 
-    /// Whether the platform takes a program.
+    /// Returns whether the platform takes a program.
     fn takes(&self, program: &MotionProgram) -> bool {
         let barred = program.segments.iter().any(|segment| match segment {
             Segment::Multisine { terms, .. } => terms.iter().any(|t| self.refused[t.axis as usize]),
@@ -291,7 +291,7 @@ impl Rehearsal {
         Some(self.outcome(&device, asked, seconds, Vec::new()))
     }
 
-    /// Decided segment by segment, at most for so long: from zero, as a rig is started.
+    /// Decided segment by segment, at most for the given time: from zero, as a rig is started.
     ///
     /// # Errors
     /// The simulated rig cannot be built.

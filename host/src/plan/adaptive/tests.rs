@@ -142,7 +142,8 @@ fn every_candidate_keeps_the_limits_and_the_gyros_range() {
     }
 }
 
-/// Looked at every millisecond, the wrench by the simulator's mechanics. Limits that bind: legs, joints, force, load cell.
+/// Examined every millisecond, the wrench by the simulator's mechanics. Limits that bind: legs, joints,
+/// force, load cell.
 #[test]
 fn whatever_is_decided_keeps_every_limit_at_every_instant() {
     let mut config = RigConfig::thesis_vertical();
@@ -239,7 +240,7 @@ fn more_noise_than_assumed_takes_longer_and_is_not_believed_away() {
     }
     let (before, after) = (adaptive(&nominal), adaptive(&noisy));
     let times = after.seconds.unwrap() / before.seconds.unwrap();
-    // Four times the information, less what the ramps and looks are worth.
+    // Four times the information, less what the ramps and tests are worth.
     assert!((1.8..6.0).contains(&times), "{before:?} {after:?}");
     assert!(after.error < 0.02, "{after:?}");
 }
@@ -253,7 +254,7 @@ fn what_cannot_be_reached_is_named() {
     u95[5] = 1e-9;
     let mut planner = Planner::new(model.clone(), Asked::Absolute(u95));
     let known = Known { information: &model.prior(), estimate: None, first: None, variance_scale: 1.0 };
-    // A look or two, and it is clear.
+    // A test or two, and it is clear.
     let mut looks = 0;
     let next = loop {
         match planner.next(&known) {
@@ -291,8 +292,9 @@ fn an_axis_that_stood_still_is_told_from_one_that_moved() {
     }
 }
 
-/// From zero, with nothing known of the body but that it is at most half as heavy again and within so many metres: no limit is
-/// exceeded by the body as it is, nothing ends without a word, and what is said to be possible comes.
+/// From zero, with nothing known of the body but that it is at most half as heavy again and within some
+/// metres: no limit is exceeded by the body as it is, nothing ends without a word, and what is said to be
+/// possible comes.
 #[test]
 fn nothing_is_exceeded_whatever_the_body_the_limits_and_the_noise_are() {
     let gyration = |mass_kg: f64| 0.1 * (mass_kg / 20.0).cbrt();

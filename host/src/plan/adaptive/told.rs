@@ -1,4 +1,4 @@
-//! What a device's factor says, as far as planning may use it.
+//! The information of a device's factor, as far as planning may use it.
 
 use rigident_shared::conditioning::Kernel;
 
@@ -11,7 +11,7 @@ use rigident_fit::{ESTIMATOR_TAPS, Estimate, Factor, Noise, RowSet, filter_width
 /// Rows a device makes at one instant.
 const CHANNELS: u64 = 6;
 
-/// What a factor says.
+/// The information of a factor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Told {
     /// Information on all sixteen.

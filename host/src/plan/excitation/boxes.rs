@@ -22,7 +22,7 @@ pub struct BoxFile {
     /// Links without a box.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub no_box: Vec<String>,
-    /// Pairs of links that are not looked at.
+    /// Pairs of links that are not examined.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skip_pairs: Vec<[String; 2]>,
 }

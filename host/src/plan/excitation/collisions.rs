@@ -1,4 +1,4 @@
-//! What must stay apart: boxes round the links from each other, and from a floor.
+//! The parts that must stay apart: boxes round the links from each other, and from a floor.
 
 use rigident_shared::tree::{Joint, LinkState};
 
@@ -12,7 +12,7 @@ use rigident_model::rows::Moving;
 /// Distance at which a pair begins to be kept apart, as a share of the robot's reach.
 const NEAR: f64 = 0.1;
 
-/// What is kept, beside boxes.
+/// The data stored, beside boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
     /// Least distance of boxes, and of a box from the floor, m.
@@ -30,7 +30,7 @@ pub struct Nearest {
     pub between: [String; 2],
 }
 
-/// The pairs that are looked at.
+/// The pairs that are examined.
 #[derive(Clone, Debug)]
 pub struct Collisions {
     boxes: Vec<BodyBox>,
@@ -44,8 +44,9 @@ pub struct Collisions {
 }
 
 impl Collisions {
-    /// Returns what is looked at: boxes of bodies that are not joined to each other, but for pairs named in `skipped` and those that are nearer than the
-    /// clearance in one of the poses `free`, whose boxes are too large then. `model` has no fixed joints.
+    /// Returns what is examined: boxes of bodies that are not joined to each other, but for pairs named in
+    /// `skipped` and those that are nearer than the clearance in one of the poses `free`, whose boxes are too
+    /// large then. `model` has no fixed joints.
     pub fn new(
         model: &Model,
         paths: &[Vec<usize>],
@@ -53,7 +54,7 @@ impl Collisions {
         apart: Apart,
         free: &[Vec<LinkState<f64>>],
     ) -> Self {
-        // Links that are no bodies only stand between joints.
+        // Links that are no bodies are only between joints.
         let holder = |body: usize| {
             let mut at = model.links[body].link.parent;
             while at != 0 && !model.links[at].is_body() {
@@ -103,12 +104,12 @@ impl Collisions {
         Self { pairs, left_out, ..all }
     }
 
-    /// Returns the pairs of links that touch in a pose that is free, and are not looked at.
+    /// Returns the pairs of links that touch in a pose that is free, and are not examined.
     pub fn left_out(&self) -> &[[String; 2]] {
         &self.left_out
     }
 
-    /// Returns the number of pairs of boxes that are looked at.
+    /// Returns the number of pairs of boxes that are examined.
     pub fn pairs(&self) -> usize {
         self.pairs.len()
     }
@@ -130,7 +131,7 @@ impl Collisions {
         self.boxes.iter().map(place).collect()
     }
 
-    /// Returns the two that are nearest to each other; `None` where nothing is looked at.
+    /// Returns the two that are nearest to each other; `None` where nothing is examined.
     pub fn nearest(&self, states: &[LinkState<f64>]) -> Option<Nearest> {
         let placed = self.placed(states);
         let mut best: Option<(f64, usize, Option<usize>)> = None;

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-/// Instants for each harmonic that the search looks at: 12 in the shortest period.
+/// Instants for each harmonic that the search checks: 12 in the shortest period.
 pub const INSTANTS: usize = 12;
 
 /// Positions, rates and accelerations of all joints at an instant, rad or m and s; or what a change of each is worth.
@@ -23,7 +23,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Returns so many joints at rest at zero.
+    /// Returns the given number of joints at rest at zero.
     pub fn zeros(joints: usize) -> Self {
         let zeros = vec![0.0; joints];
         Self { positions: zeros.clone(), rates: zeros.clone(), accelerations: zeros }
@@ -33,7 +33,7 @@ impl Motion {
 /// A trajectory of all joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// Where the joints start and end, rad or m.
+    /// The positions where the joints start and end, rad or m.
     pub start: Vec<f64>,
     /// Its length, s.
     pub duration_s: f64,
@@ -62,7 +62,7 @@ impl Series {
         motion
     }
 
-    /// Returns the same about the same start with all amplitudes so many times as large.
+    /// Returns the same about the same start with all amplitudes times a factor.
     #[must_use]
     pub fn sized(&self, size: f64) -> Self {
         let terms = self.terms.iter().map(|own| own.iter().map(|term| term.map(|v| size * v)).collect());
@@ -82,7 +82,7 @@ impl Series {
 pub struct Family {
     start: Vec<f64>,
     duration_s: f64,
-    /// Rate that a coefficient of one stands for, of every joint, rad/s or m/s.
+    /// Rate that a coefficient of one means, of every joint, rad/s or m/s.
     scales: Vec<f64>,
     /// Sine and cosine coefficients, over kω, of every free coefficient: harmonics by coefficients.
     sines: DMatrix<f64>,
@@ -102,8 +102,8 @@ fn plane(normal: &DVector<f64>) -> DMatrix<f64> {
 }
 
 impl Family {
-    /// Returns the series about a start that last `duration_s` and have so many harmonics, two at least; `rates` are those that the joints may
-    /// have, rad/s or m/s.
+    /// Returns the series about a start that last `duration_s` and have the given number of harmonics, two at
+    /// least; `rates` are those that the joints may have, rad/s or m/s.
     pub fn new(start: &[f64], duration_s: f64, harmonics: usize, rates: &[f64]) -> Self {
         let harmonics = harmonics.max(2);
         let ones = DVector::from_element(harmonics, 1.0);

@@ -12,11 +12,11 @@ use rigident_model::Model;
 pub struct FileJoint {
     /// Its name.
     pub name: String,
-    /// What its columns of position and rate end with.
+    /// The units at the end of its columns of position and rate.
     pub units: [&'static str; 2],
     /// Its place in the series.
     pub moves: Option<usize>,
-    /// Where it is held, rad or m; not used of one that moves.
+    /// The position where it is held, rad or m; not used of one that moves.
     pub held: f64,
     /// It is in the message for the controller, which refuses joints that are none of its own.
     pub is_commanded: bool,

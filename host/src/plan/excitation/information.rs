@@ -1,8 +1,8 @@
-//! What a motion of joints tells of the base parameters, and how that changes with the motion.
+//! The information of a motion of joints on the base parameters, and how that changes with the motion.
 //!
 //! `M = Σ Aᵀ W A` with the regressor of `identify`: base parameters, friction, offsets, at white noise of efforts and wrench. Its filter is
-//! not in it; what it takes off is in the prediction. Columns are those of the standard parameters that stand for the base
-//! parameters: `log det M` differs from that of the base parameters by a constant.
+//! not in it; what it takes off is in the prediction. Columns are those of the standard parameters that
+//! represent the base parameters: `log det M` differs from that of the base parameters by a constant.
 //!
 //! The gradient of `log det M` goes backwards: `d log det M = Σ_r ⟨2 w M⁻¹ a_r, da_r⟩`, a_r the rows. How rows change with position, rate
 //! and acceleration of a joint is found by differences. A column of a link depends on the joints between it and the base alone, so
@@ -27,7 +27,7 @@ const OPEN: f64 = 1e-13;
 /// Rows of the base's wrench.
 const WRENCH: usize = 6;
 
-/// What is measured while a robot moves, with what noise, and what is estimated beside the links.
+/// The quantities measured while a robot moves, with what noise, and what is estimated beside the links.
 #[derive(Clone, Debug)]
 pub struct Measured {
     /// Joint efforts, the base's wrench or both.
@@ -217,7 +217,7 @@ impl Tree {
         term.column(&own, self.slides[k], true)
     }
 
-    /// Adds so many readings of an instant.
+    /// Adds the given number of readings of an instant.
     pub(super) fn add(
         &self,
         instant: &Instant,

@@ -6,9 +6,11 @@ use super::family::Motion;
 use rigident_model::Model;
 use rigident_model::limits::Limits;
 
-/// What is kept away from every limit for what happens between the instants that the search looks at: a three-hundredth.
+/// The margin to every limit for what happens between the instants that the search checks: a
+/// three-hundredth.
 const KEPT: f64 = 1.0 - 1.0 / 300.0;
-/// Where no start is given a joint starts this share of its range away from its ends, as near to zero as that is.
+/// If no start is given, a joint starts this share of its range away from its ends, as near to zero as that
+/// is.
 const FROM_ENDS: f64 = 0.2;
 
 /// Shares of the limits that a trajectory may use.
@@ -43,7 +45,7 @@ pub struct JointLimits {
     pub effort: f64,
     /// Largest acceleration, rad/s² or m/s²; `None`: as efforts allow.
     pub acceleration: Option<f64>,
-    /// What may be used.
+    /// The shares that may be used.
     pub shares: Shares,
     /// Dry friction as the model states it, N m or N: its sign is unknown, so that it is taken off the largest effort.
     pub dry: f64,
@@ -121,7 +123,7 @@ pub fn by_joint(
 
 impl GivenLimits {
     /// Returns the limits of the joints of a model that move, by link; those of a joint take the place of the model's, those of every joint
-    /// stand where the model has none or wider ones.
+    /// apply where the model has none or wider ones.
     ///
     /// # Errors
     /// A limit that is missing, by joint, and how to give it; words that are none.

@@ -2,9 +2,10 @@
 //!
 //! A Fourier series for each joint ([`family`]) is sought by [`crate::plan::descent`] that makes the information on the base parameters
 //! large ([`information`]) inside the limits of joints ([`limits`]) and away from collisions ([`collisions`], of [`boxes`] round the
-//! links, [`oriented_box`]); it is looked at once more on a finer grid ([`resampled`]), and what it will tell is read off the factor
-//! that the pipeline makes of it ([`predict`]). [`plan()`] does all of this, [`files`] writes it. May not live here: reading models
-//! ([`rigident_model`]), the rows of a recording ([`crate::problem::tree`]). Next: [`plan()`].
+//! links, [`oriented_box`]); it is examined once more on a finer grid ([`resampled`]), and what it will tell
+//! is read off the factor that the pipeline makes of it ([`predict`]). [`plan()`] does all of this, [`files`]
+//! writes it. May not live here: reading models ([`rigident_model`]), the rows of a recording
+//! ([`crate::problem::tree`]). Next: [`plan()`].
 
 pub mod boxes;
 pub mod collisions;

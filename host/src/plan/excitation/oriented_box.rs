@@ -1,4 +1,4 @@
-//! How far two oriented boxes are apart, by separating axes, and how that changes as they move.
+//! The distance of two oriented boxes, by separating axes, and how that changes as they move.
 //!
 //! Of two boxes that do not overlap one of fifteen axes separates them: a normal of a face, or a direction at right angles to an edge of
 //! each (S. Gottschalk, M. Lin, D. Manocha, "OBBTree", SIGGRAPH 1996). The largest gap along such an axis is at most their distance, and
@@ -33,7 +33,7 @@ impl PlacedBox {
     }
 }
 
-/// What an axis that separates is at right angles to.
+/// The directions that a separating axis is at right angles to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Axis {
     First,

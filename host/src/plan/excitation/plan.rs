@@ -1,4 +1,4 @@
-//! A trajectory for a robot: sought, looked at once more, made smaller if it must be, and predicted.
+//! A trajectory for a robot: sought, examined once more, made smaller if it must be, and predicted.
 
 use std::sync::atomic::AtomicBool;
 
@@ -25,14 +25,14 @@ const READINGS: [f64; 2] = [10.0, 1e6];
 /// Steps in which a size is found.
 const HALVINGS: usize = 12;
 
-/// What is to be planned.
+/// The planning task.
 #[derive(Clone, Debug)]
 pub struct Task {
     /// The model without fixed joints; every joint that is left moves.
     pub model: Model,
     /// Limits of the joints, in the order of the model.
     pub limits: Vec<JointLimits>,
-    /// Where the joints start and end, rad or m.
+    /// The positions where the joints start and end, rad or m.
     pub start: Vec<f64>,
     /// The start was asked for: boxes that touch there are a collision, not too large.
     pub is_start_given: bool,
@@ -40,13 +40,13 @@ pub struct Task {
     pub duration_s: f64,
     /// Highest harmonic, Hz.
     pub bandwidth_hz: f64,
-    /// What is measured, with what noise.
+    /// The measured quantities and their noise.
     pub measured: Measured,
     /// Boxes round the bodies.
     pub boxes: Vec<BodyBox>,
-    /// Pairs of links that are not looked at.
+    /// Pairs of links that are not examined.
     pub skipped: Vec<[String; 2]>,
-    /// What stays apart.
+    /// The parts that stay apart.
     pub apart: Apart,
     /// Seed of the first random beginning.
     pub seed: u64,
@@ -61,22 +61,22 @@ pub struct Excitation {
     pub series: Series,
     /// Harmonics.
     pub harmonics: usize,
-    /// What of the limits it uses.
+    /// The part of the limits that it uses.
     pub used: Resampled,
-    /// What a random trajectory of the same kind tells, as large as limits allow.
+    /// The information of a random trajectory of the same kind, as large as limits allow.
     pub before: Prediction,
-    /// What this one tells.
+    /// The information of this one.
     pub after: Prediction,
-    /// Pairs of links that touch in a pose that is free, and are not looked at.
+    /// Pairs of links that touch in a pose that is free, and are not examined.
     pub left_out: Vec<[String; 2]>,
-    /// Pairs of boxes that are looked at.
+    /// Pairs of boxes that are examined.
     pub pairs: usize,
 }
 
-/// How far a plan is.
+/// The progress of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stage {
-    /// So many searches of so many have ended; the largest `log det`.
+    /// The number of searches of the total that have ended; the largest `log det`.
     Search(usize, usize, f64),
     /// Limits on a finer grid.
     Limits,
@@ -95,7 +95,7 @@ pub enum ExcitationError {
     Joint {
         /// Its name.
         name: String,
-        /// What it is.
+        /// The meaning.
         why: String,
     },
     /// A number that makes no sense.
@@ -111,7 +111,7 @@ pub enum ExcitationError {
         duration_s: f64,
         /// Hz
         bandwidth_hz: f64,
-        /// How many.
+        /// The number.
         harmonics: usize,
     },
     /// The start is outside the positions that may be used.
@@ -137,7 +137,7 @@ pub enum ExcitationError {
          skip_pairs in --boxes", between.between[0], between.between[1], 1e3 * between.distance_m, 1e3 * clearance_m
     )]
     Touches {
-        /// What.
+        /// The quantity.
         between: Nearest,
         /// m
         clearance_m: f64,
@@ -222,10 +222,10 @@ fn harmonics(task: &Task) -> Result<usize, ExcitationError> {
     Ok(harmonics)
 }
 
-/// Plans. `note` is told how far it is; `stop` ends the search with the best so far.
+/// Plans. `note` receives how far it is; `stop` ends the search with the best so far.
 ///
 /// # Errors
-/// [`ExcitationError`] says which limit cannot be kept, or which number makes no sense.
+/// [`ExcitationError`] says which limit cannot be met, or which number makes no sense.
 pub fn plan(
     task: &Task,
     stop: &AtomicBool,

@@ -1,4 +1,5 @@
-//! What a trajectory will tell: the factor that the pipeline makes of its readings, and its uncertainties.
+//! The information that a trajectory will bring: the factor that the pipeline makes of its readings, and its
+//! uncertainties.
 
 use super::family::{Motion, Series};
 use super::information::Tree;
@@ -9,7 +10,7 @@ use rigident_fit::{
     Estimate, Factor, FitError, Kind, Noise, Owner, Parameter, RowSource, Silent, plain_factor,
 };
 
-/// What is known of a parameter.
+/// The knowledge of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predicted {
     /// Its name, as `identify` has it.
@@ -20,7 +21,7 @@ pub struct Predicted {
     pub u95: Option<f64>,
 }
 
-/// What a trajectory will tell.
+/// The information that a trajectory will bring.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// Every parameter.
@@ -42,7 +43,7 @@ pub enum PredictError {
     Fit(#[from] FitError),
 }
 
-/// Returns what readings of a trajectory tell, so many a second, positions and rates exact.
+/// Returns what readings of a trajectory tell, at the given rate, positions and rates exact.
 ///
 /// # Errors
 /// [`PredictError`] if there are no rows at this rate.

@@ -1,4 +1,4 @@
-//! What is sought: the series of the largest `log det M` inside the limits.
+//! The unknown: the series of the largest `log det M` inside the limits.
 
 use super::collisions::Collisions;
 use super::family::{Family, Motion};
@@ -14,7 +14,7 @@ pub struct Problem<'a> {
     pub family: Family,
     /// Limits of every joint.
     pub limits: &'a [JointLimits],
-    /// What must stay apart.
+    /// The parts that must stay apart.
     pub collisions: &'a Collisions,
     /// Readings per second.
     pub rate_hz: f64,

@@ -1,4 +1,5 @@
-//! A trajectory looked at ten times as finely as the search does: what of the limits it uses, and what comes nearest to each other.
+//! A trajectory examined ten times as finely as the search does: what of the limits it uses, and what comes
+//! nearest to each other.
 //!
 //! Positions, rates and accelerations are bounded at every instant: between two that are h apart a quantity exceeds both by at most `h²/8` times the most
 //! of its second derivative. Efforts and distances are those seen.
@@ -13,7 +14,7 @@ const FINER: usize = 10;
 /// Rounding of a share.
 const ROUNDING: f64 = 1e-9;
 
-/// What a joint uses of its limits.
+/// The part of its limits that a joint uses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointUse {
     /// Least and largest position at any instant, rad or m.
@@ -28,7 +29,7 @@ pub struct JointUse {
     pub shares: [f64; 3],
 }
 
-/// What was seen.
+/// The observations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampled {
     /// Every joint.
@@ -37,11 +38,11 @@ pub struct Resampled {
     pub nearest: Option<(Nearest, f64)>,
     /// Time between instants, s.
     pub step_s: f64,
-    /// Every limit is kept.
+    /// Every limit is met.
     pub is_kept: bool,
 }
 
-/// Looks at a trajectory of so many harmonics. `None` if numbers do not fit the tree.
+/// Checks a trajectory of the given number of harmonics. `None` if numbers do not fit the tree.
 pub fn resampled(
     tree: &Tree,
     limits: &[JointLimits],

@@ -69,7 +69,7 @@ fn planned(task: &Task) -> Excitation {
     plan(task, &AtomicBool::new(false), |_| ()).unwrap()
 }
 
-/// Everything that the search looks at, for a task.
+/// Everything that the search checks, for a task.
 fn with_problem<T>(task: &Task, job: impl FnOnce(&Problem) -> T) -> T {
     let tree = Tree::new(&task.model, &task.measured).unwrap();
     let mut moving = tree.moving();
@@ -196,7 +196,8 @@ fn read_again(text: &str) -> Recording {
     Recording::load(&path, None).unwrap()
 }
 
-/// Every limit by another way: efforts by Newton and Euler, link by link, positions and rates as they stand in the CSV.
+/// Every limit by another way: efforts by Newton and Euler, link by link, positions and rates as they are in
+/// the CSV.
 fn assert_kept(task: &Task, plan: &Excitation) {
     let names: Vec<String> = task.limits.iter().map(|limits| limits.name.clone()).collect();
     let text = csv(&plan.series, &joints(&task.model, &names, &[], &[]), 1000.0);
@@ -220,7 +221,7 @@ fn assert_kept(task: &Task, plan: &Excitation) {
             let link = &task.model.links[j + 1];
             let own =
                 efforts[6 + j] + link.passive[0].damping * rates[j] + link.passive[0].armature * changes[j];
-            // Between the instants that were looked at efforts are not bounded: a thousandth.
+            // Between the instants that were examined efforts are not bounded: a thousandth.
             assert!(
                 own.abs() + limits.dry <= 1.001 * limits.shares.effort * limits.effort,
                 "{}",
@@ -231,7 +232,8 @@ fn assert_kept(task: &Task, plan: &Excitation) {
     assert!(plan.used.is_kept);
 }
 
-/// Plans, runs and identifies: shares of intervals that hold the truth, and the largest promise over what came.
+/// Plans, runs and identifies: shares of intervals that hold the truth, and the largest promise over the
+/// outcome.
 fn end_to_end(model: &Model, task: &Task, seeds: std::ops::Range<u64>) -> (f64, Vec<f64>, Excitation) {
     let plan = planned(task);
     assert_kept(task, &plan);
@@ -283,7 +285,7 @@ fn the_same_seed_gives_the_same_trajectory_and_stopping_the_best_so_far() {
     assert!(stopped.used.is_kept);
 }
 
-/// One point of a message: what stands in the brackets is JSON, too.
+/// One point of a message: what is in the brackets is JSON, too.
 fn list(line: &str, key: &str) -> Vec<f64> {
     serde_json::from_str(line.trim_start_matches(['-', ' ']).strip_prefix(key).unwrap()).unwrap()
 }

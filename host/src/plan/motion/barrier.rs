@@ -1,4 +1,5 @@
-//! What keeps a motion inside the limits while it is planned: `−Σ log slack` over legs and instants.
+//! The barrier that keeps a motion inside the limits while it is planned: `−Σ log slack` over legs and
+//! instants.
 //!
 //! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces,
 //! clearances and `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
@@ -19,8 +20,8 @@ pub struct Barrier {
 }
 
 impl Barrier {
-    /// Of a platform, with the highest angular rate of the plate, rad/s. Everything is kept a three-hundredth away from its
-    /// limit, for what happens between the instants.
+    /// Of a platform, with the highest angular rate of the plate, rad/s. Everything stays a three-hundredth
+    /// away from its limit, for what happens between the instants.
     pub fn new(geometry: &Geometry, rate_radps: f64) -> Self {
         const SHARE: f64 = 1.0 - 1.0 / 300.0;
         let mut geometry = geometry.clone();

@@ -1,4 +1,4 @@
-//! How much of the sphere of directions a motion's angular velocity and acceleration visit.
+//! The part of the sphere of directions that a motion's angular velocity and acceleration visit.
 
 use hexapod::Trajectory;
 use nalgebra::Vector3;

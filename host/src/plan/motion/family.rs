@@ -6,7 +6,7 @@ use hexapod::{Axis, Coordinates, Pose, Segment, SineTerm};
 
 /// The coordinates in their order.
 pub const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
-/// Angular rate, rad/s, and acceleration, m/s², that a coefficient of one stands for: all of a like size then.
+/// Angular rate, rad/s, and acceleration, m/s², that a coefficient of one means: all of a like size then.
 const RATE_RADPS: f64 = 0.3;
 const ACCELERATION_MPS2: f64 = 0.5;
 
@@ -28,7 +28,7 @@ pub struct Family {
     repeated: Option<Repeated>,
 }
 
-/// A common period of all frequencies, driven more often than it is looked at.
+/// A common period of all frequencies, driven more often than it is examined.
 #[derive(Clone, Copy, Debug)]
 struct Repeated {
     period_s: f64,
@@ -39,7 +39,7 @@ struct Repeated {
 }
 
 impl Family {
-    /// About `centre`, looked at every `step_s`.
+    /// About `centre`, examined every `step_s`.
     pub fn new(centre: &Pose, duration_s: f64, ramp_s: f64, frequencies_hz: &[f64], step_s: f64) -> Self {
         let count = (duration_s / step_s).floor() as usize + 1;
         let waves = frequencies_hz
@@ -73,8 +73,8 @@ impl Family {
         }
     }
 
-    /// The same with a common period of all frequencies driven so many times more: the states of that are those of the
-    /// period after the first ramp, which must be there.
+    /// The same with a common period of all frequencies driven the given number of times more: the states of
+    /// that are those of the period after the first ramp, which must be there.
     #[must_use]
     pub fn repeating(self, period_s: f64, again: usize, step_s: f64) -> Self {
         let from = (self.ramp_s / step_s).ceil() as usize;
@@ -82,7 +82,7 @@ impl Family {
         Self { repeated: Some(Repeated { period_s, again, from, to }), ..self }
     }
 
-    /// How often the motion passes through the state at the instant `k` of the grid.
+    /// Returns how often the motion passes through the state at the instant `k` of the grid.
     pub fn times(&self, k: usize) -> f64 {
         match self.repeated {
             Some(Repeated { again, from, to, .. }) if (from..to).contains(&k) => 1.0 + again as f64,
@@ -105,7 +105,7 @@ impl Family {
         6 * self.waves.len()
     }
 
-    /// Whether there is no frequency.
+    /// Returns whether there is no frequency.
     pub fn is_empty(&self) -> bool {
         self.waves.is_empty()
     }

@@ -1,4 +1,4 @@
-//! What a motion tells of the body, and how that changes with the motion.
+//! The information of a motion on the body, and how that changes with the motion.
 //!
 //! `M = Σ Aᵀ W A` with the pipeline's own regressor A (offsets' columns beside it) and W the load cell's white noise. The
 //! pipeline's filter is not in it: up to 2.5 Hz it takes less than 2 % off a row.
@@ -13,8 +13,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::regressor::{SIGNALS, block};
 use rigident_shared::spatial::{Position, Sensor};
 
-/// What no body may take, over what the middle of them may: what is allowed leaves room for noise and for what is not known of
-/// the body, 0.85 of a range; at worst it is 0.97.
+/// The bound for every body over that for the middle of them: what is allowed leaves room for noise and for
+/// what is not known of the body, 0.85 of a range; at worst it is 0.97.
 const AT_WORST: f64 = 1.14;
 
 /// The body's ten and six offsets.
@@ -34,17 +34,18 @@ pub struct Instrument {
     lever: Position<Sensor, f64>,
     gravity_mps2: f64,
     weights: [f64; 6],
-    /// What the body may be, in S, and what the load cell and the accelerometer may see: N, N m, m/s².
+    /// The bodies that are possible, in S, and what the load cell and the accelerometer may see: N, N m,
+    /// m/s².
     body: Option<BodySet>,
     wrench_limit: [f64; 6],
     felt_limit: f64,
-    /// What one of the twelve signals makes of the regressor.
+    /// The regressor of each of the twelve signals at one.
     units: [[[f64; 6]; 10]; 12],
 }
 
 impl Instrument {
     /// At `position` in P, its axes to the plate's by `rotation`; noise 1 σ of one reading, `readings` of them at each
-    /// instant that will be looked at.
+    /// instant that will be examined.
     pub fn new(
         position: &Vector3<f64>,
         rotation: &Matrix3<f64>,
@@ -147,7 +148,7 @@ impl Instrument {
         state.rotation.transpose() * (state.acceleration + Vector3::new(0.0, 0.0, self.gravity_mps2))
     }
 
-    /// Adds the readings of one instant, passed so many times.
+    /// Adds the readings of one instant, passed the given number of times.
     pub fn add(&self, state: &PlateState, times: f64, information: &mut Information) {
         let columns = self.columns(state);
         for c in 0..6 {
@@ -165,8 +166,8 @@ impl Instrument {
         }
     }
 
-    /// What a change of the coordinates at one instant is worth where a change of the information is worth `tr(Q dM)`, Q
-    /// symmetric: `M⁻¹` for `log det M`; so many times.
+    /// Returns what a change of the coordinates at one instant is worth where a change of the information is
+    /// worth `tr(Q dM)`, Q symmetric: `M⁻¹` for `log det M`; times a factor.
     pub fn worth(&self, state: &PlateState, slope: &Information, times: f64) -> Variation {
         let columns = self.columns(state);
         let mut worth = [0.0; 12];
@@ -217,8 +218,8 @@ pub fn log_determinant(information: &Information) -> Option<(f64, Information)> 
     log.is_finite().then_some((log, inverse))
 }
 
-/// What small changes of the plate's motion are worth: of the origin's place, velocity and acceleration in A, and of the
-/// turn η in P and its two derivatives.
+/// The value of small changes of the plate's motion: of the origin's place, velocity and acceleration in A,
+/// and of the turn η in P and its two derivatives.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Variation {
     /// Of the place.

@@ -13,7 +13,7 @@ use super::program::{Frame, FrameError, stands};
 use super::search::{Descent, Problem, Volume};
 use crate::plan::equipment::Equipment;
 
-/// What a motion is made for.
+/// The purpose of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Objective {
     /// The largest determinant of the information on the body, offsets unknown.
@@ -26,12 +26,12 @@ pub enum Objective {
     Multisine,
 }
 
-/// What is to be planned.
+/// The planning task.
 #[derive(Clone, Debug)]
 pub struct Task {
     /// The platform with body and sensors.
     pub equipment: Equipment,
-    /// What for.
+    /// The objective.
     pub objective: Objective,
     /// Of the whole experiment, s.
     pub duration_s: f64,
@@ -56,9 +56,9 @@ pub struct MotionPlan {
     pub motion_s: [f64; 2],
     /// Of every limit over all of it.
     pub guarantee: Guarantee,
-    /// What it will tell.
+    /// The information that it will bring.
     pub prediction: Prediction,
-    /// How much of what was planned is driven; below one where the guarantee asked for less.
+    /// The part of the plan that is driven; below one where the guarantee asked for less.
     pub size: f64,
 }
 
@@ -77,9 +77,9 @@ pub enum PlanError {
     /// The static step, or even the smallest motion.
     #[error("no motion is inside the limits: {violation} at t = {time_s:.3} s: {}", violation.advice())]
     Limit {
-        /// What is overstepped.
+        /// The limit that is exceeded.
         violation: Violation,
-        /// When, s.
+        /// The time, s.
         time_s: f64,
     },
     /// The same of the gyro's range.
@@ -129,10 +129,10 @@ fn repetitions(highest_hz: f64, motion_s: f64, ramp_s: f64) -> Option<(f64, usiz
     (again >= 1.0).then_some((period_s, again as usize))
 }
 
-/// Plans. `note` is told what goes on; `stop` ends the search with the best so far.
+/// Plans. `note` receives what goes on; `stop` ends the search with the best so far.
 ///
 /// # Errors
-/// Limits that cannot be kept, a duration that is too short, numbers without sense.
+/// Limits that cannot be met, a duration that is too short, numbers without sense.
 pub fn plan(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Result<MotionPlan, PlanError> {
     let positive = |name: &str, v: f64, most: f64| {
         if v > 0.0 && v <= most {
@@ -270,7 +270,7 @@ pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
     }
 }
 
-/// Whether every limit is kept where it is looked at, every 20 ms of the motion.
+/// Returns whether every limit is met where it is examined, every 20 ms of the motion.
 fn seems_kept(
     task: &Task,
     instrument: &Instrument,

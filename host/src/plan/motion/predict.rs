@@ -1,4 +1,5 @@
-//! What an experiment will tell: the factor that the pipeline makes of it without noise, and its uncertainties.
+//! The information that an experiment will bring: the factor that the pipeline makes of it without noise, and
+//! its uncertainties.
 
 use hexapod::{BadRotation, MotionError, MotionProgram};
 use rigident_shared::calibration::Reading;

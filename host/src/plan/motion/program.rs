@@ -24,7 +24,7 @@ pub struct Frame {
     after: Vec<Segment>,
     /// Time for the motion, s.
     pub motion_s: f64,
-    /// When it begins, s.
+    /// The time when it begins, s.
     pub begin_s: f64,
 }
 
@@ -53,7 +53,7 @@ pub enum FrameError {
     Home(Violation),
 }
 
-/// Whether the plate can stand at home.
+/// Checks whether the plate can be at home.
 ///
 /// # Errors
 /// What is in the way.
@@ -133,7 +133,7 @@ impl Frame {
         Ok(Self { home, before, after, motion_s, begin_s })
     }
 
-    /// Where the motion begins and ends.
+    /// Returns where the motion begins and ends.
     pub fn home(&self) -> Pose {
         self.home
     }

@@ -6,7 +6,7 @@ use super::family::Family;
 use super::information::{Information, Instrument, Variation, log_determinant};
 pub use crate::plan::descent::{Descent, Found};
 
-/// What is made large.
+/// The quantity that is maximised.
 pub trait Merit: Sync {
     /// A figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None` where something is
     /// left undetermined.
@@ -23,7 +23,7 @@ impl Merit for Volume {
     }
 }
 
-/// What is sought.
+/// The unknown.
 #[derive(Clone, Debug)]
 pub struct Problem<M = Volume> {
     /// The motions.
@@ -32,9 +32,9 @@ pub struct Problem<M = Volume> {
     pub barrier: Barrier,
     /// The load cell.
     pub instrument: Instrument,
-    /// What the rest of the experiment tells.
+    /// The information of the rest of the experiment.
     pub beforehand: Information,
-    /// What is made large.
+    /// The quantity that is maximised.
     pub merit: M,
 }
 

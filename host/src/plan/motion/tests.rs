@@ -80,7 +80,7 @@ fn the_gradient_of_a_travel_is_that_of_finite_differences() {
     }
 }
 
-/// A plan for a machine without joints keeps its travel, and the looks of another program say so, too.
+/// A plan for a machine without joints keeps its travel, and the checks of another program say so, too.
 #[test]
 fn a_motion_of_a_machine_without_joints_keeps_its_travel() {
     for together in [false, true] {

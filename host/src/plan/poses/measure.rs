@@ -1,4 +1,4 @@
-//! How much a set of orientations tells.
+//! The information of a set of orientations.
 //!
 //! Held still, the body's reaction is `f = m g u`, with `u` the direction of "up" in the plate's axes, and the moment
 //! is `M = r × f = [f] r`. The normal matrix of the centre of mass r is `Σ [f]ᵀ[f] = (m g)² Σ (1 − u uᵀ)`; the scale
@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// What is sought.
+/// The unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Objective {
     /// The least condition number of the normal matrix, as in the thesis.
@@ -89,7 +89,7 @@ pub fn first_moment_deviations(information: &Matrix3<f64>) -> Option<[f64; 3]> {
 }
 
 impl Objective {
-    /// What is made small; infinite where the orientations leave something undetermined.
+    /// Returns what is made small; infinite where the orientations leave something undetermined.
     pub fn cost(&self, ups: &[Vector3<f64>]) -> f64 {
         match self {
             Self::Condition => condition_number(&normal_matrix(ups.iter().copied())),

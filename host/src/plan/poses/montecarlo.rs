@@ -23,7 +23,7 @@ pub const WEIGHED_TO_KG: f64 = 0.005;
 /// m/s².
 const GRAVITY_MPS2: f64 = 9.80665;
 
-/// How the body is mounted.
+/// The mounting of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mounting {
     /// Standing: centre of mass at 247 mm.
@@ -53,7 +53,7 @@ impl Mounting {
     }
 }
 
-/// Which errors of the load cell act.
+/// The errors of the load cell that act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Errors {
     /// Noise, another for each reading.
@@ -91,7 +91,7 @@ impl Errors {
     }
 }
 
-/// Who estimates.
+/// The estimator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
     /// Measured forces in the regressor: the thesis.
@@ -124,7 +124,7 @@ impl Estimator {
 pub struct Experiment {
     body: BodyParameters,
     sensors: SensorModels,
-    /// What is stated of the load cell to estimators that ask.
+    /// The statements about the load cell to estimators that ask.
     sigma: [f64; 6],
     /// The level pose first.
     truth: Vec<StillReading>,
@@ -137,7 +137,7 @@ pub struct Spread {
     pub bias: Vector3<f64>,
     /// Standard deviation.
     pub sd: Vector3<f64>,
-    /// What a first-order calculation says of it.
+    /// The value of it by a first-order calculation.
     pub predicted_sd: Vector3<f64>,
 }
 
@@ -268,7 +268,8 @@ pub struct Row {
 }
 
 /// The whole section: every set of orientations in both mountings with each kind of errors, on all cores. The figures
-/// follow from `seed` alone. `done` is told how many of how many cells are; `stop` ends early with what there is, in order.
+/// follow from `seed` alone. `done` receives how many of how many cells are; `stop` ends early with what
+/// there is, in order.
 pub fn section_6_3(
     sets: &[Vec<Vector3<f64>>],
     runs: u64,

@@ -16,7 +16,7 @@ use super::search::Search;
 
 /// More than anyone holds still; the search's sequence spreads less and less well.
 pub const MOST_ORIENTATIONS: usize = 30;
-/// Angles are given to so many parts of a degree.
+/// Angles are given to this many parts of a degree.
 const PARTS_OF_A_DEGREE: f64 = 100.0;
 
 /// Why there is no plan.
@@ -46,12 +46,12 @@ pub enum PlanError {
     NoneFound(f64, usize),
 }
 
-/// What the plan is made for.
+/// The task of the plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
     /// Number of orientations.
     pub n: usize,
-    /// What is made best.
+    /// The objective.
     pub objective: Objective,
     /// Noise of the load cell, 1 σ of a reading, N, N m, for the prediction.
     pub noise_n_nm: [f64; 6],
@@ -178,7 +178,7 @@ fn worth(poses: Vec<Pose>, ups: &[Vector3<f64>], task: &Task) -> PosePlan {
 }
 
 /// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is a line
-/// between the azimuths at which it was looked for.
+/// between the azimuths at which it was searched for.
 pub(super) fn held(reach: &Reach, up: &Vector3<f64>) -> Option<Pose> {
     let tilt = up.z.clamp(-1.0, 1.0).acos();
     (0..100).find_map(|hundredths| {

@@ -10,9 +10,9 @@ use crate::plan::ways::{self, Pace};
 pub const MOVE_RATE_RADPS: f64 = 1.1;
 /// Shortest move, s.
 const SHORTEST_S: f64 = 1.0;
-/// How far the middle of a path is drawn towards the level pose, as shares of the way.
+/// The shares by which the middle of a path is drawn towards the level pose, as shares of the way.
 const DRAWN: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
-/// Shares of the limits within which a pose on the way is kept; `None` is as far inside as can be.
+/// Shares of the limits within which a pose on the way stays; `None` is as far inside as can be.
 const WITHIN: [Option<f64>; 3] = [Some(0.97), Some(0.9), None];
 /// Of the way out from the level pose in small strides every such one is a stop where every path between two poses is
 /// barred: the fewer the quicker.
@@ -232,7 +232,8 @@ mod tests {
         let program = program(&reach, &poses, 3.0, MOVE_RATE_RADPS).unwrap();
         assert!(program.duration_s() < 35.0, "{}", program.duration_s());
         let trajectory = program.trajectory().unwrap();
-        // Looked at every two milliseconds: no limit overstepped, no turn beyond the pace, no jump of the velocity.
+        // Examined every two milliseconds: no limit overstepped, no turn beyond the pace, no jump of the
+        // velocity.
         let mut before = trajectory.state(0.0);
         for k in 0..=(program.duration_s() * 500.0) as usize {
             let time_s = 0.002 * k as f64;

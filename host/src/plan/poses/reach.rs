@@ -87,7 +87,7 @@ impl Reach {
         &self.geometry
     }
 
-    /// What they carry, if that is known.
+    /// Returns what they carry, if that is known.
     pub fn load(&self) -> Option<&Load> {
         self.load.as_ref()
     }
@@ -98,7 +98,7 @@ impl Reach {
     }
 
     /// A pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it from the level pose
-    /// straight on: legs inside their limits and the guard kept all the way, no singular pose crossed.
+    /// straight on: legs inside their limits and the guard met all the way, no singular pose crossed.
     pub fn pose(&self, up: &Vector3<f64>) -> Option<Pose> {
         let held = self.strides(up)?.pop()?;
         let central =
@@ -119,20 +119,22 @@ impl Reach {
             .collect()
     }
 
-    /// Whether the plate can go straight from one pose to another, but for a trifle: descent may leap over what is barred.
+    /// Returns whether the plate can go straight from one pose to another, but for a trifle: descent may leap
+    /// over what is barred.
     fn is_free(&self, from: &Pose, to: &Pose) -> bool {
         let program =
             MotionProgram { start: *from, segments: vec![Segment::Move { to: *to, duration_s: 1e3 }] };
         program.trajectory().is_ok_and(|t| self.geometry.within(1.0 + TRIFLE).check(&t).is_ok())
     }
 
-    /// Half-way between two poses, aside to where the limits are kept, with something to spare if that can be.
+    /// Half-way between two poses, aside to where the limits are met, with something to spare if that can be.
     pub(super) fn between(&self, from: &Pose, to: &Pose) -> Option<Pose> {
         let middle = mean(from, to, 0.5);
         [0.9, 0.95, 0.98, 0.99, 1.0].into_iter().find_map(|share| self.settled(&middle, Some(share)))
     }
 
-    /// The same orientation where a share of each limit is kept, or as far inside all of them as can be.
+    /// Returns the same orientation where a share of each limit is met, or as far inside all of them as can
+    /// be.
     pub(super) fn settled(&self, pose: &Pose, share: Option<f64>) -> Option<Pose> {
         let settled = match share {
             Some(share) => workspace::settled(&self.geometry.within(share), *pose, false),
@@ -197,7 +199,7 @@ mod tests {
                 let position_m = std::array::from_fn(|i| home[i] + at[i]);
                 brute = brute.min(tightness(&reach, &Pose { position_m, ..pose }));
             }
-            // A mean of 96th powers stands for the maximum: within 7^(1/96) of it.
+            // A mean of 96th powers approximates the maximum: within 7^(1/96) of it.
             assert!(got < 1.03 * brute, "{degrees:?}: {got} {brute}");
         }
     }

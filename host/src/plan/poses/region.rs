@@ -1,4 +1,4 @@
-//! How far the plate can be tilted in every direction.
+//! The angle by which the plate can be tilted in every direction.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 

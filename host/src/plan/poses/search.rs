@@ -3,7 +3,7 @@
 //! The refinement polls `2 d` orthogonal directions that turn from poll to poll: the columns of the Householder
 //! reflection of the next point of the same sequence, ± (OrthoMADS: Abramson, Audet, Dennis and Le Digabel, *SIAM J.
 //! Optim.* 20, 2009). A condition number is not differentiable where eigenvalues meet, and they meet at the optimum; fixed
-//! directions get stuck there and so does a simplex. Bounds are kept by projection.
+//! directions get stuck there and so does a simplex. Bounds are enforced by projection.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use super::measure::Objective;
 use super::region::Region;
 
-/// As many combinations as the thesis looks at.
+/// As many combinations as the thesis examines.
 pub const COMBINATIONS: usize = 100_000;
 /// As many of them as it refines.
 pub const STARTS: usize = 10;
@@ -22,17 +22,17 @@ const FIRST_STEP: f64 = 0.125;
 const LAST_STEP: f64 = 1e-9;
 /// Polls after which it ends, too.
 const POLLS: usize = 20_000;
-/// Combinations between two looks at the flag.
+/// Combinations between two checks of the flag.
 const CHUNK: usize = 2_000;
 
-/// What is sought, and where.
+/// The task of the search, and its region.
 #[derive(Clone, Copy, Debug)]
 pub struct Search<'a> {
-    /// Where the plate can go.
+    /// The region where the plate can go.
     pub region: &'a Region,
     /// Number of orientations.
     pub n: usize,
-    /// What is made best.
+    /// The objective.
     pub objective: Objective,
 }
 
@@ -51,8 +51,9 @@ pub struct Found {
 type Candidate = (f64, Vec<f64>);
 
 impl Search<'_> {
-    /// Searches on all cores; the result does not depend on how many there are. `progress` is told what is being done;
-    /// `stop` ends the search with the best so far. `None` if no combination determines what is sought.
+    /// Searches on all cores; the result does not depend on how many there are. `progress` receives what is
+    /// being done; `stop` ends the search with the best so far. `None` if no combination determines what is
+    /// sought.
     pub fn run(&self, stop: &AtomicBool, mut progress: impl FnMut(&str)) -> Option<Found> {
         progress("looking at combinations of orientations");
         let starts = self.screen(stop);
@@ -101,7 +102,7 @@ impl Search<'_> {
                 let mut best: Vec<(f64, usize)> = Vec::new();
                 loop {
                     let first = next.fetch_add(CHUNK, Ordering::Relaxed);
-                    // The first chunk is always looked at.
+                    // The first chunk is always examined.
                     if first >= COMBINATIONS || (first > 0 && stop.load(Ordering::Relaxed)) {
                         return best;
                     }

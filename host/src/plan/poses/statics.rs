@@ -14,7 +14,8 @@ use crate::problem::body::imu_noise::gyro_sigma;
 use crate::problem::body::poses::still_poses;
 use rigident_fit::COVERAGE_95;
 
-/// Means over a tenth of a second stay within so much of each other at rest, rad/s and m/s², beside the noise.
+/// Means over a tenth of a second stay within this much of each other at rest, rad/s and m/s², beside the
+/// noise.
 const STILL: [f64; 2] = [0.02, 0.15];
 const NOISE_SD: f64 = 6.0;
 /// The edges of a still pose still shake, s.
@@ -45,13 +46,13 @@ pub enum StaticsError {
 pub struct Held {
     /// Means, in the load cell's axes.
     pub reading: StillReading,
-    /// How many readings they are the means of.
+    /// The number of readings that they are the means of.
     pub count: usize,
     /// Its first reading.
     pub first: usize,
 }
 
-/// What one estimator makes of the poses.
+/// The result of one estimator from the poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimated {
     /// In words.

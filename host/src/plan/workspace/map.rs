@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::settle::{Orientation, side_at_home};
 use super::shells;
 
-/// Which orientations.
+/// The orientations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     /// Roll and pitch from minus this to this, degrees.
@@ -63,7 +63,7 @@ pub struct Map {
     pub position_m: Vec<Vec<Option<[f64; 3]>>>,
 }
 
-/// How far the plate leans in one direction.
+/// The angle by which the plate leans in one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
     /// Direction in which the plate leans, from x of A, degrees.
@@ -74,7 +74,7 @@ pub struct Reach {
     pub singularity_free_deg: f64,
 }
 
-/// Looks at single orientations.
+/// Checks of single orientations.
 struct Searcher<'a> {
     geometry: &'a Geometry,
     side: f64,
@@ -157,7 +157,7 @@ impl<'a> Searcher<'a> {
 }
 
 impl Map {
-    /// Looks at every orientation of `span`. `progress` is told the share done.
+    /// Checks every orientation of `span`. `progress` receives the share done.
     ///
     /// # Errors
     /// A grid that makes no sense, or `stop` was set.
@@ -193,7 +193,8 @@ impl Map {
             }
         }
         let reachable: Vec<bool> = held.iter().map(Option::is_some).collect();
-        // The guard: spreads from cells that keep it to their neighbours; what that leaves is looked at by itself.
+        // The guard: spreads from cells that keep it to their neighbours; what that leaves is examined by
+        // itself.
         let mut free: Vec<Option<Vector3<f64>>> = vec![None; n * n];
         let middle = (n / 2) * n + n / 2;
         let order = std::iter::once(middle).chain(0..n * n);

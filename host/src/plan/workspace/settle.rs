@@ -3,7 +3,7 @@
 use hexapod::{Geometry, Legs, Pose, Violation, rotation_from_rpy};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
-/// Powers of the sum that stands for the largest of the measures, and steps with each.
+/// Powers of the sum that approximates the largest of the measures, and steps with each.
 const POWERS: [(i32, usize); 3] = [(6, 6), (24, 8), (96, 8)];
 /// Longest step, m.
 const LONGEST_STEP_M: f64 = 0.05;
@@ -14,18 +14,18 @@ pub struct Spot {
     /// Of the plate's origin, A, m.
     pub position: Vector3<f64>,
     /// The largest of `|l − middle| / half the stroke`, joint angle over its limit, what the clearance lacks over its range
-    /// and, with the guard, `cond(H)` over its limit. At most one where every limit is kept.
+    /// and, with the guard, `cond(H)` over its limit. At most one where every limit is met.
     pub worst: f64,
 }
 
 impl Spot {
-    /// Whether every limit is kept.
+    /// Returns whether every limit is met.
     pub fn keeps(&self) -> bool {
         self.worst <= 1.0
     }
 }
 
-/// Up to 20 measures, each at most one where its limit is kept, with gradients in the position, 1/m.
+/// Up to 20 measures, each at most one where its limit is met, with gradients in the position, 1/m.
 struct Measures {
     all: [(f64, Vector3<f64>); 20],
     count: usize,
@@ -58,12 +58,12 @@ pub(super) struct Orientation<'a> {
 }
 
 impl<'a> Orientation<'a> {
-    /// `side` is the sign of `det H` at home if the guard is to be kept.
+    /// `side` is the sign of `det H` at home if the guard is to be met.
     pub(super) fn new(geometry: &'a Geometry, rotation: Matrix3<f64>, side: Option<f64>) -> Self {
         Self { geometry, rotation, side }
     }
 
-    /// Whether every limit is kept there: the cheap question.
+    /// Returns whether every limit is met there: the cheap question.
     pub(super) fn keeps(&self, position: &Vector3<f64>) -> bool {
         if !self.geometry.reaches(position, &self.rotation) {
             return false;

@@ -8,7 +8,7 @@ fn map(geometry: &Geometry, step_deg: f64, yaw_deg: f64) -> Map {
     Map::make(geometry, &Span { most_deg: 90.0, step_deg, yaw_deg }, &GO_ON, |_| ()).unwrap()
 }
 
-/// Whether some position of a grid keeps the lengths, and whether one keeps everything.
+/// Returns whether some position of a grid keeps the lengths, and whether one keeps everything.
 fn by_trying(geometry: &Geometry, rpy_rad: [f64; 3], spacing_m: f64) -> [bool; 2] {
     let rotation = rotation_from_rpy(rpy_rad);
     let mut held = [false; 2];

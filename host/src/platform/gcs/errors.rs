@@ -1,6 +1,7 @@
 //! The vendor's numbers of errors, in words that say what to do.
 
-/// What a number means. The numbers are those of the vendor's manuals (C-887: MS204E) and of its client `pipython`.
+/// Returns what a number means. The numbers are those of the vendor's manuals (C-887: MS204E) and of its
+/// client `pipython`.
 pub fn words(code: i32) -> &'static str {
     match code {
         0 => "no error",

@@ -11,13 +11,14 @@ use crate::platform::PlatformError;
 const ZERO_MM: f64 = 1e-6;
 /// Coordinate systems that a controller has from its maker: the hexapod's own, and those of levelling and orientation.
 const MAKERS: [&str; 3] = ["ZERO", "HEXAPOD", "PI_"];
-/// An interval read back may differ by so much as it is printed, a share: half a millisecond in ten minutes.
+/// An interval read back may differ by this much, by its printed form, a share: half a millisecond in ten
+/// minutes.
 const PRINTED: f64 = 1e-6;
 
-/// What a program changes, and what a program must know of.
+/// The state that a program changes, or must know of.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
-    /// Where a path comes from: consecutive moves?
+    /// The origin of a path: consecutive moves?
     consecutive: bool,
     /// Parameters of the path and its interval, as the commands that set them.
     path: Vec<String>,
@@ -27,11 +28,11 @@ pub(super) struct Found {
     servo: [bool; 6],
     /// Whether it knows where it is.
     pub(super) referenced: bool,
-    /// Where the plate is, if it knows.
+    /// The pose of the plate, if it knows.
     pub(super) position: Option<GcsPosition>,
     /// Names of the coordinate systems in force, if it says.
     frames: Option<String>,
-    /// What it can be asked.
+    /// The questions that it can be asked.
     knows: Knows,
 }
 
@@ -55,7 +56,7 @@ fn parameter(line: &mut Line, parameter: u32) -> Result<String, PlatformError> {
     value(&answer).ok_or_else(|| line.nonsense(&question, &answer))
 }
 
-/// What stands behind the equals sign of the only line.
+/// Returns the text after the equals sign of the only line.
 fn value(answer: &str) -> Option<String> {
     answer.trim().rsplit_once('=').map(|(_, value)| value.trim().to_owned())
 }
@@ -214,7 +215,7 @@ pub(super) fn agree_on_interval(line: &mut Line, wanted_ms: f64) -> Result<(), P
     }
 }
 
-/// Whether the pivot point is at zero; where it is, otherwise, if that is understood.
+/// Checks whether the pivot point is at zero; where it is, otherwise, if that is understood.
 fn agree_on_pivot(answer: &str) -> Result<(), Option<String>> {
     let mut off = Vec::new();
     for line in answer.lines() {

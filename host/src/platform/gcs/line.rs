@@ -10,16 +10,16 @@ use crate::platform::{PlatformError, Said, Trace};
 
 /// The longest answer taken.
 const ANSWER_BYTES: usize = 1 << 16;
-/// What an error number is asked by.
+/// The command that asks for an error number.
 const ERROR: &str = "ERR?";
-/// How long a controller that was told to stop may take to answer.
+/// The time that a controller that was commanded to stop may take to answer.
 const SOON: Duration = Duration::from_millis(500);
 
 /// A line to a controller.
 pub(super) struct Line {
     wire: Box<dyn Wire>,
     address: String,
-    /// Where all that goes over it is noted.
+    /// The trace in which all that goes over it is noted.
     pub(super) trace: Option<Trace>,
 }
 
@@ -114,7 +114,7 @@ impl Line {
         }
     }
 
-    /// Says a command and asks what came of it.
+    /// Says a command and asks for the result.
     pub(super) fn order(&mut self, command: &str) -> Result<(), PlatformError> {
         self.tell(command)?;
         self.check(command)

@@ -1,14 +1,15 @@
 //! PI hexapods: General Command Set 2.0 over TCP or a serial line.
 //!
 //! Lives here: the questions and answers (`Line`), the driver ([`GcsPlatform`]), the errors in words. May not live
-//! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, stands in
+//! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, is in
 //! [`hexapod::gcs`].
 //!
 //! A program that ends early by plan is led to rest on its path. For an alarm `HLT` stops it smoothly, and
 //! `#24` abruptly if `#5` still shows motion half a second later.
 //!
 //! A program, and the way to its start, is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what
-//! that changes is read before and brought back after (`Found`). Before, every hundredth of a second of it is held against the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
+//! that changes is read before and brought back after (`Found`). Before, every hundredth of a second of it is
+//! compared with the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
 //! The built-in description of the platform must have its home where the hexapod has its zero.
 
 mod errors;
@@ -34,9 +35,9 @@ use line::Line;
 
 /// Poses of a program that `VMO?` is asked about, at most.
 const ASKED: usize = 200;
-/// Steps in which positions are held against the limits, s.
+/// Steps in which positions are compared with the limits, s.
 const STEP_S: f64 = 0.01;
-/// The plate is looked at so many times a second.
+/// The plate is checked this many times a second.
 const LOOKS_HZ: f64 = 20.0;
 /// The longest reference move, s.
 const LONGEST_S: f64 = 120.0;
@@ -67,7 +68,7 @@ struct Hexapod {
     last: String,
 }
 
-/// Whoever lets go of a moving platform waits so long for its rest, s.
+/// The time that the drop of a moving platform waits for its rest, s.
 const REST_S: f64 = 3.0;
 
 impl GcsPlatform {
@@ -344,7 +345,7 @@ impl Hexapod {
         }
     }
 
-    /// Waits for what a command should bring about. It is stopped if told to, if that does not come, and at
+    /// Waits for what a command should bring about. It is stopped on request, if that does not come, and at
     /// any error: the controller would go on.
     fn wait(
         &mut self,

@@ -8,7 +8,7 @@ use hexapod::Segment;
 
 use super::*;
 
-/// What a controller is, and what it was told and when.
+/// The state of a controller, and the commands that it received and when.
 struct Machine {
     servo: bool,
     referenced: bool,
@@ -19,7 +19,7 @@ struct Machine {
     frame: &'static str,
     in_macro: bool,
     interval_ms: f64,
-    /// Rounds its interval to so many ms.
+    /// Rounds its interval to this many ms.
     cycle_ms: f64,
     /// The error that a reference move meets.
     reference_error: i32,
@@ -196,7 +196,7 @@ fn what_a_smooth_stop_does_not_stop_is_stopped_abruptly_half_a_second_later() {
     }
 }
 
-/// What becomes of a machine, and words of the refusal.
+/// The change of a machine, and words of the refusal.
 type Change = (fn(&mut Machine), &'static str);
 
 #[test]

@@ -12,7 +12,7 @@ const MARGIN: f64 = 46.0;
 /// Points of the circle that the load cell is drawn as.
 const AROUND: usize = 48;
 
-/// What is drawn, in S, m.
+/// The objects drawn, in S, m.
 struct Scene {
     /// Frames with a name, an origin, and axes.
     frames: Vec<(String, Vector3<f64>, UnitQuaternion<f64>)>,
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn axes_are_right_handed_as_they_are_drawn() {
         let [x, y, z] = [0, 1, 2].map(|k| projected(&Vector3::ith(k, 1.0)));
-        // Looked at from above, x turns to y against the clock; the sheet's second axis points down.
+        // Examined from above, x turns to y against the clock; the sheet's second axis points down.
         assert!(x[0] * y[1] - x[1] * y[0] < 0.0 && z == [0.0, -1.0]);
         for axis in [x, y, z] {
             assert!((axis[0].hypot(axis[1]) - 1.0).abs() < 1e-12);

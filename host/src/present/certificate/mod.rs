@@ -30,14 +30,14 @@ pub struct Evidence {
 pub struct Missing {
     /// The key of the rig file: `certificate.number`, `load_cell.serial`.
     pub key: &'static str,
-    /// What it is, in words.
+    /// The meaning, in words.
     pub what: &'static str,
 }
 
-/// What a certificate says beside the answer.
+/// The statements of a certificate beside the answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Certified<'a> {
-    /// What the laboratory states.
+    /// The laboratory's statements.
     pub table: &'a CertificateTable,
     /// The rig, with its instruments.
     pub rig: &'a RigFile,
@@ -212,7 +212,8 @@ impl Certified<'_> {
         )
     }
 
-    /// What the result rests on: recording with hashes, what was known, errors counted, remarks of the evaluation.
+    /// Returns what the result rests on: recording with hashes, what was known, errors counted, remarks of
+    /// the evaluation.
     fn basis(&self, answer: &Answer) -> String {
         let source = &answer.source;
         let mut rows = fact("Recording", &escape(&source.recording));

@@ -9,7 +9,7 @@ use crate::present::page::{escape, number, parts, symbol};
 use crate::present::quantities::{Group, by_owner, is_body, of_the_body, parameters, principal};
 use crate::present::text::{fixed, significant, unit_symbol};
 
-/// U95 is so many standard uncertainties, here and in the answer.
+/// U95 is this many standard uncertainties, here and in the answer.
 const OF_U95: f64 = 1.96;
 
 /// Returns a factor from an SI unit to the customer's, and the customer's in ASCII.

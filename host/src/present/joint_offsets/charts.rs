@@ -13,7 +13,7 @@ const SIDES: (f64, f64) = (250.0, 150.0);
 const HEIGHT: f64 = 220.0;
 /// Distances below this are drawn as if they were it, m.
 const LEAST_M: f64 = 1e-5;
-/// A tick of the numbers of poses for so many user units.
+/// A tick of the numbers of poses for this many user units.
 const TICK_WIDTH: f64 = 60.0;
 
 /// Returns the chart of the offsets of joints that turn, or of those that slide; nothing if there is none.

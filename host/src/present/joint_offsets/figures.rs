@@ -13,7 +13,7 @@ const GAP: f64 = 34.0;
 const ENLARGED: [f64; 7] = [50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5];
 const CLASSES: [&str; 2] = ["before", "after"];
 
-/// Where a view puts a point: along the paper and up, m.
+/// The projection of a point in a view: along the paper and up, m.
 type View = fn(&Vector3<f64>) -> [f64; 2];
 
 /// Returns the figure of a pose.

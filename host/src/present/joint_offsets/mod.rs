@@ -38,7 +38,8 @@ pub struct DrawnPose {
     pub figures: [Figure; 2],
 }
 
-/// How far the contacts of a pose are off, m, before and after: the largest of each contact, `None` where it is not made.
+/// The deviations of the contacts of a pose, m, before and after: the largest of each contact, `None` where
+/// it is not made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviations {
     /// Whether the pose was left out.
@@ -49,7 +50,7 @@ pub struct Deviations {
     pub after_m: Vec<Option<f64>>,
 }
 
-/// What the page shows.
+/// The content of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OffsetsPage {
     /// Name of the model.
@@ -64,9 +65,9 @@ pub struct OffsetsPage {
     pub deviations: Vec<Deviations>,
     /// Some of them.
     pub drawn: Vec<DrawnPose>,
-    /// What is to be known.
+    /// The warnings.
     pub warnings: Vec<String>,
-    /// What was estimated along: name, whether it is a length (m, otherwise rad), value.
+    /// The parameters estimated along: name, whether it is a length (m, otherwise rad), value.
     pub along: Vec<(String, bool, Measured)>,
     /// Numbers that describe the fit: name and value.
     pub facts: Vec<(String, String)>,

@@ -18,11 +18,11 @@ mod tests;
 pub struct MotionPage {
     /// Name of the trial.
     pub title: String,
-    /// Rate of the frames kept, Hz; more than 100 only make the page larger.
+    /// Rate of the frames stored, Hz; more than 100 only make the page larger.
     pub rate_hz: f64,
     /// Horizontal direction in which the person faces, for the views from front and side; zero: the x axis.
     pub forward: [f32; 2],
-    /// What the figure is made of.
+    /// The parts of the figure.
     pub bones: Vec<Bone>,
     /// Joint centres and ends of links, by frame.
     pub points_m: Vec<Vec<[f32; 3]>>,

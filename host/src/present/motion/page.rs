@@ -25,11 +25,11 @@ const MARKER_STEP_M: f64 = 1e-3;
 const FORCE_STEP_N: f64 = 1.0;
 /// Steps from zero to a curve's largest value.
 const CURVE_STEPS: f64 = 2000.0;
-/// Width and height of a chart, of which three stand beside each other, and the buckets of its lines.
+/// Width and height of a chart, of which three are beside each other, and the buckets of its lines.
 const CHART: (f64, f64) = (344.0, 176.0);
 const BUCKETS: usize = 300;
 
-/// What the player reads.
+/// The data that the player reads.
 #[derive(Serialize)]
 struct Data<'a> {
     frames: usize,

@@ -1,8 +1,9 @@
 //! Series packed into text for the page.
 //!
-//! A value is a whole number of steps. What stands in the text is how far it is from where the last two values lead, which is small
-//! for a motion: a number of base-64 digits as in source maps (VLQ), five bits in each, the sign lowest in the first, the sixth bit
-//! set where another follows. A dot is a value that is missing; after it the motion is taken to begin at rest.
+//! A value is a whole number of steps. The number in the text is how far it is from where the last two values
+//! lead, which is small for a motion: a number of base-64 digits as in source maps (VLQ), five bits in each,
+//! the sign lowest in the first, the sixth bit set where another follows. A dot is a value that is missing;
+//! after it the motion is taken to begin at rest.
 
 const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 /// Most steps from zero: what follows from it stays a 32-bit number.
@@ -61,7 +62,7 @@ fn digits(text: &mut String, number: i64) {
 mod tests {
     use super::*;
 
-    /// What the player does.
+    /// Returns what the player does.
     fn unpacked(text: &str, step: f64) -> Vec<f64> {
         let mut digits = text.bytes();
         let (mut last, mut before, mut values) = (0_i64, 0_i64, Vec::new());

@@ -1,8 +1,9 @@
-//! What can be told of the page without a browser.
+//! The tests of the page without a browser.
 
 use super::*;
 
-/// So many links in a row, each with three markers on it, that sway for so many frames.
+/// Returns the given number of links in a row, each with three markers on it, that sway for the given number
+/// of frames.
 fn swaying(links: usize, frames: usize) -> MotionPage {
     let at = |k: usize, j: usize| {
         let phase = k as f32 * 0.06 + j as f32;

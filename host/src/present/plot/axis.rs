@@ -61,7 +61,7 @@ impl Axis {
         if self.exponent == 0 { unit.to_owned() } else { format!("{} {unit}", power_of_ten(self.exponent)) }
     }
 
-    /// Where the value lies: 0 at `low`, 1 at `high`.
+    /// Returns where the value lies: 0 at `low`, 1 at `high`.
     pub fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }

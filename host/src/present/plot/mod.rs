@@ -18,7 +18,7 @@ const CHARACTER: f64 = 6.1;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 32.0;
 
-/// What a chart draws, in order. Points are (time, value).
+/// The layers of a chart, in order. Points are (time, value).
 pub enum Layer {
     /// A dot of the style class at every finite point.
     Dots(&'static str, Vec<(f64, f64)>),
@@ -44,7 +44,7 @@ pub struct Chart<'a> {
     pub unit: String,
     /// Time in s, or the number of the pose.
     pub time: Axis,
-    /// Which of the two.
+    /// The one of the two.
     pub along: Along,
     /// Values.
     pub values: Axis,
@@ -56,7 +56,7 @@ pub struct Chart<'a> {
     pub stages: &'a [Stage],
     /// Whether to write the stages' names above the plot.
     pub name_stages: bool,
-    /// What to draw.
+    /// The layers to draw.
     pub layers: Vec<Layer>,
 }
 
@@ -69,7 +69,7 @@ pub fn open_svg(id: &str, title: &str, description: &str, width: f64, height: f6
     )
 }
 
-/// Colours and letters of a figure that stands by itself: those of the report, light or dark as the reader's screen is.
+/// Colours and letters of a separate figure: those of the report, light or dark as the reader's screen is.
 const ALONE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8;--b:#c2570c;--c:#1d7a4f;--d:#8a4fa0;--sand:#f3c79f;\
                      background:#fff;font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}\
                      @media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#6fb0f5;--b:#f29a56;--c:#5fcb97;\

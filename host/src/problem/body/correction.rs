@@ -31,15 +31,15 @@ pub(super) fn is_correctable(nuisance: &Nuisance) -> bool {
     acts && nuisance.scope == Scope::Rig
 }
 
-/// What takes errors off conditioned signals.
+/// The correction that takes errors off conditioned signals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Correction {
     force: Matrix3<f64>,
     rate: Matrix3<f64>,
     wrench: Matrix6<f64>,
-    /// How far the IMU is from where it is said to be, m.
+    /// The distance of the IMU from its stated place, m.
     pub(super) lever_arm: Vector3<f64>,
-    /// How it is turned against what is said.
+    /// The turn of it against its stated attitude.
     rotation: Matrix3<f64>,
 }
 

@@ -101,7 +101,8 @@ fn fitted(source: &BodySource) -> Fit {
 }
 
 /// A rig of data-sheet errors whose sizes a calibration tells gives the body that an exact rig gives, and its errors as they were
-/// told. To first order alone the largest of the ten parameters is off by more than what noise leaves of them.
+/// reported. To first order alone the largest of the ten parameters is off by more than what noise leaves of
+/// them.
 #[test]
 fn errors_that_are_known_move_nothing() {
     let shared: Vec<Nuisance> =

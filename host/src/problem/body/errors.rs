@@ -13,10 +13,10 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(super) const GRAVITY: &str = "gravity";
 /// Gravity where nobody has stated it, m/s²: the standard one, and how far that of sea level is from it between equator and pole.
 const STANDARD: (f64, f64) = (9.80665, 0.03);
-/// Gravity that was computed or looked up for a place is as near, m/s².
+/// Gravity that was computed or taken from a table for a place is as near, m/s².
 const LOCAL_MPS2: f64 = 1e-3;
 
-/// How an error of the accelerometer shows at rest.
+/// The way an error of the accelerometer shows at rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum AccelTerm {
     /// Along an axis.
@@ -35,7 +35,8 @@ pub(super) fn accelerometer() -> impl Iterator<Item = (String, AccelTerm)> {
     biases.chain(scales).chain(angles)
 }
 
-/// Returns the error of the gravity that is stated, relative; `columns`: it stands in the rows in place of an accelerometer.
+/// Returns the error of the gravity that is stated, relative; `columns`: it is in the rows in place of an
+/// accelerometer.
 pub fn of_gravity(stated_mps2: f64, std_mps2: Option<f64>, columns: bool) -> Option<Nuisance> {
     let is_standard = stated_mps2 == STANDARD.0;
     let (limit, class) = match is_standard {
@@ -190,8 +191,8 @@ fn largest(wrenches: impl Iterator<Item = [f64; WRENCH]>) -> [f64; WRENCH] {
 /// A group of errors of the IMU: its name, the first of its axes, unit, σ stated, limit of the class, key, and who shares it.
 type ImuGroup = (&'static str, ImuError, &'static str, Option<f64>, f64, &'static str, Scope);
 
-/// Returns the nuisance parameters of an IMU, each with its group and its number in that; of one that stands still those that
-/// this shows.
+/// Returns the nuisance parameters of an IMU, each with its group and its number in that; of one that is at
+/// rest those that this shows.
 pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance)> {
     let class = imu.class.unwrap_or(ImuClass::DEFAULT);
     let limits = class.limits();

@@ -24,9 +24,9 @@ pub struct Input {
     pub known_offset: Option<[f64; 6]>,
     /// Errors of sensors and mounting that do not average out.
     pub nuisances: Vec<Nuisance>,
-    /// What rests say of these, beside the rows.
+    /// The information of rests on these, beside the rows.
     pub rests: Vec<ErrorRow>,
-    /// What is known beforehand of these, and of the body, together: a calibration of the rig.
+    /// The prior knowledge of these, and of the body, together: a calibration of the rig.
     pub beforehand: Option<Gaussian>,
     /// Ranges of the sensors.
     pub limits: Limits<f64>,

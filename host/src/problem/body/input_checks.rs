@@ -20,7 +20,7 @@ const QUIETEST: usize = 10;
 const LEVER_M: f64 = 1.0;
 /// no IMU on a load cell is further away than this,
 const FARTHEST_M: f64 = 3.0;
-/// and a place of so many metres is one in millimetres.
+/// and a place of this many metres is one in millimetres.
 const MILLIMETRES: f64 = 10.0;
 /// A unit is named if it explains the reading to within this share.
 const UNIT_TOLERANCE: f64 = 0.1;
@@ -28,7 +28,7 @@ const UNIT_TOLERANCE: f64 = 0.1;
 const WITHOUT: f64 = 0.25;
 /// One g of an accelerometer in g, m/s².
 const STANDARD_GRAVITY: f64 = 9.80665;
-/// What turns faster is no still pose, rad/s.
+/// The rate above which there is no still pose, rad/s.
 const TURNING_RADPS: f64 = 0.1;
 /// Poses held for less than this are hardly still poses, s.
 const SHORTEST_POSE_S: f64 = 0.05;
@@ -57,7 +57,7 @@ pub enum Implausible {
         measured: f64,
         /// Gravity, m/s².
         gravity: f64,
-        /// Which columns.
+        /// The columns.
         what: &'static str,
         /// The unit it seems to be in, and the factor from it to m/s².
         unit: Option<(&'static str, f64)>,
@@ -257,7 +257,8 @@ pub fn check_still(gyro: &[[f64; 3]]) -> Result<(), Implausible> {
     Ok(())
 }
 
-/// What to know if rows said to be still poses have times, s, that follow each other too closely for that.
+/// Returns what to know if rows said to be still poses have times, s, that follow each other too closely for
+/// that.
 pub fn hurried_poses(time_s: &[f64]) -> Option<String> {
     let steps = time_s.windows(2).filter_map(|w| Some(w.last()? - w.first()?)).collect();
     let step = median(steps).filter(|step| *step > 0.0 && *step < SHORTEST_POSE_S)?;

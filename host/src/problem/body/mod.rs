@@ -1,7 +1,8 @@
 //! One rigid body on a load cell, with one IMU: the source of its rows.
 //!
-//! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is kept of a row
-//! block are its eighteen conditioned signals, from which the rows are made as they are needed.
+//! Samples go through the firmware's own pipeline (`rigident_shared::estimator`), on all cores; what is
+//! stored of a row block are its eighteen conditioned signals, from which the rows are made as they are
+//! needed.
 
 mod correction;
 pub mod errors;
@@ -337,7 +338,7 @@ impl RowSource for BodySource {
             found,
         };
         let [accel, gyro] = self.stated_noise;
-        // Differences of still poses show no noise, and their rate is not looked at.
+        // Differences of still poses show no noise, and their rate is not examined.
         if self.input.is_static {
             return vec![of("accelerometer", "m/s2", accel, 0.0)];
         }
@@ -477,7 +478,7 @@ struct BodyBlocks {
     is_static: bool,
     /// Time of the sample that completed it, s, and the conditioned signals in the axes of S.
     blocks: Vec<(f64, [f64; SIGNALS])>,
-    /// Filtered rates of turn in the axes of S, rad/s; empty where no error of a signal is looked for.
+    /// Filtered rates of turn in the axes of S, rad/s; empty where no error of a signal is searched for.
     rates: Vec<[f64; 3]>,
     /// Axes of the IMU in S.
     axes: Matrix3<f64>,
@@ -533,7 +534,7 @@ const FEATURES: usize = SIGNALS + 1 + 3 + SIGNALS - WRENCH;
 /// Signals before those of the wrench.
 const BEFORE: usize = SMOOTHED - WRENCH;
 
-/// What the rows of a block follow from linearly.
+/// The features that the rows of a block are linear in.
 struct Features {
     signals: [f64; SIGNALS],
     /// The coefficient of the offsets.

@@ -1,4 +1,4 @@
-//! What still poses say about the sensors themselves.
+//! The information of still poses on the sensors themselves.
 
 use nalgebra::{SMatrix, SVector};
 use rigident_shared::calibration::Reading;

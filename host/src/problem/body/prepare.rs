@@ -15,7 +15,8 @@ use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
 /// Names the knowledge that still poses by gravity columns rest on.
 const STILL_POSES: &str = "still poses by the gravity columns; an IMU, if any, was not used";
 
-/// How far the mean rate of a still pose may be from rest, rad/s, and the specific force from its mean, m/s².
+/// The deviation of the mean rate of a still pose from rest, rad/s, and of the specific force from its mean,
+/// m/s².
 const STILL: (f64, f64) = (0.02, 0.15);
 
 /// Why a recording cannot be identified.
@@ -28,7 +29,7 @@ pub enum PrepareError {
         name: String,
         /// The columns.
         missing: &'static str,
-        /// What to do.
+        /// The advice.
         advice: &'static str,
     },
     /// Calibration on still poses failed.
@@ -52,7 +53,7 @@ pub enum PrepareError {
     Unsupported {
         /// The recording.
         name: String,
-        /// What is asked.
+        /// The request.
         what: &'static str,
     },
 }
@@ -66,11 +67,11 @@ pub struct Prepared {
     pub input: Input,
     /// The specific force is that of gravity columns, in the axes of S; an IMU was not used.
     pub gravity_columns: bool,
-    /// What was done, in words.
+    /// The steps done, in words.
     pub notes: Vec<String>,
 }
 
-/// What a rig file says of the IMU on link 0, all calibrations done.
+/// Returns what a rig file says of the IMU on link 0, all calibrations done.
 pub fn mounting(imu: &ImuTable) -> ImuMounting<f64> {
     let numbers = |c: Calibrated, otherwise| match c {
         Calibrated::Numbers(v) => v,

@@ -1,4 +1,5 @@
-//! Rest: what stands still shows gravity to its accelerometer, whatever its attitude, and so the errors of the sensor.
+//! Rest: what is at rest shows gravity to its accelerometer, whatever its attitude, and so the errors of the
+//! sensor.
 //!
 //! With bias b, scales s and angles μ between its axes an accelerometer at rest reads, to first order,
 //! ```text
@@ -13,7 +14,7 @@ use super::errors::{AccelTerm, GRAVITY, accelerometer};
 use super::poses::still_poses;
 use rigident_fit::ErrorRow;
 
-/// A rest is as long, s: shorter, and the turning point of a slow heave looks like one.
+/// A rest is as long, s: shorter, and the turning point of a slow heave resembles one.
 const LEAST_S: f64 = 2.0;
 /// Means over a tenth of a second stay as near, m/s² and rad/s, beside six standard deviations of their noise.
 const STILL: (f64, f64) = (1e-3, 2e-3);
@@ -25,7 +26,7 @@ const TURNS_RADPS: f64 = 0.05;
 const UNSEEN_MPS2: f64 = 5e-3;
 /// Scatter of a still pose that nobody has stated, m/s².
 const POSE_MPS2: f64 = 0.01;
-/// Rests that are kept, the first ones.
+/// Rests that are stored, the first ones.
 const MOST: usize = 500;
 
 /// Returns the rows of still poses, each reading one; `sigma` is that of the accelerometer per reading, `gravity` as stated, m/s².
@@ -66,12 +67,12 @@ pub fn of_motion(
 
 /// Stretches of which the mean specific force is taken, s.
 const STRETCH_S: f64 = 5.0;
-/// How fast the IMU is at their ends, 1 σ, m/s.
+/// The speed of the IMU at their ends, 1 σ, m/s.
 const SPEED_MPS: f64 = 1.0;
 
-/// What of gravity the mean may differ by beside, m/s²: gyros that are off.
+/// The part of gravity by which the mean may differ besides, m/s²: gyros that are off.
 const TURNED_MPS2: f64 = 0.05;
-/// The row says something where it differs by so many standard deviations: that is no chance.
+/// The row says something where it differs by this many standard deviations: that is no chance.
 const CONTRADICTION_SD: f64 = 4.42;
 
 /// Returns the row of a body that turns and stays where it is, if that contradicts gravity: over a stretch of [`STRETCH_S`] the mean

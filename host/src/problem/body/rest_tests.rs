@@ -9,7 +9,7 @@ use rigident_io::rig::RigFile;
 const G: f64 = 9.80665;
 const RATE_HZ: f64 = 100.0;
 const NOISE: f64 = 0.01;
-/// Sum of the scales' effect: each is so many of the 0.29 % that the class lets expect.
+/// Sum of the scales' effect: each is this many of the 0.29 % that the class lets expect.
 const SIGMA: f64 = 5e-3 / 1.732_050_8;
 
 /// A number of unit variance, of four signs.
@@ -114,7 +114,8 @@ fn a_slow_heave_and_a_slow_turn_are_no_rest() {
     }
 }
 
-/// A scale that all axes share cannot be told from the load cell's gain by any motion; a rest shows it.
+/// A scale that all axes share cannot be distinguished from the load cell's gain by any motion; a rest shows
+/// it.
 #[test]
 fn a_scale_that_all_axes_share_is_named_and_the_mass_is_right() {
     let mut rig = RigFile::default();

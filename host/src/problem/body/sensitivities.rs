@@ -76,13 +76,13 @@ impl ImuError {
         if matches!(self, Self::Skew | Self::Gravity) { 1 } else { 3 }
     }
 
-    /// Returns true if what stands still does not show it.
+    /// Returns true if what is at rest does not show it.
     pub fn is_of_motion(self) -> bool {
         matches!(self, Self::LeverArm | Self::Skew | Self::GyroBias | Self::GyroGain | Self::GyroRotation)
     }
 }
 
-/// What moves of a body's signals.
+/// The moving part of a body's signals.
 struct Kinematics {
     /// Specific force at the IMU.
     force: Vector3<f64>,
@@ -124,7 +124,7 @@ impl Kinematics {
 pub(super) struct Block<'a> {
     /// Conditioned signals in the axes of S.
     pub(super) signals: &'a [f64; SIGNALS],
-    /// What a constant is in the block: one, and nothing in a difference of blocks.
+    /// The value of a constant in the block: one, and nothing in a difference of blocks.
     pub(super) one: f64,
     /// Conditioned rate of turn in the axes of S, rad/s.
     pub(super) rate: Vector3<f64>,

@@ -4,11 +4,11 @@
 //! the whole would have given. May not live here: what is made of the blocks ([`super`]).
 //!
 //! Factors merge, so parts of a recording may be absorbed at the same time. What a reading does depends on
-//! those before it in two ways. Screening looks back as far as a channel must repeat itself to be frozen; the
-//! filter looks back over its width, and opens its windows at multiples of `row_every` from the last rejection
-//! or gap, however long ago. So the parts are first *scouted*, each with as much history as screening needs,
-//! which gives the rejections, the gaps and thereby the phase of the windows; then every part is absorbed from
-//! the first window on that is still open at its beginning.
+//! those before it in two ways. Screening reads back as far as a channel must repeat itself to be frozen; the
+//! filter reads back over its width, and opens its windows at multiples of `row_every` from the last
+//! rejection or gap, however long ago. So the parts are first *scouted*, each with as much history as
+//! screening needs, which gives the rejections, the gaps and thereby the phase of the windows; then every
+//! part is absorbed from the first window on that is still open at its beginning.
 
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{ConfigError, Counters, Estimator, EstimatorConfig, Outcome, Reference};
@@ -18,7 +18,7 @@ use rigident_shared::spatial::Wrench;
 
 use rigident_fit::{ESTIMATOR_TAPS as TAPS, parallel};
 
-/// A part has at least so many readings: what is read twice and set up anew is small against it.
+/// A part has at least this many readings: what is read twice and set up anew is small against it.
 const LEAST_SHARE: usize = 20_000;
 /// Most parts: enough for the cores there are.
 const MOST_PARTS: usize = 64;
@@ -31,11 +31,11 @@ pub struct Shares<'a> {
     parts: Vec<Part>,
     threads: usize,
     counters: Counters,
-    /// What rows are compared with, if they are.
+    /// The reference of the rows, if any.
     reference: Option<Reference<f64, 16>>,
 }
 
-/// What one thread takes at a time.
+/// The part that one thread takes at a time.
 #[derive(Clone, Debug)]
 struct Part {
     /// First reading that the filter sees: the opening of a window. No window from here on is complete before
@@ -47,28 +47,28 @@ struct Part {
     frozen: Vec<usize>,
 }
 
-/// What became of the readings of all parts.
+/// The result of the readings of all parts.
 #[derive(Clone, Debug)]
 pub struct Absorbed<const N: usize, A> {
     /// The factor of all rows.
     pub factor: InformationFactor<f64, N>,
-    /// What happened, as one pass would have counted it.
+    /// The events, as one pass would have counted it.
     pub counters: Counters,
     /// The factors of the parts, in order.
     pub factors: Vec<InformationFactor<f64, N>>,
-    /// What each part's accumulator holds, in order.
+    /// The content of each part's accumulator, in order.
     pub parts: Vec<A>,
 }
 
-/// What scouting finds out about a part.
+/// The findings of scouting about a part.
 struct Scouted {
     counters: Counters,
     frozen: Vec<usize>,
-    /// Where the filter last started anew, if it did: the first reading after it.
+    /// The place where the filter last started anew, if it did: the first reading after it.
     fresh: Option<usize>,
 }
 
-/// How readings are shared out.
+/// The distribution of the readings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Split {
     /// Parts that they are cut into. The answer depends on it in its last digits.
@@ -129,7 +129,7 @@ impl<'a> Shares<'a> {
         Ok(shares)
     }
 
-    /// How many.
+    /// Returns how many.
     pub fn parts(&self) -> usize {
         self.parts.len()
     }
@@ -259,8 +259,8 @@ fn scout(
     Ok(scouted)
 }
 
-/// Where screening must begin to be in the same state at `row`: a channel is frozen after so many repetitions,
-/// and a reading that is not finite leaves no trace in the count of them.
+/// Returns where screening must begin to be in the same state at `row`: a channel is frozen after a number of
+/// repetitions, and a reading that is not finite leaves no trace in the count of them.
 fn history(readings: &[Reading<f64>], row: usize, limits: &Limits<f64>) -> usize {
     let mut wanted = usize::from(limits.frozen_after) + 2;
     let mut from = row;

@@ -33,8 +33,8 @@ fn config(rate_hz: f64, width_s: f64, row_every: u16) -> EstimatorConfig<f64> {
     }
 }
 
-/// A wild motion with a wrench of some body, and so many faults of every kind, at any place and of any length
-/// up to several times what anything looks back.
+/// A wild motion with a wrench of some body, and the given number of faults of every kind, at any place and
+/// of any length up to several times what anything reads back.
 fn readings(chance: &mut Chance, count: usize, rate_hz: f64, faults: usize) -> Vec<Reading<f64>> {
     let mut readings: Vec<Reading<f64>> = (0..count)
         .map(|n| {
@@ -60,7 +60,7 @@ fn readings(chance: &mut Chance, count: usize, rate_hz: f64, faults: usize) -> V
                 .for_each(|r| r.angular_rate = AngularRate::from_array([f64::INFINITY; 3])),
             2 => readings[at].wrench = Wrench::from_array([1.0, -60.0, 1.0, 1.0, 1.0, 1.0]),
             3 => {
-                // One channel stands still.
+                // One channel is constant.
                 let stuck = readings[at].specific_force.array()[1];
                 for r in &mut readings[at..end] {
                     let [x, _, z] = r.specific_force.array();

@@ -40,7 +40,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// What it carries, in words.
+    /// Returns what it carries, in words.
     pub fn carries(&self) -> Vec<String> {
         let word = |group: &Group| match group {
             Group::Wrench => "wrench".to_owned(),
@@ -75,7 +75,7 @@ pub struct StreamSet {
     pub streams: Vec<Stream>,
     /// The stream by whose clock the others are set: that of the wrench.
     pub reference: usize,
-    /// What was noticed.
+    /// The warnings.
     pub warnings: Vec<String>,
     /// Clocks that share no origin have been set, or are known to have one.
     pub is_settled: bool,
@@ -440,7 +440,7 @@ fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
     let mut bad = vec![false; stream.time_ns.len()];
     let after = usize::from(rig.recording.frozen_after);
     for (group, columns) in &stream.groups {
-        // A joint may stand still.
+        // A joint may be at rest.
         if matches!(group, Group::Attitude(_)) {
             continue;
         }

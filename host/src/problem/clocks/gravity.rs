@@ -20,7 +20,7 @@ const FARTHEST_M: f64 = 0.5;
 pub(super) struct Disagreement {
     /// Root mean square of the angle between the two, rad.
     pub angle_rad: f64,
-    /// What noise and acceleration explain of it, by the length of the specific force, rad.
+    /// The part of it that noise and acceleration explain, by the length of the specific force, rad.
     pub explained_rad: f64,
 }
 

@@ -24,7 +24,7 @@ pub struct Grid {
     pub rate_hz: f64,
     /// Half the width of the kernel, ns.
     pub half_ns: i64,
-    /// What stands for the noise of rates that come from attitudes, see [`Self::rate_noise`].
+    /// The substitute for the noise of rates that come from attitudes, see [`Self::rate_noise`].
     rate_noise: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ pub struct Resampled {
     turns: Option<Vec<Turn>>,
 }
 
-/// What the attitudes say at an instant.
+/// The information of the attitudes at an instant.
 #[derive(Clone, Debug)]
 struct Turn {
     /// Upwards in S, of the length of gravity: what an accelerometer at rest would feel, m/s².
@@ -224,7 +224,7 @@ impl Grid {
                 *sigma *= density(stream.rate_hz);
             }
         }
-        // Ranges were looked at before the kernel.
+        // Ranges were examined before the kernel.
         for imu in &mut recording.rig.imu {
             (imu.range_mps2, imu.range_radps) = (None, None);
         }
@@ -275,7 +275,7 @@ impl Grid {
 }
 
 impl Resampled {
-    /// What an accelerometer at rest would feel in S by the attitudes, m/s².
+    /// Returns what an accelerometer at rest would feel in S by the attitudes, m/s².
     pub fn up(&self) -> Option<impl Iterator<Item = [f64; 3]>> {
         self.turns.as_ref().map(|turns| turns.iter().map(|turn| turn.up.into()))
     }

@@ -51,7 +51,7 @@ pub struct Growing {
     next: i64,
 }
 
-/// Samples are kept for so many halves of the kernel's width before the next instant.
+/// Samples are stored for this many halves of the kernel's width before the next instant.
 const KEPT: i64 = 3;
 /// No sensor has less noise than this share of what it measures.
 const LEAST_NOISE: f64 = 1e-6;

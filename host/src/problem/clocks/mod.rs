@@ -52,9 +52,9 @@ pub enum StreamError {
         rig: String,
         /// The file as listed.
         file: String,
-        /// Where it was looked for.
+        /// The folder where it was searched for.
         folder: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// Two files have the same quantity.
@@ -146,7 +146,7 @@ pub enum StreamError {
         row: usize,
         /// The column.
         column: String,
-        /// What stands there.
+        /// The text there.
         cell: String,
     },
     /// An attitude that is none.
@@ -159,10 +159,10 @@ pub enum StreamError {
         /// By how much.
         what: String,
     },
-    /// What is on the common time base cannot be identified.
+    /// The recording on the common time base cannot be identified.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
-    /// What is on the common time base does not fit the tree.
+    /// The recording on the common time base does not fit the tree.
     #[error(transparent)]
     Tree(#[from] TreePrepareError),
     /// There are no rows, for the reason given.
@@ -178,11 +178,11 @@ pub type Pose<'a> = dyn Fn(&Recording) -> Result<Box<dyn RowSource>, StreamError
 pub struct Aligned {
     /// The recording on the grid.
     pub recording: Recording,
-    /// How it was made.
+    /// The way it was made.
     pub time_base: TimeBase,
     /// The skews, for [`shifts`].
     pub skews: skew::Skews,
-    /// What to know.
+    /// The notes.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What the uncertainty of the clocks of several files does to an estimate.
+//! The effect of the uncertainty of the clocks of several files on an estimate.
 
 use super::{Aligned, Grid, Pose, StreamError, StreamSet};
 use rigident_fit::{COVERAGE_95, FitOptions, Silent, fit};

@@ -1,4 +1,4 @@
-//! How late the stamps of each stream are, with its uncertainty.
+//! The delay of the stamps of each stream, with its uncertainty.
 //!
 //! Lives here: Gauss-Newton on the skews together with everything else the signals depend on. May not live here:
 //! what the body is; its parameters are a by-product that the identification makes anew.
@@ -55,10 +55,10 @@ const ROWS: usize = 9;
 const BODY: usize = 19;
 const TIE: usize = 9;
 
-/// What was found.
+/// The finding.
 #[derive(Clone, Debug)]
 pub struct Skews {
-    /// How late the stamps of each stream are, ns; zero where it is not identified.
+    /// The delay of the stamps of each stream, ns; zero where it is not identified.
     pub late_ns: Vec<i64>,
     /// 95 % uncertainty, s; of a stream that is not identified what it would have been, or infinity.
     pub u95_s: Vec<f64>,
@@ -69,7 +69,7 @@ pub struct Skews {
 }
 
 impl Skews {
-    /// What became of each stream's skew; none for the stream that sets the clock.
+    /// Returns what became of each stream's skew; none for the stream that sets the clock.
     pub fn states(&self, reference: usize) -> Vec<Option<ParameterState>> {
         let state = |k: usize| {
             let measured = || Measured {
@@ -146,7 +146,7 @@ pub fn estimate(set: &StreamSet, grid: &Grid, pose: Option<&Pose<'_>>) -> Result
     Ok(skews)
 }
 
-/// Whether a stream carries the attitude.
+/// Returns whether a stream carries the attitude.
 fn attitude_of(set: &StreamSet) -> impl Fn(&usize) -> bool {
     |k| set.streams.get(*k).is_some_and(|stream| stream.attitude.is_some())
 }
@@ -173,7 +173,7 @@ impl Instant {
         column(&self.block.columns[0], 0)
     }
 
-    /// What turning adds to it at d of S.
+    /// Returns what turning adds to it at d of S.
     pub(super) fn turning(&self, d: &Vector3<f64>) -> Vector3<f64> {
         (0..3).map(|k| column(&self.block.columns[1 + k], 0) * d[k]).sum()
     }
@@ -198,7 +198,7 @@ fn column(wrench: &[f64; 6], from: usize) -> Vector3<f64> {
     Vector3::new(wrench[from], wrench[from + 1], wrench[from + 2])
 }
 
-/// What the linearisation is about.
+/// The point of the linearisation.
 #[derive(Clone, Copy, Default)]
 struct State {
     phi: [f64; 10],
@@ -388,7 +388,7 @@ fn design(
         .collect()
 }
 
-/// What to linearise about next.
+/// Returns what to linearise about next.
 fn state(solution: &DVector<f64>, skews: usize) -> State {
     let at = |k: usize| solution.get(skews + k).copied().unwrap_or(0.0);
     State { phi: std::array::from_fn(at), d: Vector3::new(at(BODY), at(BODY + 1), at(BODY + 2)) }

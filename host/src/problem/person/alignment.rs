@@ -1,4 +1,4 @@
-//! How late the force plates are against the cameras.
+//! The delay of the force plates against the cameras.
 //!
 //! The force that the table's bodies need for the motion of the markers, `M (c̈ + g)`, is compared with the measured one, both
 //! smoothed alike: a delay τ of the plates leaves `−τ Ḟ`, and another mass a share of the force.
@@ -15,7 +15,7 @@ use rigident_fit::parallel;
 use rigident_io::motion_capture::ground::GroundWrench;
 use rigident_io::motion_capture::trial::Trial;
 
-/// A delay is looked for up to this, s.
+/// A delay is searched for up to this, s.
 pub const LONGEST_S: f64 = 0.15;
 /// Rounds of linearisation.
 const ROUNDS: usize = 8;

@@ -1,4 +1,4 @@
-//! What tables of people know of one person: a normal distribution of her base parameters.
+//! The knowledge of tables of people about one person: a normal distribution of her base parameters.
 //!
 //! Mass, centre and tensor of a segment differ from the table's by relative sizes that are stated. Left and right are one person's: what they
 //! share is large, in what they differ is small. All segments together are lighter or heavier, and larger or smaller where they are scaled by a stature
@@ -13,7 +13,7 @@ use rigident_model::base::BaseParameters;
 use rigident_model::human::Sex;
 use rigident_model::inertial::Parameters;
 
-/// How far one person's segments are from the table's: 1 σ.
+/// The deviation of one person's segments from the table's: 1 σ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Of a segment's mass, relative; of the pelvis' half as much again, whose boundary to the trunk each table draws elsewhere, of the head's less.
@@ -42,9 +42,10 @@ impl Default for Spread {
 /// The table's mass of a pelvis and of a head are known less and more than others', relative to these.
 const PELVIS: f64 = 1.5;
 const HEAD: f64 = 0.8;
-/// Between the means of women and men lies so much of a segment's mass, relative: half of it is added, in squares, where neither is said.
+/// The difference between the means of women and men is this much of a segment's mass, relative: half of it
+/// is added, in squares, where neither is said.
 const BETWEEN_SEXES: f64 = 0.08;
-/// Who is as good as symmetric differs by so much, relative, and in this part of the variances.
+/// The difference of a person who is practically symmetric, relative, and the part of the variances.
 const SYMMETRIC: f64 = 1e-3;
 
 impl Spread {
@@ -85,7 +86,7 @@ fn other_side(link: &str) -> Option<String> {
     right.or_else(|| link.strip_prefix("r_").map(|rest| format!("l_{rest}")))
 }
 
-/// Whether joints bound a link on both sides, so that its length is the person's own.
+/// Returns whether joints bound a link on both sides, so that its length is the person's own.
 fn is_bounded(link: &str) -> bool {
     ["thigh", "shank", "upper_arm", "forearm", "ulna", "radius"].iter().any(|part| link.ends_with(part))
 }

@@ -19,7 +19,7 @@ pub(super) const LOADED_N: f64 = 25.0;
 const BESIDE_M: f64 = 0.12;
 /// A plate's moments are off by this, N m: a small load's centre of pressure is known the less.
 const MOMENT_NM: f64 = 4.0;
-/// A foot stands for at least so long, s: one that lands or leaves is low and slow for less.
+/// A foot stands for at least this long, s: one that lands or leaves is low and slow for less.
 const STANDS_S: f64 = 0.08;
 /// Frames beside one that is dropped are dropped, too, s: when a foot lands is not known better.
 const BESIDE_S: f64 = 0.04;
@@ -55,9 +55,10 @@ impl Dropped {
     }
 }
 
-/// Where soles are in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are left out.
+/// The places of soles in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are
+/// left out.
 pub(super) type Soles = [[Vector3<f64>; 4]; 2];
-/// The same as they are kept of every frame.
+/// The same as they are stored of every frame.
 pub type KeptSoles = [[[f32; 3]; 4]; 2];
 
 pub(super) fn expanded(soles: &KeptSoles) -> Soles {
@@ -68,7 +69,7 @@ fn point([x, y, z]: &[f32; 3]) -> Vector3<f64> {
     Vector3::new(f64::from(*x), f64::from(*y), f64::from(*z))
 }
 
-/// What plates and feet say of every frame.
+/// The information of plates and feet for every frame.
 pub struct Contact {
     /// Reasons why frames are not used.
     pub dropped: Vec<Option<Dropped>>,
@@ -118,7 +119,8 @@ pub fn contact(rate_hz: f64, soles: &[Option<KeptSoles>], plates: &[GroundWrench
     found
 }
 
-/// Whether the one load that there is is nearer to the lower foot; `None` unless one plate alone is loaded and one foot clearly lower.
+/// Returns whether the one load that there is is nearer to the lower foot; `None` unless one plate alone is
+/// loaded and one foot clearly lower.
 fn under_the_lower(
     own: &Soles,
     floor: &[[f64; 4]; 2],
@@ -177,7 +179,7 @@ fn belt(soles: &[Option<KeptSoles>], rate_hz: f64, plates: &[GroundWrench], load
     Vector3::new(x, y, 0.0)
 }
 
-/// Whether feet that stand do so on plates: on surfaces whose corners are known, else above a load.
+/// Returns whether feet that stand do so on plates: on surfaces whose corners are known, else above a load.
 fn feet(
     soles: &Soles,
     floor: &[[f64; 4]; 2],
@@ -230,7 +232,8 @@ pub fn soles(subject: &Subject, places: &[Place]) -> Option<KeptSoles> {
     Some([of("l_foot")?, of("r_foot")?])
 }
 
-/// How much the model's soles are below or above the floor where feet stand, by points: what a fifth of all frames have beneath them.
+/// Returns how much the model's soles are below or above the floor where feet stand, by points: what a fifth
+/// of all frames have beneath them.
 pub(super) fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
     std::array::from_fn(|foot| {
         std::array::from_fn(|k| {
@@ -264,7 +267,7 @@ fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     distance(sole, to).min(((to - ball).xy() - way * along).norm())
 }
 
-/// Whether a point is above a convex surface.
+/// Returns whether a point is above a convex surface.
 fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     let side = |k: usize| {
         let (a, b) = (corners[k], corners[(k + 1) % 4]);
@@ -274,7 +277,8 @@ fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
 }
 
-/// Keeps frames in which a foot only lands or leaves beside a plate: it is low and slow there for no more than so many of them.
+/// Keeps frames in which a foot only lands or leaves beside a plate: it is low and slow there for no more
+/// than this many of them.
 fn forgive_passing(dropped: &mut [Option<Dropped>], most: usize) {
     let stands = |reason: &Option<Dropped>| matches!(reason, Some(Dropped::FootOff | Dropped::FootHalfOff));
     let runs = dropped.chunk_by_mut(|a, b| stands(a) == stands(b));

@@ -6,7 +6,7 @@ use crate::inverse_kinematics::skeleton::{Pose, Skeleton, Turn};
 use crate::problem::moved::{Moved, Part, moved};
 use crate::problem::smoothing::Smoother;
 
-/// Frames whose numbers are kept together.
+/// Frames whose numbers are stored together.
 pub const STRETCH: usize = 1000;
 
 /// Coordinates of every frame; frames without a pose are NaN. Single precision: 1e-6 m is a hundredth of what cameras tell.

@@ -56,7 +56,8 @@ fn forces(
     needed.into_iter().zip(measured).zip(&frames.used).map(pair).collect()
 }
 
-/// What is left of a band over what was measured in it, by power; `None` if too few frames are in both.
+/// Returns what is left of a band over what was measured in it, by power; `None` if too few frames are in
+/// both.
 fn share(below: &[Option<[Vector3<f64>; 2]>], own: &[Option<[Vector3<f64>; 2]>]) -> Option<f64> {
     let (mut left, mut all, mut count) = (0.0, 0.0, 0);
     for (below, own) in below.iter().zip(own) {

@@ -82,7 +82,7 @@ pub enum PersonError {
         /// Correlations of the needed x with the measured y, and of y with x.
         correlations: [f64; 2],
     },
-    /// Nobody weighs so much.
+    /// Nobody has this mass.
     #[error(
         "by the plates the person weighs {mass_kg:.1} kg at a stature of {height_m:.2} m, and living people of that stature weigh \
          {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one person, whom nothing else carries (a seat)?"
@@ -97,7 +97,7 @@ pub enum PersonError {
         /// The most that people weigh, kg.
         most_kg: f64,
     },
-    /// A marker's name stands for two.
+    /// A marker's name means two.
     #[error("{name}: two markers are called {marker}: which is which is not known; rename one of them")]
     Twice {
         /// The trial.

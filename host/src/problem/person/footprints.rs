@@ -1,4 +1,4 @@
-//! Where feet say that force plates are: centres of pressure beside where soles carry people.
+//! The places of force plates according to feet: centres of pressure beside where soles carry people.
 
 use nalgebra::Vector2;
 
@@ -11,26 +11,26 @@ use rigident_fit::parallel;
 const CLEAR_N: f64 = 100.0;
 /// Fewest frames that tell.
 const FEWEST: usize = 10;
-/// Where the centre of pressure is, of the way from heel to ball: of a foot that is flat on average, with its ball in the air, and with
-/// its heel in the air.
+/// The place of the centre of pressure, of the way from heel to ball: of a foot that is flat on average, with
+/// its ball in the air, and with its heel in the air.
 const ALONG: [f64; 3] = [0.6, 0.1, 1.0];
 /// It is so far outside of the foot's axis on average, m: the outer edge carries more.
 const OUTSIDE_M: f64 = 0.012;
 
-/// How far the centre of pressure under one foot is from where people have it on average.
+/// The distance of the centre of pressure under one foot from where people have it on average.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     /// The plate, by its number.
     pub plate: usize,
     /// The foot's axis from heel to ball, laboratory's x and y.
     pub axis: Vector2<f64>,
-    /// How far along the axis, and to its left, m: weighted means by load.
+    /// The distance along the axis, and to its left, m: weighted means by load.
     pub off_m: [f64; 2],
 }
 
 impl Footprint {
-    /// How well people's average is known of one foot, 1 σ along and across, m: that of its way from heel to ball, and of markers on
-    /// shoes (assumed).
+    /// The uncertainty of people's average for one foot, 1 σ along and across, m: that of its way from heel
+    /// to ball, and of markers on shoes (assumed).
     pub const SIGMA_M: [f64; 2] = [0.02, 0.01];
 }
 

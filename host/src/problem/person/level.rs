@@ -8,7 +8,7 @@ use super::strides::period_s;
 use super::track::Tracked;
 use rigident_io::motion_capture::zeroing::UNKNOWN_ZERO_N;
 
-/// A stretch of time without a gap tells if it is at least so long, s.
+/// A stretch of time without a gap tells if it is at least this long, s.
 const LEAST_S: f64 = 0.7;
 /// 1 σ of the velocity of the table's centre of mass, m/s: where it comes back to itself after whole strides, elsewhere, and of somebody whose
 /// trunk no marker follows (assumed).
@@ -17,10 +17,10 @@ const VELOCITY_MPS: [f64; 3] = [0.02, 0.05, 0.1];
 const LEVEL: f64 = 0.6 * std::f64::consts::PI / 180.0;
 /// Plates that lean by more than this, rad (2.5°), are on a slope, or have axes of their own.
 const SLOPE: f64 = 2.5 * std::f64::consts::PI / 180.0;
-/// So many standard deviations are no chance.
+/// This many standard deviations are no chance.
 const SURE_SD: f64 = 3.0;
 
-/// How far plates lean, by the mean force under a person.
+/// The tilt of plates, by the mean force under a person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tilt {
     /// Mean horizontal force beyond `m Δv / T` over the mean vertical one, x and y: small angles, rad.

@@ -31,7 +31,7 @@ struct Channel {
 #[derive(Default)]
 pub struct RowSums {
     channels: Vec<Channel>,
-    /// Independent values that a row stands for.
+    /// Independent values that a row represents.
     share: f64,
     gain: f64,
 }

@@ -28,27 +28,29 @@ const STANDING: usize = 4;
 const MOVING: usize = 60;
 /// Root mean square of the distances of markers from their links that no trial of a person has, m.
 const LARGEST_DISTANCE_M: f64 = 0.025;
-/// Windows of all trials in which markers are kept once frames are found, about, …
+/// Windows of all trials in which markers are stored once frames are found, about, …
 const WINDOWS: usize = 12;
 /// … and frames in all of them.
 const WINDOW_FRAMES: usize = 600;
-/// Beside contacts that no plate measures at least so much of a trial is used, s: less are their beginnings and ends.
+/// Beside contacts that no plate measures at least this much of a trial is used, s: less are their beginnings
+/// and ends.
 const LEAST_BESIDE_S: f64 = 0.5;
-/// How well a stature is known that is given, that comes from a standing trial, and from a motion, 1 σ, relative (assumed).
+/// The uncertainty of a stature that is given, that comes from a standing trial, and from a motion, 1 σ,
+/// relative (assumed).
 const HEIGHT_SIGMAS: [f64; 3] = [0.005, 0.03, 0.05];
 /// A link is followed if so large a share of frames has a marker on it or beyond.
 const FOLLOWED: f64 = 0.5;
 
-/// What is known of a person and asked for.
+/// The knowledge of a person and the request.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PeopleOptions {
-    /// Which model.
+    /// The model.
     pub kind: HumanModel,
     /// Stature, m; `None`: from the markers.
     pub height_m: Option<f64>,
     /// Mass that the table is scaled to, kg; `None`: from the plates.
     pub mass_kg: Option<f64>,
-    /// Whose means the table has.
+    /// The sex whose means the table has.
     pub sex: Sex,
     /// Right joints are where left ones are, mirrored.
     pub symmetric: bool,
@@ -60,7 +62,7 @@ pub struct PeopleOptions {
     pub given: Vec<GivenMass>,
     /// Plates that are always loaded read zero without load: they were reset right before each trial.
     pub plates_zeroed: bool,
-    /// How trials are tracked.
+    /// The way trials are tracked.
     pub track: TrackOptions,
 }
 
@@ -70,15 +72,15 @@ pub struct Person {
     pub subject: Subject,
     /// Names of links that no marker follows.
     pub fixed: Vec<String>,
-    /// How well the stature is known, 1 σ, relative.
+    /// The uncertainty of the stature, 1 σ, relative.
     pub height_sigma: f64,
     /// Segments whose masses are known otherwise.
     pub given: Vec<GivenMass>,
     /// The trials, in their order.
     pub trials: Vec<Tracked>,
-    /// What to know.
+    /// The notes.
     pub notes: Vec<String>,
-    /// What may make the answer wrong.
+    /// The warnings that the answer may be wrong.
     pub warnings: Vec<String>,
 }
 
@@ -193,7 +195,7 @@ impl Person {
         Ok(person)
     }
 
-    /// Makes the table's bodies so many times as heavy, but for those whose masses are given.
+    /// Makes the table's bodies the given number of times as heavy, but for those whose masses are given.
     fn scale_mass(&mut self, by: f64) {
         self.subject.person.mass_kg *= by;
         let given = &self.given;
@@ -202,7 +204,7 @@ impl Person {
         others.flat_map(|link| link.nominal.iter_mut().flatten()).for_each(|v| *v *= by);
     }
 
-    /// Gives segments the masses that are known, their shape kept.
+    /// Gives segments the masses that are known, with the same shape.
     fn take_given(&mut self) -> Result<(), ModelError> {
         for own in &self.given {
             let link = self.subject.model.link(&own.link).ok_or_else(|| {

@@ -47,7 +47,8 @@ pub(super) fn can_weigh(person: &Person, share: f64) -> Result<(), PersonError> 
     Err(PersonError::Weight { mass_kg, height_m, least_kg: least, most_kg: most })
 }
 
-/// How many times the force that the table's bodies need for all motions the plates measured, in the frames that are used.
+/// Returns how many times the force that the table's bodies need for all motions the plates measured, in the
+/// frames that are used.
 pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for trial in 0..person.trials.len() {

@@ -14,17 +14,17 @@ use crate::inverse_kinematics::subject::Subject;
 use rigident_fit::parallel;
 use rigident_io::motion_capture::trial::Trial;
 
-/// A freedom is not told by a frame if its deviation is so many times the trial's median, …
+/// A freedom is not determined by a frame if its deviation is this many times the trial's median, …
 const UNTOLD: f32 = 2.5;
 /// … and larger than this, rad.
 const LEAST_UNTOLD: f32 = 0.05;
-/// The heading of a trunk that no marker follows is that of the pelvis over so long, s.
+/// The heading of a trunk that no marker follows is that of the pelvis over this time, s.
 const HEADING_S: f64 = 1.0;
-/// Their first pose is that to which so many frames before lead, …
+/// Their first pose is that to which this many frames before lead, …
 const LEAD: usize = 400;
-/// … every so many-th of them.
+/// … with this step between them.
 const COARSE: usize = 8;
-/// Stretches that tell how well freedoms are usually told, at most about.
+/// Stretches that tell how well freedoms are usually determined, at most about.
 const TELLING: usize = 32;
 
 /// The markers of a person in some frames, short gaps filled, and how many places were.
@@ -48,7 +48,7 @@ pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Ve
     (frames, filled)
 }
 
-/// What markers say of all frames.
+/// The information of markers for all frames.
 pub(super) struct Poses {
     pub coordinates: Coordinates,
     pub filled: usize,
@@ -67,7 +67,7 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Forgets frames in which a freedom is not told that is told elsewhere, and all deviations.
+    /// Forgets frames in which a freedom is not determined that is determined elsewhere, and all deviations.
     fn forget_untold(&mut self, usual: &[f32]) {
         let is_told = |deviations: &[f32]| {
             deviations.iter().zip(usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
@@ -120,7 +120,7 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
     all
 }
 
-/// The pose of every frame; none where a freedom is not told that the other frames tell.
+/// The pose of every frame; none where a freedom is not determined that the other frames tell.
 pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
     let count = trial.frames().div_ceil(STRETCH);
     let freedoms = subject.skeleton.freedoms();

@@ -2,13 +2,13 @@
 
 use super::track::Tracked;
 
-/// Strides of people take so long, s.
+/// Strides of people take this long, s.
 const LENGTHS_S: [f64; 2] = [0.6, 2.5];
 /// Joints come back to themselves if their correlation with themselves a stride later is as large, …
 const LEAST_CORRELATION: f64 = 0.5;
 /// … and the shortest time is taken that reaches this share of the largest one.
 const SHARE: f64 = 0.9;
-/// So much of a trial is looked at, s.
+/// This much of a trial is examined, s.
 const LOOKED_S: f64 = 60.0;
 /// Numbers of the base, which goes on.
 const BASE: usize = 7;

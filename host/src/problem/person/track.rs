@@ -23,21 +23,21 @@ use rigident_io::motion_capture::ground::GroundWrench;
 use rigident_io::motion_capture::trial::Trial;
 use rigident_io::motion_capture::zeroing::middle;
 
-/// Cut-off and delay are found from so many frames at most, …
+/// Cut-off and delay are found from this many frames at most, …
 const LOOKED: usize = 30_000;
-/// … and so many before the first that is used.
+/// … and this many before the first that is used.
 const BEFORE: usize = 1000;
-/// Of a trial the markers of so much are kept in any case, s: pages show it.
+/// Of a trial the markers of this time are stored in any case, s: pages show it.
 pub const SHOWN_S: f64 = 120.0;
 /// Of a trial with more frames than these, markers are dropped as soon as poses are found …
 const LONG: usize = 60_000;
-/// … but for blocks of so many frames each in which plates are loaded, …
+/// … but for blocks of this many frames each in which plates are loaded, …
 const BLOCK: usize = 200;
-/// … and so many frames in all.
+/// … and this many frames in all.
 const MOST_LOADED: usize = 20_000;
 /// A plate is loaded from this force on, N.
 const LOADED_N: f32 = 25.0;
-/// A window is at most so many times as long as its frames.
+/// A window is at most this many times as long as its frames.
 const LONGEST_WINDOW: usize = 4;
 /// Contact is judged with plates that are smoothed this little, Hz: where a foot lands, a wide kernel spreads its load over time in which the
 /// foot is elsewhere.
@@ -45,7 +45,7 @@ const CONTACT_HZ: f64 = 25.0;
 /// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
-/// So many contacts of a trial are named.
+/// At most this many contacts of a trial are named.
 const NAMED: usize = 3;
 /// Fewest frames on one foot that tell whether plates are exchanged.
 const FEWEST_SINGLE: usize = 20;
@@ -72,7 +72,7 @@ pub struct UsedPlate {
     pub wrench: Vec<[f32; 6]>,
 }
 
-/// What became of the frames of a trial.
+/// The result of the frames of a trial.
 #[derive(Clone, Debug)]
 pub struct TrackReport {
     /// Frames of the recording.
@@ -95,7 +95,7 @@ pub struct TrackReport {
     pub level: Option<f64>,
     /// Contacts that no plate measures.
     pub unmeasured: Vec<Unmeasured>,
-    /// How far the plates lean, if that is known.
+    /// The tilt of the plates, if that is known.
     pub tilt: Option<Tilt>,
 }
 
@@ -107,15 +107,15 @@ pub struct Tracked {
     pub frames: Vec<UsedFrame>,
     /// Coordinates of every frame of the recording.
     pub coordinates: Coordinates,
-    /// What they are smoothed by.
+    /// The smoother of them.
     pub smoother: Smoother,
-    /// Frames among `frames` whose markers are kept: joint centres are drawn by them.
+    /// Frames among `frames` whose markers are stored: joint centres are drawn by them.
     pub windows: Vec<Range<usize>>,
     /// The plates, in their order.
     pub plates: Vec<UsedPlate>,
     /// Plates whose zero is not known.
     pub unzeroed: Vec<UnknownZero>,
-    /// What became of the frames.
+    /// The result of the frames.
     pub report: TrackReport,
 }
 
@@ -125,8 +125,8 @@ impl Tracked {
         (number as f64 / self.report.rate_hz * 1e9).round() as u64
     }
 
-    /// Chooses windows, `count` at most with so many frames each, spread over all frames whose markers there are, and drops the other
-    /// markers of the trial but for its first [`SHOWN_S`].
+    /// Chooses windows, `count` at most with the given number of frames each, spread over all frames whose
+    /// markers there are, and drops the other markers of the trial but for its first [`SHOWN_S`].
     pub(super) fn keep_windows(&mut self, trial: &mut Trial, count: usize, frames: usize) {
         let margin = self.smoother.half() + (gaps::LONGEST_S * trial.rate_hz).round() as usize + 3;
         let around =
@@ -200,7 +200,7 @@ impl Tracked {
     }
 }
 
-/// How to track a trial.
+/// The options of the tracking of a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackOptions {
     /// Cut-off of the smoothing, Hz; `None`: from the data.
@@ -310,7 +310,7 @@ pub fn track(
     })
 }
 
-/// The first frames of a trial, whose markers are kept in any case.
+/// The first frames of a trial, whose markers are stored in any case.
 fn shown(trial: &Trial) -> usize {
     (SHOWN_S * trial.rate_hz).ceil() as usize
 }
@@ -352,7 +352,7 @@ fn sum(loads: &[[f64; 6]]) -> [f64; 6] {
     std::array::from_fn(|axis| loads.iter().map(|own| own[axis]).sum())
 }
 
-/// What pushes a person beside the plates.
+/// The forces on a person beside the plates.
 #[derive(Default)]
 struct Beside {
     level: Option<f64>,

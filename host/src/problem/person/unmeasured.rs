@@ -21,7 +21,7 @@ use rigident_io::motion_capture::trial::Trial;
 const CUT_OFF_HZ: f64 = 6.0;
 /// The share of the plates is judged over stretches of this length, s, …
 const LEVEL_S: f64 = 0.5;
-/// … that begin so long after one another, s.
+/// … that begin this long after one another, s.
 const HOP_S: f64 = 0.1;
 /// Stretches are at one level if their shares differ by less, relative, …
 const SAME_LEVEL: f64 = 0.05;
@@ -31,19 +31,19 @@ const CARRIES_ALL: f64 = 0.9;
 const LEVEL_PART: f64 = 0.15;
 /// … and no fewer than this many: a second.
 const LEVEL_LEAST: usize = 6;
-/// What is left is averaged over so long, s: soft tissue and steps are over by then.
+/// The time over which the residual force is averaged, s: soft tissue and steps are over by then.
 const MEAN_S: f64 = 0.35;
 /// No table leaves more of a mean than this share of the weight, and that of the measured force.
 const LARGEST: [f64; 2] = [0.06, 0.04];
-/// What is less than this share of the weight over the whole of its time is none.
+/// A force less than this share of the weight over the whole of its time is none.
 const LEAST_MEAN: f64 = 0.05;
 /// A contact lasts while what is left along it is more than this share of the weight, …
 const FADED: f64 = 0.03;
-/// … and so long before and after, s: the filters reach so far.
+/// … and this long before and after, s: the filters reach so far.
 const MARGIN_S: f64 = 0.1;
 /// A contact is at a part of the body if its line passes no farther from it, m.
 const NEAR_M: f64 = 0.25;
-/// Frames of one piece of the work: of a long trial not everything is kept at once.
+/// Frames of one piece of the work: of a long trial not everything is stored at once.
 const PIECE: usize = 30_000;
 
 /// A contact that no plate measures.
@@ -59,7 +59,7 @@ pub struct Unmeasured {
     pub near: Option<String>,
 }
 
-/// What a person's motion needs and what plates measured, frame by frame.
+/// The forces that a person's motion needs and those that plates measured, frame by frame.
 pub(super) struct Forces {
     rate_hz: f64,
     weight_n: f64,
@@ -146,7 +146,8 @@ impl Forces {
         (square > 0.0 && product > 0.0).then(|| product / square)
     }
 
-    /// How far the plates lean, x and y: the median of what is left of the horizontal force over the vertical one. A slope is no contact.
+    /// Returns how far the plates lean, x and y: the median of what is left of the horizontal force over the
+    /// vertical one. A slope is no contact.
     fn lean(&self, level: f64) -> [f64; 2] {
         let carried =
             self.pairs.iter().flatten().filter(|[_, m]| f64::from(m.z) > 0.5 * self.weight_n * level);
@@ -158,7 +159,8 @@ impl Forces {
         })
     }
 
-    /// What pushes beside the plates in a frame, N, with the measured force, if plates have this share of the table's mass and lean by so much.
+    /// Returns what pushes beside the plates in a frame, N, with the measured force, if plates have this
+    /// share of the table's mass and lean by this much.
     fn left(&self, frame: usize, (level, lean): (f64, [f64; 2])) -> Option<[Vector3<f64>; 2]> {
         let [needed, measured] = self.pairs.get(frame).copied().flatten()?.map(|v| v.map(f64::from));
         let leans = Vector3::new(lean[0], lean[1], 0.0) * measured.z;
@@ -271,7 +273,7 @@ fn nearest(
     (away < NEAR_M).then(|| name.to_owned())
 }
 
-/// Legs are straight if the hips are so much of their length above the ankles.
+/// Legs are straight if the hips are this much of their length above the ankles.
 const STRAIGHT: f64 = 0.85;
 /// Links that people sit, lean and hold on with.
 const TOUCHES: [&str; 6] = ["pelvis", "torso", "l_hand", "r_hand", "l_foot", "r_foot"];

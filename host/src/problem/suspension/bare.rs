@@ -23,7 +23,8 @@ const TEN: usize = 10;
 const MOVED: f64 = 1.0 / 3.0;
 /// 1 σ of that share, the same of all springs.
 const MOVED_STD: f64 = 0.035;
-/// What nobody knows better, relative to the quantity's scale: exact values stand as if known to it.
+/// The accuracy that nobody exceeds, relative to the quantity's scale: exact values are treated as if known
+/// to it.
 const EXACT: f64 = 1e-9;
 
 /// Returns whether a rig file states anything that moves beside the body: the platform, or the mass of the
@@ -101,7 +102,7 @@ fn parameters(platform: &SuspendedPlatformTable) -> [f64; TEN] {
     .to_vector()
 }
 
-/// What one standard deviation of each stated number changes, a column each.
+/// Returns what one standard deviation of each stated number changes, a column each.
 fn changes(platform: &SuspendedPlatformTable) -> SMatrix<f64, TEN, TEN> {
     let own = SVector::<f64, TEN>::from(parameters(platform));
     let largest = platform.inertia_com_kgm2.iter().fold(0.0_f64, |a, v| a.max(v.abs()));

@@ -4,7 +4,7 @@
 //! Missing samples are what the modes of the longest stretch say, then what those of the whole say
 //! (expectation and maximisation, A. P. Dempster et al. 1977). They are few, so that what they add to the
 //! information does not count. Where the parts are of two swings, one decay does not fit both, noise is found
-//! larger, and the longest stretch is kept alone.
+//! larger, and the longest stretch is retained alone.
 
 use std::ops::Range;
 
@@ -78,7 +78,7 @@ pub(super) fn bridged(
     (!louder).then_some((all, modes))
 }
 
-/// What the modes do in a channel at a time after their beginning.
+/// Returns what the modes do in a channel at a time after their beginning.
 fn swing(modes: &Modes, channel: usize, time_s: f64) -> f64 {
     let own = &modes.amplitudes;
     let of = |r: usize| {

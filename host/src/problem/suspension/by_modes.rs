@@ -15,12 +15,12 @@ use rigident_io::recording::Recording;
 
 /// Parameters of a body.
 const TEN: usize = 10;
-/// A wrong mode would move the answer: so many of the modes that there are may be missing.
+/// A wrong mode would move the answer: this many of the modes that there are may be missing.
 const MAY_MISS: usize = 1;
 /// Residuals by what noise and errors of the springs explain: more is an error of the model, which no wider
 /// interval covers.
 const SYSTEMATIC: f64 = 2.5;
-/// What may be wrong then.
+/// The possible faults then.
 const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload and mass, anchor_height_m, units and \
                     frames of poses, a part that is loose, and what the springs stand on";
 
@@ -33,16 +33,16 @@ pub enum Refused {
     /// The springs are not those that are stated, or not linear: the motion gives no body either.
     #[error("{0}")]
     Springs(String),
-    /// The modes are not all there, or not told apart: the motion may give a body.
+    /// The modes are not all there, or not distinguished: the motion may give a body.
     #[error("{0}")]
     Modes(String),
 }
 
 impl Vibration {
-    /// Judges the modes of a platform with so many free coordinates.
+    /// Judges the modes of a platform with the given number of free coordinates.
     ///
     /// # Errors
-    /// [`Refused`] says why they are not to be gone on with.
+    /// [`Refused`] says why they are not to be continued.
     pub fn judge(&self, free: usize) -> Result<(), Refused> {
         let first = |of: &dyn Fn(&Finding) -> bool| {
             self.modes.findings.iter().find(|finding| of(finding)).map(ToString::to_string)

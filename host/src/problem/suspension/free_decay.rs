@@ -44,7 +44,7 @@ pub struct Samples {
 /// The modes of a recording.
 #[derive(Clone, Debug)]
 pub struct Vibration {
-    /// What they are from.
+    /// The samples they are from.
     pub samples: Samples,
     /// Modes over the free coordinates, and what was noticed.
     pub modes: Modes,

@@ -29,7 +29,7 @@ pub(super) struct MountedImu {
     gravity_mps2: f64,
 }
 
-/// What may be wrong with it: place in S, m; attitude about the axes of S, rad; bias of the accelerometer,
+/// The possible errors of it: place in S, m; attitude about the axes of S, rad; bias of the accelerometer,
 /// m/s².
 #[derive(Clone, Copy, Debug)]
 struct Off {
@@ -151,7 +151,8 @@ mod tests {
                        accel_bias_std_mps2 = 0.03\naccel_gain_std = 0.003\naccel_misalignment_std_rad = 0.002\ngyro_gain_std = 0.004\n\
                        gyro_rotation_std_rad = 0.002\nposition_std_m = 0.002\nrotation_std_rad = 0.005\n";
 
-    /// What an IMU at a place reads of a swing, by the motion itself: shift X and turn Θ at the pole s.
+    /// Returns what an IMU at a place reads of a swing, by the motion itself: shift X and turn Θ at the pole
+    /// s.
     fn read(
         (x, turn): (Vector3<Complex<f64>>, Vector3<Complex<f64>>),
         s: Complex<f64>,

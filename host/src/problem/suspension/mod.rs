@@ -40,9 +40,9 @@ pub enum SuspensionError {
     Missing {
         /// The recording.
         name: String,
-        /// What, with its verb.
+        /// The missing part, with its verb.
         missing: String,
-        /// What to do.
+        /// The advice.
         advice: String,
     },
     /// A pose is none.
@@ -50,9 +50,9 @@ pub enum SuspensionError {
         "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: mend it, or remove the row"
     )]
     Pose {
-        /// Where it stands.
+        /// The place of it.
         place: String,
-        /// What stands there.
+        /// The text there.
         pose: [f64; 7],
     },
     /// The cut-off does not fit the rate.
@@ -118,7 +118,7 @@ pub enum SuspensionError {
     Posture {
         /// The file.
         file: String,
-        /// Which, and why not.
+        /// The one concerned, and why not.
         why: String,
     },
     /// The vibration has no modes.

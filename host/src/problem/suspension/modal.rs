@@ -7,8 +7,9 @@
 //! where K_g is what the forces that carry the weight do ([`super::preload`]), of upright springs at the
 //! height h `g (h m − ms_z)` on roll and pitch. It is linear in π and homogeneous in φ, which needs no scale.
 //! Frequencies and
-//! shapes stand in the coefficients, with noise: least squares would make bodies small. So they are corrected with the parameters
-//! (Gauss–Helmert): with `f = K φ − A(ω, φ) π` and its derivative B by (ω, φ), at the corrected (ω̂, φ̂)
+//! shapes are in the coefficients, with noise: least squares would make bodies small. So they are corrected
+//! with the parameters (Gauss–Helmert): with `f = K φ − A(ω, φ) π` and its derivative B by (ω, φ), at the
+//! corrected (ω̂, φ̂)
 //! ```text
 //! A(ω̂, φ̂) π = K φ̂ + B ((ω, φ) − (ω̂, φ̂)),   covariance B Σ Bᵀ
 //! ```
@@ -31,13 +32,13 @@ const TEN: usize = 10;
 const MOST_ROUNDS: usize = 50;
 /// Corrections have ended when parameters change by less than this share of their standard deviation, and of their size.
 const STILL: f64 = 1e-6;
-/// Directions of columns of unit length with less than this share are not told.
+/// Directions of columns of unit length with less than this share are not determined.
 const LOST: f64 = 1e-11;
 /// Standard deviation of an equation of free vibration by the size of its spring force that is taken for exact: shapes from cameras are
 /// ten thousand times worse.
 const EXACT: f64 = 1e-9;
 
-/// What swings in one posture: its modes, and its ten parameters as those that are estimated make them.
+/// The swinging body in one posture: its modes, and its ten parameters as those that are estimated make them.
 #[derive(Clone, Debug)]
 pub struct Swing {
     /// Modes over the free coordinates, in their order: m, rad.
@@ -107,7 +108,7 @@ impl ModalSource {
     }
 }
 
-/// What is known of the parameters beforehand: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
+/// The prior knowledge of the parameters: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
 pub(super) type Known = (DVector<f64>, DMatrix<f64>);
 
 /// All equations, and what is corrected with the parameters.
@@ -141,7 +142,7 @@ impl<'a> Problem<'a> {
         let mut from = 0;
         for swing in swings {
             let shapes = &swing.shapes;
-            // Damping ratios stand in no equation.
+            // Damping ratios are in no equation.
             let kept: Vec<usize> = (0..shapes.modes.len())
                 .flat_map(|r| {
                     let at = shapes.place(r);

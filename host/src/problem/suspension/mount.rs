@@ -1,4 +1,4 @@
-//! Where the body, or the base link of a tree, is on the platform.
+//! The place of the body, or the base link of a tree, on the platform.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rigident_shared::tree::BaseMotion;
@@ -11,7 +11,7 @@ use crate::problem::tree::joints::attitude;
 use rigident_io::rig::SuspensionTable;
 use rigident_model::inertial::{ParameterMap, map_to_parent};
 
-/// Where S is in P.
+/// The place of S in P.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
     /// Its origin against O, axes of P, m.

@@ -24,7 +24,7 @@ pub struct PostureModes {
 /// Returns the rows of all postures of a tree, which share the errors of the springs, over its base parameters.
 ///
 /// # Errors
-/// [`SuspensionError`] if the joints do not stand as the tree has them, or no mode is given.
+/// [`SuspensionError`] if the joints are not as the tree has them, or no mode is given.
 pub fn posture_rows(
     model: &Model,
     support: &Support,

@@ -1,7 +1,8 @@
-//! What sets of postures tell, and which posture to take next.
+//! The information of sets of postures, and which posture to take next.
 //!
-//! Of n links on spherical joints, tensors are told up to `J_0 + Σ α_j 1, J_j − α_j 1`. In differences and the sum of the Jyy, all but one
-//! number of each such link is told: Φ_s of the vibration paper. What stays open is bounded (Eq. 19): tensors have no negative moments.
+//! Of n links on spherical joints, tensors are determined up to `J_0 + Σ α_j 1, J_j − α_j 1`. In differences
+//! and the sum of the Jyy, all but one number of each such link is determined: Φ_s of the vibration paper.
+//! What stays open is bounded (Eq. 19): tensors have no negative moments.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +16,7 @@ use rigident_fit::{Estimate, Factor, Fit, Measured, Parameter};
 use rigident_model::Model;
 use rigident_model::rows::Moving;
 
-/// Sets of so many postures are gone through one by one; of more only those that begin with the first.
+/// Sets of this many postures are gone through one by one; of more only those that begin with the first.
 const MOST_IN_SETS: usize = 10;
 /// Postures that are tried for the next.
 const CANDIDATES: usize = 2000;
@@ -38,7 +39,7 @@ pub struct SubsetValue {
 /// Rank and condition of a set of postures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostureSet {
-    /// Which postures.
+    /// The postures.
     pub postures: Vec<usize>,
     /// Rank over the base parameters.
     pub rank: usize,
@@ -62,13 +63,13 @@ pub struct OpenBounds {
 /// A posture to take next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NextPosture {
-    /// How each joint stands: link's name, and its coordinate or quaternion w, x, y, z.
+    /// The position of each joint: link's name, and its coordinate or quaternion w, x, y, z.
     pub stands: Vec<(String, Vec<f64>)>,
     /// Rank of all postures with it.
     pub rank: usize,
     /// Condition with it.
     pub condition: f64,
-    /// Mean standard deviation of what is told, with it by without it; `None` where the rank grows.
+    /// Mean standard deviation of what is determined, with it by without it; `None` where the rank grows.
     pub gain: Option<f64>,
 }
 
@@ -308,7 +309,8 @@ fn halton(mut k: usize, base: usize) -> f64 {
     value
 }
 
-/// Returns axis and angle, in degrees, of a joint that stands by a quaternion w, x, y, z; `None` if it is not turned.
+/// Returns axis and angle, in degrees, of a joint whose position is a quaternion w, x, y, z; `None` if it is
+/// not turned.
 pub fn turn_deg(quaternion: &[f64]) -> Option<(Vector3<f64>, f64)> {
     let [w, x, y, z] = quaternion.try_into().ok()?;
     let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));

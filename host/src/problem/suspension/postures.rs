@@ -1,12 +1,13 @@
 //! Locked postures: what the whole thing weighs in each says of the base parameters of its links.
 //!
-//! A tree whose joints stand still is one body. Its mass, first moment and tensor about the base's origin are sums over the links,
+//! A tree whose joints are at rest is one body. Its mass, first moment and tensor about the base's origin are
+//! sums over the links,
 //! ```text
 //! [M; MS; I] = Σ_j T(R_j, p_j) φ_j
 //! ```
 //! with the map T of ten parameters to another frame: linear in the standard parameters, and so in the base parameters. These are Eqs. 5
 //! to 7 of the vibration paper in a form that holds for any tree and any place of the joints. However many postures there are, of n
-//! spherical joints one direction for each is not told: `J_0 + α 1, J_j − α 1`.
+//! spherical joints one direction for each is not determined: `J_0 + α 1, J_j − α 1`.
 
 use super::SuspensionError;
 use super::posture_file::{JointStand, PostureTable, PosturesFile};
@@ -39,7 +40,7 @@ pub struct PostureSource {
     tree: TreeSource,
     names: Vec<String>,
     rows: Vec<(DMatrix<f64>, [f64; TEN])>,
-    /// What whitens the ten values of each posture.
+    /// The whitening of the ten values of each posture.
     whitening: Vec<DMatrix<f64>>,
     /// 1 σ of these values.
     sigma: Vec<[f64; TEN]>,
@@ -86,8 +87,8 @@ impl PostureSource {
         Ok(Self { tree, names, rows, whitening, sigma, sigma_given, file: what.to_owned() })
     }
 
-    /// Returns the rows of postures of a tree, each with its name, how its joints stand, and the factor of its ten parameters in the base
-    /// link's frame; `what` names them in complaints.
+    /// Returns the rows of postures of a tree, each with its name, the positions of its joints, and the
+    /// factor of its ten parameters in the base link's frame; `what` names them in complaints.
     ///
     /// # Errors
     /// [`SuspensionError`] if the joints do not fit the tree, or two postures have one name.

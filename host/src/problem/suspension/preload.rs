@@ -1,4 +1,4 @@
-//! What springs carry at rest, and the stiffness that it has in every direction.
+//! The load of springs at rest, and the stiffness that it has in every direction.
 //!
 //! At rest the springs carry the weight by forces f at their places a about O. The forces are linear in the
 //! loads `1` (what is stated as preload), `W = g m`, `Mx = g ms_y` and `My = −g ms_x`: of all that balance
@@ -38,7 +38,7 @@ const LEANS: f64 = 0.02;
 /// A stiffness that changes by less, relative to that of the arms, does not change.
 const SAME: f64 = 1e-9;
 
-/// How a spring answers to what it carries.
+/// The response of a spring to its load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ends {
     /// A force of constant direction: what it does across is stated.
@@ -268,7 +268,7 @@ impl Carrier {
         Matrix3::identity() - self.axis * self.axis.transpose()
     }
 
-    /// What a force of this place does against displacements of O.
+    /// Returns what a force of this place does against displacements of O.
     fn stiffness(&self, force: &Vector3<f64>) -> Matrix6<f64> {
         let mut all = Matrix6::zeros();
         let turns = Matrix3::identity() * self.arm.dot(force) - self.arm * force.transpose();

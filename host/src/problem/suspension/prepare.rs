@@ -23,7 +23,7 @@ const LOCKED_MOVES: f64 = 0.05;
 pub struct PreparedSuspension {
     /// The source of rows.
     pub source: SuspendedSource,
-    /// What to know.
+    /// The notes.
     pub notes: Vec<String>,
     /// Joints that never move.
     pub idle: Vec<Finding>,
@@ -148,7 +148,7 @@ pub(super) fn joints(
     Ok((all, parts))
 }
 
-/// What is seen of a link in a row; of the base link nothing.
+/// The function that gives what is seen of a link in a row; of the base link nothing.
 type SeenAt = Option<Box<dyn Fn(usize) -> Option<Seen>>>;
 
 fn joints_of(row: usize, model: &Model, seen: &[SeenAt]) -> Option<Vec<f64>> {

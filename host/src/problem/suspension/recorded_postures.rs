@@ -1,4 +1,5 @@
-//! Locked postures as recordings of their free vibration: how the joints stand, the modes, and the body that each posture is.
+//! Locked postures as recordings of their free vibration: the positions of the joints, the modes, and the
+//! body that each posture is.
 
 use nalgebra::{DMatrix, Matrix3, Quaternion, Rotation3, SVector, UnitQuaternion, Vector3, Vector4};
 
@@ -29,7 +30,7 @@ pub struct RecordedPosture {
     pub positions: Vec<f64>,
     /// Its modes over the free coordinates.
     pub shapes: Shapes,
-    /// What was noticed of them.
+    /// The findings about them.
     pub findings: Vec<String>,
     /// Rest of the platform in the frame of the recording: position of O, m, and attitude; `None` without poses.
     pub rest: Option<(Vector3<f64>, Matrix3<f64>)>,
@@ -101,7 +102,7 @@ fn take_platform_off(recording: &Recording, found: &mut Fit) -> Result<(), Suspe
     taken.map_err(|e| SuspensionError::Posture { file: recording.name.clone(), why: e.to_string() })
 }
 
-/// The joints as they stand on average.
+/// The joints as they are on average.
 ///
 /// # Errors
 /// [`SuspensionError`] if one moves.

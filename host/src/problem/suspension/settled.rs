@@ -10,7 +10,7 @@ use super::support::Support;
 use rigident_fit::COVERAGE_95;
 use rigident_io::rig::SuspensionTable;
 
-/// A difference of less than so many standard deviations is chance.
+/// A difference of less than this many standard deviations is chance.
 const CHANCE: f64 = 4.0;
 /// Cameras and joints hold no better, m and rad.
 const HELD: [f64; 2] = [2e-5, 5e-5];
@@ -18,7 +18,7 @@ const HELD: [f64; 2] = [2e-5, 5e-5];
 const TILTED: f64 = 2e-3;
 /// A spring explains what is left if no more than this share of its square stays.
 const EXPLAINED: f64 = 0.2;
-/// Masses that differ by more than so many times both uncertainties contradict each other.
+/// Masses that differ by more than this many times both uncertainties contradict each other.
 const CONTRADICTORY: f64 = 1.5;
 
 /// Returns what is to be said of springs that changed between postures, in words.
@@ -45,7 +45,7 @@ pub fn settled(table: &SuspensionTable, support: &Support, postures: &[RecordedP
     said
 }
 
-/// What rest of one posture tells against that of another.
+/// Returns what rest of one posture tells against that of another.
 fn moved(
     table: &SuspensionTable,
     support: &Support,

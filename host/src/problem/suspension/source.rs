@@ -4,7 +4,7 @@
 //! platform's point O at r_O instead of the base's origin at r: with `a = r − r_O` the moments gain `a × F`, whose differentiated part is
 //! `a × d/dt D = d/dt (a × D) − ȧ × D`.
 //!
-//! What springs carry at rest is six columns of its own, eliminated as offsets: two horizontal forces, the
+//! The load of springs at rest is six columns of its own, eliminated as offsets: two horizontal forces, the
 //! weight W and its two horizontal moments, each as forces of the springs whose places turn with the platform
 //! ([`super::preload`]), and a moment about the vertical. Of upright springs at the height h
 //! ```text
@@ -37,13 +37,13 @@ const CHANNELS: [(&str, &str); 6] =
 /// The platform at the time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instant {
-    /// How it stands against rest.
+    /// Its position relative to rest.
     pub at: Displacement,
     /// Origin of the base link against O, axes at rest, m.
     pub arm: Vector3<f64>,
 }
 
-/// Where instants and frames come from.
+/// The origin of instants and frames.
 pub(super) struct Tracked {
     track: Track,
     smoother: Smoother,

@@ -1,4 +1,5 @@
-//! What springs do to a platform: the wrench of a displacement, and what errors of their stiffness change in it.
+//! The effect of springs on a platform: the wrench of a displacement, and what errors of their stiffness
+//! change in it.
 //!
 //! Axes are those of the platform at rest, z up, moments about the point O of the platform where it is now. With the shift d of O, the
 //! turn R and its vector θ
@@ -25,12 +26,12 @@ const STIFFNESS_STD: f64 = 0.05 / 1.732_050_807_568_877_2;
 const BENDING: f64 = 0.28;
 /// 1 σ of that, relative.
 const BENDING_STD: f64 = 0.2;
-/// 1 σ of the damping ratio that is looked for, where none is given.
+/// 1 σ of the damping ratio that is searched for, where none is given.
 const DAMPING_RATIO_STD: f64 = 0.05;
 /// Frequency at which a damping ratio is understood, rad/s: platforms swing at about 1 Hz.
 const DAMPED_AT: f64 = std::f64::consts::TAU;
 
-/// How a platform stands, against rest.
+/// The position of a platform, relative to rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Displacement {
     /// Shift of O, m.
@@ -76,7 +77,7 @@ struct Spring {
     bending: f64,
 }
 
-/// What may be wrong with springs, each by a factor or an element.
+/// The possible errors of springs, each by a factor or an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SpringError {
     /// An element of the stiffness and its mirror image.
@@ -295,7 +296,7 @@ impl Spring {
         self.along() + (Matrix3::identity() - self.axis * self.axis.transpose()) * self.lateral
     }
 
-    /// What its seat does against turns.
+    /// Returns what its seat does against turns.
     fn bends(&self) -> Matrix6<f64> {
         let mut all = Matrix6::zeros();
         let across = Matrix3::identity() - self.axis * self.axis.transpose();
@@ -303,7 +304,7 @@ impl Spring {
         all
     }
 
-    /// What a stiffness of the point gives about O.
+    /// Returns what a stiffness of the point gives about O.
     fn about_o(&self, stiffness: &Matrix3<f64>) -> Matrix6<f64> {
         let mut arms = nalgebra::Matrix3x6::zeros();
         arms.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();

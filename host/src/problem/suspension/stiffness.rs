@@ -14,9 +14,9 @@ use rigident_io::rig::SuspensionTable;
 
 /// 1 σ of an element beforehand, relative to the diagonal: nothing is known of it.
 const UNKNOWN: f64 = 1e3;
-/// What is stated as exact is known to this share.
+/// A value stated as exact is known to this share.
 const EXACT: f64 = 1e-6;
-/// An element whose standard deviation is more than this share of what it was beforehand is not told.
+/// An element whose standard deviation is more than this share of what it was beforehand is not determined.
 const TOLD: f64 = 0.01;
 
 /// Springs that differ by more standard deviations from what is stated are others, or the body is.

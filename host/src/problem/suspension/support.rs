@@ -1,4 +1,4 @@
-//! What carries the platform, and what a recording of its swinging must have.
+//! The support of the platform, and the data that a recording of its swinging must have.
 
 use nalgebra::Matrix6;
 
@@ -15,9 +15,9 @@ use rigident_io::rig::RigFile;
 pub struct Support {
     /// The springs.
     pub springs: Springs,
-    /// Where S is in P.
+    /// The place of S in P.
     pub mount: Mount,
-    /// What the springs carry at rest.
+    /// The load of the springs at rest.
     pub preload: Preload,
     /// Coordinates that are not locked, by their numbers.
     pub free: Vec<usize>,
@@ -58,7 +58,7 @@ impl Support {
     }
 }
 
-/// What is missing, with its verb, and what to do.
+/// Returns what is missing, with its verb, and what to do.
 pub(super) fn missing(name: &str, missing: &str, advice: &str) -> SuspensionError {
     SuspensionError::Missing { name: name.to_owned(), missing: missing.to_owned(), advice: advice.to_owned() }
 }

@@ -1,7 +1,8 @@
 //! Poses of a platform, and places of the joints on it, as smoothed coordinates about the platform's rest.
 //!
 //! Rest is the mean pose: free vibration goes both ways. Coordinates are those of the point O of the platform in its own axes at
-//! rest, so that it does not matter where the cameras stand. One symmetric kernel smooths all of them, and gives their slopes.
+//! rest, so that it does not matter where the cameras are. One symmetric kernel smooths all of them, and
+//! gives their slopes.
 
 use std::ops::Range;
 
@@ -12,9 +13,9 @@ use crate::problem::moved::{Moved, Part, moved};
 use crate::problem::smoothing::Smoother;
 use rigident_fit::parallel;
 
-/// Bandwidth that spectra are looked at in, Hz.
+/// Bandwidth that spectra are examined in, Hz.
 const BIN_HZ: f64 = 0.25;
-/// Highest frequency that is looked at, Hz.
+/// Highest frequency that is checked, Hz.
 const HIGHEST_HZ: f64 = 60.0;
 /// Power of acceleration above the cut-off is less than this share of all.
 const LEFT_OUT: f64 = 1e-2;
@@ -22,7 +23,7 @@ const LEFT_OUT: f64 = 1e-2;
 const ABOVE_NOISE: f64 = 20.0;
 /// The cut-off over the highest frequency that is to pass.
 const ROOM: f64 = 1.2;
-/// A step longer than so many periods is a gap.
+/// A step longer than this many periods is a gap.
 pub(super) const GAP: f64 = 1.5;
 
 /// Coordinates of every row of a recording.

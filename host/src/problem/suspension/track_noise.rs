@@ -13,7 +13,8 @@ use super::track::{GAP, Track};
 use crate::problem::moved::Part;
 use crate::problem::white_noise::{Signs, TENTH};
 
-/// Samples between those of a difference are so far apart that there are so many to a period of the cut-off.
+/// Samples between those of a difference are so far apart that there are this many to a period of the
+/// cut-off.
 const PER_PERIOD: f64 = 12.0;
 /// Share of the differences that counts: a marker that jumps is not noise.
 const COUNTED: f64 = 0.95;
@@ -47,7 +48,7 @@ fn change(parts: &[Part], numbers: &[f64], by: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Changes the coordinates that numbers stand for.
+/// Changes the coordinates that numbers represent.
 fn apply(parts: &[Part], numbers: &mut [f64], change: &[f64]) {
     let (mut at, mut from) = (0, 0);
     for part in parts {

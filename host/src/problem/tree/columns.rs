@@ -6,7 +6,7 @@ use super::TreePrepareError;
 use rigident_io::recording::Recording;
 use rigident_io::rig::{ColumnSource, JointTable, RigFile};
 
-/// What of a joint has a column.
+/// The quantities of a joint that have a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Its angle or length.
@@ -36,7 +36,7 @@ pub fn units(joint: &Joint<f64>) -> Option<[&'static str; 3]> {
     }
 }
 
-/// Where a quantity of a joint is looked for.
+/// The column in which a quantity of a joint is searched for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
     /// Name of the column.

@@ -1,6 +1,7 @@
-//! What turns with the joints and rubs: friction, offsets and rotor inertia, as columns beside the links'.
+//! The parts that turn with the joints and rub: friction, offsets and rotor inertia, as columns beside the
+//! links'.
 //!
-//! Where a drive stands still dry friction is anything of its size, and its rows tell nothing (`standstill`).
+//! If a drive is at rest, dry friction is anything of its size, and its rows tell nothing (`standstill`).
 
 use rigident_shared::tree::Link;
 
@@ -40,7 +41,7 @@ pub enum Term {
     Spring,
 }
 
-/// What a drive does at an instant.
+/// The state of a drive at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DriveState {
     /// Its position, rad or m.
@@ -133,7 +134,8 @@ impl Term {
         matches!(self, Self::Coulomb(_) | Self::Stribeck(_) | Self::Load)
     }
 
-    /// Returns its column at an instant, before the filter. What stands with `smoothed` is smoothed, the rest differentiated.
+    /// Returns its column at an instant, before the filter. What is multiplied by `smoothed` is smoothed, the
+    /// rest differentiated.
     pub fn column(self, motion: &DriveState, slides: bool, smoothed: bool) -> f64 {
         let DriveState { position, rate, load } = *motion;
         // At rest it is nowhere.

@@ -13,9 +13,9 @@ pub enum TreePrepareError {
     Missing {
         /// The recording.
         name: String,
-        /// What, with its verb.
+        /// The missing part, with its verb.
         missing: String,
-        /// What to do.
+        /// The advice.
         advice: String,
     },
     /// A cell cannot be used.

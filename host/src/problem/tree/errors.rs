@@ -32,7 +32,7 @@ pub enum SignalError {
         /// The axis.
         axis: usize,
     },
-    /// What the signals tell was earlier.
+    /// The signals are of an earlier time.
     Skew,
     /// Bias of a gyro.
     GyroBias {
@@ -61,7 +61,7 @@ pub enum SignalError {
     AccelGain {
         /// The axis that reads.
         to: Vector3<f64>,
-        /// What it reads.
+        /// The ideal reading.
         from: Vector3<f64>,
     },
     /// Zero of a joint of one freedom: it reads too much.
@@ -201,7 +201,7 @@ fn of_link_imu(input: &Input, link: usize, table: Option<&ImuTable>, all: &mut E
     }
 }
 
-/// Where the standard deviation of an error comes from: stated for the joint, for all, or from the class.
+/// The origin of the standard deviation of an error: stated for the joint, for all, or from the class.
 struct Source<'a> {
     rig: &'a RigFile,
     class: TreeClass,

@@ -21,21 +21,21 @@ pub struct Frame {
     pub positions: Vec<f64>,
     /// Rates of all joints in the same order, rad/s and m/s; of a tracked base velocity and angular rate in its own axes.
     pub rates: Vec<f64>,
-    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not looked at. Not used of a
-    /// tracked base.
+    /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not
+    /// examined. Not used of a tracked base.
     pub base: BaseMotion<f64>,
     /// Wrench on the base link about its origin, N and N m, in the base's axes, of a tracked base in the laboratory's; unused if it
     /// is not among the rows.
     pub wrench: [f64; 6],
     /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
     pub efforts: Vec<f64>,
-    /// Freedoms whose drives stand still, so that dry friction there is anything of its size (`standstill`).
+    /// Freedoms whose drives are at rest, so that dry friction there is anything of its size (`standstill`).
     pub standing: Vec<usize>,
-    /// What the feet measure; empty where there are none.
+    /// The measurements of the feet; empty where there are none.
     pub ground: Ground,
 }
 
-/// What a signal with noise is.
+/// The kind of a signal with noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalKind {
     /// Specific force of the base.
@@ -44,7 +44,7 @@ pub enum SignalKind {
     Gyro,
     /// Attitude of a link against the base.
     Attitude,
-    /// Angle or length of a joint whose rate is measured, or is not looked at.
+    /// Angle or length of a joint whose rate is measured, or is not examined.
     Position,
     /// Angle or length of a joint whose rate is its slope.
     PositionWithSlope,
@@ -55,7 +55,7 @@ pub enum SignalKind {
 /// A measured signal and its white noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoisySignal {
-    /// What it is.
+    /// The meaning.
     pub kind: SignalKind,
     /// The link, or the link beyond the joint, by its index in the model.
     pub link: usize,
@@ -80,7 +80,7 @@ impl NoisySignal {
     }
 }
 
-/// What tells how the base moves.
+/// The sensor of the motion of the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BaseSensor {
     /// An IMU at this place in the base's frame, m; or the base is held still.
@@ -100,7 +100,7 @@ pub struct Input {
     pub is_static: bool,
     /// Frames per second; not used for still poses.
     pub rate_hz: f64,
-    /// What tells how the base moves.
+    /// The sensor of the motion of the base.
     pub base: BaseSensor,
     /// The quantities that are measured, and the kind of base.
     pub situation: Situation,

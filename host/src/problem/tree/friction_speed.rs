@@ -3,8 +3,9 @@
 //! Friction of gears does not jump with the sign of the rate: contacts yield before they slide, and `f tanh(v/v_c)` is what
 //! is seen, with v_c of some hundredths of a rad/s (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, A new model
 //! for control of systems with friction, IEEE Trans. Automatic Control 40 (3), 1995). A jump in its place leaves residuals at
-//! every reversal, which look like a change of whatever else is large there. Every drive's own efforts decide: the columns of
-//! several speeds stand beside all others in one factor, and each speed leaves its own sum of squares.
+//! every reversal, which resemble a change of whatever else is large there. Every drive's own efforts decide:
+//! the columns of several speeds are beside all others in one factor, and each speed leaves its own sum of
+//! squares.
 
 use nalgebra::DMatrix;
 use rigident_shared::tree::TreeError;

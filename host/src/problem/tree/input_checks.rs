@@ -10,14 +10,15 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rigident_io::motion_capture::registration::nearest_rotation;
 use rigident_model::idle::white_noise;
 
-/// What is compared are increments over this, s: long against the noise of gyros, short against turns that do not commute.
+/// The compared values are increments over this, s: long against the noise of gyros, short against turns that
+/// do not commute.
 pub const SPAN_S: f64 = 0.1;
-/// So many of them say enough.
+/// This many of them say enough.
 const MOST_SPANS: usize = 2000;
 /// Less than this in a span is hardly motion, rad, and m.
 const LEAST_TURN: f64 = 0.005;
 const LEAST_SLIDE: f64 = 0.001;
-/// Nor is what is not so many times the noise.
+/// Nor is what is not this many times the noise.
 const NOISES: f64 = 3.0;
 /// A gyro's bias up to this is none of the errors meant here, rad/s.
 const BIAS: f64 = 0.2;
@@ -90,9 +91,9 @@ fn less(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
 pub struct Disagreement {
     /// Rms of the difference over the rms of the motion, noise taken off.
     pub share: f64,
-    /// How far it moves in a span by its positions or attitudes, rms, rad or m.
+    /// The distance that it moves in a span by its positions or attitudes, rms, rad or m.
     pub moved: f64,
-    /// How far by the rates.
+    /// The distance by the rates.
     pub integrated: f64,
     /// The error that explains it, and what to do, in words.
     pub cause: Option<String>,
@@ -112,7 +113,7 @@ fn share(moved: &[Vector3<f64>], integrated: &[Vector3<f64>], noise: f64) -> f64
     (difference.powi(2) - noise.powi(2)).max(0.0).sqrt() / motion.max(f64::MIN_POSITIVE)
 }
 
-/// What a link's attitude and the gyros say of its turning against the base.
+/// The information of a link's attitude and the gyros on its turning against the base.
 #[derive(Clone, Copy, Debug)]
 pub struct Turning<'a> {
     /// Its number in the recording.
@@ -129,7 +130,7 @@ pub struct Turning<'a> {
     pub mounting: UnitQuaternion<f64>,
 }
 
-/// How four columns can be meant.
+/// The orders that four columns can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Order {
     AsSaid,
@@ -137,7 +138,7 @@ enum Order {
     ScalarLast,
 }
 
-/// What may be otherwise than it is said to be.
+/// A possible deviation from what is stated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Error {
     order: Order,
@@ -306,13 +307,14 @@ impl Turning<'_> {
         Some(Disagreement { share, moved, integrated, cause })
     }
 
-    /// Whether the gyro's axes are turned against the link's: turned + carried = X own (Wahba's problem).
+    /// Returns whether the gyro's axes are turned against the link's: turned + carried = X own (Wahba's
+    /// problem).
     fn turned(&self, increments: &Increments) -> Option<String> {
         let of_link: Vec<Vector3<f64>> =
             increments.turned.iter().zip(&increments.carried).map(|(t, c)| t + c).collect();
         let product = of_link.iter().zip(&increments.own).map(|(a, b)| a * b.transpose());
         let product = product.sum::<Matrix3<f64>>();
-        // About a single axis nothing can be told of it.
+        // About a single axis nothing can be determined of it.
         let singular = product.singular_values();
         if singular[1] < 1e-3 * singular[0] {
             return None;
@@ -370,7 +372,7 @@ pub fn joint_disagreement(
     Some(Disagreement { share, moved: rms_moved, integrated: rms_integrated, cause })
 }
 
-/// What a factor between increments of positions and integrals of rates tells.
+/// Returns what a factor between increments of positions and integrals of rates tells.
 fn factor_in_words(factor: f64, slides: bool, [position, rate]: [&str; 2]) -> String {
     let is = |known: f64| (factor.abs() / known - 1.0).abs() < 0.1;
     let unit = match slides {

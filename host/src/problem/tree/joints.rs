@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector2, Vector3};
 use rigident_shared::tree::{Joint, Link};
 
-/// What is known of a joint at one instant.
+/// The knowledge of a joint at one instant.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Seen {
     /// Attitude of its link relative to S (S axes ← link axes) and the link's rate, link axes, rad/s.
@@ -61,8 +61,8 @@ fn angle_of(r: &Matrix3<f64>) -> f64 {
 
 /// The joint of a link, seen from its parent.
 ///
-/// `None` for what cannot be told: a joint that slides or is free, by attitudes; one of several freedoms, by a
-/// coordinate.
+/// `None` for what cannot be determined: a joint that slides or is free, by attitudes; one of several
+/// freedoms, by a coordinate.
 pub fn resolve(link: &Link<f64>, parent: &Resolved, seen: &Seen) -> Option<Resolved> {
     match seen {
         Seen::Coordinate(q, v) => {
@@ -130,7 +130,7 @@ mod tests {
 
     use super::*;
 
-    /// What ideal IMUs and attitudes of links show of a chain, by the shared kinematics.
+    /// The values of a chain by ideal IMUs and attitudes of links, by the shared kinematics.
     #[test]
     fn joints_are_what_moved_the_links() {
         let skew = Vector3::new(0.3, -0.5, 0.7).normalize();

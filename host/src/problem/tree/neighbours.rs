@@ -8,7 +8,7 @@ use super::instant::Instant;
 use super::rows;
 use super::{Frame, Input};
 
-/// Frames whose predictions are kept: one and its neighbours.
+/// Frames whose predictions are stored: one and its neighbours.
 const KEPT: usize = 3;
 
 /// The instant of a frame, that of another one, and what is predicted of the last few.

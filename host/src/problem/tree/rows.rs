@@ -30,8 +30,8 @@ pub struct RowMaker {
     efforts: bool,
     still: bool,
     offset: bool,
-    /// Standard columns that stand for the base parameters, and what makes of them the base parameters' own columns;
-    /// `None` where these are the same.
+    /// Standard columns that represent the base parameters, and what makes of them the base parameters' own
+    /// columns; `None` where these are the same.
     leads: Vec<usize>,
     mix: Option<DMatrix<f64>>,
     /// Room for the entries of a row in the columns of `leads`.
@@ -162,7 +162,8 @@ impl RowMaker {
         Ok(())
     }
 
-    /// What is available of the rows of the frame that the tree was brought to; `None` where there are no feet.
+    /// Returns what is available of the rows of the frame that the tree was brought to; `None` where there
+    /// are no feet.
     fn availability(&mut self, frame: &Frame) -> Result<Option<Availability>, TreeError> {
         self.contact.as_ref().map(|contact| contact.availability(&mut self.moving, frame)).transpose()
     }

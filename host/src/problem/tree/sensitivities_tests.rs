@@ -149,7 +149,7 @@ fn corrected(input: &Input, error: &SignalError, x: f64) -> Input {
     out
 }
 
-/// What parameters predict of every frame: smoothed and differentiated parts, channel by channel.
+/// Returns what parameters predict of every frame: smoothed and differentiated parts, channel by channel.
 fn predicted(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
     let (channels, n) = (source.channels().len(), phi.len());
     let mut all = Vec::new();
@@ -180,7 +180,7 @@ fn left_over(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
 /// The columns of all errors against differences of what is predicted of corrected readings.
 fn compare(input: Input, random: &mut Random) {
     let source = TreeSource::new(input).unwrap();
-    // Rotors that cannot be told from moments of inertia are gone.
+    // Rotors that cannot be distinguished from moments of inertia are gone.
     let input = source.input().clone();
     let phi: Vec<f64> = source.parameters().iter().map(|_| random.next()).collect();
     let columns = source.error_columns(&phi).unwrap();

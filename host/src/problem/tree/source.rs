@@ -42,8 +42,8 @@ impl TreeSource {
         Self::with_base(input, base).map_err(TreeSourceError::Frames)
     }
 
-    /// Returns the same source with the parameters in the order of a device: that of the standard parameters that stand
-    /// for them.
+    /// Returns the same source with the parameters in the order of a device: that of the standard parameters
+    /// that are there for them.
     ///
     /// # Errors
     /// See [`TreeSource::new`].
@@ -141,7 +141,8 @@ impl TreeSource {
         maker.states(frame).ok()
     }
 
-    /// Marks the channels of drives with dry friction that stand still, and those by which what feet do not measure is eliminated.
+    /// Marks the channels of drives with dry friction that are at rest, and those by which what feet do not
+    /// measure is eliminated.
     pub(super) fn mark_untold(&self, sample: usize, rows: &mut SampleRows) {
         if let Some((contact, frame)) = self.input.contact.as_ref().zip(self.input.frames.get(sample)) {
             let pivots = contact.states.get(frame.ground.state).map_or(&[][..], |state| &state.pivots);

@@ -1,26 +1,28 @@
-//! Drives that stand still: dry friction has the sign of the rate, and at rest it is anything of its size.
+//! Drives that are at rest: dry friction has the sign of the rate, and at rest it is anything of its size.
 //!
-//! What turns by no more than the noise of its rate may stand, and friction there balances whatever acts: the effort of such a
-//! joint tells of neither its friction nor its links, but that together they are no more than it. Its rows are left out, those
-//! under the filter with it, while the other joints' stay. A reversal is none: in the time looked at the rate grows beyond its
-//! noise, and what is not known of its sign then is noise of a signal like any other.
+//! A drive that turns by no more than the noise of its rate may be at rest, and friction there balances
+//! whatever acts: the effort of such a joint tells of neither its friction nor its links, but that together
+//! they are no more than it. Its rows are left out, those under the filter with it, while the other joints'
+//! stay. A reversal is none: in the time examined the rate grows beyond its noise, and what is not known of
+//! its sign then is noise of a signal like any other.
 
 use super::polynomial::Polynomial;
 use super::{Input, SignalKind};
 use rigident_fit::filter_width_s;
 
-/// A drive stands where the root mean square of its rate, over the filter's width, is at most so many standard deviations of
-/// the rate's noise: of nine samples noise alone exceeds that four times in 1e5.
+/// A drive is at rest where the root mean square of its rate, over the filter's width, is at most this many
+/// standard deviations of the rate's noise: of nine samples noise alone exceeds that four times in 1e5.
 const STILL_SD: f64 = 2.0;
-/// It stands, too, where that is at most this share of the root mean square of its rate throughout: noise far below that is not
-/// seen in its readings, and a reversal is as slow only in a motion that takes a quarter of an hour.
+/// It is at rest, too, where that is at most this share of the root mean square of its rate throughout: noise
+/// far below that is not seen in its readings, and a reversal is as slow only in a motion that takes a
+/// quarter of an hour.
 const STILL_SHARE: f64 = 1e-3;
 
-/// A drive that stands for more than this share of the recording never moves.
+/// A drive that is at rest for more than this share of the recording never moves.
 const ALWAYS: f64 = 0.99;
 
-/// Marks the drives with dry friction that stand still, by frames, and says which do for how long. One that never moves has rows and
-/// zeros in these columns: nothing tells of them.
+/// Marks the drives with dry friction that are at rest, by frames, and says which do for how long. One that
+/// never moves has rows and zeros in these columns: nothing tells of them.
 pub(super) fn mark(input: &mut Input) -> Vec<String> {
     if input.is_static || !input.has_efforts() {
         return Vec::new();

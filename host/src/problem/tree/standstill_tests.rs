@@ -46,8 +46,8 @@ fn rest_leaves_friction_alone() {
     }
 }
 
-/// Gravity at rest stays, where there is no dry friction: the rows of rest are among those of the fit. A joint that stands
-/// still alone takes no other's rows away.
+/// Gravity at rest stays, where there is no dry friction: the rows of rest are among those of the fit. A
+/// joint that is at rest still alone takes no other's rows away.
 #[test]
 fn only_rows_of_dry_friction_are_left_out() {
     let run = ArmRun { rate_noise: 1e-4, friction: [2.0, 0.0, 0.2], ..ArmRun::default() };

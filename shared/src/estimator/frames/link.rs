@@ -9,7 +9,7 @@ use crate::tree::base::TurningJoint;
 /// Links at most.
 pub const LINKS: usize = 16;
 
-/// One link of the tree. The first is the base link, of which nothing is looked at.
+/// One link of the tree. The first is the base link, of which nothing is examined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameLink<T> {
     /// Index of the parent, smaller than the link's own.

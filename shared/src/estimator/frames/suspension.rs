@@ -23,7 +23,7 @@ pub const SUSPENDED_LINKS: usize = 8;
 const SUMMED: usize = 12;
 /// A pivot of the scaled stiffness that is less is none.
 const LEAST_PIVOT: f32 = 1e-5;
-/// The vector of a turn and twice the quaternion's may differ by so much, rad: turns of up to 0.7 rad.
+/// The vector of a turn and twice the quaternion's may differ by this much, rad: turns of up to 0.7 rad.
 const SAME_TURN: f32 = 0.02;
 
 /// Springs under the platform that carries the base link.
@@ -42,12 +42,12 @@ pub struct Suspension<T> {
 }
 
 impl<T: Scalar> Suspension<T> {
-    /// How many coordinates are free.
+    /// Returns how many coordinates are free.
     pub fn free(&self) -> usize {
         (!self.locked & 0x3f).count_ones() as usize
     }
 
-    /// Whether there can be such springs.
+    /// Checks whether there can be such springs.
     pub(super) fn check(&self) -> Result<(), FramesError> {
         let placed = self.base_position.iter().chain(&[self.anchor_height]).all(|v| v.is_finite());
         if !placed || self.free() == 0 || attitude(self.base_attitude).is_none() {
@@ -56,7 +56,8 @@ impl<T: Scalar> Suspension<T> {
         if self.is_positive() { Ok(()) } else { Err(FramesError::Stiffness) }
     }
 
-    /// Whether the stiffness is finite, symmetric, and positive where it is free: elimination leaves positive pivots.
+    /// Returns whether the stiffness is finite, symmetric, and positive where it is free: elimination leaves
+    /// positive pivots.
     fn is_positive(&self) -> bool {
         let mut k = self.stiffness;
         for i in 0..6 {
@@ -85,7 +86,7 @@ impl<T: Scalar> Suspension<T> {
     }
 }
 
-/// Where the base link is on what is tracked.
+/// The place of the base link on what is tracked.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mount<T> {
     /// Its origin, axes of what is tracked, m.
@@ -147,7 +148,8 @@ impl<T: Scalar> Sums<T> {
         is_empty: false,
     };
 
-    /// The kernel of a filter, the frames in an average and the blocks under way, of so many parameters.
+    /// The kernel of a filter, the frames in an average and the blocks under way, of the given number of
+    /// parameters.
     ///
     /// # Errors
     /// [`KernelError`] if there is none, or no room for it.
@@ -192,12 +194,12 @@ impl<T: Scalar> Sums<T> {
         Ok(())
     }
 
-    /// Whether there are springs.
+    /// Returns whether there are springs.
     pub(super) fn is_used(&self) -> bool {
         self.blocks > 0
     }
 
-    /// Whether a coordinate is not locked.
+    /// Returns whether a coordinate is not locked.
     pub(super) fn is_free(&self, k: usize) -> bool {
         self.locked >> k & 1 == 0
     }
@@ -212,13 +214,13 @@ impl<T: Scalar> Sums<T> {
         (self.in_sum, self.averages, self.is_empty) = (0, 0, true);
     }
 
-    /// What the springs do at a displacement: N, N m; `None` without springs.
+    /// Returns what the springs do at a displacement: N, N m; `None` without springs.
     pub(super) fn wrench(&self, displacement: &[T; 6]) -> Option<[T; 6]> {
         let of = |row: &[T; 6]| -row.iter().zip(displacement).map(|(k, q)| *k * *q).sum::<T>();
         self.is_used().then(|| self.stiffness.each_ref().map(of))
     }
 
-    /// Whether the displacement's turn is that of the platform's attitude.
+    /// Returns whether the displacement's turn is that of the platform's attitude.
     pub(super) fn is_one_turn(&self, frame: &TrackedFrame<'_, T>) -> bool {
         let Some([w, vector @ ..]) = frame.links.first().map(|base| base.attitude) else { return true };
         let twice = T::from_f32(if w < T::ZERO { -2.0 } else { 2.0 });

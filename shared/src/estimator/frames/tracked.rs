@@ -3,8 +3,8 @@
 //! All vectors are in the laboratory's axes, z up, and moments about the base's origin at r, wherever that is. With D the momentum
 //! about it and S what gravity alone needs, `[F; M] = ∂D + S + [0; ṙ × D_F]`, so with the kernel k of the filter
 //! `k ∗ [F; M] = k̇ ∗ D + k ∗ (S + [0; ṙ × D_F])`: no acceleration is ever formed, and r never enters. The frames under the kernel are
-//! kept, not their rows: of sixteen links 484 bytes a frame. On springs ([`super::Suspension`]) the same rows are about the platform's
-//! point O: the base's origin has an arm to it, and ṙ is O's velocity.
+//! stored, not their rows: of sixteen links 484 bytes a frame. On springs ([`super::Suspension`]) the same
+//! rows are about the platform's point O: the base's origin has an arm to it, and ṙ is O's velocity.
 
 use nalgebra::Vector3;
 
@@ -20,14 +20,14 @@ pub const TAPS: usize = 19;
 /// Standard gravity, m/s².
 const GRAVITY: f32 = 9.806_65;
 
-/// How rows of tracked frames are filtered.
+/// The filter of rows of tracked frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameFilter<T> {
     /// Frames per second.
     pub rate_hz: T,
     /// Width of the kernel, s.
     pub width_s: T,
-    /// Rows are absorbed every so many frames.
+    /// Rows are absorbed once in this many frames.
     pub row_every: u16,
 }
 
@@ -53,9 +53,9 @@ pub struct TrackedFrame<'a, T> {
     pub links: &'a [LinkPose<T>],
 }
 
-/// Numbers that are kept of a frame but for its links: wrench and velocity.
+/// Numbers that are stored of a frame but for its links: wrench and velocity.
 const OF_BASE: usize = 9;
-/// Numbers that are kept of a link.
+/// Numbers that are stored of a link.
 pub(super) const OF_LINK: usize = 7;
 /// Room for the frames of sixteen links under the longest kernel; or for rows on springs that are not complete.
 pub(super) const ROOM: usize = TAPS * (OF_BASE + OF_LINK * LINKS);
@@ -64,7 +64,7 @@ pub(super) type LinkColumns<T> = [[T; 12]; 10];
 /// Parameters of a link that have forces: mass and first moments.
 pub(super) const WITH_FORCES: usize = 4;
 
-/// What is kept of a frame.
+/// The data stored of a frame.
 struct Kept<'a, T> {
     wrench: &'a [T],
     velocity: Vector3<T>,
@@ -80,7 +80,7 @@ pub(super) struct Window<T: Scalar> {
     pub(super) store: [T; ROOM],
     /// Links of a frame.
     links: u8,
-    /// Where the next frame goes.
+    /// The place for the next frame.
     next: u8,
     /// Frames until rows are due.
     until: u16,
@@ -140,7 +140,7 @@ impl<T: Scalar> Window<T> {
         self.until = self.kernel.smooth().len() as u16;
     }
 
-    /// Whether frames are tracked ones.
+    /// Returns whether frames are tracked ones.
     pub(super) fn is_used(&self) -> bool {
         self.row_every > 0
     }
@@ -235,7 +235,7 @@ pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T
         let [x, y, z, a, b, c] = h.each_ref().map(|row| row.get(k).copied().unwrap_or_default());
         let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
         if k < WITH_FORCES {
-            // What stands against gravity: m a at the link's origin, and mc.
+            // The reaction to gravity: m a at the link's origin, and mc.
             let arm = match k.checked_sub(1).and_then(|k| state.rotation.data.0.get(k)) {
                 None => {
                     force = upward;

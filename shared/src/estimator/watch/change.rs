@@ -18,7 +18,7 @@ use crate::factor::{BLOCK_ROWS, Column, PackedFactor, packed_entries};
 
 use super::filter::Six;
 
-/// Bins that are remembered row by row. A change is looked for at each of their borders.
+/// Bins that are stored row by row. A change is searched for at each of their borders.
 pub const BINS: usize = 20;
 /// Parameters of the link.
 const LINK: usize = 10;
@@ -30,15 +30,16 @@ const ALL: usize = COMMON + LINK;
 const MEASURED_AFTER: usize = 14;
 /// Sweeps after which it is measured in any case.
 const PATIENCE: u16 = 30;
-/// Borders that explain so much less than the best one, in units of the noise, are not excluded.
+/// Borders that explain this much less than the best one, in units of the noise, are not excluded.
 const LESS: f32 = 11.0;
-/// The limit is so many times the largest that was seen while nothing was told.
+/// The limit is this many times the largest that was seen while nothing was reported.
 const ABOVE: f32 = 2.5;
-/// What errors of known parameters leave is in one or two of the ten directions: variances grow by so many times what the mean does.
+/// The remainder of errors of known parameters is in one or two of the ten directions: variances grow by this
+/// many times what the mean does.
 const DIRECTIONS: u32 = 5;
 /// Noise is at least this part of what is stated.
 const LEAST_NOISE: f32 = 1e-3;
-/// A mean of so many sweeps; older ones are forgotten.
+/// A mean of this many sweeps; older ones are forgotten.
 const SWEEPS: u16 = 600;
 /// Root of the inflation of the variance beyond which single precision does not tell a parameter from the others.
 const INFLATION: f32 = 1000.0;
@@ -55,7 +56,7 @@ pub struct Change<T> {
     pub at: u32,
     /// Frames not before which, and not after which, it happened.
     pub between: [u32; 2],
-    /// What it explains against its limit; above 1.
+    /// The part that it explains against its limit; above 1.
     pub ratio: T,
     /// Its size, if it has been measured: of m, m c, and the tensor, and their standard deviations. Infinite of what rows do not tell.
     pub size: Option<([T; LINK], [T; LINK])>,
@@ -70,14 +71,14 @@ struct Bin<T> {
     frames: [u32; 2],
 }
 
-/// What is to be done next.
+/// The next step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// There is no new bin.
     Idle,
-    /// The newest so many bins but this are asked.
+    /// This number of the newest bins but this are asked.
     Sweep(u8),
-    /// A change is measured: the bin so many before the newest is taken in.
+    /// A change is measured: the bin this many before the newest is taken in.
     Measure(u8),
 }
 
@@ -103,7 +104,7 @@ pub(super) struct Test<T: Scalar> {
     differences: u16,
     last: [T; 6],
     noise: [[T; 6]; 6],
-    /// What rows are multiplied by, a lower triangle.
+    /// The factor of rows, a lower triangle.
     white: [[T; 6]; 6],
     bins: [Bin<T>; BINS],
     /// Bins there are, and the place of the next one.
@@ -117,7 +118,7 @@ pub(super) struct Test<T: Scalar> {
     newest: Common<T>,
     both: Joint<T>,
     step: Step,
-    /// What the change at each border has explained in this sweep, and on average.
+    /// The part that the change at each border has explained in this sweep, and on average.
     explained: [T; BINS],
     mean: [T; BINS],
     largest: [T; BINS],
@@ -163,7 +164,8 @@ impl<T: Scalar> Test<T> {
         changes: 0,
     };
 
-    /// The noise of rows is stated, and a change is told beyond `limit` after so many bins. Each bin `keep` of older rows is kept.
+    /// The noise of rows is stated, and a change is reported beyond `limit` after the given number of bins.
+    /// Each bin `keep` of older rows is kept.
     pub(super) fn set_up(&mut self, sigma: [T; 6], limit: T, settle: u16, keep: T) {
         (self.sigma, self.limit, self.settle, self.keep) = (sigma, limit, settle, keep);
         self.clear();
@@ -184,12 +186,13 @@ impl<T: Scalar> Test<T> {
         self.changes
     }
 
-    /// Returns whether a change would be told.
+    /// Returns whether a change would be reported.
     pub(super) fn is_settled(&self) -> bool {
         self.sweeps > self.settle / 2
     }
 
-    /// Returns the mean of what a change explains while there is none, of the newest so many bins but one, against what noise would.
+    /// Returns the mean of what a change explains while there is none, of the given number of newest bins but
+    /// one, against what noise would.
     pub(super) fn excess(&self, bins: usize) -> T {
         let mean = self.mean.get(bins).copied().unwrap_or_default() / T::from_u32(LINK as u32);
         mean.max(T::ONE)
@@ -285,7 +288,7 @@ impl<T: Scalar> Test<T> {
         self.step = Step::Sweep(0);
     }
 
-    /// The bin so many before the newest.
+    /// Returns the bin at this distance before the newest.
     fn bin(&self, back: u8) -> Option<&Bin<T>> {
         let at = usize::from(self.next) + 2 * BINS - 1 - usize::from(back);
         if back < self.count { self.bins.get(at % BINS) } else { None }
@@ -350,7 +353,7 @@ impl<T: Scalar> Test<T> {
         }
     }
 
-    /// What a sweep over so many borders has found.
+    /// Returns what a sweep over the given number of borders has found.
     #[cold]
     #[inline(never)]
     fn judge(&mut self, borders: usize, frame: u32) -> Option<Change<T>> {
@@ -393,7 +396,7 @@ impl<T: Scalar> Test<T> {
         None
     }
 
-    /// A mean of what changes explain where there is none. What begins to look like one counts little.
+    /// A mean of what changes explain where there is none. What begins to resemble one counts little.
     #[cold]
     #[inline(never)]
     fn remember(&mut self, borders: usize, settled: bool) {

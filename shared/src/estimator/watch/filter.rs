@@ -61,7 +61,7 @@ impl<T: Scalar> Filter<T> {
         Ok(())
     }
 
-    /// Half the frames of a row: it is about the instant so many frames back.
+    /// Half the frames of a row: it is about the instant this many frames back.
     pub(super) fn half(&self) -> u32 {
         (self.kernel.smooth().len() / 2) as u32
     }

@@ -39,9 +39,11 @@ pub struct WatchConfig<T> {
     pub channel_sigma: [T; 6],
     /// Range of each channel of a sensor of forces: N, N m.
     pub range: [T; 6],
-    /// What a change must explain: ten times F of ten degrees of freedom, as many as rows in the first half of `settle` show the noise by.
+    /// The least that a change must explain: ten times F of ten degrees of freedom, as many as rows in the
+    /// first half of `settle` show the noise by.
     pub limit: T,
-    /// Bins before a change is told: half for the noise, half for what the known parameters' errors leave.
+    /// Bins before a change is reported: half for the noise, half for what the known parameters' errors
+    /// leave.
     pub settle: u16,
     /// Rows before a change are forgotten with this time constant, s; zero: never.
     pub forget_s: T,
@@ -75,7 +77,8 @@ pub struct WatchFrame<'a, T> {
     pub specific_force: [T; 3],
     /// Angular rate that the IMU reads, rad/s.
     pub rate: [T; 3],
-    /// Place and rate of each link's joint after the base: rad and rad/s, or m and m/s; not looked at of a fixed one.
+    /// Place and rate of each link's joint after the base: rad and rad/s, or m and m/s; not examined of a
+    /// fixed one.
     pub joints: &'a [[T; 2]],
     /// Wrench on the robot of each sensor, in the sensor's axes at its origin: N, N m.
     pub wrenches: &'a [[T; 6]],
@@ -84,7 +87,7 @@ pub struct WatchFrame<'a, T> {
 /// Tells why a frame was not taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchRejection {
-    /// Not so many links or sensors.
+    /// Not this many links or sensors.
     Links,
     /// A number is none, or an angle far too large.
     NotFinite,
@@ -227,7 +230,7 @@ impl<T: Scalar> Watch<T> {
         Ok(())
     }
 
-    /// Makes a link known. Its joint is fixed, revolute or prismatic, and its parent stands before it.
+    /// Makes a link known. Its joint is fixed, revolute or prismatic, and its parent precedes it.
     ///
     /// # Errors
     /// [`WatchError::Link`]; nothing is changed then.
@@ -284,7 +287,7 @@ impl<T: Scalar> Watch<T> {
         self.test.changes()
     }
 
-    /// Returns whether a change would be told by now.
+    /// Returns whether a change would be reported by now.
     pub fn is_settled(&self) -> bool {
         self.test.is_settled()
     }

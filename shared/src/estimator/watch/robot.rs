@@ -12,13 +12,13 @@ use crate::tree::{BaseMotion, Joint, JointMotion, Link, LinkState};
 pub const WATCH_LINKS: usize = 32;
 /// Sensors of forces at most.
 pub const WATCH_FEET: usize = 4;
-/// Angles are to be between plus and minus so many radians.
+/// Angles are to be between plus and minus this many radians.
 const LARGEST_ANGLE: f32 = 50.0;
 
 /// Holds a link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchLink<T: Scalar> {
-    /// Where it hangs. Its joint is fixed, revolute or prismatic.
+    /// The place where it hangs. Its joint is fixed, revolute or prismatic.
     pub link: Link<T>,
     /// m (kg), m c (kg m), Ixx, Iyy, Izz, Iyz, Ixz, Ixy (kg m²) about the link's origin, in its axes.
     pub parameters: [T; 10],
@@ -40,17 +40,17 @@ pub fn turned<T: Scalar>(wxyz: [T; 4]) -> Option<Matrix3<T>> {
     Rotation::<Imu, Imu, T>::from_quaternion(wxyz).map(|rotation| rotation.matrix())
 }
 
-/// What a robot says in one frame of the wrench that the parameters leave: `left = smoothed + d/dt differentiated`, and so for the
-/// columns of the watched link.
+/// The information of a robot in one frame on the wrench that the parameters leave:
+/// `left = smoothed + d/dt differentiated`, and so for the columns of the watched link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share<T> {
     /// The wrench less what the known parameters make of it, N, N m, without derivatives; ten columns, the right-hand side last.
     pub(super) smoothed: [[T; 11]; 6],
-    /// What is to be differentiated.
+    /// The part to be differentiated.
     pub(super) differentiated: [[T; 11]; 6],
 }
 
-/// Where the links are at an instant.
+/// The places of the links at an instant.
 pub(super) struct Motion<T: Scalar> {
     states: [LinkState<T>; WATCH_LINKS],
     base: BaseMotion<T>,
@@ -92,7 +92,7 @@ pub(super) fn motion<T: Scalar>(
 }
 
 impl<T: Scalar> Motion<T> {
-    /// What is left of these wrenches by the known parameters, and the columns of the watched link.
+    /// Returns what is left of these wrenches by the known parameters, and the columns of the watched link.
     #[inline(never)]
     pub(super) fn share(
         &self,

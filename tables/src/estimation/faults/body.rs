@@ -42,7 +42,7 @@ fn gyro(case: &mut Case, by: f64) {
     each(case, |_, (_, _, g)| g.iter_mut().for_each(|v| *v *= by));
 }
 
-/// Readings of an IMU that are stamped so many rows too late.
+/// Readings of an IMU that are stamped this many rows too late.
 fn late(case: &mut Case, rows: usize, accel: bool, gyro: bool) {
     let imu = case.recording.imus.first_mut().expect("an IMU");
     let of = |values: Option<&mut Vec<[f64; 3]>>| {

@@ -18,7 +18,7 @@ pub use noise::table as noise_table;
 pub use published::table as published_table;
 pub use trees::table as tree_table;
 
-/// What the program made of a recording.
+/// The program's verdict about a recording.
 struct Verdict {
     status: Status,
     /// The first thing that it says: the cause, if it names one.

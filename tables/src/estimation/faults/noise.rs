@@ -25,7 +25,7 @@ const MOVES_S: f64 = 20.0;
 const ACCEL_MPS2: f64 = 0.04;
 const GYRO_RADPS: f64 = 0.002;
 const CELL: f64 = 0.5;
-/// Samples at which filtered noise is made for one that is kept.
+/// Samples at which filtered noise is made for one that is retained.
 const FASTER: usize = 4;
 /// Samples until a filter has settled.
 const SETTLES: usize = 2000;

@@ -77,7 +77,7 @@ impl Arm {
         Self { nominal, actual, viscous, coulomb, swings }
     }
 
-    /// Records the arm on a base that is turned by so much about x, rad.
+    /// Records the arm on a base that is turned by this much about x, rad.
     fn record(&self, seed: u64, tilt: f64) -> Case {
         let mut normal = Normal::new(4_000_000 + seed);
         let mut columns: Vec<Vec<String>> = vec![Vec::new(); 3 * JOINTS.len()];
@@ -224,7 +224,7 @@ const FAULTS: [Planted; 38] = [
     Planted { name: "effort spike of joint 3", told: "elbow_joint", plant: |c| each(c, "nm", |row, k, v| if row == 1234 && k == 2 { v + 2000.0 } else { v }) },
     Planted { name: "friction left out", told: "friction of the joints is left out", plant: |c| c.options.friction = Vec::new().into() },
 ];
-/// Tilts of the table that the arm stands on, degrees, and what must be said.
+/// Tilts of the table that the arm is on, degrees, and what must be said.
 const TILTS: [(&str, &str, f64); 4] = [
     ("table tilted by 5°", "base_tilt", 5.0),
     ("base on a wall", "the base stands on a wall, y down", 90.0),

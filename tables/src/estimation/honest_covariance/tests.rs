@@ -18,8 +18,8 @@ fn shipped_standard_deviations_are_those_of_the_sandwich() {
     }
 }
 
-/// Noise that is remembered for 0.05 and 0.2 s. Of 16 · 60 intervals, correlated within a run, the standard error of the
-/// share is below 2 %.
+/// Noise that is correlated over 0.05 and 0.2 s. Of 16 · 60 intervals, correlated within a run, the standard
+/// error of the share is below 2 %.
 #[test]
 fn intervals_count_noise_that_is_not_white() {
     for (time_s, seed) in [(0.05, 7), (0.2, 8)] {

@@ -21,7 +21,8 @@ const DIAMETER: f64 = 0.07;
 const LENGTH: f64 = 0.11;
 const BOTTOM: f64 = 0.012;
 const MASS_KG: f64 = 3.32;
-/// What is known of it: 1 σ of the mass, kg; limits of diameter and length, m, of the place, m, and of the attitude, degrees.
+/// The knowledge of it: 1 σ of the mass, kg; limits of diameter and length, m, of the place, m, and of the
+/// attitude, degrees.
 const MASS_STD: f64 = 3.3e-4;
 const SIZE_LIMIT: f64 = 2e-5;
 const PLACE_LIMIT: f64 = 3.5e-5;
@@ -128,7 +129,8 @@ fn calibrated(recordings: &[Recording], file: &RigFile) -> Option<RigFile> {
     Some(file)
 }
 
-/// Rigs drawn from what is known of them that are calibrated by so many recordings, each with another body then.
+/// Rigs drawn from what is known of them that are calibrated by the given number of recordings, each with
+/// another body then.
 fn drawn(name: &str, known: Errors, motion: &Motion, recordings: usize) -> Runs {
     let nominal = Rig::lab();
     let file = rig_file(&known, &nominal.noise);

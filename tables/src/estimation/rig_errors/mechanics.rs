@@ -43,7 +43,8 @@ impl Body {
         (force, turning + self.com.cross(&force))
     }
 
-    /// Mass, centre of mass, first moments and the tensor about the centre of mass: the quantities that are looked at.
+    /// Mass, centre of mass, first moments and the tensor about the centre of mass: the quantities that are
+    /// examined.
     pub fn quantities(&self) -> Quantities {
         let i = &self.inertia;
         let moment = self.com * self.mass;
@@ -68,7 +69,7 @@ impl Body {
 /// m, mc, c, I about the centre of mass (xx, yy, zz, yz, zx, xy).
 pub type Quantities = [f64; 13];
 
-/// How S moves at an instant, in its own axes.
+/// The motion of S at an instant, in its own axes.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     /// From S to the world.
@@ -92,7 +93,7 @@ impl State {
 #[derive(Clone, Debug)]
 pub struct Motion {
     sines: Vec<(usize, f64, f64, f64)>,
-    /// A time at which all of it stands still, from and to, s.
+    /// A time at which all of it is at rest, from and to, s.
     rest: Option<[f64; 2]>,
 }
 

@@ -1,4 +1,4 @@
-//! What the sensors of a rig with errors record.
+//! The recordings of the sensors of a rig with errors.
 
 use std::f64::consts::TAU;
 
@@ -14,17 +14,18 @@ pub const RATE_HZ: f64 = 200.0;
 pub const DURATION_S: f64 = 25.0;
 /// Density of air, kg/m³.
 const AIR: f64 = 1.2;
-/// Where a cable is fastened, what is lost sits, and what swings hangs, in S, m.
+/// The point where a cable is fastened, a lost part is, and a swinging part hangs, in S, m.
 const SPOT: [f64; 3] = [0.05, 0.03, 0.12];
 /// Correlation times of the flicker noise, octaves apart, s.
 const OCTAVES: usize = 13;
 
-/// What a rigid body on a rigid mount with one gravity does not do, and sensors that fail in ways that no column stands for.
+/// Motions that a rigid body on a rigid mount with one gravity does not make, and sensors that fail in ways
+/// that no column represents.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Disturbance {
     /// The IMU's samples are taken this much off their stamps, rms, s.
     pub jitter_s: f64,
-    /// Each channel's offset goes to so many times its noise, with a time constant of 8 s.
+    /// Each channel's offset goes to this many times its noise, with a time constant of 8 s.
     pub exponential: f64,
     /// Frequency at which flicker noise of the load cell is as strong as the white, Hz.
     pub flicker_hz: f64,
@@ -38,7 +39,7 @@ pub struct Disturbance {
     pub elastic: Option<(f64, f64)>,
     /// Mass lost at half time, kg.
     pub lost_kg: f64,
-    /// What moves at half time: mass, kg, and how far along x, m.
+    /// The part that moves at half time: mass, kg, and how far along x, m.
     pub moved: Option<(f64, f64)>,
     /// Range of the accelerometer that nobody stated, m/s².
     pub clip_mps2: Option<f64>,
@@ -144,7 +145,7 @@ impl Rig {
         times.iter().map(|t| of(*t)).collect()
     }
 
-    /// What the load cell reads of these loads.
+    /// Returns what the load cell reads of these loads.
     fn cell(&self, times: &[f64], loads: Vec<[f64; 6]>, normal: &mut Normal) -> Vec<[f64; 6]> {
         let Errors { cell_gain, crosstalk, drift, .. } = &self.errors;
         let mut flicker: [Flicker; 6] = self
@@ -169,7 +170,7 @@ impl Rig {
             .collect()
     }
 
-    /// What accelerometer and gyro read.
+    /// Returns what accelerometer and gyro read.
     fn imu(&self, motion: &Motion, times: &[f64], normal: &mut Normal) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
         let Errors { lever_arm, rotation, skew, .. } = &self.errors;
         let position = nominal_position() + Vector3::from(*lever_arm);

@@ -8,7 +8,7 @@ use super::study::{MASS, MOMENT, Run, Runs, TENSOR, largest, median, run, runs};
 use rigident::answer::Status;
 
 const RUNS: u64 = 60;
-/// An error that is to be named is so many of its standard deviations.
+/// An error that is to be named is this many of its standard deviations.
 const LARGE: f64 = 5.0;
 
 fn coverage(all: &Runs) -> String {

@@ -11,7 +11,7 @@ use super::recording::Rig;
 
 /// Quantities of the body.
 pub const COUNT: usize = 13;
-/// Those of m, mc and the tensor about the centre of mass, whose coverage is looked at.
+/// Those of m, mc and the tensor about the centre of mass, whose coverage is examined.
 pub const MASS: std::ops::Range<usize> = 0..1;
 pub const MOMENT: std::ops::Range<usize> = 1..4;
 pub const CENTRE: std::ops::Range<usize> = 4..7;
@@ -19,7 +19,7 @@ pub const TENSOR: std::ops::Range<usize> = 7..13;
 /// A nuisance parameter this many standard deviations off is named.
 const NAMED: f64 = 4.0;
 
-/// What one run gave.
+/// The result of one run.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Error of each quantity.
@@ -33,7 +33,7 @@ pub struct Run {
     /// χ² of the residuals per degree of freedom.
     pub residual: f64,
     pub status: Status,
-    /// What the program warned of.
+    /// The warnings of the program.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What becomes of the plate, and of the readings, when something goes wrong: every driver in every phase.
+//! The behaviour of the plate, and of the readings, when something goes wrong: every driver in every phase.
 
 mod served;
 
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use hexapod::Pose;
 use served::{HOLD_S, Served};
 
-/// How the platform is driven.
+/// The driver of the platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Driver {
     Json,
@@ -20,7 +20,7 @@ enum Driver {
     Lines,
 }
 
-/// What goes wrong.
+/// The fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     CtrlC,
@@ -34,7 +34,7 @@ enum Fault {
     Overload,
 }
 
-/// When.
+/// The time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Zero,
@@ -67,19 +67,19 @@ const PHASES: [(Phase, &str); 5] = [
 
 /// The plate must be at rest so soon, s.
 const MOST_S: f64 = 0.8;
-/// At rest it moves less than this, m or rad, from one look to the next.
+/// At rest it moves less than this, m or rad, from one check to the next.
 const STILL: f64 = 2e-6;
 const LOOK: Duration = Duration::from_millis(5);
 /// So long without motion is rest, s.
 const RESTS_S: f64 = 0.4;
-/// How long a run may take to a phase, and to its end after a fault.
+/// The time that a run may take to a phase, and to its end after a fault.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How long a stalled run is stalled.
+/// The time that a stalled run is stalled.
 const STALLED: Duration = Duration::from_secs(2);
 /// Runs at a time.
 const AT_ONCE: usize = 6;
 
-/// What came of one run.
+/// The result of one run.
 #[derive(Clone, Debug)]
 struct Outcome {
     /// From the fault to rest, s; none if it never rested, or went on to its end.
@@ -90,12 +90,13 @@ struct Outcome {
     said: String,
 }
 
-/// Whether there is such a case: only lines of set points are led home.
+/// Returns whether there is such a case: only lines of set points are led home.
 fn applies(driver: Driver, phase: Phase) -> bool {
     phase != Phase::Home || driver == Driver::Lines
 }
 
-/// Whether the fault is none to this driver: another stream is not followed while this one moves the plate.
+/// Returns whether the fault is none to this driver: another stream is not followed while this one moves the
+/// plate.
 fn goes_on(driver: Driver, fault: Fault) -> bool {
     driver == Driver::Lines && fault == Fault::SecondClient
 }

@@ -22,7 +22,7 @@ use rigident_sim::serve::{Controller, Firmware, Port, StreamServer, carry, rig_f
 
 use super::{Driver, Fault};
 
-/// How long the first pose is held, s, and the motion after it.
+/// The time that the first pose is held, s, and the motion after it.
 pub const HOLD_S: f64 = 2.0;
 const MOTION_S: f64 = 6.0;
 

@@ -121,7 +121,7 @@ fn bad_input_is_named_and_nothing_is_written() {
     let output = rigident(at, &["merge", "a.factor", "b.factor", "-o", "once.factor"]);
     assert_eq!(status(&output), 0, "{}", said(&output));
     assert_eq!(fs::read(at.join("again.factor")).unwrap(), fs::read(at.join("once.factor")).unwrap());
-    // Of many, too, a recording is told from a factor.
+    // Of many, too, a recording is distinguished from a factor.
     fs::write(at.join("many.txt"), format!("{}b.csv\n", "a.factor\n".repeat(60))).unwrap();
     let output = rigident(at, &["merge", "--from", "many.txt", "-o", "many.factor"]);
     assert_eq!(status(&output), 2);

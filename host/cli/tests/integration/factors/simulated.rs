@@ -52,7 +52,7 @@ pub fn together(a: &BodyParameters, b: &BodyParameters) -> BodyParameters {
     }
 }
 
-/// What `body` makes the sensors read in the thesis' experiment.
+/// Returns what `body` makes the sensors read in the thesis' experiment.
 pub fn experiment(body: BodyParameters, seconds: f64) -> (RigConfig, Readings) {
     let config = RigConfig::thesis_horizontal().with_body(body);
     let program = thesis_program(&config.geometry, seconds);
@@ -77,7 +77,7 @@ pub fn input(config: &RigConfig, readings: &Readings, seed: u64) -> Input {
     }
 }
 
-/// Writes `NAME.csv`, and `NAME.rig.toml` with what stands in `load_cell`.
+/// Writes `NAME.csv`, and `NAME.rig.toml` with what is in `load_cell`.
 pub fn write(folder: &Path, name: &str, body: BodyParameters, seed: u64, load_cell: &str) {
     let (config, readings) = experiment(body, 20.0);
     let mut text = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,\

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 /// Longest wait for anything, on a machine however busy.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// A browser with one page that is looked at, and one that looks at its pictures.
+/// A browser with one page that is checked, and one that checks its pictures.
 pub struct Browser {
     child: Child,
     commands: Option<ChildStdin>,

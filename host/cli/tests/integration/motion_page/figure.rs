@@ -16,7 +16,7 @@ const SHANK: f32 = 0.42;
 /// Smallest and largest x and y of each plate, m.
 const PLATES: [[f32; 4]; 3] = [[0.86, 1.46, -0.3, 0.3], [1.52, 2.12, -0.3, 0.3], [2.18, 2.78, -0.3, 0.3]];
 
-/// Where a foot is: its ankle, how far through stance it is, or NaN, and its pitch.
+/// The place of a foot: its ankle, how far through stance it is, or NaN, and its pitch.
 struct Foot {
     ankle: [f32; 3],
     stance: f32,
@@ -163,7 +163,7 @@ fn errors(curve: &Curve) -> ErrorRow {
     ErrorRow { name: curve.name.clone(), unit: curve.unit.clone(), identified, table }
 }
 
-/// Returns a walk of so many seconds.
+/// Returns a walk of the given number of seconds.
 pub fn walk(title: &str, seconds: f32) -> MotionPage {
     let times: Vec<f32> = (0..(seconds * RATE) as usize).map(|k| k as f32 / RATE).collect();
     let points: Vec<_> = times.iter().map(|t| frame(*t)).collect();

@@ -150,7 +150,7 @@ pub fn experiment(rate_hz: f64) -> Experiment {
     Experiment { answer, series }
 }
 
-/// What follows from the ten parameters.
+/// Returns what follows from the ten parameters.
 fn body(noise: &mut Noise) -> Answer {
     let (com_m, com_u95_m) = measured([(0.0, 0.000_06), (0.0, 0.000_055), (0.053, 0.000_09)], noise);
     let sigma = [0.000_32, 0.000_29, 0.000_45, 0.000_21, 0.000_25, 0.000_19];

@@ -1,4 +1,4 @@
-//! Attitudes and accelerometer that disagree on gravity are told, and those that agree are not.
+//! Attitudes and accelerometer that disagree on gravity are reported, and those that agree are not.
 
 use rigident::problem::clocks::{StreamSet, align};
 use rigident::rig::RigFile;

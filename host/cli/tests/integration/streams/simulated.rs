@@ -23,7 +23,7 @@ use crate::fitting::states;
 
 /// Rates of wrench, accelerometer and attitude, 1/s.
 const RATES_HZ: [f64; 3] = [698.0, 254.2, 99.1];
-/// How late the stamps of accelerometer and attitude are, s.
+/// The delay of the stamps of accelerometer and attitude, s.
 const LATE_S: [f64; 2] = [0.0065, -0.0031];
 const SEEDS: u64 = 10;
 const SLOW: u64 = 10;

@@ -1,4 +1,4 @@
-//! What a device makes of several links, recorded and replayed.
+//! The device's result of several links, recorded and replayed.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use super::Found;
 use crate::factors::simulated::{rigident, said, status};
 use crate::tree_commands::noise;
 
-/// What a device makes of several links, recorded in `live`.
+/// The device's result of several links, recorded in `live`.
 struct Live {
     place: tempfile::TempDir,
     found: Found,

@@ -19,11 +19,11 @@ const MOMENT_NOISE: f64 = 0.01;
 const AXES: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
 const NAMES: [&str; 3] = ["base", "arm", "hand"];
 
-/// A body of so many links.
+/// A body of the given number of links.
 #[derive(Clone, Copy)]
 pub(super) struct Subject {
     pub(super) links: usize,
-    /// Who makes the estimate: `identify` here, `replay` on the device.
+    /// The maker of the estimate: `identify` here, `replay` on the device.
     pub(super) command: &'static str,
 }
 
@@ -65,7 +65,7 @@ impl Subject {
         text
     }
 
-    /// What rounding may change of a value: a millionth of an sd in double precision, in single
+    /// Returns what rounding may change of a value: a millionth of an sd in double precision, in single
     /// precision what docs/promises.md allows.
     pub(super) fn rounding(self, u95: f64) -> f64 {
         if self.command == "replay" { 0.05 * u95 / 1.96 } else { 1e-6 * u95 / 1.96 }

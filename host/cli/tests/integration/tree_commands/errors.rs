@@ -1,4 +1,4 @@
-//! Errors that do not average out are told of trees as of one body.
+//! Errors that do not average out are reported of trees as of one body.
 
 use super::*;
 
@@ -28,7 +28,7 @@ fn errors_that_nobody_states_rest_on_the_defaults_of_classes() {
     let said = told(&found);
     assert!(said.contains("defaults of the classes tree industrial (joint zero 0.002 rad"), "{said}");
     assert!(found["budget"].to_string().contains("effort gain"), "{}", found["budget"]);
-    // What is stated exactly is not looked for.
+    // What is stated exactly is not searched for.
     let page = std::fs::read_to_string(place.path().join("o/report.html")).unwrap();
     assert!(page.contains("joint_zero_elbow"));
 }
@@ -42,7 +42,7 @@ fn a_joint_whose_zero_is_not_as_stated_is_named_with_its_size() {
     let mut moved = String::new();
     for line in text.lines() {
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        // That of the last joint would be told by no recording: it turns an unknown body.
+        // That of the last joint would be determined by no recording: it turns an unknown body.
         if let Ok(shoulder) = cells[1].parse::<f64>() {
             cells[1] = (shoulder + 0.02).to_string();
         }

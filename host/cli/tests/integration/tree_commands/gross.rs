@@ -1,4 +1,4 @@
-//! Gross errors of units, signs and axes are refused in words; what is assumed is told.
+//! Gross errors of units, signs and axes are refused in words; what is assumed is reported.
 
 use std::process::Command;
 

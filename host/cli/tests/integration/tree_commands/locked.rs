@@ -1,4 +1,4 @@
-//! Joints that are locked stand where the recording has them, or where it was said.
+//! Joints that are locked are where the recording has them, or where it was said.
 
 use rigident::model::base::{Rows, Situation, base_parameters};
 
@@ -49,7 +49,7 @@ fn a_joint_that_is_held_is_locked_where_the_recording_has_it() {
     );
     // Seven parameters: three times U95 is six standard deviations.
     assert!(largest_error(&found, 0.3) < 3.0, "{}", largest_error(&found, 0.3));
-    // At zero, where it did not stand, that is another body.
+    // At zero, where it was not, that is another body.
     let zero = identified("elbow=0", "b");
     assert!(warnings(&zero).contains("at 0 rad as stated; column elbow_rad has it at 0.3000"), "{zero:#}");
     assert!(largest_error(&zero, 0.0) > 3.0, "{}", largest_error(&zero, 0.0));

@@ -66,7 +66,7 @@ fn degrees_swapped_joints_signs_and_zeros_are_named() {
     );
     assert_eq!(cause["what"], "the zero of shoulder is off by 90°");
     assert!(cause["alternatives"].to_string().contains("the base stands on a wall, x up"), "{cause}");
-    // The key that is advised mends it.
+    // The key that is advised repairs it.
     let rig = "[tree]\nclass = \"exact\"\n[[joint]]\nname = \"shoulder\"\nposition = { name = \"shoulder_rad\", offset = -1.570796 }\n";
     std::fs::write(place.join("bad.rig.toml"), rig).unwrap();
     assert_eq!(identified(place, "bad.csv", &FRICTION).1["status"], "identified");

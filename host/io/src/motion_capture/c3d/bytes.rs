@@ -2,7 +2,7 @@
 
 use super::error::C3dError;
 
-/// Who wrote the numbers.
+/// The processor that wrote the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Processor {
     /// Little-endian, IEEE.
@@ -23,7 +23,7 @@ impl Processor {
         }
     }
 
-    /// Who that is.
+    /// Returns who that is.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Intel => "Intel",
@@ -32,7 +32,7 @@ impl Processor {
         }
     }
 
-    /// Whether the header's frame rate is one in this format.
+    /// Returns whether the header's frame rate is one in this format.
     pub(super) fn fits(self, head: &[u8]) -> bool {
         let rate = Bytes { file: head, processor: self }.f32(20, "the header");
         rate.is_ok_and(|rate| (1.0..100_000.0).contains(&rate))
@@ -47,7 +47,7 @@ pub(super) struct Bytes<'a> {
 }
 
 impl<'a> Bytes<'a> {
-    /// So many bytes from a place on.
+    /// Returns the given number of bytes from a place on.
     pub(super) fn slice(
         file: &'a [u8],
         at: usize,

@@ -1,6 +1,6 @@
-//! What is wrong with a file.
+//! Errors of a file.
 
-/// What cannot be read of a C3D file.
+/// The reasons why parts cannot be read of a C3D file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum C3dError {
     /// Another format.
@@ -14,7 +14,7 @@ pub enum C3dError {
         "it is cut off: {what} would end at byte {needed}, and the file has {bytes} bytes; copy it again from where it was recorded"
     )]
     Truncated {
-        /// What is missing.
+        /// The missing part.
         what: &'static str,
         /// Bytes that would be needed.
         needed: u64,
@@ -31,7 +31,7 @@ pub enum C3dError {
         group: &'static str,
         /// Name.
         name: &'static str,
-        /// What is wrong with it.
+        /// The fault in it.
         reason: String,
     },
 }

@@ -8,7 +8,7 @@ use super::error::{C3dError, parameter};
 /// More points, channels and samples of a channel in a frame than this are a broken file.
 pub(super) const MOST: usize = 65_535;
 
-/// What a parameter holds.
+/// The data of a parameter.
 enum Data {
     Text(Vec<u8>),
     Numbers(Vec<f64>),
@@ -59,7 +59,7 @@ impl Parameters {
         self.all.get(&(group.to_owned(), name.to_owned()))
     }
 
-    /// Whether there is such a parameter.
+    /// Returns whether there is such a parameter.
     pub(super) fn has(&self, group: &str, name: &str) -> bool {
         self.get(group, name).is_some()
     }
@@ -77,7 +77,7 @@ impl Parameters {
         }
     }
 
-    /// How many values a column of a table has: its first dimension; `None` of what is no table.
+    /// Returns how many values a column of a table has: its first dimension; `None` of what is no table.
     pub(super) fn column_length(&self, group: &str, name: &str) -> Option<usize> {
         let dimensions = &self.get(group, name)?.dimensions;
         dimensions.first().copied().filter(|_| dimensions.len() > 1)
@@ -155,7 +155,7 @@ fn value(bytes: Bytes, at: usize) -> Result<Option<Parameter>, C3dError> {
         _ => return Ok(None),
     };
     let Some(length) = count.checked_mul(size) else { return Ok(None) };
-    // What is there is looked at before anything of that size is made.
+    // What is there is examined before anything of that size is made.
     let raw = Bytes::slice(bytes.file, begin, length, WHAT)?;
     let data = match kind {
         -1 => Data::Text(raw.to_vec()),

@@ -3,7 +3,7 @@
 use super::error::{C3dError, parameter};
 use super::parameters::Parameters;
 
-/// What a plate's channels are.
+/// The meaning of a plate's channels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlateKind {
     /// Type 1: three forces, the centre of pressure's x and y, the free moment.
@@ -19,7 +19,7 @@ pub enum PlateKind {
 /// A force plate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plate {
-    /// What its channels are.
+    /// The meaning of its channels.
     pub kind: PlateKind,
     /// Its analog channels, from zero.
     pub channels: Vec<usize>,

@@ -202,7 +202,7 @@ fn offsets_of_an_unsigned_converter_are_unsigned() {
     assert_eq!(C3d::parse(&bytes).unwrap().analog[0], 5.0);
 }
 
-/// Where a name's bytes are.
+/// Returns where a name's bytes are.
 fn place(bytes: &[u8], name: &str) -> usize {
     bytes.windows(name.len()).position(|w| w == name.as_bytes()).unwrap()
 }

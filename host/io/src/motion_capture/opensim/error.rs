@@ -8,7 +8,7 @@ pub enum OpenSimError {
     Line {
         /// The line, from 1.
         line: usize,
-        /// What is wrong, and what was expected.
+        /// The fault, and what was expected.
         what: String,
     },
     /// Something is not there.

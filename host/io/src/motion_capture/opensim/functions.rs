@@ -14,7 +14,7 @@ pub enum Function {
     Polynomial(Vec<f64>),
     /// Knots of a natural cubic spline; beyond them it goes on straight.
     Spline(Vec<(f64, f64)>),
-    /// Another one, so many times as large.
+    /// Another one, times this factor.
     Scaled(f64, Box<Function>),
 }
 

@@ -19,7 +19,8 @@ struct Columns {
     moment: Option<[usize; 3]>,
 }
 
-/// Returns the wrenches about the laboratory's origin, in the file's axes, beside so many frames of markers, of so many a second.
+/// Returns the wrenches about the laboratory's origin, in the file's axes, beside the given number of frames
+/// of markers, at the given rate.
 ///
 /// Columns are `…vx, …vy, …vz` (N, on the person), `…px, …py, …pz` (m) and the free moment at that point, `…torque…x` or `…mx` (N m):
 /// the names before `v` say which belong together. What is missing of the free moment is zero.

@@ -4,7 +4,7 @@ use std::io::BufRead;
 
 use super::error::{OpenSimError, at};
 
-/// What some programs begin a text with.
+/// The mark that some programs begin a text with.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// Goes through the lines of a text.

@@ -30,7 +30,8 @@ pub struct OsimBody {
     pub com_m: [f64; 3],
     /// Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of mass, kg m².
     pub inertia_com_kgm2: [f64; 6],
-    /// Where in the text these stand: mass, centre of mass, then one place for the tensor or six in the order above.
+    /// The places in the text of these: mass, centre of mass, then one place for the tensor or six in the
+    /// order above.
     pub places: Vec<Range<usize>>,
 }
 
@@ -47,7 +48,7 @@ pub struct OsimJoint {
     pub in_parent: Isometry3<f64>,
     /// The joint in the child.
     pub in_child: Isometry3<f64>,
-    /// How it is displaced.
+    /// Its displacement.
     pub moved: Isometry3<f64>,
 }
 
@@ -260,7 +261,7 @@ fn frame(node: &Node, name: &str) -> Result<(String, Isometry3<f64>), String> {
     }
 }
 
-/// How a joint is displaced at the default values of its coordinates.
+/// Returns how a joint is displaced at the default values of its coordinates.
 fn moved(node: &Node) -> Result<Isometry3<f64>, String> {
     let mut values = BTreeMap::new();
     for coordinate in node.descendants().filter(|n| n.has_tag_name("Coordinate")) {

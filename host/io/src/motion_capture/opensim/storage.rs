@@ -38,7 +38,7 @@ pub struct Rows<R> {
 
 impl<R: BufRead> Rows<R> {
     /// Reads the header. Without a line that says so angles are in degrees if one says that in words. The header's number of columns is
-    /// not looked at: programs leave an old one there, and the names say it.
+    /// not examined: programs leave an old one there, and the names say it.
     ///
     /// # Errors
     /// There is none, or it is cut off.

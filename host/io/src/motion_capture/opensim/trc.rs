@@ -9,7 +9,7 @@ use super::error::{OpenSimError, at, number};
 use super::lines::Lines;
 use crate::motion_capture::ground::with_room;
 
-/// Times may be off the rate by so much of a period: they are rounded.
+/// Times may be off the rate by this much of a period: they are rounded.
 const JITTER: f64 = 0.3;
 
 /// Markers of a TRC file, in its axes.
@@ -25,7 +25,7 @@ pub struct Trc {
     pub points_m: Vec<[f32; 3]>,
 }
 
-/// What reads the frames of a file.
+/// The reader of the frames of a file.
 pub struct Frames<R> {
     lines: Lines<R>,
     header: Header,

@@ -188,7 +188,7 @@ impl<'a> Elements<'a> {
     /// Returns the kind and the data of the next element.
     fn next(&mut self) -> Result<(u32, &'a [u8]), String> {
         let word = self.u32_at(0).ok_or(TORN)?;
-        // Up to four bytes stand in the tag itself.
+        // Up to four bytes are in the tag itself.
         if word >> 16 != 0 {
             let (kind, length) = (word & 0xffff, (word >> 16) as usize);
             let data = self.rest.get(4..8).and_then(|data| data.get(..length)).ok_or(TORN)?;

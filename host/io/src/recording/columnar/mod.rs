@@ -10,9 +10,9 @@ use super::columns::Cells;
 use super::error::RecordingError;
 use crate::rig::{ColumnSource, RigFile};
 
-/// What is unpacked of a file may be this many times as large as the file, as of an MCAP file's chunks.
+/// The size of unpacked data may be this many times as large as the file, as of an MCAP file's chunks.
 const MOST_TIMES: usize = 64;
-/// What is unpacked of a small file, bytes.
+/// The room for the unpacked data of a small file, bytes.
 const LEAST_ROOM: usize = 256 << 20;
 /// Memory of a cell beside its text, bytes.
 const CELL: usize = 48;
@@ -43,7 +43,7 @@ pub(super) fn is_columnar(ending: &str) -> bool {
     matches!(ending, "parquet" | "mat" | "tdms")
 }
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     /// Its columns.
@@ -52,9 +52,9 @@ pub(super) struct Table {
     pub(super) times: Vec<(String, f64)>,
     /// Units of its columns, as far as the file says; empty where it cannot.
     pub(super) units: Vec<Option<String>>,
-    /// What it says of itself, line by line.
+    /// The file's statements about itself, line by line.
     pub(super) above: Vec<String>,
-    /// What was left out of it.
+    /// The parts left out of it.
     pub(super) warnings: Vec<String>,
 }
 

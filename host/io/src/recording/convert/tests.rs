@@ -45,7 +45,7 @@ fn csv_to_mcap_and_back_is_the_same_file_byte_for_byte() {
     // And the other way round: the same messages.
     convert(&at("c.csv"), &at("d.mcap"), None).unwrap();
     assert_eq!(fs::read(at("b.mcap")).unwrap(), fs::read(at("d.mcap")).unwrap());
-    // Same columns in memory, whichever form they came from.
+    // Same columns in memory, whichever form they are from.
     let (mut csv, mut mcap) =
         (Recording::load(&at("a.csv"), None).unwrap(), Recording::load(&at("b.mcap"), None).unwrap());
     (csv.name, mcap.name) = (String::new(), String::new());

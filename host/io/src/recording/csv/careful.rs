@@ -79,17 +79,17 @@ pub(in crate::recording) fn numbers(found: &Found<'_>) -> String {
     }
 }
 
-/// What becomes of a column's cells.
+/// The destination of a column's cells.
 enum Way {
     /// They are times of day.
     Clock(Clock),
     /// They are numbers, written as the file writes them.
     Numbers,
-    /// They are kept as they are.
+    /// They are stored as they are.
     Kept,
 }
 
-/// What the cells of a column show.
+/// The findings in the cells of a column.
 #[derive(Default)]
 struct Seen {
     /// Forms of its numbers, while all of its cells are some.
@@ -98,7 +98,7 @@ struct Seen {
     stamps: Option<Survey>,
 }
 
-/// How the cells of a table are read.
+/// The way the cells of a table are read.
 struct Ways {
     form: Form,
     columns: Vec<Way>,
@@ -213,7 +213,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Looks at every cell once.
+    /// Examines every cell once.
     fn survey(&self, mut rows: Rows<'_>, layout: &Layout) -> Result<Vec<Seen>, RecordingError> {
         let whole = || Seen { forms: Some(Forms::ALL), stamps: Some(Survey::default()) };
         let mut all: Vec<Seen> = layout.names.iter().map(|_| whole()).collect();

@@ -291,7 +291,7 @@ fn lines_are_counted_as_an_editor_does() {
     assert_eq!(read(german.as_bytes(), "").unwrap().place(0), "line 5");
 }
 
-/// The files of a laboratory, as they came.
+/// The files of a laboratory, as they were received.
 #[test]
 #[ignore = "needs ../shared/cases"]
 fn shared_cases_of_a_laboratory_are_read() {

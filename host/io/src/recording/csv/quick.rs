@@ -76,7 +76,7 @@ struct Rows {
     /// Numbers of each row, one after the other.
     numbers: Vec<f64>,
     times: Vec<Time>,
-    /// Texts that are kept, by the columns that keep them.
+    /// Texts that are stored, by the columns that keep them.
     texts: Vec<Vec<String>>,
     count: usize,
 }

@@ -112,7 +112,7 @@ fn foreign_columns_units_and_signs_are_brought_into_the_notation() {
     assert_eq!(wrench[0][..3], [-1.5, 2.0 * 4.4482216152605, -300.0]);
     assert_eq!(recording.time_ns[1], 5_000);
     assert_eq!(recording.rate_hz, Some(200e3));
-    // The rig file says what the recording now is; the number before scaling is kept.
+    // The rig file says what the recording now is; the number before scaling is stored.
     assert_eq!(recording.rig, RigFile::default());
     assert_eq!((recording.extra[0].0.as_str(), recording.extra[0].1[0].as_str()), ("raw_fy_lbf", "-2.0"));
     assert_eq!(recording.extra[1].0, "lamp");

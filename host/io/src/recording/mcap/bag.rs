@@ -14,7 +14,7 @@ use super::schemas;
 use crate::recording::time;
 use crate::recording::{ImuColumns, Recording, RecordingError};
 
-/// What the rig file calls the topics in `[recording] topics`.
+/// The rig file's names of the topics in `[recording] topics`.
 const WRENCH: &str = "wrench";
 const IMU: &str = "imu";
 

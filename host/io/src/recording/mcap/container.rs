@@ -13,8 +13,8 @@ pub const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
 
 /// A chunk that claims to unpack to more than this is damaged or hostile.
 const LARGEST_CHUNK: u64 = 1 << 28;
-/// All chunks of a file together unpack to no more than this, or to so many times the file's length: sensors are
-/// noisy, and noise does not pack.
+/// All chunks of a file together unpack to no more than this, or to this many times the file's length:
+/// sensors are noisy, and noise does not pack.
 const LARGEST_TOTAL: u64 = 1 << 28;
 const MOST_PACKED: u64 = 64;
 const CRC: crc::Crc<u32, crc::Table<16>> = crc::Crc::<u32, crc::Table<16>>::new(&crc::CRC_32_ISO_HDLC);
@@ -51,7 +51,7 @@ pub struct Channel {
 pub struct Message<'a> {
     /// Key of its channel in [`Contents::channels`].
     pub channel: u16,
-    /// When it was recorded, ns.
+    /// The time of recording, ns.
     pub log_time: u64,
     /// The message as it is encoded.
     pub data: &'a [u8],
@@ -83,7 +83,7 @@ pub struct Contents<'u> {
     pub attachments: Vec<(&'u str, &'u [u8])>,
     /// Metadata records: name, then keys and values.
     pub metadata: &'u [(String, Vec<(String, String)>)],
-    /// What was damaged, and skipped.
+    /// The damaged parts that were skipped.
     pub damage: Vec<String>,
     /// The recording was ended by its writer.
     pub complete: bool,
@@ -194,7 +194,7 @@ impl<'a> Unpacked<'a> {
         Ok(unpacked)
     }
 
-    /// What the records say.
+    /// Returns what the records say.
     pub fn contents(&self) -> Contents<'_> {
         let mut schemas = HashMap::new();
         let mut contents = Contents {

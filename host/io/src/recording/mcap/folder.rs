@@ -7,7 +7,7 @@ use rigident_files::{MOST_OF_RECORDING, MOST_OF_TEXT};
 
 use crate::recording::{RecordingError, extension};
 
-/// What describes a bag in its folder.
+/// The file that describes a bag in its folder.
 const METADATA: &str = "metadata.yaml";
 /// Files of a bag unpack to no more than this each, bytes, or to [`MOST_PACKED`] times their length.
 const LARGEST: u64 = 1 << 28;
@@ -23,7 +23,7 @@ pub(in crate::recording) struct Files {
     pub(in crate::recording) packed_messages: bool,
 }
 
-/// What is used of `metadata.yaml`.
+/// The fields used of `metadata.yaml`.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Metadata {
     files: Vec<String>,

@@ -25,11 +25,11 @@ fn stamp(reader: &mut CdrReader<'_>) -> Result<Option<u64>, CdrError> {
 pub struct Stamped<V> {
     /// The header's stamp, if it is set.
     pub stamp_ns: Option<u64>,
-    /// What it says.
+    /// The value.
     pub value: V,
 }
 
-/// What an IMU measured, in its own axes; a half that it does not measure is `None`.
+/// The values that an IMU measured, in its own axes; a half that it does not measure is `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ImuValues {
     /// Specific force, m/s².
@@ -132,7 +132,7 @@ pub fn read_quaternion(bytes: &[u8]) -> Result<Stamped<[f64; 4]>, CdrError> {
     Ok(Stamped { stamp_ns, value: [w, x, y, z] })
 }
 
-/// What joints measured, in one order; a list that is not measured is empty.
+/// The values that joints measured, in one order; a list that is not measured is empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointState {
     /// Names of the joints.

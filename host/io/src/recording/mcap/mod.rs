@@ -14,7 +14,7 @@
 //! | `/link1/attitude`, … | `geometry_msgs/msg/QuaternionStamped` | attitude of the link relative to `S` |
 //! | `/rigident/row` | `std_msgs/msg/String` | JSON: other columns, and the time where nanoseconds do not hold it |
 //!
-//! The rig file is the attachment `rig.toml`; comments and the order of columns stand in metadata records
+//! The rig file is the attachment `rig.toml`; comments and the order of columns are in metadata records
 //! named `rigident`. All messages of a row have the same log time, to the nanosecond.
 
 pub mod bag;

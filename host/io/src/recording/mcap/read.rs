@@ -235,7 +235,7 @@ pub(super) fn by_topic<'m, 'c>(contents: &'m Contents<'c>) -> BTreeMap<&'m str, 
     topics
 }
 
-/// What stands in `/rigident/row` beside the numbers.
+/// The content of `/rigident/row` beside the numbers.
 #[derive(serde::Deserialize)]
 struct RowText {
     t_s: Option<String>,

@@ -10,7 +10,7 @@ use super::sqlite::Stored;
 use super::{bzip2, folder};
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// A message's encoding where its type is none that is read: it is not kept.
+/// A message's encoding where its type is none that is read: it is not stored.
 const OTHER: &str = "ros1";
 
 mod op {
@@ -148,7 +148,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Stored, String> {
     Ok(bag.stored)
 }
 
-/// What is read of a bag so far.
+/// The data read of a bag so far.
 struct Bag {
     stored: Stored,
     /// Channel and parts of the messages by the number of the connection.

@@ -22,7 +22,7 @@ const LONGEST: i32 = 1 << 28;
 const LEAST_PATIENCE: Duration = Duration::from_secs(10);
 /// Bytes a second that even a slow machine reads of a bag.
 const SLOWEST: u64 = 4 << 20;
-/// Steps of SQLite's machine between two looks at the clock.
+/// Steps of SQLite's machine between two checks of the clock.
 const LOOK_EVERY: i32 = 10_000;
 
 /// The topics and messages of a bag.
@@ -30,7 +30,7 @@ const LOOK_EVERY: i32 = 10_000;
 pub(super) struct Stored {
     channels: Vec<(u16, Channel)>,
     messages: Vec<(u16, u64, Vec<u8>)>,
-    /// What was damaged of the files that it was put together of.
+    /// The damaged parts of the files that it was put together from.
     pub(super) damage: Vec<String>,
     /// One of them was not ended by its writer.
     pub(super) incomplete: bool,
@@ -163,7 +163,7 @@ impl Stored {
         Ok(())
     }
 
-    /// What is in it.
+    /// Returns what is in it.
     pub(super) fn contents(&self) -> Contents<'_> {
         let messages = self.messages.iter();
         Contents {

@@ -19,9 +19,9 @@ use crate::behind::Behind;
 use crate::recording::Recording;
 use crate::rig::RigFile;
 
-/// After so many rows they go to the disk as one chunk; a killed program loses no more than these,
+/// After this many rows they go to the disk as one chunk; a killed program loses no more than these,
 const ROWS_PER_CHUNK: usize = 250;
-/// and no more than so much time, ns.
+/// and no more than this much time, ns.
 const TIME_PER_CHUNK_NS: u64 = 1_000_000_000;
 
 /// Why a recording cannot be written on. What was written before stays readable.
@@ -66,7 +66,7 @@ impl From<mcap::McapError> for WriteError {
     }
 }
 
-/// What stands before the first row.
+/// The text before the first row.
 #[derive(Debug, Clone, Default)]
 pub struct Head<'a> {
     /// The rig file: σ for the messages' covariances.

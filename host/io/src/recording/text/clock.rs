@@ -35,7 +35,7 @@ pub(crate) struct Stamp {
     ns: i128,
 }
 
-/// What the stamps of a column show of their dates.
+/// The findings in the stamps of a column about their dates.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
     first: Option<Date>,
@@ -62,7 +62,7 @@ enum Dates {
 }
 
 impl Survey {
-    /// Looks at a stamp.
+    /// Examines a stamp.
     pub(crate) fn see(&mut self, stamp: &Stamp) {
         if let Some(Date::Either(a, b, _)) = stamp.date {
             self.day_first |= a > 12;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-/// Bytes that are looked at for the zeros of UTF-16.
+/// Bytes that are examined for the zeros of UTF-16.
 const SAMPLE: usize = 4096;
 
 /// Returns the text of a file and the name of its encoding.

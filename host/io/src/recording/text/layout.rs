@@ -1,4 +1,4 @@
-//! Where the header of a table is, what separates its cells, and which lines are no rows.
+//! The place of the header of a table, the separator of its cells, and the lines that are no rows.
 
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ const SAMPLE: usize = 256 << 10;
 const MOST_ROWS: usize = 600;
 /// Lines above the rows in which names, groups of names and units are sought.
 const MOST_HEADERS: usize = 4;
-/// What may separate cells; of equally good ones the first is taken.
+/// The possible separators of cells; of equally good ones the first is taken.
 const SEPARATORS: [Separator; 5] = [
     Separator::One(b'\t'),
     Separator::One(b';'),
@@ -24,7 +24,7 @@ const SEPARATORS: [Separator; 5] = [
 /// A table in a text.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Layout {
-    /// What separates its cells.
+    /// The separator of its cells.
     pub(crate) separator: Separator,
     /// Names of its columns.
     pub(crate) names: Vec<String>,
@@ -32,7 +32,7 @@ pub(crate) struct Layout {
     pub(crate) units: Vec<Option<String>>,
     /// Lines before the header that are not empty.
     pub(crate) preamble: Vec<String>,
-    /// Where the rows begin: bytes from the text's beginning.
+    /// The place where the rows begin: bytes from the text's beginning.
     pub(crate) body: usize,
     /// The number of that line.
     pub(crate) line: u64,
@@ -42,9 +42,9 @@ pub(crate) struct Layout {
     pub(crate) is_plain: bool,
     /// A row may lack its last cells.
     pub(crate) may_be_short: bool,
-    /// How the time of a row is made, where no column has it.
+    /// The way the time of a row is made, where no column has it.
     pub(crate) steps: Option<Steps>,
-    /// Where its rows end: bytes from the text's beginning; `None` of a text that ends with them.
+    /// The place where its rows end: bytes from the text's beginning; `None` of a text that ends with them.
     pub(crate) end: Option<usize>,
     /// The program that wrote it, where the file shows that and its own way of writing counts.
     pub(crate) program: Option<&'static str>,
@@ -118,7 +118,7 @@ impl Stepper {
 
 /// A line of the sample.
 pub(super) struct Line<'a> {
-    /// Where it begins, with the line's number, and where the next one does.
+    /// The place where it begins, with the line's number, and where the next one does.
     pub(super) from: (usize, u64),
     to: usize,
     pub(super) cells: Vec<Cow<'a, str>>,
@@ -266,7 +266,7 @@ impl Layout {
     }
 
     /// Finds the table in a text; `line` is its first line's number, `above` the last line of comment before it.
-    /// `None` if nothing in it looks like a table of numbers with names.
+    /// `None` if nothing in it resembles a table of numbers with names.
     ///
     /// # Errors
     /// Says what is wrong with a file that names its own layout.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// What separates cells.
+/// The separator of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Separator {
     /// A character.
@@ -24,10 +24,11 @@ impl Separator {
     }
 }
 
-/// What may separate columns; of equally many in a header the last one is taken: a comma.
+/// The possible separators of columns; of equally many in a header the last one is taken: a comma.
 const SEPARATORS: [u8; 4] = *b"|\t;,";
 
-/// Returns what separates the columns: what stands most often in the first line that is not empty, outside of quotes.
+/// Returns what separates the columns: what occurs most often in the first line that is not empty, outside of
+/// quotes.
 pub fn separator(body: &str) -> u8 {
     let (mut counts, mut quoted) = ([0_usize; SEPARATORS.len()], false);
     for byte in body.trim_start_matches(['\n', '\r']).bytes() {
@@ -134,7 +135,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Takes what stands in quotes, a doubled quote being one; `None` if they do not close.
+    /// Takes what is in quotes, a doubled quote being one; `None` if they do not close.
     fn quoted(&mut self) -> Option<Cow<'a, str>> {
         if self.is_unquoted {
             return None;

@@ -31,7 +31,7 @@ impl Line<'_> {
         self.text.trim_matches([',', ';', '\t', ' ', '"', '\r']).is_empty()
     }
 
-    /// Where the next line begins.
+    /// Returns where the next line begins.
     fn after(&self) -> (usize, u64) {
         (self.to, self.number + 1)
     }

@@ -12,14 +12,16 @@ use crate::plan::adaptive::library::Candidate;
 
 /// Shorter where the machine can do less, so that one way of turning follows another soon.
 const DESIGNED_WITHOUT_S: f64 = 3.0;
-/// Before the body is known its wrench cannot be foreseen: a short look, with this share of the rates, as often at most.
+/// Before the body is known its wrench cannot be predicted: a short test, with this share of the rates, as
+/// often at most.
 const LOOK_S: f64 = 1.5;
 const LOOK_SHARE: f64 = 0.5;
 /// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up for it.
 const TILTS_DEG: [f64; 2] = [25.0, 35.0];
 
 impl Planner {
-    /// Motions made for what is asked for, for the machine as it now is. They are believed to be needed so many times.
+    /// Motions made for what is asked for, for the machine as it now is. They are believed to be needed this
+    /// many times.
     pub(super) fn design(&mut self, known: &Known, times: f64) {
         self.designs = Some(known.estimate.is_some());
         self.entries.retain(|entry| entry.kind == Kind::Stock);

@@ -1,7 +1,7 @@
 //! The planner: what is known of rig and machine from one segment to the next.
 //!
-//! Lives here: the segments with what came of them, the ways between them, what is next. In `made`: motions for what is
-//! asked for. In `refusals`: what a platform that does not take a segment is asked.
+//! Lives here: the segments with their results, the ways between them, what is next. In `made`: motions for
+//! what is asked for. In `refusals`: what a platform that does not take a segment is asked.
 
 mod made;
 mod refusals;
@@ -15,7 +15,7 @@ use super::goal::{Asked, Goal};
 use super::information::{Information, InverseRoot, RigModel};
 use super::library::{Candidate, keeps, library, way};
 
-/// What share of its size is too small to be worth a try, and while nothing is known of the body.
+/// The share of its size that is too small to be worth a try, and while nothing is known of the body.
 const SMALLEST: f64 = 0.2;
 const SMALLEST_LOOK: f64 = 0.02;
 /// By which moves become slower where they are what is refused, and how much at most.
@@ -26,15 +26,15 @@ const AS_EXPECTED: f64 = 0.85;
 /// Length of the motions that are made for what is asked for, and of their ramps, s.
 const DESIGNED_S: f64 = 4.0;
 const RAMP_S: f64 = 0.5;
-/// Looks at a body that is not known, at most.
+/// Tests of a body that is not known, at most.
 const MOST_LOOKS: u32 = 3;
-/// Limits are kept for every body within so many standard deviations of an identified estimate.
+/// Limits are met for every body within this many standard deviations of an identified estimate.
 const DEVIATIONS: f64 = 3.0;
-/// Segments and ways that are looked at for one decision, at most: it is made within seconds.
+/// Segments and ways that are examined for one decision, at most: it is made within seconds.
 const MOST_CHECKS: u32 = 60;
-/// After so many tries a motion is made smaller by twice as much, and again.
+/// After this many tries a motion is made smaller by twice as much, and again.
 const PATIENT_TRIES: u32 = 6;
-/// Where less than this is left to do, no new motion is worth its planning, s.
+/// If less than this is left to do, no new motion is worth its planning, s.
 const WORTH_DESIGNING_S: f64 = 4.0;
 
 /// A segment that has been decided on.
@@ -47,27 +47,27 @@ pub struct Decision {
     pub name: String,
     /// From where the plate is.
     pub program: MotionProgram,
-    /// When everything asked for should be reached, s from now.
+    /// The time when everything asked for should be reached, s from now.
     pub expected_s: f64,
-    /// What the sequence of segments that begins with it should tell, and in how many seconds.
+    /// The information of the sequence of segments that begins with it, and the seconds that it takes.
     sequence: Step,
     /// Its members.
     members: Vec<usize>,
 }
 
 impl Decision {
-    /// What it should tell.
+    /// Returns what it should tell.
     pub fn tells(&self) -> &Information {
         &self.tells
     }
 
-    /// Returns what should be known so many seconds later.
+    /// Returns what should be known the given number of seconds later.
     pub fn information_after(&self, seconds: f64, known: &Known) -> Information {
         known.information + self.sequence.tells * (seconds / self.sequence.seconds)
     }
 }
 
-/// What to do next.
+/// The next action.
 #[derive(Clone, Debug)]
 pub enum Next {
     /// This.
@@ -82,10 +82,10 @@ pub enum Next {
     Hopeless(&'static str),
 }
 
-/// What is known so far.
+/// The knowledge so far.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// What the device's factor says.
+    /// The information of the device's factor.
     pub information: &'a Information,
     /// The ten parameters, once they are identified.
     pub estimate: Option<&'a [f64]>,
@@ -111,7 +111,7 @@ struct Entry {
     place: usize,
     tells: Information,
     scale: f64,
-    /// What came of what was expected.
+    /// The result of what was expected.
     worth: f64,
     kind: Kind,
     /// Every limit is guaranteed at every instant.
@@ -139,13 +139,13 @@ pub struct Planner {
     lost: [bool; 6],
     /// Coordinates of which the platform has taken some motion.
     taken: [bool; 6],
-    /// What the platform is to be asked, the last first.
+    /// The questions to the platform, the last first.
     questions: Vec<Question>,
-    /// How often a limit was found to be tighter than believed.
+    /// The number of times that a limit was found to be tighter than believed.
     tightened: u32,
-    /// How many more looks there may be while the body is not known.
+    /// The number of further tests allowed while the body is not known.
     looks: u32,
-    /// What a scale and bounds leave.
+    /// The bodies that a scale and bounds leave.
     weighed: Option<BodySet>,
     /// The body is the estimate's.
     identified: bool,
@@ -153,11 +153,11 @@ pub struct Planner {
     contradicted: bool,
     /// Motions were made smaller for want of knowledge of the body.
     shrunk: bool,
-    /// What may still be looked at for this decision.
+    /// The number of checks left for this decision.
     checks: u32,
     /// Motions made for what is asked for are those of the present machine, and whether with an estimate.
     designs: Option<bool>,
-    /// How many have been made since the last look at it.
+    /// The number made since the last test of it.
     made: usize,
     /// By which moves between places take longer than thought right.
     slower: f64,
@@ -166,7 +166,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Looks what the machine can do. The plate is at home.
+    /// Checks what the machine can do. The plate is at home.
     pub fn new(rig: RigModel, asked: Asked) -> Self {
         let rig_needs_look = rig.limits_forces().is_some();
         let mut planner = Self {
@@ -204,12 +204,13 @@ impl Planner {
         self.lost
     }
 
-    /// How many segments there are to choose from.
+    /// Returns how many segments there are to choose from.
     pub fn choices(&self) -> usize {
         self.entries.len()
     }
 
-    /// How many motions have been made since this was asked last: each takes about half a second, the plate at rest.
+    /// Returns how many motions have been made since this was asked last: each takes about half a second, the
+    /// plate at rest.
     pub fn motions_made(&mut self) -> usize {
         std::mem::take(&mut self.made)
     }
@@ -234,7 +235,7 @@ impl Planner {
         MotionProgram { start, segments }
     }
 
-    /// What is asked for, by what is known.
+    /// Returns what is asked for, by what is known.
     pub fn goal(&self, known: &Known) -> Goal {
         self.asked.goal(known.estimate, &self.rig.compact())
     }
@@ -293,7 +294,7 @@ impl Planner {
         })
     }
 
-    /// What to do now.
+    /// Returns what to do now.
     pub fn next(&mut self, known: &Known) -> Next {
         let goal = self.goal(known);
         self.checks = MOST_CHECKS;
@@ -349,7 +350,7 @@ impl Planner {
             match self.choose(goal, known) {
                 Some(choice) if self.guarantee(&choice) => return Some(choice),
                 Some(_) => {}
-                // What has not been looked at is no reason to give up.
+                // What has not been examined is no reason to give up.
                 None if self.checks == 0 => self.checks = MOST_CHECKS,
                 None => return None,
             }
@@ -383,7 +384,7 @@ impl Planner {
         whole
     }
 
-    /// What the legs and the load cell carry, as it becomes known.
+    /// Learns what the legs and the load cell carry, as it becomes known.
     fn learn(&mut self, known: &Known) {
         let Some(root) = InverseRoot::of(known.information) else { return };
         let deviations = DEVIATIONS * known.variance_scale.sqrt();
@@ -419,8 +420,8 @@ impl Planner {
         }
     }
 
-    /// Whether what would be done now keeps every limit at every instant; if not, it is changed and the choice is another
-    /// one.
+    /// Returns whether what would be done now keeps every limit at every instant; if not, it is changed and
+    /// the choice is another one.
     fn guarantee(&mut self, choice: &Choice) -> bool {
         let Some(index) = choice.sequence.first().copied() else { return false };
         // What comes after it need only be as large as it is believed to be.
@@ -529,7 +530,7 @@ impl Planner {
         goal.furthest(&all)
     }
 
-    /// The decision was carried out to its end and told this. Coordinates that turn out not to follow.
+    /// The decision was carried out to its end with this result. Coordinates that turn out not to follow.
     pub fn carried_out(&mut self, decision: &Decision, told: &Information) -> [bool; 6] {
         self.turns.driven(&decision.members, decision.index);
         if let Some(entry) = self.entries.get(decision.index) {

@@ -9,13 +9,14 @@ use super::{DESIGNED_S, Decision, Planner, RAMP_S, SLOWER, SLOWEST, moved};
 const STRETCH: f64 = 4.0;
 const HALVINGS: u32 = 6;
 const MOST_TIGHTENED: u32 = 4;
-/// How far a platform is asked to move an axis that it may have lost, rad or ten times this in m, and at which frequency.
+/// The distance that a platform is asked to move an axis that it may have lost, rad or ten times this in m,
+/// and the frequency.
 const ASKED_RAD: f64 = 0.01;
 const ASKED_HZ: f64 = 0.5;
 /// By which a motion that the platform refuses becomes smaller.
 const SMALLER: f64 = 0.85;
 
-/// What a platform can be asked without moving.
+/// The questions that a platform can be asked without moving.
 pub(super) enum Question {
     /// A small motion of one coordinate.
     Coordinate(usize),
@@ -71,7 +72,7 @@ impl Planner {
         Some(MotionProgram { start: *self.places.get(self.at)?, segments: vec![segment] })
     }
 
-    /// What the platform says to a question. Coordinates that count as lost now.
+    /// Returns what the platform says to a question. Coordinates that count as lost now.
     pub fn answered(&mut self, yes: bool) -> [bool; 6] {
         let mut newly = [false; 6];
         match self.questions.pop() {

@@ -2,8 +2,9 @@
 //!
 //! A rigid body's wrench is linear in the specific force, the angular acceleration and the products of the rates,
 //! whatever the body and however the sensors are mounted. Where the streams fit as they are stamped nothing is done.
-//! Otherwise all offsets and rates are looked through at a coarse step ([`coarse`]), the best few are refined over the
-//! whole recording ([`refine`]), and the best of these is taken if it explains the wrench and no other does nearly as well.
+//! Otherwise all offsets and rates are searched at a coarse step ([`coarse`]), the best few are refined over
+//! the whole recording ([`refine`]), and the best of these is taken if it explains the wrench and no other
+//! does nearly as well.
 //!
 //! Lives here: when a clock is sought, what is taken, and the words. May not live here: the small delays that remain
 //! ([`super::skew`]).
@@ -27,7 +28,7 @@ const ENDS_S: f64 = 2e-3;
 const NEAR_S: f64 = 0.4;
 /// The share of the wrench's variance that the right clock explains at least.
 const EXPLAINED: f64 = 0.5;
-/// What the right clock leaves is less than this share of what any other leaves.
+/// The residuals by the right clock are less than this share of those by any other.
 const CLEARLY_LESS: f64 = 0.9;
 /// Motion is this many times larger than noise.
 const LIVELY: f64 = 25.0;
@@ -92,7 +93,7 @@ pub(super) fn settle(set: &mut StreamSet, is_body: bool) -> Result<Vec<String>, 
     Ok(said)
 }
 
-/// What becomes of a stream's clock.
+/// The result for a stream's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Verdict {
     /// It is right as it is stamped, or nearly.

@@ -45,7 +45,7 @@ pub(super) fn refine(signals: &Signals, clock: Clock) -> Option<Refined> {
     }
 }
 
-/// What both have in common, s of the wrench's clock.
+/// Returns what both have in common, s of the wrench's clock.
 fn common(signals: &Signals, clock: Clock) -> (f64, f64) {
     let ((a, b), (c, d)) = (signals.wrench_ends_s(), signals.own_ends_s());
     (a.max(clock.offset_s + clock.rate * c), b.min(clock.offset_s + clock.rate * d))
@@ -92,7 +92,7 @@ fn rows(signals: &Signals, clock: Clock, (from, to): (f64, f64)) -> Option<Rows>
     })
 }
 
-/// What one step says.
+/// The result of one step.
 struct Step {
     /// Time of the stream's clock at the middle, s, and how fast it runs.
     change: Vector2<f64>,

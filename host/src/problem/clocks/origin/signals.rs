@@ -1,4 +1,4 @@
-//! What a stream and the wrench see of a motion, at any instants of their own clocks.
+//! The signals that a stream and the wrench have of a motion, at any instants of their own clocks.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -11,7 +11,7 @@ const HALF_PERIODS: f64 = 3.5;
 const LEAST_HALF_NS: i64 = 40_000_000;
 /// Channels of a wrench.
 pub(super) const CHANNELS: usize = 6;
-/// What the wrench is linear in: specific force, angular acceleration, products of rates, one.
+/// The terms that the wrench is linear in: specific force, angular acceleration, products of rates, one.
 pub(super) const COLUMNS: usize = 13;
 
 /// A stream beside the wrench.

@@ -20,7 +20,7 @@ const RANK: f64 = 1e-9;
 pub(in super::super) struct Availability {
     weights: DMatrix<f64>,
     slopes: DMatrix<f64>,
-    /// What the feet add to what is measured, before it is weighted.
+    /// The addition of the feet to what is measured, before it is weighted.
     ground: Vec<f64>,
     /// Columns of the feet that stand, by foot.
     pub(in super::super) feet: Vec<(usize, Columns)>,
@@ -110,7 +110,7 @@ impl Contact {
 }
 
 impl ContactState {
-    /// Returns the rows that are left, of so many.
+    /// Returns the rows that are left, of the given number.
     fn rest(&self, rows: usize) -> Vec<usize> {
         (0..rows).filter(|row| !self.pivots.contains(row)).collect()
     }

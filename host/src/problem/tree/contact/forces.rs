@@ -1,4 +1,4 @@
-//! What a foot's wrench is in the equations of base and joints, and how that changes.
+//! The wrench of a foot in the equations of base and joints, and its changes.
 
 use nalgebra::{DMatrix, Matrix6, SMatrix, Vector3, Vector6};
 use rigident_shared::tree::TreeError;

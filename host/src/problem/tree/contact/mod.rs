@@ -58,7 +58,7 @@ pub struct ContactState {
     pub pivots: Vec<usize>,
 }
 
-/// What is known of the ground's wrenches throughout a recording.
+/// The knowledge of the ground's wrenches throughout a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
     /// The feet.
@@ -77,7 +77,7 @@ pub struct Ground {
     /// Wrench on each foot in its sensor's axes about its origin, N and N m; zero where it is not measured, and of a foot of which not
     /// all is measured where it does not stand.
     pub wrenches: Vec<[f64; 6]>,
-    /// Which feet stand.
+    /// The feet that stand.
     pub touching: Vec<bool>,
     /// The state of contact, by its number.
     pub state: usize,

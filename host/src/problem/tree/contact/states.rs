@@ -11,7 +11,7 @@ use rigident_model::rows::Moving;
 
 /// Rows are chosen anew where those chosen tell the unknowns apart by less than this.
 const WORST: f64 = 1e-3;
-/// What is left of a row is nothing below this share of the largest.
+/// The remainder of a row is nothing below this share of the largest.
 const NOTHING: f64 = 1e-6;
 /// The base's rows have no torque's noise: they are taken first.
 const BASE_FIRST: f64 = 3.0;

@@ -74,7 +74,7 @@ fn on_base(model: &Model, foot: &Foot, q: &[f64], wrench: &Vector6<f64>) -> Vect
     Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 
-/// What a foot's wrench does at the freedoms, by virtual work.
+/// Returns what a foot's wrench does at the freedoms, by virtual work.
 fn work(model: &Model, foot: &Foot, q: &[f64], wrench: &Vector6<f64>) -> Vec<f64> {
     let (axes, _) = pose(model, foot, q);
     let (force, moment) = (axes * wrench.fixed_rows::<3>(0), axes * wrench.fixed_rows::<3>(3));

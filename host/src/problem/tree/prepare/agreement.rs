@@ -1,4 +1,4 @@
-//! What several columns say of one motion, compared; what is assumed of IMUs that nothing is said of.
+//! The comparison of several columns for one motion; what is assumed of IMUs that nothing is said of.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Feet: their columns, where they stand, what of the ground's wrench is known, and what looks wrong.
+//! Feet: their columns, where they are, what of the ground's wrench is known, and what looks wrong.
 
 use std::collections::BTreeMap;
 
@@ -32,12 +32,12 @@ pub(super) struct Feet {
     pub(super) is_stated: bool,
 }
 
-/// What a foot's columns say.
+/// The readings of a foot's columns.
 struct Readings {
     foot: Foot,
     wrenches: Vec<[f64; 6]>,
     touching: Vec<bool>,
-    /// What it reads on average in the air.
+    /// The average of its readings in the air.
     air: Option<[f64; 6]>,
     is_stated: bool,
 }

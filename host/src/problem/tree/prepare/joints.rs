@@ -81,8 +81,8 @@ impl Preparation<'_> {
         Ok(found)
     }
 
-    /// Returns what went into a low-pass of first order that these efforts came out of: `τ + τ̇/ω`, slopes by central differences of
-    /// fourth order.
+    /// Returns what went into a low-pass of first order that these efforts are the output of: `τ + τ̇/ω`,
+    /// slopes by central differences of fourth order.
     fn before_lowpass(
         &self,
         values: &[f64],
@@ -203,7 +203,7 @@ impl Preparation<'_> {
         (all, valid)
     }
 
-    /// What to do about columns of a revolute joint that is part of a spherical one.
+    /// Returns what to do about columns of a revolute joint that is part of a spherical one.
     pub(super) fn about_spherical(&self) -> String {
         let has = |name: &str, unit: &str| self.cells.contains_key(format!("{name}_{unit}").as_str());
         let parts = self.model.links.iter().filter(|l| l.link.joint == Joint::Spherical);
@@ -216,7 +216,7 @@ impl Preparation<'_> {
         })
     }
 
-    /// What to do about efforts that are missing.
+    /// Returns what to do about efforts that are missing.
     fn about_efforts(&self, without: &[&str]) -> String {
         let mut advice =
             "joint rows need all of them; --lock joints that were held, or remove the others' columns"

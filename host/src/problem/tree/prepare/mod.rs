@@ -30,9 +30,9 @@ use rigident_model::{Finding, Model};
 pub struct PreparedTree {
     /// All of it.
     pub input: Input,
-    /// What to know.
+    /// The notes.
     pub notes: Vec<String>,
-    /// What to act on.
+    /// The warnings.
     pub warnings: Vec<String>,
     /// Joints that never move, a base that never turns.
     pub idle: Vec<Finding>,
@@ -89,9 +89,9 @@ pub fn prepare(
 pub(super) struct Gravity {
     /// Its size, m/s².
     pub(super) mps2: f64,
-    /// Where it pulls to, the base's frame, of length one.
+    /// The direction of its pull, the base's frame, of length one.
     pub(super) direction: [f64; 3],
-    /// Who states it, as the end of a sentence; empty for the rig file.
+    /// The origin of the statement, as the end of a sentence; empty for the rig file.
     pub(super) stated: &'static str,
 }
 

@@ -18,7 +18,7 @@ const ANOTHER_JOINT: f64 = 0.15;
 const NOTICEABLE: f64 = 0.02;
 
 impl Preparation<'_> {
-    /// What of joint `i` is missing, and what to do.
+    /// Returns what of joint `i` is missing, and what to do.
     pub(super) fn what_of(&self, i: usize) -> (String, String) {
         let link = &self.model.links[i];
         let name = &link.joint_name;
@@ -222,7 +222,7 @@ impl Preparation<'_> {
         signals
     }
 
-    /// Returns σ of a signal of so many freedoms from sixth differences.
+    /// Returns σ of a signal of the given number of freedoms from sixth differences.
     fn noise_of<const N: usize>(&self, freedoms: u8, of: impl Fn(usize) -> Option<[f64; N]>) -> f64 {
         let times = self.recording.time_ns.iter().enumerate();
         let signals: Vec<(u64, [f64; N])> = times.filter_map(|(row, t)| Some((*t, of(row)?))).collect();

@@ -13,7 +13,7 @@ pub const CHANNEL_SIGMA: [f32; 6] = [5.05, 5.05, 10.1, 0.383, 0.459, 0.459];
 const SAMPLES: usize = 64;
 /// RAM of the board outside of what the firmware is allowed: N = 128 takes 64 KiB for R alone.
 const PSRAM: usize = 0x2100_0000;
-/// Tells where the blocks stand in it.
+/// Tells where the blocks are in it.
 const BLOCKS_AT: usize = 0x2140_0000;
 
 /// Specific force, angular rate, angular acceleration and wrench of one instant.
@@ -98,7 +98,7 @@ pub fn with_rows<const N: usize, const BLOCKS: usize>(
     let mut random = random();
     // SAFETY: the board has 16 MB of RAM there, aligned for anything; nothing is linked to it and no other
     // reference into it lives while this function runs. Every field is written before it is referred to. The factor
-    // of no rows is all zeros; made by `new`, copies of it would stand on the stack.
+    // of no rows is all zeros; made by `new`, copies of it would be on the stack.
     let Dense { factor, rows } = unsafe {
         (&raw mut (*place).factor).write_bytes(0, 1);
         let values = (&raw mut (*place).rows).cast::<f32>();
@@ -110,7 +110,7 @@ pub fn with_rows<const N: usize, const BLOCKS: usize>(
     run(factor, rows);
 }
 
-/// So many blocks of six until a factor of N parameters has its full rank, and one more.
+/// Returns the number of blocks of six until a factor of N parameters has its full rank, and one more.
 pub fn until_full_rank(n: usize) -> usize {
     n / 6 + 2
 }
@@ -126,8 +126,8 @@ pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N>
 }
 
 /// Six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted from where the factor
-/// has its full rank, since columns that find no row left cost nothing. The rows stand where they are absorbed from:
-/// nothing is copied within the count.
+/// has its full rank, since columns that find no row left cost nothing. The rows are where they are absorbed
+/// from: nothing is copied within the count.
 #[inline(never)]
 pub fn dense<const N: usize, const BLOCKS: usize>(bench: &mut Bench) {
     with_rows::<N, BLOCKS>(|factor, rows| {

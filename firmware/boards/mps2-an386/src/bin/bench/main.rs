@@ -6,8 +6,8 @@
 //! - `path`: what the application does with one reading of each sensor, as decoded from the bus, in the default
 //!   configuration at 1 kHz: a filter of 0.1 s, six rows every tenth reading, the stop rule set, nothing sent;
 //! - `path with drivers`: the same from the bytes on the bus;
-//! - `path with estimates`, `path with all telemetry`: `path` and what the host is told, by default, four times a
-//!   second and of every reading;
+//! - `path with estimates`, `path with all telemetry`: `path` and what is sent to the host, by default, four
+//!   times a second and of every reading;
 //! - `frame path`: a frame of the 34-DOF human from the bytes on the bus to the factor of 128 parameters;
 //! - `watch path`: a frame of a humanoid of 30 links that is watched, a step of its test included;
 //! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
@@ -31,11 +31,11 @@ use rigident_firmware::Path;
 use mps2_an386 as _;
 use semihosting::experimental::env;
 
-/// Swallows what the firmware logs: it would stand between the lines.
+/// Swallows what the firmware logs: it would be between the lines.
 #[defmt::global_logger]
 struct Silent;
 
-// SAFETY: nothing is kept, so there is nothing to be entered twice.
+// SAFETY: nothing is stored, so there is nothing to be entered twice.
 unsafe impl defmt::Logger for Silent {
     fn acquire() {}
     unsafe fn flush() {}

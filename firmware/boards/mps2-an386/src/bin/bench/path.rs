@@ -17,16 +17,17 @@ use crate::sensors;
 const WARM_UP: usize = 200;
 /// Holds a merge of the cascade's first level and two evaluations of the stop rule.
 const SAMPLES: u32 = 1000;
-/// The worst is looked for in so many: at one block in ten samples the cascade's second level is merged once in
-/// 100 000 samples.
+/// The worst is searched for in this many blocks: at one block in ten samples the cascade's second level is
+/// merged once in 100 000 samples.
 const SEARCH: u32 = 101_000;
 /// Bytes that a serial port of 1 MBd takes away in a millisecond.
 const LINE_BYTES: usize = 100;
-/// With estimates, in so many: some eighty estimates, a look with each fiftieth block, all slices of both.
+/// With estimates, in this many blocks: some eighty estimates, a check with each fiftieth block, all slices
+/// of both.
 const ESTIMATES_SEARCH: u32 = 20_000;
 /// Different samples, gone through again and again.
 const WORDS: usize = 64;
-/// From so many parameters on it is two links.
+/// From this many parameters on it is two links.
 const TWO_LINKS: usize = 19;
 const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
@@ -271,7 +272,7 @@ fn words(k: usize) -> ([f32; 6], [f32; 3], [f32; 3]) {
 }
 
 fn settings(n: usize, telemetry: TelemetrySettings) -> Settings {
-    // All ten are looked at each time, and the last one is never good enough.
+    // All ten are checked each time, and the last one is never good enough.
     let mut never = StopLimit { u95: 0.0, ..StopLimit::default() };
     never.add(9);
     let imu = ImuSettings {

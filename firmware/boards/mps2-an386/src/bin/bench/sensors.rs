@@ -1,4 +1,4 @@
-//! Sensors that cost next to nothing: registers that remember, and samples made beforehand.
+//! Sensors that cost next to nothing: registers that hold values, and samples made beforehand.
 
 use core::convert::Infallible;
 
@@ -236,7 +236,7 @@ impl Frames {
     }
 }
 
-/// Frames of a humanoid that is watched, as they stand on the line, gone through again and again.
+/// Frames of a humanoid that is watched, as they are on the line, gone through again and again.
 #[cfg(feature = "watch")]
 pub struct Streamed {
     lines: &'static [[u8; MAX_TREE_FRAME]; FRAMES],

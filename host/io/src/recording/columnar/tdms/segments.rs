@@ -32,7 +32,7 @@ pub(super) enum Value {
     Time(i128),
 }
 
-/// What a channel holds.
+/// The values of a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Values {
     Numbers(Vec<f64>),
@@ -63,7 +63,7 @@ pub(super) struct Object {
     index: Option<Index>,
 }
 
-/// How an object's raw data lie in a segment.
+/// The layout of an object's raw data in a segment.
 #[derive(Clone, Copy, Debug)]
 struct Index {
     kind: Kind,
@@ -376,7 +376,7 @@ fn raw_data(
         return Ok(());
     }
     let is_interleaved = contents & has::INTERLEAVED != 0;
-    // Of very many objects without values none is looked at again for each value of another.
+    // Of very many objects without values none is examined again for each value of another.
     let active: Vec<usize> =
         active.iter().copied().filter(|p| index(objects, p).is_some_and(|i| i.bytes > 0)).collect();
     let active = active.as_slice();
