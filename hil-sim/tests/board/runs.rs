@@ -105,7 +105,7 @@ pub fn end(life: &Life, kinds: &[Kind]) -> End {
     match worst_sd(life) {
         None if withheld => return End::Withheld,
         None => return End::Silent,
-        Some(sd) if !(sd <= MOST_SD) => return if withheld { End::Withheld } else { End::Wrong },
+        Some(sd) if sd.is_nan() || sd > MOST_SD => return if withheld { End::Withheld } else { End::Wrong },
         Some(_) => {}
     }
     let on_the_way = if late { IN_THE_RING } else { ON_THE_WAY };

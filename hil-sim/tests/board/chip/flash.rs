@@ -122,7 +122,7 @@ impl Flash {
     pub(super) fn read(&mut self, offset: usize) -> u32 {
         match offset {
             0x00 => self.access,
-            0x0c => self.status | u32::from(self.busy.is_some()) * BUSY,
+            0x0c => self.status | (u32::from(self.busy.is_some()) * BUSY),
             0x10 => self.control,
             0x14 => self.options,
             _ => 0,
@@ -150,7 +150,7 @@ impl Flash {
 
 impl Machine {
     pub(super) fn look_at_flash(&mut self) {
-        if !self.flash.busy.is_some_and(|at| at <= self.now) {
+        if self.flash.busy.is_none_or(|at| at > self.now) {
             return;
         }
         let flash = &mut self.flash;

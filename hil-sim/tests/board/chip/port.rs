@@ -65,11 +65,11 @@ impl Port {
     }
 
     fn status(&self) -> u32 {
-        u32::from(self.received.is_some()) * RXNE
-            | u32::from(self.waits.is_none()) * TXE
-            | u32::from(self.waits.is_none() && self.sends.is_none()) * TC
-            | u32::from(self.overrun) * ORE
-            | u32::from(self.framing) * FE
+        (u32::from(self.received.is_some()) * RXNE)
+            | (u32::from(self.waits.is_none()) * TXE)
+            | (u32::from(self.waits.is_none() && self.sends.is_none()) * TC)
+            | (u32::from(self.overrun) * ORE)
+            | (u32::from(self.framing) * FE)
     }
 
     pub(super) fn waits(&self) -> bool {

@@ -82,10 +82,10 @@ impl Spi {
     }
 
     fn status(&self) -> u32 {
-        u32::from(self.received.is_some()) * RXNE
-            | u32::from(self.waits.is_none()) * TXE
-            | u32::from(self.overrun) * OVR
-            | u32::from(self.shifts.is_some() || self.waits.is_some()) * BSY
+        (u32::from(self.received.is_some()) * RXNE)
+            | (u32::from(self.waits.is_none()) * TXE)
+            | (u32::from(self.overrun) * OVR)
+            | (u32::from(self.shifts.is_some() || self.waits.is_some()) * BSY)
     }
 
     /// Flags of a stream at their places in the register.
