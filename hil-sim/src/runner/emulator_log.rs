@@ -3,11 +3,6 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-#[cfg(feature = "firmware-log")]
-pub(super) use super::emulator_log_decoded::Decoder;
-#[cfg(not(feature = "firmware-log"))]
-pub(super) use undecoded::Decoder;
-
 /// Lines stored for an error message.
 const KEPT: usize = 50;
 
@@ -47,32 +42,5 @@ impl Log {
     pub(super) fn last(&self, n: usize) -> Vec<LogLine> {
         let lines = self.lines();
         lines.iter().skip(lines.len().saturating_sub(n)).cloned().collect()
-    }
-}
-
-/// A build without the decoder reads the log, so that the emulator does not wait, and keeps nothing of it.
-#[cfg(not(feature = "firmware-log"))]
-mod undecoded {
-    use std::io::{self, Read};
-    use std::path::Path;
-
-    use super::{Log, LogLine};
-    use crate::runner::error::RunnerError;
-
-    pub(in crate::runner) struct Decoder;
-
-    impl Decoder {
-        pub(in crate::runner) fn new(_image: &[u8], _path: &Path) -> Result<Self, RunnerError> {
-            Ok(Self)
-        }
-
-        pub(in crate::runner) fn follow(
-            &self,
-            output: &mut impl Read,
-            _log: &Log,
-            _each: impl FnMut(&LogLine),
-        ) -> io::Result<()> {
-            io::copy(output, &mut io::sink()).map(drop)
-        }
     }
 }

@@ -16,6 +16,8 @@ mod bus_flash;
 mod emulator_log;
 #[cfg(feature = "firmware-log")]
 mod emulator_log_decoded;
+#[cfg(not(feature = "firmware-log"))]
+mod emulator_log_unread;
 #[cfg(feature = "emulator")]
 mod error;
 mod frame_bus;

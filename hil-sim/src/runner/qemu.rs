@@ -19,7 +19,11 @@ use nix::sys::stat::Mode;
 use serialport::{SerialPort, TTYPort};
 use tempfile::TempDir;
 
-use super::emulator_log::{Decoder, Log, LogLine};
+use super::emulator_log::{Log, LogLine};
+#[cfg(feature = "firmware-log")]
+use super::emulator_log_decoded::Decoder;
+#[cfg(not(feature = "firmware-log"))]
+use super::emulator_log_unread::Decoder;
 use super::error::RunnerError;
 use super::requests::answer_requests;
 use super::sensor_bus::{PacedRig, SensorBus};

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
-use super::drive_gains::DriveGainsError;
+use super::drive_gains_error::DriveGainsError;
 use crate::answer::{AnswerError, ReadError};
 use crate::body_segments::StudyError;
 use crate::body_segments::opensim::OsimFault;

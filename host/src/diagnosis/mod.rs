@@ -99,6 +99,7 @@ impl Fault {
 /// Returns every fault that a recording may have, the simplest of a kind first.
 pub fn faults(case: &Case) -> Vec<Fault> {
     let mut all = sensors::faults(case);
+    all.extend(clock::faults(case));
     if let Some(model) = &case.model {
         // Before units, which leave as much of each joint by itself.
         all.extend(gains::fault(case, model));
@@ -129,7 +130,7 @@ pub fn judge(
     }
     let residuals = lacking || answer.change.is_some() || answer.not_rigid.is_some();
     // Efforts of another size than any robot's speak against the recording whatever is left of them.
-    let lacks_fit = residuals && !links.is_some_and(|links| scaled(fit, links).is_some());
+    let lacks_fit = residuals && links.is_none_or(|links| scaled(fit, links).is_none());
     let most = match answer.status {
         Status::Implausible => lacks_fit.then_some(EXPLAINS),
         _ => Some(ACCUSES),

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Case, Fault, clock, gyro_scale};
+use super::{Case, Fault, gyro_scale};
 use crate::problem::Problem;
 use rigident_fit::{FitOptions, Silent};
 use rigident_io::rig::{ImuTable, RigFile};
@@ -266,7 +266,6 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
     if there.contains(&Triple::Accel) {
         all.extend(of_mounting(case));
         all.extend(of_delays(case, &there));
-        all.extend(clock::faults(case));
     }
     all
 }

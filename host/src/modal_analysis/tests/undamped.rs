@@ -42,7 +42,7 @@ fn off(angular: &[f64], shapes: &[DVector<f64>], system: &System) -> [f64; 2] {
 fn dampers_out_of_proportion_move_no_undamped_mode() {
     for (damper, seed) in [(4.0, 1), (8.0, 2), (16.0, 3)] {
         let system = system(damper, seed);
-        let found = modes(&system, 1e-9, &mut Normal::new(seed));
+        let found = modes(&system, 1e-12, &mut Normal::new(seed));
         let shapes_of = |shapes: &crate::modal_analysis::Shapes| -> (Vec<f64>, Vec<DVector<f64>>) {
             shapes.modes.iter().map(|mode| (mode.angular, mode.shape.clone())).unzip()
         };

@@ -13,10 +13,6 @@ use rigident_model::passive::Passive;
 /// Control 134 (5), 2012).
 const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
 
-/// Rates, rad/s of something that turns and m/s of what slides, of the bumps that dry friction may have beside its own law: between the
-/// first and the last lie those of gears (same source), and two neighbours stand for what is between them.
-pub const BUMPS: [(f64, f64); 4] = [(0.03, 0.003), (0.06, 0.006), (0.12, 0.012), (0.24, 0.024)];
-
 /// A column of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
@@ -164,15 +160,6 @@ impl Term {
             }
             _ => 0.0,
         }
-    }
-
-    /// Returns what its column has more if dry friction at rest is twice that at speed, and falls as `exp(−(v/v_s)²)`, by one of
-    /// [`BUMPS`].
-    pub fn more_at_rest(self, rate: f64, slides: bool, bump: usize) -> f64 {
-        let Self::Coulomb(_) = self else { return 0.0 };
-        let usual = BUMPS.get(bump).map_or(f64::INFINITY, |own| if slides { own.1 } else { own.0 });
-        let motion = DriveState { rate, ..DriveState::default() };
-        self.column(&motion, slides, true) * (-(rate / usual).powi(2)).exp()
     }
 
     /// Returns the derivative of its column by the logarithm of the speed at which it turns over.

@@ -83,13 +83,6 @@ pub enum SignalError {
     FrictionSpeed(usize),
     /// It turns over more slowly than a hyperbolic tangent does, by this share of the way to an algebraic law.
     FrictionShape(usize),
-    /// It is larger at rest than at speed.
-    FrictionBump {
-        /// The drive.
-        drive: usize,
-        /// Which of [`super::drive::BUMPS`].
-        bump: usize,
-    },
     /// A component of a foot's wrench reads too much.
     FootZero {
         /// The foot.

@@ -25,9 +25,6 @@ const STRETCHES: usize = 8;
 const SHARE: f64 = 0.7;
 /// Standard deviation of the way from a hyperbolic tangent to an algebraic law, which no theory decides.
 const SHAPE: f64 = 2.0;
-/// Standard deviation of what dry friction has more at rest than at speed, relative, of each bump: static friction is
-/// up to twice the other.
-const BUMP: f64 = 0.3;
 /// Row blocks that are made at once.
 const AT_ONCE: usize = 64;
 
@@ -57,27 +54,18 @@ pub(super) fn found(mut input: Input, base: &BaseParameters) -> Result<Input, Tr
         let Some(term) = drive.terms.iter_mut().find(|term| **term == Term::Coulomb(None)) else { continue };
         let speed = gains.as_ref().map_or(0.0, |gains| gains.best(&source, k, *rate));
         *term = Term::Coulomb(Some(speed));
-        for (word, sigma, error) in unknown(k, drive, speed) {
-            input.nuisances.push(nuisance(&drive.name, word, sigma, input.errors.len()));
-            input.errors.push(error);
+        if speed > 0.0 {
+            let unknown = [
+                ("speed", SHARE, SignalError::FrictionSpeed(k)),
+                ("shape", SHAPE, SignalError::FrictionShape(k)),
+            ];
+            for (word, sigma, error) in unknown {
+                input.nuisances.push(nuisance(&drive.name, word, sigma, input.errors.len()));
+                input.errors.push(error);
+            }
         }
     }
     Ok(input)
-}
-
-/// Returns what the law of the dry friction of drive k leaves open: words, standard deviations, errors.
-fn unknown(k: usize, drive: &Drive, speed: f64) -> Vec<(&'static str, f64, SignalError)> {
-    let mut all = Vec::new();
-    if speed > 0.0 {
-        all.push(("speed", SHARE, SignalError::FrictionSpeed(k)));
-        all.push(("shape", SHAPE, SignalError::FrictionShape(k)));
-    }
-    if !drive.terms.iter().any(|term| matches!(term, Term::Stribeck(_))) {
-        for (bump, word) in ["at_rest", "creeping", "slow", "moderate"].into_iter().enumerate() {
-            all.push((word, BUMP, SignalError::FrictionBump { drive: k, bump }));
-        }
-    }
-    all
 }
 
 /// Returns an error of the law of a drive's dry friction.

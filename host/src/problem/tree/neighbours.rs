@@ -34,7 +34,7 @@ impl Predictor {
     pub(super) fn friction_moves(
         &self,
         drive: usize,
-        slope: &dyn Fn(Term, f64, bool) -> f64,
+        slope: fn(Term, f64) -> f64,
         (input, frame): (&Input, &Frame),
         out: &mut [f64],
     ) {
@@ -42,7 +42,7 @@ impl Predictor {
         let first = input.first_effort();
         let rate = drive.rate(&frame.rates);
         let terms = drive.terms.iter().zip(self.phi.iter().skip(*at));
-        let moved: f64 = terms.map(|(term, phi)| phi * slope(*term, rate, drive.slides)).sum();
+        let moved: f64 = terms.map(|(term, phi)| phi * slope(*term, rate)).sum();
         for (freedom, factor) in &drive.rates {
             out.iter_mut().skip(first + freedom).take(1).for_each(|v| *v = factor * moved);
         }

@@ -194,7 +194,6 @@ impl<'a> ErrorRows<'a> {
             | SignalError::EffortDrift { .. }
             | SignalError::FrictionSpeed(_)
             | SignalError::FrictionShape(_)
-            | SignalError::FrictionBump { .. }
             | SignalError::FootZero { .. }
             | SignalError::FootGain { .. } => return,
         }
@@ -294,16 +293,15 @@ impl<'a> ErrorRows<'a> {
                 sum.iter_mut().skip(*channel).take(1).for_each(|v| *v = drift);
             }
             SignalError::FrictionSpeed(drive) => {
-                let slope = |term: Term, rate, _| term.slope_by_speed(rate);
-                self.predictor.friction_moves(*drive, &slope, (self.source.input(), frame), sum);
+                self.predictor.friction_moves(
+                    *drive,
+                    Term::slope_by_speed,
+                    (self.source.input(), frame),
+                    sum,
+                );
             }
             SignalError::FrictionShape(drive) => {
-                let slope = |term: Term, rate, _| term.slower(rate);
-                self.predictor.friction_moves(*drive, &slope, (self.source.input(), frame), sum);
-            }
-            SignalError::FrictionBump { drive, bump } => {
-                let slope = |term: Term, rate, slides| term.more_at_rest(rate, slides, *bump);
-                self.predictor.friction_moves(*drive, &slope, (self.source.input(), frame), sum);
+                self.predictor.friction_moves(*drive, Term::slower, (self.source.input(), frame), sum);
             }
             SignalError::FootZero { foot, component } | SignalError::FootGain { foot, component } => {
                 let is_gain = matches!(error, SignalError::FootGain { .. });
