@@ -172,7 +172,7 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers at the end of a factor file of version 6, before its check sum. The version, the numbers of
+/// The numbers at the end of a factor file of version 8, before its check sum. The version, the numbers of
 /// parameters and of runs and that of these numbers follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
@@ -191,5 +191,5 @@ fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     };
     let (version, _parameters, _runs, count) = (varint()?, varint()?, varint()?, varint()?);
     let numbers = body.get(body.len().checked_sub(8 * count)?..)?.chunks_exact(8);
-    (version == 6).then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
+    (version == 8).then(|| numbers.map(|c| f64::from_le_bytes(c.try_into().unwrap_or_default())).collect())
 }

@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde_json::Value;
 
 use crate::program::{json, rigident};
+use crate::study_length::runs;
 
 type Vector = Vector3<f64>;
 
@@ -176,7 +177,8 @@ fn readings_as_drivers_publish_them_are_named_first_and_give_no_number() {
         let result = identify(at, "honest", &rows, &rig(true));
         assert_eq!(result["status"], "identified", "{way}: {}", said(&result));
         assert!((result["mass_kg"].as_f64().unwrap() / MASS_KG - 1.0).abs() < 0.02, "{result}");
-        for (name, plant, words) in PUBLISHED {
+        let most = if way == "one" { PUBLISHED.len() } else { runs(PUBLISHED.len() as u64, 2) as usize };
+        for (name, plant, words) in PUBLISHED.into_iter().take(most) {
             let mut rows = rows.clone();
             rows.iter_mut().for_each(plant);
             let result = identify(at, name, &rows, &rig(true));

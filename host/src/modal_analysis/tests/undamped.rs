@@ -54,7 +54,8 @@ fn dampers_out_of_proportion_move_no_undamped_mode() {
             as_measured[0] > 1e-5 && as_measured[1] > 1e-4,
             "{as_measured:?}: the damper is in proportion"
         );
-        assert!(without[0] < 1e-8 && without[1] < 1e-6, "{without:?}");
+        // Of shapes the part out of phase is left, which turns the rest to second order.
+        assert!(without[0] < 1e-8 && without[1] < 1e-5, "{without:?}");
     }
 }
 

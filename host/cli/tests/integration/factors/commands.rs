@@ -112,9 +112,13 @@ fn the_factor_that_a_replay_leaves_is_that_of_its_recording() {
             assert!(distance < 1e-9, "{name}: {distance}");
         }
     }
-    let arguments = ["replay", "stated.csv", "--mcu", "inproc", "--until", "m=1", "--json", "--out", "begun"];
-    json(at, &arguments);
-    let twice = ["merge", "begun/stated.factor", "stated-identified/stated.factor", "-o", "twice.factor"];
+    // Two thirds of it: of the eight readings that a factor keeps some five are in both.
+    let whole = fs::read_to_string(at.join("stated.csv")).unwrap();
+    let part: Vec<&str> = whole.lines().take(2 * whole.lines().count() / 3).collect();
+    fs::write(at.join("part.csv"), format!("{}\n", part.join("\n"))).unwrap();
+    fs::copy(at.join("stated.rig.toml"), at.join("part.rig.toml")).unwrap();
+    json(at, &["replay", "part.csv", "--mcu", "inproc", "--json", "--out", "begun"]);
+    let twice = ["merge", "begun/part.factor", "stated-identified/stated.factor", "-o", "twice.factor"];
     let twice = rigident(at, &twice);
     assert!(said(&twice).contains("have readings in common"), "{}", said(&twice));
 }
