@@ -144,8 +144,11 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
         }
         gains.iter_mut().enumerate().for_each(|(k, gain)| *gain *= step(k));
     };
-    for (loaded, own) in fitted.loaded.iter().zip(&fitted.fits) {
-        refuse_impossible(loaded, own)?;
+    // As with the rig file that comes of it: gains of which nothing is known take the place of friction that the model lacks.
+    for recording in &runs.recordings {
+        let loaded = scaled(&runs, recording, (&gains, 0.5 * COARSEST), options, caller)?;
+        let own = loaded.fit(None, 0, caller).map_err(|error| error.of(&recording.name))?;
+        refuse_impossible(&loaded, &own)?;
     }
     Ok(answer(&runs, &gains, &fitted, round, rounds))
 }
@@ -178,12 +181,12 @@ fn read(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> Re
 fn scaled(
     runs: &Runs,
     recording: &Recording,
-    gains: &[f64],
+    (gains, sigma): (&[f64], f64),
     options: &DriveGainOptions,
     caller: &Caller<'_>,
 ) -> Result<Loaded, Error> {
     let mut own = recording.clone();
-    scale(&mut own.rig, &runs.efforts, gains, &vec![WIDE; gains.len()]);
+    scale(&mut own.rig, &runs.efforts, gains, &vec![sigma; gains.len()]);
     let problem = ProblemOptions {
         friction: options.friction.clone(),
         drives: options.drives.clone(),
@@ -198,7 +201,7 @@ fn guess(runs: &Runs, options: &DriveGainOptions, caller: &Caller<'_>) -> Result
         return Err(DriveGainsError::NoMasses(runs.model.name.clone()).into());
     }
     let ones = vec![1.0; runs.efforts.len()];
-    let loaded = scaled(runs, first, &ones, options, caller)?;
+    let loaded = scaled(runs, first, (&ones, WIDE), options, caller)?;
     let nothing = || DriveGainsError::NothingExplained(first.name.clone());
     let source = loaded.problem.tree().ok_or_else(nothing)?;
     Ok(start::gains(source, &runs.model)?.filter(|gains| gains.len() == ones.len()).ok_or_else(nothing)?)
@@ -208,7 +211,7 @@ fn fit(runs: &Runs, gains: &[f64], options: &DriveGainOptions, caller: &Caller<'
     let mut all = Fitted { loaded: Vec::new(), fits: Vec::new() };
     for recording in &runs.recordings {
         caller.stage(&format!("gains by {}", recording.name), 0.0);
-        let loaded = scaled(runs, recording, gains, options, caller)?;
+        let loaded = scaled(runs, recording, (gains, WIDE), options, caller)?;
         all.fits.push(loaded.fit(None, 0, caller).map_err(|error| error.of(&recording.name))?);
         all.loaded.push(loaded);
     }

@@ -53,7 +53,6 @@ fn record(folder: &Path, name: &str, mass_kg: f64, motion: usize, unit: &str) ->
     }
     let path = folder.join(name).with_extension("csv");
     std::fs::write(&path, csv(&recording)).unwrap();
-    std::fs::write(path.with_extension("rig.toml"), "[tree]\nclass = \"exact\"\n").unwrap();
     path
 }
 

@@ -55,7 +55,7 @@ fn dampers_out_of_proportion_move_no_undamped_mode() {
             "{as_measured:?}: the damper is in proportion"
         );
         // Of shapes the part out of phase is left, which turns the rest to second order.
-        assert!(without[0] < 1e-8 && without[1] < 1e-5, "{without:?}");
+        assert!(without[0] < 1e-8 && without[1] < 0.1 * as_measured[1], "{without:?}, {as_measured:?}");
     }
 }
 

@@ -205,14 +205,20 @@ pub fn vibration(
     Ok(Vibration { samples, modes })
 }
 
-/// Takes frequencies and shapes of the modes that there would be without dampers: equations of free vibration are theirs. Where
-/// modes are missing these are not known, and what they may differ by is counted.
+/// Takes frequencies and shapes of the modes that there would be without dampers, where the part out of phase moves a
+/// frequency by more than its standard deviation: equations of free vibration are theirs. Elsewhere, and where modes are
+/// missing, the possible difference is counted.
 fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> {
     let damped = match modes.amplitudes.complex.nrows() {
         own if own == free.len() => modes.amplitudes.clone(),
         _ => modes.amplitudes.of_channels(free),
     };
-    if let Some(found) = undamped(&damped) {
+    let shares = out_of_phase(&damped);
+    let moved = shares.iter().zip(&modes.shapes.modes);
+    let counts =
+        |(share, mode): (&f64, &modal_analysis::Mode)| 0.5 * share * share * mode.angular > mode.angular_sd;
+    let is_moved = moved.into_iter().any(counts);
+    if let Some(found) = is_moved.then(|| undamped(&damped)).flatten() {
         let found = shapes(&found, &[])?;
         for (mode, own) in modes.shapes.modes.iter_mut().zip(found.modes) {
             (mode.angular, mode.angular_sd, mode.shape) = (own.angular, own.angular_sd, own.shape);
@@ -220,7 +226,7 @@ fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> 
         modes.shapes.covariance = found.covariance;
         return Ok(());
     }
-    for (r, share) in out_of_phase(&damped).into_iter().enumerate() {
+    for (r, share) in shares.into_iter().enumerate() {
         let place = modes.shapes.place(r);
         let mode = &modes.shapes.modes[r];
         // Of ω² and of the shape that share, squared.
