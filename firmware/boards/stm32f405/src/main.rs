@@ -21,9 +21,8 @@ fn main() -> ! {
     start::forget_the_loader();
     stack::guard();
     let boot = program::boot();
-    let place: &'static Place = singleton!(: Place = Place::new(None)).expect("taken once");
     let ring = singleton!(: Ring = Ring::new()).expect("taken once");
-    let board = instrument(place);
+    let (board, place) = instrument();
     #[cfg(feature = "storage")]
     let store = singleton!(: Option<Store<Flash>> = flash::store()).and_then(Option::as_mut);
     let mut program = Program::new(
@@ -41,9 +40,10 @@ fn main() -> ! {
 
 /// The application where it stays: made on a stack of its own, which is gone afterwards.
 #[inline(never)]
-fn instrument(place: &'static Place) -> &'static mut Board {
+fn instrument() -> (&'static mut Board, &'static Place) {
+    let place: &'static Place = singleton!(: Place = Place::new(None)).expect("taken once");
     let path = singleton!(: Path = Path::EMPTY).expect("taken once");
-    singleton!(: Board = program::instrument(path, place)).expect("taken once")
+    (singleton!(: Board = program::instrument(path, place)).expect("taken once"), place)
 }
 
 /// A handler of one or two instructions may lose the result of a division or root that it interrupts (Arm's erratum 776924 of the

@@ -28,9 +28,6 @@ const MARK_EVERY_NS: u64 = 1_000_000_000;
 type Device = Answering<'static, OnBus>;
 /// The drivers with the application.
 pub type Board = Instrument<&'static mut Path, Device, Device, Absent, Wait>;
-/// Returns how deep the stack has been, and its size, bytes.
-pub type StackMark = fn() -> (usize, usize);
-
 /// Samples that no room was found for.
 static LOST: Lost = Lost::new();
 
@@ -67,8 +64,9 @@ pub fn instrument(path: &'static mut Path, place: &'static Place) -> Board {
     Instrument::new(CHIP, path, buses, Wait)
 }
 
-/// Holds what the main loop knows between two turns.
-pub struct Program<'a> {
+/// Holds what the main loop knows between two turns. `S` returns how deep the stack has been, and its size, bytes; a type, so that
+/// the stack's bound can be computed.
+pub struct Program<'a, S: Fn() -> (usize, usize)> {
     instrument: &'a mut Board,
     samples: Samples<'static>,
     place: &'static Place,
@@ -82,11 +80,11 @@ pub struct Program<'a> {
     chunk: [u8; 64],
     progress: Progress,
     failures: Failures,
-    stack_mark: StackMark,
+    stack_mark: S,
     next_mark_ns: u64,
 }
 
-impl<'a> Program<'a> {
+impl<'a, S: Fn() -> (usize, usize)> Program<'a, S> {
     /// Returns the program of a chip that has come up, and lets interrupts in.
     #[inline(always)]
     pub fn new(
@@ -94,7 +92,7 @@ impl<'a> Program<'a> {
         instrument: &'a mut Board,
         (ring, place): (&'static mut Ring, &'static Place),
         #[cfg(feature = "storage")] store: Option<&'a mut Store<Flash>>,
-        stack_mark: StackMark,
+        stack_mark: S,
     ) -> Self {
         let (filled, taken) = ring.split();
         sensors::start(Capture::new(filled, &LOST));
