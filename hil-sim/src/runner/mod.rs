@@ -16,7 +16,7 @@ mod bus_flash;
 mod emulator_log;
 #[cfg(feature = "firmware-log")]
 mod emulator_log_decoded;
-#[cfg(not(feature = "firmware-log"))]
+#[cfg(all(feature = "emulator", not(feature = "firmware-log")))]
 mod emulator_log_unread;
 #[cfg(feature = "emulator")]
 mod error;
