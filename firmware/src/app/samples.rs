@@ -15,8 +15,8 @@ use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// This many consecutive samples of a sensor that could not be read are a fault.
 const BAD_TO_FAULT: u16 = 10;
-/// A frame of the load cell whose check sum does not fit weighs as so many that do; so much is a fault: more than one in fifty. What
-/// inverts its bits inverts the IMU's on the same bus, which have no check sum.
+/// A frame of the load cell whose check sum does not fit weighs as this many that do. More than one in fifty is a
+/// fault: what inverts its bits inverts those of the IMU on the same bus, which have no check sum.
 const DAMAGED_WEIGHS: u16 = 50;
 const NOISE_TO_FAULT: u16 = 10 * DAMAGED_WEIGHS;
 /// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.

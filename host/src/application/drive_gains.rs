@@ -132,7 +132,7 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
     let mut rounds = 0;
     let (fitted, round) = loop {
         rounds += 1;
-        let fitted = fit(&runs, &gains, options, caller)?;
+        let fitted = fit(&runs, (&gains, WIDE), options, caller)?;
         let round = errors(&fitted, &joints, options)?;
         let is_told = round.errors.sd_in_common() <= UNTOLD;
         let errors = if is_told { round.errors.clone() } else { round.errors.apart() };
@@ -145,10 +145,9 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
         gains.iter_mut().enumerate().for_each(|(k, gain)| *gain *= step(k));
     };
     // As with the rig file that comes of it: gains of which nothing is known take the place of friction that the model lacks.
-    for recording in &runs.recordings {
-        let loaded = scaled(&runs, recording, (&gains, 0.5 * COARSEST), options, caller)?;
-        let own = loaded.fit(None, 0, caller).map_err(|error| error.of(&recording.name))?;
-        refuse_impossible(&loaded, &own)?;
+    let judged = fit(&runs, (&gains, 0.5 * COARSEST), options, caller)?;
+    for (loaded, own) in judged.loaded.iter().zip(&judged.fits) {
+        refuse_impossible(loaded, own)?;
     }
     Ok(answer(&runs, &gains, &fitted, round, rounds))
 }
@@ -207,11 +206,17 @@ fn guess(runs: &Runs, options: &DriveGainOptions, caller: &Caller<'_>) -> Result
     Ok(start::gains(source, &runs.model)?.filter(|gains| gains.len() == ones.len()).ok_or_else(nothing)?)
 }
 
-fn fit(runs: &Runs, gains: &[f64], options: &DriveGainOptions, caller: &Caller<'_>) -> Result<Fitted, Error> {
+/// Fits every recording with gains that are known to `sigma`, relative.
+fn fit(
+    runs: &Runs,
+    (gains, sigma): (&[f64], f64),
+    options: &DriveGainOptions,
+    caller: &Caller<'_>,
+) -> Result<Fitted, Error> {
     let mut all = Fitted { loaded: Vec::new(), fits: Vec::new() };
     for recording in &runs.recordings {
         caller.stage(&format!("gains by {}", recording.name), 0.0);
-        let loaded = scaled(runs, recording, (gains, WIDE), options, caller)?;
+        let loaded = scaled(runs, recording, (gains, sigma), options, caller)?;
         all.fits.push(loaded.fit(None, 0, caller).map_err(|error| error.of(&recording.name))?);
         all.loaded.push(loaded);
     }

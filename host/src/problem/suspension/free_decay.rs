@@ -214,10 +214,9 @@ fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> 
         _ => modes.amplitudes.of_channels(free),
     };
     let shares = out_of_phase(&damped);
-    let moved = shares.iter().zip(&modes.shapes.modes);
-    let counts =
+    let moves =
         |(share, mode): (&f64, &modal_analysis::Mode)| 0.5 * share * share * mode.angular > mode.angular_sd;
-    let is_moved = moved.into_iter().any(counts);
+    let is_moved = shares.iter().zip(&modes.shapes.modes).any(moves);
     if let Some(found) = is_moved.then(|| undamped(&damped)).flatten() {
         let found = shapes(&found, &[])?;
         for (mode, own) in modes.shapes.modes.iter_mut().zip(found.modes) {
