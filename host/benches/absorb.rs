@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use hexapod::experiment::thesis_program;
-use rigident::problem::body::shares::{Shares, Split};
+use rigident::rows::body::shares::{Shares, Split};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;

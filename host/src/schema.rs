@@ -15,9 +15,9 @@ pub const NAMES: [&str; 5] = ["rig", "result", "plan", "reference", "calibration
 pub fn schema(name: &str) -> Option<Value> {
     match name {
         "rig" => Some(schemars::schema_for!(rigident_io::rig::RigFile).to_value()),
-        "result" => Some(schemars::schema_for!(crate::answer::Answer).to_value()),
-        "plan" => Some(schemars::schema_for!(crate::plan::plan_file::PlanFile).to_value()),
-        "reference" => Some(schemars::schema_for!(crate::reference::ReferenceBody).to_value()),
+        "result" => Some(schemars::schema_for!(rigident_identify::answer::Answer).to_value()),
+        "plan" => Some(schemars::schema_for!(rigident_plan::plan_file::PlanFile).to_value()),
+        "reference" => Some(schemars::schema_for!(rigident_identify::reference::ReferenceBody).to_value()),
         "calibration" => Some(schemars::schema_for!(rigident_io::rig::RigCalibration).to_value()),
         _ => None,
     }

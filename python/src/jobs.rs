@@ -14,7 +14,7 @@ use rigident::fit::Silent;
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::prior::KnownValues;
 use rigident::model::human::{Person, Sex};
-use rigident::problem::tree::drive::Friction;
+use rigident::rows::tree::drive::Friction;
 use rigident_shared::forgetting::Span;
 use rigident_shared::printable;
 

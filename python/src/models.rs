@@ -8,7 +8,7 @@ use rigident::model::base::{BaseParameters, Rows, Situation, base_parameters};
 use rigident::model::human::{Person, Sex};
 use rigident::model::rows::Moving;
 use rigident::model::{Model, ModelError};
-use rigident::named_model::open;
+use rigident::rows::named_model::open;
 use rigident_cli::Failure;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, TreeError};

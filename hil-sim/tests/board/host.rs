@@ -7,7 +7,7 @@ use rigident_shared::wire::{
 
 use super::chip::{Chip, MS};
 
-/// As `host/src/device/link/client.rs` has it.
+/// As `host/device/src/link/client.rs` has it.
 const TRIES: u32 = 6;
 const PATIENCE: u64 = 700 * MS;
 /// A host that is well says something this often.

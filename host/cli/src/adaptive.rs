@@ -7,15 +7,15 @@ use rigident_shared::wire::{EstimateReport, Settings};
 use super::Failure;
 use super::came::Came;
 use rigident::answer::result::{ExperimentSummary, SegmentSummary};
+use rigident::device::platform::PlatformError;
 use rigident::device::session::{Axes, Director, Proposal};
+use rigident::fit::figures::significant;
 use rigident::plan::adaptive::library::word;
 use rigident::plan::adaptive::planner::Known;
 use rigident::plan::adaptive::{
     Asked, Decision, Forecast, Foreseen, Information, Next, Planner, RigModel, Told,
 };
 use rigident::plan::machine;
-use rigident::platform::PlatformError;
-use rigident::present::text::significant;
 use rigident::present::{Decided, Stage};
 use rigident_fit::Factor;
 use rigident_io::rig::RigFile;

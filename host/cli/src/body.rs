@@ -12,10 +12,10 @@ use rigident::answer::Status;
 use rigident::answer::person::DeviceResult;
 use rigident::application::body::{Beside, HeldTool, NoModel};
 use rigident::application::{self, BodyError, BodyOptions, Error, IdentifiedPerson};
-use rigident::body_segments::Study;
 use rigident::device::session::tree::{DeviceTreeError, device_tree};
+use rigident::people::body_segments::Study;
+use rigident::people::person::Person;
 use rigident::present;
-use rigident::problem::person::Person;
 use rigident_fit::Fit;
 
 /// `rigident body`

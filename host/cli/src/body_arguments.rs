@@ -3,10 +3,10 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::options::microcontroller::Mcu;
-use rigident::body_segments::Parts;
-use rigident::body_segments::choice::Way;
-use rigident::inverse_kinematics::subject::HumanModel;
-use rigident::problem::person::anthropometry::GivenMass;
+use rigident::people::body_segments::Parts;
+use rigident::people::body_segments::choice::Way;
+use rigident::people::inverse_kinematics::subject::HumanModel;
+use rigident::people::person::anthropometry::GivenMass;
 use rigident_fit::COVERAGE_95;
 use rigident_model::human::Sex;
 

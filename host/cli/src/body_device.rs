@@ -4,13 +4,13 @@ use super::arguments::Mcu;
 use super::link::configured;
 use super::{Failure, Stages, simulated};
 use rigident::answer::person::DeviceResult;
-use rigident::body_segments::{Motion, Study};
 use rigident::device::accuracy::Accuracy;
 use rigident::device::link::Client;
 use rigident::device::session::tree::complaints;
 use rigident::device::session::{Nobody, Session, Take, tracked};
-use rigident::problem::person::Person;
-use rigident::problem::tree::TreeSource;
+use rigident::people::body_segments::{Motion, Study};
+use rigident::people::person::Person;
+use rigident::rows::tree::TreeSource;
 use rigident_fit::{Factor, Fit, Silent, plain_factor};
 
 /// Streams some motions to the firmware; returns what it made of them, and what to warn of.

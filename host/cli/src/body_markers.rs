@@ -7,8 +7,8 @@ use serde_json::json;
 use super::body_arguments::BodyMarkers;
 use super::outcome::say;
 use super::{ExitStatus, Failure};
-use rigident::inverse_kinematics::landmarks::{Place, places};
-use rigident::inverse_kinematics::marker_sets::{bare_segments, likeness};
+use rigident::people::inverse_kinematics::landmarks::{Place, places};
+use rigident::people::inverse_kinematics::marker_sets::{bare_segments, likeness};
 use rigident_io::motion_capture::trial::Trial;
 
 /// `rigident body markers`

@@ -16,8 +16,8 @@ use super::{Failure, Folder};
 use rigident::answer::now;
 use rigident::application::report::provenance;
 use rigident::application::{Loaded, calibrate};
+use rigident::device::platform::ByHand;
 use rigident::device::session::{settings, sound};
-use rigident::platform::ByHand;
 use rigident_io::rig::RigFile;
 
 /// The address of no platform.

@@ -10,7 +10,7 @@ use super::{
     Failure, Stages, calibrate_drives, calibrate_imu, calibrate_joints, calibrate_load_cell,
     calibrate_masses, factor,
 };
-use rigident::present::text::{significant, unit_symbol, with_u95};
+use rigident::fit::figures::{significant, unit_symbol, with_u95};
 use rigident::reference::{Calibrated, Run, calibrate};
 use rigident_fit::{COVERAGE_95, Nuisance, RowSource};
 use rigident_io::recording::new_file::write_new_text;
@@ -112,7 +112,7 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
         say(text(&errors));
         say(format_args!(
             "\n{} in {}, valid for {} days. A rig file takes it by\n\n[calibration]\nfile = \"{}\"",
-            rigident::present::text::counted(errors.len(), "error", "errors"),
+            rigident::fit::figures::counted(errors.len(), "error", "errors"),
             arguments.output.display(),
             calibration.valid_days,
             arguments.output.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())

@@ -9,8 +9,8 @@ use super::calibration_arguments::CalibrateDrives;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages, factor};
 use rigident::application::{DriveGain, DriveGainOptions, DriveGains, Tree, drive_gains};
-use rigident::present::text::{NOT_IDENTIFIED, with_u95};
-use rigident::problem::tree::drive::Friction;
+use rigident::fit::figures::{NOT_IDENTIFIED, with_u95};
+use rigident::rows::tree::drive::Friction;
 use rigident_io::recording::new_file::write_new_text;
 
 /// The object of `--json`.

@@ -5,10 +5,10 @@ use serde::Serialize;
 use super::calibration_arguments::CalibrateImu;
 use super::outcome::say;
 use super::{ExitStatus, Failure};
+use rigident::fit::figures::with_u95;
 use rigident::plan::{machine, ranges};
-use rigident::present::text::with_u95;
-use rigident::problem::body::prepare::prepare;
-use rigident::problem::imu::{AXES, ImuRun, OF_AN_AXIS};
+use rigident::rows::body::prepare::prepare;
+use rigident::rows::imu::{AXES, ImuRun, OF_AN_AXIS};
 use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
 

@@ -11,11 +11,11 @@ use super::calibrate_joints_words::{believed, warnings, why, words};
 use super::calibration_arguments::CalibrateJoints;
 use super::outcome::say;
 use super::{ExitStatus, Failure, factor};
+use rigident::fit::figures::NOT_IDENTIFIED;
 use rigident::joint_offsets::poses_file::PosesTable;
 use rigident::joint_offsets::result::{Answer, Coarsest, Offset, identify};
 use rigident::joint_offsets::search::Method;
 use rigident::joint_offsets::{JointTree, Noise, Setup, contacts_file};
-use rigident::present::text::NOT_IDENTIFIED;
 use rigident_fit::{COVERAGE_95, Measured};
 use rigident_io::recording::new_file::write_new_text;
 use rigident_model::human::Person;
@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
         m: 1e-3 * positive("--coarsest-u95-mm", arguments.coarsest_u95_mm)?,
     };
     let (model, _) =
-        rigident::named_model::open(&arguments.model, &Person::default()).map_err(Failure::input)?;
+        rigident::rows::named_model::open(&arguments.model, &Person::default()).map_err(Failure::input)?;
     let tree = JointTree::new(&model);
     let contacts = text_of(&arguments.contacts)?;
     let site = |name: &str| sites::site(Path::new(&arguments.model), name);

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 
 use super::Failure;
+use rigident::fit::figures::{NOT_IDENTIFIED, counted, significant};
 use rigident::joint_offsets::faults::{Contradiction, Fault, contradiction};
 use rigident::joint_offsets::result::{Answer, Coarsest, Offset};
 use rigident::joint_offsets::{Pose, Setup};
 use rigident::present::joint_offsets::with_unit;
-use rigident::present::text::{NOT_IDENTIFIED, counted, significant};
 use rigident_fit::COVERAGE_95;
 
 /// The excess of the residuals over the stated noise from which on it is reported, a ratio of variances.

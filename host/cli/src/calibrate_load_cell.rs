@@ -9,9 +9,9 @@ use super::calibrate_joints::{positive, text_of};
 use super::calibration_arguments::CalibrateLoadCell;
 use super::outcome::say;
 use super::{ExitStatus, Failure, factor};
+use rigident::fit::figures::significant;
 use rigident::load_cell::matrix::Matrix;
 use rigident::load_cell::{COARSEST, COMPONENTS, Uncertainty, calibrate, table};
-use rigident::present::text::significant;
 use rigident_io::recording::Recording;
 use rigident_io::recording::new_file::write_new_text;
 

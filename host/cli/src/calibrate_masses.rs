@@ -9,12 +9,12 @@ use super::calibrate_masses_rows::{Read, read};
 use super::calibration_arguments::{CalibrateMasses, MassMethod};
 use super::outcome::say;
 use super::{ExitStatus, Failure, Stages};
+use rigident::fit::figures::{counted, significant};
 use rigident::mass_properties::comparison::{Comparison, Outcome, Study, Way};
 use rigident::mass_properties::methods::Method;
 use rigident::mass_properties::unknowns::ParameterSet;
 use rigident::mass_properties::whole_mass::WholeMass;
-use rigident::present::text::{counted, significant};
-use rigident::problem::tree::TreeSource;
+use rigident::rows::tree::TreeSource;
 use rigident_model::{Model, remarks, write};
 
 /// The object of `--json`.

@@ -3,13 +3,13 @@
 use super::calibration_arguments::{CalibrateMasses, ExternalWrench};
 use super::{Failure, Stages};
 use rigident::application::{Loaded, Tree};
+use rigident::fit::figures::significant;
 use rigident::mass_properties::efforts::suspects;
 use rigident::mass_properties::external::{External, with_unknown_wrench};
 use rigident::mass_properties::weights::channel_sigma;
-use rigident::present::text::significant;
-use rigident::problem::ProblemOptions;
-use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::Friction;
+use rigident::rows::tree::ProblemOptions;
+use rigident::rows::tree::TreeSource;
+use rigident::rows::tree::drive::Friction;
 use rigident_fit::{Factor, plain_factor};
 
 /// The data read.

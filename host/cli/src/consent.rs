@@ -4,9 +4,9 @@ use std::fmt;
 use std::io::{self, IsTerminal, Write};
 
 use super::tell::tell;
+use rigident::device::platform::check::Summary;
 use rigident::device::session::Session;
 use rigident::plan::machine;
-use rigident::platform::check::Summary;
 use rigident_io::rig::RigFile;
 
 /// Less of the stroke than this in reserve at either end is worth a word: plans leave somewhat more.

@@ -17,9 +17,9 @@ use super::{Failure, Folder, Stages, demo_links, explain, guards, programme, sim
 use rigident::application::Loaded;
 use rigident::application::report::provenance;
 use rigident::device::link::Client;
+use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::{DeviceTiming, Session, settings};
-use rigident::platform::{LocalPlatform, Platform as _};
-use rigident::problem::body::imu_noise::imu_noise;
+use rigident::rows::body::imu_noise::imu_noise;
 use rigident_io::rig::RigFile;
 
 /// Rate of the demonstration, 1/s.

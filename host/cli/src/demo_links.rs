@@ -19,12 +19,12 @@ use super::{Failure, Folder, guards, simulated};
 use rigident::application::Loaded;
 use rigident::application::report::provenance;
 use rigident::device::link::Client;
+use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::tree::{self, device_tree, tree_settings};
 use rigident::device::session::two_links::{attitude_source, two_link_settings};
 use rigident::device::session::{Axes, DeviceTiming, Session, frames, two_links};
-use rigident::named_model::rig_links::from_tables;
-use rigident::platform::{LocalPlatform, Platform as _};
-use rigident::simulated::person;
+use rigident::laboratory::person;
+use rigident::rows::named_model::rig_links::from_tables;
 use rigident_io::recording::new_file::{write_new, write_new_text};
 use rigident_io::recording::{comment_in_words, rig_path};
 use rigident_io::rig::{

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use rigident::application::Loaded;
-use rigident::present::text::{fixed, significant};
+use rigident::fit::figures::{fixed, significant};
 use rigident::problem::Subject;
 use rigident_fit::Fit;
 use rigident_shared::conditioning::Conditioner;

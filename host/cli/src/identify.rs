@@ -7,7 +7,7 @@ use super::outcome::{CANNOT_BE_TRUE, say_not_written};
 use super::run_report::{Outlet, show};
 use super::{Failure, Folder, Stages, factor};
 use rigident::application::{self, IdentifyOptions, Recorded, payload, write_loads};
-use rigident::problem::tree::drive::Friction;
+use rigident::rows::tree::drive::Friction;
 use rigident_io::recording::Recording;
 
 /// `rigident identify`

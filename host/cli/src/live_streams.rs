@@ -6,7 +6,7 @@ use std::io::{BufWriter, Write};
 use std::time::Duration;
 
 use super::{Failure, Folder};
-use rigident::present::text::counted;
+use rigident::fit::figures::counted;
 use rigident::problem::clocks::Growing;
 use rigident_io::recording::columns::{Group, TIME};
 use rigident_io::recording::time;

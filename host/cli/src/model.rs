@@ -22,7 +22,8 @@ pub(super) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
 
 fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
     let name = &arguments.model;
-    let (model, text) = rigident::named_model::read(name, &Person::default()).map_err(Failure::input)?;
+    let (model, text) =
+        rigident::rows::named_model::read(name, &Person::default()).map_err(Failure::input)?;
     let checked = rigident_model::check::check(&model, text.as_deref(), std::path::Path::new(name));
     if arguments.json {
         let listed = |findings: &[Finding]| -> Vec<_> {
@@ -57,7 +58,7 @@ fn check(arguments: &ModelCheck) -> Result<ExitCode, Failure> {
 fn repair(arguments: &ModelRepair) -> Result<ExitCode, Failure> {
     write::check_target(&arguments.write).map_err(Failure::input)?;
     let name = arguments.model.display().to_string();
-    let (model, _) = rigident::named_model::read(&name, &Person::default()).map_err(Failure::input)?;
+    let (model, _) = rigident::rows::named_model::read(&name, &Person::default()).map_err(Failure::input)?;
     let (new, repairs) = model.repaired();
     let is_changed = repairs.iter().any(|repair| repair.taken.is_some());
     if is_changed {

@@ -9,8 +9,8 @@ use super::monitor_sources::{attach, follow, hear};
 use super::monitor_terminal as terminal;
 use super::monitor_watch::{NAP, Watch};
 use super::outcome::say;
-use rigident::monitor::View;
-use rigident::monitor::foxglove::Server;
+use rigident::present::monitor::View;
+use rigident::present::monitor::foxglove::Server;
 use rigident_io::rig::RigFile;
 
 /// `rigident monitor`

@@ -9,8 +9,8 @@ use super::link::configured;
 use super::monitor_watch::{Listener, Watch, trouble};
 use super::{Failure, simulated};
 use rigident::device::link::Client;
+use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::{DeviceTiming, Session, settings};
-use rigident::platform::{LocalPlatform, Platform as _};
 use rigident_io::rig::RigFile;
 
 /// The demonstration, ready to move.

@@ -14,7 +14,7 @@ use super::{Failure, Stages};
 use rigident::application::{Loaded, Tree};
 use rigident::device::ports;
 use rigident::device::session::Session;
-use rigident::problem::ProblemOptions;
+use rigident::rows::tree::ProblemOptions;
 use rigident_io::recording::extension;
 use rigident_io::recording::mcap::container::MAGIC;
 use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};

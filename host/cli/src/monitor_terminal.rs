@@ -9,8 +9,8 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 
 use super::Failure;
 use super::monitor_watch::Watch;
-use rigident::monitor::View;
-use rigident::monitor::draw::{Look, draw, height};
+use rigident::present::monitor::View;
+use rigident::present::monitor::draw::{Look, draw, height};
 
 /// A picture that nobody asked the size of.
 const PRINTED: u16 = 100;

@@ -14,7 +14,7 @@ use super::{Failure, Stages};
 use rigident::application::loaded::PLOT_POINTS;
 use rigident::application::{Loaded, Report};
 use rigident::device::session::{Heard, INTERRUPTED, Observer, widen};
-use rigident::monitor::{Answered, Counted, LinkHealth, View};
+use rigident::present::monitor::{Answered, Counted, LinkHealth, View};
 use rigident_io::rig::RigFile;
 
 /// Readings are fitted anew not more often than this, and not for more than a fourth of the time.

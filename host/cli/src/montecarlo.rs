@@ -12,12 +12,12 @@ use super::{ExitStatus, Failure, Progress};
 use rigident::application::Changes;
 use rigident::application::tree::read;
 use rigident::device::session::INTERRUPTED;
-use rigident::montecarlo::{
+use rigident::laboratory::trees;
+use rigident::plan::plan_file::PlanFile;
+use rigident::study::{
     Campaign, CampaignError, DERIVED, Judgement, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict,
     gain_error_sensors, noise_and_gain_error_sensors,
 };
-use rigident::plan::plan_file::PlanFile;
-use rigident::simulated::trees;
 
 /// The object of `--json`.
 #[derive(Serialize)]

@@ -8,11 +8,11 @@ use super::arguments::MontecarloMotions;
 use super::outcome::say;
 use super::{ExitStatus, Failure, Progress};
 use rigident::device::session::INTERRUPTED;
-use rigident::montecarlo::motions::{RepeatedMotion, motions, table};
-use rigident::montecarlo::two_step::{self, Judged, two_steps};
-use rigident::montecarlo::{CampaignError, K95, Limits95};
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::{Task, compare};
+use rigident::study::motions::{RepeatedMotion, motions, table};
+use rigident::study::two_step::{self, Judged, two_steps};
+use rigident::study::{CampaignError, K95, Limits95};
 
 /// The object of `--json`.
 #[derive(Serialize)]

@@ -2,7 +2,7 @@
 
 use super::Failure;
 use super::monitor_watch::Watch;
-use rigident::monitor::View;
+use rigident::present::monitor::View;
 
 /// Refuses: nothing can be drawn.
 ///

@@ -6,8 +6,8 @@ use hexapod::{BodyParameters, Geometry, MotionProgram, Segment};
 
 use super::Failure;
 use super::experiment::check_duration;
+use rigident::device::platform::check::WITHOUT_JOINTS;
 use rigident::plan::plan_file::PlanFile;
-use rigident::platform::check::WITHOUT_JOINTS;
 use rigident::present::Stage;
 
 /// What the platform does.

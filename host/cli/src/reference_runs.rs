@@ -6,10 +6,10 @@ use super::calibration_arguments::ReferenceRuns;
 use super::{Failure, Stages, factor, recorded};
 use rigident::application::recorded::named;
 use rigident::application::{Tree, calibrate};
-use rigident::problem::body::BodySource;
 use rigident::problem::{Problem, ProblemOptions, Subject};
 use rigident::reference::body::Mounted;
 use rigident::reference::{ReferenceBody, Run};
+use rigident::rows::body::BodySource;
 use rigident_fit::tare::Tare;
 use rigident_io::recording::Recording;
 

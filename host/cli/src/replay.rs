@@ -17,8 +17,8 @@ use rigident::application::{Error, Loaded, calibrate};
 use rigident::device::link::{Client, SerialTransport};
 use rigident::device::session::precision::{self, largest_numbers};
 use rigident::device::session::{DeviceTiming, Session, settings, state_imu_noise};
-use rigident::problem::body::imu_noise::{imu_noise, white_imu_noise};
-use rigident::problem::body::prepare::prepare;
+use rigident::rows::body::imu_noise::{imu_noise, white_imu_noise};
+use rigident::rows::body::prepare::prepare;
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 

@@ -21,9 +21,9 @@ use rigident::device::link::{Client, TakenFactor};
 use rigident::device::session::precision::{self, largest_numbers};
 use rigident::device::session::suspended::{beyond_matrix, frames, settings};
 use rigident::device::session::{Observer, Session};
-use rigident::present::text::with_u95;
-use rigident::problem::suspension::SuspendedSource;
+use rigident::fit::figures::with_u95;
 use rigident::problem::{ProblemOptions, Subject};
+use rigident::vibration::suspension::SuspendedSource;
 use rigident_fit::{
     DeviceFactor, Estimate, Factor, Kind, Measured, RowSource, Silent, device_estimate, plain_factor,
     plain_noise_gram,

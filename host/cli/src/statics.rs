@@ -6,7 +6,7 @@ use super::arguments::Statics as Arguments;
 use super::outcome::say;
 use super::{ExitStatus, Failure};
 use rigident::plan::poses::statics::{Estimated, Held, Statics, held, statics};
-use rigident::problem::body::prepare::prepare;
+use rigident::rows::body::prepare::prepare;
 use rigident_io::recording::Recording;
 use rigident_io::rig::WRENCH_CHANNELS;
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::Failure;
-use rigident::platform::{Said, Trace};
+use rigident::device::platform::{Said, Trace};
 use rigident_io::behind::Behind;
 
 /// A file of JSON objects, one a line: `t_s` since it was begun, and one other key that names what it is.

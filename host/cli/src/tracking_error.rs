@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use hexapod::Trajectory;
 
 use super::Failure;
-use rigident::platform::MotionSample;
-use rigident::platform::tracking::{Tracking, compare, difference};
+use rigident::device::platform::MotionSample;
+use rigident::device::platform::tracking::{Tracking, compare, difference};
 use rigident::present::TimePlot;
 use rigident_io::behind::Behind;
 

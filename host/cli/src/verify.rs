@@ -7,7 +7,7 @@ use super::outcome::say;
 use super::reference_runs::{Read, RigErrors, read};
 use super::{ExitStatus, Failure, Stages};
 use rigident::answer::{Answer, Context, contradictions};
-use rigident::present::text::{fixed, with_u95};
+use rigident::fit::figures::{fixed, with_u95};
 use rigident::reference::{Comparison, Quantity, contradiction};
 use rigident_fit::FitOptions;
 
@@ -125,7 +125,7 @@ fn text(quantities: &[Quantity], limit: f64) -> String {
         let measured = q.value.zip(q.u95).map(|(value, u95)| with_u95(value, u95, &q.unit));
         [
             q.name.clone(),
-            measured.unwrap_or_else(|| rigident::present::text::NOT_IDENTIFIED.to_owned()),
+            measured.unwrap_or_else(|| rigident::fit::figures::NOT_IDENTIFIED.to_owned()),
             with_u95(q.reference, q.reference_u95, &q.unit),
             q.e_n.map_or_else(String::new, |e_n| fixed(e_n, 2)),
             match (q.passed, q.is_beyond(limit)) {

@@ -10,16 +10,16 @@ use super::vibration_arguments::Postures;
 use super::{ExitStatus, Failure, Stages};
 use rigident::application::bare_platform::take_platform_off;
 use rigident::application::recorded::is_recording;
-use rigident::named_model::rig_links;
+use rigident::fit::figures::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
 use rigident::present::posture_sets::{Bar, figure};
-use rigident::present::text::{NOT_IDENTIFIED, significant, unit_symbol, with_u95};
-use rigident::problem::suspension::posture_checks::contradiction;
-use rigident::problem::suspension::posture_file::PosturesFile;
-use rigident::problem::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
-use rigident::problem::suspension::postures::PostureSource;
-use rigident::problem::suspension::recorded_postures::{self, RecordedPosture};
-use rigident::problem::suspension::settled::settled;
-use rigident::problem::suspension::support::Support;
+use rigident::rows::named_model::rig_links;
+use rigident::vibration::suspension::posture_checks::contradiction;
+use rigident::vibration::suspension::posture_file::PosturesFile;
+use rigident::vibration::suspension::posture_sets::{NextPosture, Subset, next, sets, shares, turn_deg};
+use rigident::vibration::suspension::postures::PostureSource;
+use rigident::vibration::suspension::recorded_postures::{self, RecordedPosture};
+use rigident::vibration::suspension::settled::settled;
+use rigident::vibration::suspension::support::Support;
 use rigident_fit::Fit;
 use rigident_fit::pool::PooledFactor;
 use rigident_io::recording::Recording;
@@ -252,7 +252,7 @@ fn object(file: &PosturesFile, source: &PostureSource, fit: &Fit) -> Object {
     }
 }
 
-fn complete(values: &[rigident::problem::suspension::posture_sets::SubsetValue]) -> bool {
+fn complete(values: &[rigident::vibration::suspension::posture_sets::SubsetValue]) -> bool {
     values.iter().all(|value| value.measured.is_some())
 }
 

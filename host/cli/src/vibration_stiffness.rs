@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::outcome::say;
 use super::vibration_arguments::Stiffness;
 use super::{ExitStatus, Failure, Stages};
-use rigident::present::text::significant;
-use rigident::problem::suspension::bare::bare_parameters;
-use rigident::problem::suspension::free_decay::vibration;
-use rigident::problem::suspension::springs::COORDINATES;
-use rigident::problem::suspension::stiffness::{FoundStiffness, stiffness};
-use rigident::problem::suspension::support::Support;
+use rigident::fit::figures::significant;
 use rigident::reference::ReferenceBody;
+use rigident::vibration::suspension::bare::bare_parameters;
+use rigident::vibration::suspension::free_decay::vibration;
+use rigident::vibration::suspension::springs::COORDINATES;
+use rigident::vibration::suspension::stiffness::{FoundStiffness, stiffness};
+use rigident::vibration::suspension::support::Support;
 use rigident_io::recording::Recording;
 
 /// The ratio of the residuals to those by chance from which on body, springs or modes contradict each other.

@@ -15,9 +15,9 @@ use rigident::device::session::streamed::{Pace, Watched, line_need};
 use rigident::device::session::tree::complaints;
 use rigident::device::session::watched::{WatchOptions, WatchedRobot};
 use rigident::device::session::{Session, SessionError};
-use rigident::problem::ProblemOptions;
-use rigident::problem::tree::Input;
-use rigident::problem::tree::prepare::prepare;
+use rigident::rows::tree::Input;
+use rigident::rows::tree::ProblemOptions;
+use rigident::rows::tree::prepare::prepare;
 use rigident_io::recording::Recording;
 
 /// Names and units of a link's parameters.

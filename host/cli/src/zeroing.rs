@@ -15,12 +15,12 @@ use super::Failure;
 use super::experiment::Watcher;
 use super::link::{configured, device_settings};
 use super::options::forgetting;
+use rigident::device::platform::check;
 use rigident::device::session::{DeviceTiming, INTERRUPTED, Session, precision, state_imu_noise, widen};
 use rigident::plan::carried::{self, CarriedError, LoadBound, Weighing};
 use rigident::plan::machine;
-use rigident::platform::check;
-use rigident::problem::body::imu_noise::{imu_noise, white_imu_noise};
-use rigident::problem::body::prepare::mounting;
+use rigident::rows::body::imu_noise::{imu_noise, white_imu_noise};
+use rigident::rows::body::prepare::mounting;
 use rigident_io::rig::{Calibrated, ImuTable, RigFile, WRENCH_CHANNELS};
 
 /// Length of one check of the sensors at rest, s.

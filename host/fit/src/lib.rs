@@ -19,6 +19,7 @@ pub mod explained;
 mod factor;
 pub mod factor_file;
 mod features;
+pub mod figures;
 mod fingerprint;
 mod forgetting;
 mod gaussian;

@@ -1,9 +1,9 @@
 //! The bare platform on springs taken off what was found on them.
 
-use crate::problem::suspension::bare::fixture;
 use rigident_fit::Fit;
 use rigident_fit::tare::{Tare, TareError};
 use rigident_io::rig::SuspensionTable;
+use rigident_vibration::suspension::bare::fixture;
 
 /// Takes the bare platform off what was found on the springs, if the rig file states it.
 ///

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::body_segments::StudyError;
-use crate::body_segments::opensim::OsimFault;
 use rigident_io::motion_capture::opensim::OpenSimError;
 use rigident_io::motion_capture::trial::TrialError;
+use rigident_people::body_segments::StudyError;
+use rigident_people::body_segments::opensim::OsimFault;
 
 /// Why a person is not identified.
 #[derive(Debug, thiserror::Error)]

@@ -2,8 +2,8 @@
 
 use rigident_shared::calibration::Reading;
 
-use crate::answer::{Drift, DriftChange};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
+use rigident_identify::answer::{Drift, DriftChange};
 
 /// The edges of a pose still shake, s.
 const MARGIN_S: f64 = 0.2;

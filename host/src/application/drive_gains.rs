@@ -5,20 +5,20 @@ use std::path::PathBuf;
 use super::drive_gains_error::DriveGainsError;
 use super::loaded::{Loaded, StandardOptions};
 use super::{Caller, Error, Tree, payload, recorded, tree};
-use crate::answer::{Answer, Context, Status};
-use crate::drive_gains::columns::{EffortColumn, columns, scale};
-use crate::drive_gains::nominal::expected;
-use crate::drive_gains::scales::Errors;
-use crate::drive_gains::{COARSEST, MOST_ROUNDS, SETTLED, UNTOLD, WIDE, start};
-use crate::problem::ProblemOptions;
-use crate::problem::tree::drive::Friction;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::prior::KnownValues;
 use rigident_fit::tare::Tare;
 use rigident_fit::{Fit, Progress};
+use rigident_identify::answer::{Answer, Context, Status};
+use rigident_identify::drive_gains::columns::{EffortColumn, columns, scale};
+use rigident_identify::drive_gains::nominal::expected;
+use rigident_identify::drive_gains::scales::Errors;
+use rigident_identify::drive_gains::{COARSEST, MOST_ROUNDS, SETTLED, UNTOLD, WIDE, start};
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
+use rigident_rows::tree::ProblemOptions;
+use rigident_rows::tree::drive::Friction;
 
 /// The label by which recordings are of one robot, where they have none of their own.
 const ROBOT: (&str, &str) = ("rig", "robot");

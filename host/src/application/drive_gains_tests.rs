@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::application::{Identified, IdentifyOptions, identify};
-use crate::simulated::arm::{ArmRun, csv};
-use crate::simulated::trees::seven_axes;
+use rigident_laboratory::arm::{ArmRun, csv};
+use rigident_laboratory::trees::seven_axes;
 use rigident_model::write::generated;
 use rigident_model::xml::Language;
 

@@ -7,22 +7,22 @@ use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
 use super::drive_gains_error::DriveGainsError;
-use crate::answer::{AnswerError, ReadError};
-use crate::body_segments::StudyError;
-use crate::body_segments::opensim::OsimFault;
-use crate::problem::ProblemError;
-use crate::problem::clocks::StreamError;
-use crate::problem::tree::TreePrepareError;
 use rigident_fit::FitError;
 use rigident_fit::pool::PoolError;
 use rigident_fit::prior::KnownError;
 use rigident_fit::tare::TareError;
+use rigident_identify::answer::{AnswerError, ReadError};
+use rigident_identify::problem::ProblemError;
+use rigident_identify::problem::clocks::StreamError;
 use rigident_io::motion_capture::opensim::OpenSimError;
 use rigident_io::motion_capture::trial::TrialError;
 use rigident_io::recording::RecordingError;
 use rigident_io::rig::RigFileError;
 use rigident_io::rig::calibration::CalibrationError;
 use rigident_model::ModelError;
+use rigident_people::body_segments::StudyError;
+use rigident_people::body_segments::opensim::OsimFault;
+use rigident_rows::tree::TreePrepareError;
 
 /// Why a job has no answer: its kind, with what a caller needs to word the remedy. Its text is for users of this library.
 #[derive(Debug, thiserror::Error)]

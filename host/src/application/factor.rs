@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::{Caller, Error, Loaded, Recorded, Tree};
-use crate::problem::ProblemOptions;
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::{Fit, Progress};
+use rigident_rows::tree::ProblemOptions;
 
 /// The way a recording is reduced.
 #[derive(Clone, Debug, Default)]

@@ -12,12 +12,12 @@ use super::span::{self, RowsOf};
 use super::tare::{Fixture, ReadWith, bare, take_off, taken_off};
 use super::tree::{tree_in, tree_of};
 use super::{Caller, Error, Identified, Notice, Recorded, Report, Tree, TreeOption, payload};
-use crate::problem::ProblemOptions;
-use crate::problem::tree::drive::Friction;
 use rigident_fit::prior::KnownValues;
 use rigident_fit::tare::Tare;
 use rigident_fit::{Fit, Progress};
 use rigident_model::write;
+use rigident_rows::tree::ProblemOptions;
+use rigident_rows::tree::drive::Friction;
 
 /// The way a recording is identified.
 #[derive(Clone, Debug)]

@@ -8,19 +8,19 @@ use rigident_shared::forgetting::Span;
 use super::recorded::{self, assumed_columns, joints_of, left_out_columns, stream_set};
 use super::tree::{change_as_recorded, tree_in, tree_of};
 use super::{Caller, Changes, Error, Recorded, Tree, calibration, drift, motion_plots};
-use crate::answer::result::Cause;
-use crate::answer::{self, Answer, Context, Drift, Links, Source, StandardRequest, TimeBase};
-use crate::diagnosis::{self, Case};
-use crate::present::TimePlot;
-use crate::problem::body::BodySource;
-use crate::problem::body::{input_checks, prepare};
-use crate::problem::clocks::{StreamSet, as_stamped};
-use crate::problem::{Problem, ProblemError, ProblemOptions, Subject};
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::{Checks, DeviceFactor, Fit, FitError, FitOptions, Progress, RowSource, Timing};
+use rigident_identify::answer::result::Cause;
+use rigident_identify::answer::{self, Answer, Context, Drift, Links, Source, StandardRequest, TimeBase};
+use rigident_identify::diagnosis::{self, Case};
+use rigident_identify::problem::clocks::{StreamSet, as_stamped};
+use rigident_identify::problem::{Problem, ProblemError, ProblemOptions, Subject};
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
+use rigident_present::TimePlot;
+use rigident_rows::body::BodySource;
+use rigident_rows::body::{input_checks, prepare};
 
 /// Said where a rig file's calibration is of no use.
 const UNUSED_CALIBRATION: &str =

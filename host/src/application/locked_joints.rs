@@ -6,11 +6,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rigident_shared::tree::Joint;
 
 use super::{Caller, Error, Notice};
-use crate::problem::tree::columns::{self, Column, Quantity};
-use crate::problem::tree::joints::{Resolved, Seen, attitude, resolve};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
 use rigident_model::idle::{DEVIATION, Spread};
+use rigident_rows::tree::columns::{self, Column, Quantity};
+use rigident_rows::tree::joints::{Resolved, Seen, attitude, resolve};
 
 /// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
 const HELD: f64 = 2e-3;

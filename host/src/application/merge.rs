@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Caller, Error};
-use crate::present;
+
 use rigident_fit::Progress;
 use rigident_fit::pool::{PooledFactor, disagreement_in_words};
 use rigident_io::union::{Union, union, union_of_files};
@@ -71,6 +71,6 @@ pub fn agreement(pooled: &PooledFactor, shared_offset: bool, force: bool) -> Res
         }
         said.push(disagreement_in_words("the runs", ratio));
     }
-    said.extend(present::merged::assumptions(pooled));
+    said.extend(rigident_present::merged::assumptions(pooled));
     Ok(said)
 }

@@ -2,8 +2,8 @@
 
 use rigident_shared::calibration::Reading;
 
-use crate::present::TimePlot;
-use crate::problem::body::Input;
+use rigident_present::TimePlot;
+use rigident_rows::body::Input;
 
 /// Returns angular rate and specific force of one body's IMU; times in s from the first reading, or the number of the
 /// still pose.

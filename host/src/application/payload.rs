@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion};
 
 use super::{Caller, Error, Loaded, Notice};
-use crate::answer::payload::{ControllerLoad, PayloadResult};
-use crate::answer::{Answer, Context, Status};
 use rigident_files::new_file;
 use rigident_fit::Fit;
 use rigident_fit::payload::{Carrier, disagreement_in_words};
 use rigident_fit::tare::Tare;
+use rigident_identify::answer::payload::{ControllerLoad, PayloadResult};
+use rigident_identify::answer::{Answer, Context, Status};
 use rigident_io::recording::new_file::write_new_text;
 use rigident_model::inertial::map_to_parent;
 use rigident_model::load::{Language, LoadError};

@@ -4,17 +4,17 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::{Caller, Error, Loaded, Tree, recorded};
-use crate::answer::Answer;
-use crate::answer::predictor::Predictor;
-use crate::answer::result::CompleteDrive;
-use crate::named_model;
-use crate::present::prediction::{self, ChannelError, PredictedChannel, Predictions};
-use crate::problem::ProblemOptions;
-use crate::problem::tree::drive::{Friction, stated};
 use rigident_files::csv::field;
 use rigident_fit::{Prediction, Progress, RowSource, plain_least_squares};
+use rigident_identify::answer::Answer;
+use rigident_identify::answer::predictor::Predictor;
+use rigident_identify::answer::result::CompleteDrive;
 use rigident_model::human::Person;
 use rigident_model::{Model, ModelLink};
+use rigident_present::prediction::{self, ChannelError, PredictedChannel, Predictions};
+use rigident_rows::named_model;
+use rigident_rows::tree::ProblemOptions;
+use rigident_rows::tree::drive::{Friction, stated};
 
 /// The way a recording is predicted.
 #[derive(Clone, Debug, Default)]
@@ -139,7 +139,7 @@ fn predicted(
         if !without.is_empty() && name != "nominal" {
             notes.push(format!(
                 "{name} says nothing of {}: they count as zero",
-                crate::present::text::shortened(&without, 6)
+                rigident_fit::figures::shortened(&without, 6)
             ));
         }
         columns.push((name, Prediction::of(source, &values, predictor.errors())?));

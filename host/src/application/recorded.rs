@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Caller, Error, ListingError, Notice};
-use crate::problem::clocks::StreamSet;
+use rigident_identify::problem::clocks::StreamSet;
 use rigident_io::recording::mcap::folder::is_bag_folder;
 use rigident_io::recording::{Recording, extension, is_text, rig_path};
 use rigident_io::rig::RigFile;

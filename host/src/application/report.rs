@@ -1,15 +1,15 @@
 //! The results of a job at its end, and the conclusions from them.
 
-use crate::answer::result::ExperimentSummary;
-use crate::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
-use crate::present::{self, Decided, Series, Stage, TimePlot};
 use rigident_fit::Fit;
 use rigident_fit::pool::PooledFactor;
+use rigident_identify::answer::result::ExperimentSummary;
+use rigident_identify::answer::{Answer, Context, Drift, Source, Status, TimeBase, Tracking};
 use rigident_io::rig::RigFile;
+use rigident_present::{self, Decided, Series, Stage, TimePlot};
 
 use super::loaded::{Loaded, StandardOptions};
 use super::{Caller, Error, WrittenModel};
-use crate::answer::payload::PayloadResult;
+use rigident_identify::answer::payload::PayloadResult;
 
 /// Everything that a job knows at its end beside the fit.
 pub struct Report<'a> {
@@ -206,7 +206,7 @@ impl Identified {
             provenance: shown.provenance,
             ..Series::new(&self.fit, &self.answer, shown.is_static, shown.origin_s)
         };
-        present::report(&self.answer, &series)
+        rigident_present::report(&self.answer, &series)
     }
 }
 

@@ -7,13 +7,13 @@ use std::time::Instant;
 use super::bare_platform::take_platform_off;
 use super::tare::{Fixture, ReadWith, take_off, tare};
 use super::{Caller, Error, Identified, Notice, Report, Tree};
-use crate::answer::Source;
-use crate::present;
-use crate::problem::suspension::bare::is_stated;
+use rigident_identify::answer::Source;
+
 use rigident_fit::pool::{PooledFactor, disagreement_in_words};
 use rigident_fit::prior::KnownValues;
 use rigident_fit::{Fit, Parameter};
 use rigident_io::rig::RigFile;
+use rigident_vibration::suspension::bare::is_stated;
 
 /// The way a factor is solved.
 #[derive(Clone, Debug, Default)]
@@ -56,7 +56,7 @@ fn solved(pooled: &PooledFactor, options: &SolveOptions, caller: &Caller<'_>) ->
     let mut report = Report { asked: options.asked.clone(), ..Report::of_factor(&rig, source) };
     let disagreement = pooled.unexplained_disagreement();
     report.warnings.extend(disagreement.map(|ratio| disagreement_in_words("the merged runs", ratio)));
-    report.notes.extend(present::merged::assumptions(pooled));
+    report.notes.extend(rigident_present::merged::assumptions(pooled));
     if options.asked.iter().any(|word| word.trim().starts_with("offset"))
         && let Some(why) = pooled.without_offset_in_words()
     {

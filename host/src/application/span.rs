@@ -3,8 +3,8 @@
 use rigident_shared::forgetting::Span;
 
 use super::Error;
-use crate::problem::body::Input;
 use rigident_fit::{RowSource, Timing, filter_width_s, row_every};
+use rigident_rows::body::Input;
 
 /// Row blocks of which a window holds one at least in each of its parts.
 const LEAST_BLOCKS: f64 = 5.0;

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use super::factor::{FactorOptions, reduced};
 use super::recorded::{is_recording, is_rig_file};
 use super::{Caller, Error, Recorded, Tree};
-use crate::present;
-use crate::problem::ProblemOptions;
+
 use rigident_fit::pool::PooledFactor;
 use rigident_fit::tare::{Tare, TareError};
 use rigident_fit::{CheckedRun, Fit, Kind};
 use rigident_io::recording::rig_path;
+use rigident_rows::tree::ProblemOptions;
 
 /// A run with the bare fixture.
 #[derive(Clone, Debug)]
@@ -105,7 +105,7 @@ pub fn bare(
 /// # Errors
 /// As [`Tare::take_off`].
 pub fn take_off(tare: &Tare, found: &mut Fit, notes: &mut Vec<String>) -> Result<(), TareError> {
-    notes.extend(present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
+    notes.extend(rigident_present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
     tare.take_off(found)
 }
 
@@ -118,6 +118,7 @@ pub fn taken_off(tare: &Tare) -> String {
         Some(j) => tare.fit().estimate.measured(j),
         None => None,
     };
-    let mass = mass.map_or("unknown mass".to_owned(), |m| present::text::with_u95(m.value, m.u95, "kg"));
+    let mass =
+        mass.map_or("unknown mass".to_owned(), |m| rigident_fit::figures::with_u95(m.value, m.u95, "kg"));
     format!("tare: a fixture of {mass} was subtracted with its uncertainty ({})", tare.recordings())
 }

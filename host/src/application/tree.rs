@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use super::locked_joints;
 use super::recorded::is_rig_file;
 use super::{Caller, Error, Notice, TreeOption};
-use crate::named_model;
 use rigident_io::recording::{Recording, extension, rig_path};
 use rigident_io::rig::RigFile;
 use rigident_model::Model;
 use rigident_model::human::Person;
+use rigident_rows::named_model;
 
 /// The tree that a recording is of.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::Error;
 use super::loaded::{Loaded, StandardOptions};
-use crate::answer::Answer;
-use crate::answer::result::{Complete, CompleteDrive, CompleteTerm};
-use crate::answer::standard_parameters::nearest_with_rotors;
 use rigident_fit::Fit;
+use rigident_identify::answer::Answer;
+use rigident_identify::answer::result::{Complete, CompleteDrive, CompleteTerm};
+use rigident_identify::answer::standard_parameters::nearest_with_rotors;
 use rigident_model::passive::Passive;
 use rigident_model::xml::Language;
 use rigident_model::{Model, remarks, write};

@@ -8,8 +8,8 @@ use hexapod::{Axis, BodyParameters, FrameMotion, Geometry, MotionProgram, Segmen
 use nalgebra::Vector3;
 use rigident::fit::lack_of_fit::{Changed, Motion};
 use rigident::fit::{Fit, FitOptions, Silent, fit};
-use rigident::problem::body::{BodySource, Input};
 use rigident::rig::ImuTable;
+use rigident::rows::body::{BodySource, Input};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};

@@ -1,7 +1,7 @@
 //! The change of the intervals when the load cell's noise is not white, and whether the answer says so.
 
 use rigident::fit::{Fit, FitOptions};
-use rigident::problem::body::Input;
+use rigident::rows::body::Input;
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::Wrench;
 

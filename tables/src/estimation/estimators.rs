@@ -9,8 +9,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rigident::fit::{Channel, FitOptions, RowBlocks, RowSource, SignalNoise, Silent, fit};
-use rigident::montecarlo::{Campaign, Prepared};
-use rigident::problem::body::BodySource;
+use rigident::rows::body::BodySource;
+use rigident::study::{Campaign, Prepared};
 
 use super::report::{Job, in_parallel};
 use super::signal_noise::{BODY, IMU, motion, rig};

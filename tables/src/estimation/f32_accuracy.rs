@@ -4,7 +4,7 @@ use hexapod::Mounting;
 use hexapod::Segment;
 use hexapod::experiment::thesis_program;
 use rigident::fit::FILTER_WIDTH_S;
-use rigident::simulated::mounting;
+use rigident::laboratory::mounting;
 use rigident_shared::calibration::Reading;
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::factor::{Cascade, InformationFactor};

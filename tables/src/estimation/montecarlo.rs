@@ -3,7 +3,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::{
+use rigident::study::{
     Campaign, PARAMETERS, Solver, Verdict, gain_error_sensors, noise_and_gain_error_sensors,
 };
 use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};

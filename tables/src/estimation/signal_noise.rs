@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use hexapod::{Axis, BodyParameters, MotionProgram, Segment, SineTerm};
-use rigident::montecarlo::{Campaign, Solver};
+use rigident::study::{Campaign, Solver};
 use rigident_sim::rig::RigConfig;
 
 /// Parameters of the body, without the offsets.

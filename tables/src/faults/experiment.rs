@@ -3,12 +3,12 @@
 use hexapod::experiment::thesis_program;
 use rigident::answer::{Answer, Context, Status};
 use rigident::device::link::Client;
+use rigident::device::platform::{LocalPlatform, Platform};
 use rigident::device::session::{DeviceTiming, Nobody, Session, settings};
 use rigident::fit::{FitOptions, Silent};
-use rigident::platform::{LocalPlatform, Platform};
-use rigident::problem::body::{BodySource, prepare};
 use rigident::problem::{Problem, Subject};
 use rigident::rig::{ImuTable, LoadCellTable, RecordingTable, RigFile};
+use rigident::rows::body::{BodySource, prepare};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::wire::{Source, StateName};
 use rigident_sim::flash::SharedFlash;

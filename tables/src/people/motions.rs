@@ -1,12 +1,12 @@
 //! Twelve of twenty-nine motions of a simulated person, by four ways of choosing.
 
-use rigident::body_segments::choice::{Way, choices};
-use rigident::body_segments::{Study, StudyOptions};
 use rigident::fit::{FitOptions, Silent};
-use rigident::inverse_kinematics::subject::HumanModel;
+use rigident::laboratory::laboratory::Laboratory;
 use rigident::motion_capture::trial::Trial;
-use rigident::problem::person::{PeopleOptions, Person};
-use rigident::simulated::laboratory::Laboratory;
+use rigident::people::body_segments::choice::{Way, choices};
+use rigident::people::body_segments::{Study, StudyOptions};
+use rigident::people::inverse_kinematics::subject::HumanModel;
+use rigident::people::person::{PeopleOptions, Person};
 
 use super::subjects::subject;
 

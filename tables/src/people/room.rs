@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use rigident::inverse_kinematics::subject::HumanModel;
+use rigident::laboratory::laboratory::Laboratory;
 use rigident::motion_capture::trial::Trial;
-use rigident::simulated::laboratory::Laboratory;
+use rigident::people::inverse_kinematics::subject::HumanModel;
 
 use super::subjects::{Subject, subject};
 

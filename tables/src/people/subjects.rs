@@ -2,18 +2,18 @@
 //! with a racket.
 
 use nalgebra::DVector;
-use rigident::body_segments::left_out::left_out;
-use rigident::body_segments::tool::tool;
-use rigident::body_segments::{Study, StudyOptions};
 use rigident::fit::{FitOptions, Measured, Silent};
-use rigident::inverse_kinematics::subject::HumanModel;
+use rigident::laboratory::laboratory::{Laboratory, Somebody};
+use rigident::laboratory::person::somebody;
 use rigident::model::Model;
 use rigident::model::base::base_parameters;
 use rigident::model::human::Person as Standard;
 use rigident::motion_capture::trial::Trial;
-use rigident::problem::person::{PeopleOptions, Person};
-use rigident::simulated::laboratory::{Laboratory, Somebody};
-use rigident::simulated::person::somebody;
+use rigident::people::body_segments::left_out::left_out;
+use rigident::people::body_segments::tool::tool;
+use rigident::people::body_segments::{Study, StudyOptions};
+use rigident::people::inverse_kinematics::subject::HumanModel;
+use rigident::people::person::{PeopleOptions, Person};
 
 /// People of each kind.
 const PEOPLE: u64 = 4;

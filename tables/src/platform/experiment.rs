@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::{Campaign, Judgement, noise_and_gain_error_sensors};
+use rigident::study::{Campaign, Judgement, noise_and_gain_error_sensors};
 use rigident_sim::rig::RigConfig;
 
 /// k of a 95 % interval.

@@ -2,10 +2,10 @@
 
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::{motions, two_step};
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::Task;
 use rigident::plan::motion::compare::{Row, compare, table};
+use rigident::study::{motions, two_step};
 
 /// Of every experiment, s, and of its readings, 1/s.
 const DURATION_S: f64 = 40.0;

@@ -6,9 +6,11 @@ use std::collections::BTreeMap;
 use nalgebra::{DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rigident::answer::{Answer, Context, Status};
 use rigident::fit::{Fit, FitOptions, Nuisance, Silent, parallel};
+use rigident::laboratory::trees::{
+    TreeInstant, TreeNoise, seven_axes, truth, two_links, with_noise_and_offset,
+};
 use rigident::model::Model;
 use rigident::model::dynamics::inverse_dynamics;
-use rigident::problem::body::CHANNELS;
 use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::{ImuColumns, Recording};
 use rigident::rig::classes::rectangular;
@@ -16,9 +18,7 @@ use rigident::rig::{
     ImuClass, ImuTable, JointTable, LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RigFile,
     TreeClass, TreeTable,
 };
-use rigident::simulated::trees::{
-    TreeInstant, TreeNoise, seven_axes, truth, two_links, with_noise_and_offset,
-};
+use rigident::rows::body::CHANNELS;
 
 use crate::estimation::Normal;
 

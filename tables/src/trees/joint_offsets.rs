@@ -11,7 +11,7 @@ use rigident::joint_offsets::faults::contradiction;
 use rigident::joint_offsets::result::{Answer, COARSEST, identify};
 use rigident::joint_offsets::search::Method;
 use rigident::joint_offsets::{Noise, Pose, Setup};
-use rigident::simulated::standing::{Reading, random_offsets, random_poses, setup, squats};
+use rigident::laboratory::standing::{Reading, random_offsets, random_poses, setup, squats};
 use statrs::distribution::{Beta, ContinuousCDF as _};
 
 /// Sets of poses of each kind and number.

@@ -4,13 +4,13 @@ use std::fmt::Write as _;
 
 use nalgebra::{Matrix4, Vector3};
 use rigident::fit::{Factor, Silent, plain_factor};
+use rigident::laboratory::on_feet::OnFeet;
 use rigident::mass_properties::comparison::{Comparison, Study, Way};
 use rigident::mass_properties::methods::Method;
 use rigident::mass_properties::unknowns::ParameterSet;
 use rigident::model::Model;
 use rigident::model::human::Person;
-use rigident::problem::tree::TreeSource;
-use rigident::simulated::on_feet::OnFeet;
+use rigident::rows::tree::TreeSource;
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 

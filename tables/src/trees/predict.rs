@@ -3,14 +3,14 @@
 use rigident::answer::predictor::Predictor;
 use rigident::answer::{Answer, Context, Links, StandardRequest};
 use rigident::fit::{FitOptions, Prediction, RowSource, Silent, plain_least_squares};
+use rigident::laboratory::arm::ArmRun;
 use rigident::model::Model;
 use rigident::model::human::Person;
-use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::Friction;
 use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::Recording;
 use rigident::rig::TreeClass;
-use rigident::simulated::arm::ArmRun;
+use rigident::rows::tree::TreeSource;
+use rigident::rows::tree::drive::Friction;
 use rigident_shared::tree::Joint;
 
 use super::staubli;
@@ -73,7 +73,7 @@ fn rows(case: &Case) -> String {
     ];
     let line = |(by, shares): &(&str, Vec<f64>)| {
         let cells = (0..7)
-            .map(|k| shares.get(k).map_or("–".to_owned(), |v| rigident::present::text::significant(*v, 3)));
+            .map(|k| shares.get(k).map_or("–".to_owned(), |v| rigident::fit::figures::significant(*v, 3)));
         format!("| {} | {by} | {} |\n", case.name, cells.collect::<Vec<_>>().join(" | "))
     };
     lines.iter().map(line).collect()
@@ -81,8 +81,9 @@ fn rows(case: &Case) -> String {
 
 fn robot(file: &str, locked: &[&str]) -> Model {
     let path = staubli::data().join("../urdf").join(file);
-    let mut model =
-        rigident::named_model::open(path.to_str().expect("a path"), &Person::default()).expect("a robot").0;
+    let mut model = rigident::rows::named_model::open(path.to_str().expect("a path"), &Person::default())
+        .expect("a robot")
+        .0;
     for joint in locked {
         let at = model.joint(joint).expect("a joint");
         model.links[at].link.joint = Joint::Fixed;

@@ -2,9 +2,9 @@
 
 use std::sync::atomic::AtomicBool;
 
+use rigident::laboratory::trees::{TreeNoise, seven_axes, two_links};
 use rigident::model::Model;
-use rigident::montecarlo::{Judgement, TreeCampaign, TreeExperiment};
-use rigident::simulated::trees::{TreeNoise, seven_axes, two_links};
+use rigident::study::{Judgement, TreeCampaign, TreeExperiment};
 
 const RUNS: u64 = 100;
 

@@ -2,16 +2,16 @@
 
 use rigident::answer::standard_parameters::{BaseEstimate, nearest};
 use rigident::fit::{Fit, FitOptions, Silent};
-use rigident::model::Model;
-use rigident::model::base::BaseParameters;
-use rigident::model::inertial::in_parent;
-use rigident::problem::tree::drive::Term;
-use rigident::problem::{Problem, ProblemOptions};
-use rigident::recording::Recording;
-use rigident::simulated::trees::{
+use rigident::laboratory::trees::{
     Coverage, OFFSET, coverage, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
     with_remembered_noise, worst,
 };
+use rigident::model::Model;
+use rigident::model::base::BaseParameters;
+use rigident::model::inertial::in_parent;
+use rigident::problem::{Problem, ProblemOptions};
+use rigident::recording::Recording;
+use rigident::rows::tree::drive::Term;
 
 const RUNS: u64 = 200;
 

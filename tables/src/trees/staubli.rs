@@ -13,11 +13,11 @@ use rigident::model::Model;
 use rigident::model::base::BaseParameters;
 use rigident::model::human::Person;
 use rigident::model::rows::Moving;
-use rigident::problem::ProblemOptions;
-use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::{Drive, DriveState, Term};
-use rigident::problem::tree::prepare::{PreparedTree, prepare};
 use rigident::recording::Recording;
+use rigident::rows::tree::ProblemOptions;
+use rigident::rows::tree::TreeSource;
+use rigident::rows::tree::drive::{Drive, DriveState, Term};
+use rigident::rows::tree::prepare::{PreparedTree, prepare};
 use rigident_shared::tree::BaseMotion;
 
 const RATE_HZ: f64 = 5000.0;
@@ -57,7 +57,9 @@ fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
 
 pub(super) fn model() -> Model {
     let path = data().join("tx40_mdh_modified.urdf");
-    rigident::named_model::open(path.to_str().expect("a path"), &Person::default()).expect("the arm's file").0
+    rigident::rows::named_model::open(path.to_str().expect("a path"), &Person::default())
+        .expect("the arm's file")
+        .0
 }
 
 /// Returns both halves of the recording.

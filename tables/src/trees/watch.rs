@@ -11,7 +11,7 @@ use rigident::device::session::Session;
 use rigident::device::session::streamed::{Pace, Watched};
 use rigident::device::session::watched::{WatchOptions, WatchedRobot};
 use rigident::fit::parallel::{map, threads};
-use rigident::simulated::picks_up::{HAND, PicksUp, RATE_HZ};
+use rigident::laboratory::picks_up::{HAND, PicksUp, RATE_HZ};
 
 use rigident_sim::rig::{Rig, RigConfig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing};

@@ -21,13 +21,20 @@ use wine::Wine;
 pub const TARGET: &str = "x86_64-pc-windows-gnu";
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
 /// The crates whose tests run in Wine. The firmware in this process and the simulated rig are in `rigident-cli`'s.
-const TESTED: [&str; 8] = [
+const TESTED: [&str; 15] = [
     "rigident-shared",
     "hexapod",
     "rigident-files",
     "rigident-fit",
     "rigident-model",
     "rigident-io",
+    "rigident-rows",
+    "rigident-vibration",
+    "rigident-identify",
+    "rigident-people",
+    "rigident-present",
+    "rigident-device",
+    "rigident-plan",
     "rigident",
     "rigident-cli",
 ];

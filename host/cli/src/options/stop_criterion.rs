@@ -5,7 +5,7 @@ use rigident_shared::wire::{MAX_STOP_LIMITS, Settings, StopLimit, StopRule};
 
 use crate::Failure;
 use rigident::answer::selection::{SelectionError, select};
-use rigident::present::text::{shortened, significant, unit_symbol};
+use rigident::fit::figures::{shortened, significant, unit_symbol};
 use rigident_fit::{Fit, Parameter};
 
 /// Parameters that a warning names; the others are counted.

@@ -3,9 +3,9 @@
 
 use hexapod::experiment::thesis_program;
 use rigident::fit::{FILTER_WIDTH_S, row_every};
-use rigident::problem::body::Input;
+use rigident::laboratory::{mounting, reading};
 use rigident::rig::FROZEN_AFTER;
-use rigident::simulated::{mounting, reading};
+use rigident::rows::body::Input;
 use rigident_shared::Scalar;
 use rigident_shared::estimator::{Estimator, EstimatorConfig};
 use rigident_shared::screening::Limits;

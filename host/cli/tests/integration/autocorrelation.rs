@@ -6,7 +6,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::fit::autocorrelation::{Coloured, detect};
 use rigident::fit::{BlockResidual, ESTIMATOR_TAPS, FILTER_WIDTH_S, Filter, RowSource, Silent, row_every};
-use rigident::problem::body::{BodySource, Input};
+use rigident::rows::body::{BodySource, Input};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::estimator::{Estimator, EstimatorConfig, Outcome};
 use rigident_shared::screening::Limits;

@@ -13,8 +13,8 @@ use rigident::fit::{
     Channel, Factor, Filter, Fit, FitOptions, Nuisance, Parameter, RowSource, SampleRows, SignalNoise,
     Silent, Timing, fit,
 };
-use rigident::problem::body::{BodySource, Input, errors};
 use rigident::rig::{ImuTable, LoadCellClass, LoadCellTable};
+use rigident::rows::body::{BodySource, Input, errors};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::forgetting::Span;
 use rigident_shared::regressor::{self, SMOOTHED};

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 
 use rigident::joint_offsets::{Noise, Pose, Setup};
-use rigident::model::write::{generated, parse};
-use rigident::model::xml::Language;
-use rigident::simulated::standing::{
+use rigident::laboratory::standing::{
     Reading, contacts, csv, humanoid, random_offsets, random_poses, setup, squats,
 };
+use rigident::model::write::{generated, parse};
+use rigident::model::xml::Language;
 use serde_json::Value;
 
 use crate::program::{complaint, json, rigident, said, status};

@@ -6,10 +6,10 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use rigident::joint_offsets::result::{Answer, COARSEST, identify};
 use rigident::joint_offsets::search::Method;
 use rigident::joint_offsets::{Contacts, Held, JointTree, Noise, Plane, Pose, Setup, Sole};
+use rigident::laboratory::contacts::{ReadingNoise, Robot, Stance, from_plane, uniform};
+use rigident::laboratory::standing::{humanoid, soles};
 use rigident::model::human::Person;
 use rigident::model::{Model, ModelLink};
-use rigident::simulated::contacts::{ReadingNoise, Robot, Stance, from_plane, uniform};
-use rigident::simulated::standing::{humanoid, soles};
 use rigident_shared::tree::{Joint, Link};
 
 /// Noise of encoders and IMUs as the command assumes it.
@@ -281,7 +281,8 @@ fn headings_that_drift_are_not_used() {
 /// A published robot that crouches on both feet.
 fn published(file: &str, feet: [&str; 2], bend: [[&str; 3]; 2], corners: [[f64; 3]; 4]) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/urdf").join(file);
-    let (model, _) = rigident::named_model::open(&path.display().to_string(), &Person::default()).unwrap();
+    let (model, _) =
+        rigident::rows::named_model::open(&path.display().to_string(), &Person::default()).unwrap();
     let tree = JointTree::new(&model);
     let sole = |link: &str| Sole {
         name: link.to_owned(),

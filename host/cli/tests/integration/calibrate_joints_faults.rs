@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rigident::joint_offsets::Pose;
 use rigident::joint_offsets::faults::right_angles;
-use rigident::simulated::standing::{contacts, csv};
+use rigident::laboratory::standing::{contacts, csv};
 
 use crate::calibrate_joints::{Files, offsets};
 use crate::calibrate_joints_contacts::flat_poses;

@@ -3,8 +3,8 @@
 use rigident::answer::Links;
 use rigident::answer::result::ParameterState;
 use rigident::fit::{Fit, FitOptions, Silent, fit};
-use rigident::problem::body::{BodySource, Input};
-use rigident::problem::tree::TreeSource;
+use rigident::rows::body::{BodySource, Input};
+use rigident::rows::tree::TreeSource;
 use rigident_shared::forgetting::Span;
 
 /// Fits readings of an IMU of whose noise nothing is stated.

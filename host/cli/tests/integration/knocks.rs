@@ -3,7 +3,7 @@
 
 use hexapod::experiment::thesis_program;
 use rigident::fit::{Fit, FitOptions, RowSource, Silent, Whitening};
-use rigident::problem::body::{BodySource, Input};
+use rigident::rows::body::{BodySource, Input};
 use rigident_shared::forgetting::Span;
 use rigident_shared::spatial::Wrench;
 use rigident_sim::rig::{Readings, RigConfig};

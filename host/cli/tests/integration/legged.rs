@@ -8,9 +8,9 @@ use std::process::{Command, Output};
 use nalgebra::{DVector, Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rigident::fit::{Prediction, RowSource};
 use rigident::model::{Model, urdf};
-use rigident::problem::tree::TreeSource;
 use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::Recording;
+use rigident::rows::tree::TreeSource;
 use rigident_shared::tree::Joint;
 use serde_json::Value;
 

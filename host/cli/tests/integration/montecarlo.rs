@@ -4,17 +4,17 @@
 
 use std::sync::atomic::AtomicBool;
 
+use rigident::laboratory::trees;
 use rigident::model::Model;
-use rigident::montecarlo::motions::motions;
-use rigident::montecarlo::two_step::{Judged, two_steps};
-use rigident::montecarlo::{
-    Campaign, CampaignError, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict, gain_error_sensors,
-    noise_and_gain_error_sensors,
-};
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::Task;
 use rigident::plan::motion::compare::compare;
-use rigident::simulated::trees;
+use rigident::study::motions::motions;
+use rigident::study::two_step::{Judged, two_steps};
+use rigident::study::{
+    Campaign, CampaignError, Limits95, Solver, TreeCampaign, TreeExperiment, Verdict, gain_error_sensors,
+    noise_and_gain_error_sensors,
+};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::Joint;
 use rigident_sim::rig::RigConfig;

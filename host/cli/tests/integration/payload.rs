@@ -7,15 +7,15 @@ use rigident::fit::payload::Carrier;
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::tare::Tare;
 use rigident::fit::{Fit, FitOptions, Silent};
+use rigident::laboratory::arm::{ArmRun, csv};
+use rigident::laboratory::trees::seven_axes;
 use rigident::model::Model;
 use rigident::model::inertial::map_to_parent;
 use rigident::model::load::{Language, Load};
 use rigident::model::write::generated;
-use rigident::problem::tree::drive::Friction;
 use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::Recording;
-use rigident::simulated::arm::{ArmRun, csv};
-use rigident::simulated::trees::seven_axes;
+use rigident::rows::tree::drive::Friction;
 use serde_json::Value;
 
 use crate::study_length::runs;

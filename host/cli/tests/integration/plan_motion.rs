@@ -5,9 +5,9 @@
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
-use rigident::montecarlo::Campaign;
 use rigident::plan::equipment::Equipment;
 use rigident::plan::motion::{Objective, Task, plan};
+use rigident::study::Campaign;
 use rigident_sim::rig::RigConfig;
 
 use crate::program::rigident_anywhere as rigident;

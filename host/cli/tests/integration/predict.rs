@@ -4,10 +4,10 @@ use crate::program::python;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use rigident::laboratory::arm::{ArmRun, csv};
+use rigident::laboratory::trees::seven_axes;
 use rigident::model::xml::Language;
 use rigident::model::{Model, human::Person, write};
-use rigident::simulated::arm::{ArmRun, csv};
-use rigident::simulated::trees::seven_axes;
 use serde_json::Value;
 
 fn robot(file: &str) -> PathBuf {
@@ -15,7 +15,7 @@ fn robot(file: &str) -> PathBuf {
 }
 
 fn open(path: &Path) -> Model {
-    rigident::named_model::open(path.to_str().unwrap(), &Person::default()).unwrap().0
+    rigident::rows::named_model::open(path.to_str().unwrap(), &Person::default()).unwrap().0
 }
 
 /// Runs the program in a folder; standard output.

@@ -5,12 +5,12 @@
 use hexapod::experiment::thesis_program;
 use rigident::answer::result::ParameterState;
 use rigident::fit::{FitOptions, Silent};
-use rigident::problem::body::Input;
-use rigident::problem::{Problem, ProblemOptions};
-use rigident::simulated::trees::{
+use rigident::laboratory::trees::{
     OFFSET, seven_axes, seven_axis_recording, truth, two_link_recording, two_links,
 };
-use rigident::simulated::{mounting, reading};
+use rigident::laboratory::{mounting, reading};
+use rigident::problem::{Problem, ProblemOptions};
+use rigident::rows::body::Input;
 use rigident_shared::calibration::Reading;
 use rigident_shared::screening::Limits;
 use rigident_shared::spatial::Wrench;

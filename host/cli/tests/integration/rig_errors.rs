@@ -7,8 +7,8 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::answer::contradictions;
 use rigident::fit::{Fit, FitOptions, Silent, fit};
-use rigident::problem::body::{BodySource, prepare};
 use rigident::rig::RigFile;
+use rigident::rows::body::{BodySource, prepare};
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 

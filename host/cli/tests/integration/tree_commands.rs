@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::{UnitQuaternion, Vector3};
 use rigident::model::dynamics::inverse_dynamics;
 use rigident::model::{Model, human::Person};
-use rigident::named_model::{open, rig_links};
+use rigident::rows::named_model::{open, rig_links};
 use rigident_shared::tree::BaseMotion;
 use serde_json::Value;
 

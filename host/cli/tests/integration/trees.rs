@@ -5,19 +5,19 @@ use rigident::answer::result::{ParameterState, Status};
 use rigident::answer::standard_parameters::{BaseEstimate, nearest};
 use rigident::answer::{Answer, Context, Links};
 use rigident::fit::{Fit, FitError, FitOptions, Prediction, RowSource, Silent};
+use rigident::laboratory::trees::{
+    OFFSET, coverage, person_recording, seven_axes, seven_axis_recording, truth, two_link_recording,
+    two_links, with_gain_errors, with_noise_of_rates, with_remembered_noise, worst,
+};
 use rigident::model::Model;
 use rigident::model::base::BaseParameters;
 use rigident::model::human::Person;
 use rigident::model::inertial::impossibility;
-use rigident::problem::tree::TreeSource;
-use rigident::problem::tree::drive::Term;
 use rigident::problem::{Problem, ProblemOptions, Subject};
 use rigident::recording::Recording;
 use rigident::rig::{JointTable, OffsetTable, OffsetWord};
-use rigident::simulated::trees::{
-    OFFSET, coverage, person_recording, seven_axes, seven_axis_recording, truth, two_link_recording,
-    two_links, with_gain_errors, with_noise_of_rates, with_remembered_noise, worst,
-};
+use rigident::rows::tree::TreeSource;
+use rigident::rows::tree::drive::Term;
 
 use crate::fitting::{links, tree_states};
 

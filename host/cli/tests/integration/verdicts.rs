@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use rigident::answer::WITHHELD;
 use rigident::application::{Caller, IdentifyOptions, identify};
-use rigident::present::text::with_u95;
+use rigident::fit::figures::with_u95;
 use rigident::recording::Recording;
 use rigident::recording::arrays::Numbers;
 use rigident::rig::RigFile;

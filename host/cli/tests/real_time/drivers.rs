@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
-use rigident::platform::tracking::compare;
-use rigident::platform::{Motion, MotionSample, Platform, PlatformError, Stop, connect};
+use rigident::device::platform::tracking::compare;
+use rigident::device::platform::{Motion, MotionSample, Platform, PlatformError, Stop, connect};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::{Controller, StreamServer};
 

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hexapod::{Geometry, MotionProgram, Pose, Segment};
-use rigident::platform::{Motion, Platform, PlatformError, Stop, connect};
+use rigident::device::platform::{Motion, Platform, PlatformError, Stop, connect};
 use rigident_sim::rig::MotionState;
 use rigident_sim::serve::{Controller, StreamServer};
 

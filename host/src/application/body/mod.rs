@@ -7,30 +7,30 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::{BodyError, BodyOption, Caller, Error, Notice};
-use crate::answer::person::{DeviceResult, PersonResult};
-use crate::answer::standard_parameters::Full;
-use crate::answer::{Answer, Context, Finding, Links, Source, StandardRequest};
-use crate::body_segments::choice::{Way, choices};
-use crate::body_segments::left_out::left_out;
-use crate::body_segments::opensim::in_opensim;
-use crate::body_segments::report::person_result;
-use crate::body_segments::tool::tool;
-use crate::body_segments::{Parts, PlateScale, Study, StudyError, StudyOptions};
-use crate::inverse_kinematics::marker_file::MarkerFile;
-use crate::inverse_kinematics::subject::HumanModel;
-use crate::present::{self, Series};
-use crate::problem::person::anthropometry::GivenMass;
-use crate::problem::person::track::{SHOWN_S, TrackOptions};
-use crate::problem::person::{PeopleOptions, Person};
 use pages::pages;
 use plates::doubtful_plates;
 use rigident_fit::{Fit, FitOptions, Measured, Progress};
+use rigident_identify::answer::person::{DeviceResult, PersonResult};
+use rigident_identify::answer::standard_parameters::Full;
+use rigident_identify::answer::{Answer, Context, Finding, Links, Source, StandardRequest};
 use rigident_io::motion_capture::opensim::model::OsimModel;
 use rigident_io::motion_capture::trial::Trial;
 use rigident_io::recording::extension;
 use rigident_io::recording::new_file::write_new_text;
 use rigident_model::human::Sex;
 use rigident_model::write;
+use rigident_people::body_segments::choice::{Way, choices};
+use rigident_people::body_segments::left_out::left_out;
+use rigident_people::body_segments::opensim::in_opensim;
+use rigident_people::body_segments::report::person_result;
+use rigident_people::body_segments::tool::tool;
+use rigident_people::body_segments::{Parts, PlateScale, Study, StudyError, StudyOptions};
+use rigident_people::inverse_kinematics::marker_file::MarkerFile;
+use rigident_people::inverse_kinematics::subject::HumanModel;
+use rigident_people::person::anthropometry::GivenMass;
+use rigident_people::person::track::{SHOWN_S, TrackOptions};
+use rigident_people::person::{PeopleOptions, Person};
+use rigident_present::{self, Series};
 
 /// The uncertainty of a mass that is given, relative (1 σ): scales, clothes and markers.
 const SCALES: f64 = 0.005;
@@ -164,7 +164,7 @@ pub enum NoModel {
 impl IdentifiedPerson {
     /// Returns the page of the answer, HTML.
     pub fn page(&self) -> String {
-        present::report(&self.answer, &Series::new(&self.fit, &self.answer, false, 0.0))
+        rigident_present::report(&self.answer, &Series::new(&self.fit, &self.answer, false, 0.0))
     }
 
     /// Returns the factors of the motions, with their files' names.
@@ -427,8 +427,9 @@ fn answer(
 /// Says which markers have names that say nothing.
 fn unknown_markers(person: &Person) -> Option<String> {
     let unknown = &person.subject.unknown;
-    (!unknown.is_empty())
-        .then(|| format!("markers of unknown names were not used: {}", present::text::shortened(unknown, 8)))
+    (!unknown.is_empty()).then(|| {
+        format!("markers of unknown names were not used: {}", rigident_fit::figures::shortened(unknown, 8))
+    })
 }
 
 /// Returns a mass that the plates contradict, and motions that differ in their mass.
@@ -442,7 +443,7 @@ fn contradictions(
     for pair in study.contradicting_trials()? {
         let of = |(trial, mass): &(usize, Measured)| {
             let name = person.trials.get(*trial).map_or("", |tracked| &tracked.name);
-            format!("{name} says {}", present::text::with_u95(mass.value, mass.u95, "kg"))
+            format!("{name} says {}", rigident_fit::figures::with_u95(mass.value, mass.u95, "kg"))
         };
         findings.push(Finding::contradiction(format!(
             "the whole masses of two trials contradict each other: {}, {}: is a plate's zero or scale wrong in one of them, or was \
@@ -456,14 +457,14 @@ fn contradictions(
         findings.push(Finding::contradiction(format!(
             "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify \
              such trials by themselves",
-            present::text::with_u95(own.value, own.u95, "kg")
+            rigident_fit::figures::with_u95(own.value, own.u95, "kg")
         )));
     }
     let Some(given) = mass_kg else { return Ok(findings) };
     if let Some(found) = study.mass_by_plates()? {
         let off = (given - found.value).abs();
         if off > found.u95 && off > LARGEST_DIFFERENCE * found.value {
-            let plates = present::text::with_u95(found.value, found.u95, "kg");
+            let plates = rigident_fit::figures::with_u95(found.value, found.u95, "kg");
             let words = caller.words(&Notice::MassContradicted { given_kg: given.to_string(), plates });
             findings.push(Finding::contradiction(words));
         }

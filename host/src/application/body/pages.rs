@@ -2,15 +2,15 @@
 
 use nalgebra::Vector3;
 
-use crate::answer::person::LeftOut;
-use crate::body_segments::Study;
-use crate::body_segments::left_out::LeftOutMotions;
-use crate::inverse_kinematics::skeleton::{Place, Skeleton};
-use crate::inverse_kinematics::subject::Subject;
-use crate::present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
-use crate::problem::person::track::SHOWN_S;
-use crate::problem::person::{Person, Tracked};
+use rigident_identify::answer::person::LeftOut;
 use rigident_io::motion_capture::trial::Trial;
+use rigident_people::body_segments::Study;
+use rigident_people::body_segments::left_out::LeftOutMotions;
+use rigident_people::inverse_kinematics::skeleton::{Place, Skeleton};
+use rigident_people::inverse_kinematics::subject::Subject;
+use rigident_people::person::track::SHOWN_S;
+use rigident_people::person::{Person, Tracked};
+use rigident_present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
 
 /// Frames a second that are stored, at most.
 const RATE_HZ: f64 = 100.0;

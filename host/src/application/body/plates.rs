@@ -1,10 +1,10 @@
 //! The report of force plates that contradict a person's motion, or one another.
 
-use crate::answer::Finding;
-use crate::body_segments::plates::{PlateErrors, plate_errors};
-use crate::body_segments::{Study, StudyError};
-use crate::problem::person::Person;
 use rigident_fit::COVERAGE_95;
+use rigident_identify::answer::Finding;
+use rigident_people::body_segments::plates::{PlateErrors, plate_errors};
+use rigident_people::body_segments::{Study, StudyError};
+use rigident_people::person::Person;
 
 /// Returns plates that are not where the file has them, and plates with different scales. Of such a scale no
 /// interval counts anything: the trials contradict each other.

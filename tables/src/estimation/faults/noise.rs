@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 use rigident::answer::Status;
 use rigident::diagnosis::Case;
 use rigident::fit::parallel;
-use rigident::problem::ProblemOptions;
+use rigident::rows::tree::ProblemOptions;
 
 use super::super::problem::Normal;
 use super::super::rig_errors::{Errors, Flicker, Motion, Noise, Rig, rig_file};

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rigident::diagnosis::Case;
-use rigident::problem::ProblemOptions;
+use rigident::rows::tree::ProblemOptions;
 
 use super::super::problem::Normal;
 use super::super::rig_errors::{Errors, Motion, Rig, rig_file};

@@ -2,13 +2,13 @@
 
 use rigident::diagnosis::Case;
 use rigident::fit::{Kind, Owner, parallel};
+use rigident::laboratory::trees::truth;
 use rigident::model::Model;
 use rigident::model::dynamics::inverse_dynamics;
-use rigident::problem::tree::drive::Term;
 use rigident::problem::{Problem, ProblemOptions};
 use rigident::recording::Recording;
 use rigident::rig::RigFile;
-use rigident::simulated::trees::truth;
+use rigident::rows::tree::drive::Term;
 use rigident_shared::tree::BaseMotion;
 
 use super::super::problem::Normal;

@@ -1,7 +1,7 @@
 //! The covariance that ships against the exact one of white noise after the filter, `G⁻¹ (Ãᵀ T Ã) G⁻¹`.
 
 use rigident::fit::{FitOptions, RowSource, Silent};
-use rigident::problem::body::{BodySource, Input};
+use rigident::rows::body::{BodySource, Input};
 
 use super::{Study, fit_body};
 use crate::estimation::coloured_noise;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::super::problem::Normal;
-use rigident::problem::body::CHANNELS;
+use rigident::rows::body::CHANNELS;
 
 /// Errors of a rig, as large as they are, or their standard deviations.
 #[derive(Clone, Copy, Debug, Default)]

@@ -7,9 +7,9 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rigident::answer::derived::centre_of_mass;
 use rigident::fit::{Fit, FitOptions, Silent};
-use rigident::problem::body::{BodySource, prepare};
 use rigident::problem::{Problem, Subject};
 use rigident::rig::RigFile;
+use rigident::rows::body::{BodySource, prepare};
 use rigident_shared::calibration::Reading;
 use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 

@@ -6,8 +6,8 @@ use rigident::answer::derived::{centre_of_mass, inertia_com};
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::tare::Tare;
 use rigident::fit::{Fit, FitOptions, Parameter, Silent};
-use rigident::problem::body::{BodySource, prepare};
 use rigident::problem::{Problem, Subject};
+use rigident::rows::body::{BodySource, prepare};
 
 #[path = "bound.rs"]
 pub mod bound;

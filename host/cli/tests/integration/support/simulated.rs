@@ -6,7 +6,7 @@ use std::path::Path;
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use rigident::model::dynamics::inverse_dynamics;
-use rigident::named_model::rig_links;
+use rigident::rows::named_model::rig_links;
 use rigident_shared::tree::BaseMotion;
 
 use crate::tree_commands::{noise, swing};

@@ -1,0 +1,119 @@
+//! The body by the modes of a swing, as far as its modes and springs can be true.
+//!
+//! This is the one place that judges a swing: a motion, a factor, a posture on the same springs hang on the
+//! same verdict.
+
+use nalgebra::DMatrix;
+
+use super::free_decay::{Vibration, vibration};
+use super::modal::{ModalSource, Swing};
+use super::support::Support;
+use crate::modal_analysis::Finding;
+use rigident_fit::{Fit, FitOptions, Silent, fit};
+use rigident_io::recording::Recording;
+use rigident_rows::body;
+
+/// Parameters of a body.
+const TEN: usize = 10;
+/// A wrong mode would move the answer: this many of the modes that there are may be missing.
+const MAY_MISS: usize = 1;
+/// Residuals by what noise and errors of the springs explain: more is an error of the model, which no wider
+/// interval covers.
+const SYSTEMATIC: f64 = 2.5;
+/// The possible faults then.
+const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload and mass, anchor_height_m, units and \
+                    frames of poses, a part that is loose, and what the springs stand on";
+
+/// A line so near to a mode, relative to its frequency, may be another mode.
+const BESIDE: f64 = 0.25;
+
+/// Why modes give no body.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refused {
+    /// The springs are not those that are stated, or not linear: the motion gives no body either.
+    #[error("{0}")]
+    Springs(String),
+    /// The modes are not all there, or not distinguished: the motion may give a body.
+    #[error("{0}")]
+    Modes(String),
+}
+
+impl Vibration {
+    /// Judges the modes of a platform with the given number of free coordinates.
+    ///
+    /// # Errors
+    /// [`Refused`] says why they are not to be continued.
+    pub fn judge(&self, free: usize) -> Result<(), Refused> {
+        let first = |of: &dyn Fn(&Finding) -> bool| {
+            self.modes.findings.iter().find(|finding| of(finding)).map(ToString::to_string)
+        };
+        let changes =
+            first(&|f| matches!(f, Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. }));
+        let lacks = first(&|f| matches!(f, Finding::MissingModes { .. } | Finding::TooClose { .. }));
+        // Two modes that are taken for one seem to change their frequency, as one decays faster, and leave a
+        // line beside it.
+        let beside = first(&|f| match f {
+            Finding::OtherLine { hz, .. } | Finding::Harmonic { line_hz: hz, .. } => {
+                self.is_beside_a_mode(*hz)
+            }
+            _ => false,
+        });
+        match (lacks, changes, beside) {
+            (Some(lacks), Some(other), _) | (Some(lacks), None, Some(other)) => {
+                Err(Refused::Springs(format!(
+                    "{lacks}; and {other}. Either two modes near each other are taken for one, or the springs are not linear: strike the \
+                 platform so that it moves in all directions, more gently, and shift a mass so that the frequencies part"
+                )))
+            }
+            (None, Some(changes), _) => Err(Refused::Springs(changes)),
+            _ => self.lacking(free),
+        }
+    }
+
+    fn is_beside_a_mode(&self, hz: f64) -> bool {
+        self.modes.shapes.modes.iter().any(|mode| (hz - mode.hz()).abs() < BESIDE * mode.hz())
+    }
+
+    fn lacking(&self, free: usize) -> Result<(), Refused> {
+        use crate::modal_analysis::Severity;
+        if self.modes.shapes.modes.len() + MAY_MISS >= free {
+            return Ok(());
+        }
+        let worst = self.modes.findings.iter().find(|finding| finding.severity() == Severity::Error);
+        worst.map_or(Ok(()), |finding| Err(Refused::Modes(finding.to_string())))
+    }
+}
+
+/// Returns the fit of everything that swings to its modes.
+///
+/// # Errors
+/// [`Refused`] if modes or springs cannot be true.
+pub fn by_modes(support: &Support, found: &Vibration) -> Result<Fit, Refused> {
+    found.judge(support.free.len())?;
+    let swing = Swing { shapes: found.modes.shapes.clone(), map: DMatrix::identity(TEN, TEN) };
+    let source = ModalSource::new(&[swing], support, body::parameters(TEN), 0)
+        .ok_or_else(|| Refused::Modes("the covariance of the modes has no inverse".to_owned()))?;
+    let fit = fit(&source, &FitOptions::default(), &Silent).map_err(|e| Refused::Modes(e.to_string()))?;
+    let left = fit.noise.variance_ratio.sqrt();
+    if left > SYSTEMATIC {
+        return Err(Refused::Springs(format!(
+            "the modes leave {left:.1} times what their noise and the springs' errors explain; {LEFT}"
+        )));
+    }
+    Ok(fit)
+}
+
+/// Returns why a recording of one body on springs cannot be true by its modes; `Err` with the reason if there
+/// are no modes to judge by.
+///
+/// # Errors
+/// The reason in words, with its consequence.
+pub fn contradiction(recording: &Recording, support: &Support) -> Result<Option<String>, String> {
+    let unknown = |why: String| format!("nothing says whether the springs are as stated, and linear: {why}");
+    let found = vibration(recording, support, None).map_err(|e| unknown(e.to_string()))?;
+    match by_modes(support, &found) {
+        Ok(_) => Ok(None),
+        Err(Refused::Springs(why)) => Ok(Some(why)),
+        Err(Refused::Modes(why)) => Err(unknown(why)),
+    }
+}
