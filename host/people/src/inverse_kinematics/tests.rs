@@ -14,7 +14,7 @@ type Limits = &'static [(&'static str, &'static str, f64)];
 type Frames = Vec<Vec<Option<Vector3<f64>>>>;
 
 fn recorded(folder: &str, file: &str) -> Trial {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(folder).join(file);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(folder).join(file);
     Trial::read(&path, None).unwrap()
 }
 

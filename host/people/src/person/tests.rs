@@ -7,7 +7,7 @@ use super::*;
 use rigident_io::motion_capture::trial::Trial;
 
 fn trial(folder: &str, file: &str, ground: Option<&str>) -> Trial {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(folder);
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(folder);
     let ground = ground.map(|name| folder.join(name));
     Trial::read(&folder.join(file), ground.as_deref()).unwrap()
 }

@@ -373,7 +373,7 @@ fn what_cannot_be_planned_is_said() {
 }
 
 fn shared(file: &str, locked: &[&str]) -> Model {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/urdf").join(file);
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/urdf").join(file);
     let mut model = urdf::read(&path).unwrap();
     model.lock(&locked.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>()).unwrap();
     model
