@@ -4,7 +4,7 @@
 mod conventions;
 pub mod shapes;
 mod sides;
-mod surface;
+pub(crate) mod surface;
 #[cfg(test)]
 mod tests;
 

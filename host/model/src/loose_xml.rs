@@ -21,6 +21,57 @@ pub(super) fn tidied(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).ok().filter(|tidy| parsed(tidy).is_ok()).map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
+/// Returns a text with a blank between attributes that nothing separates (`name="a"type="b"`), which MuJoCo's and urdfdom's parser
+/// take for two.
+pub(super) fn spaced(text: String) -> String {
+    let all = text.as_bytes();
+    let mut missing = Vec::new();
+    let mut at = 0;
+    while let Some(rest) = all.get(at..).filter(|rest| !rest.is_empty()) {
+        let past = |end: &str| find(rest, end).map_or(all.len(), |n| at + n + end.len());
+        at = if rest.starts_with(b"<!--") {
+            past("-->")
+        } else if rest.starts_with(b"<![CDATA[") {
+            past("]]>")
+        } else if rest.starts_with(b"<") {
+            unspaced(all, at, &mut missing)
+        } else {
+            at + rest.iter().position(|byte| *byte == b'<').unwrap_or(rest.len())
+        };
+    }
+    let mut out = String::with_capacity(text.len() + missing.len());
+    let mut from = 0;
+    for place in missing {
+        out.push_str(&text[from..place]);
+        out.push(' ');
+        from = place;
+    }
+    if from == 0 { text } else { out + &text[from..] }
+}
+
+/// Notes the places in a tag where a blank is missing, and returns where it ends.
+fn unspaced(all: &[u8], at: usize, missing: &mut Vec<usize>) -> usize {
+    let (mut quote, mut ended) = (None, false);
+    for (k, byte) in all.iter().enumerate().skip(at + 1) {
+        match quote {
+            Some(own) if own == byte => (quote, ended) = (None, true),
+            Some(_) => {}
+            None => {
+                if ended && (byte.is_ascii_alphabetic() || *byte == b'_') {
+                    missing.push(k);
+                }
+                ended = false;
+                match byte {
+                    b'"' | b'\'' => quote = Some(byte),
+                    b'>' => return k + 1,
+                    _ => {}
+                }
+            }
+        }
+    }
+    all.len()
+}
+
 /// Makes what begins at a place harmless, and returns where it ends; `None` at the end of the text.
 fn step(text: &str, bytes: &mut [u8], at: usize, start: usize) -> Option<usize> {
     let rest = text.as_bytes().get(at..).filter(|rest| !rest.is_empty())?;
@@ -89,5 +140,25 @@ fn is_entity(bytes: &[u8]) -> bool {
 fn blank(bytes: Option<&mut [u8]>) {
     for byte in bytes.into_iter().flatten().filter(|byte| **byte != b'\n') {
         *byte = b' ';
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As tinyxml2 reads it.
+    #[test]
+    fn attributes_that_nothing_separates_are_two() {
+        let text = "<?xml version='1.0'?><a b=\"1\"c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j k=\"'l'm\"n=\"\"/></g>";
+        let right = "<?xml version='1.0'?><a b=\"1\" c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j k=\"'l'm\" n=\"\"/></g>";
+        let wrapped = |text: &str| text.replace("?><a", "?><all><a") + "</all>";
+        assert!(parsed(&wrapped(text)).is_err());
+        assert_eq!(spaced(text.to_owned()), right);
+        assert!(parsed(&wrapped(right)).is_ok());
+        assert_eq!(spaced(right.to_owned()), right);
+        for cut in 0..text.len() {
+            let _ = spaced(text[..cut].to_owned());
+        }
     }
 }

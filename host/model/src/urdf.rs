@@ -14,7 +14,7 @@ use roxmltree::Node;
 use super::finding::{Finding, ModelError};
 use super::inertial::{Parameters, in_parent};
 use super::limits::Limits;
-use super::loose_xml::tidied;
+use super::loose_xml::{spaced, tidied};
 use super::passive::Passive;
 use super::transmission;
 use super::tree::{Mimic, Model, ModelLink, NO_BODY, RawLink};
@@ -33,8 +33,9 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
 pub(super) fn text_of(path: &Path) -> Result<String, ModelError> {
     let bytes = rigident_files::read(path, MOST_OF_TEXT)
         .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-    Ok(String::from_utf8(bytes)
-        .unwrap_or_else(|other| other.into_bytes().into_iter().map(char::from).collect()))
+    let text = String::from_utf8(bytes)
+        .unwrap_or_else(|other| other.into_bytes().into_iter().map(char::from).collect());
+    Ok(spaced(text))
 }
 
 /// Returns the advice for a file with macros.

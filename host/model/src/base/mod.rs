@@ -29,7 +29,7 @@ pub const ROUNDED: f64 = 1e-10;
 /// The measured quantities and the kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
-    /// The base moves; otherwise it is held still, gravity along −z of its frame.
+    /// The base moves; otherwise it is held still, gravity as the model states it, else along −z of its frame.
     pub floating: bool,
     /// The rows.
     pub rows: Rows,

@@ -135,6 +135,11 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
     let motions = generous.div_ceil(per_motion.max(1)).max(if with_joints { 24 } else { 2 });
     let rows = motions * per_motion;
     let mut matrix = Columns { rows, data: vec![0.0; rows * columns] };
+    // Gravity has the size one; a file may state another direction, or none.
+    let down = model.gravity_mps2.map_or([0.0, 0.0, -1.0], |stated| {
+        let stated = Vector3::from(stated);
+        stated.try_normalize(0.0).unwrap_or_else(Vector3::zeros).into()
+    });
     let mut random = Random(1);
     let (mut q, mut v, mut dv) =
         (vec![0.0; moving.coordinates()], vec![0.0; moving.freedoms()], vec![0.0; moving.freedoms()]);
@@ -158,7 +163,7 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
         let base = if situation.floating {
             BaseMotion { specific_force: three(), rate: three(), angular_acceleration: three() }
         } else {
-            BaseMotion::still([0.0, 0.0, -1.0])
+            BaseMotion::still(down)
         };
         moving.set(&q, &v, &dv, &base)?;
         let mut row = motion * per_motion;

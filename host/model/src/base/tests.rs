@@ -117,6 +117,17 @@ fn a_base_held_still_regroups_more_and_gravity_counts() {
     assert_eq!(vertical.parameters[0].name, "l1.Jzz");
     let names: Vec<String> = one(Vector3::y()).parameters.into_iter().map(|p| p.name).collect();
     assert_eq!(names, ["l1.MSz", "l1.MSx", "l1.Jyy"]);
+    // Where the file states another gravity, that counts; without any the moment of inertia is left.
+    let stated = |axis: Vector3<f64>, gravity: [f64; 3]| {
+        let mut m = model(&[Joint::Revolute(axis)], 1.0);
+        m.links.truncate(2);
+        m.links[1].link.rotation = Matrix3::identity();
+        m.gravity_mps2 = Some(gravity);
+        base_parameters(&m, &torques).unwrap().parameters.len()
+    };
+    assert_eq!(stated(Vector3::y(), [0.0; 3]), 1);
+    assert_eq!(stated(Vector3::z(), [0.0, 1.6, 0.0]), 3);
+    assert_eq!(stated(Vector3::x(), [-9.81, 0.0, 0.0]), 1);
     // A slide: its mass, if it is not horizontal, or if it is: the force is m (ẍ + g·a).
     let mut slide = model(&[Joint::Prismatic(Vector3::x())], 1.0);
     slide.links.truncate(2);

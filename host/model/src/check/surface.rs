@@ -14,7 +14,7 @@ const DEEPEST: usize = 32;
 /// More nodes, or triangles, make no surface: they may contain each other many times over.
 const MOST: [usize; 2] = [100_000, 20_000_000];
 
-type Triangle = [Point3<f64>; 3];
+pub(crate) type Triangle = [Point3<f64>; 3];
 
 /// A surface: area, its first and second moments about the origin, and the box around it.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,10 +96,15 @@ impl Surface {
 
 /// Returns the surface of a mesh's file; `None` if it cannot be read, or is of a kind not known here.
 pub(super) fn read(path: &Path, scale: &Vector3<f64>) -> Option<Surface> {
+    Surface::of_triangles(&triangles(path)?, scale)
+}
+
+/// Returns the triangles of a mesh's file; `None` if it cannot be read, or is of a kind not known here.
+pub(crate) fn triangles(path: &Path) -> Option<Vec<Triangle>> {
     let bytes = rigident_files::read(path, MOST_OF_MESH).ok()?;
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-    let triangles = if ending == "dae" {
-        collada(std::str::from_utf8(&bytes).ok()?)?
+    if ending == "dae" {
+        collada(std::str::from_utf8(&bytes).ok()?)
     } else {
         let scene = mesh_loader::Loader::default().load_from_slice(&bytes, path).ok()?;
         let corner = |mesh: &mesh_loader::Mesh, k: u32| {
@@ -111,9 +116,8 @@ pub(super) fn read(path: &Path, scale: &Vector3<f64>) -> Option<Surface> {
         };
         let faces =
             scene.meshes.iter().flat_map(|mesh| mesh.faces.iter().filter_map(move |f| face(mesh, *f)));
-        faces.collect()
-    };
-    Surface::of_triangles(&triangles, scale)
+        Some(faces.collect())
+    }
 }
 
 /// Returns the triangles of a COLLADA scene in metres, z upwards.

@@ -3,7 +3,10 @@
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use roxmltree::Node;
 
-use crate::xml::{describe, exactly, numbers, of_quaternion};
+use crate::xml::{describe, exactly, of_quaternion, parse};
+
+/// The ways to write an orientation.
+const WAYS: [&str; 5] = ["axisangle", "xyaxes", "zaxis", "euler", "quat"];
 
 /// The way a file writes angles.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,37 +48,53 @@ impl Angles {
     /// # Errors
     /// Which attribute holds no such numbers.
     pub(super) fn rotation(&self, node: &Node) -> Result<Matrix3<f64>, String> {
-        let what = describe(node);
-        if let Some(q) = numbers(node, "quat")? {
-            let q = exactly::<4>(q, &format!("quat of {what}"))?;
-            if q.iter().all(|v| *v == 0.0) {
-                return Err(format!("quat of {what} is zero"));
+        self.rotation_of(node, &|name| node.attribute(name))
+    }
+
+    /// Returns the same of an element whose attributes may be those of a class, which `word` returns; its own
+    /// counts first.
+    ///
+    /// # Errors
+    /// Which attribute holds no such numbers.
+    pub(super) fn rotation_of<'w>(
+        &self,
+        node: &Node,
+        word: &dyn Fn(&str) -> Option<&'w str>,
+    ) -> Result<Matrix3<f64>, String> {
+        let own = WAYS.into_iter().find(|name| node.has_attribute(*name));
+        let way = own.or_else(|| WAYS.into_iter().find(|name| word(name).is_some()));
+        let Some((way, text)) = way.and_then(|way| Some((way, word(way)?))) else {
+            return Ok(Matrix3::identity());
+        };
+        let what = format!("{way} of {}", describe(node));
+        let v = parse(text, &what)?;
+        Ok(match way {
+            "euler" => self.euler(exactly::<3>(v, &what)?),
+            "axisangle" => {
+                let [x, y, z, a] = exactly::<4>(v, &what)?;
+                let axis = Unit::new_normalize(Vector3::new(x, y, z));
+                Rotation3::from_axis_angle(&axis, self.angle(a)).into_inner()
             }
-            return Ok(of_quaternion(q));
-        }
-        if let Some(v) = numbers(node, "euler")? {
-            return Ok(self.euler(exactly::<3>(v, &format!("euler of {what}"))?));
-        }
-        if let Some(v) = numbers(node, "axisangle")? {
-            let [x, y, z, a] = exactly::<4>(v, &format!("axisangle of {what}"))?;
-            let axis = Vector3::new(x, y, z);
-            return Ok(Rotation3::from_axis_angle(&Unit::new_normalize(axis), self.angle(a)).into_inner());
-        }
-        if let Some(v) = numbers(node, "xyaxes")? {
-            let v = exactly::<6>(v, &format!("xyaxes of {what}"))?;
-            let x = Vector3::new(v[0], v[1], v[2]).normalize();
-            let y = Vector3::new(v[3], v[4], v[5]);
-            let y = (y - x * x.dot(&y)).normalize();
-            return Ok(Matrix3::from_columns(&[x, y, x.cross(&y)]));
-        }
-        if let Some(v) = numbers(node, "zaxis")? {
-            let z = Vector3::from(exactly::<3>(v, &format!("zaxis of {what}"))?);
-            let turn = Rotation3::rotation_between(&Vector3::z(), &z);
-            return Ok(turn.map_or_else(
-                || Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI).into_inner(),
-                Rotation3::into_inner,
-            ));
-        }
-        Ok(Matrix3::identity())
+            "xyaxes" => {
+                let v = exactly::<6>(v, &what)?;
+                let x = Vector3::new(v[0], v[1], v[2]).normalize();
+                let y = Vector3::new(v[3], v[4], v[5]);
+                let y = (y - x * x.dot(&y)).normalize();
+                Matrix3::from_columns(&[x, y, x.cross(&y)])
+            }
+            "zaxis" => {
+                let turn =
+                    Rotation3::rotation_between(&Vector3::z(), &Vector3::from(exactly::<3>(v, &what)?));
+                let upside_down = || Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+                turn.unwrap_or_else(upside_down).into_inner()
+            }
+            _ => {
+                let q = exactly::<4>(v, &what)?;
+                if q.iter().all(|v| *v == 0.0) {
+                    return Err(format!("{what} is zero"));
+                }
+                of_quaternion(q)
+            }
+        })
     }
 }

@@ -206,9 +206,18 @@ impl Files<'_> {
             }
             let prefix = child.attribute("prefix").unwrap_or_default().to_owned();
             let with = |name: &str| format!("{prefix}{name}");
-            own.change(&["name", "joint", "joint1", "joint2", "body1", "body2"], &with);
+            own_meshes(&mut own, path.parent());
+            own.change(&["name", "joint", "joint1", "joint2", "body1", "body2", "mesh"], &with);
             own.change(&CLASSES, &with);
             let main = with("main");
+            for asset in own.children.iter_mut().filter(|c| c.tag == "asset") {
+                let mut asset = std::mem::take(asset);
+                asset.children.retain(|mesh| mesh.tag == "mesh");
+                for mesh in asset.children.iter_mut().filter(|mesh| mesh.attribute("class").is_none()) {
+                    mesh.set("class", main.clone());
+                }
+                defaults.push(asset);
+            }
             for mut default in own.children.iter().filter(|c| c.tag == "default").cloned() {
                 if default.attribute("class").is_none() {
                     default.attributes.push(("class".to_owned(), main.clone()));
@@ -242,6 +251,24 @@ impl Files<'_> {
         let folder = self.folder;
         self.expand(root, folder, depth)?;
         Ok(self.left)
+    }
+}
+
+/// Names the meshes of a model that is attached, and says where their files are: in its own folder of meshes.
+fn own_meshes(root: &mut Element, folder: Option<&Path>) {
+    let compilers: Vec<&Element> = root.children.iter().filter(|child| child.tag == "compiler").collect();
+    let setting = |name: &str| compilers.iter().rev().find_map(|c| c.attribute(name));
+    let own = setting("meshdir").or_else(|| setting("assetdir")).unwrap_or_default().to_owned();
+    let strips = setting("strippath") == Some("true");
+    let Some(folder) = folder.map(|folder| folder.join(own)) else { return };
+    let assets = root.children.iter_mut().filter(|child| child.tag == "asset");
+    for mesh in assets.flat_map(|asset| &mut asset.children).filter(|child| child.tag == "mesh") {
+        let Some(file) = mesh.attribute("file").map(PathBuf::from) else { continue };
+        if let (None, Some(stem)) = (mesh.attribute("name"), file.file_stem()) {
+            mesh.set("name", stem.to_string_lossy().into_owned());
+        }
+        let last = file.file_name().filter(|_| strips).map(Path::new);
+        mesh.set("file", folder.join(last.unwrap_or(&file)).to_string_lossy().into_owned());
     }
 }
 

@@ -15,16 +15,19 @@ const DENSITY: f64 = 1000.0;
 /// MuJoCo leaves lighter geoms out, kg.
 const LIGHTEST_KG: f64 = 1e-14;
 
-/// A solid about its centre.
-struct Solid {
+/// A solid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Solid {
     /// m³.
-    volume: f64,
-    /// Moments over its mass, m².
-    moments: Vector3<f64>,
+    pub(super) volume: f64,
+    /// Its centre of mass in the frame of the geom, m.
+    pub(super) centre: Vector3<f64>,
+    /// Its tensor about that over its mass, m².
+    pub(super) moments: Matrix3<f64>,
 }
 
 impl Solid {
-    /// Returns that of a type of geom; `None` of a mesh or another whose solid is not made here.
+    /// Returns that of a type of geom; `None` of one whose solid is not made here.
     fn of(kind: &str, [a, b, c]: [f64; 3]) -> Option<Self> {
         const PI: f64 = std::f64::consts::PI;
         let squares = |share: f64| Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / share;
@@ -33,11 +36,11 @@ impl Solid {
             let across = (3.0 * a * a + height * height) / 12.0;
             Vector3::new(across, across, a * a / 2.0)
         };
-        Some(match kind {
-            "sphere" => Self { volume: 4.0 / 3.0 * PI * a.powi(3), moments: Vector3::repeat(0.4 * a * a) },
-            "ellipsoid" => Self { volume: 4.0 / 3.0 * PI * a * b * c, moments: squares(5.0) },
-            "box" => Self { volume: 8.0 * a * b * c, moments: squares(3.0) },
-            "cylinder" => Self { volume: PI * a * a * height, moments: cylinder },
+        let (volume, moments) = match kind {
+            "sphere" => (4.0 / 3.0 * PI * a.powi(3), Vector3::repeat(0.4 * a * a)),
+            "ellipsoid" => (4.0 / 3.0 * PI * a * b * c, squares(5.0)),
+            "box" => (8.0 * a * b * c, squares(3.0)),
+            "cylinder" => (PI * a * a * height, cylinder),
             "capsule" => {
                 // Two half balls at the ends of a cylinder.
                 let balls = 4.0 * a / (4.0 * a + 3.0 * height);
@@ -45,12 +48,13 @@ impl Solid {
                 let moments = cylinder * (1.0 - balls)
                     + Vector3::repeat(0.4 * balls * a * a)
                     + Vector3::new(away, away, 0.0);
-                Self { volume: PI * (a * a * height + 4.0 / 3.0 * a.powi(3)), moments }
+                (PI * (a * a * height + 4.0 / 3.0 * a.powi(3)), moments)
             }
-            // A plane has no mass.
-            "plane" => Self { volume: 0.0, moments: Vector3::zeros() },
+            // A plane has no mass, nor has a field of heights.
+            "plane" | "hfield" => (0.0, Vector3::zeros()),
             _ => return None,
-        })
+        };
+        Some(Self { volume, centre: Vector3::zeros(), moments: Matrix3::from_diagonal(&moments) })
     }
 }
 
@@ -75,7 +79,7 @@ impl<'a> Reader<'a> {
             if !weighs || !(self.groups[0]..=self.groups[1]).contains(&group) {
                 continue;
             }
-            let kind = if own("mesh").is_some() { "mesh" } else { own("type").unwrap_or("sphere") };
+            let kind = own("type").unwrap_or("sphere");
             if own("shellinertia") == Some("true") {
                 return Ok((sum, Some("shell".to_owned())));
             }
@@ -98,23 +102,38 @@ impl<'a> Reader<'a> {
                     (turn.unwrap_or_else(upside_down).into_inner(), (from + to) / 2.0)
                 }
                 None => {
-                    let place = Self::vector(&geom.node, "pos")?.unwrap_or_else(Vector3::zeros);
-                    (self.angles.rotation(&geom.node)?, place)
+                    let place =
+                        numbers("pos")?.map(|v| exactly::<3>(v, &format!("pos of {what}"))).transpose()?;
+                    let rotation = self.angles.rotation_of(&geom.node, &own)?;
+                    (rotation, place.map_or_else(Vector3::zeros, Vector3::from))
                 }
             };
-            let Some(solid) = Solid::of(kind, size) else { return Ok((sum, Some(kind.to_owned()))) };
+            let solid = match self.solid(kind, own("mesh"), size) {
+                Ok(solid) => solid,
+                Err(other) => return Ok((sum, Some(other))),
+            };
             let mass = mass.unwrap_or(density * solid.volume);
-            if mass < LIGHTEST_KG || kind == "plane" {
+            if mass < LIGHTEST_KG || matches!(kind, "plane" | "hfield") {
                 continue;
             }
-            let tensor = Matrix3::from_diagonal(&(solid.moments * mass));
+            let tensor = solid.moments * mass;
             let body = InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor);
             let rotation = geom.rotation * rotation;
-            let position = geom.position + geom.rotation * position;
+            let position = geom.position + geom.rotation * position + rotation * solid.centre;
             for (to, value) in sum.iter_mut().zip(in_parent(&body.to_vector(), &rotation, &position)) {
                 *to += value;
             }
         }
         Ok((sum, None))
+    }
+
+    /// Returns the solid of a type of geom, or which kind of geom it is whose solid is not known.
+    fn solid(&self, kind: &str, mesh: Option<&str>, size: [f64; 3]) -> Result<Solid, String> {
+        match (kind, mesh) {
+            ("mesh", Some(name)) => self.meshes.solid(name).map_err(|why| format!("mesh ({name}: {why})")),
+            ("mesh", None) => Err("mesh (it is not named)".to_owned()),
+            (_, Some(name)) => Err(format!("{kind} that is fitted to a mesh ({name})")),
+            (_, None) => Solid::of(kind, size).ok_or_else(|| kind.to_owned()),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Models from MJCF, the language of MuJoCo: bodies, joints and inertias. What else changes forces is named.
 //!
 //! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last is a body. Lives here: the
-//! reader; what represents other elements ([`elements`]), inertias of geoms ([`geoms`]), orientations
+//! reader; what represents other elements ([`elements`]), inertias of geoms ([`geoms`]) and meshes ([`meshes`]), orientations
 //! ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of masses ([`masses`]), which bodies are the
 //! robot ([`robot`]), and what is not followed ([`unused`]).
 
@@ -11,6 +11,9 @@ mod elements;
 mod foreign_tests;
 mod geoms;
 mod masses;
+mod meshes;
+#[cfg(test)]
+mod meshes_tests;
 pub(crate) mod names;
 mod robot;
 #[cfg(test)]
@@ -30,6 +33,7 @@ use roxmltree::Node;
 
 use self::angles::Angles;
 use self::masses::Masses;
+use self::meshes::Meshes;
 use self::names::Names;
 use self::robot::Inside;
 use super::finding::{Finding, ModelError};
@@ -52,6 +56,7 @@ type Class<'a> = BTreeMap<(&'static str, &'a str), &'a str>;
 struct Reader<'a> {
     angles: Angles,
     masses: Masses,
+    meshes: Meshes,
     names: &'a Names,
     /// Attributes of the default classes, those of the classes they are in included.
     classes: BTreeMap<&'a str, Class<'a>>,
@@ -111,6 +116,7 @@ pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed,
     let mut reader = Reader {
         angles: Angles::of(setting("angle"), setting("eulerseq")),
         masses: Masses::of(&compilers).map_err(refuse)?,
+        meshes: Meshes::of(&compilers, folder),
         names: &names,
         classes: BTreeMap::new(),
         from_geoms: match setting("inertiafromgeom") {
@@ -128,6 +134,7 @@ pub fn parse_in(text: &str, what: &str, folder: Option<&Path>) -> Result<Parsed,
         let before = reader.classes.get(defaults.attribute("class").unwrap_or("main")).cloned();
         reader.defaults(defaults, &before.unwrap_or_default());
     }
+    reader.meshes(&root).map_err(refuse)?;
     let mut bodies = Vec::new();
     for world in root.children().filter(|n| n.has_tag_name("worldbody")) {
         let all = reader.inside(&world, &[]).map_err(refuse)?;
@@ -189,7 +196,7 @@ impl<'a> Reader<'a> {
 
     fn defaults(&mut self, node: Node<'a, '_>, outer: &Class<'a>) {
         let mut own = outer.clone();
-        for tag in ["joint", "geom"] {
+        for tag in ["joint", "geom", "mesh"] {
             if let Some(stated) = xml::child(&node, tag) {
                 own.extend(stated.attributes().map(|a| ((tag, a.name()), a.value())));
             }
@@ -294,7 +301,7 @@ impl<'a> Reader<'a> {
         if anchor != Vector3::zeros() {
             self.anchors.insert(name.clone(), anchor);
         }
-        let nominal = self.inertial(&inside, &name)?;
+        let nominal = self.inertial(&inside, &name, place + shift)?;
         if let (Some(link), Some(phi)) = (self.raw.last_mut(), nominal) {
             link.link.nominal = Some(in_parent(&phi, &Matrix3::identity(), &-anchor));
         }
@@ -419,12 +426,17 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// About the body's origin.
-    fn inertial(&mut self, inside: &[Inside<'a>], name: &str) -> Result<Option<Parameters>, String> {
+    /// About the body's origin; `place` is that of the body in its parent.
+    fn inertial(
+        &mut self,
+        inside: &[Inside<'a>],
+        name: &str,
+        place: Vector3<f64>,
+    ) -> Result<Option<Parameters>, String> {
         let stated = inside.iter().find(|n| n.node.has_tag_name("inertial")).map(|n| n.node);
         let Some(node) = stated.filter(|_| self.from_geoms != Some(true)) else {
             let has_geoms = inside.iter().any(|n| n.node.has_tag_name("geom"));
-            return self.inertial_of_geoms(if has_geoms { inside } else { &[] }, name);
+            return self.inertial_of_geoms(if has_geoms { inside } else { &[] }, name, place);
         };
         let what = format!("<inertial> of body {name}");
         let one = |attribute: &str| -> Result<f64, String> {
@@ -452,7 +464,12 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns the parameters of a body that its geoms make; `None` if they are not known, which is said, or if there is none.
-    fn inertial_of_geoms(&mut self, inside: &[Inside<'a>], name: &str) -> Result<Option<Parameters>, String> {
+    fn inertial_of_geoms(
+        &mut self,
+        inside: &[Inside<'a>],
+        name: &str,
+        place: Vector3<f64>,
+    ) -> Result<Option<Parameters>, String> {
         let (sum, other) = match self.from_geoms {
             Some(false) => (NO_BODY, None),
             _ => self.of_geoms(inside)?,
@@ -470,7 +487,8 @@ impl<'a> Reader<'a> {
         let (centre, tensor) = if body.mass > 0.0 {
             (body.centre_of_mass().vector(), body.inertia_com())
         } else {
-            (Vector3::zeros(), Matrix3::zeros())
+            // MuJoCo puts the least mass of a body that has none where the body is in its parent, but in its own axes.
+            (place, Matrix3::zeros())
         };
         let phi = in_parent(&self.body_of(body.mass, tensor), &Matrix3::identity(), &centre);
         Ok(Some(phi).filter(|phi| *phi != NO_BODY))

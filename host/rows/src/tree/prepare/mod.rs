@@ -116,7 +116,10 @@ fn upright(mut model: Model, recording: &Recording) -> Result<Model, TreePrepare
     let has_imu = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some());
     let own = recording.rig.recording.gravity_direction;
     let measured = has_imu || recording.gravity.is_some() || recording.wrench.is_some();
-    let down = if measured { own } else { Gravity::of(recording, &model).direction };
+    let gravity = Gravity::of(recording, &model);
+    let down = if measured { own } else { gravity.direction };
+    let mps2 = if measured { recording.rig.recording.gravity_mps2 } else { gravity.mps2 };
+    model.gravity_mps2 = model.gravity_mps2.map(|_| DOWN.map(|share| share * mps2));
     if down == DOWN {
         return Ok(model);
     }
