@@ -1,6 +1,7 @@
-"""Writes the tables and bags of other programs in corpus/, by openpyxl, XlsxWriter, nptdms, pandas and rosbags.
+"""Writes the tables and bags of other programs in corpus/, by openpyxl, XlsxWriter, nptdms, pandas, pyarrow and
+rosbags.
 
-    pip install openpyxl XlsxWriter nptdms pandas rosbags lz4
+    pip install openpyxl XlsxWriter nptdms pandas pyarrow rosbags lz4
     python fuzz/make_tables.py
 
 Row n has the numbers that the tests of rigident-io compute by themselves (csv/exports_tests.rs): the time is
@@ -159,6 +160,44 @@ def tdms_files():
             }
             channels.append(ChannelObject("run", name, data, properties))
         writer.write_segment([root, *channels])
+    # As DAQmx has them: the first scale is that of the converter, of which nothing is stated.
+    with TdmsWriter(TABLES / "second_scale.tdms") as writer:
+        channels = []
+        for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+            data = np.array([thousandths(row, k) for row in range(ROWS)], np.int32)
+            properties = {
+                "unit_string": unit,
+                "wf_increment": 0.002,
+                "NI_Number_Of_Scales": Int32(2),
+                "NI_Scaling_Status": "unscaled",
+                "NI_Scale[1]_Scale_Type": "Linear",
+                "NI_Scale[1]_Linear_Slope": 0.001,
+                "NI_Scale[1]_Linear_Y_Intercept": 0.25,
+                "NI_Scale[1]_Linear_Input_Source": Uint32(0),
+            }
+            channels.append(ChannelObject("run", name, data, properties))
+        writer.write_segment([root, *channels])
+
+
+def parquet_decimals():
+    """Decimals of 4, 8 and 16 bytes, and such that are stored as whole numbers, by pyarrow."""
+    import decimal
+
+    import pyarrow
+    import pyarrow.parquet
+
+    def column(digits, numbers):
+        kind = pyarrow.decimal128(digits, 3)
+        return pyarrow.array([decimal.Decimal(n) / 1000 for n in numbers], kind)
+
+    columns = {"Time [s]": column(9, [2 * row for row in range(ROWS)])}
+    for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+        columns[f"{name} [{unit}]"] = column([9, 18, 38][k % 3], [thousandths(row, k) for row in range(ROWS)])
+    table = pyarrow.table(columns)
+    for name, whole in (("decimals", False), ("decimals_whole", True)):
+        pyarrow.parquet.write_table(
+            table, TABLES / f"{name}.parquet", compression="zstd", store_decimal_as_integer=whole, store_schema=False
+        )
 
 
 def ros1_bags():
@@ -242,4 +281,5 @@ if __name__ == "__main__":
     xlsxwriter_sheet()
     tables_of_text()
     tdms_files()
+    parquet_decimals()
     ros1_bags()

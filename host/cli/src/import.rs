@@ -165,10 +165,11 @@ fn decided(
         };
         if !is_asked {
             return Err(Failure::input(format!(
-                "{}: the unit of {} is written nowhere: give it by --unit, as in --unit \"{}=N\"",
+                "{}: the unit of {} is written nowhere: give it by --unit, as in --unit \"{}={}\"",
                 file.file,
                 missing.join(", "),
-                missing.first().map_or("Fx", String::as_str)
+                missing.first().map_or("Fx", String::as_str),
+                missing.first().map_or("N", |name| Undecided::example(name))
             )));
         }
         for name in missing {

@@ -32,12 +32,43 @@ const TIMES: &[&str] = &[
     "zeitachse",
     "abstime",
     "abszeit",
+    "uhrzeit",
+    "timeofday",
+    "heure",
+    "hora",
+    "ora",
+    "tid",
+    "czas",
+    "godzina",
+    "čas",
+    "idő",
 ];
 
 /// Words before or after an axis, and the quantity.
 const WORDS: &[(Quantity, &[&str])] = &[
-    (Quantity::Force, &["f", "force", "forces", "kraft", "frc"]),
-    (Quantity::Moment, &["m", "t", "moment", "moments", "torque", "torques", "drehmoment", "mom", "trq"]),
+    // German, French, Spanish, Italian, Dutch, Polish (as Windows-1250 reads as Windows-1252, too).
+    (
+        Quantity::Force,
+        &["f", "force", "forces", "kraft", "frc", "effort", "fuerza", "forza", "kracht", "siła", "si³a"],
+    ),
+    (
+        Quantity::Moment,
+        &[
+            "m",
+            "t",
+            "moment",
+            "moments",
+            "torque",
+            "torques",
+            "drehmoment",
+            "mom",
+            "trq",
+            "couple",
+            "momento",
+            "coppia",
+            "koppel",
+        ],
+    ),
     (
         Quantity::Acceleration,
         &[
@@ -47,6 +78,11 @@ const WORDS: &[(Quantity, &[&str])] = &[
             "acceleration",
             "accelerometer",
             "beschleunigung",
+            "accélération",
+            "aceleración",
+            "accelerazione",
+            "versnelling",
+            "przyspieszenie",
             "specificforce",
             "imua",
             "imuacc",
@@ -66,6 +102,12 @@ const WORDS: &[(Quantity, &[&str])] = &[
             "angvel",
             "drehrate",
             "winkelgeschwindigkeit",
+            "vitesseangulaire",
+            "velocidadangular",
+            "velocitàangolare",
+            "hoeksnelheid",
+            "prędkośćkątowa",
+            "prêdkoœæk¹towa",
             "rate",
             "imug",
             "imugyr",
@@ -95,8 +137,8 @@ pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
     if stated.is_some() && measured.is_none() {
         return None;
     }
-    let plain: String = base.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-    if TIMES.contains(&plain.as_str()) || is_catman_time(base.trim()) {
+    let plain = plain(base);
+    if is_time(base) || is_catman_time(base.trim()) {
         let fits = measured.is_none_or(|quantity| quantity == Quantity::Time);
         return fits.then(|| Meaning { known: "t_s".to_owned(), quantity: Quantity::Time, unit });
     }
@@ -113,9 +155,14 @@ pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
         }
         (None, None) => return None,
     };
-    let (quantity, _) = *WORDS
-        .iter()
-        .find(|(quantity, words)| words.contains(&word) && measured.is_none_or(|own| own == *quantity))?;
+    // A word and then the letter: "Kraft Fx".
+    let is_doubled = |words: &[&str]| {
+        let letter = word.char_indices().last().filter(|(at, _)| *at > 2).map(|(at, _)| word.split_at(at));
+        letter.is_some_and(|(rest, letter)| words.contains(&rest) && words.contains(&letter))
+    };
+    let (quantity, _) = *WORDS.iter().find(|(quantity, words)| {
+        (words.contains(&word) || is_doubled(words)) && measured.is_none_or(|own| own == *quantity)
+    })?;
     let (group, k) = match quantity {
         Quantity::Force => (Group::Wrench, k),
         Quantity::Moment => (Group::Wrench, k + 3),
@@ -123,6 +170,16 @@ pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
         _ => (Group::Gyro(0), k),
     };
     Some(Meaning { known: Known::Member(group, k).name(), quantity, unit })
+}
+
+/// Returns the letters and digits of a name, small.
+fn plain(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
+/// Returns true for a word for a time.
+fn is_time(name: &str) -> bool {
+    TIMES.contains(&plain(name).as_str())
 }
 
 /// Parts a unit off a name: `Fx [N]`, `Fx (N)`, `F_x/N`, `TimeStamp_ms`; `None` if it is in a unit that is not known.
@@ -144,8 +201,13 @@ fn parted(name: &str) -> Option<(&str, Option<&str>)> {
     };
     let by_last = |mark: char| {
         let (base, unit) = name.rsplit_once(mark)?;
-        // x and z are axes; a letter alone may be one of a name.
-        (unit.len() > 1 && Unit::parse(unit).is_some() && !base.is_empty()).then_some((base, Some(unit)))
+        // x and z are axes; a letter alone may be one of a name, but not after a time or an axis: time_s, Fx_N, acc_x_g.
+        let is_unit = match unit {
+            "s" => is_time(base),
+            "N" | "g" => base.ends_with(['x', 'y', 'z', 'X', 'Y', 'Z']),
+            _ => unit.len() > 1,
+        };
+        (is_unit && Unit::parse(unit).is_some() && !base.is_empty()).then_some((base, Some(unit)))
     };
     Some(by('/').or_else(|| by_last('_')).or_else(|| by_last(' ')).unwrap_or((name, None)))
 }
@@ -252,6 +314,20 @@ mod tests {
             ("TimeStamp_ms", None, "t_s", Some("ms")),
             ("Time", None, "t_s", None),
             ("Fx", None, "fx_n", None),
+            ("time_s", None, "t_s", Some("s")),
+            ("t_s", None, "t_s", Some("s")),
+            ("Fx_N", None, "fx_n", Some("N")),
+            ("acc_x_g", None, "imu_ax_mps2", Some("g")),
+            ("Uhrzeit", None, "t_s", None),
+            ("Kraft Fx [N]", None, "fx_n", Some("N")),
+            ("Moment Mx [Nm]", None, "mx_nm", Some("Nm")),
+            ("Torque Tz (Nm)", None, "mz_nm", Some("Nm")),
+            ("Siła Fy [N]", None, "fy_n", Some("N")),
+            ("Si³a Fy [N]", None, "fy_n", Some("N")),
+            ("Prędkość kątowa Z [°/s]", None, "imu_gz_radps", Some("°/s")),
+            ("Fuerza Z", Some("N"), "fz_n", Some("N")),
+            ("Moment X", Some("Newton-Meters"), "mx_nm", Some("Newton-Meters")),
+            ("Angular rate X", Some("degrees/s"), "imu_gx_radps", Some("degrees/s")),
         ] {
             let found = meaning(name, stated).unwrap_or_else(|| panic!("{name}"));
             assert_eq!((found.known.as_str(), found.unit.as_deref()), (known, unit), "{name}");
@@ -265,6 +341,10 @@ mod tests {
             "Fx1 [N]",
             "Index",
             "Max [N]",
+            "Kraft Mx [N]",
+            "Force Tx [N]",
+            "Offset_N",
+            "state_s",
             "x",
         ] {
             let found = meaning(none, None);

@@ -266,11 +266,14 @@ impl<'a> Reader<'a> {
         let meanings = conventions::meanings(header, &self.units, &self.above);
         let is_clock = |k: usize| self.clocks.contains(&k);
         let columns = conventions::columns(header, &meanings, is_clock).map_err(|without| {
+            let first = without.first().map_or("Fx", String::as_str);
+            let of_first = conventions::meaning(first, None);
             self.columns_error(format!(
                 "its columns are named as elsewhere, and the unit of {} is written nowhere: name the columns in \
-                 [recording] columns of a rig file, as in fx_n = {{ name = {:?}, unit = \"N\" }}",
+                 [recording] columns of a rig file, as in {} = {{ name = {first:?}, unit = \"{}\" }}",
                 shorten(&without.join(", ")),
-                without.first().map_or("Fx", String::as_str)
+                of_first.as_ref().map_or("fx_n", |meaning| meaning.known.as_str()),
+                of_first.as_ref().map_or("N", |meaning| meaning.quantity.si())
             ))
         })?;
         let is_group = |known: &String| known != TIME;
@@ -638,7 +641,8 @@ fn refuse(cell: &str) -> String {
     } else if nearest_known(&cell).as_deref() == Some(cell.as_str()) {
         format!("{cell:?} is the name of a column: the header is repeated here; remove the line")
     } else {
-        format!("{cell:?} is not a number (decimals have a point): mend it, or remove the row")
+        let marks = if cell.contains(',') { " (decimals have a point)" } else { "" };
+        format!("{cell:?} is not a number{marks}: mend it, or remove the row")
     }
 }
 

@@ -281,6 +281,13 @@ pub enum Undecided {
     NoColumn(String),
 }
 
+impl Undecided {
+    /// Returns a unit that a column of this name could have: the SI unit of the quantity that it is named after.
+    pub fn example(name: &str) -> &'static str {
+        conventions::meaning(name, None).map_or("N", |meaning| meaning.quantity.si())
+    }
+}
+
 /// A file with its known columns, each with its name in the file and its unit.
 pub type Proposed<'a> = (&'a Understood, BTreeMap<String, (String, Option<String>)>);
 

@@ -114,6 +114,28 @@ fn what_is_not_followed_is_named() {
         (arm("", "density=\"1000\"", ["", "", ""]), "density"),
         (also(tendon), "tendon cable: the answer does not use what the file states of its stiffness"),
         (also(coupled), "equality of j1 and j2: couples"),
+        (
+            also("<actuator><motor name=\"m\" joint=\"j1\" armature=\"0.5\"/></actuator>"),
+            "actuator m: the answer does not use what the file states of its armature",
+        ),
+        (
+            also("<default><default class=\"d\"><position damping=\"2\"/></default></default>"),
+            "actuator: the answer does not use what the file states of its damping",
+        ),
+        (
+            "<mujoco><compiler alignfree=\"true\"/><worldbody><body name=\"t\"><freejoint/><inertial pos=\"0.1 0 0\" mass=\"1\" \
+             diaginertia=\"1 1 1\"/></body></worldbody></mujoco>"
+                .to_owned(),
+            "body t: MuJoCo moves its frame",
+        ),
+        (
+            arm("", "", ["", "", ""]).replacen(
+                "<inertial pos=\"0 0.01 0.2\" mass=\"3\" diaginertia=\"0.05 0.05 0.01\"/>",
+                "<geom type=\"hfield\" hfield=\"h\"/>",
+                1,
+            ),
+            "of a hfield",
+        ),
         (arm("", "", ["springdamper=\"1 1\"", "", ""]), "joint j1: not read of its attributes"),
         (
             arm("settotalmass=\"9\"", "", ["", "", ""])

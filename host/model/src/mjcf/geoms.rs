@@ -50,8 +50,8 @@ impl Solid {
                     + Vector3::new(away, away, 0.0);
                 (PI * (a * a * height + 4.0 / 3.0 * a.powi(3)), moments)
             }
-            // A plane has no mass, nor has a field of heights.
-            "plane" | "hfield" => (0.0, Vector3::zeros()),
+            // A plane has no mass.
+            "plane" => (0.0, Vector3::zeros()),
             _ => return None,
         };
         Some(Self { volume, centre: Vector3::zeros(), moments: Matrix3::from_diagonal(&moments) })
@@ -113,7 +113,7 @@ impl<'a> Reader<'a> {
                 Err(other) => return Ok((sum, Some(other))),
             };
             let mass = mass.unwrap_or(density * solid.volume);
-            if mass < LIGHTEST_KG || matches!(kind, "plane" | "hfield") {
+            if mass < LIGHTEST_KG || kind == "plane" {
                 continue;
             }
             let tensor = solid.moments * mass;

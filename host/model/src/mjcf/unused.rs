@@ -11,6 +11,10 @@ use crate::xml::line;
 /// The passive forces of tendons.
 const OF_TENDONS: [&str; 4] = ["stiffness", "damping", "frictionloss", "armature"];
 
+/// The elements of actuators that default classes may have.
+const ACTUATORS: [&str; 9] =
+    ["general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"];
+
 fn finding(place: &str, text: String) -> Finding {
     Finding { place: place.to_owned(), text }
 }
@@ -25,6 +29,8 @@ pub(super) fn unused(root: &Node, names: &Names) -> Vec<Finding> {
     let mut found = of_options(root);
     found.extend(of_equalities(root));
     found.extend(of_tendons(root));
+    found.extend(of_actuators(root));
+    found.extend(of_free_joints(root, names));
     found.extend(of_bodies(root, names));
     found
 }
@@ -88,6 +94,48 @@ fn of_tendons(root: &Node) -> Vec<Finding> {
             let text = format!("{NOT_USED}{}: tendons are not followed", stated.join(", "));
             found.push(finding(place.trim_end(), text));
         }
+    }
+    found
+}
+
+/// Returns the rotors and dampers that actuators, or their classes, add to what they drive.
+fn of_actuators(root: &Node) -> Vec<Finding> {
+    let all = root.descendants().filter(|n| n.has_tag_name("actuator")).flat_map(|n| n.children());
+    let of_classes = root.descendants().filter(|n| n.has_tag_name("default")).flat_map(|n| n.children());
+    let of_classes = of_classes.filter(|n| ACTUATORS.iter().any(|tag| n.has_tag_name(*tag)));
+    let mut found = Vec::new();
+    for own in all.filter(Node::is_element).chain(of_classes) {
+        let is_stated = |name: &&str| own.attribute(*name).is_some_and(is_some);
+        let stated: Vec<&str> = ["armature", "damping"].into_iter().filter(is_stated).collect();
+        if !stated.is_empty() {
+            let name = own.attribute("name").or(own.attribute("joint")).unwrap_or_default();
+            let place = format!("actuator {name}");
+            let text = format!(
+                "{NOT_USED}{} (line {}): write it to the joint that it drives",
+                stated.join(", "),
+                line(&own)
+            );
+            found.push(finding(place.trim_end(), text));
+        }
+    }
+    found
+}
+
+/// Returns the bodies whose frame MuJoCo moves to their centre of mass.
+fn of_free_joints(root: &Node, names: &Names) -> Vec<Finding> {
+    let compilers = root.children().filter(|n| n.has_tag_name("compiler"));
+    let all = compilers.filter_map(|n| n.attribute("alignfree")).last() == Some("true");
+    let mut found = Vec::new();
+    for joint in root.descendants().filter(|n| n.has_tag_name("freejoint")) {
+        let is_moved = joint.attribute("align").map_or(all, |word| word == "true" || (word == "auto" && all));
+        let body = joint.ancestors().find(|n| n.has_tag_name("body"));
+        let Some(body) = body.filter(|body| is_moved && !body.children().any(|n| n.has_tag_name("body")))
+        else {
+            continue;
+        };
+        let text = "MuJoCo moves its frame to its centre of mass and turns it to its principal axes (align); here it is where \
+                    the file has it";
+        found.push(finding(&format!("body {}", names.name(&body).unwrap_or_default()), text.to_owned()));
     }
     found
 }

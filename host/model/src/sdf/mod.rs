@@ -270,7 +270,9 @@ fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
     let mut anchors = BTreeMap::new();
     let mut raw = Vec::new();
     let still = (Matrix3::identity(), Vector3::zeros());
-    if on_world {
+    // Before version 1.8 a link may be named so: it is the one that joints hold on to.
+    let is_world = |link: &Node| link.attribute("name") == Some(WORLD) && xml::child(link, "pose").is_none();
+    if on_world && !links.iter().any(is_world) {
         raw.push(RawLink { link: bare(WORLD, "", Joint::Free, still), parent: None });
     }
     for link in &links {

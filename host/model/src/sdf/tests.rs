@@ -145,3 +145,21 @@ fn shared_cases_are_the_robot_that_their_urdf_is() {
         same(&read_file(&cases.join(name)).unwrap().0, &wanted, name);
     }
 }
+
+/// As in grippers of Bullet's data: a link named as the world.
+#[test]
+fn a_link_named_world_is_the_one_that_joints_hold_on_to() {
+    let text = arm("1.6", "<xyz>0 0.6 0.8</xyz>", "l2", "");
+    let plain = sdf::parse(&text, "s").unwrap().model;
+    let model = sdf::parse(&text.replace("base", "world"), "s").unwrap().model;
+    let names: Vec<&str> = model.links.iter().map(|link| link.name.as_str()).collect();
+    assert_eq!(names, ["world", "l1", "l2"]);
+    same(&model, &efforts(&plain), "a link named world");
+    // Elsewhere than the world it is another one.
+    let moved = text.replace("base", "world").replacen(
+        "<link name=\"world\"/>",
+        "<link name=\"world\"><pose>1 0 0 0 0 0</pose></link>",
+        1,
+    );
+    assert!(sdf::parse(&moved, "s").unwrap_err().to_string().contains("two links are named world"));
+}

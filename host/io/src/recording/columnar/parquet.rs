@@ -63,14 +63,30 @@ fn time_places(column: &ColumnDescriptor) -> Option<usize> {
     }
 }
 
+/// Returns true of a column that the file says to hold decimals.
+fn is_decimal(column: &ColumnDescriptor) -> bool {
+    matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)))
+        || column.converted_type() == ConvertedType::DECIMAL
+}
+
+/// Returns the whole number of bytes, the largest first, in two's complement.
+///
+/// # Errors
+/// It has more than sixteen.
+fn whole_of(bytes: &[u8]) -> Result<i128, String> {
+    if bytes.len() > 16 {
+        return Err("it has decimals of more than 38 digits: store it as float64".to_owned());
+    }
+    let sign = if bytes.first().is_some_and(|byte| *byte >= 0x80) { -1 } else { 0 };
+    Ok(bytes.iter().fold(sign, |whole, byte| (whole << 8) | i128::from(*byte)))
+}
+
 /// Returns the decimal places of any whole number.
 ///
 /// # Errors
 /// It has more than a number can have.
 fn places(column: &ColumnDescriptor) -> Result<usize, String> {
-    let is_decimal = matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)))
-        || column.converted_type() == ConvertedType::DECIMAL;
-    let scale = if is_decimal { column.type_scale() } else { 0 };
+    let scale = if is_decimal(column) { column.type_scale() } else { 0 };
     let places = time_places(column).map_or_else(|| usize::try_from(scale), Ok);
     places.ok().filter(|places| *places <= 38).ok_or_else(|| format!("its scale {scale} is none"))
 }
@@ -115,6 +131,12 @@ fn read(
         ColumnReader::FloatColumnReader(reader) => cells(reader, room, |v| Ok(number(f64::from(*v)))),
         ColumnReader::DoubleColumnReader(reader) => cells(reader, room, |v| Ok(number(*v))),
         ColumnReader::ByteArrayColumnReader(reader) if is_text => cells(reader, room, text),
+        ColumnReader::ByteArrayColumnReader(reader) if is_decimal(column) => {
+            cells(reader, room, |v| Ok(shifted(whole_of(v.data())?, places)))
+        }
+        ColumnReader::FixedLenByteArrayColumnReader(reader) if is_decimal(column) => {
+            cells(reader, room, |v| Ok(shifted(whole_of(v.data())?, places)))
+        }
         _ => Err("it holds neither numbers nor text: store it as float64".to_owned()),
     }
 }

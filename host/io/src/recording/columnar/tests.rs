@@ -248,3 +248,14 @@ fn whole_numbers_have_their_unit_and_their_decimals() {
         assert_eq!(table.times.is_empty(), matches!(known, "17000000001.23" | "1700000000123"), "{kind:?}");
     }
 }
+
+/// Decimals of pyarrow (`fuzz/make_tables.py`) in 4, 8 and 16 bytes, and as whole numbers.
+#[test]
+fn decimals_of_parquet_are_the_numbers_that_were_written() {
+    use crate::recording::csv::exports_tests::check;
+
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_table");
+    for name in ["decimals.parquet", "decimals_whole.parquet"] {
+        check(&Recording::load(&folder.join(name), None).unwrap_or_else(|e| panic!("{e}")), name);
+    }
+}

@@ -46,14 +46,23 @@ pub(in crate::recording) fn find<'a>(
     let is_known =
         |name: &str| Known::parse(name).is_some() || mapping.values().any(|source| source.parts().0 == name);
     let own = separator(body);
+    // How many of the columns that the rig file names a layout has.
+    let named = |layout: &Layout| {
+        let names = mapping.values().map(|source| source.parts().0);
+        names.filter(|name| layout.names.iter().any(|own| own == name)).count()
+    };
+    let above = comments
+        .last()
+        .map(|(key, value)| if key.is_empty() { value.clone() } else { format!("{key} = {value}") });
+    let search = || Layout::find(body, line, above.as_deref());
     let found = match Layout::of_header(body, line, own, is_known) {
-        Some(layout) => Some(layout),
-        None => {
-            let above = comments
-                .last()
-                .map(|(key, value)| if key.is_empty() { value.clone() } else { format!("{key} = {value}") });
-            Layout::find(body, line, above.as_deref()).map_err(not)?
+        // A line of groups above the names may have one of them.
+        Some(first) if named(&first) < mapping.len() => {
+            let other = search().ok().flatten();
+            other.filter(|other| named(other) > named(&first)).or(Some(first))
         }
+        Some(first) => Some(first),
+        None => search().map_err(not)?,
     };
     // Of no table of numbers the first line is taken for the header, whatever it says.
     let layout = found.or_else(|| Layout::of_header(body, line, own, |_| true));

@@ -275,6 +275,7 @@ fn what_could_be_two_numbers_is_refused() {
     let bare = format!("{}\n{}", NAMES.join(";"), rows(&LOCALES[0]));
     let said = read(bare.as_bytes(), "").unwrap_err().to_string();
     assert!(said.contains("the unit of Time, Fx") && said.contains("written nowhere"), "{said}");
+    assert!(said.contains("as in t_s = { name = \"Time\", unit = \"s\" }"), "{said}");
 }
 
 #[test]
@@ -289,6 +290,20 @@ fn lines_are_counted_as_an_editor_does() {
     }
     let german = format!("Halter\n\n{}{}", header(&LOCALES[0]), rows(&LOCALES[0]));
     assert_eq!(read(german.as_bytes(), "").unwrap().place(0), "line 5");
+}
+
+/// A rig file may name a column that has its whole name in the line of groups above it, too.
+#[test]
+fn a_rig_file_names_columns_below_their_groups() {
+    let english = &LOCALES[3];
+    let text =
+        format!("Time\tForce\t\t\tMoment\t\t\n\tX\tY\tZ\tX\tY\tZ\ns\tN\tN\tN\tNm\tNm\tNm\n{}", rows(english));
+    check(&read(text.as_bytes(), "").unwrap(), "by its names");
+    let rig = "[recording]\ncolumns = { t_s = \"Time\", fx_n = \"Force X\", fy_n = \"Force Y\", fz_n = \"Force Z\", \
+               mx_nm = \"Moment X\", my_nm = \"Moment Y\", mz_nm = \"Moment Z\" }\n";
+    check(&read(text.as_bytes(), rig).unwrap(), "by the rig file");
+    let said = read(text.as_bytes(), &rig.replace("Force Y", "Force Q")).unwrap_err().to_string();
+    assert!(said.contains("Force Q"), "{said}");
 }
 
 /// The files of a laboratory, as they were received.

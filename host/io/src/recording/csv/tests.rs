@@ -237,7 +237,7 @@ fn bad_input_is_named_with_its_place() {
         (with_line(4, "300.0", "NaN"), "", &["test.csv, line 5, column fz_n", "NaN is not a finite number"]),
         (with_line(4, "300.0", "-inf"), "", &["line 5, column fz_n", "finite"]),
         (with_line(4, "300.0", "1e999"), "", &["line 5, column fz_n", "finite"]),
-        (with_line(4, "300.0", "n/a"), "", &["line 5, column fz_n", "\"n/a\" is not a number"]),
+        (with_line(4, "300.0", "n/a"), "", &["line 5, column fz_n", "\"n/a\" is not a number: mend it"]),
         (with_line(4, "300.0", ""), "", &["line 5, column fz_n", "missing"]),
         (
             with_line(4, "0.01,", "0.002,"),

@@ -292,7 +292,8 @@ fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
 /// Recorders of Universal Robots' RTDE: names of outputs, the controller's time in s among them.
 fn universal_robots(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let header = lines(text, line).find(|line| !line.is_blank())?;
-    if !header.text.contains("timestamp") || !header.text.contains("actual_q_0") {
+    let outputs = ["actual_q_0", "actual_TCP_force_0", "ft_raw_wrench_0"];
+    if !header.text.contains("timestamp") || !outputs.iter().any(|name| header.text.contains(name)) {
         return None;
     }
     let has = |mark: char| header.text.contains(mark);

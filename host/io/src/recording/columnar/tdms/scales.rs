@@ -49,7 +49,12 @@ pub(super) fn of(channel: &Object, objects: &[Object]) -> Result<Option<Scales>,
     if count > MOST {
         return Err(format!("it has {count} scales one after the other, more than {MOST}"));
     }
-    (0..count).map(|k| scale(owner, k)).collect::<Result<Vec<_>, _>>().map(|scales| Some(Scales(scales)))
+    // A scale that is not stated leaves the numbers as they are, if another one follows: DAQmx begins so.
+    let is_stated = |k: usize| owner.text(&format!("NI_Scale[{k}]_Scale_Type")).is_some() || k + 1 == count;
+    let own = |k: usize| {
+        if is_stated(k) { scale(owner, k) } else { Ok(Scale { source: None, coefficients: vec![0.0, 1.0] }) }
+    };
+    (0..count).map(own).collect::<Result<Vec<_>, _>>().map(|scales| Some(Scales(scales)))
 }
 
 fn scale(owner: &Object, k: usize) -> Result<Scale, String> {

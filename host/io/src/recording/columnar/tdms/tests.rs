@@ -51,6 +51,11 @@ fn whole_numbers_are_scaled_as_the_channel_says() {
     let said = read(&other(b"Linear\x16", b"Strain\x16")).err().map(|e| e.to_string());
     let said = said.unwrap_or_else(|| read(&other(b"Linear", b"Strain")).unwrap_err().to_string());
     assert!(said.contains("\"Strain\", which is not read"), "{said}");
+    // A first scale that is not stated leaves the counts to the second; a last one that is not stated is none.
+    let second = Recording::load(&path("second_scale.tdms"), None).unwrap();
+    assert_eq!(second.wrench, recording.wrench);
+    let said = read(&other(b"NI_Scale[0]_Scale_Type", b"NI_Scale[9]_Scale_Type")).unwrap_err().to_string();
+    assert!(said.contains("a scale of kind \"none\""), "{said}");
     // What is scaled already stays as it is.
     let as_it_is = read(&other(b"NI_Number_Of_Scales", b"NI_Number_Of_Shades")).unwrap();
     assert_eq!(as_it_is.wrench.unwrap()[0][0], 1_234_567.0);

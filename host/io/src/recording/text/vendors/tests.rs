@@ -239,3 +239,16 @@ fn joints_of_a_universal_robot_become_those_of_its_model() {
     let joints = understand(&path).unwrap().joints();
     assert_eq!(joints[5].effort.as_deref(), Some("actual_current_as_torque_5"));
 }
+
+/// Recorders that were asked for forces alone.
+#[test]
+fn forces_of_universal_robots_have_their_time_in_seconds() {
+    let names: Vec<String> = (0..6).map(|k| format!("actual_TCP_force_{k}")).collect();
+    let body = rows(40, |k| format!("{}.{:03} 1.5 -2.5 30.25 0.5 0.25 -0.125", 4000 + k / 500, 2 * k % 1000));
+    let text = format!("timestamp {}\n{body}", names.join(" "));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rtde.csv");
+    std::fs::write(&path, text).unwrap();
+    let columns = understand(&path).unwrap().proposal(&Choices::default()).unwrap();
+    assert_eq!(columns["t_s"], ("timestamp".to_owned(), Some("s".to_owned())));
+}
