@@ -101,18 +101,23 @@ impl<T: Scalar> Aligner<T> {
         self.dropped
     }
 
-    /// Drops the load-cell readings that wait for an IMU which no longer comes: for three of its periods or more.
+    /// Drops, and counts, the load-cell readings that wait in vain: for an IMU which no longer comes, for more than two of
+    /// its periods, or between two readings of it that are further apart.
     pub fn give_up_waiting(&mut self) {
         let last = (usize::from(self.first) + usize::from(self.waiting)).wrapping_sub(1) % PENDING;
         let config = &self.config;
+        let most_ns = 2 * u64::from(config.imu_period_ns);
         let wrench_ns = self.pending[last].time_ns.saturating_add(u64::from(config.wrench_delay_ns));
         let imu_ns = match self.filled {
             0 => 0,
             _ => self.imu(NEIGHBOURS as u8 - 1).time_ns.saturating_add(u64::from(config.imu_delay_ns)),
         };
-        if self.waiting > 0 && wrench_ns.saturating_sub(imu_ns) > 3 * u64::from(config.imu_period_ns) {
-            self.dropped = self.dropped.saturating_add(u32::from(self.waiting));
-            self.waiting = 0;
+        let gone = wrench_ns.saturating_sub(imu_ns) > most_ns;
+        let (before_ns, after_ns) = (self.imu(2).time_ns, self.imu(3).time_ns);
+        let apart = usize::from(self.filled) == NEIGHBOURS && after_ns - before_ns > most_ns;
+        while self.front().is_some_and(|wrench| gone || (apart && wrench.time_ns <= after_ns)) {
+            self.drop_first();
+            self.dropped = self.dropped.saturating_add(1);
         }
     }
 
@@ -305,36 +310,44 @@ mod tests {
         }
     }
 
-    #[test]
-    fn what_waits_for_an_imu_that_has_gone_is_counted_when_the_run_ends() {
+    /// Of 200 readings of a load cell at 500 Hz beside an IMU from which those come that `comes` names: how many are neither
+    /// aligned nor counted when the run ends, and how many its end has counted.
+    fn left_at_the_end(comes: impl Fn(u64) -> bool) -> (u32, u32) {
         let config =
             AlignerConfig { wrench_delay_ns: 1_000_000, imu_delay_ns: 7_000_000, imu_period_ns: 2_000_000 };
-        let run = |imu_stops: u64| {
-            let mut aligner = Aligner::<f64>::new(config);
-            let mut came = 0;
-            for k in 1..=200_u64 {
-                let time_ns = 1_000_000_000 + k * 2_000_000;
-                aligner.push_wrench(time_ns, Wrench::zero());
-                if k < imu_stops {
-                    let (specific_force, angular_rate) = (SpecificForce::zero(), AngularRate::zero());
-                    aligner.push_imu(&ImuReading {
-                        time_ns: time_ns + 700_000,
-                        specific_force,
-                        angular_rate,
-                    });
-                }
-                came += core::iter::from_fn(|| aligner.pop()).count() as u32;
+        let mut aligner = Aligner::<f64>::new(config);
+        let mut came = 0;
+        for k in 1..=200_u64 {
+            let time_ns = 1_000_000_000 + k * 2_000_000;
+            aligner.push_wrench(time_ns, Wrench::zero());
+            if comes(k) {
+                let (specific_force, angular_rate) = (SpecificForce::zero(), AngularRate::zero());
+                aligner.push_imu(&ImuReading { time_ns: time_ns + 700_000, specific_force, angular_rate });
             }
-            let before = aligner.dropped();
-            aligner.give_up_waiting();
-            (200 - came - aligner.dropped(), aligner.dropped() - before)
-        };
+            came += core::iter::from_fn(|| aligner.pop()).count() as u32;
+        }
+        let before = aligner.dropped();
+        aligner.give_up_waiting();
+        (200 - came - aligner.dropped(), aligner.dropped() - before)
+    }
+
+    #[test]
+    fn what_waits_for_an_imu_that_has_gone_is_counted_when_the_run_ends() {
         // Of an IMU that is well some are on their way, and stay so; of one that has gone none is forgotten.
-        let (on_the_way, given_up) = run(1000);
+        let (on_the_way, given_up) = left_at_the_end(|_| true);
         assert!((1..=6).contains(&on_the_way) && given_up == 0, "{on_the_way} {given_up}");
-        for stops in [195, 180, 100] {
-            let (forgotten, given_up) = run(stops);
+        for stops in [198, 195, 180, 100] {
+            let (forgotten, given_up) = left_at_the_end(|k| k < stops);
             assert!(forgotten == 0 && given_up > 3, "{stops}: {forgotten} {given_up}");
+        }
+    }
+
+    #[test]
+    fn what_waits_between_readings_too_far_apart_is_counted_when_the_run_ends() {
+        // An IMU that a changed setting makes eight times as slow: its last reading comes with the 200th, the 199th and so on.
+        for phase in 0..8 {
+            let (on_the_way, _) = left_at_the_end(|k| k < 50 || k % 8 == phase);
+            assert!(on_the_way <= 8, "{phase}: {on_the_way}");
         }
     }
 
