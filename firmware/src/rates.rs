@@ -12,10 +12,13 @@ const MOST_MISSING: u64 = 8;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RateMeter {
     /// Asked for, ns; zero: nothing is.
-    period_ns: u64,
-    first_ns: u64,
+    period_ns: u32,
+    /// Two samples less than this apart are neighbours, ns; zero before the first.
+    near_ns: u32,
     last_ns: u64,
-    periods: u64,
+    /// The count is over at this time, ns.
+    full_ns: u64,
+    periods: u32,
     error_ppm: Option<i32>,
 }
 
@@ -24,7 +27,7 @@ impl RateMeter {
     #[must_use]
     pub fn new(rate_hz: f32) -> Self {
         let period_ns = 1_000_000_000_u32.checked_div(rate_hz as u32).unwrap_or(0);
-        Self { period_ns: u64::from(period_ns), ..Self::default() }
+        Self { period_ns, ..Self::default() }
     }
 
     /// Returns by how much the rate is higher than the one asked for, parts in a million; `None` before a second has been
@@ -35,14 +38,14 @@ impl RateMeter {
     }
 
     /// Takes the time of a sample; returns whether a second is full, so that [`Self::error_ppm`] is new.
-    #[inline]
+    #[inline(always)]
     pub fn note(&mut self, time_ns: u64) -> bool {
         let gap_ns = time_ns.wrapping_sub(self.last_ns);
         self.last_ns = time_ns;
         // Of two samples in a row, which nearly all are.
-        if gap_ns < self.period_ns + self.period_ns / 2 && self.first_ns != 0 {
+        if gap_ns < u64::from(self.near_ns) {
             self.periods += 1;
-            return time_ns - self.first_ns >= WINDOW_NS && self.close();
+            return time_ns >= self.full_ns && self.close();
         }
         self.pass_over(gap_ns);
         false
@@ -50,22 +53,34 @@ impl RateMeter {
 
     /// Some are missing, or it is the first.
     #[cold]
+    #[inline(never)]
     fn pass_over(&mut self, gap_ns: u64) {
-        let periods = (gap_ns + self.period_ns / 2).checked_div(self.period_ns).unwrap_or(0);
-        if self.first_ns == 0 || periods > MOST_MISSING {
-            (self.first_ns, self.periods) = (self.last_ns, 0);
+        let period_ns = u64::from(self.period_ns);
+        let periods = gap_ns.saturating_add(period_ns / 2).checked_div(period_ns).unwrap_or(0);
+        if self.near_ns == 0 || periods > MOST_MISSING {
+            self.begin();
         } else {
-            self.periods += periods;
+            // A few at most, as above.
+            self.periods += periods as u32;
         }
     }
 
+    /// Counts from the last sample on.
+    fn begin(&mut self) {
+        self.near_ns = self.period_ns.saturating_add(self.period_ns / 2);
+        self.full_ns = self.last_ns.saturating_add(WINDOW_NS);
+        self.periods = 0;
+    }
+
     #[cold]
+    #[inline(never)]
     fn close(&mut self) -> bool {
-        let took_ns = self.last_ns - self.first_ns;
+        let took_ns = self.last_ns - self.full_ns.saturating_sub(WINDOW_NS);
+        let counted_ns = u64::from(self.periods) * u64::from(self.period_ns);
         // Both are some 10⁹ and their difference is less: no product is larger than 10¹⁶.
-        let early_ns = (self.periods * self.period_ns).cast_signed() - took_ns.cast_signed();
+        let early_ns = counted_ns.cast_signed() - took_ns.cast_signed();
         self.error_ppm = (early_ns * 1_000_000).checked_div(took_ns.cast_signed()).map(|ppm| ppm as i32);
-        (self.first_ns, self.periods) = (self.last_ns, 0);
+        self.begin();
         true
     }
 }

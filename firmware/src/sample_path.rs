@@ -50,13 +50,6 @@ pub enum Words {
     Aligned(TwoLinkReading<f32>),
 }
 
-impl Words {
-    /// Returns whether they are of a recording.
-    pub(crate) fn are_injected(&self) -> bool {
-        matches!(self, Self::Aligned(_))
-    }
-}
-
 /// The estimators of all models, and what is done with any of them. This table is the one place that lists them.
 macro_rules! models {
     ($d:tt $($(#[$meta:meta])* $variant:ident = $tag:literal: $estimator:ty;)*) => {

@@ -48,6 +48,8 @@ const PENDING: usize = 32;
 #[derive(Clone, Debug)]
 pub struct Aligner<T: Scalar> {
     config: AlignerConfig,
+    /// One by the nominal time between IMU readings, 1/ns.
+    unit: T,
     /// The last four IMU readings, delays taken off; the oldest is at `oldest`, the others follow around.
     around: [ImuReading<T>; NEIGHBOURS],
     oldest: u8,
@@ -69,6 +71,7 @@ impl<T: Scalar> Aligner<T> {
         };
         Self {
             config: AlignerConfig { wrench_delay_ns: 0, imu_delay_ns: 0, imu_period_ns: 0 },
+            unit: T::ZERO,
             around: [none; NEIGHBOURS],
             oldest: 0,
             filled: 0,
@@ -81,12 +84,15 @@ impl<T: Scalar> Aligner<T> {
 
     /// An aligner without readings.
     pub fn new(config: AlignerConfig) -> Self {
-        Self { config, ..Self::UNUSED }
+        let mut aligner = Self::UNUSED;
+        aligner.set_up(config);
+        aligner
     }
 
     /// Makes it an aligner without readings that has dropped none.
     pub fn set_up(&mut self, config: AlignerConfig) {
         self.config = config;
+        self.unit = T::ONE / T::from_u32(config.imu_period_ns.max(1));
         self.dropped = 0;
         self.reset();
     }
@@ -219,7 +225,7 @@ impl<T: Scalar> Aligner<T> {
         let around: [&ImuReading<T>; NEIGHBOURS] = core::array::from_fn(|k| self.imu(k as u8));
         (reading.time_ns, reading.wrench) = (wrench.time_ns, wrench.wrench);
         // Times relative to the wanted instant, in units of the nominal period.
-        let unit = T::ONE / T::from_u32(self.config.imu_period_ns.max(1));
+        let unit = self.unit;
         let [t0, t1, t2, t3] = around.map(|r| {
             T::from_i32((r.time_ns as u32).wrapping_sub(wrench.time_ns as u32).cast_signed()) * unit
         });

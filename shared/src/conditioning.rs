@@ -223,7 +223,7 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
     }
 
     /// Takes one sample. The last `D` signals come out as their derivatives.
-    #[inline]
+    #[inline(always)]
     pub fn push(&mut self, signals: &[T; S]) -> Option<[T; S]> {
         if self.in_sum == 0 {
             self.sum = *signals;
@@ -236,6 +236,12 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         if self.in_sum < self.averaged {
             return None;
         }
+        self.end_average()
+    }
+
+    /// Takes the sum of the samples of an average.
+    #[inline(never)]
+    fn end_average(&mut self) -> Option<[T; S]> {
         self.in_sum = 0;
         if let Some(slot) = self.averages.get_mut(self.next) {
             *slot = self.sum;
@@ -281,6 +287,12 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         y
     }
 
+    /// Samples until the next output, that one included.
+    pub(crate) fn until_output(&self) -> u32 {
+        let averages = u32::from(self.until_output.saturating_sub(1));
+        averages * u32::from(self.averaged) + u32::from(self.averaged.saturating_sub(self.in_sum))
+    }
+
     /// Samples under the filter.
     pub fn span(&self) -> usize {
         self.kernel.taps * usize::from(self.averaged)
@@ -316,6 +328,21 @@ mod tests {
         }
         // The first is complete at sample 94, then one every ten samples.
         assert_eq!(outputs, (999 - 94) / 10 + 1);
+    }
+
+    #[test]
+    fn the_samples_until_the_next_output_are_known() {
+        for (rate, row_every) in [(1000.0, 10), (250.0, 3), (1200.0, 7), (1000.0, 1)] {
+            let mut filter = Conditioner::<f64, SIGNALS, 3, 128>::new(rate, 0.08, row_every).unwrap();
+            let mut said = filter.until_output();
+            assert_eq!(said as usize, filter.span());
+            for n in 1..500 {
+                let came = filter.push(&ramp(f64::from(n))).is_some();
+                assert_eq!(came, said == 1, "{rate} {row_every}: sample {n}");
+                said = if came { u32::from(row_every) } else { said - 1 };
+                assert_eq!(filter.until_output(), said, "{rate} {row_every}: sample {n}");
+            }
+        }
     }
 
     #[test]

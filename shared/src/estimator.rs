@@ -287,7 +287,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
         if let Some(last) = self.last_time_ns {
             let step = time_ns.wrapping_sub(last);
-            if step < self.period_ns / 2 || step > self.period_ns + self.period_ns / 2 {
+            // From a half to one and a half: below wraps round.
+            if step.wrapping_sub(self.period_ns / 2) > self.period_ns {
                 self.counters.gaps = self.counters.gaps.saturating_add(1);
                 self.conditioner.reset();
                 self.noise.interrupt();
@@ -448,6 +449,15 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
 
     /// Does a step towards another whitening; true if there is none left to do.
     fn refresh(&mut self) -> bool {
+        // Rows that wait are reduced before rows are whitened together: a part of that with the reading before, no row block between.
+        let left = self.conditioner.until_output();
+        match self.noise.steps_to_together() {
+            Some(1) if left >= 2 => {
+                self.store.begin_together();
+            }
+            Some(0) if left >= 3 && self.store.begin_together() => return false,
+            _ => {}
+        }
         match self.noise.refresh(&self.config, self.counters.blocks) {
             Refreshed::More => return false,
             Refreshed::Done => {}

@@ -112,10 +112,12 @@ impl<T: Scalar> Screen<T> {
     /// Returns why the reading may not be used, if so; see [`Screen::check_values`].
     #[inline]
     pub fn check(&mut self, reading: &Reading<T>) -> Result<(), Rejection> {
-        let [fx, fy, fz, mx, my, mz] = reading.wrench.array();
-        let [ax, ay, az] = reading.specific_force.array();
-        let [gx, gy, gz] = reading.angular_rate.array();
-        self.check_values([fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz])
+        self.check_read(|| {
+            let [fx, fy, fz, mx, my, mz] = reading.wrench.array();
+            let [ax, ay, az] = reading.specific_force.array();
+            let [gx, gy, gz] = reading.angular_rate.array();
+            [fx, fy, fz, mx, my, mz, ax, ay, az, gx, gy, gz]
+        })
     }
 }
 
@@ -143,6 +145,13 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
     /// together with its whole group: an axis may well be at rest.
     #[inline]
     pub fn check_values(&mut self, values: [T; C]) -> Result<(), Rejection> {
+        self.check_read(|| values)
+    }
+
+    /// Does that with values that are read where they lie, and again where they are kept: nearly all readings take no other copy.
+    #[inline]
+    fn check_read(&mut self, read: impl Fn() -> [T; C]) -> Result<(), Rejection> {
+        let values = read();
         // Most readings are within all ranges and repeat nothing. Four at a time, which the compiler writes out.
         let (fours, rest) = values.as_chunks::<4>();
         let (highest, rest_highest) = self.highest.as_chunks::<4>();
@@ -153,9 +162,9 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         }
         ordinary = ordinary && are_ordinary(rest, rest_highest, rest_last);
         if !ordinary {
-            return self.judge(&values);
+            return self.judge(&read());
         }
-        self.last = values;
+        self.last = read();
         self.clean = self.clean.saturating_add(1);
         Ok(())
     }

@@ -373,14 +373,19 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.work();
     }
 
-    #[inline]
+    #[inline(always)]
     fn advance(&mut self, now_ns: u64) {
         self.now_ns = self.now_ns.max(now_ns);
         if self.now_ns >= self.next_look_ns {
-            self.next_look_ns = self.now_ns.saturating_add(LOOK_EVERY_NS);
-            self.look_at_line();
-            self.look_for_silence();
+            self.look_around();
         }
+    }
+
+    #[inline(never)]
+    fn look_around(&mut self) {
+        self.next_look_ns = self.now_ns.saturating_add(LOOK_EVERY_NS);
+        self.look_at_line();
+        self.look_for_silence();
     }
 
     #[inline(never)]

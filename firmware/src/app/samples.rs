@@ -41,14 +41,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.noise = self.noise.saturating_sub(1);
         let stated = self.duty.excitation_v;
         if stated == 0.0 {
-            return self.take(&Words::Gauges { time_ns, volts });
+            return self.take_measured(&Words::Gauges { time_ns, volts });
         }
         if !(EXCITATION_LEAST * stated..=EXCITATION_MOST * stated).contains(&excitation_v) {
             return self.without_excitation();
         }
         self.starved = 0;
         let ratio = stated / excitation_v;
-        self.take(&Words::Gauges { time_ns, volts: volts.map(|v| v * ratio) });
+        self.take_measured(&Words::Gauges { time_ns, volts: volts.map(|v| v * ratio) });
     }
 
     /// Leaves out a sample of gauges that nothing, or something else, excites.
@@ -67,13 +67,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes an IMU sample: specific force (m/s²) and angular rate (rad/s) in the IMU's axes.
     pub fn on_imu(&mut self, time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) {
         self.alive(Sensor::Imu, time_ns);
-        self.take(&Words::Imu(imu_reading(time_ns, specific_force, angular_rate)));
+        self.take_measured(&Words::Imu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
     /// Takes a sample of the second link's IMU: specific force (m/s²) and angular rate (rad/s) in its axes.
     pub fn on_second_imu(&mut self, time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) {
         self.alive(Sensor::SecondImu, time_ns);
-        self.take(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
+        self.take_measured(&Words::SecondImu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
     /// Returns how many links a frame is to have, and what it brings; none if no frames are wanted.
@@ -176,6 +176,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    #[inline(always)]
     pub(super) fn alive(&mut self, sensor: Sensor, time_ns: u64) {
         self.advance(time_ns);
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
@@ -215,9 +216,16 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    /// Takes what a sensor said, unless a recording is taken instead.
+    #[inline(always)]
+    fn take_measured(&mut self, words: &Words) {
+        if self.duty.from_sensors {
+            self.take(words);
+        }
+    }
+
     pub(super) fn take(&mut self, words: &Words) {
-        let from_sensors = !words.are_injected();
-        if from_sensors != self.duty.from_sensors || self.state == StateName::Fault {
+        if self.state == StateName::Fault {
             return;
         }
         self.run.idle_ticks = 0;

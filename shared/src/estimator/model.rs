@@ -93,6 +93,10 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn scale(&mut self, _by: T) {}
     /// Receives that the rows of a block are whitened together from now on.
     fn see_together(&mut self) {}
+    /// Does a part of that, a reading or two before it; returns whether there was something to begin with.
+    fn begin_together(&mut self) -> bool {
+        false
+    }
     /// Returns whether enough has been absorbed for a segment of it.
     fn segment_is_complete(&self) -> bool {
         false
@@ -139,6 +143,9 @@ impl<T: Scalar, const N: usize> Store<T, N> for BodyCascade<T, N> {
     }
     fn see_together(&mut self) {
         Self::see_together(self);
+    }
+    fn begin_together(&mut self) -> bool {
+        Self::begin_together(self)
     }
     #[inline]
     fn remembers(&self) -> bool {

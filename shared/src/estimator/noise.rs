@@ -20,6 +20,8 @@ use crate::whitening::{CHANNELS, Design, LowPass, POLES, Square, Whitening};
 
 /// Parameters that have noise in their coefficients.
 pub const BODY: usize = 10;
+/// Parameters, the first, that specific force is multiplied by: mass and its moments.
+const SEEN_BY_ACCEL: usize = 4;
 /// Noisy signals: three axes of the accelerometer, three of the gyro.
 const NOISY: usize = 6;
 /// Lags, in row blocks, over which the filter's noise is correlated; if it reaches further there is no low-pass.
@@ -89,6 +91,10 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn begin_refresh(&mut self, config: &EstimatorConfig<T>, reference: &Reference<T, N>, blocks: u32);
     /// Does a step of that.
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T>;
+    /// Steps of [`Self::refresh`] before the one after which rows are whitened together for the first time, where it is near.
+    fn steps_to_together(&self) -> Option<u8> {
+        None
+    }
     /// Factor that all rows absorbed so far are to be multiplied by, if they are; asking takes it as done.
     fn take_shrink(&mut self, blocks: u32) -> Option<T>;
     /// Goes on from what had been added up to this row block: its rows were whitened by the noise that a
@@ -263,7 +269,9 @@ fn add_signal<T: Scalar>(
     unit: &mut Gram<T, BODY>,
 ) {
     let mut whitened = change(config, k).columns;
-    for column in &mut whitened {
+    // The accelerometer is in the first columns alone: products with all others are zero.
+    let used = if k < 3 { SEEN_BY_ACCEL } else { BODY };
+    for column in whitened.iter_mut().take(used) {
         let from = *column;
         *column = [T::ZERO; CHANNELS];
         for (t, a) in whitening.columns.iter().zip(from) {
@@ -272,7 +280,7 @@ fn add_signal<T: Scalar>(
             }
         }
     }
-    for (j, (column, own)) in unit.columns.iter_mut().zip(&whitened).enumerate() {
+    for (j, (column, own)) in unit.columns.iter_mut().zip(&whitened).take(used).enumerate() {
         let mut weighted = *own;
         for (w, gain) in weighted.iter_mut().zip(gains) {
             *w *= *gain;
@@ -634,6 +642,14 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for BodyNoise<T> {
 
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T> {
         self.step(config, blocks)
+    }
+
+    fn steps_to_together(&self) -> Option<u8> {
+        match self.refresh.stage {
+            Stage::Compare if !self.together => Some(1),
+            Stage::Take if !self.together => Some(0),
+            _ => None,
+        }
     }
 
     fn take_shrink(&mut self, blocks: u32) -> Option<T> {

@@ -43,7 +43,7 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     columns: Columns<T>,
     /// Wrenches in the columns: three rows each that wait for a fourth, or until all four are reduced.
     waiting: u8,
-    /// Columns of four wrenches that are reduced already; see [`Level::reduce`].
+    /// Columns of these wrenches that are reduced already; see [`Level::reduce`].
     reduced: u8,
     /// Rows see all parameters, and go into the moments' triangle.
     together: bool,
@@ -169,10 +169,10 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Returns whether forces and moments of four wrenches are still to be reduced.
+    /// Returns whether forces and moments of four wrenches, or of those whose reduction has begun, are still to be reduced.
     #[inline]
     fn is_full(&self) -> bool {
-        !self.together && self.waiting >= WRENCHES
+        !self.together && (self.waiting >= WRENCHES || self.reduced > 0)
     }
 
     /// Absorbs the six rows of a wrench, each multiplied by its factor and then whitened together. All rows from the first such
@@ -224,6 +224,18 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
             self.tidy(FULL_TOGETHER);
         }
         is_full
+    }
+
+    /// Does a part of what [`Self::see_together`] will do, which is then at most one reading away, and [`Self::settle`] goes on with
+    /// it. Returns whether there was something to begin with. The bits are those of all in one go.
+    #[inline(never)]
+    pub fn begin_together(&mut self) -> bool {
+        let begins = !self.together && self.waiting > 0 && self.reduced == 0 && self.parts_merged == 0;
+        if begins {
+            self.clear_unused_rows();
+            self.reduce_some(SOME * N);
+        }
+        begins
     }
 
     /// From now on rows see all parameters.
@@ -320,8 +332,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         usize::from(*step) > FOLD_LEVEL
     }
 
-    /// Takes what waits in the columns into the absorbing level.
-    fn reduce_waiting(&mut self) {
+    /// Zeroes the rows of the columns that no wrench waits in.
+    fn clear_unused_rows(&mut self) {
         let (force, moment) = estimated(N == 16);
         let (of_each, used) = if self.together { (CHANNELS, N + 1) } else { (3, force + moment + 2) };
         let rows = of_each * usize::from(self.waiting);
@@ -331,6 +343,13 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
                     *row = T::ZERO;
                 }
             }
+        }
+    }
+
+    /// Takes what waits in the columns into the absorbing level.
+    fn reduce_waiting(&mut self) {
+        if self.reduced == 0 {
+            self.clear_unused_rows();
         }
         if self.together {
             self.level.reduce_together(&mut self.columns, N);

@@ -412,3 +412,41 @@ fn the_body_s_cascade_of_rows_whitened_together_is_the_factor_of_these_rows() {
         }
     }
 }
+
+/// Reductions that begin before rows are whitened together, after any number of wrenches and settled or not in between, have the
+/// bits of those in one go, and an estimate in between too.
+#[test]
+fn a_reduction_that_begins_early_has_the_bits_of_one_in_one_go() {
+    fn check<const N: usize>(wrenches: usize, settles: usize) {
+        let mut random = Random(11);
+        let mut wrench = |cascade: &mut [BodyCascade<f32, N>; 2]| {
+            let signals = core::array::from_fn(|_| random.normal() as f32);
+            let lever_arm = crate::spatial::Position::new(0.06, -0.04, 0.02);
+            let weights = [0.2, 0.25, 0.1, 2.6, 2.2, 2.1];
+            cascade.iter_mut().for_each(|cascade| cascade.absorb(&signals, &lever_arm, &weights));
+        };
+        let mut both = [BodyCascade::<f32, N>::new(); 2];
+        (0..wrenches).for_each(|_| wrench(&mut both));
+        assert_eq!(both[1].begin_together(), wrenches > 0, "{wrenches}");
+        // Once it has begun there is nothing to begin with.
+        assert!(!both[1].begin_together());
+        (0..settles).for_each(|_| {
+            both[1].settle();
+        });
+        let same = |[one, other]: &[BodyCascade<f32, N>; 2]| {
+            let bits = |cascade: &BodyCascade<f32, N>| {
+                cascade.factor().entries().map(f32::to_bits).collect::<std::vec::Vec<_>>()
+            };
+            assert_eq!(bits(one), bits(other), "{N}: {wrenches} {settles}");
+        };
+        same(&both);
+        both.iter_mut().for_each(BodyCascade::see_together);
+        same(&both);
+    }
+    for wrenches in [0, 1, 2, 3, 4, 5, 50, 1597, 1599] {
+        for settles in 0..6 {
+            check::<10>(wrenches, settles);
+            check::<16>(wrenches, settles);
+        }
+    }
+}

@@ -11,7 +11,7 @@ const BUDGETS: [(&str, u32, f64, f64); 12] = [
     ("dense", 19, 5500.0, f64::INFINITY),
     ("dense", 36, 19_000.0, f64::INFINITY),
     ("dense", 128, 240_000.0, f64::INFINITY),
-    ("path", 10, 2010.0, 3200.0),
+    ("path", 10, 2000.0, 3200.0),
     // Half of 168 MHz at 1 kHz, and for frames at 100 Hz.
     ("path", 19, f64::INFINITY, 84_000.0),
     ("path", 25, f64::INFINITY, 84_000.0),

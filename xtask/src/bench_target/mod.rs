@@ -88,7 +88,7 @@ impl Case {
 
     /// Instructions of the worst sample of both runs.
     fn worst_instructions(&self) -> u64 {
-        self.reported.worst_instructions.max(self.stretch.worst.0)
+        self.reported.worst_instructions.max(self.stretch.most_instructions)
     }
 
     fn per_sample(&self, total: u64) -> f64 {

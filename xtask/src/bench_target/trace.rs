@@ -29,6 +29,8 @@ pub struct Stretch {
     pub cost: Cost,
     /// Instructions and estimated cycles of the sample that took the most cycles.
     pub worst: (u64, u64),
+    /// Instructions of the sample that took the most instructions; it need not be the same one.
+    pub most_instructions: u64,
     /// Instructions and cycles when the sample began that is being counted.
     begun: Option<(u64, u64)>,
 }
@@ -40,10 +42,11 @@ impl Stretch {
 
     fn end_sample(&mut self) {
         let (instructions, cycles) = self.so_far();
-        if let Some((i, c)) = self.begun.take()
-            && cycles - c > self.worst.1
-        {
-            self.worst = (instructions - i, cycles - c);
+        if let Some((i, c)) = self.begun.take() {
+            self.most_instructions = self.most_instructions.max(instructions - i);
+            if cycles - c > self.worst.1 {
+                self.worst = (instructions - i, cycles - c);
+            }
         }
     }
 
@@ -212,6 +215,20 @@ fn listed(line: &[u8]) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::elf::thumb::decode;
+
+    #[test]
+    fn the_sample_of_the_most_instructions_need_not_be_that_of_the_most_cycles() {
+        let (divide, moves) = (decode(0, 0xee80, 0x0a81), decode(0, 0x4608, 0));
+        let mut stretch = Stretch::default();
+        for (instruction, count) in [(divide, 3), (moves, 5), (moves, 4)] {
+            stretch.begin_sample();
+            (0..count).for_each(|_| stretch.cost.add(instruction, false));
+        }
+        stretch.end_sample();
+        assert_eq!(stretch.worst.0, 3);
+        assert_eq!(stretch.most_instructions, 5);
+    }
 
     #[test]
     fn a_block_is_read_from_its_listing_and_from_the_trace() {
