@@ -6,6 +6,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, SpiDevice};
 use rigident_shared::wire::{BadEnd, ClockSource, Reason, ResetReason, SensorFault, SettingName};
 
+use crate::EventRoom;
 use crate::Path;
 use crate::app::{App, BringUpError, Sensor, SensorRates};
 use crate::drivers::ads131m08::{AdcConfig, AdcError, Ads131m08};
@@ -76,6 +77,11 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
     /// The application.
     pub fn app(&self) -> &App<P> {
         &self.app
+    }
+
+    /// Receives the room for events, whose memory a reset has left alone. [`Self::booted`] comes after it.
+    pub fn keeps_events(&mut self, room: &'static EventRoom) {
+        self.app.keeps_events(room);
     }
 
     /// Notes why the board started, and what its time comes from.

@@ -12,6 +12,7 @@ mod app;
 pub mod capture;
 pub mod drivers;
 mod estimate;
+mod events;
 pub mod frame_path;
 mod instrument;
 mod link;
@@ -28,6 +29,7 @@ mod version;
 pub mod watch_path;
 
 pub use app::{App, BringUpError, Sensor, SensorRates};
+pub use events::EventRoom;
 pub use instrument::{Buses, Event, Instrument};
 pub use version::FIRMWARE_HASH;
 

@@ -6,8 +6,8 @@ use rigident_shared::estimator::TwoLinkReading;
 use rigident_shared::estimator::frames::FrameEstimator;
 use rigident_shared::estimator::watch::Watch;
 use rigident_shared::wire::{
-    Command, DecodeError, ErrorCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply, SensorFault,
-    SettingName, Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
+    Command, DecodeError, ErrorCode, EventCode, Kind, ModelSettings, PROTOCOL_VERSION, Reason, Reply,
+    SensorFault, SettingName, Settings, Source, StateName, WatchLinkSettings, asks_to_watch,
 };
 
 use super::reports::{link_reading_of, reading_of};
@@ -119,10 +119,15 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Ok(command) => self.obey(&command),
         };
         if let Err(error) = answer {
-            log::refused(error);
+            self.note_refused(error);
         }
         self.link.answer(sequence, check, &answer);
         None
+    }
+
+    fn note_refused(&mut self, error: ErrorCode) {
+        log::refused(error);
+        self.events.note(self.now_ns, EventCode::Refused, error.number() as u8);
     }
 
     /// Tells how the bring-up went that [`App::on_byte`] asked for, and answers the command.
@@ -138,7 +143,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
             }
         };
         if let Err(error) = answer {
-            log::refused(error);
+            self.note_refused(error);
         }
         self.link.answer(pending.sequence, pending.check, &answer);
     }
@@ -242,12 +247,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 }
             }
             Command::Heartbeat => Ok(Reply::Done),
+            Command::ReadEvents => Ok(Reply::Events(self.events.report())),
             Command::Restart if !self.facts.restarts => Err(ErrorCode::NotBuiltIn),
             Command::Restart => {
                 if self.state == StateName::Running {
                     self.hold(Reason::Command);
                 }
                 self.restart_asked = true;
+                self.events.note(self.now_ns, EventCode::Restart, 0);
                 Ok(Reply::Done)
             }
             Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {

@@ -24,13 +24,14 @@ use core::ops::DerefMut;
 
 use heapless::Vec;
 use rigident_shared::wire::{
-    BadEnd, ClockSource, Decoder, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage, Reason,
-    ResetReason, STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport,
-    Telemetry,
+    BadEnd, ClockSource, Decoder, EventCode, LINK_BATCH, LinkReadingMessage, ModelSettings, ReadingMessage,
+    Reason, ResetReason, STREAM_BATCH, SensorFault, SettingName, Settings, Source, StateName, StreamReport,
+    Telemetry, number_of_reason, number_of_reset,
 };
 
 use crate::Path;
 use crate::estimate::Estimation;
+use crate::events::{EventRoom, Events};
 use crate::link::Link;
 use crate::log;
 use crate::rates::RateMeter;
@@ -261,6 +262,7 @@ pub struct App<P> {
     errors: SensorErrors,
     bad_frames: u32,
     keeping: Keeping,
+    events: Events,
 }
 
 impl<P: DerefMut<Target = Path>> App<P> {
@@ -301,12 +303,19 @@ impl<P: DerefMut<Target = Path>> App<P> {
             errors: SensorErrors::default(),
             bad_frames: 0,
             keeping: Keeping::new(),
+            events: Events::default(),
         }
+    }
+
+    /// Receives the room for events, whose memory a reset has left alone. [`Self::booted`] comes after it.
+    pub fn keeps_events(&mut self, room: &'static EventRoom) {
+        self.events = Events::go_on(room);
     }
 
     /// Notes why the board started, and what its time comes from, for the report to the host.
     pub fn booted(&mut self, reset: ResetReason, clock: ClockSource) {
         (self.facts.reset, self.facts.clock) = (reset, clock);
+        self.events.note(self.now_ns, EventCode::Started, number_of_reset(reset));
     }
 
     /// Notes the chip's own number, and where the last program ended if it ended badly, for the report to the
@@ -432,6 +441,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     fn enter(&mut self, state: StateName, reason: Reason) {
         (self.state, self.reason) = (state, reason);
         log::state(state, reason);
+        self.events.note(self.now_ns, EventCode::of_state(state), number_of_reason(reason));
         self.state_unsent = !self.link.telemetry(&Telemetry::State { state, reason });
     }
 

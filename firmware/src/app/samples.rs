@@ -3,7 +3,9 @@
 use core::ops::DerefMut;
 
 use rigident_shared::estimator::Outcome;
-use rigident_shared::wire::{ClockSource, ErrorCode, Reason, Reply, SensorFault, StateName, Telemetry};
+use rigident_shared::wire::{
+    ClockSource, ErrorCode, EventCode, Reason, Reply, SensorFault, StateName, Telemetry,
+};
 
 use super::reports::{link_message_of, message_of};
 use super::{App, HandOver, Pulse, Sensor};
@@ -145,6 +147,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
     pub fn on_lost(&mut self, sensor: Sensor, count: u32) {
         if let (true, Some(lost)) = (self.listens(), self.errors.lost.get_mut(sensor as usize)) {
             *lost = lost.saturating_add(count);
+            if count > 0 {
+                self.events.note(self.now_ns, EventCode::Lost, sensor as u8);
+            }
         }
     }
 
@@ -213,6 +218,9 @@ impl<P: DerefMut<Target = Path>> App<P> {
         if self.listens() {
             self.errors.overdue_transfers = self.errors.overdue_transfers.saturating_add(overdue);
             self.errors.failed_transfers = self.errors.failed_transfers.saturating_add(failed);
+            if overdue > 0 || failed > 0 {
+                self.events.note(self.now_ns, EventCode::Transfers, 0);
+            }
         }
     }
 

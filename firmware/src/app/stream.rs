@@ -4,7 +4,7 @@ use core::cmp::Ordering;
 use core::ops::DerefMut;
 
 use rigident_shared::wire::watch_frame::{WatchFrame, WatchFrameError};
-use rigident_shared::wire::{ChangeReport, StateName, Telemetry};
+use rigident_shared::wire::{ChangeReport, EventCode, StateName, Telemetry};
 
 use super::{App, Sensor};
 use crate::Path;
@@ -70,5 +70,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// Counts times that the board had no room for bytes from the host.
     pub fn on_overruns(&mut self, count: u32) {
         self.errors.overruns = self.errors.overruns.saturating_add(count);
+        if count > 0 {
+            self.events.note(self.now_ns, EventCode::Overrun, 0);
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! The host at the other end of the line, with the patience of the real one, in the time of the model.
 
 use rigident_shared::wire::{
-    Answer, ClockSource, Command, Consistency, CounterReport, Decoder, EstimateReport, Identity, Kept, Kind,
-    Reply, Settings, StateName, Telemetry, encode, frame,
+    Answer, ClockSource, Command, Consistency, CounterReport, Decoder, EstimateReport, EventMessage,
+    Identity, Kept, Kind, Reply, Settings, StateName, Telemetry, encode, frame,
 };
 
 use super::chip::{Chip, MS};
@@ -31,6 +31,7 @@ enum Stage {
     Restart,
     Back,
     Again,
+    Events,
     Over,
 }
 
@@ -61,6 +62,8 @@ pub struct Outcome {
     /// It was set up again after everything was over.
     pub alive: bool,
     pub started: bool,
+    /// What the device has kept of what happened, its restart included.
+    pub events: Vec<EventMessage>,
     pub resumed: bool,
 }
 
@@ -164,7 +167,7 @@ impl Host {
             Stage::Greet => self.say("no answer"),
             Stage::Back => {}
             Stage::Restart => self.stage = Stage::Back,
-            Stage::Again => self.stage = Stage::Over,
+            Stage::Again | Stage::Events => self.stage = Stage::Over,
             _ => {
                 self.say("no answer");
                 self.stage = Stage::Rest;
@@ -200,6 +203,7 @@ impl Host {
             Stage::Rest if now > self.plan.calm_after => self.stage = Stage::Restart,
             Stage::Rest => {}
             Stage::Restart => self.ask(&Command::Restart, chip, now),
+            Stage::Events => self.ask(&Command::ReadEvents, chip, now),
             Stage::Over => {}
         }
     }
@@ -311,6 +315,12 @@ impl Host {
                 self.outcome.alive = answer == Ok(Reply::Done);
                 if let Err(error) = answer {
                     self.say(format!("again: {error:?}"));
+                }
+                self.stage = Stage::Events;
+            }
+            (Stage::Events, answer) => {
+                if let Ok(Reply::Events(report)) = answer {
+                    self.outcome.events = report.events.to_vec();
                 }
                 self.stage = Stage::Over;
             }

@@ -12,8 +12,9 @@ mod runs;
 mod settings;
 mod world;
 
-use chip::MS;
+use chip::{Chip, MS};
 use faults::{Drawn, Kind, What};
+use rigident_shared::wire::{EventCode, Reason, ResetReason, SensorFault, number_of_reason, number_of_reset};
 use runs::{End, Table};
 
 #[test]
@@ -145,4 +146,30 @@ fn settings_of_sensors_that_change_while_it_measures_are_told() {
         assert_eq!(end, End::Withheld, "{register:#x} {words:?}");
         assert!(words.iter().any(|word| word.starts_with("LoadCell(")), "{register:#x} {words:?}");
     }
+}
+
+/// What happened before a reset is told after it, in order and with its times, and a program's start with its reason.
+#[test]
+fn events_before_a_reset_are_told_after_it() {
+    let change = |chip: &Chip| chip.with(|m| m.later.push((1_500 * MS, What::Imu(0x4f, 0x02))));
+    let life = runs::run_with(1, 4, change);
+    let seen = &life.outcome.events;
+    let last_start = seen.iter().rposition(|event| event.code == EventCode::Started as u8).unwrap();
+    let start = seen[..last_start].iter().rposition(|event| event.code == EventCode::Started as u8).unwrap();
+    let told: Vec<_> = seen[start + 1..].iter().map(|event| (event.code, event.detail)).collect();
+    let reason = |reason| number_of_reason(reason);
+    let expected = [
+        (EventCode::Configured, reason(Reason::Command)),
+        (EventCode::Running, reason(Reason::Command)),
+        (EventCode::Fault, reason(Reason::Imu(SensorFault::Verify))),
+        (EventCode::Restart, 0),
+        (EventCode::Started, number_of_reset(ResetReason::Software)),
+        (EventCode::Configured, reason(Reason::Command)),
+    ];
+    assert_eq!(told, expected.map(|(code, detail)| (code as u8, detail)), "{seen:?}");
+    // Found within two seconds of the change, and times begin anew with the program.
+    let fault_ms = seen[start + 3].time_ms;
+    assert!((1_500..3_600).contains(&fault_ms), "{fault_ms}");
+    assert!(seen[last_start].time_ms < 100, "{seen:?}");
+    assert!(seen.len() <= 32);
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use hexapod::{Geometry, MotionProgram};
 
 use super::arguments::Run;
+use super::calibrated_board::another_board;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{configured, of_sensors, open};
 use super::links_on_device::check_asked;
@@ -44,7 +45,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let (_, mut session) = open(arguments.device.port.as_deref(), &[])?;
     configured(&mut session, &standing)?;
 
-    let mut warnings = Vec::new();
+    let mut warnings = Vec::from_iter(another_board(&rig, session.identity()));
     tell!("hold the body still");
     warm_up(&mut session, &rig, arguments.warm_up_s, &mut warnings)?;
     let rest = zero(&mut session, &mut rig, &mut warnings)?;

@@ -14,6 +14,7 @@ use rigident::load_cell::matrix::Matrix;
 use rigident::load_cell::{COARSEST, COMPONENTS, Uncertainty, calibrate, table};
 use rigident_io::recording::Recording;
 use rigident_io::recording::new_file::write_new_text;
+use rigident_io::rig::is_number_of_chip;
 
 /// Residuals above this share of full scale are said: places known to 0.3 mm leave less.
 const LARGE_RESIDUAL: f64 = 5e-3;
@@ -49,6 +50,12 @@ pub(super) fn run(arguments: &CalibrateLoadCell) -> Result<ExitCode, Failure> {
         factor::absent(path)?;
     }
     let uncertainty = uncertainty(arguments)?;
+    let board_id = arguments.board_id.as_deref();
+    if let Some(id) = board_id.filter(|id| !is_number_of_chip(id)) {
+        return Err(Failure::input(format!(
+            "--board-id {id}: must be 24 hexadecimal digits, as `rigident info` shows under unique_id"
+        )));
+    }
     if !(9.0..=10.0).contains(&arguments.gravity_mps2) {
         let given = arguments.gravity_mps2;
         return Err(Failure::input(format!("--gravity-mps2 {given}: on Earth it is between 9.76 and 9.84")));
@@ -66,7 +73,7 @@ pub(super) fn run(arguments: &CalibrateLoadCell) -> Result<ExitCode, Failure> {
     let warnings = warnings(&matrix, good);
     warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
     if let (Some(path), true) = (&arguments.output, good) {
-        write_new_text(path, &rig_table(&matrix)).map_err(Failure::input)?;
+        write_new_text(path, &rig_table(&matrix, board_id)).map_err(Failure::input)?;
     }
     if arguments.json {
         let object = Object {
@@ -90,7 +97,7 @@ pub(super) fn run(arguments: &CalibrateLoadCell) -> Result<ExitCode, Failure> {
     } else {
         say(shown(&matrix, loadings.len()));
         if good {
-            say(format_args!("\nFor the rig file:\n\n{}", rig_table(&matrix).trim_end()));
+            say(format_args!("\nFor the rig file:\n\n{}", rig_table(&matrix, board_id).trim_end()));
         }
     }
     Ok(ExitStatus::of(good).into())
@@ -175,10 +182,11 @@ fn shown(matrix: &Matrix, loadings: usize) -> String {
 }
 
 /// The keys of the rig file.
-fn rig_table(matrix: &Matrix) -> String {
+fn rig_table(matrix: &Matrix, board_id: Option<&str>) -> String {
+    let board = board_id.map_or_else(String::new, |id| format!("board_id = \"{id}\"\n"));
     let row = |row: &[f64; 6]| format!("  [{}],\n", row.map(|v| format!("{v:.8e}")).join(", "));
     format!(
-        "[load_cell]\ncalibration = [\n{}]\ngain_uncertainty = [{}]\ncrosstalk_std = {:.2e}\n",
+        "[load_cell]\ncalibration = [\n{}]\ngain_uncertainty = [{}]\ncrosstalk_std = {:.2e}\n{board}",
         matrix.matrix.iter().map(row).collect::<String>(),
         matrix.gain_std.map(|sd| format!("{sd:.2e}")).join(", "),
         matrix.crosstalk_std

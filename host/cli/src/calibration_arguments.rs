@@ -323,6 +323,9 @@ pub struct CalibrateLoadCell {
     /// Gravity where the weights hang, m/s2
     #[arg(long, value_name = "G", default_value_t = 9.80665)]
     pub gravity_mps2: f64,
+    /// Number of the board that read the gauges, unique_id of `rigident info`: the rig file keeps it, and another board is warned of
+    #[arg(long, value_name = "ID")]
+    pub board_id: Option<String>,
     /// Write the keys of the rig file; must not exist
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,

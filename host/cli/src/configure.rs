@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Configure;
+use super::calibrated_board::another_board;
 use super::info::of_state;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::outcome::say;
@@ -17,7 +18,8 @@ use rigident_io::rig::RigFile;
 /// `rigident configure`
 pub(super) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
     // What is wrong with the files is said before a port is opened.
-    let wanted = wanted(arguments)?;
+    let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
+    let wanted = wanted(arguments, rig.as_ref())?;
     if let Some(path) = &arguments.write {
         check_target(path)?;
     }
@@ -25,6 +27,9 @@ pub(super) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--dry-run shows what --rig or --from would change: give one of them"));
     }
     let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    if let Some(warning) = rig.as_ref().and_then(|rig| another_board(rig, session.identity())) {
+        tell!("rigident: {warning}");
+    }
     let held = session.held_settings().map_err(|e| Failure::link(e).context(&port))?;
     let sends = wanted.is_some() && !arguments.dry_run;
     let changes = wanted.as_ref().map(|wanted| settings_file::changes(held.as_ref(), wanted));
@@ -51,14 +56,13 @@ pub(super) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
 }
 
 /// The settings that are to be sent, if any are.
-fn wanted(arguments: &Configure) -> Result<Option<Settings>, Failure> {
+fn wanted(arguments: &Configure, rig: Option<&RigFile>) -> Result<Option<Settings>, Failure> {
     if let Some(path) = &arguments.from {
         return settings_file::read(path).map(Some).map_err(Failure::input);
     }
-    let Some(rig) = &arguments.rig else { return Ok(None) };
-    let rig = RigFile::load(rig).map_err(Failure::input)?;
+    let Some(rig) = rig else { return Ok(None) };
     let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
-    device_settings(&rig, &timing, None).map(Some)
+    device_settings(rig, &timing, None).map(Some)
 }
 
 /// Refuses a file that could not be written, before anything is sent.

@@ -59,6 +59,7 @@ pub(super) fn all(port: Option<&str>) -> Vec<Check> {
     checks.push(system_clock(SystemTime::now()));
     if let Some((port, mut session)) = session {
         checks.push(sensors(&port, &mut session));
+        checks.push(super::device_events::check(&port, &mut session));
         checks.push(device_clock(&port, &mut session));
     }
     checks

@@ -17,7 +17,7 @@ pub(super) enum Standing {
 /// The subject of the check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Check {
-    /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `clocks`.
+    /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `events`, `clocks`.
     pub(super) what: &'static str,
     pub(super) standing: Standing,
     /// The finding.

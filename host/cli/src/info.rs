@@ -10,6 +10,8 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Info;
+use super::calibrated_board::number;
+use super::device_events::{ask, of_events};
 use super::experiment::boot_notes;
 use super::link::open;
 use super::outcome::say;
@@ -40,6 +42,8 @@ pub(super) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
         object.extend(of_device);
     }
     object["counters"] = of_counters(&counters);
+    let events = ask(&mut session).map_err(|why| Failure::link(why).context(&port))?;
+    object["events"] = of_events(&events);
     if arguments.json {
         say(object);
     } else {
@@ -81,10 +85,7 @@ pub(super) fn of_identity(identity: &Identity) -> Value {
 
 /// Returns the chip's own number in hexadecimal digits, null if it has none.
 fn of_unique_id(id: [u8; 12]) -> Value {
-    if id == [0; 12] {
-        return Value::Null;
-    }
-    id.iter().map(|byte| format!("{byte:02x}")).collect::<String>().into()
+    number(id).into()
 }
 
 /// Returns where the last program ended, in what a person who has its sources can look up; null if it did not end badly.
@@ -123,7 +124,7 @@ pub(super) fn of_reason(reason: Reason) -> (&'static str, Option<&'static str>) 
 }
 
 /// Returns a word for why a device started anew.
-fn of_reset(reset: ResetReason) -> &'static str {
+pub(super) fn of_reset(reset: ResetReason) -> &'static str {
     match reset {
         ResetReason::PowerOn => "power_on",
         ResetReason::BrownOut => "brown_out",

@@ -24,6 +24,7 @@ mod calibrate_joints_words;
 mod calibrate_load_cell;
 mod calibrate_masses;
 mod calibrate_masses_rows;
+mod calibrated_board;
 mod calibration_arguments;
 mod came;
 mod certificate;
@@ -36,6 +37,7 @@ mod demo;
 #[cfg(feature = "simulator")]
 mod demo_links;
 mod device_arguments;
+mod device_events;
 mod doctor;
 mod doctor_checks;
 mod doctor_finding;

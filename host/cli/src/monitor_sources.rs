@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use rigident_shared::wire::{ModelSettings, Settings};
 
 use super::arguments::Monitor;
+use super::calibrated_board::another_board;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::monitor_watch::{Listener, NAP, Watch, answered, phase};
 use super::{Failure, Stages};
@@ -105,6 +106,9 @@ pub(super) fn attach(arguments: &Monitor) -> Result<Attached, Failure> {
     let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
     if let Some(rig) = rig.as_ref().filter(|_| arguments.start) {
         let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
+        if let Some(warning) = another_board(rig, session.identity()) {
+            tell!("rigident: {warning}");
+        }
         configured(&mut session, &device_settings(rig, &timing, None)?)?;
         session.set_running().map_err(Failure::link)?;
     }

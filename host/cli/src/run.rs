@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::adaptive::{Concluded, Directing};
 use super::arguments::Run;
+use super::calibrated_board::another_board;
 use super::confirm::{self, Agreed};
 use super::consent;
 use super::experiment::{Experiment, Watcher, device_notes};
@@ -41,7 +42,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     // A controller on a serial port is greeted by nobody but its driver.
     let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
     let span = first_look(&request, platform.as_mut(), &mut session)?;
-    let mut warnings = Vec::new();
+    let mut warnings = Vec::from_iter(another_board(&request.rig, session.identity()));
     warm_up(&mut session, &request.rig, arguments.warm_up_s, &mut warnings)?;
     let from = platform.expects();
     let ready = Ready::new(&mut request, platform.as_mut(), &mut session, span, &mut warnings)?;

@@ -7,6 +7,7 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use super::events::EventReport;
 use super::links::{
     FactorRow, FrameReport, LINK_BATCH, LinkBatch, LinkReadingMessage, MAX_TREE_PARAMETERS, ModelSettings,
 };
@@ -74,6 +75,8 @@ pub enum Command {
     },
     /// Start anew, as after power-on: any state. The answer is sent first.
     Restart,
+    /// The last events, those before a reset included. Any state.
+    ReadEvents,
     /// A link of the robot that is to be watched: Configured.
     #[cfg_attr(not(feature = "watch"), serde(skip))]
     WatchLink {
@@ -119,6 +122,8 @@ pub enum Reply {
         /// Index expected next.
         next_index: u32,
     },
+    /// To `ReadEvents`.
+    Events(EventReport),
 }
 
 /// Tells why a command was not obeyed. [`ErrorCode::number`] is stable across versions.

@@ -19,6 +19,7 @@
 //! and does not act twice. A frame is not answered: the device counts what became of it ([`StreamReport`]).
 
 pub mod bus;
+pub mod events;
 pub mod frame;
 pub mod links;
 pub mod messages;
@@ -26,6 +27,9 @@ pub mod tree_frame;
 pub mod watch;
 pub mod watch_frame;
 
+pub use events::{
+    EventCode, EventMessage, EventReport, MAX_EVENTS, number_of_reason, number_of_reset, reason_of, reset_of,
+};
 pub use frame::{DecodeError, Decoder, Frame, Kind, encode, encode_payload};
 pub use links::*;
 pub use messages::*;

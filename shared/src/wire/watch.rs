@@ -63,7 +63,7 @@ pub struct WatchLinkSettings {
 /// asks this to say so.
 pub fn asks_to_watch(payload: &[u8]) -> bool {
     // Configure, its rate, its source, and the model; WatchLink; LineRate.
-    matches!(payload, [1, _, _, _, _, _, 4, ..] | [14 | 15, ..])
+    matches!(payload, [1, _, _, _, _, _, 4, ..] | [15 | 16, ..])
 }
 
 /// Tells how a joint of one freedom moves.

@@ -109,6 +109,12 @@ fn identity() -> Identity {
     }
 }
 
+fn events() -> EventReport {
+    let event = |time_ms, code, detail, count| EventMessage { time_ms, code, detail, count };
+    let events = [event(0, 1, 4, 1), event(300_000, 8, 2, 255)];
+    EventReport { events: events.into_iter().collect() }
+}
+
 fn counters() -> CounterReport {
     CounterReport {
         readings: 20_000,
@@ -319,7 +325,9 @@ pub fn samples() -> Vec<(&'static str, Message)> {
         ("command_heartbeat", command(Command::Heartbeat)),
         ("command_resume", command(Command::Resume { run: 7, next_reading: 4096 })),
         ("command_restart", command(Command::Restart)),
+        ("command_read_events", command(Command::ReadEvents)),
         ("reply_done", reply(Reply::Done)),
+        ("reply_events", reply(Reply::Events(events()))),
         ("reply_hello", reply(Reply::Hello(identity()))),
         ("reply_settings", reply(Reply::Settings(settings()))),
         ("reply_counters", reply(Reply::Counters(counters()))),

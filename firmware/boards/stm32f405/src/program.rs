@@ -97,6 +97,7 @@ impl<'a, S: Fn() -> (usize, usize)> Program<'a, S> {
         let (filled, taken) = ring.split();
         sensors::start(Capture::new(filled, &LOST));
         let clocks = boot.clocks;
+        instrument.keeps_events(&start::EVENTS);
         instrument.booted(boot.reset, clocks.source);
         // The emulator has nothing at that address.
         let emulated = clocks.source == ClockSource::Emulated;

@@ -3,6 +3,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use rigident_cortex_m::interrupts;
+use rigident_firmware::EventRoom;
 use rigident_shared::wire::{BadEnd, ResetReason};
 
 use crate::clock;
@@ -31,6 +32,11 @@ pub(crate) const PANICKED: u32 = 1;
 /// The core faulted.
 pub(crate) const FAULTED: u32 = 2;
 const CLOCK_LOST: u32 = 3;
+
+/// The last events, in the same memory.
+// SAFETY: the section is not initialised; every bit pattern is a value, and what is found there is checked.
+#[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.rigident_events"))]
+pub static EVENTS: EventRoom = EventRoom::EMPTY;
 
 /// FNV-1a of 32 bits, of words or of bytes.
 fn digest(items: impl Iterator<Item = u32>) -> u32 {

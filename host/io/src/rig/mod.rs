@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 pub use calibration::{CalibrationTable, RigCalibration};
 pub use certificate::CertificateTable;
 pub use classes::{ImuClass, LoadCellClass, TreeClass};
-pub use read::{RigFileError, files_outside};
+pub use read::{RigFileError, files_outside, is_number_of_chip};
 pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
 pub use units::{Quantity, Unit};
 
@@ -436,6 +436,9 @@ pub struct LoadCellTable {
     /// How far from zero the offset of a channel may be, N and N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset_within_n_nm: Option<[f64; 6]>,
+    /// Number of the board that its calibration was made with, as `rigident info` shows it: 24 hexadecimal digits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub board_id: Option<String>,
     /// Serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial: Option<String>,
@@ -459,6 +462,7 @@ impl Default for LoadCellTable {
             bandwidth_hz: None,
             range_n_nm: None,
             offset_within_n_nm: None,
+            board_id: None,
             serial: None,
             calibrated_on: None,
         }

@@ -51,6 +51,11 @@ pub enum RigFileError {
     },
 }
 
+/// Returns whether a text is the number of a board's chip: 96 bits in hexadecimal digits.
+pub fn is_number_of_chip(text: &str) -> bool {
+    text.len() == 24 && text.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
 fn named(file: &Option<String>) -> String {
     file.as_ref().map_or_else(String::new, |f| format!(" {f}"))
 }
@@ -494,6 +499,10 @@ impl Check<'_> {
         self.all("load_cell.noise_n_nm", &six(&cell.noise_n_nm), |v| v > 0.0, NOISE)?;
         self.positive("load_cell.range_n_nm", &six(&cell.range_n_nm))?;
         self.positive("load_cell.excitation_v", cell.excitation_v.as_slice())?;
+        if let Some(id) = cell.board_id.as_ref().filter(|id| !is_number_of_chip(id)) {
+            let advice = "must be 24 hexadecimal digits, as `rigident info` shows under unique_id";
+            return Err(self.refuse("load_cell.board_id", id, advice));
+        }
         self.all("load_cell.gain_uncertainty", &six(&cell.gain_uncertainty), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.all("load_cell.crosstalk_std", cell.crosstalk_std.as_slice(), |v| v >= 0.0, NOT_NEGATIVE)?;
         self.all("load_cell.drift_std_n_nm", &six(&cell.drift_std_n_nm), |v| v >= 0.0, NOT_NEGATIVE)?;

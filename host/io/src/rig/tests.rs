@@ -216,3 +216,22 @@ fn files_outside_the_folder_of_a_rig_file_are_named() {
         assert_eq!(files_outside("[[stream]]\nfile = \"c.csv\"\n", &inside.join("x.rig.toml")).len(), 1);
     }
 }
+
+#[test]
+fn the_number_of_a_calibrated_board_is_kept_and_a_bad_one_refused() {
+    let key = |id: &str| RigFile::parse(&format!("[load_cell]\nboard_id = \"{id}\"\n"));
+    let rig = key("0102030405060708090a0b0c").unwrap();
+    assert_eq!(rig.load_cell.board_id.as_deref(), Some("0102030405060708090a0b0c"));
+    // It survives being written and read.
+    assert_eq!(RigFile::parse(&toml::to_string(&rig).unwrap()).unwrap(), rig);
+    for id in [
+        "",
+        "0102030405060708090a0b0",
+        "0102030405060708090a0b0cd",
+        "0102030405060708090a0b0g",
+        "12 Zeichen ü 0a0b0c0d0e0f",
+    ] {
+        let error = key(id).unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("24 hexadecimal digits"), "{id}: {error}");
+    }
+}
