@@ -17,10 +17,10 @@ use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// This many consecutive samples of a sensor that could not be read are a fault.
 const BAD_TO_FAULT: u16 = 10;
-/// A frame of the load cell whose check sum does not fit weighs as this many that do. More than one in fifty is a
+/// A frame of the load cell whose check sum does not fit weighs as this many that do. More than one in a thousand is a
 /// fault: what inverts its bits inverts those of the IMU on the same bus, which have no check sum.
-const DAMAGED_WEIGHS: u16 = 50;
-const NOISE_TO_FAULT: u16 = 10 * DAMAGED_WEIGHS;
+const DAMAGED_WEIGHS: u16 = 1_000;
+const NOISE_TO_FAULT: u16 = 5 * DAMAGED_WEIGHS;
 /// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.
 const EXCITATION_LEAST: f32 = 0.9;
 const EXCITATION_MOST: f32 = 1.1;

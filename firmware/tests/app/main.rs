@@ -1,13 +1,14 @@
 //! The application as the host sees it: states, commands, telemetry, and what bad input does to it.
 
-use rigident_firmware::{App, BringUpError, Path, Sensor};
+use rigident_firmware::{App, BringUpError, EventRoom, Path, Sensor};
 use rigident_shared::consistency::{ITERATIONS, nearest};
 use rigident_shared::factor::InformationFactor;
 use rigident_shared::wire::frame::MAX_FRAME;
 use rigident_shared::wire::{
-    Answer, BadEnd, ClockSource, Command, Consistency, Decoder, ErrorCode, ImuSettings, InjectBatch, Kind,
-    LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply, ResetReason, SensorFault,
-    SettingName, Settings, Source, StateName, StopLimit, StopRule, Telemetry, TelemetrySettings, encode,
+    Answer, BadEnd, ClockSource, Command, Consistency, Decoder, ErrorCode, EventCode, ImuSettings,
+    InjectBatch, Kind, LoadCellSettings, MemorySettings, ModelSettings, ReadingMessage, Reason, Reply,
+    ResetReason, SensorFault, SettingName, Settings, Source, StateName, StopLimit, StopRule, Telemetry,
+    TelemetrySettings, encode, number_of_reason, number_of_reset,
 };
 
 mod line;
@@ -386,17 +387,17 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
     let mut host = Host::new();
     host.run(settings(Source::Sensors), 0);
     for round in 0..3 {
-        for _ in 0..9 {
+        for _ in 0..4 {
             host.app.on_sensor_error(Sensor::LoadCell, SensorFault::Check);
         }
-        // Fifty good frames make up for a damaged one.
-        for k in 0..9 * 50 {
-            host.app.on_gauges(1_000 * round + k + 1, [0.0; 6], 0.0);
+        // A thousand good frames make up for a damaged one.
+        for k in 0..4 * 1_000 {
+            host.app.on_gauges(10_000 * round + k + 1, [0.0; 6], 0.0);
         }
     }
     assert_eq!(host.app.state().0, StateName::Running);
     let Ok(Reply::Counters(counters)) = host.ask(&Command::ReadCounters) else { panic!("no counters") };
-    assert_eq!(counters.load_cell_crc_errors, 27);
+    assert_eq!(counters.load_cell_crc_errors, 12);
     for _ in 0..10 {
         host.app.on_sensor_error(Sensor::Imu, SensorFault::Bus);
     }
@@ -414,8 +415,9 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
 
 /// The IMU's words have no check sum: what damages the load cell's on the same bus damages them, without a word.
 #[test]
-fn a_bus_that_damages_more_than_one_frame_in_fifty_is_a_fault() {
-    for (good, is_fault) in [(30, true), (49, true), (51, false), (1000, false)] {
+fn a_bus_that_damages_more_than_one_frame_in_a_thousand_is_a_fault() {
+    for (good, is_fault) in [(30, true), (51, true), (125, true), (500, true), (1_001, false), (5_000, false)]
+    {
         let mut host = Host::new();
         host.run(settings(Source::Sensors), 0);
         for k in 0..30_000_u64 {
@@ -518,4 +520,38 @@ fn garbage_and_wild_commands_never_corrupt_a_later_run() {
     host.ask(&Command::Reset).unwrap();
     host.run(settings(Source::Injected), 800);
     assert_eq!(host.factor(), expected);
+}
+
+/// Room for events that outlives a program, as a board's memory does a reset.
+#[test]
+fn events_of_the_program_before_are_told_by_the_next_one() {
+    let room: &'static EventRoom = Box::leak(Box::new(EventRoom::EMPTY));
+    let program = |reset| {
+        let mut host = Host::new();
+        host.app.keeps_events(room);
+        host.app.booted(reset, ClockSource::Crystal);
+        host
+    };
+    let mut first = program(ResetReason::PowerOn);
+    first.run(settings(Source::Sensors), 0);
+    for _ in 0..10 {
+        first.app.on_sensor_error(Sensor::Imu, SensorFault::Bus);
+    }
+    first.app.on_lost(Sensor::Imu, 3);
+    assert!(first.ask(&Command::Start).is_err());
+    let mut second = program(ResetReason::Watchdog);
+    let Ok(Reply::Events(report)) = second.ask(&Command::ReadEvents) else { panic!("no events") };
+    let told: Vec<(u8, u8)> = report.events.iter().map(|event| (event.code, event.detail)).collect();
+    let expected = [
+        (EventCode::Started, number_of_reset(ResetReason::PowerOn)),
+        (EventCode::Configured, number_of_reason(Reason::Command)),
+        (EventCode::Running, number_of_reason(Reason::Command)),
+        (EventCode::Fault, number_of_reason(Reason::Imu(SensorFault::Bus))),
+        (EventCode::Refused, ErrorCode::WrongState(StateName::Fault).number() as u8),
+        (EventCode::Started, number_of_reset(ResetReason::Watchdog)),
+    ];
+    assert_eq!(told, expected.map(|(code, detail)| (code as u8, detail)));
+    // A board without such memory keeps none, and says so.
+    let Ok(Reply::Events(none)) = Host::new().ask(&Command::ReadEvents) else { panic!("no answer") };
+    assert!(none.events.is_empty());
 }
