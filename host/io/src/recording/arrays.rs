@@ -136,7 +136,11 @@ impl Recording {
     /// As [`Recording::from_arrays`].
     pub(super) fn of_table(name: &str, table: Table, rig: &RigFile) -> Result<Self, RecordingError> {
         let rig = table.rig(name, rig)?;
-        let reader = Reader::new(name, rig, Vec::new()).with_words(table.units, table.above);
+        // What the file says to be times is in s here, whatever unit a name has.
+        let is_time = |name: &String| table.times.iter().any(|(own, _)| own == name);
+        let times = table.columns.iter().enumerate().filter(|(_, (name, _))| is_time(name)).map(|(k, _)| k);
+        let times = times.collect();
+        let reader = Reader::new(name, rig, Vec::new()).with_words(table.units, table.above, times);
         let columns = table.columns.iter().map(|(name, cells)| (name.clone(), Numbers::Cells(cells)));
         let mut recording = Self::read_columns(name, &columns.collect::<Vec<_>>(), reader)?;
         recording.warnings.extend(table.warnings);

@@ -170,9 +170,15 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Returns one that knows the units of its columns, and what a file says of itself line by line.
-    pub(super) fn with_words(mut self, units: Vec<Option<String>>, above: Vec<String>) -> Self {
-        (self.units, self.above) = (units, above);
+    /// Returns one that knows the units of its columns, what a file says of itself line by line, and the columns
+    /// that it says to be times, which are in s.
+    pub(super) fn with_words(
+        mut self,
+        units: Vec<Option<String>>,
+        above: Vec<String>,
+        times: Vec<usize>,
+    ) -> Self {
+        (self.units, self.above, self.clocks) = (units, above, times);
         self
     }
 

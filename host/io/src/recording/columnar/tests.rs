@@ -1,7 +1,7 @@
 use std::io::Write as _;
 use std::sync::Arc;
 
-use ::parquet::basic::{Compression, Repetition, Type as Physical};
+use ::parquet::basic::{Compression, LogicalType, Repetition, TimeUnit, Type as Physical};
 use ::parquet::data_type::{DoubleType, FloatType, Int64Type};
 use ::parquet::file::properties::WriterProperties;
 use ::parquet::file::writer::SerializedFileWriter;
@@ -257,5 +257,47 @@ fn decimals_of_parquet_are_the_numbers_that_were_written() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_table");
     for name in ["decimals.parquet", "decimals_whole.parquet"] {
         check(&Recording::load(&folder.join(name), None).unwrap_or_else(|e| panic!("{e}")), name);
+    }
+}
+
+/// Times that a file declares are in seconds, with names of other programs and without a rig file too.
+#[test]
+fn declared_times_need_no_unit_in_their_name() {
+    for (name, unit) in
+        [("time", TimeUnit::MICROS), ("time_ns", TimeUnit::NANOS), ("Zeit [ms]", TimeUnit::MILLIS)]
+    {
+        let kind = LogicalType::timestamp(false, unit);
+        let time = Type::primitive_type_builder(name, Physical::INT64).with_logical_type(Some(kind));
+        let mut fields = vec![Arc::new(time.with_repetition(Repetition::REQUIRED).build().unwrap())];
+        let axes = ["Fx [N]", "Fy [N]", "Fz [N]", "Mx [Nm]", "My [Nm]", "Mz [Nm]"];
+        fields.extend(axes.map(|axis| {
+            let axis = Type::primitive_type_builder(axis, Physical::DOUBLE);
+            Arc::new(axis.with_repetition(Repetition::REQUIRED).build().unwrap())
+        }));
+        let schema = Type::group_type_builder("schema").with_fields(fields).build().unwrap();
+        let properties = Arc::new(WriterProperties::builder().build());
+        let mut writer = SerializedFileWriter::new(Vec::new(), Arc::new(schema), properties).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        // Steps of 20 ms from 2023 on.
+        let step = match unit {
+            TimeUnit::MILLIS => 20,
+            TimeUnit::MICROS => 20_000,
+            TimeUnit::NANOS => 20_000_000,
+        };
+        let times: Vec<i64> = (0..4).map(|k| (85_000_000_000 + k) * step).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<Int64Type>().write_batch(&times, None, None).unwrap();
+        column.close().unwrap();
+        for _ in axes {
+            let mut column = group.next_column().unwrap().unwrap();
+            column.typed::<DoubleType>().write_batch(&[1.0, 2.0, 3.0, 4.0], None, None).unwrap();
+            column.close().unwrap();
+        }
+        group.close().unwrap();
+        let bytes = writer.into_inner().unwrap();
+        let recording = Recording::from_columns("run.parquet", bytes, &RigFile::default());
+        let recording = recording.unwrap_or_else(|error| panic!("{name}: {error}"));
+        let wanted: Vec<u64> = (0..4).map(|k| 1_700_000_000_000_000_000 + 20_000_000 * k).collect();
+        assert_eq!(recording.time_ns, wanted, "{name}");
     }
 }
