@@ -124,7 +124,7 @@ fn of_actuators(root: &Node) -> Vec<Finding> {
 /// Returns the bodies whose frame MuJoCo moves to their centre of mass.
 fn of_free_joints(root: &Node, names: &Names) -> Vec<Finding> {
     let compilers = root.children().filter(|n| n.has_tag_name("compiler"));
-    let all = compilers.filter_map(|n| n.attribute("alignfree")).last() == Some("true");
+    let all = compilers.filter_map(|n| n.attribute("alignfree")).next_back() == Some("true");
     let mut found = Vec::new();
     for joint in root.descendants().filter(|n| n.has_tag_name("freejoint")) {
         let is_moved = joint.attribute("align").map_or(all, |word| word == "true" || (word == "auto" && all));
