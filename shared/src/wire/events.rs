@@ -93,8 +93,6 @@ impl EventCode {
 
 const REASONS: [Reason; 5] =
     [Reason::Boot, Reason::Command, Reason::HostQuiet, Reason::StopRule, Reason::LevelFull];
-const SENSORS: [fn(SensorFault) -> Reason; 4] =
-    [Reason::LoadCell, Reason::Imu, Reason::SecondImu, Reason::Frames];
 const FAULTS: [SensorFault; 10] = [
     SensorFault::Bus,
     SensorFault::WrongId,
@@ -122,16 +120,29 @@ const RESETS: [ResetReason; 9] = [
 /// Returns the number of a reason as the detail of an event: below 16 it is none of a sensor's, else 16 for each sensor and its
 /// fault.
 pub fn number_of_reason(reason: Reason) -> u8 {
-    let position = (0..u8::MAX).find(|number| reason_of(*number) == Some(reason));
-    position.unwrap_or(u8::MAX)
+    let of = |sensor: u8, fault: SensorFault| {
+        16 * sensor + FAULTS.iter().position(|f| *f == fault).unwrap_or(15) as u8
+    };
+    match reason {
+        Reason::LoadCell(fault) => of(1, fault),
+        Reason::Imu(fault) => of(2, fault),
+        Reason::SecondImu(fault) => of(3, fault),
+        Reason::Frames(fault) => of(4, fault),
+        other => REASONS.iter().position(|r| *r == other).unwrap_or(15) as u8,
+    }
 }
 
 /// Returns the reason of that number; `None` if it is a newer device's.
 pub fn reason_of(number: u8) -> Option<Reason> {
-    let (sensor, rest) = (usize::from(number / 16), usize::from(number % 16));
-    match sensor.checked_sub(1) {
-        None => REASONS.get(rest).copied(),
-        Some(sensor) => Some(SENSORS.get(sensor)?(*FAULTS.get(rest)?)),
+    let (sensor, rest) = (number / 16, usize::from(number % 16));
+    let fault = FAULTS.get(rest).copied();
+    match sensor {
+        0 => REASONS.get(rest).copied(),
+        1 => fault.map(Reason::LoadCell),
+        2 => fault.map(Reason::Imu),
+        3 => fault.map(Reason::SecondImu),
+        4 => fault.map(Reason::Frames),
+        _ => None,
     }
 }
 
