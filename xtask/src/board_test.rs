@@ -23,8 +23,8 @@ const LIMIT: Duration = Duration::from_secs(30);
 /// Which device, and where the page goes.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
-    /// The board's serial port.
-    #[arg(long, required_unless_present = "emulated")]
+    /// The board's serial port. Without one the page says what is missing.
+    #[arg(long)]
     port: Option<String>,
     /// Try the procedure itself, against the STM32F405's image in the emulator: nothing of it is done on silicon.
     #[arg(long, conflicts_with = "port")]
@@ -40,6 +40,8 @@ enum Outcome {
     Bad(String),
     /// Not done: there is nobody but a person to do it.
     ByHand,
+    /// Not done: no board answers, for this reason.
+    NoBoard(String),
 }
 
 /// A question that the device's own words answer: its name, what is looked at, and what of the words is right.
@@ -119,20 +121,21 @@ fn right(is: bool, words: String) -> std::result::Result<String, String> {
 /// Goes through the procedure and writes the page; fails if a step that the device answers is not as it should be.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let emulator = options.emulated.then(|| Emulator::start(core)).transpose()?;
-    let port = match (&emulator, &options.port) {
-        (Some(emulator), _) => emulator.port.clone(),
-        (None, Some(port)) => port.clone(),
-        (None, None) => bail!("no port"),
+    let port = emulator.as_ref().map(|emulator| &emulator.port).or(options.port.as_ref());
+    let answer = match port {
+        Some(port) => info(port, &[]).map_err(|why| format!("{port} does not answer: {why:#}")),
+        None => Err(NO_PORT.to_owned()),
     };
-    let info = info(&port, &[])?;
-    let mut steps: Vec<(&str, &str, Outcome)> =
-        ASKED.iter().map(|(name, shows, ask)| (*name, *shows, of(ask(&info)))).collect();
-    steps.push(("restart", "it starts anew when it is told to, and says so", restarted(&port)));
-    steps.extend(BY_HAND.iter().map(|(name, how)| (*name, *how, Outcome::ByHand)));
-    let page = page(&info, &steps, emulator.is_some());
+    let restart = || port.map_or(Outcome::ByHand, |port| restarted(port));
+    let steps = steps(&answer, restart);
+    let info = answer.as_ref().ok();
+    let page = page(info, &steps, emulator.is_some());
     std::fs::write(&options.page, &page)
         .with_context(|| format!("cannot write {}", options.page.display()))?;
     println!("{page}");
+    if let Err(why) = answer {
+        bail!("no step was done: {why}; what is to be done is in {}", options.page.display());
+    }
     // What the emulator lacks is no fault of the board.
     let bad: Vec<&str> = steps.iter().filter(|(.., r)| matches!(r, Outcome::Bad(_))).map(|s| s.0).collect();
     if bad.is_empty() || emulator.is_some() {
@@ -140,6 +143,28 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     } else {
         bail!("not as it should be: {}", bad.join(", "))
     }
+}
+
+/// What is missing where no port is named.
+const NO_PORT: &str = "no board: name its serial port by --port (`rigident ports` lists them), or try the procedure by --emulated";
+
+/// Returns all steps with what became of them: of those that a device answers, nothing where none answers.
+fn steps(
+    answer: &std::result::Result<Value, String>,
+    restart: impl FnOnce() -> Outcome,
+) -> Vec<(&'static str, &'static str, Outcome)> {
+    let asked = |ask: fn(&Value) -> _| match answer {
+        Ok(info) => of(ask(info)),
+        Err(why) => Outcome::NoBoard(why.clone()),
+    };
+    let mut steps: Vec<_> = ASKED.iter().map(|(name, shows, ask)| (*name, *shows, asked(*ask))).collect();
+    let restarts = match answer {
+        Ok(_) => restart(),
+        Err(why) => Outcome::NoBoard(why.clone()),
+    };
+    steps.push(("restart", "it starts anew when it is asked to, and says so", restarts));
+    steps.extend(BY_HAND.iter().map(|(name, how)| (*name, *how, Outcome::ByHand)));
+    steps
 }
 
 fn of(answer: std::result::Result<String, String>) -> Outcome {
@@ -161,10 +186,15 @@ fn restarted(port: &str) -> Outcome {
 }
 
 /// Returns the page.
-fn page(info: &Value, steps: &[(&str, &str, Outcome)], emulated: bool) -> String {
+fn page(info: Option<&Value>, steps: &[(&str, &str, Outcome)], emulated: bool) -> String {
     let mut text = String::from("# A board's test\n\n");
-    let number = info["unique_id"].as_str().unwrap_or("none");
-    let _ = writeln!(text, "Board {}, chip {number}, firmware {}.", info["board"], info["firmware"]);
+    match info {
+        Some(info) => {
+            let number = info["unique_id"].as_str().unwrap_or("none");
+            let _ = writeln!(text, "Board {}, chip {number}, firmware {}.", info["board"], info["firmware"]);
+        }
+        None => text.push_str("**No board answered: nothing on this page was done.**\n"),
+    }
     if emulated {
         text.push_str("\n**The emulator: nothing on this page was done on silicon.**\n");
     }
@@ -174,6 +204,7 @@ fn page(info: &Value, steps: &[(&str, &str, Outcome)], emulated: bool) -> String
             Outcome::Good(words) => (!emulated, format!("good: {words}")),
             Outcome::Bad(words) => (!emulated, format!("**not as it should be**: {words}")),
             Outcome::ByHand => (false, "not done".to_owned()),
+            Outcome::NoBoard(why) => (false, format!("**missing**: {}", why.replace(['\n', '|'], " "))),
         };
         let _ = writeln!(text, "| {name} | {shows} | {} | {result} |", if done { "yes" } else { "no" });
     }
@@ -226,14 +257,9 @@ mod tests {
     fn a_page_says_of_each_step_whether_it_was_done_on_silicon() {
         let info =
             json!({ "board": "stm32f405", "same_messages": true, "unique_id": null, "clock": "internal" });
-        let steps = || {
-            let mut steps: Vec<(&str, &str, Outcome)> =
-                ASKED.iter().map(|(name, shows, ask)| (*name, *shows, of(ask(&info)))).collect();
-            steps.extend(BY_HAND.iter().map(|(name, how)| (*name, *how, Outcome::ByHand)));
-            steps
-        };
-        let (real, emulated) = (page(&info, &steps(), false), page(&info, &steps(), true));
-        assert_eq!(real.matches("| yes |").count(), ASKED.len());
+        let all = steps(&Ok(info.clone()), || Outcome::Good("by the host".to_owned()));
+        let (real, emulated) = (page(Some(&info), &all, false), page(Some(&info), &all, true));
+        assert_eq!(real.matches("| yes |").count(), ASKED.len() + 1);
         assert_eq!(
             (emulated.matches("| yes |").count(), real.matches("not done").count()),
             (0, BY_HAND.len())
@@ -242,5 +268,15 @@ mod tests {
         assert!(real.contains("| number | the chip's own number is there | yes | **not as it should be**"));
         assert!(real.contains("| crystal | time comes from a crystal | yes | **not as it should be**"));
         assert!(emulated.contains("nothing on this page was done on silicon"));
+    }
+
+    #[test]
+    fn a_page_without_a_board_says_of_each_step_what_is_missing() {
+        let all = steps(&Err(NO_PORT.to_owned()), || panic!("nobody is there to be restarted"));
+        let page = page(None, &all, false);
+        assert!(page.contains("No board answered") && !page.contains("| yes |"));
+        let missing = "**missing**: no board: name its serial port by --port";
+        assert_eq!(page.matches(missing).count(), ASKED.len() + 1, "{page}");
+        assert_eq!(page.matches("| no | not done |").count(), BY_HAND.len());
     }
 }
