@@ -4,7 +4,7 @@ use super::condition::no_rows;
 use super::{Factor, FitError, RowSource, Silent};
 
 /// Blocks that are examined.
-const BLOCKS: usize = 800;
+pub const BLOCKS: usize = 800;
 /// Rounds in which the weights follow from the residuals.
 const ROUNDS: usize = 2;
 /// A residual that is smaller than this share of the measurement is rounding.
@@ -40,14 +40,15 @@ struct Rows {
 }
 
 impl Rows {
-    /// Writes the rows of at most [`BLOCKS`] blocks.
-    fn of(source: &dyn RowSource) -> Result<Self, FitError> {
+    /// Writes the rows of at most so many blocks.
+    fn of(source: &dyn RowSource, most: usize) -> Result<Self, FitError> {
         let blocks = source.blocks(&Silent)?;
         if blocks.is_empty() {
             return Err(no_rows(&*blocks));
         }
         let (channels, parameters) = (source.channels().len(), source.parameters().len());
-        let picked: Vec<usize> = (0..blocks.len()).step_by(blocks.len().div_ceil(BLOCKS).max(1)).collect();
+        let picked: Vec<usize> =
+            (0..blocks.len()).step_by(blocks.len().div_ceil(most.max(1)).max(1)).collect();
         let (width, count) = (channels * parameters, picked.len());
         let (mut rows, mut measured) = (vec![0.0; width * count], vec![0.0; channels * count]);
         let to = rows.chunks_exact_mut(width.max(1)).zip(measured.chunks_exact_mut(channels.max(1)));
@@ -102,12 +103,12 @@ impl Rows {
     }
 }
 
-/// Returns what weighted least squares explain of the rows of a source.
+/// Returns what weighted least squares explain of the rows of a source, of at most so many blocks ([`BLOCKS`]).
 ///
 /// # Errors
 /// [`FitError`] if there are no rows.
-pub fn explained(source: &dyn RowSource) -> Result<Explained, FitError> {
-    Ok(Rows::of(source)?.explained(source).0)
+pub fn explained(source: &dyn RowSource, most: usize) -> Result<Explained, FitError> {
+    Ok(Rows::of(source, most)?.explained(source).0)
 }
 
 /// Returns the step of Gauss and Newton for settings that the rows of a source depend on: how far each is to
@@ -117,12 +118,12 @@ pub fn explained(source: &dyn RowSource) -> Result<Explained, FitError> {
 /// # Errors
 /// [`FitError`] if there are no rows.
 pub fn steps(source: &dyn RowSource, moved: &[&dyn RowSource]) -> Result<Option<Vec<f64>>, FitError> {
-    let own = Rows::of(source)?;
+    let own = Rows::of(source, BLOCKS)?;
     let (found, sigma) = own.explained(source);
     let left = own.left(&found.values);
     let mut columns = Vec::new();
     for moved in moved {
-        let rows = Rows::of(*moved)?;
+        let rows = Rows::of(*moved, BLOCKS)?;
         if rows.measured.len() != own.measured.len() || rows.parameters != own.parameters {
             return Ok(None);
         }

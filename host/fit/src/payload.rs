@@ -167,9 +167,8 @@ fn budget(
 /// Returns the warning about runs that differ by more than what the link carries; `ratio` is χ² per degree of freedom.
 pub fn disagreement_in_words(link: &str, ratio: f64) -> String {
     format!(
-        "with and without the payload the arm differs by {:.1} times as much as a body on {link} and noise explain, and the \
-         intervals were widened: is it another link that carries it, did it slip, were the efforts recorded in one unit and the arm \
-         equally warm?",
+        "with and without the payload the arm differs by {:.1} times as much as a body on {link} and noise explain; intervals were \
+         widened: is it on another link, did it slip, are efforts in one unit and the arm equally warm?",
         ratio.sqrt()
     )
 }

@@ -33,6 +33,8 @@ const ROUNDS: usize = 4;
 const MOST_FILLED: usize = 16;
 /// Steps at all times are worth this many independent ones.
 const INDEPENDENT: f64 = 4.0;
+/// A change of bodies on drives explains this share of the residuals at least: less is no more than a model of friction lacks.
+const LEAST_SHARE: f64 = 0.25;
 /// Bins about the change in which its time is searched for row by row.
 const NEAR: usize = 3;
 /// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
@@ -175,7 +177,9 @@ impl Search<'_> {
                 if rows.has_drives && self.is_everywhere(&metrics, &largest) {
                     return None;
                 }
-                return Some(self.conclude(rows, &common, [&score, &evidence], &filled, &noise));
+                let change = self.conclude(rows, &common, [&score, &evidence], &filled, &noise);
+                // What is no larger than noise in any row is at no time.
+                return Some(change).filter(|change| change.time_u95_s < self.bin_s * self.bins.len() as f64);
             }
             filled.extend(more);
             found = largest;
@@ -183,18 +187,24 @@ impl Search<'_> {
         None
     }
 
-    /// Returns true if steps at other times, beside the largest, explain so much that it may be one of them: what a model
-    /// lacks of friction is everywhere, and a change is at one time.
+    /// Returns true if a step at another time, beside the largest, explains so much that the largest may be of its kind: what a
+    /// model lacks of friction is everywhere, more in one move than in another, and a change is at one time.
     fn is_everywhere(&self, metrics: &[Metric], largest: &Largest) -> bool {
+        let squares = metrics.iter().zip(&self.bins.residuals).map(|(metric, left)| {
+            let weighted = metric.apply(&DMatrix::from_column_slice(left.len(), 1, left.as_slice()));
+            left.dot(&weighted.column(0))
+        });
+        if largest.square < LEAST_SHARE * squares.sum::<f64>() {
+            return true;
+        }
         let bins = self.bins.with_step(self.columns, largest.bin);
         let beside = Common::new(&bins, metrics, self.columns);
         let (offset, body) = (self.offset(), self.body());
-        let mut others = Vec::new();
+        let mut usual = 1.0_f64;
         beside.each(self.range(), |score| {
             let [_, (square, rank)] = beside.explained(&score, [&offset, &body]);
-            others.push(square / rank.max(1) as f64);
+            usual = usual.max(square / rank.max(1) as f64);
         });
-        let usual = (others.iter().sum::<f64>() / others.len().max(1) as f64).max(1.0);
         let known = (INDEPENDENT * largest.rank as f64).min(self.others());
         let chance = tail(largest.square / usual, largest.rank, known) * self.range().len() as f64;
         chance > FALSE_ALARM

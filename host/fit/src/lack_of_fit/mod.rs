@@ -6,6 +6,7 @@
 
 mod bins;
 pub mod change;
+mod clear_band;
 mod directions;
 mod metric;
 mod noise;

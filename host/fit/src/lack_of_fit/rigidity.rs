@@ -19,6 +19,7 @@ use nalgebra::DMatrix;
 
 use super::Rows;
 use super::bins::Bins;
+use super::clear_band;
 use super::metric::{Metric, drift};
 use super::noise::{self, PowerLaw};
 use super::noise_filled::Quiet;
@@ -36,6 +37,8 @@ const LOWEST_HZ: f64 = 0.4;
 const PER_OCTAVE: f64 = 2.5;
 const HIGHEST: f64 = 0.2;
 const DAMPINGS: [f64; 2] = [0.02, 0.15];
+/// Dampings of Butterworth's low-pass of four poles.
+const DAMPINGS_OF_FOUR: [f64; 2] = [0.3827, 0.9239];
 /// Columns that belong to what is identified, at most.
 const MOST_COLUMNS: usize = 16;
 /// Below this frequency the integrals forget, Hz.
@@ -122,6 +125,12 @@ impl Section {
     /// Returns what a resonance of this frequency and damping adds.
     fn resonance(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
         Self::new(frequency_hz, damping, -1.0, 0.0, rate_hz)
+    }
+
+    /// Returns a low-pass that lets through what is slower than a frequency.
+    fn low_pass(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
+        let omega = std::f64::consts::TAU * frequency_hz;
+        Self::new(frequency_hz, damping, 0.0, omega * omega, rate_hz)
     }
 
     /// Returns the output over time, settled on the first input.
@@ -229,6 +238,65 @@ impl<'a> Stretch<'a> {
         let noise = NoiseSeries::all(rows, bins.several);
         let quiet = Quiet::new(&bins, bins.several as f64 / rate_hz);
         Self { rows, bins, columns, residuals, first, rate_hz, noise, quiet }
+    }
+
+    /// Returns the same of what is slower than motion that is clear of noise, where noise above it is in rows and
+    /// residuals alike.
+    fn clear(self) -> Self {
+        let of_channel = |own: &Vec<Vec<f64>>| {
+            let mut sum = vec![0.0; own.first().map_or(0, Vec::len)];
+            for (column, value) in own.iter().zip(self.rows.values) {
+                sum.iter_mut().zip(column).for_each(|(s, a)| *s += a * value);
+            }
+            sum
+        };
+        let predicted: Vec<Vec<f64>> = self.columns.iter().map(of_channel).collect();
+        match clear_band::highest_hz(&predicted, &self.residuals, self.rate_hz) {
+            Some(hz) if 2.0 * hz * (self.bins.several as f64) < self.rate_hz => self.below(hz),
+            _ => self,
+        }
+    }
+
+    /// Returns the rows, the residuals and the noise below a frequency, in bins that are as long as that allows.
+    fn below(mut self, hz: f64) -> Self {
+        let section = DAMPINGS_OF_FOUR.map(|damping| Section::low_pass(hz, damping, self.rate_hz));
+        let smooth = |series: &mut Vec<f64>| {
+            *series = section.iter().fold(std::mem::take(series), |own, s| s.apply(own.into_iter()));
+        };
+        self.columns.iter_mut().flatten().chain(&mut self.residuals).for_each(smooth);
+        self.noise.iter_mut().flat_map(|noise| noise.columns.iter_mut().flatten()).for_each(smooth);
+        let several = (0.5 * self.rate_hz / hz).ceil() as usize;
+        let before = &self.bins;
+        let mut covered = vec![false; self.residuals.first().map_or(0, Vec::len)];
+        for first in &before.first {
+            covered[first - self.first..first - self.first + before.several].fill(true);
+        }
+        let bins = covered.chunks_exact(several).enumerate();
+        let first: Vec<usize> =
+            bins.filter(|(_, own)| own.iter().all(|c| *c)).map(|(k, _)| k * several).collect();
+        let column =
+            |own: &Vec<f64>| binned(std::slice::from_ref(own), &first, several).column(0).into_owned();
+        let (wide, mut noise) = (before.columns, before.noise.clone());
+        noise.iter_mut().for_each(|own| own.gram.fill(0.0));
+        for series in &mut self.noise {
+            let count = series.columns.first().and_then(|own| own.first()).map_or(0, Vec::len);
+            series.first = (0..count / several).map(|b| b * several).collect();
+            series.binned = series.columns.iter().map(|own| binned(own, &series.first, several)).collect();
+            let weight = series.weight / series.first.len().max(1) as f64;
+            for (own, binned) in noise.iter_mut().zip(&series.binned) {
+                own.gram += (binned.tr_mul(binned) * weight).rows(0, wide);
+            }
+        }
+        let bins = Bins {
+            rows: self.columns.iter().map(|own| binned(own, &first, several)).collect(),
+            residuals: self.residuals.iter().map(column).collect(),
+            first: first.iter().map(|k| k + self.first).collect(),
+            several,
+            noise,
+            ..self.bins
+        };
+        let quiet = Quiet::new(&bins, several as f64 / self.rate_hz);
+        Self { bins, quiet, ..self }
     }
 
     /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that with all columns as
@@ -415,12 +483,14 @@ pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
         return None;
     }
     let stretch = Stretch::new(rows);
+    let bursts = stretch.bursts();
+    let stretch = stretch.clear();
     if stretch.bins.len() < 2 * stretch.bins.columns {
         return None;
     }
     let (explained, probability) = stretch.judge(&stretch.spring(), 1.0);
     let spring = NotRigid { motion: Motion::Spring, probability, explained };
-    let candidates = stretch.best_resonance().into_iter().chain([spring]).chain(stretch.bursts());
+    let candidates = stretch.best_resonance().into_iter().chain([spring]).chain(bursts);
     candidates
         .filter(|found| found.probability < FALSE_ALARM)
         .max_by(|a, b| a.explained.total_cmp(&b.explained))

@@ -255,6 +255,46 @@ fn noise_in_a_rest_is_no_change_and_a_loss_after_it_is_one() {
     }
 }
 
+/// A part that swings at 6.4 Hz, which motion below 2.3 Hz and noise of 5 to 9 Hz in the rows set in motion.
+fn with_noise_above_the_motion(seed: u64, part: f64) -> Blocks {
+    let mut normal = Normal::new(4000 + seed);
+    // Noise of a narrow band: two cosines of slowly changing size for each column that moves.
+    let band = |normal: &mut Normal| -> Vec<f64> {
+        let waves: Vec<[f64; 3]> =
+            (0..40).map(|k| [5.0 + 0.1 * f64::from(k), normal.draw(), normal.draw()]).collect();
+        let at = |k: usize| {
+            let of = |[hz, a, b]: &[f64; 3]| {
+                let (sin, cos) = (std::f64::consts::TAU * hz * k as f64 / RATE_HZ).sin_cos();
+                a * sin + b * cos
+            };
+            waves.iter().map(of).sum::<f64>() / 40.0_f64.sqrt()
+        };
+        (0..3000).map(at).collect()
+    };
+    let noise = [band(&mut normal), band(&mut normal)];
+    let omega = std::f64::consts::TAU * 6.4;
+    // Far below its frequency a part has a wrench more by the second derivative over ω².
+    let step = 1e-3;
+    let second = |t: f64| (rows_at(t + step)[0] - 2.0 * rows_at(t)[0] + rows_at(t - step)[0]) / (step * step);
+    let mut blocks = Blocks::new(3000, seed, |t, _| [-part * PHI[0] * second(t) / (omega * omega), 0.0]);
+    for (k, row) in blocks.rows.iter_mut().enumerate() {
+        (row[0], row[5]) = (row[0] + 0.3 * noise[0][k], row[5] + 0.3 * noise[1][k]);
+    }
+    blocks
+}
+
+/// Without a rest nothing but the residuals shows that noise.
+#[test]
+fn noise_above_the_motion_is_no_part_that_swings_and_a_part_is_one() {
+    for seed in 0..6 {
+        let honest = with_noise_above_the_motion(seed, 0.0).look();
+        assert_eq!(honest.not_rigid, None, "{seed}");
+        let swings = with_noise_above_the_motion(seed, 1.0).look().not_rigid;
+        let is_found = matches!(swings, Some(NotRigid { motion: Motion::Resonance { .. }, .. }));
+        assert!(is_found, "{seed}: {swings:?}");
+    }
+}
+
 /// Of 10 % of the body on a spring of 1.6 Hz, rows through the spring's own differential equation.
 #[test]
 fn a_part_on_a_spring_is_told_with_its_frequency() {
