@@ -3,6 +3,7 @@
 
 use super::tuned::Tuned;
 use super::{Case, Fault, left_by, rows_of};
+use rigident_fit::explained::BLOCKS;
 
 /// Factors that are tried at first, and those that a gyro may be off by; what is nearer to 1 is an error of
 /// its scale.
@@ -20,8 +21,10 @@ fn multiply(case: &mut Case, factor: f64) -> bool {
 fn start(case: &Case) -> Option<f64> {
     let left = |factor: f64| {
         let mut case = case.clone();
-        let left =
-            multiply(&mut case, factor).then(|| rows_of(&case)).flatten().and_then(|rows| left_by(&*rows));
+        let left = multiply(&mut case, factor)
+            .then(|| rows_of(&case))
+            .flatten()
+            .and_then(|rows| left_by(&*rows, BLOCKS));
         left.map(|(left, _)| (factor, left))
     };
     let all = GRID.iter().filter_map(|factor| left(*factor));

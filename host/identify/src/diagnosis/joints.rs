@@ -4,6 +4,8 @@ use rigident_shared::tree::Joint;
 
 use super::sensors::{cut, delays, earlier, late};
 use super::{Case, Fault};
+use rigident_fit::CONTRADICTED;
+use rigident_io::rig::classes::{TreeClass, rectangular};
 use rigident_io::rig::{ColumnSource, JointTable, ScaledColumn};
 use rigident_model::Model;
 use rigident_rows::tree::columns::{Column, Quantity, column};
@@ -96,16 +98,20 @@ fn rename(case: &mut Case, joints: &[Named], order: &[usize], quantities: &[Quan
     changed
 }
 
-/// Returns the faults that joints and base of a tree may have.
-pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
+/// Returns the joints whose positions are recorded.
+fn named(case: &Case, model: &Model) -> Vec<Named> {
     let welded = model.welded();
     let joints = welded
         .links
         .iter()
         .skip(1)
         .map(|link| Named { name: link.joint_name.clone(), joint: link.link.joint });
-    let joints: Vec<Named> =
-        joints.filter(|joint| joint.column(case, Quantity::Position).is_some()).collect();
+    joints.filter(|joint| joint.column(case, Quantity::Position).is_some()).collect()
+}
+
+/// Returns the faults that joints and base of a tree may have.
+pub(super) fn faults(case: &Case, model: &Model) -> Vec<Fault> {
+    let joints = named(case, model);
     if joints.is_empty() {
         return Vec::new();
     }
@@ -308,28 +314,52 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
 
 fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> {
     let mut all = Vec::new();
-    for (what, quantity, needs) in [
-        ("effort", Quantity::Effort, has_efforts),
-        ("position", Quantity::Position, has_rates),
-        ("rate", Quantity::Rate, has_rates),
-    ] {
-        for (rows, s) in delays(case).into_iter().filter(|_| needs) {
-            let own = joints.to_vec();
-            let remedy = "stamp readings where they are taken, or shift the columns";
-            let kind = format!("delay of the {what}");
-            all.push(Fault::new(kind, late(&format!("the {what}"), s), remedy, move |case| {
-                let columns: Vec<String> =
-                    own.iter().filter_map(|joint| Some(joint.column(case, quantity)?.name)).collect();
-                for (name, cells) in &mut case.recording.extra {
-                    if columns.contains(name) {
-                        earlier(cells, rows);
-                    }
-                }
-                cut(case, rows)
-            }));
-        }
+    for (quantity, needs) in
+        [(Quantity::Effort, has_efforts), (Quantity::Position, has_rates), (Quantity::Rate, has_rates)]
+    {
+        // What is known of the delay of efforts is estimated with the body: it is none that a recording cannot have.
+        let known_s = if quantity == Quantity::Effort { known_delay_s(case) } else { 0.0 };
+        let delays = delays(case).into_iter().filter(|(_, s)| needs && s.abs() > known_s);
+        all.extend(delays.map(|delay| of_delay(joints, quantity, delay)));
     }
     all
+}
+
+/// Returns the delay of a quantity by so many rows and seconds.
+fn of_delay(joints: &[Named], quantity: Quantity, (rows, s): (isize, f64)) -> Fault {
+    let what = match quantity {
+        Quantity::Effort => "effort",
+        Quantity::Position => "position",
+        Quantity::Rate => "rate",
+    };
+    let own = joints.to_vec();
+    let remedy = "stamp readings where they are taken, or shift the columns";
+    let kind = format!("delay of the {what}");
+    Fault::new(kind, late(&format!("the {what}"), s), remedy, move |case| {
+        let columns: Vec<String> =
+            own.iter().filter_map(|joint| Some(joint.column(case, quantity)?.name)).collect();
+        for (name, cells) in &mut case.recording.extra {
+            if columns.contains(name) {
+                earlier(cells, rows);
+            }
+        }
+        cut(case, rows)
+    })
+}
+
+/// Returns the delays of efforts that they may have by what is known of them.
+pub(super) fn known_delays(case: &Case, model: &Model) -> Vec<Fault> {
+    let joints = named(case, model);
+    let known_s = known_delay_s(case);
+    let known = delays(case).into_iter().filter(|(_, s)| s.abs() <= known_s);
+    known.map(|delay| of_delay(&joints, Quantity::Effort, delay)).collect()
+}
+
+/// Returns the delay of efforts that the rig file, or its class, lets expect, s.
+fn known_delay_s(case: &Case) -> f64 {
+    let tree = &case.recording.rig.tree;
+    let class = || rectangular(tree.class.unwrap_or(TreeClass::DEFAULT).limits().effort_skew_s);
+    CONTRADICTED * tree.skew_std_s.unwrap_or_else(class)
 }
 
 fn case_has(case: &Case, joints: &[Named], quantity: Quantity) -> bool {

@@ -19,7 +19,7 @@ mod tuned;
 use crate::answer::result::{Cause, Status};
 use crate::answer::{Answer, Context, Links, StandardRequest, lacks_something_of_drives, scaled};
 use crate::problem::{Problem, ProblemOptions, Subject};
-use rigident_fit::explained::explained;
+use rigident_fit::explained::{BLOCKS, explained};
 use rigident_fit::{Fit, FitOptions, Progress, RowSource, Silent, parallel};
 use rigident_io::recording::Recording;
 use rigident_model::Model;
@@ -34,6 +34,11 @@ const FULL_S: f64 = 20.0;
 /// Rows a second that faults of one body are tried on at first, at least: means of as many rows as that
 /// takes.
 const THINNED_HZ: f64 = 200.0;
+/// Blocks that every fault is tried on, before those that may be among the best are tried on more; these are the
+/// best kinds, and what leaves nearly as little as the best of its kind.
+const FIRST_BLOCKS: usize = 150;
+const FIRST_KINDS: usize = 16;
+const FIRST_ALIKE: f64 = 0.15;
 /// Faults that are fitted in full.
 const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
@@ -46,8 +51,7 @@ const EXPLAINS: f64 = 0.7;
 /// The same where the recording could be true with a model that lacks something.
 const ACCUSES: f64 = 0.5;
 /// Says what to do where several faults explain a recording alike,
-const WHICH: &str = "it does not tell which: weigh the body, or look at the sensors' settings, before anything \
-                     is changed";
+const WHICH: &str = "it does not tell which: weigh the body, or look at the sensors' settings";
 /// and where what is left without a fault is no recording that can be true: its remedy alone would not do.
 const PARTLY: &str = "look for what else is wrong before anything is changed";
 /// Causes that are named beside one another.
@@ -150,9 +154,16 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
         quick.options.friction = with_speeds(&quick.options.friction, &problem);
     }
     // Where no row is left nothing is explained.
-    let (before, channels) = rows_of(&quick).and_then(|rows| left_by(&*rows)).unwrap_or((0.0, 1));
+    let (before, channels) = rows_of(&quick).and_then(|rows| left_by(&*rows, BLOCKS)).unwrap_or((0.0, 1));
+    // A delay of efforts that they may have is estimated with the body: no fault has to explain it.
+    let known = case.model.iter().flat_map(|model| joints::known_delays(&quick, model));
+    let left = known.filter_map(|known| Some(left_by(&*rows_of(&known.undone(&quick)?)?, BLOCKS)?.0));
+    let before = left.fold(before, f64::min);
     let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
     let full = shortened(case, full);
+    // If a part of the recording can be true as it is, only what explains its residuals is a cause.
+    let most =
+        if most >= before && is_plausible(&full) { before + EXPLAINS.ln() / channels as f64 } else { most };
     let faults: Vec<Fault> = faults(&quick).into_iter().chain(attitude::faults(&quick)).collect();
     let best = best_of_each_kind(try_all(&quick, &faults, progress), most);
     let mut plausible = plausible_among(&best, &full, progress);
@@ -180,14 +191,39 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     })
 }
 
-/// Undoes each fault on its own, in turns, so that progress is shown.
+/// Undoes each fault on its own: on few rows first, then what may be among the best on all.
 fn try_all<'a>(quick: &Case, faults: &'a [Fault], progress: &dyn Progress) -> Vec<Tried<'a>> {
+    let all: Vec<&Fault> = faults.iter().collect();
+    let first = try_each(quick, &all, FIRST_BLOCKS, progress);
+    let mut kinds: Vec<(&str, f64)> = Vec::new();
+    for tried in &first {
+        match kinds.iter_mut().find(|(kind, _)| *kind == tried.fault.kind) {
+            Some((_, left)) => *left = left.min(tried.left),
+            None => kinds.push((&tried.fault.kind, tried.left)),
+        }
+    }
+    kinds.sort_by(|a, b| a.1.total_cmp(&b.1));
+    kinds.truncate(FIRST_KINDS);
+    let is_near = |tried: &&Tried| {
+        kinds.iter().any(|(kind, left)| *kind == tried.fault.kind && tried.left < left + FIRST_ALIKE)
+    };
+    let best: Vec<&Fault> = first.iter().filter(is_near).map(|tried| tried.fault).collect();
+    try_each(quick, &best, BLOCKS, progress)
+}
+
+/// Undoes each fault on its own, in turns, so that progress is shown.
+fn try_each<'a>(
+    quick: &Case,
+    faults: &[&'a Fault],
+    blocks: usize,
+    progress: &dyn Progress,
+) -> Vec<Tried<'a>> {
     let mut tried = Vec::new();
     for (turn, chunk) in faults.chunks(CHUNK).enumerate() {
         progress.stage("looking for the cause", (turn * CHUNK) as f64 / faults.len() as f64);
         let found = parallel::map(parallel::threads(), chunk.len(), |k| {
-            let fault = chunk.get(k)?;
-            Some(Tried { fault, left: left_by(&*rows_of(&fault.undone(quick)?)?)?.0 })
+            let fault = *chunk.get(k)?;
+            Some(Tried { fault, left: left_by(&*rows_of(&fault.undone(quick)?)?, blocks)?.0 })
         });
         tried.extend(found.into_iter().flatten());
     }
@@ -265,10 +301,10 @@ fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
     Friction { by_drive, ..friction.clone() }
 }
 
-/// Returns the mean logarithm of what least squares leave, and of how many channels; `None` if there are no
-/// rows.
-fn left_by(rows: &dyn RowSource) -> Option<(f64, usize)> {
-    let found = explained(rows).ok()?;
+/// Returns the mean logarithm of what least squares leave of at most so many blocks, and of how many channels;
+/// `None` if there are no rows.
+fn left_by(rows: &dyn RowSource, blocks: usize) -> Option<(f64, usize)> {
+    let found = explained(rows, blocks).ok()?;
     Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())
 }
 

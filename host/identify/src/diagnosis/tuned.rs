@@ -3,7 +3,7 @@
 
 use super::{Case, Fault, left_by, rows_of, thinned};
 use rigident_fit::RowSource;
-use rigident_fit::explained::steps;
+use rigident_fit::explained::{BLOCKS, steps};
 
 /// Steps of Gauss and Newton at most.
 const STEPS: usize = 4;
@@ -38,7 +38,7 @@ impl<S: 'static> Tuned<S> {
         let rows = |settings: &[f64]| rows_of(&self.undone(case, &start, settings)?);
         let mut settings = vec![0.0; self.units.len()];
         let mut now = rows(&settings)?;
-        let mut left = left_by(&*now)?.0;
+        let mut left = left_by(&*now, BLOCKS)?.0;
         for _ in 0..STEPS {
             let one = |k: usize| {
                 let mut moved = settings.clone();
@@ -54,7 +54,7 @@ impl<S: 'static> Tuned<S> {
                 .map(|(at, (by, unit))| at + by * unit)
                 .collect();
             let Some(posed) = rows(&next).filter(|_| next.iter().all(|v| v.is_finite())) else { break };
-            let Some((less, _)) = left_by(&*posed).filter(|(less, _)| *less < left) else { break };
+            let Some((less, _)) = left_by(&*posed, BLOCKS).filter(|(less, _)| *less < left) else { break };
             let is_found = left - less < FOUND;
             (settings, now, left) = (next, posed, less);
             if is_found {

@@ -68,6 +68,8 @@ pub struct TreeLimits {
     pub base_tilt_rad: f64,
     /// Delay of the positions' stamps, s.
     pub skew_s: f64,
+    /// The same against efforts of drives, s.
+    pub effort_skew_s: f64,
     /// Scale of an effort, relative, and its offset and drift, relative to the largest.
     pub effort: f64,
 }
@@ -150,20 +152,24 @@ impl TreeClass {
     }
 
     /// Returns the limits of the class. Efforts of industrial robots are those of joints with torque sensors, 2 % of their
-    /// range (KUKA LBR iiwa, data sheet); a torque from a motor's current has the tolerance of its torque constant, 10 %.
+    /// range (KUKA LBR iiwa, data sheet); a torque from a motor's current has the tolerance of its torque constant, 10 %. Drivers filter
+    /// efforts: a low-pass of 30 Hz makes them late by 5 ms.
     pub fn limits(self) -> TreeLimits {
-        let of = |zero_deg: f64, joint_zero_m, tilt_deg: f64, skew_s, effort| TreeLimits {
-            joint_zero_rad: zero_deg.to_radians(),
-            joint_zero_m,
-            base_tilt_rad: tilt_deg.to_radians(),
-            skew_s,
-            effort,
+        let of = |zero_deg: f64, joint_zero_m, tilt_deg: f64, [skew_s, effort_skew_s]: [f64; 2], effort| {
+            TreeLimits {
+                joint_zero_rad: zero_deg.to_radians(),
+                joint_zero_m,
+                base_tilt_rad: tilt_deg.to_radians(),
+                skew_s,
+                effort_skew_s,
+                effort,
+            }
         };
         match self {
-            Self::Assembled => of(1.0, 1e-3, 1.0, 5e-3, 0.1),
-            Self::Industrial => of(0.2, 3e-4, 0.5, 2e-3, 0.02),
-            Self::Calibrated => of(0.02, 5e-5, 0.05, 2e-4, 5e-3),
-            Self::Exact => of(0.0, 0.0, 0.0, 0.0, 0.0),
+            Self::Assembled => of(1.0, 1e-3, 1.0, [5e-3, 1e-2], 0.1),
+            Self::Industrial => of(0.2, 3e-4, 0.5, [2e-3, 5e-3], 0.02),
+            Self::Calibrated => of(0.02, 5e-5, 0.05, [2e-4; 2], 5e-3),
+            Self::Exact => of(0.0, 0.0, 0.0, [0.0; 2], 0.0),
         }
     }
 }

@@ -256,7 +256,8 @@ fn of_joints(input: &Input, rig: &RigFile, all: &mut Errors) {
         all.signal(nuisance(name, "base tilt", "rad", known, Scope::Rig), SignalError::BaseTilt(axis));
     }
     if has_positions && !input.is_static {
-        let known = source.of(None, tree.skew_std_s, "skew_std_s", limits.skew_s);
+        let limit = if input.has_efforts() { limits.effort_skew_s } else { limits.skew_s };
+        let known = source.of(None, tree.skew_std_s, "skew_std_s", limit);
         all.signal(
             nuisance("time_skew".to_owned(), "time skew", "s", known, Scope::Recording),
             SignalError::Skew,

@@ -16,7 +16,7 @@ fn errors_that_nobody_states_rest_on_the_defaults_of_classes() {
         ("joint_zero_shoulder", "rad", 0.2_f64.to_radians() / 3.0_f64.sqrt()),
         ("joint_zero_elbow", "rad", 0.2_f64.to_radians() / 3.0_f64.sqrt()),
         ("base_tilt_x", "rad", 0.5_f64.to_radians() / 3.0_f64.sqrt()),
-        ("time_skew", "s", 2e-3 / 3.0_f64.sqrt()),
+        ("time_skew", "s", 5e-3 / 3.0_f64.sqrt()),
         ("gain_elbow", "1", 0.02 / 3.0_f64.sqrt()),
     ] {
         let own = errors.iter().find(|e| e["name"] == name).unwrap_or_else(|| panic!("{name}: {errors:?}"));
