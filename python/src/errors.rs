@@ -24,8 +24,8 @@ impl From<Error> for Refused {
 impl Refused {
     /// Returns that of arguments that cannot be.
     pub fn usage(message: String) -> Self {
-        let failure = Failure::input(message);
-        Self { message: failure.to_string(), failure: Box::new(failure) }
+        let message = printable::lines(&message).to_string();
+        Self { failure: Box::new(Failure::input(&message)), message }
     }
 
     /// Makes the exception.
@@ -34,7 +34,12 @@ impl Refused {
     }
 }
 
-/// Makes the exception of a failure.
+/// Makes the exception of the library's refusal, in the library's words.
+pub fn refused(py: Python<'_>, error: impl Into<Error>) -> PyErr {
+    Refused::from(error.into()).raised(py, &[])
+}
+
+/// Makes the exception of a command's failure.
 pub fn raised(py: Python<'_>, failure: &Failure, told: &[String]) -> PyErr {
     exception(py, &failure.to_string(), failure, told)
 }

@@ -5,9 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyDictMethods};
 use rigident::fit::factor_file::FactorSource;
 use rigident::fit::pool::PooledFactor;
-use rigident_cli::Failure;
 
-use crate::errors::raised;
+use crate::errors::refused;
 
 /// Returns the contents of a factor file's bytes: `parameters` and `units`, `recordings`, `runs`, `rows`, and the triangle `r`, `z` of
 /// the whitened rows.
@@ -16,8 +15,7 @@ use crate::errors::raised;
 /// Raises `RigidentError` if the bytes are no factor.
 #[pyfunction]
 pub fn contents<'py>(py: Python<'py>, bytes: &[u8], name: &str) -> PyResult<Bound<'py, PyDict>> {
-    let pooled =
-        PooledFactor::from_bytes(bytes, name).map_err(|error| raised(py, &Failure::input(error), &[]))?;
+    let pooled = PooledFactor::from_bytes(bytes, name).map_err(|error| refused(py, error))?;
     let (names, units): (Vec<&str>, Vec<&str>) =
         pooled.parameters.iter().map(|p| (p.name.as_str(), p.unit.as_str())).unzip();
     let recordings: Vec<String> = pooled.sources.iter().map(FactorSource::in_words).collect();

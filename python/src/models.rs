@@ -9,11 +9,10 @@ use rigident::model::human::{Person, Sex};
 use rigident::model::rows::Moving;
 use rigident::model::{Model, ModelError};
 use rigident::rows::named_model::open;
-use rigident_cli::Failure;
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, TreeError};
 
-use crate::errors::raised;
+use crate::errors::refused;
 
 /// Standard parameters of a link in rows.
 const PER_LINK: usize = 10;
@@ -72,7 +71,7 @@ impl Tree {
             }
             Ok(Self { welded: model.welded(), model, is_person })
         };
-        opened().map_err(|error| raised(py, &Failure::input(error), &[]))
+        opened().map_err(|error| refused(py, error))
     }
 
     /// Returns its name.
@@ -154,7 +153,7 @@ impl Tree {
         let motion = (&positions, &rates, &accelerations, base);
         let found = if in_base_parameters {
             let found = py.detach(|| base_parameters(&self.model, &situation));
-            Some(found.map_err(|error| raised(py, &Failure::input(error), &[]))?)
+            Some(found.map_err(|error| refused(py, error))?)
         } else {
             None
         };

@@ -7,9 +7,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rigident::recording::arrays::Numbers;
 use rigident::rig::RigFile;
-use rigident_cli::Failure;
 
-use crate::errors::raised;
+use crate::errors::refused;
 
 /// Holds a recording in memory.
 #[pyclass(frozen, module = "rigident._rigident")]
@@ -42,7 +41,7 @@ impl Recording {
         rig: Option<PathBuf>,
     ) -> PyResult<Self> {
         let read = rig.as_deref().map(RigFile::load_with_text).transpose();
-        let read = read.map_err(|error| raised(py, &Failure::from(error), &[]))?;
+        let read = read.map_err(|error| refused(py, error))?;
         let (file, text) = read.unzip();
         let file = file.unwrap_or_default();
         let mut arrays = Vec::with_capacity(columns.len());
@@ -55,7 +54,7 @@ impl Recording {
         }
         let made =
             py.detach(|| rigident::recording::Recording::from_arrays(name, &arrays, &file, text.as_deref()));
-        made.map(|inner| Self { inner }).map_err(|error| raised(py, &Failure::from(error), &[]))
+        made.map(|inner| Self { inner }).map_err(|error| refused(py, error))
     }
 
     /// Returns the number of rows.

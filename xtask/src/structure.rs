@@ -1,7 +1,7 @@
 //! The verb `structure`: what must hold of the sources as a whole.
 //!
-//! No options of the command line in texts of crates below it, no circles among a crate's rooms, no code for Unix alone outside its features, sizes of factors named in
-//! one file of the host, answers judged in one room. What is not so yet is in lists here, each entry with
+//! No options and no commands of the command line in texts of crates below it, no circles among a crate's rooms, no code for Unix
+//! alone outside its features, sizes of factors named in one file of the host, answers judged in one room. What is not so yet is in lists here, each entry with
 //! its reason; an entry that is no longer needed fails too.
 
 mod circles;
@@ -90,7 +90,7 @@ const KNOWN_ARROWS: [KnownArrow; 32] = [
 /// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
 const KNOWN_SIZES: [(&str, &str); 0] = [];
 
-/// Crates that know no options: the command line and Python word the remedy in their own terms.
+/// Crates that know neither options nor commands: the command line and Python word the remedy in their own terms.
 const WITHOUT_OPTIONS: [&str; 15] = [
     "shared",
     "hexapod",
@@ -107,64 +107,6 @@ const WITHOUT_OPTIONS: [&str; 15] = [
     "host/plan",
     "host/study",
     "host",
-];
-
-/// Files of these crates whose texts still name options, crate and file: the list may only become shorter.
-const KNOWN_OPTIONS: [(&str, &str); 54] = [
-    ("host/identify", "answer/excitation_advice.rs"),
-    ("host/identify", "answer/new.rs"),
-    ("host/identify", "answer/remarks.rs"),
-    ("host/identify", "answer/selection.rs"),
-    ("host/people", "body_segments/error.rs"),
-    ("host/people", "body_segments/opensim.rs"),
-    ("host/people", "body_segments/tool.rs"),
-    ("host/device", "link/client.rs"),
-    ("host/device", "link/transport.rs"),
-    ("host/device", "ports.rs"),
-    ("host/device", "session/mod.rs"),
-    ("host/device", "session/tree.rs"),
-    ("host/device", "settings_file.rs"),
-    ("host/identify", "diagnosis/joints.rs"),
-    ("host/people", "inverse_kinematics/subject.rs"),
-    ("host/identify", "joint_offsets/faults.rs"),
-    ("host/identify", "joint_offsets/mod.rs"),
-    ("host/study", "lib.rs"),
-    ("host/plan", "carried.rs"),
-    ("host/plan", "excitation/limits.rs"),
-    ("host/plan", "excitation/plan.rs"),
-    ("host/plan", "machine.rs"),
-    ("host/plan", "motion/plan.rs"),
-    ("host/plan", "motion/program.rs"),
-    ("host/plan", "plan_file.rs"),
-    ("host/plan", "poses/plan.rs"),
-    ("host/plan", "poses/reach.rs"),
-    ("host/plan", "poses/statics.rs"),
-    ("host/present", "prediction.rs"),
-    ("host/rows", "body/prepare.rs"),
-    ("host/identify", "problem/clocks/mod.rs"),
-    ("host/people", "person/error.rs"),
-    ("host/people", "person/people.rs"),
-    ("host/people", "person/zeros.rs"),
-    ("host/vibration", "suspension/prepare.rs"),
-    ("host/rows", "tree/drive.rs"),
-    ("host/rows", "tree/prepare/joints.rs"),
-    ("host/rows", "tree/prepare/mod.rs"),
-    ("host/rows", "tree/prepare/sources.rs"),
-    ("host/rows", "tree/standstill.rs"),
-    ("host/identify", "reference/cause.rs"),
-    ("host/fit", "pool.rs"),
-    ("host/fit", "pool/error.rs"),
-    ("host/fit", "prior/error.rs"),
-    ("host/io", "sources/source.rs"),
-    ("host/model", "base/mod.rs"),
-    ("host/model", "edit.rs"),
-    ("host/model", "human.rs"),
-    ("host/model", "idle.rs"),
-    ("host/model", "sdf/generated.rs"),
-    ("host/model", "sdf/mod.rs"),
-    ("host/model", "symmetry.rs"),
-    ("host/model", "urdf.rs"),
-    ("host/model", "write.rs"),
 ];
 
 /// The room that judges answers: nothing else sets a status or a state of a parameter.
@@ -188,7 +130,7 @@ pub fn run() -> Result<()> {
             complaints.extend(size_complaints(folder, &parsed.files_naming(&SIZES), &KNOWN_SIZES));
         }
         if WITHOUT_OPTIONS.contains(&folder) {
-            complaints.extend(option_complaints(folder, &parsed.files_with(options::names_an_option)));
+            complaints.extend(option_complaints(folder, &parsed.files_with(options::names_the_command_line)));
         }
         complaints.extend(judgement_complaints(folder, &parsed.files_with(judgements::sets_judgement)));
     }
@@ -287,21 +229,16 @@ fn judgement_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> 
     elsewhere.map(words).collect()
 }
 
-/// Returns files whose texts name options and may not, and listed ones that do not any more.
+/// Returns complaints about files whose texts name options or commands.
 fn option_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
-    let known: Vec<&Path> =
-        KNOWN_OPTIONS.iter().filter(|(of, _)| *of == folder).map(|(_, file)| Path::new(file)).collect();
-    let new = files.iter().filter(|file| !known.contains(&file.as_path())).map(|file| {
+    let words = |file: &PathBuf| {
         format!(
-            "{folder}/src/{}: a text names an option of the command line: return what is wrong as a value, and let the command line \
-             word the remedy",
+            "{folder}/src/{}: a text names an option or a command of the command line: name the parameter as `lock`, the job as \
+             `factor()`, which the command line words as its own",
             file.display()
         )
-    });
-    let gone = known.iter().filter(|file| !files.contains(**file)).map(|file| {
-        format!("{folder}/src/{}: names no options any more: take it off the list", file.display())
-    });
-    new.chain(gone).collect()
+    };
+    files.iter().map(words).collect()
 }
 
 /// Returns packages for Unix alone that are not optional.
@@ -348,6 +285,23 @@ mod tests {
         let said = judgement_complaints("host", &files);
         assert!(said.len() == 1 && said[0].starts_with("host/src/cli.rs"), "{said:?}");
         assert_eq!(judgement_complaints("host/cli", &files).len(), 2);
+    }
+
+    #[test]
+    fn a_text_with_an_option_is_complained_of_wherever_it_is() {
+        let files = [
+            ("lib.rs", "mod a; mod b; mod c;"),
+            ("a.rs", "fn f() -> &'static str { \"say --lock JOINT\" }"),
+            ("b.rs", "fn f() -> &'static str { \"say `lock` JOINT, and `factor()`\" }"),
+            ("c.rs", "#[derive(Error)] #[error(\"`rigident factor` makes one\")] struct E;"),
+        ];
+        let found = planted(&files).files_with(options::names_the_command_line);
+        let said = option_complaints("planted", &found);
+        assert!(said.len() == 2, "{said:?}");
+        assert!(
+            said[0].starts_with("planted/src/a.rs") && said[1].starts_with("planted/src/c.rs"),
+            "{said:?}"
+        );
     }
 
     #[test]

@@ -107,13 +107,13 @@ fn finish(arguments: &IdentifyBody, found: &IdentifiedPerson) -> Result<ExitCode
     } else {
         say(present::person::whole_text(&found.answer).trim_end());
     }
-    folder.write("result.json", json.as_bytes())?;
-    let page = folder.write("report.html", found.page().as_bytes())?;
+    folder.write_text("result.json", &json)?;
+    let page = folder.write_text("report.html", &found.page())?;
     for (name, factor) in found.factors() {
         folder.write(&name, &factor)?;
     }
     for (name, page) in &found.pages {
-        folder.write(name, page.as_bytes())?;
+        folder.write_text(name, page)?;
     }
     let asked = arguments.write_model.as_deref();
     let why_not = found.no_model().map(|why| match why {

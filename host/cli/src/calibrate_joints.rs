@@ -10,6 +10,7 @@ use super::calibrate_joints_page::html;
 use super::calibrate_joints_words::{believed, warnings, why, words};
 use super::calibration_arguments::CalibrateJoints;
 use super::outcome::say;
+use super::terms::in_own_terms;
 use super::{ExitStatus, Failure, factor};
 use rigident::fit::figures::NOT_IDENTIFIED;
 use rigident::joint_offsets::poses_file::PosesTable;
@@ -132,7 +133,7 @@ pub(super) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
     }
     if let Some(path) = &arguments.report {
         let page = html(&setup, &poses, &answer, (&model.name, &source), coarsest, &warnings);
-        write_new_text(path, &page).map_err(Failure::input)?;
+        write_new_text(path, &in_own_terms(&page)).map_err(Failure::input)?;
     }
     if arguments.json {
         let object = object(&model, poses.len(), &answer, coarsest, warnings);

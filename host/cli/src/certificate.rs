@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::arguments::Output;
 use super::confirm::answered;
+use super::terms::in_own_terms;
 use super::{Failure, Progress, kept};
 use rigident::answer::Answer;
 use rigident::application::recorded::is_rig_file;
@@ -97,7 +98,7 @@ pub(super) fn write(
     let certified = Certified { table: &table, rig, evidence: &evidence };
     let missing = certified.missing(answer);
     let Some(page) = certified.page(answer) else { return Ok(None) };
-    rigident_files::new_file::write_new_text(path, &page)
+    rigident_files::new_file::write_new_text(path, &in_own_terms(&page))
         .map_err(|e| Failure::input(format!("--certificate: {e}")))?;
     if !missing.is_empty() {
         tell!("rigident: {} is a draft: {}", path.display(), in_words(&missing));

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap_mangen::Man as Page;
 
 use super::arguments::{Completions, Man};
-use super::outcome::say;
+use super::outcome::{say, say_as_it_is};
 use super::{Failure, Folder};
 
 const NAME: &str = "rigident";
@@ -14,7 +14,7 @@ const NAME: &str = "rigident";
 pub(super) fn completions(arguments: &Completions) -> Result<ExitCode, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut super::command(), NAME, &mut script);
-    say(String::from_utf8_lossy(&script).trim_end());
+    say_as_it_is(String::from_utf8_lossy(&script).trim_end());
     Ok(ExitCode::SUCCESS)
 }
 
@@ -24,7 +24,7 @@ pub(super) fn man(arguments: &Man) -> Result<ExitCode, Failure> {
     // Names of commands below others, and what all of them take.
     command.build();
     let Some(out) = &arguments.out else {
-        say(page(&command, NAME)?.trim_end());
+        say_as_it_is(page(&command, NAME)?.trim_end());
         return Ok(ExitCode::SUCCESS);
     };
     let mut pages = Vec::new();

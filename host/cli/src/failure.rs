@@ -6,6 +6,8 @@ use rigident_io::recording::RecordingError;
 use rigident_io::rig::RigFileError;
 use rigident_shared::printable;
 
+use super::terms::in_own_terms;
+
 /// Why a command ends without an answer: its exit status and a message that says what happened, where, and
 /// what to do.
 #[derive(Debug)]
@@ -61,10 +63,8 @@ impl From<ExitStatus> for ExitCode {
 }
 
 impl Failure {
-    /// Names in the message are as strangers wrote them: nothing of them steers a terminal, a log or a notebook.
     fn new(status: ExitStatus, message: impl fmt::Display) -> Self {
-        let message = printable::lines(&message.to_string()).to_string();
-        Self { status, message, place: None }
+        Self { status, message: worded(&message.to_string()), place: None }
     }
 
     /// Bad input or usage.
@@ -85,14 +85,14 @@ impl Failure {
     /// The same failure, preceded by what was being done.
     #[must_use]
     pub fn context(mut self, doing: impl fmt::Display) -> Self {
-        self.message = printable::lines(&format!("{doing}: {}", self.message)).to_string();
+        self.message = worded(&format!("{doing}: {}", self.message));
         self
     }
 
     /// Returns the same failure, followed by what is left.
     #[must_use]
     pub fn after(mut self, left: &str) -> Self {
-        self.message = format!("{}\n{left}", self.message.trim_end());
+        self.message = worded(&format!("{}\n{left}", self.message.trim_end()));
         self
     }
 
@@ -119,6 +119,12 @@ impl Failure {
     pub fn exit_code(&self) -> ExitCode {
         self.status.into()
     }
+}
+
+/// Words a message in the terms of the command line. Names in it are as strangers wrote them: nothing of them steers a terminal, a
+/// log or a notebook.
+fn worded(message: &str) -> String {
+    printable::lines(&in_own_terms(message)).to_string()
 }
 
 impl fmt::Display for Failure {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use super::Failure;
+use super::terms::in_own_terms;
 
 /// The folder that this process writes its answer into.
 static ANSWERED_IN: Mutex<Option<PathBuf>> = Mutex::new(None);
@@ -13,7 +14,7 @@ pub(super) fn note_failure(object: &serde_json::Value) {
     let folder = ANSWERED_IN.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(path) = folder {
         // What failed has been reported; a result that is there already says so too.
-        let _ = Folder { path }.write("result.json", format!("{object:#}").as_bytes());
+        let _ = Folder { path }.write_text("result.json", &format!("{object:#}"));
     }
 }
 
@@ -87,6 +88,14 @@ impl Folder {
     /// The path of a file in it.
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
+    }
+
+    /// Writes an answer, or a page of it, in the terms of the command line; otherwise as [`Folder::write`].
+    ///
+    /// # Errors
+    /// As [`Folder::write`].
+    pub fn write_text(&self, name: &str, text: &str) -> Result<PathBuf, Failure> {
+        self.write(name, in_own_terms(text).as_bytes())
     }
 
     /// Writes a file whole or not at all: into a temporary file beside it, flushed to the disk, then renamed.

@@ -104,6 +104,7 @@ mod simulated;
 mod simulated;
 mod statics;
 mod summary;
+mod terms;
 mod trace;
 mod tracking_error;
 #[cfg(not(target_family = "wasm"))]
@@ -350,7 +351,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
 fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
     let schema = rigident::schema::schema(&arguments.file)
         .ok_or_else(|| Failure::input(format!("there is no schema of {:?}", arguments.file)))?;
-    outcome::say(format_args!("{schema:#}"));
+    outcome::say_as_it_is(format_args!("{schema:#}"));
     Ok(ExitCode::SUCCESS)
 }
 

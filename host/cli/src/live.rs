@@ -169,17 +169,16 @@ fn asked(arguments: &Live) -> Result<Vec<Asked>, Failure> {
     let mut asked: Vec<Asked> = Vec::new();
     for (role, text) in given.into_iter().filter_map(|(role, text)| Some((role, text?))) {
         let url: SourceUrl =
-            text.parse().map_err(|e: SourceError| Failure::input(format!("{} {e}", role.option())))?;
+            text.parse().map_err(|e: SourceError| Failure::input(format!("--{role} {e}")))?;
         // A bridge takes any number of clients, each with a topic.
         let shares = |other: &&mut Asked| other.url.same_place(&url) && url.scheme != Scheme::WebSocket;
         match asked.iter_mut().find(shares) {
             Some(other) if other.url == url => other.roles.push(role),
             Some(other) => {
                 return Err(Failure::input(format!(
-                    "{} {} and {} {url} are one line with two settings: give the same address for both",
-                    other.roles.first().map_or("", |role| role.option()),
-                    other.url,
-                    role.option()
+                    "{}{} and --{role} {url} are one line with two settings: give the same address for both",
+                    other.roles.first().map_or_else(String::new, |role| format!("--{role} ")),
+                    other.url
                 )));
             }
             None => asked.push(Asked { url, roles: vec![role] }),

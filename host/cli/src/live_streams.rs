@@ -357,8 +357,7 @@ impl Streams {
     /// Returns where the numbers come from.
     pub(super) fn provenance(&self) -> Vec<(String, String)> {
         let one = |stream: &Stream| {
-            let roles: Vec<&str> =
-                stream.asked.roles.iter().map(|role| role.option().trim_start_matches('-')).collect();
+            let roles: Vec<String> = stream.asked.roles.iter().map(Role::to_string).collect();
             (format!("Source of {}", roles.join(", ")), stream.asked.url.to_string())
         };
         self.streams.iter().map(one).collect()

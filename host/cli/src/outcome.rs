@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::kept;
+use super::terms::in_own_terms;
 use rigident_shared::printable;
 
 /// Whether anything has been printed on standard output.
@@ -26,9 +27,14 @@ pub(super) fn failed(error: &str) -> serde_json::Value {
     serde_json::json!({ "status": "failed", "error": error.trim_end() })
 }
 
-/// Prints a line on standard output, or keeps it for the program that called the command. What standard output does not take
-/// is in [`unwritten`].
+/// Prints a line on standard output in the terms of the command line, or keeps it for the program that called the command. What
+/// standard output does not take is in [`unwritten`].
 pub(super) fn say(text: impl std::fmt::Display) {
+    say_as_it_is(in_own_terms(&text.to_string()));
+}
+
+/// Prints the same, its words as they are: for what describes files or the program.
+pub(super) fn say_as_it_is(text: impl std::fmt::Display) {
     let text = shown(&text.to_string());
     if kept::keep(&text) {
         return;

@@ -52,7 +52,7 @@ fn finish(predicted: &Predicted, how: &Predicting) -> Result<ExitCode, Failure> 
     if let Some(out) = how.out.as_deref() {
         let folder = Folder::new(Some(out), "predict")?;
         folder.write("prediction.csv", predicted.csv().as_bytes())?;
-        let page = folder.write("report.html", predicted.page().as_bytes())?;
+        let page = folder.write_text("report.html", &predicted.page())?;
         if !how.json {
             say(format_args!(
                 "\nFiles in {}; open {} in a browser.",

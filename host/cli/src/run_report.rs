@@ -83,11 +83,11 @@ fn write(
     output: &Output,
     loads: &[Load],
 ) -> Result<(), Failure> {
-    folder.write("result.json", json.as_bytes())?;
+    folder.write_text("result.json", json)?;
     if let Some(factor) = &identified.factor {
         folder.write(&identified.factor_name(), &factor.to_bytes())?;
     }
-    let page = folder.write("report.html", identified.page().as_bytes())?;
+    let page = folder.write_text("report.html", &identified.page())?;
     let model = match &identified.model {
         Some(model) => format!("; the model is {}", model.write()?.display()),
         None => String::new(),

@@ -8,6 +8,7 @@ use rigident_io::behind::Behind;
 use rigident_shared::printable;
 
 use super::kept;
+use super::terms::in_own_terms;
 
 /// The thread that writes on standard error while nobody may wait for it.
 static BEHIND: Mutex<Option<Behind>> = Mutex::new(None);
@@ -53,9 +54,10 @@ macro_rules! tell {
     };
 }
 
-/// Prints words, then `end`; characters of names that would steer the terminal are replaced.
+/// Prints words in the terms of the command line, then `end`; characters of names that would steer the terminal are replaced.
 pub(super) fn tell(words: fmt::Arguments<'_>, end: &str) {
     let text = words.to_string();
+    let text = in_own_terms(&text);
     let text = printable::lines(&text);
     if !kept::told(format_args!("{text}")) {
         let _ = write(&format!("{text}{end}"));

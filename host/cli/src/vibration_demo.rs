@@ -132,7 +132,7 @@ pub(super) fn run(arguments: &DemoVibration) -> Result<ExitCode, Failure> {
     }
     let json = serde_json::to_string_pretty(&object)
         .map_err(|e| Failure::input(format!("the result cannot be put into JSON: {e}")))?;
-    folder.write("result.json", json.as_bytes())?;
+    folder.write_text("result.json", &json)?;
     if arguments.json {
         say(json);
     } else {

@@ -258,7 +258,7 @@ fn finish(
         }
     }
     if let Some(folder) = folder {
-        folder.write("result.json", text.as_bytes())?;
+        folder.write_text("result.json", &text)?;
         for (name, found) in ways {
             let Some(found) = found else { continue };
             folder.write(&format!("{name}.factor"), &found.factor.to_bytes())?;
@@ -274,7 +274,7 @@ fn finish(
         let said: Vec<&str> = object.warnings.iter().chain(&object.findings).map(String::as_str).collect();
         let scene = scene(rig, answers);
         let page = modes_page::page(&object.recording, &object.modes, &scene, &spectrum, (&said, &text));
-        folder.write("modes.html", page.as_bytes())?;
+        folder.write_text("modes.html", &page)?;
         if !json {
             say(format_args!("\nFiles in {}", folder.path().display()));
         }

@@ -90,7 +90,6 @@ pub(super) fn error(error: &Error) -> String {
         Error::PayloadOfBody => {
             "--payload: this is one body, and --tare alone takes its fixture off".to_owned()
         }
-        Error::PayloadPlace(own) => format!("--{own}"),
         Error::LoadFile { path, why } => format!("--write-load {}: {why}", path.display()),
         Error::OtherLinks { factor, rig } => format!(
             "--rig: the factor is of {factor}, and the rig file of {rig}; give the rig file that the recordings were taken with, or none"

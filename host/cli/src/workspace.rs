@@ -87,7 +87,7 @@ pub(super) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::SUCCESS);
     }
     let folder = asked_for.map_or_else(|| Folder::new(None, "workspace"), Ok)?;
-    folder.write("workspace.json", json.as_bytes())?;
+    folder.write_text("workspace.json", &json)?;
     let file = folder
         .write("workspace.svg", picture(&geometry, &span, &map, &poses.unwrap_or_default()).as_bytes())?;
     if !arguments.json {

@@ -137,21 +137,21 @@ pub fn greet_all(ports: &[Port]) -> Vec<Result<Identity, Unusable>> {
 #[derive(Debug, thiserror::Error)]
 pub enum NotFound {
     /// The system does not list the ports.
-    #[error("the serial ports cannot be listed: {0}; name the device's by --port")]
+    #[error("the serial ports cannot be listed: {0}; name the device's by `port`")]
     NotListed(#[from] serialport::Error),
     /// There is no port that a device may be on.
     #[error(
         "no device is here: there is no USB serial port. Is the cable one that carries data, and the device powered? A converter may need \
-         its driver (CP210x, CH34x, FTDI); in a container or virtual machine the port must be passed through; on Linux `rigident doctor` \
-         looks at permissions and the udev rule. `rigident ports` lists all ports; one that is not on USB is named by --port. A simulated \
+         its driver (CP210x, CH34x, FTDI); in a container or virtual machine the port must be passed through; on Linux `doctor()` \
+         looks at permissions and the udev rule. `ports()` lists all ports; one that is not on USB is named by `port`. A simulated \
          device: `rigident-sim serve`"
     )]
     NoPort,
     /// Ports are there, and none of them answers as a device.
-    #[error("none of the ports here is a device's that this program can use:\n{}\nName the device's port by --port, once it answers", lines(.0))]
+    #[error("none of the ports here is a device's that this program can use:\n{}\nName the device's port by `port`, once it answers", lines(.0))]
     NoneAnswers(Vec<(Port, Unusable)>),
     /// Several devices answer.
-    #[error("several devices are here; name the port of one by --port:\n{}", several(.0))]
+    #[error("several devices are here; name the port of one by `port`:\n{}", several(.0))]
     Several(Vec<(Port, Identity)>),
     /// The only port cannot be used.
     #[error("{port}: {why}")]
@@ -263,10 +263,7 @@ mod tests {
     fn where_no_device_is_found_every_port_is_told_with_what_to_do() {
         assert!(matches!(only(Vec::new()), Err(NotFound::NoPort)));
         let none = NotFound::NoPort.to_string();
-        assert!(
-            ["cable", "driver", "udev", "rigident doctor"].iter().all(|word| none.contains(word)),
-            "{none}"
-        );
+        assert!(["cable", "driver", "udev", "doctor()"].iter().all(|word| none.contains(word)), "{none}");
         let ports = ["/dev/no-such-port-1", "/dev/no-such-port-2"].map(|name| Port::from(&usb(name)));
         let alone = only(ports[..1].to_vec()).err().map(|e| e.to_string()).unwrap();
         assert!(alone.contains("no port /dev/no-such-port-1"), "{alone}");

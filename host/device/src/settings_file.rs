@@ -16,12 +16,10 @@ pub enum SettingsFileError {
     #[error("{0}: settings are a .toml or a .json file")]
     Kind(String),
     /// The file cannot be read.
-    #[error("{0}: {1}; `rigident configure --write FILE` writes a device's settings into one")]
+    #[error("{0}: {1}; `configure(write=FILE)` writes a device's settings into one")]
     Unreadable(String, std::io::Error),
     /// It is no such text, or a key is missing or of another kind.
-    #[error(
-        "{file}: {why}\nNothing was sent. `rigident configure --write FILE` shows how a whole file looks"
-    )]
+    #[error("{file}: {why}\nNothing was sent. `configure(write=FILE)` shows how a whole file looks")]
     Text {
         /// The file.
         file: String,

@@ -66,25 +66,25 @@ pub enum FactorFileError {
     /// The file is a result object.
     #[error(
         "a result (result.json), not a factor: it holds an answer and not the rows behind it; give the NAME.factor that was \
-         written beside it, or make one of the recording with `rigident factor`"
+         written beside it, or make one of the recording with `factor()`"
     )]
     Result,
     /// The check sum does not fit, or the file is cut off.
     #[error(
         "the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording with \
-         `rigident factor`"
+         `factor()`"
     )]
     Damaged,
     /// The file is of an older program.
     #[error(
         "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: write it anew from the \
-         recording with `rigident factor`"
+         recording with `factor()`"
     )]
     Old(u16),
     /// The file is of a newer program.
     #[error(
         "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: use the program that wrote \
-         it, or write it anew from the recording with `rigident factor`"
+         it, or write it anew from the recording with `factor()`"
     )]
     New(u16),
     /// More than this program takes.

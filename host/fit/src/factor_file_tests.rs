@@ -63,7 +63,7 @@ fn other_versions_and_other_files_are_told_by_kind() {
         let body = postcard::to_allocvec(&(version, 99_u64)).unwrap();
         let error = read(&sealed(&body)).unwrap_err();
         assert_eq!(error, FactorFileError::Old(version));
-        assert!(error.to_string().contains("`rigident factor`"));
+        assert!(error.to_string().contains("`factor()`"));
     }
     let body = postcard::to_allocvec(&(VERSION + 1, 99_u64)).unwrap();
     assert_eq!(read(&sealed(&body)), Err(FactorFileError::New(VERSION + 1)));

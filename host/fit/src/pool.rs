@@ -387,7 +387,7 @@ impl PooledFactor {
         }
         let said = if self.runs() > 1 {
             "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the factors of \
-             the single runs for theirs, or merge with --shared-offset if they have one between them"
+             the single runs for theirs, or merge with `shared_offset` if they have one between them"
         } else {
             "the factor has no wrench offset: it was known by the rig file (offset_n_nm) and not estimated"
         };

@@ -91,7 +91,7 @@ impl Part {
         let rows = reader.get_row_group(group).map_err(|e| refuse(&e))?;
         let columns = rows.metadata().columns();
         let place = |name: &str| columns.iter().position(|c| c.column_path().string() == name);
-        let factor = place(FACTOR).ok_or_else(|| refuse(&"it has no column `factor`"))?;
+        let factor = place(FACTOR).ok_or_else(|| refuse(&"it has no column factor"))?;
         let size = columns.get(factor).map_or(0, |c| c.uncompressed_size());
         if u64::try_from(size).is_ok_and(|size| size > MOST_OF_GROUP) {
             return Err(refuse(&"a group of its rows holds more than 1 GiB: write fewer rows a group"));
@@ -132,7 +132,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, PoolError> {
 /// Returns the values of a column of bytes; `None` for null.
 fn read(reader: ColumnReader) -> Result<Vec<Option<ByteArray>>, ParquetError> {
     let ColumnReader::ByteArrayColumnReader(mut reader) = reader else {
-        return Err(ParquetError::General("its column `factor` does not hold bytes".to_owned()));
+        return Err(ParquetError::General("its column factor does not hold bytes".to_owned()));
     };
     let (mut values, mut levels) = (Vec::new(), Vec::new());
     let mut all = 0;

@@ -32,7 +32,7 @@ impl Model {
         let own: Vec<&str> = given.iter().map(|(name, _)| *name).collect();
         for (n, name) in own.iter().enumerate() {
             if own[..n].contains(name) {
-                return Err(ModelError::Option(format!("--lock {name}: it is given twice")));
+                return Err(ModelError::Option(format!("`lock` {name}: it is given twice")));
             }
         }
         for (name, value) in &given {
@@ -52,29 +52,29 @@ impl Model {
         let (name, value) = words.rsplit_once('=').unwrap_or((words, "0"));
         let name = name.trim();
         if self.joint(name).is_none() {
-            return Err(self.no_joint("--lock", name));
+            return Err(self.no_joint("`lock`", name));
         }
         let value = value.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
             ModelError::Option(format!(
-                "--lock {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a length"
+                "`lock` {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a length"
             ))
         })?;
         Ok((name, Some(value)))
     }
 
     fn lock_at(&mut self, name: &str, value: f64, others: &[&str]) -> Result<(), ModelError> {
-        let i = self.joint(name).ok_or_else(|| self.no_joint("--lock", name))?;
+        let i = self.joint(name).ok_or_else(|| self.no_joint("`lock`", name))?;
         match self.links[i].link.joint {
             Joint::Revolute(_) | Joint::Prismatic(_) => self.move_zero(i, value),
             _ if value == 0.0 => {}
             Joint::Fixed => {
                 return Err(ModelError::Option(format!(
-                    "--lock {name}={value}: it is a fixed joint and stands where the model has it; leave it out"
+                    "`lock` {name}={value}: it is a fixed joint and stands where the model has it; leave it out"
                 )));
             }
             _ => {
                 return Err(ModelError::Option(format!(
-                    "--lock {name}={value}: a joint of several freedoms is locked at zero only; leave =VALUE out, or turn its \
+                    "`lock` {name}={value}: a joint of several freedoms is locked at zero only; leave =VALUE out, or turn its \
                      link in the model"
                 )));
             }
@@ -125,10 +125,10 @@ impl Model {
     /// # Errors
     /// [`ModelError::Option`] that says what speaks against it.
     pub fn declare_spherical(&mut self, joints: &[String; 3]) -> Result<(), ModelError> {
-        let refuse = |why: String| ModelError::Option(format!("--spherical {}: {why}", joints.join(",")));
+        let refuse = |why: String| ModelError::Option(format!("`spherical` {}: {why}", joints.join(",")));
         let mut at = [0; 3];
         for (place, name) in at.iter_mut().zip(joints) {
-            *place = self.joint(name).ok_or_else(|| self.no_joint("--spherical", name))?;
+            *place = self.joint(name).ok_or_else(|| self.no_joint("`spherical`", name))?;
         }
         let [a, b, c] = at;
         if self.links[b].link.parent != a || self.links[c].link.parent != b {
@@ -311,11 +311,11 @@ impl Model {
     /// # Errors
     /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.
     pub fn hold_tool(&mut self, words: &str) -> Result<(), ModelError> {
-        let place = self.place("--tool", words)?;
+        let place = self.place("`tool`", words)?;
         let name = &self.links[place.link].name;
         let tool = format!("{name}_tool");
         if self.link(&tool).is_some() {
-            return Err(ModelError::Option(format!("--tool {words}: there is a link {tool} already")));
+            return Err(ModelError::Option(format!("`tool` {words}: there is a link {tool} already")));
         }
         self.links.push(ModelLink::new(
             tool.clone(),

@@ -131,20 +131,20 @@ impl Person {
                 )))
             }
         };
-        let h = within("the height (--height-m)", self.height_m, "m", HEIGHTS_M)?;
-        within("the mass (--mass-kg)", self.mass_kg, "kg", MASSES_KG)?;
+        let h = within("the height (`height_m`)", self.height_m, "m", HEIGHTS_M)?;
+        within("the mass (`mass_kg`)", self.mass_kg, "kg", MASSES_KG)?;
         let mut lengths: [f64; 13] = std::array::from_fn(|k| self.usual_length(k));
         for (name, value) in &self.lengths_m {
             let k = LENGTHS.iter().position(|n| n == name).ok_or_else(|| {
                 ModelError::Option(format!("there is no segment {name}; there are {}", LENGTHS.join(", ")))
             })?;
             if self.lengths_m.iter().filter(|(other, _)| other == name).count() > 1 {
-                return Err(ModelError::Option(format!("--segment {name} is given more than once")));
+                return Err(ModelError::Option(format!("`segment` {name} is given more than once")));
             }
-            let (value, usual) = (positive(&format!("--segment {name}"), *value)?, lengths[k]);
+            let (value, usual) = (positive(&format!("`segment` {name}"), *value)?, lengths[k]);
             if !(usual / ODD_LENGTH..=usual * ODD_LENGTH).contains(&value) {
                 return Err(ModelError::Option(format!(
-                    "--segment {name}={value}: of a person {h} m tall it is about {usual:.3} m; is it in metres, and is the height \
+                    "`segment` {name}={value}: of a person {h} m tall it is about {usual:.3} m; is it in metres, and is the height \
                      right?"
                 )));
             }

@@ -81,7 +81,7 @@ pub fn idle(model: &Model, frames: &[(&[f64], Vector3<f64>)], in_time: bool) -> 
             found.push(finding(
                 format!("joint {}", link.joint_name),
                 "never moves in these frames: what is beyond it is identified only as one body with what it hangs on; \
-                 move it, or say --lock",
+                 move it, or say `lock`",
             ));
         }
     }

@@ -92,7 +92,7 @@ pub fn images(model: &Model) -> Vec<Pair> {
 /// # Errors
 /// [`ModelError::Option`] if there is no pair, or a pair's origins are no mirror images.
 pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
-    let refuse = |why: String| ModelError::Option(format!("--symmetric: {}: {why}", model.name));
+    let refuse = |why: String| ModelError::Option(format!("`symmetric_sides`: {}: {why}", model.name));
     let (found, rounding) = candidates(model);
     if let Some((pair, miss)) = found.iter().find(|(_, miss)| *miss > rounding) {
         return Err(refuse(format!(

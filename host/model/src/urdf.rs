@@ -120,7 +120,7 @@ fn joints<'a, 'i>(
                 place: format!("joint {}", name(&joint)),
                 text: format!(
                     "never moves by its limits ({lower} to {lower}): counted as a joint that does; if it does not, say \
-                     --lock {}",
+                     `lock` {}",
                     name(&joint)
                 ),
             });

@@ -83,7 +83,7 @@ pub fn check_new(path: &Path) -> Result<(), ModelError> {
 }
 
 fn refused(path: &Path, why: &str) -> ModelError {
-    ModelError::Option(format!("--write-model {}: {why}", path.display()))
+    ModelError::Option(format!("`write_model` {}: {why}", path.display()))
 }
 
 /// Reads a text of any of the languages.

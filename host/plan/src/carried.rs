@@ -26,7 +26,7 @@ pub enum CarriedError {
     /// Forces are limited, and nothing bounds them.
     #[error(
         "{limited} is limited, and nothing says what the plate may carry: give [platform] load_max_kg and load_within_m in the rig \
-         file (or --load-max-kg and --load-within-m): the heaviest body that is put on it, and how far from the load cell's origin a \
+         file (or `load_max_kg` and `load_within_m`): the heaviest body that is put on it, and how far from the load cell's origin a \
          part of it may be"
     )]
     NoBound {

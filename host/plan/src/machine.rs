@@ -17,14 +17,14 @@ pub const RESERVE: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MachineError {
     /// No table.
-    #[error("there is no [platform] to plan for: add one, or leave --rig out for the built-in platform")]
+    #[error("there is no [platform] to plan for: add one, or leave `rig` out for the built-in platform")]
     NoPlatform,
     /// A key without which nothing can be said.
     #[error("[platform] has no {0}")]
     Missing(&'static str),
     /// A request that depends on joints to a machine without them.
     #[error(
-        "[platform] gives no joints, and what its plate reaches at once depends on them: `plan motion` and `run` do with travel_m and travel_rad"
+        "[platform] gives no joints, and what its plate reaches at once depends on them: `plan_motion()` and `run()` do with travel_m and travel_rad"
     )]
     NoJoints,
     /// Axes of joints that are not limited, or of length zero.

@@ -51,7 +51,7 @@ pub enum PlanFileError {
         reason: String,
     },
     /// Another format, or a later one.
-    #[error("plan {path}: {found}; this program reads {SCHEMA:?}: make the plan anew with `rigident plan`")]
+    #[error("plan {path}: {found}; this program reads {SCHEMA:?}: make the plan anew with `plan()`")]
     Schema {
         /// Which.
         path: String,
@@ -72,7 +72,7 @@ pub enum PlanFileError {
     /// Another machine.
     #[error(
         "plan {path} is for another rig: {joint} joint {number} is at {planned:.4?} m in the plan and at {actual:.4?} m \
-         in the rig; make it anew with `rigident plan … --rig`"
+         in the rig; make it anew with `plan(…, rig)`"
     )]
     AnotherRig {
         /// Which.
@@ -89,7 +89,7 @@ pub enum PlanFileError {
     /// A machine of another kind.
     #[error(
         "plan {path} is for another rig: it was made for a machine {} its joints, and the rig file describes one {} them; make it anew with \
-         `rigident plan motion --rig`",
+         `plan_motion(rig)`",
         if *planned { "with" } else { "without" }, if *planned { "without" } else { "with" }
     )]
     OtherKnowledge {

@@ -28,7 +28,7 @@ impl Line {
 }
 
 /// The advice where instruments have no names.
-const NAME_THEM: &str = "state `serial` of each in the rig file, or the label `rig`, where that is not so";
+const NAME_THEM: &str = "state `serial` of each in the rig file, or its label rig, where that is not so";
 
 /// Returns the kinds of instruments that have no name: load cell, IMU.
 fn unnamed<'a>(rigs: impl Iterator<Item = &'a RigRows>) -> String {

@@ -69,7 +69,7 @@ pub fn text(found: &Predictions) -> String {
         out.push_str(&format!("  {note}\n"));
     }
     if !is_measured(found) {
-        out.push_str("  nothing was measured to compare with; --out FOLDER keeps what is predicted\n");
+        out.push_str("  nothing was measured to compare with; `out` FOLDER keeps what is predicted\n");
         return out;
     }
     let mut rows: Vec<Vec<String>> = vec![vec![String::new(), "measured, sd".to_owned(), String::new()]];

@@ -16,7 +16,7 @@ use rigident_model::inertial::map_to_parent;
 use rigident_model::load::{Language, LoadError};
 
 /// The name that errors use for the place of a payload.
-const PAYLOAD: &str = "payload";
+const PAYLOAD: &str = "`payload`";
 
 /// The fit of a payload.
 pub(super) struct Found {

@@ -140,7 +140,7 @@ pub enum CampaignError {
     #[error("the motion determines not all of the parameters: there is no bound to compare with")]
     Undetermined,
     /// A joint that the simulated motion does not know.
-    #[error("joint {0}: the simulated motion moves revolute and spherical joints only; --lock it")]
+    #[error("joint {0}: the simulated motion moves revolute and spherical joints only; `lock` it")]
     Joint(String),
     /// A link without a body of its own in the model file.
     #[error("link {0} has no mass and inertia in the model: there is nothing to simulate")]

@@ -42,6 +42,7 @@ mod montecarlo;
 mod motion_page;
 mod no_simulator;
 mod opensim_independent;
+mod own_terms;
 mod payload;
 mod pendulum;
 mod plan_excitation;

@@ -87,7 +87,7 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
-        ErrorCode::NotBuiltIn => "its image was built without it: `cargo xtask firmware --features …` builds one that has it (docs/measuring.md lists them)".to_owned(),
+        ErrorCode::NotBuiltIn => "its image was built without it: `cargo xtask firmware` builds one that has it, given the feature (docs/measuring.md lists them)".to_owned(),
         ErrorCode::NotKept => "it keeps no such run in its flash, or cannot read it".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }

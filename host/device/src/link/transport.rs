@@ -56,16 +56,16 @@ pub const BAUD: u32 = 921_600;
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// No such port.
-    #[error("no port {0}: `rigident ports` lists those there are; is the cable in, the simulator running?")]
+    #[error("no port {0}: `ports()` lists those there are; is the cable in, the simulator running?")]
     Missing(String),
     /// It is there but may not be opened.
-    #[error("no permission to open {0}: {advice}, or install the udev rule (`rigident doctor --udev-rule`)", advice = may_open(.0))]
+    #[error("no permission to open {0}: {advice}, or install the udev rule (`doctor(udev_rule)`)", advice = may_open(.0))]
     Permission(String),
     /// Some other program has it.
     #[error("port {0} is in use by another program: close that one first")]
     Busy(String),
     /// Anything else.
-    #[error("{0} cannot be opened as a serial port: {1}; `rigident ports` lists those that are here")]
+    #[error("{0} cannot be opened as a serial port: {1}; `ports()` lists those that are here")]
     Other(String, String),
 }
 

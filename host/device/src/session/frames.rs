@@ -17,7 +17,7 @@ use rigident_rows::tree::joints::attitude;
 pub enum NoFrames {
     /// Columns, or what they are to be understood by.
     #[error(
-        "{name} lacks what frames are made of: {what}. On the device nothing is differentiated; `rigident identify` needs no \
+        "{name} lacks what frames are made of: {what}. On the device nothing is differentiated; `identify()` needs no \
          accelerations, and takes joints' own columns"
     )]
     Missing {

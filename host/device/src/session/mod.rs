@@ -81,7 +81,7 @@ pub enum SessionError {
     Restarted(String),
     /// The line does not take another rate, baud.
     #[error(
-        "--baud {0}: {1}; take a slower rate or another serial adapter, and keep its wires short. The line has its usual rate again"
+        "`baud` {0}: {1}; take a slower rate or another serial adapter, and keep its wires short. The line has its usual rate again"
     )]
     Line(u32, &'static str),
     /// The load cell would be overloaded.

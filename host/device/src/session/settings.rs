@@ -36,7 +36,7 @@ pub enum SettingsError {
     NoCalibration,
     /// The word from_poses where the device needs numbers.
     #[error(
-        "the rig file says {0} = \"from_poses\": the device needs numbers; `rigident identify` calibrates on a recording"
+        "the rig file says {0} = \"from_poses\": the device needs numbers; `identify()` calibrates on a recording"
     )]
     FromPoses(&'static str),
     /// No σ.

@@ -49,7 +49,7 @@ pub enum DeviceTreeError {
     OnSprings(usize),
     /// Springs whose weight does more than act at a height.
     #[error(
-        "springs that lean, have a length or a preload of their own change their stiffness with the weight: the device has one matrix and one          height of the anchors; use `rigident identify`"
+        "springs that lean, have a length or a preload of their own change their stiffness with the weight: the device has one matrix and one          height of the anchors; use `identify()`"
     )]
     Preload,
     /// Too many parameters.
@@ -60,13 +60,13 @@ pub enum DeviceTreeError {
     /// A joint that is not a turning one, or turns about an axis that is none of the link's.
     #[error(
         "link {0}: on the device joints are fixed, spherical, universal, or revolute about x, y or z of their link; \
-         `rigident identify` takes every other kind"
+         `identify()` takes every other kind"
     )]
     Joint(String),
     /// A link that is no body: no attitude can be streamed of it.
     #[error(
         "link {0} is no body but the place where two joints of one body meet: on the device declare three hinges through one \
-         point to be one ball (--spherical); `rigident identify` takes them as they are"
+         point to be one ball (`spherical`); `identify()` takes them as they are"
     )]
     NoBody(String),
 }
@@ -321,7 +321,7 @@ mod tests {
         let mut model = rigident_model::write::parse(text, "m.xml").unwrap().model;
         let error = device_tree(&model).unwrap_err();
         assert!(
-            error.to_string().contains("link t#1") && error.to_string().contains("--spherical"),
+            error.to_string().contains("link t#1") && error.to_string().contains("`spherical`"),
             "{error}"
         );
         model.declare_spherical(&["x", "z", "y"].map(str::to_owned)).unwrap();

@@ -28,7 +28,7 @@ pub enum TwoLinkError {
     Settings(#[from] SettingsError),
     /// Not two links with a spherical joint between them.
     #[error(
-        "the device identifies two links with a spherical joint between them; the rig file has {0}. `rigident identify` \
+        "the device identifies two links with a spherical joint between them; the rig file has {0}. `identify()` \
          takes every tree"
     )]
     Links(String),
@@ -42,7 +42,7 @@ pub enum TwoLinkError {
     )]
     NoInitial(String),
     /// A recording without what the device reads.
-    #[error("{name} lacks what the device reads of two links: {what}. `rigident identify` needs less")]
+    #[error("{name} lacks what the device reads of two links: {what}. `identify()` needs less")]
     Columns {
         /// The recording.
         name: String,

@@ -63,9 +63,7 @@ pub enum PoolError {
         name: String,
     },
     /// Its runs have no value, or several, of a label that factors are distinguished by.
-    #[error(
-        "{name} cannot be sorted by the label {key}: {reason}; `rigident factor --label {key}=…` gives runs one"
-    )]
+    #[error("{name} cannot be sorted by the label {key}: {reason}; `factor(label={key}=…)` gives runs one")]
     Label {
         /// The factor.
         name: String,

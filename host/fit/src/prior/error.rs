@@ -5,16 +5,16 @@
 pub enum KnownError {
     /// Not of the form `NAME=VALUE±SIGMA`.
     #[error(
-        "--known {0}: write NAME=VALUE±SIGMA with a standard uncertainty (1 σ), for example --known mass_kg=20.013±0.005; `+-` and `+/-` do as well"
+        "`known` {0}: write NAME=VALUE±SIGMA with a standard uncertainty (1 σ), for example `known` mass_kg=20.013±0.005; `+-` and `+/-` do as well"
     )]
     Form(String),
     /// Not of the form `AXIS` or `AXIS±SIGMA`.
     #[error(
-        "--symmetry {0}: write the normal of the plane, x, y or z of the frame, and how far out it may be, 1 σ in m: y±0.002; of a link of a tree with its name before: arm:y±0.002"
+        "`symmetry` {0}: write the normal of the plane, x, y or z of the frame, and how far out it may be, 1 σ in m: y±0.002; of a link of a tree with its name before: arm:y±0.002"
     )]
     SymmetryForm(String),
     /// No such quantity.
-    #[error("--known {name}: no such quantity; there are {}", known.join(", "))]
+    #[error("`known` {name}: no such quantity; there are {}", known.join(", "))]
     Name {
         /// The name that was given.
         name: String,
@@ -114,7 +114,7 @@ pub enum KnownError {
     },
     /// A centre of mass needs a mass, a central tensor a centre of mass.
     #[error(
-        "{name} cannot be used: {needs} is known neither from the data nor from --known; state it as well"
+        "{name} cannot be used: {needs} is known neither from the data nor from `known`; state it as well"
     )]
     Needs {
         /// The statement.
@@ -146,7 +146,7 @@ pub enum KnownError {
 /// Says which links a statement can be about, and how it names one.
 fn link_in_words(statement: &str, links: &[String]) -> String {
     let plane = statement.strip_prefix("symmetry ");
-    let (option, said) = plane.map_or(("--known", statement), |plane| ("--symmetry", plane));
+    let (option, said) = plane.map_or(("`known`", statement), |plane| ("`symmetry`", plane));
     let there = match links {
         [] => "no link has inertial parameters here".to_owned(),
         [only] if only.is_empty() => "there is one body without a name: leave the link away".to_owned(),

@@ -141,7 +141,7 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
             "calibrate the rig with a reference body that is known better, in longer runs, or turned as well"
         }
         "load-cell gain" | "cross-talk" => {
-            "run a body of known properties with rigident calibrate rig, or state what the load cell's calibration says"
+            "run a body of known properties with `calibrate_rig()`, or state what the load cell's calibration says"
         }
         "accelerometer scale"
         | "gyro scale"

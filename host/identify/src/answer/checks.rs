@@ -68,7 +68,7 @@ impl Answer {
             if run.checks.is_none() {
                 self.warnings.push(format!(
                     "{name}: its factor carries no checks of the recording, so that nothing says if it is plausible; write the \
-                     factor anew with `rigident factor`"
+                     factor anew with `factor()`"
                 ));
             }
             // Of a single run the residuals say the same here.

@@ -330,7 +330,7 @@ fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[
         let scale = scales.get(*j).copied().flatten().filter(|scale| *scale > 0.0);
         let Some(scale) = scale else {
             said.push(format!(
-                "{place}: nothing of it is known that {name} could be compared with: move it more, or state with --known what is known"
+                "{place}: nothing of it is known that {name} could be compared with: move it more, or state with `known` what is known"
             ));
             continue;
         };

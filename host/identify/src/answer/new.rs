@@ -44,7 +44,7 @@ pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the n
 
 const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig file whether the \
                         load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed axes of the IMU, reversed gravity \
-                        columns, or a --tare that is heavier than what it is taken off look the same";
+                        columns, or a `tare` that is heavier than what it is taken off look the same";
 
 /// A fit with what was concluded from it on the way to the answer.
 struct Judged<'a> {
@@ -296,7 +296,7 @@ impl Answer {
         let links = context.links.as_ref();
         if let Some(links) = links.filter(|links| !links.as_stated.is_empty()) {
             self.notes.push(format!(
-                "{} have columns as the model states them, beside what --friction asks for (--friction none: none of them)",
+                "{} have columns as the model states them, beside what `friction` asks for (`friction` none: none of them)",
                 shortened(links.as_stated, 6)
             ));
         }
@@ -513,7 +513,7 @@ fn impossible_links(links: &Links) -> String {
     }
     format!(
         ". The model itself states inertias that no body has, of {}: a recording that was simulated with it is refused for these; \
-         correct the model (`rigident model check` says what is wrong with each)",
+         correct the model (`model_check()` says what is wrong with each)",
         shortened(&names, 6)
     )
 }

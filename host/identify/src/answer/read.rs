@@ -21,7 +21,7 @@ pub enum ReadError {
     /// It is a result of another version.
     #[error(
         "this is a result of schema {found:?}, and this program reads {SCHEMA:?} and {EARLIER_SCHEMA:?}: \
-         identify the recording again with this version (`rigident identify RECORDING`)"
+         identify the recording again with this version (`identify(RECORDING)`)"
     )]
     Schema {
         /// The schema that it names; empty if it names none.

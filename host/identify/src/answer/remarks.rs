@@ -29,11 +29,11 @@ impl std::fmt::Display for Forgotten {
         match kind {
             ForgettingKind::Window => write!(
                 f,
-                "the answer is that of the last {effective_s:.1} s of rows (--window {span_s}) and of nothing before"
+                "the answer is that of the last {effective_s:.1} s of rows (`window_s` {span_s}) and of nothing before"
             ),
             ForgettingKind::Exponential => write!(
                 f,
-                "the answer rests on {effective_s:.1} s of rows (--forget {span_s}): what the motion renews is forgotten with \
+                "the answer rests on {effective_s:.1} s of rows (`forget_s` {span_s}): what the motion renews is forgotten with \
                  that time constant, what it does not renew is kept as it was last seen"
             ),
         }
@@ -263,7 +263,7 @@ fn free_plane(fit: &Fit, statement: &PriorStatement) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(
             "{}: {} stay free: how far from zero they may be grows with the body's size, which is not known without \
-             Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and izz_kgm2 with --known",
+             Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and izz_kgm2 with `known`",
             statement.name,
             names.join(" and "),
         )
@@ -285,7 +285,7 @@ fn too_loose(
     let Some(scale) = scales.get(j).copied().flatten() else {
         return Some(format!(
             "{text} is in the answer, but {name} is not identified: the mass, against which that is judged, is not \
-             known to {} %; state mass_kg with --known",
+             known to {} %; state mass_kg with `known`",
             100.0 * LARGEST_SHARE
         ));
     };

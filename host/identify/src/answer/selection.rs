@@ -7,7 +7,7 @@ use rigident_fit::{Kind, Owner, Parameter};
 pub enum SelectionError {
     /// It is no parameter, owner or kind.
     #[error(
-        "--estimate {word}: no parameter, link or drive of that name; there are m, mc, I, offset, and single ones: {}",
+        "`estimate` {word}: no parameter, link or drive of that name; there are m, mc, I, offset, and single ones: {}",
         names.join(", ")
     )]
     Unknown {
@@ -18,7 +18,7 @@ pub enum SelectionError {
     },
     /// The offset is not estimated.
     #[error(
-        "--estimate offset: no offset is estimated here; it was known by the rig file, or eliminated by a merge"
+        "`estimate` offset: no offset is estimated here; it was known by the rig file, or eliminated by a merge"
     )]
     NoOffset,
 }

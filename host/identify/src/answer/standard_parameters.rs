@@ -234,7 +234,7 @@ pub(super) fn variables(model: &Model, first: usize) -> Result<Variables, ModelE
         let Some(nominal) = possible[i] else { continue };
         if let Some(why) = impossibility(&nominal) {
             return Err(refuse(format!(
-                "link {} cannot be the nominal model: {why}; mend the file (`rigident model check`)",
+                "link {} cannot be the nominal model: {why}; correct the file (`model_check()`)",
                 link.name
             )));
         }

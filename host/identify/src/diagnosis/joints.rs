@@ -171,7 +171,7 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
 
 fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
     let what = "friction of the joints is left out";
-    let remedy = "identify it: --friction viscous,coulomb";
+    let remedy = "identify it: `friction` viscous,coulomb";
     (has_efforts && case.options.friction.is_empty()).then(|| {
         Fault::new("friction", what, remedy, |case| {
             case.options.friction = vec![Term::Viscous, Term::Coulomb(None)].into();
@@ -182,7 +182,7 @@ fn of_friction(case: &Case, has_efforts: bool) -> Option<Fault> {
 
 fn of_rotors(case: &Case, has_efforts: bool) -> Option<Fault> {
     let what = "rotors of the drives are left out: behind a gear they count with the square of its ratio";
-    let remedy = "identify them: --friction viscous,coulomb,rotor";
+    let remedy = "identify them: `friction` viscous,coulomb,rotor";
     let friction = &case.options.friction;
     let has_rotors = friction.lists().any(|terms| terms.contains(&Term::Rotor));
     (has_efforts && !friction.is_empty() && !has_rotors).then(|| {

@@ -123,7 +123,7 @@ impl fmt::Display for Fault {
             Self::Names([a, b]) => write!(f, "{a} and {b} are exchanged in the column contact"),
             Self::Floor([x, y], u95) => write!(
                 f,
-                "the floor leans by {} about x and {} about y of the attitudes' axes (± {}): level it, or say by --floor-noise-deg how far \
+                "the floor leans by {} about x and {} about y of the attitudes' axes (± {}): level it, or say by `floor_noise_deg` how far \
                  it may lean",
                 degrees(x),
                 degrees(y),
@@ -140,7 +140,7 @@ impl fmt::Display for Fault {
             Self::Mounting(link, [x, y, z], u95) => write!(
                 f,
                 "the IMU on {link} is turned on its link by {}, {}, {} about x, y, z (up to ± {}): correct its rotation_wxyz in \
-                 [[imu]], or say by --mounting-noise-deg how far it may be off",
+                 [[imu]], or say by `mounting_noise_deg` how far it may be off",
                 degrees(x),
                 degrees(y),
                 degrees(z),

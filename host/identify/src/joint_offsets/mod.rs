@@ -206,12 +206,12 @@ impl Setup {
             let known = || joints.iter().map(|i| tree.joint_name(*i)).collect::<Vec<_>>().join(", ");
             let place = joints.iter().position(|i| tree.joint_name(*i) == name).ok_or_else(|| {
                 format!(
-                    "--joints {name}: no such joint moves a contact or a measured link against the base; those that do are {}",
+                    "`joints` {name}: no such joint moves a contact or a measured link against the base; those that do are {}",
                     known()
                 )
             })?;
             if asked.contains(&place) {
-                return Err(format!("--joints {name}: it is given twice"));
+                return Err(format!("`joints` {name}: it is given twice"));
             }
             asked.push(place);
         }

@@ -195,7 +195,7 @@ fn check(run: &Run) -> Result<(), CalibrateError> {
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said: said.join("; ") });
     }
     if alone.lack_of_fit.contradicts() {
-        let said = "its residuals are not those of one rigid body that stays as it is: `rigident identify` tells what changed; \
+        let said = "its residuals are not those of one rigid body that stays as it is: `identify()` tells what changed; \
                     nothing is calibrated by that"
             .to_owned();
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said });

@@ -24,7 +24,7 @@ const SAME: f64 = 1e-9;
 
 /// `[calibration]` of a rig file: a file, or all of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "must be file = \"…\", or what `rigident calibrate rig` writes")]
+#[serde(untagged, expecting = "must be file = \"…\", or what `calibrate_rig()` writes")]
 pub enum CalibrationTable {
     /// A file beside the rig file.
     File(CalibrationFile),
@@ -120,7 +120,7 @@ pub enum CalibrationError {
         reason: String,
     },
     /// It is no calibration.
-    #[error("calibration {path}: {reason}; it is made by `rigident calibrate rig`")]
+    #[error("calibration {path}: {reason}; it is made by `calibrate_rig()`")]
     Invalid {
         /// The file.
         path: String,

@@ -149,10 +149,10 @@ impl Decoder {
         let Some(channel) = found else { return Ok(None) };
         if !right(&channel) {
             return Err(format!(
-                "topic {} is of {}, and {} needs {}{}",
+                "topic {} is of {}, and `{}` needs {}{}",
                 channel.topic,
                 channel.schema_name,
-                self.wanted.role.option(),
+                self.wanted.role,
                 self.wanted.type_name(),
                 self.of_this_type()
             ));

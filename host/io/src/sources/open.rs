@@ -17,7 +17,7 @@ use crate::rig::RigFile;
 pub fn open(url: &SourceUrl, roles: &[Role], rig: &RigFile) -> Result<Box<dyn Source>, SourceError> {
     let only = |role: Role, what: &str| match roles {
         [one] if *one == role => Ok(()),
-        _ => Err(url.wrong(format!("{what}: it is for {} alone", role.option()))),
+        _ => Err(url.wrong(format!("{what}: it is for `{role}` alone"))),
     };
     let source: Box<dyn Source> = match url.scheme {
         Scheme::Ati => {

@@ -85,7 +85,7 @@ pub fn serial(url: &SourceUrl, default_baud: u32) -> Result<Box<dyn serialport::
         url.unreachable(if text.contains("ermission") {
             format!("{text}; add yourself to the group that owns it, usually `sudo usermod -aG dialout $USER`, and log in again")
         } else {
-            format!("{text}; `rigident ports` lists those that are here")
+            format!("{text}; `ports()` lists those that are here")
         })
     })
 }

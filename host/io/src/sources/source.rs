@@ -16,17 +16,6 @@ pub enum Role {
     Pose,
 }
 
-impl Role {
-    /// Returns the option that gives it.
-    pub fn option(self) -> &'static str {
-        match self {
-            Self::Wrench => "--wrench",
-            Self::Imu => "--imu",
-            Self::Pose => "--pose",
-        }
-    }
-}
-
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

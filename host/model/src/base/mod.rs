@@ -147,7 +147,7 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     let skip = if situation.rows == Rows::Joint && !situation.floating { 10 } else { 0 };
     if 10 * model.links.len() <= skip {
         return Err(refuse(
-            "no joint moves: there are no joint rows; say --floating for a moving base".to_owned(),
+            "no joint moves: there are no joint rows; say `floating` for a moving base".to_owned(),
         ));
     }
     let mut rules = recursive::rules(&model);

@@ -117,7 +117,7 @@ fn a_place_on_a_fixed_link_is_one_on_the_link_that_moves() {
     </robot>"#;
     let mut model = crate::urdf::parse(text, "a").unwrap();
     let words = "tool0@0.02,-0.01,0.1,10,30,15";
-    let moving = model.moving_place(&model.place("--payload", words).unwrap());
+    let moving = model.moving_place(&model.place("`payload`", words).unwrap());
     assert_eq!(model.links[moving.link].name, "arm");
     let phi = turned_box().parameters();
     let found = in_parent(&phi, &moving.rotation, &moving.position);
@@ -129,7 +129,7 @@ fn a_place_on_a_fixed_link_is_one_on_the_link_that_moves() {
     for (a, b) in found.iter().zip(expected) {
         assert!((a - b).abs() < 1e-12, "{a} {b}");
     }
-    assert!(model.place("--payload", "hand").is_err() && model.place("--payload", "arm@1").is_err());
+    assert!(model.place("`payload`", "hand").is_err() && model.place("`payload`", "arm@1").is_err());
 }
 
 /// Names of recordings are in the remarks, and a robot runs each line that is no comment.

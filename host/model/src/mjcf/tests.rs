@@ -155,7 +155,7 @@ fn such_bodies_are_written_with_their_joints_and_have_the_same_inverse_dynamics(
         }
     }
     let said = write::generated(&model, Language::Sdf).unwrap_err().to_string();
-    assert!(said.contains("thigh#1") && said.contains("--spherical"), "{said}");
+    assert!(said.contains("thigh#1") && said.contains("`spherical`"), "{said}");
 }
 
 #[test]

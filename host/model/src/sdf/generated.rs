@@ -164,7 +164,7 @@ impl Said {
         if !own.is_body() {
             return Err(self.refused(format!(
                 "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a link without inertia; \
-                 write a URDF or MJCF, or declare three hinges to be one ball (--spherical)",
+                 write a URDF or MJCF, or declare three hinges to be one ball (`spherical`)",
                 own.name
             )));
         }

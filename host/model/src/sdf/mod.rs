@@ -395,7 +395,7 @@ fn inertial(link: &Node, findings: &mut Vec<Finding>) -> Result<Option<Parameter
         findings.push(Finding {
             place: format!("link {}", link.attribute("name").unwrap_or_default()),
             text: "its inertia is to be made of its collisions (auto = \"true\"), which is not done here: it counts as unknown; \
-                   state <mass> and <inertia> (`gz sdf -p FILE --expand-auto-inertials` prints them)"
+                   state <mass> and <inertia> (`gz sdf -p FILE` prints them by its option expand-auto-inertials)"
                 .to_owned(),
         });
         return Ok(None);

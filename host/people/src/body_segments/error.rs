@@ -32,7 +32,7 @@ pub enum StudyError {
     #[error(transparent)]
     Model(#[from] ModelError),
     /// A motion does not repeat.
-    #[error("{0}: there are no strides: its joints do not come back to themselves; give --parts N")]
+    #[error("{0}: there are no strides: its joints do not come back to themselves; give `parts` N")]
     NoStrides(String),
     /// No frame of any trial can be used.
     #[error("no frame can be used: {0}")]

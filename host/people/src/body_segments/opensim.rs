@@ -17,7 +17,7 @@ use rigident_model::inertial::{Parameters, in_parent};
 pub enum OsimFault {
     /// A body that all people of OpenSim's have is missing, or no joints lead to it.
     #[error(
-        "the OpenSim model has no body {0} that joints lead to, as its models of people do: give another model with --osim"
+        "the OpenSim model has no body {0} that joints lead to, as its models of people do: give another model with `osim`"
     )]
     Missing(String),
     /// A segment of it has no mass.

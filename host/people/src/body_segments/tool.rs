@@ -21,7 +21,7 @@ pub fn tool(with: &Study, without: &Study, link: &str, name: &str) -> Result<Too
     let at = model.link(link).ok_or_else(|| {
         let links: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
         StudyError::NoFrames(format!(
-            "--tool-link {link}: there is no such link; there are {}",
+            "`tool_link` {link}: there is no such link; there are {}",
             links.join(", ")
         ))
     })?;

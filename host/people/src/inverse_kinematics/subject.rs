@@ -41,7 +41,7 @@ pub enum HumanModel {
 pub enum SubjectError {
     /// Too few markers have names that are known.
     #[error(
-        "only {known} of {markers} markers have names that are known ({unknown} is not), and {FEWEST} must be: name in --markers \
+        "only {known} of {markers} markers have names that are known ({unknown} is not), and {FEWEST} must be: name in `markers` \
          which segment each is on"
     )]
     Markers {
@@ -81,11 +81,11 @@ pub enum SubjectError {
         right: String,
     },
     /// A file of markers names no link of the model.
-    #[error("--markers: {0}")]
+    #[error("`markers`: {0}")]
     OwnMarkers(String),
     /// Lengths from elsewhere are another person's.
     #[error(
-        "the {} of --osim is {given_m:.3} m, and the person's is about {found_m:.3} m: is the model scaled to this person, in metres?",
+        "the {} of `osim` is {given_m:.3} m, and the person's is about {found_m:.3} m: is the model scaled to this person, in metres?",
         name.replace('_', " ")
     )]
     OtherPerson {

@@ -27,7 +27,7 @@ pub enum PersonError {
     },
     /// The cut-off does not fit the rate.
     #[error(
-        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give --cut-off-hz between 1 and a quarter of the rate"
+        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give `cut_off_hz` between 1 and a quarter of the rate"
     )]
     CutOff {
         /// The cut-off, Hz.

@@ -101,7 +101,7 @@ impl Person {
             return Err(PersonError::NoFrames {
                 name: trial.name.clone(),
                 why: format!(
-                    "{why}: the forces between person and ground are needed; for a TRC file name them with --ground FILE"
+                    "{why}: the forces between person and ground are needed; for a TRC file name them with `ground` FILE"
                 ),
             });
         }
@@ -138,18 +138,18 @@ impl Person {
         }
         if options.sex == Sex::Unknown {
             notes.push(format!(
-                "the table is of {}: say --table female or male if it is known",
+                "the table is of {}: say `table` female or male if it is known",
                 options.sex.words()
             ));
         }
         if standing.is_none() && options.height_m.is_none() {
             notes.push(format!(
-                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give --static or --height-m",
+                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give `static` or `height_m`",
                 subject.person.height_m
             ));
         } else if options.height_m.is_none() {
             notes.push(format!(
-                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is scaled by it: give --height-m if it \
+                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is scaled by it: give `height_m` if it \
                  is known",
                 subject.person.height_m
             ));
@@ -210,7 +210,7 @@ impl Person {
             let link = self.subject.model.link(&own.link).ok_or_else(|| {
                 let links: Vec<&str> = self.subject.model.links.iter().map(|l| l.name.as_str()).collect();
                 ModelError::Option(format!(
-                    "--segment-mass: there is no segment {}; there are {}",
+                    "`segment_mass`: there is no segment {}; there are {}",
                     own.link,
                     links.join(", ")
                 ))
@@ -358,7 +358,7 @@ fn compared_lengths(given: &[(String, f64)], subject: &Subject) -> Option<String
         Some(format!("{} {length:.3} ({found:.3})", name.replace('_', " ")))
     });
     let each: Vec<String> = each.collect();
-    (!each.is_empty()).then(|| format!("lengths by --osim, and with the markers, m: {}", each.join(", ")))
+    (!each.is_empty()).then(|| format!("lengths by `osim`, and with the markers, m: {}", each.join(", ")))
 }
 
 /// Drops what contacts that no plate measures leave of a trial if it is too little; tells of them.

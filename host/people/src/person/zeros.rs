@@ -40,7 +40,7 @@ pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<
                 None => {
                     notes.push(format!(
                         "{}, {}: always loaded, its zero is taken as it was recorded, as known to {UNKNOWN_ZERO_N} N (1 σ): record some \
-                         time without load, or say --plates-zeroed if its amplifier was reset right before each trial",
+                         time without load, or say `plates_zeroed` if its amplifier was reset right before each trial",
                         trial.name, plate.name
                     ));
                     unzeroed[k].push(UnknownZero {

@@ -129,10 +129,10 @@ impl GivenLimits {
     /// A limit that is missing, by joint, and how to give it; words that are none.
     pub fn of(&self, model: &Model, shares: Shares) -> Result<Vec<JointLimits>, String> {
         let ranges =
-            self.range.iter().map(|own| given::<2>("--range", own, model)).collect::<Result<Vec<_>, _>>()?;
+            self.range.iter().map(|own| given::<2>("`range`", own, model)).collect::<Result<Vec<_>, _>>()?;
         let (speeds, efforts) =
-            (positive("--speed", &self.speed, model)?, positive("--effort", &self.effort, model)?);
-        let accelerations = positive("--acceleration", &self.acceleration, model)?;
+            (positive("`speed`", &self.speed, model)?, positive("`effort`", &self.effort, model)?);
+        let accelerations = positive("`acceleration`", &self.acceleration, model)?;
         let one = |all: &[Given<1>], name: &str, own: Option<f64>| {
             let of = |joint: Option<&str>| all.iter().rev().find(|g| g.joint == joint).map(|g| g.values[0]);
             let every = of(None);
@@ -150,16 +150,16 @@ impl GivenLimits {
             let (speed, effort) = (one(&speeds, name, velocity), one(&efforts, name, effort));
             let slides = matches!(link.link.joint, Joint::Prismatic(_));
             for (option, example, is_missing) in [
-                ("--range", "-3.1,3.1", range.is_none()),
-                ("--speed", "1", speed.is_none()),
-                ("--effort", "50", effort.is_none()),
+                ("`range`", "-3.1,3.1", range.is_none()),
+                ("`speed`", "1", speed.is_none()),
+                ("`effort`", "50", effort.is_none()),
             ] {
                 if is_missing {
                     missing.push(format!("{option} {name}={example}"));
                 }
             }
             if let Some([low, high]) = range.filter(|[low, high]| low >= high) {
-                return Err(format!("--range: {name} from {low} to {high} leaves no room"));
+                return Err(format!("`range`: {name} from {low} to {high} leaves no room"));
             }
             if let (Some(range), Some(speed), Some(effort)) = (range, speed, effort) {
                 let dry = link.passive[0].friction.max(0.0);
@@ -173,7 +173,7 @@ impl GivenLimits {
         }
         Err(format!(
             "limits that the model does not state: give them as, with numbers of your robot (rad, rad/s, N m; of what slides m, m/s, N), \
-             {}; without JOINT= they are those of every joint, and joints that are not to move are held with --lock",
+             {}; without JOINT= they are those of every joint, and joints that are not to move are held with `lock`",
             missing.join(" ")
         ))
     }

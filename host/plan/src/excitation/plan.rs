@@ -91,7 +91,7 @@ pub enum ExcitationError {
     #[error("{0} has no joint that moves: nothing can be excited")]
     Still(String),
     /// A joint that no series is made for.
-    #[error("joint {name} {why}: hold it with --lock {name}, at an angle with --lock {name}=VALUE")]
+    #[error("joint {name} {why}: hold it with `lock` {name}, at an angle with `lock` {name}=VALUE")]
     Joint {
         /// Its name.
         name: String,
@@ -104,7 +104,7 @@ pub enum ExcitationError {
     /// The duration holds too few periods.
     #[error(
         "in {duration_s} s there are {harmonics} whole periods of {bandwidth_hz} Hz, and a motion that begins and ends at rest needs two \
-         harmonics: --duration-s {} at least, or a higher --bandwidth-hz", 2.0 / bandwidth_hz
+         harmonics: `duration_s` {} at least, or a higher `bandwidth_hz`", 2.0 / bandwidth_hz
     )]
     TooShort {
         /// s
@@ -116,7 +116,7 @@ pub enum ExcitationError {
     },
     /// The start is outside the positions that may be used.
     #[error(
-        "joint {name} starts at {at:.4}, and {low:.4} to {high:.4} may be used (--range-share {share} of its range): give another --start \
+        "joint {name} starts at {at:.4}, and {low:.4} to {high:.4} may be used (`range_share` {share} of its range): give another `start` \
          {name}=VALUE"
     )]
     Start {
@@ -133,8 +133,8 @@ pub enum ExcitationError {
     },
     /// Something touches at the start.
     #[error(
-        "at the start {} and {} are {:.1} mm apart, {:.1} mm is the least (--clearance-m): give another --start, smaller boxes or \
-         skip_pairs in --boxes", between.between[0], between.between[1], 1e3 * between.distance_m, 1e3 * clearance_m
+        "at the start {} and {} are {:.1} mm apart, {:.1} mm is the least (`clearance_m`): give another `start`, smaller boxes or \
+         skip_pairs in `boxes`", between.between[0], between.between[1], 1e3 * between.distance_m, 1e3 * clearance_m
     )]
     Touches {
         /// The quantity.
@@ -145,7 +145,7 @@ pub enum ExcitationError {
     /// A joint cannot hold the robot at the start.
     #[error(
         "joint {name} needs {needed:.3} to hold the robot at its start, and {usable:.3} of its largest effort {effort:.3} may be used \
-         (--effort-share, less dry friction): give another --start, a larger --effort {name}=…, or check the masses of the model"
+         (`effort_share`, less dry friction): give another `start`, a larger `effort` {name}=…, or check the masses of the model"
     )]
     Weak {
         /// The joint.
@@ -158,7 +158,7 @@ pub enum ExcitationError {
         effort: f64,
     },
     /// No motion is inside.
-    #[error("no motion about the start is inside all limits: give another --start, or a lower --clearance-m")]
+    #[error("no motion about the start is inside all limits: give another `start`, or a lower `clearance_m`")]
     NoRoom,
     /// The model has no base parameters.
     #[error(transparent)]
@@ -192,7 +192,7 @@ pub fn movable(model: &Model) -> Result<Model, ExcitationError> {
 fn harmonics(task: &Task) -> Result<usize, ExcitationError> {
     let number = |text: String| Err(ExcitationError::Number(text));
     for (name, value, most) in
-        [("--duration-s", task.duration_s, MOST[0]), ("--bandwidth-hz", task.bandwidth_hz, MOST[1])]
+        [("`duration_s`", task.duration_s, MOST[0]), ("`bandwidth_hz`", task.bandwidth_hz, MOST[1])]
     {
         if !(value > 0.0 && value <= most) {
             return number(format!("{name} {value}: more than 0, and {most} at most"));
@@ -206,18 +206,18 @@ fn harmonics(task: &Task) -> Result<usize, ExcitationError> {
     let rate_hz = task.measured.rate_hz;
     if !(rate_hz >= READINGS[0] * bandwidth_hz && rate_hz * duration_s <= READINGS[1]) {
         return number(format!(
-            "--rate-hz {rate_hz}: {} times the bandwidth at least, and {} readings at most",
+            "`rate_hz` {rate_hz}: {} times the bandwidth at least, and {} readings at most",
             READINGS[0], READINGS[1]
         ));
     }
     let coefficients = 2 * task.limits.len() * (harmonics - 1);
     if coefficients > MOST_COEFFICIENTS {
         return number(format!(
-            "{coefficients} coefficients, {MOST_COEFFICIENTS} at most: a shorter --duration-s, a lower --bandwidth-hz or fewer --joints"
+            "{coefficients} coefficients, {MOST_COEFFICIENTS} at most: a shorter `duration_s`, a lower `bandwidth_hz` or fewer `joints`"
         ));
     }
     if task.restarts == 0 || task.restarts > 1000 {
-        return number(format!("--restarts {}: 1 to 1000", task.restarts));
+        return number(format!("`restarts` {}: 1 to 1000", task.restarts));
     }
     Ok(harmonics)
 }

@@ -367,7 +367,7 @@ fn what_cannot_be_planned_is_said() {
     assert!(matches!(movable(&ball), Err(ExcitationError::Joint { ref name, .. }) if name == "l3_joint"));
     let missing = GivenLimits { speed: vec!["1".to_owned()], ..GivenLimits::default() };
     let missing = missing.of(&seven_axes(), Shares::default()).unwrap_err();
-    assert!(missing.contains("--range l1_joint=") && missing.contains("--effort l7_joint="), "{missing}");
+    assert!(missing.contains("`range` l1_joint=") && missing.contains("`effort` l7_joint="), "{missing}");
     let unknown = GivenLimits { speed: vec!["elbow=1".to_owned()], ..GivenLimits::default() };
     assert!(unknown.of(&seven_axes(), Shares::default()).unwrap_err().contains("no joint elbow"));
 }

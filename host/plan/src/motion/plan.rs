@@ -88,7 +88,7 @@ pub enum PlanError {
     /// The body's weight is too much.
     #[error(
         "the body at rest takes {0:.0} % of the load cell's range in one of its channels: nothing is left for a motion: \
-         plan for a lighter or smaller one (lower load_max_kg or load_within_m, or give --body)"
+         plan for a lighter or smaller one (lower load_max_kg or load_within_m, or give `body`)"
     )]
     Sensors(f64),
     /// The limits leave no room about home.
@@ -141,13 +141,13 @@ pub fn plan(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Res
             Err(PlanError::Number(format!("{name} {v}: more than 0, and {most} at most")))
         }
     };
-    positive("--duration-s", task.duration_s, 3600.0)?;
-    positive("--highest-hz", task.highest_hz, 5.0)?;
-    positive("--rate-hz", task.rate_hz, 20_000.0)?;
+    positive("`duration_s`", task.duration_s, 3600.0)?;
+    positive("`highest_hz`", task.highest_hz, 5.0)?;
+    positive("`rate_hz`", task.rate_hz, 20_000.0)?;
     if task.highest_hz * task.duration_s < 1.0 {
         let (highest_hz, duration_s) = (task.highest_hz, task.duration_s);
         return Err(PlanError::Number(format!(
-            "--highest-hz {highest_hz}: not one period in {duration_s} s"
+            "`highest_hz` {highest_hz}: not one period in {duration_s} s"
         )));
     }
     let geometry = &task.equipment.geometry;

@@ -34,7 +34,7 @@ pub enum FrameError {
     /// Too short.
     #[error(
         "{asked_s} s are too short: the static step takes {static_s:.1} s on this platform, and a motion should have \
-         {SHORTEST_MOTION_S} s; give --duration-s {least:.0} or more, or plan a motion without it (`plan motion --no-poses`)",
+         {SHORTEST_MOTION_S} s; give `duration_s` {least:.0} or more, or plan a motion without it (`plan_motion(no_poses)`)",
         least = (static_s + SHORTEST_MOTION_S).ceil()
     )]
     TooShort {
@@ -44,7 +44,7 @@ pub enum FrameError {
         static_s: f64,
     },
     /// Not even small tilts.
-    #[error("the platform can do no static step, plan a motion without it (`plan motion --no-poses`): {0}")]
+    #[error("the platform can do no static step, plan a motion without it (`plan_motion(no_poses)`): {0}")]
     Poses(MotionError),
     /// Not even home.
     #[error(

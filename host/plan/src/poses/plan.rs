@@ -25,7 +25,7 @@ const PARTS_OF_A_DEGREE: f64 = 100.0;
 pub enum PlanError {
     /// Too few orientations, or too many.
     #[error(
-        "--n {n}: {fewest} orientations at least (fewer leave a part of the centre of mass open), \
+        "`n` {n}: {fewest} orientations at least (fewer leave a part of the centre of mass open), \
          {MOST_ORIENTATIONS} at most"
     )]
     Orientations {

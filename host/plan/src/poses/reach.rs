@@ -49,7 +49,7 @@ impl Reach {
         if let Some(stroke) = stroke_m {
             geometry = geometry
                 .with_stroke(stroke)
-                .map_err(|error| RegionError::Limits(format!("--stroke-m {stroke}: {error}")))?;
+                .map_err(|error| RegionError::Limits(format!("`stroke_m` {stroke}: {error}")))?;
         }
         let level = workspace::level(&geometry)
             .map_err(|(_, violation)| RegionError::LevelUnreachable(violation.to_string()))?;
@@ -65,11 +65,11 @@ impl Reach {
     /// [`Margin::relative`]: hexapod::Margin::relative
     pub fn with_margin(mut self, share: f64) -> Result<Self, RegionError> {
         if !(0.0..1.0).contains(&share) {
-            return Err(RegionError::Limits(format!("--margin {share}: a share from 0 to less than 1")));
+            return Err(RegionError::Limits(format!("`margin` {share}: a share from 0 to less than 1")));
         }
         self.inner = self.geometry.within(1.0 - share);
         self.level = workspace::level(&self.inner).map_err(|(_, violation)| {
-            RegionError::Limits(format!("--margin {share} leaves no level pose: {violation}"))
+            RegionError::Limits(format!("`margin` {share} leaves no level pose: {violation}"))
         })?;
         Ok(self)
     }

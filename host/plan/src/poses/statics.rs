@@ -28,11 +28,11 @@ const SAME: f64 = 0.02;
 pub enum StaticsError {
     /// Too few poses.
     #[error(
-        "{0} still poses that differ: three at least, as of `rigident plan poses --n 5`, each held for a second or more"
+        "{0} still poses that differ: three at least, as of `plan_poses(n=5)`, each held for a second or more"
     )]
     TooFew(usize),
     /// No pose with this number.
-    #[error("--reference {reference}: there are {poses} still poses, counted from 1")]
+    #[error("`reference` {reference}: there are {poses} still poses, counted from 1")]
     Reference {
         /// Asked for.
         reference: usize,

@@ -167,9 +167,9 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
             name: recording.name,
-            what: "its rig file is for several links or several files. `rigident identify` and `replay` take several links, factor \
-                   files and what is made of them do not; of several files `identify` takes the rig file itself as the \
-                   recording, or the folder of the files and --rig",
+            what: "its rig file is for several links or several files. `identify()` and `replay()` take several links, factor \
+                   files and what is made of them do not; of several files `identify()` takes the rig file itself as the \
+                   recording, or the folder of the files and `rig`",
         });
     }
     let (readings, rate_hz) = readings(&mut recording, &mut rig, &mut notes)?;

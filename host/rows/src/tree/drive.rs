@@ -70,20 +70,20 @@ impl Term {
             return match speed(text).filter(|speed| *speed >= 0.0) {
                 Some(speed) => Ok(Self::Coulomb(Some(speed))),
                 None => Err(format!(
-                    "--friction {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; coulomb:0 has \
+                    "`friction` {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; coulomb:0 has \
                      the sign of the rate"
                 )),
             };
         }
         let Some(text) = word.strip_prefix("stribeck:") else {
             return Err(format!(
-                "--friction {word}: there are viscous, coulomb, stribeck, load, offset, rotor, spring and none"
+                "`friction` {word}: there are viscous, coulomb, stribeck, load, offset, rotor, spring and none"
             ));
         };
         match speed(text).filter(|speed| *speed > 0.0) {
             Some(speed) => Ok(Self::Stribeck(Some(speed))),
             None => Err(format!(
-                "--friction {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for example stribeck:0.05"
+                "`friction` {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for example stribeck:0.05"
             )),
         }
     }
@@ -216,7 +216,7 @@ impl Friction {
                 Some((name, words)) if !name.trim().is_empty() => (Some(name.trim()), words),
                 Some(_) => {
                     return Err(format!(
-                        "--friction {list}: stands as JOINT=LIST, for example joint_1=viscous"
+                        "`friction` {list}: stands as JOINT=LIST, for example joint_1=viscous"
                     ));
                 }
                 None => (None, list),
@@ -313,7 +313,7 @@ impl Friction {
         match self.by_drive.iter().find(|(name, _)| !known.contains(&name.as_str())) {
             None => Ok(()),
             Some((name, _)) => {
-                Err(format!("--friction {name}=…: there is no joint {name}; there are {}", known.join(", ")))
+                Err(format!("`friction` {name}=…: there is no joint {name}; there are {}", known.join(", ")))
             }
         }
     }
@@ -371,7 +371,7 @@ impl Drive {
     /// # Errors
     /// What is no such thing, or no such joint.
     pub fn parse(words: &str, names: &[String], friction: &Friction) -> Result<Self, String> {
-        let refuse = |why: String| format!("--drive {words}: {why}");
+        let refuse = |why: String| format!("`drive` {words}: {why}");
         let form = || {
             let form = "stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6 or m6=0.5*joint_5-joint_6";
             refuse(form.to_owned())

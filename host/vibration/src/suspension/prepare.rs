@@ -125,7 +125,7 @@ pub(super) fn joints(
                 missing: format!("how link {} stands is", link.name),
                 advice: format!(
                     "give its attitude against the base link, q{j}_w, q{j}_x, q{j}_y, q{j}_z, or the column of its joint; a joint that is locked by \
-                     --lock {}=VALUE",
+                     `lock` {}=VALUE",
                     link.joint_name
                 ),
             });

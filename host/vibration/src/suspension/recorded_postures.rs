@@ -137,7 +137,7 @@ fn locked(recording: &Recording, model: &Model) -> Result<Vec<f64>, SuspensionEr
             return Err(SuspensionError::Posture {
                 file: recording.name.clone(),
                 why: format!(
-                    "{} is not locked: it moves by {moves:.3} rad (m) against its mean, rms; lock it, or identify the motion by `rigident identify`",
+                    "{} is not locked: it moves by {moves:.3} rad (m) against its mean, rms; lock it, or identify the motion by `identify()`",
                     link.name
                 ),
             });

@@ -99,7 +99,7 @@ fn moved(
     });
     Some(format!(
         "between {} and {} the rest of the platform moved by ({:.2}, {:.2}, {:.2}) mm and ({:.3}, {:.3}, {:.3})° other than the weight \
-         explains{spring}: a spring has settled, or the cameras were moved; have the springs calibrated again (rigident vibration stiffness)",
+         explains{spring}: a spring has settled, or the cameras were moved; have the springs calibrated again (`vibration_stiffness()`)",
         first.name,
         other.name,
         1e3 * left[0],

@@ -29,7 +29,7 @@ fn options(help: &str) -> impl Iterator<Item = String> {
 }
 
 /// Every command and option that the help of the program knows.
-fn known() -> (BTreeSet<String>, BTreeSet<String>) {
+pub fn known() -> (BTreeSet<String>, BTreeSet<String>) {
     let (mut names, mut longs) = (BTreeSet::new(), BTreeSet::new());
     let mut open: Vec<String> = commands(&help(&[]));
     while let Some(command) = open.pop() {

@@ -1,6 +1,6 @@
 //! The documents name everything that the program has, and nothing that it has not.
 
-mod command_line;
+pub mod command_line;
 mod formats;
 mod links;
 mod tutorials;

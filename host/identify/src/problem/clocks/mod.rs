@@ -43,7 +43,7 @@ pub enum StreamError {
     #[error(transparent)]
     File(#[from] RecordingError),
     /// The rig file lists none.
-    #[error("{0} lists no [[stream]]: give the recording itself, and the rig file by --rig")]
+    #[error("{0} lists no [[stream]]: give the recording itself, and the rig file by `rig`")]
     None(String),
     /// A listed file is not there.
     #[error("stream {file} of {rig} cannot be read: {reason}; files are looked for in {folder}")]

@@ -219,7 +219,7 @@ impl Preparation<'_> {
     /// Returns what to do about efforts that are missing.
     fn about_efforts(&self, without: &[&str]) -> String {
         let mut advice =
-            "joint rows need all of them; --lock joints that were held, or remove the others' columns"
+            "joint rows need all of them; `lock` joints that were held, or remove the others' columns"
                 .to_owned();
         advice += &self.about_spherical();
         let of_these = |column: &&&str| {

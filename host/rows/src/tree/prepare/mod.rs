@@ -336,7 +336,7 @@ impl<'a> Preparation<'a> {
             if !input.has_efforts() {
                 return Err(self.missing(
                     "the joints' efforts (JOINT_nm) that friction acts on are",
-                    "the wrench on the base link does not see friction in the joints; leave --friction and --drive out",
+                    "the wrench on the base link does not see friction in the joints; leave `friction` and `drive` out",
                 ));
             }
             let names = input.freedom_names();

@@ -41,7 +41,7 @@ impl Preparation<'_> {
             return (
                 format!("the motion of joint {name}, one of several of a body, is"),
                 format!(
-                    "add {name}_{}, or declare three hinges through one point to be one ball by --spherical and give its link's \
+                    "add {name}_{}, or declare three hinges through one point to be one ball by `spherical` and give its link's \
                      attitude and rate",
                     if matches!(link.link.joint, Joint::Prismatic(_)) { "m" } else { "rad" }
                 ),
@@ -50,7 +50,7 @@ impl Preparation<'_> {
         (
             format!("the motion of joint {name} (link {}) is", link.name),
             format!(
-                "add {columns}, or say --lock {name} if it did not move, --lock {name}=VALUE if it did not stand at zero"
+                "add {columns}, or say `lock` {name} if it did not move, `lock` {name}=VALUE if it did not stand at zero"
             ),
         )
     }
