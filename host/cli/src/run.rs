@@ -56,7 +56,8 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     agreed(&request, &ready, platform.as_mut(), &mut session, &trace)?;
     unwaiting.replace(WithoutWaiting::begin());
     let Ready { rest, settings, mut directing, .. } = ready;
-    let mut driven = driven(&request, &rest, directing.as_mut(), platform.as_mut(), &mut session, &folder, &trace)?;
+    let mut driven =
+        driven(&request, &rest, directing.as_mut(), platform.as_mut(), &mut session, &folder, &trace)?;
     left(platform.as_mut(), from.as_ref(), &driven.take, &mut warnings);
     // Nothing moves any more.
     drop(unwaiting);

@@ -18,8 +18,11 @@ const TABLE_3: [f64; 17] = [
 ];
 
 fn text() -> String {
-    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/two-link-postures.toml"))
-        .unwrap()
+    std::fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/examples/two-link-postures.toml"
+    ))
+    .unwrap()
 }
 
 fn paper() -> PosturesFile {
