@@ -39,7 +39,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     /// Takes gauge voltages with their capture time, and the voltage that the converter saw of the gauges' excitation: where
     /// the settings state one, the gauges are divided by its ratio to that.
     pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6], excitation_v: f32) {
-        self.alive(Sensor::LoadCell, time_ns);
+        self.alive_on_path(Sensor::LoadCell, time_ns);
         self.noise = self.noise.saturating_sub(1);
         let stated = self.duty.excitation_v;
         if stated == 0.0 {
@@ -68,7 +68,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Takes an IMU sample: specific force (m/s²) and angular rate (rad/s) in the IMU's axes.
     pub fn on_imu(&mut self, time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) {
-        self.alive(Sensor::Imu, time_ns);
+        self.alive_on_path(Sensor::Imu, time_ns);
         self.take_measured(&Words::Imu(imu_reading(time_ns, specific_force, angular_rate)));
     }
 
@@ -181,8 +181,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn alive(&mut self, sensor: Sensor, time_ns: u64) {
+        self.alive_on_path(sensor, time_ns);
+    }
+
+    /// The same in the frame of its caller: of one body's samples, whose instructions count.
+    #[inline(always)]
+    fn alive_on_path(&mut self, sensor: Sensor, time_ns: u64) {
         self.advance(time_ns);
         let pulse = Pulse { bad_in_a_row: 0, last_ns: self.now_ns };
         if let Some(slot) = self.pulses.get_mut(sensor as usize) {
