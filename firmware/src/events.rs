@@ -6,12 +6,11 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crc::{CRC_16_IBM_3740, Crc, NoTable};
+use crc::{CRC_16_IBM_3740, Crc};
 use heapless::Vec;
 use rigident_shared::wire::{EventCode, EventMessage, EventReport, MAX_EVENTS};
 
-/// Slow and small: events are rare.
-const CRC16: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_IBM_3740);
+const CRC16: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 const WORDS: usize = 3;
 /// Events have numbers of 24 bits; the other eight say how often.
 const COUNT_BITS: u32 = 8;
