@@ -142,7 +142,9 @@ pub fn recording_table(bytes: &[u8]) {
     };
     let Ok(first) = Recording::from_columns(name, bytes.to_vec(), &RigFile::default()) else { return };
     let (rig, _) = first.rig_in_notation();
-    let again = Recording::from_csv_bytes("fuzz.csv", first.to_csv().as_bytes(), &rig).expect("we wrote it");
+    let written = first.to_csv();
+    let again = Recording::from_csv_bytes("fuzz.csv", written.as_bytes(), &rig);
+    let again = again.unwrap_or_else(|error| panic!("{error}, of {written:.2000?}"));
     assert_eq!(first.time_ns, again.time_ns);
     assert_eq!(first.wrench, again.wrench);
     assert_eq!(first.imus, again.imus);

@@ -15,6 +15,7 @@ use rigident_shared::printable;
 
 use self::group_rows::GroupRows;
 use super::columns::{Group, Known, TIME, is_printable, nearest_known, other_unit};
+use super::text::one_line;
 pub use super::text::rows::separator;
 use super::time::{self, Time};
 use super::{Recording, RecordingError, conventions, sheet, stem};
@@ -101,8 +102,8 @@ impl Recording {
     pub fn write_csv<W: Write>(&self, mut to: W) -> std::io::Result<W> {
         for (key, value) in &self.comments {
             let comment = if key.is_empty() { value.clone() } else { format!("{key} = {value}") };
-            // A line's end inside would end the comment.
-            writeln!(to, "# {}", comment.replace(['\n', '\r'], " "))?;
+            // A line's end inside would end the comment, a zero byte the text.
+            writeln!(to, "# {}", one_line(&comment))?;
         }
         let extra: HashMap<&str, &Vec<String>> =
             self.extra.iter().map(|(name, cells)| (name.as_str(), cells)).collect();
