@@ -65,7 +65,7 @@ impl Images {
 }
 
 /// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of those that watch robots. Parts with 512 kB are to have room for the STM32F405's.
-const MOST_FLASH_BYTES: [u64; 5] = [349_000, 241_500, 317_000, 385_000, 353_000];
+const MOST_FLASH_BYTES: [u64; 5] = [348_000, 241_000, 316_000, 384_000, 352_000];
 /// The distance of a size allowed from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
 /// Bytes an exception saves by itself with the floating-point context, and one word to align.
