@@ -23,6 +23,11 @@ impl EventRoom {
     /// Room in which nothing has happened.
     pub const EMPTY: Self = Self([const { [const { AtomicU32::new(0) }; WORDS] }; MAX_EVENTS]);
 
+    /// Forgets all events, as memory does that loses its power.
+    pub fn forget(&self) {
+        self.0.iter().flatten().for_each(|word| word.store(0, Ordering::Relaxed));
+    }
+
     /// The event of this place with its number, if what is there is one.
     fn read(&self, place: usize) -> Option<(u32, EventMessage)> {
         let [numbered, time_ms, told] =

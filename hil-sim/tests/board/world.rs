@@ -66,6 +66,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Boots a chip, without a program, for something to be done with it.
 pub fn with_chip(rig: Rig, what: impl FnOnce(&Chip)) {
     let _one = locked(&ONE);
+    start::EVENTS.forget();
     let chip = Chip::new(rig, 1);
     chip.begins();
     start::forget_the_loader();
@@ -76,6 +77,7 @@ pub fn with_chip(rig: Rig, what: impl FnOnce(&Chip)) {
 /// Runs a board until its host has done with it.
 pub fn live(rig: Rig, plan: &mut Plan, seed: u64, prepare: impl FnOnce(&Chip, &mut Plan)) -> Life {
     let _one = locked(&ONE);
+    start::EVENTS.forget();
     let body = rig.truth().body;
     let chip = Chip::new(rig, seed);
     prepare(&chip, plan);
