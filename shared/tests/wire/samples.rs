@@ -403,6 +403,8 @@ pub fn longest() -> Vec<(&'static str, Message)> {
         first: u32::MAX,
         readings: core::iter::repeat_n(widest, STREAM_BATCH).collect(),
     };
+    let event = EventMessage { time_ms: u32::MAX, code: u8::MAX, detail: u8::MAX, count: u8::MAX };
+    let full_events = EventReport { events: core::iter::repeat_n(event, MAX_EVENTS).collect() };
     vec![
         ("inject", Message::Command(Command::Inject(batch))),
         ("estimate", Message::Telemetry(Telemetry::Estimate(full))),
@@ -414,5 +416,6 @@ pub fn longest() -> Vec<(&'static str, Message)> {
             Message::Telemetry(Telemetry::LinkReadings { first: u32::MAX, readings: pairs.collect() }),
         ),
         ("readings", Message::Telemetry(stream)),
+        ("events", Message::Answer(Ok(Reply::Events(full_events)))),
     ]
 }
