@@ -11,6 +11,7 @@ use rigident_shared::wire::{Settings, StateName, TelemetrySettings};
 use rigident_sim::rig::{Rig, RigConfig};
 use stm32f405::flash;
 use stm32f405::program::{self, Program};
+use stm32f405::sensors;
 use stm32f405::start;
 
 use super::chip::{Chip, Restarted};
@@ -69,6 +70,7 @@ pub fn with_chip(rig: Rig, what: impl FnOnce(&Chip)) {
     start::EVENTS.forget();
     let chip = Chip::new(rig, 1);
     chip.begins();
+    sensors::forget();
     start::forget_the_loader();
     program::boot();
     what(&chip);
@@ -130,6 +132,7 @@ fn parameters(m: f64, c: [f64; 3], about_com: [f64; 6]) -> [f64; 10] {
 }
 
 fn boot(chip: &Rc<Chip>, host: &mut Host) {
+    sensors::forget();
     start::forget_the_loader();
     let boot = program::boot();
     let mut rooms = locked(&ROOM);

@@ -54,6 +54,15 @@ pub fn start(capture: Capture<'static>) {
     }
 }
 
+/// Forgets the capture: memory is initialised when a chip starts, and that of a model by this.
+#[cfg(not(target_os = "none"))]
+pub fn forget() {
+    interrupts::free(|section| {
+        CAPTURE.borrow(section).take();
+        READS.borrow(section).take();
+    });
+}
+
 /// Calls the capture and begins what it orders.
 fn serve(call: impl FnOnce(&mut Capture<'static>) -> Option<Order>) {
     interrupts::free(|section| {
