@@ -21,7 +21,9 @@ pub struct EventRoom([[AtomicU32; WORDS]; MAX_EVENTS]);
 
 impl EventRoom {
     /// Room in which nothing has happened.
-    pub const EMPTY: Self = Self([const { [const { AtomicU32::new(0) }; WORDS] }; MAX_EVENTS]);
+    pub const fn empty() -> Self {
+        Self([const { [const { AtomicU32::new(0) }; WORDS] }; MAX_EVENTS])
+    }
 
     /// Forgets all events, as memory does that loses its power.
     pub fn forget(&self) {
@@ -126,7 +128,7 @@ mod tests {
     use super::*;
 
     fn room() -> &'static EventRoom {
-        Box::leak(Box::new(EventRoom::EMPTY))
+        Box::leak(Box::new(EventRoom::empty()))
     }
 
     fn details(events: &Events) -> std::vec::Vec<u8> {

@@ -525,7 +525,7 @@ fn garbage_and_wild_commands_never_corrupt_a_later_run() {
 /// Room for events that outlives a program, as a board's memory does a reset.
 #[test]
 fn events_of_the_program_before_are_told_by_the_next_one() {
-    let room: &'static EventRoom = Box::leak(Box::new(EventRoom::EMPTY));
+    let room: &'static EventRoom = Box::leak(Box::new(EventRoom::empty()));
     let program = |reset| {
         let mut host = Host::new();
         host.app.keeps_events(room);

@@ -36,7 +36,7 @@ const CLOCK_LOST: u32 = 3;
 /// The last events, in the same memory.
 // SAFETY: the section is not initialised; every bit pattern is a value, and what is found there is checked.
 #[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.rigident_events"))]
-pub static EVENTS: EventRoom = EventRoom::EMPTY;
+pub static EVENTS: EventRoom = EventRoom::empty();
 
 /// FNV-1a of 32 bits, of words or of bytes.
 fn digest(items: impl Iterator<Item = u32>) -> u32 {
