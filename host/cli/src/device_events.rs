@@ -4,8 +4,8 @@ use rigident::device::session::Session;
 use rigident_shared::wire::{Command, EventCode, EventMessage, Reply, reason_of, reset_of};
 use serde_json::{Value, json};
 
+use super::device_words::{of_reason, of_reset};
 use super::doctor_finding::Check;
-use super::info::{of_reason, of_reset};
 
 const WHAT: &str = "events";
 /// The newest events that `doctor` shows; `info` shows all.

@@ -213,7 +213,7 @@ fn device(found: &[Answered]) -> (Check, Option<(String, Session)>) {
 fn of_device(port: &str, identity: &Identity) -> Check {
     let found = format!("{port}: {}, same messages as this program", ports::board(identity));
     if identity.state == StateName::Fault {
-        let (reason, fault) = super::info::of_reason(identity.reason);
+        let (reason, fault) = super::device_words::of_reason(identity.reason);
         let what = fault.map_or_else(String::new, |fault| format!(": {}", fault.replace('_', " ")));
         let advice =
             "check the cable and supply of that sensor, and its chip select; then `rigident configure`";

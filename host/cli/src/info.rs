@@ -3,8 +3,7 @@ use std::time::Duration;
 
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    BadEnd, ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reason, Reply, ResetReason,
-    SCHEMA_HASH, SensorFault, StateName,
+    BadEnd, ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reply, SCHEMA_HASH, StateName,
 };
 use serde_json::{Value, json};
 
@@ -12,6 +11,7 @@ use super::Failure;
 use super::arguments::Info;
 use super::calibrated_board::number;
 use super::device_events::{ask, of_events};
+use super::device_words::{of_reason, of_reset};
 use super::experiment::boot_notes;
 use super::link::open;
 use super::outcome::say;
@@ -108,36 +108,6 @@ pub(super) fn of_state(state: StateName) -> &'static str {
     }
 }
 
-/// Returns a word for a reason, and for what is wrong with a sensor where it is that.
-pub(super) fn of_reason(reason: Reason) -> (&'static str, Option<&'static str>) {
-    match reason {
-        Reason::Boot => ("boot", None),
-        Reason::Command => ("command", None),
-        Reason::HostQuiet => ("host_quiet", None),
-        Reason::StopRule => ("stop_rule", None),
-        Reason::LoadCell(fault) => ("load_cell", Some(of_fault(fault))),
-        Reason::Imu(fault) => ("imu", Some(of_fault(fault))),
-        Reason::SecondImu(fault) => ("second_imu", Some(of_fault(fault))),
-        Reason::Frames(fault) => ("frames", Some(of_fault(fault))),
-        Reason::LevelFull => ("level_full", None),
-    }
-}
-
-/// Returns a word for why a device started anew.
-pub(super) fn of_reset(reset: ResetReason) -> &'static str {
-    match reset {
-        ResetReason::PowerOn => "power_on",
-        ResetReason::BrownOut => "brown_out",
-        ResetReason::Pin => "pin",
-        ResetReason::Software => "software",
-        ResetReason::Watchdog => "watchdog",
-        ResetReason::Panic => "panic",
-        ResetReason::Fault => "fault",
-        ResetReason::ClockLost => "clock_lost",
-        ResetReason::Unknown => "unknown",
-    }
-}
-
 /// Returns a word for what a device's time comes from.
 fn of_clock(clock: ClockSource) -> &'static str {
     match clock {
@@ -146,21 +116,6 @@ fn of_clock(clock: ClockSource) -> &'static str {
         ClockSource::Internal => "internal",
         ClockSource::Slow => "slow",
         ClockSource::Emulated => "emulated",
-    }
-}
-
-fn of_fault(fault: SensorFault) -> &'static str {
-    match fault {
-        SensorFault::Bus => "bus",
-        SensorFault::WrongId => "wrong_id",
-        SensorFault::Verify => "verify",
-        SensorFault::Check => "check",
-        SensorFault::Restarted => "restarted",
-        SensorFault::Rate => "rate",
-        SensorFault::Silent => "silent",
-        SensorFault::Resynced => "resynced",
-        SensorFault::Stale => "stale",
-        SensorFault::Excitation => "excitation",
     }
 }
 

@@ -38,6 +38,7 @@ mod demo;
 mod demo_links;
 mod device_arguments;
 mod device_events;
+mod device_words;
 mod doctor;
 mod doctor_checks;
 mod doctor_finding;

@@ -8,8 +8,9 @@ use rigident_shared::calibration::Reading;
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{CounterReport, EstimateReport, ReadingMessage, Reason, StateName};
 
+use super::device_words::of_reason;
 use super::experiment::in_words;
-use super::info::{of_reason, of_state};
+use super::info::of_state;
 use super::{Failure, Stages};
 use rigident::application::loaded::PLOT_POINTS;
 use rigident::application::{Loaded, Report};

@@ -45,8 +45,11 @@ pub struct Checked {
 /// meshes are searched for from.
 #[must_use]
 pub fn check(model: &Model, text: Option<&str>, path: &Path) -> Checked {
-    let (not_used, mut findings): (Vec<Finding>, Vec<Finding>) =
-        model.findings.iter().cloned().partition(|finding| finding.text.starts_with(super::mjcf::NOT_USED));
+    let (not_used, mut findings): (Vec<Finding>, Vec<Finding>) = model
+        .findings
+        .iter()
+        .cloned()
+        .partition(|finding| finding.text.starts_with(crate::finding::NOT_USED));
     let urdf = text.filter(|text| Language::of_text(text) == Some(Language::Urdf));
     findings.extend(of_inertias(model, &urdf.map_or_else(BTreeMap::new, |text| shapes::shapes(text, path))));
     Checked {

@@ -47,6 +47,9 @@ pub enum ModelError {
     Option(String),
 }
 
+/// Begins what is reported of attributes that are read and written, and say nothing of links.
+pub(crate) const NOT_USED: &str = "the answer does not use what the file states of its ";
+
 /// Something strange that does not keep the model from being used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {

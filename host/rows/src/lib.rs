@@ -12,7 +12,7 @@
 //!
 //! let bracket = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
 //! let prepared = prepare(&Recording::load(bracket.as_ref(), None).unwrap()).unwrap();
-//! let source = BodySource::new(prepared.input, prepared.rig.imu.as_ref());
+//! let source = BodySource::new(prepared.input, prepared.rig.imu_on(0));
 //! assert_eq!(source.parameters()[0].name, "m");
 //! ```
 

@@ -141,7 +141,7 @@ impl Answer {
     /// [`ReadError`] if it is none, or of another schema.
     ///
     /// ```
-    /// use rigident::answer::{Answer, ReadError};
+    /// use rigident_identify::answer::{Answer, ReadError};
     ///
     /// let old = r#"{"schema": "rigident/result/1", "mass_kg": 3.2}"#;
     /// assert!(matches!(Answer::read(old), Err(ReadError::Schema { found }) if found.ends_with("/1")));

@@ -20,7 +20,7 @@ pub const EARLIER_SCHEMA: &str = "rigident/result/2";
 /// The state of a parameter. One that is not identified has no number, here or anywhere.
 ///
 /// ```
-/// use rigident::answer::result::ParameterState;
+/// use rigident_identify::answer::result::ParameterState;
 ///
 /// fn value(state: ParameterState) -> Option<f64> {
 ///     match state {
@@ -31,7 +31,7 @@ pub const EARLIER_SCHEMA: &str = "rigident/result/2";
 /// assert_eq!(value(ParameterState::default()), None);
 /// ```
 /// ```compile_fail,E0532
-/// use rigident::answer::result::ParameterState;
+/// use rigident_identify::answer::result::ParameterState;
 ///
 /// fn value(state: ParameterState) -> Option<f64> {
 ///     match state {
@@ -42,7 +42,7 @@ pub const EARLIER_SCHEMA: &str = "rigident/result/2";
 /// ```
 /// Nor has the fit that it was made of, outside of this crate:
 /// ```compile_fail,E0616
-/// fn value(fit: &rigident::fit::Fit) -> f64 {
+/// fn value(fit: &rigident_fit::Fit) -> f64 {
 ///     fit.estimate.values[9]
 /// }
 /// ```

@@ -39,8 +39,8 @@ pub fn owner_name(owner: &Owner) -> &str {
 /// [`SelectionError`] for the first word that selects nothing.
 ///
 /// ```
-/// use rigident::answer::selection::select;
-/// use rigident::fit::{Kind, Owner, Parameter};
+/// use rigident_identify::answer::selection::select;
+/// use rigident_fit::{Kind, Owner, Parameter};
 ///
 /// let parameter = |name: &str, kind| Parameter {
 ///     name: name.to_owned(),

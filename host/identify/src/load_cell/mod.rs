@@ -91,7 +91,7 @@ fn remedy(component: &str) -> &'static str {
 /// [`LoadCellError`] if loadings are too few, leave a component open, or contradict each other.
 ///
 /// ```
-/// use rigident::load_cell::{Uncertainty, calibrate, table};
+/// use rigident_identify::load_cell::{Uncertainty, calibrate, table};
 ///
 /// // A cell whose bridges each see one component, 10 µV/N and 100 µV/(N m).
 /// let mut text = String::from("mass_kg,x_m,y_m,z_m,down_x,down_y,down_z,g1_v,g2_v,g3_v,g4_v,g5_v,g6_v\n");

@@ -500,7 +500,7 @@ impl Check<'_> {
         self.positive("load_cell.range_n_nm", &six(&cell.range_n_nm))?;
         self.positive("load_cell.excitation_v", cell.excitation_v.as_slice())?;
         if let Some(id) = cell.board_id.as_ref().filter(|id| !is_number_of_chip(id)) {
-            let advice = "must be 24 hexadecimal digits, as `rigident info` shows under unique_id";
+            let advice = "must be 24 hexadecimal digits, the `unique_id` that the device gives";
             return Err(self.refuse("load_cell.board_id", id, advice));
         }
         self.all("load_cell.gain_uncertainty", &six(&cell.gain_uncertainty), |v| v >= 0.0, NOT_NEGATIVE)?;

@@ -20,6 +20,7 @@ mod robot;
 mod tests;
 mod unused;
 
+use crate::finding::NOT_USED;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -46,9 +47,6 @@ use super::xml::{self, Language, describe, exactly, numbers};
 
 /// Name of the base where bodies hang on the world.
 pub(super) const WORLD: &str = "world";
-
-/// Begins what is reported of attributes that are read and written, and say nothing of links.
-pub(super) const NOT_USED: &str = "the answer does not use what the file states of its ";
 
 /// Attributes of a default class, by tag and name.
 type Class<'a> = BTreeMap<(&'static str, &'a str), &'a str>;

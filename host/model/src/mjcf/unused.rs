@@ -2,10 +2,10 @@
 
 use roxmltree::Node;
 
-use super::NOT_USED;
 use super::masses::shortened;
 use super::names::Names;
 use crate::finding::Finding;
+use crate::finding::NOT_USED;
 use crate::xml::line;
 
 /// The passive forces of tendons.
