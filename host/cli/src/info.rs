@@ -162,6 +162,7 @@ pub(super) fn in_words(value: &Value, name: &str, lines: &mut Vec<String>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rigident_shared::wire::{Reason, SensorFault};
 
     #[test]
     fn counters_are_named_by_channel_and_reasons_are_words() {
