@@ -282,8 +282,8 @@ mod tests {
     #[test]
     fn an_answer_is_judged_in_its_room_alone() {
         let files = BTreeSet::from(["answer/new.rs", "cli.rs"].map(PathBuf::from));
-        let said = judgement_complaints("host", &files);
-        assert!(said.len() == 1 && said[0].starts_with("host/src/cli.rs"), "{said:?}");
+        let said = judgement_complaints("host/identify", &files);
+        assert!(said.len() == 1 && said[0].starts_with("host/identify/src/cli.rs"), "{said:?}");
         assert_eq!(judgement_complaints("host/cli", &files).len(), 2);
     }
 
