@@ -7,8 +7,9 @@ use std::path::PathBuf;
 use hexapod::Trajectory;
 
 use super::Failure;
+use rigident::answer::Tracking;
 use rigident::device::platform::MotionSample;
-use rigident::device::platform::tracking::{Tracking, compare, difference};
+use rigident::device::platform::tracking::{compare, difference};
 use rigident::present::TimePlot;
 use rigident_io::behind::Behind;
 
@@ -106,18 +107,8 @@ impl TrackingError {
     }
 
     /// Returns the tracking error for the answer.
-    pub(super) fn tracking(&self) -> rigident::answer::Tracking {
-        let t = &self.tracking;
-        rigident::answer::Tracking {
-            samples: t.samples as u64,
-            rms_m: t.rms_m,
-            rms_rad: t.rms_rad,
-            largest_m: t.largest_m,
-            largest_rad: t.largest_rad,
-            delay_s: t.delay_s,
-            rms_without_delay_m: t.rms_without_delay_m,
-            rms_without_delay_rad: t.rms_without_delay_rad,
-        }
+    pub(super) fn tracking(&self) -> Tracking {
+        self.tracking
     }
 
     /// Commanded and measured coordinates, where they change, and what is between them.

@@ -1,35 +1,14 @@
 //! Commanded against measured motion.
 
 use hexapod::{Pose, Trajectory};
-use serde::Serialize;
 
 use super::MotionSample;
+use rigident_identify::answer::Tracking;
 
 /// The longest delay that is searched for, s.
 const LONGEST_S: f64 = 0.6;
 /// A rotation counts in the search for the delay as the way of a point so far from the axis, m.
 const ARM_M: f64 = 0.25;
-
-/// The tracking of the plate.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Tracking {
-    /// Samples of the measured motion.
-    pub samples: usize,
-    /// Root mean square of measured less commanded position, x, y, z of A, m.
-    pub rms_m: [f64; 3],
-    /// The same of the attitude: the rotation from commanded to measured, about x, y, z of A, rad.
-    pub rms_rad: [f64; 3],
-    /// Largest distance, m.
-    pub largest_m: f64,
-    /// Largest angle, rad.
-    pub largest_rad: f64,
-    /// By how much the plate was late, s: the delay that makes the differences smallest.
-    pub delay_s: f64,
-    /// Root mean square with this delay taken off, m.
-    pub rms_without_delay_m: [f64; 3],
-    /// The same of the attitude, rad.
-    pub rms_without_delay_rad: [f64; 3],
-}
 
 /// Measured less commanded: the way, and the rotation vector of `R_measured R_commandedᵀ`, in A.
 pub fn difference(commanded: &Pose, measured: &Pose) -> [f64; 6] {
@@ -90,7 +69,7 @@ pub fn compare(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Trac
         halves(rms(&differences(trajectory, &measured, delay_s)));
     let largest = |part: fn(&[f64; 6]) -> f64| plain.iter().map(part).fold(0.0, f64::max).sqrt();
     Some(Tracking {
-        samples: measured.len(),
+        samples: measured.len() as u64,
         rms_m,
         rms_rad,
         largest_m: largest(|d| d[0] * d[0] + d[1] * d[1] + d[2] * d[2]),
