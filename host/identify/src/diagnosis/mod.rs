@@ -156,9 +156,9 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     // Where no row is left nothing is explained.
     let (before, channels) = rows_of(&quick).and_then(|rows| left_by(&*rows, BLOCKS)).unwrap_or((0.0, 1));
     // A delay of efforts that they may have is estimated with the body: no fault has to explain it.
-    let known = case.model.iter().flat_map(|model| joints::known_delays(&quick, model));
-    let left = known.filter_map(|known| Some(left_by(&*rows_of(&known.undone(&quick)?)?, BLOCKS)?.0));
-    let before = left.fold(before, f64::min);
+    let known: Vec<Fault> = case.model.iter().flat_map(|model| joints::known_delays(&quick, model)).collect();
+    let tried = try_each(&quick, &known.iter().collect::<Vec<_>>(), BLOCKS, progress);
+    let before = tried.iter().map(|tried| tried.left).fold(before, f64::min);
     let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
     let full = shortened(case, full);
     // If a part of the recording can be true as it is, only what explains its residuals is a cause.
