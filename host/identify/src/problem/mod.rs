@@ -217,7 +217,7 @@ impl Problem {
     }
 
     /// Returns the rows alone.
-    pub fn into_source(self) -> Box<dyn RowSource> {
+    pub(crate) fn into_source(self) -> Box<dyn RowSource> {
         match self.subject {
             Subject::Body { source, .. } => source,
             Subject::Tree { source, .. } => source,
