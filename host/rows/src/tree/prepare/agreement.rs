@@ -1,11 +1,10 @@
 //! The comparison of several columns for one motion; what is assumed of IMUs that nothing is said of.
 
-use std::collections::BTreeMap;
-
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 use rigident_shared::tree::{BaseMotion, Joint};
 
-use super::{JointColumns, Preparation};
+use super::Preparation;
+use super::frames::LinkColumns;
 use crate::body::input_checks;
 use crate::tree::TreePrepareError;
 use crate::tree::columns::{Quantity, column};
@@ -70,17 +69,14 @@ impl Preparation<'_> {
     /// Compares attitudes with gyros, and joints' positions with their rates.
     pub(super) fn judge_agreement(
         &mut self,
-        joints: &BTreeMap<usize, JointColumns>,
-        attitudes: &BTreeMap<usize, &Vec<[f64; 4]>>,
-        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
-        number_of: &dyn Fn(usize) -> Option<usize>,
+        columns: &LinkColumns<'_>,
         rate_hz: f64,
     ) -> Result<(), TreePrepareError> {
         if self.recording.is_static {
             return Ok(());
         }
         let spans = Spans::new(&self.recording.time_ns, rate_hz);
-        for (i, joint) in joints {
+        for (i, joint) in &columns.joints {
             let Some(rates) = &joint.rates else { continue };
             let link = &self.model.links[*i];
             let slides = matches!(link.link.joint, Joint::Prismatic(_));
@@ -98,9 +94,9 @@ impl Preparation<'_> {
                 "is the rate that of this joint, in the same unit, by the same clock?",
             )?;
         }
-        for (i, rows) in attitudes {
-            let (Some(rate), Some(number)) = (gyros.get(i), number_of(*i)) else { continue };
-            if joints.contains_key(i) || *i == 0 {
+        for (i, rows) in &columns.attitudes {
+            let (Some(rate), Some(number)) = (columns.gyros.get(i), columns.number(*i)) else { continue };
+            if columns.joints.contains_key(i) || *i == 0 {
                 continue;
             }
             let [w, x, y, z] = self.imu(number).map_or([1.0, 0.0, 0.0, 0.0], |imu| imu.rotation_wxyz);
@@ -109,7 +105,7 @@ impl Preparation<'_> {
                 name: &self.model.links[*i].name,
                 attitudes: rows,
                 rate,
-                base: gyros.get(&0).map(Vec::as_slice),
+                base: columns.gyros.get(&0).map(Vec::as_slice),
                 mounting: UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)),
             };
             let what = format!(

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rigident_shared::tree::Joint;
 
+use super::frames::Coordinates;
 use super::{JointColumns, Preparation};
 use crate::tree::TreePrepareError;
 use crate::tree::columns::{Quantity, column, numbers, units};
@@ -155,13 +156,12 @@ impl Preparation<'_> {
         Ok(Some(efforts))
     }
 
-    /// Positions and rates of joints with columns, and which rows have them.
-    #[allow(clippy::type_complexity)]
+    /// Returns positions and rates of joints with columns, and which rows have them.
     pub(super) fn coordinates(
         &mut self,
         joints: &BTreeMap<usize, JointColumns>,
         rate_hz: f64,
-    ) -> (BTreeMap<usize, Vec<(f64, f64)>>, Vec<bool>) {
+    ) -> Coordinates {
         let rows = self.recording.rows();
         let mut valid = vec![true; rows];
         let mut all = BTreeMap::new();
@@ -200,7 +200,7 @@ impl Preparation<'_> {
             });
             all.insert(*i, series.collect());
         }
-        (all, valid)
+        Coordinates { series: all, is_valid: valid }
     }
 
     /// Returns what to do about columns of a revolute joint that is part of a spherical one.

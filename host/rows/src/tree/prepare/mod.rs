@@ -5,24 +5,26 @@
 
 mod agreement;
 mod feet;
+mod frames;
 mod joints;
 mod sensors;
 mod sources;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::drive::Drive;
 use super::errors::errors;
-use super::joints::{Resolved, Seen, attitude, resolve};
 use super::rows::rows_of;
-use super::{BaseSensor, Frame, Input, TreePrepareError, standstill};
+use super::{BaseSensor, Input, TreePrepareError, standstill};
 use crate::body::input_checks::check_channels;
 use crate::tree::ProblemOptions;
-use rigident_io::recording::Recording;
+use feet::Feet;
+use frames::{Forces, LinkColumns};
+use rigident_io::recording::{ImuColumns, Recording};
 use rigident_io::rig::{DOWN, OffsetTable, OffsetWord, RecordingTable};
-use rigident_model::base::Situation;
+use rigident_model::base::{Rows, Situation};
 use rigident_model::{Finding, Model};
 
 /// Ready to be identified.
@@ -184,139 +186,36 @@ impl<'a> Preparation<'a> {
 
     fn input(&mut self, options: &ProblemOptions) -> Result<Input, TreePrepareError> {
         let recording = self.recording;
-        let numbering = self.numbering()?;
-        let number_of = |i: usize| numbering.iter().position(|n| *n == Some(i));
-        for (j, imu) in recording.imus.iter().enumerate() {
-            let there = imu.accel.is_some() || imu.gyro.is_some();
-            if there && numbering.get(j).copied().flatten().is_none() {
-                let bodies = self.model.links.iter().filter(|link| link.is_body());
-                let names: Vec<&str> = bodies.map(|link| link.name.as_str()).collect();
-                return Err(self.misfit(format!(
-                    "its columns imu{j}_… are of link {j}, and the model has the movable links 0 to {} ({})",
-                    names.len() - 1,
-                    names.join(", ")
-                )));
-            }
-        }
-        self.judge_imu_tables(&numbering)?;
+        let mut columns = LinkColumns { numbering: self.numbering()?, ..LinkColumns::default() };
+        self.check_imu_numbers(&columns.numbering)?;
+        self.judge_imu_tables(&columns.numbering)?;
         self.note_unused();
-        let gyros = self.gyros(&numbering)?;
-        let joints = self.joint_columns()?;
-        let feet = self.feet(&joints)?;
-        // Nothing but the ground acts on a robot on its feet.
-        let wrench = if feet.is_some() { Some(vec![[0.0; 6]; recording.rows()]) } else { self.wrench()? };
-        let mut efforts = self.efforts(&joints, feet.is_some())?;
-        if options.without_efforts && wrench.is_none() && efforts.is_none() {
-            efforts = Some(vec![vec![0.0; recording.rows()]; self.model.freedoms()]);
-        }
-        let Some(rows) = rows_of(wrench.is_some(), efforts.is_some()) else {
-            return Err(self.missing(
-                "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
-                format!(
-                    "a tree is identified from the wrench on its base link, from joint torques, or from both{}",
-                    self.about_spherical()
-                ),
-            ));
-        };
-        let base = self.base(gyros.get(&0))?;
+        columns.gyros = self.gyros(&columns.numbering)?;
+        columns.joints = self.joint_columns()?;
+        let feet = self.feet(&columns.joints)?;
+        let (forces, rows) = self.forces(&columns, feet.as_ref(), options)?;
+        let base = self.base(columns.gyros.get(&0))?;
         let floating = recording.imus.first().is_some_and(|i| i.accel.is_some());
         let rate_hz = recording.rate_hz.unwrap_or(1.0);
         self.judge_gravity(&base, rate_hz)?;
-        let (coordinates, valid) = self.coordinates(&joints, rate_hz);
-        let mut attitudes = BTreeMap::new();
-        for (j, rows) in &recording.attitudes {
-            if let Some(i) = numbering.get(*j).copied().flatten() {
-                attitudes.insert(i, rows);
-            }
-        }
-        self.check_sources(&joints, &attitudes, &gyros, &number_of)?;
-        let twice: Vec<&str> = attitudes
-            .keys()
-            .filter(|i| joints.contains_key(i))
-            .map(|i| self.model.links[*i].name.as_str())
+        let coordinates = self.coordinates(&columns.joints, rate_hz);
+        columns.attitudes = recording
+            .attitudes
+            .iter()
+            .filter_map(|(j, rows)| Some((columns.numbering.get(*j).copied().flatten()?, rows)))
             .collect();
-        if !twice.is_empty() {
-            self.notes.push(format!(
-                "attitudes of {} were not used: their joints have columns of their own",
-                twice.join(", ")
-            ));
-        }
-        self.judge_agreement(&joints, &attitudes, &gyros, &number_of, rate_hz)?;
-        let mut misfits = vec![0.0_f64; self.model.links.len()];
-        let mut frames = Vec::new();
-        let mut unusable = 0;
-        for row in 0..recording.rows() {
-            if !valid.get(row).copied().unwrap_or(true) {
-                continue;
-            }
-            if self.saturated(row) {
-                unusable += 1;
-                continue;
-            }
-            let motion = base(row);
-            let root = Resolved {
-                attitude: Matrix3::identity(),
-                rate: motion.rate,
-                positions: Vec::new(),
-                rates: Vec::new(),
-                misfit: 0.0,
-            };
-            let mut links = vec![root];
-            for (i, link) in self.model.links.iter().enumerate().skip(1) {
-                let seen = match (coordinates.get(&i), attitudes.get(&i)) {
-                    (Some(series), _) => Seen::Coordinate(series[row].0, series[row].1),
-                    (None, Some(rows)) => {
-                        let j = number_of(i).unwrap_or(i);
-                        let attitude = attitude(&rows[row]).ok_or_else(|| TreePrepareError::Cell {
-                            name: recording.file(),
-                            column: format!("q{j}_w … q{j}_z"),
-                            row: recording.place(row),
-                            reason: format!("{:?} is no unit quaternion w, x, y, z", rows[row]),
-                        })?;
-                        let rate = if recording.is_static {
-                            Vector3::zeros()
-                        } else {
-                            gyros.get(&i).map_or_else(Vector3::zeros, |g| g[row])
-                        };
-                        Seen::Link { attitude, rate }
-                    }
-                    (None, None) => continue,
-                };
-                let parent = &links[link.link.parent];
-                let resolved = resolve(&link.link, parent, &seen)
-                    .ok_or_else(|| self.missing(self.what_of(i).0, self.what_of(i).1))?;
-                misfits[i] += resolved.misfit * resolved.misfit;
-                links.push(resolved);
-            }
-            frames.push(Frame {
-                time_ns: recording.time_ns.get(row).copied().unwrap_or(row as u64 * 1_000_000_000),
-                positions: links.iter().flat_map(|l| l.positions.iter().copied()).collect(),
-                rates: links.iter().flat_map(|l| l.rates.iter().copied()).collect(),
-                base: motion,
-                wrench: wrench.as_ref().map_or([0.0; 6], |w| w[row]),
-                efforts: efforts.as_ref().map_or_else(Vec::new, |e| e.iter().map(|c| c[row]).collect()),
-                standing: Vec::new(),
-                ground: feet.as_ref().and_then(|feet| feet.ground.get(row)).cloned().unwrap_or_default(),
-            });
-        }
-        if frames.is_empty() {
-            return Err(self
-                .missing("frames of motion are", "the recording is shorter than what rates are taken from"));
-        }
-        if unusable > 0 {
-            self.notes.push(format!("{unusable} readings at the limit of a sensor's range were not used"));
-        }
-        self.judge_misfits(&misfits, frames.len(), &number_of)?;
-        let situation = Situation { floating, rows, mimic: false };
-        let rate_sigma = self.rate_sigma(&joints, &gyros, rate_hz);
+        self.check_sources(&columns)?;
+        self.note_unused_attitudes(&columns);
+        self.judge_agreement(&columns, rate_hz)?;
+        let frames = self.frames(&columns, &coordinates, &base, &forces)?;
         let mut input = Input {
             model: self.model.clone(),
             frames,
             is_static: recording.is_static,
             rate_hz,
             base: BaseSensor::Imu(self.imu(0).map_or([0.0; 3], |imu| imu.position_m)),
-            situation,
-            channel_sigma: self.channel_sigma(rows, &joints),
+            situation: Situation { floating, rows, mimic: false },
+            channel_sigma: self.channel_sigma(rows, &columns.joints),
             contact: None,
             known_offset: match recording.rig.load_cell.offset_n_nm {
                 OffsetTable::Known(offset) => Some(offset),
@@ -327,35 +226,98 @@ impl<'a> Preparation<'a> {
             errors: Vec::new(),
             drives: Vec::new(),
             as_stated: Vec::new(),
-            signals: self.signals(&joints, &attitudes, &gyros, &number_of),
-            rate_sigma,
+            signals: self.signals(&columns),
+            rate_sigma: self.rate_sigma(&columns, rate_hz),
         };
-        let asked = !options.friction.is_empty() || !options.drives.is_empty();
-        let (friction, added) = options.friction.beside(self.model, input.is_static);
-        if asked || (input.has_efforts() && !added.is_empty()) {
-            if !input.has_efforts() {
-                return Err(self.missing(
-                    "the joints' efforts (JOINT_nm) that friction acts on are",
-                    "the wrench on the base link does not see friction in the joints; leave `friction` and `drive` out",
-                ));
-            }
-            let names = input.freedom_names();
-            input.drives = Drive::of_joints(&names, &input.model.tree(), &friction);
-            for words in &options.drives {
-                let drive = Drive::parse(words, &names, &friction);
-                input.drives.push(drive.map_err(TreePrepareError::Unsupported)?);
-            }
-            friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
-            input.as_stated = added;
-            self.notes.extend(standstill::mark(&mut input));
-            input.drives.retain(|drive| !drive.terms.is_empty());
-        }
+        self.add_drives(&mut input, options)?;
         if let Some(feet) = feet {
             self.stand(&mut input, feet)?;
         }
-        let table = |i: usize| number_of(i).and_then(|j| self.imu(j));
+        let table = |i: usize| columns.number(i).and_then(|j| self.imu(j));
         let errors = errors(&input, &recording.rig, &table);
         (input.nuisances, input.errors) = (errors.nuisances, errors.signals);
         Ok(input)
+    }
+
+    /// Refuses columns of an IMU on a link that there is not.
+    fn check_imu_numbers(&self, numbering: &[Option<usize>]) -> Result<(), TreePrepareError> {
+        let has_no_link = |(j, imu): &(usize, &ImuColumns)| {
+            (imu.accel.is_some() || imu.gyro.is_some()) && numbering.get(*j).copied().flatten().is_none()
+        };
+        let Some((j, _)) = self.recording.imus.iter().enumerate().find(has_no_link) else { return Ok(()) };
+        let bodies = self.model.links.iter().filter(|link| link.is_body());
+        let names: Vec<&str> = bodies.map(|link| link.name.as_str()).collect();
+        Err(self.misfit(format!(
+            "its columns imu{j}_… are of link {j}, and the model has the movable links 0 to {} ({})",
+            names.len() - 1,
+            names.join(", ")
+        )))
+    }
+
+    /// Returns the forces that were measured, and which rows they make.
+    fn forces(
+        &mut self,
+        columns: &LinkColumns<'_>,
+        feet: Option<&Feet>,
+        options: &ProblemOptions,
+    ) -> Result<(Forces, Rows), TreePrepareError> {
+        let samples = self.recording.rows();
+        let wrench = match feet {
+            // Nothing but the ground acts on a robot on its feet.
+            Some(_) => Some(vec![[0.0; 6]; samples]),
+            None => self.wrench()?,
+        };
+        let mut efforts = self.efforts(&columns.joints, feet.is_some())?;
+        if options.without_efforts && wrench.is_none() && efforts.is_none() {
+            efforts = Some(vec![vec![0.0; samples]; self.model.freedoms()]);
+        }
+        let Some(rows) = rows_of(wrench.is_some(), efforts.is_some()) else {
+            return Err(self.missing(
+                "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
+                format!(
+                    "a tree is identified from the wrench on its base link, from joint torques, or from both{}",
+                    self.about_spherical()
+                ),
+            ));
+        };
+        let ground = feet.map_or_else(Vec::new, |feet| feet.ground.clone());
+        Ok((Forces { wrench, efforts: efforts.unwrap_or_default(), ground }, rows))
+    }
+
+    fn note_unused_attitudes(&mut self, columns: &LinkColumns<'_>) {
+        let twice = columns.attitudes.keys().filter(|i| columns.joints.contains_key(i));
+        let names: Vec<&str> = twice.map(|i| self.model.links[*i].name.as_str()).collect();
+        if !names.is_empty() {
+            self.notes.push(format!(
+                "attitudes of {} were not used: their joints have columns of their own",
+                names.join(", ")
+            ));
+        }
+    }
+
+    /// Adds friction and rotors: as asked, or as the model states them.
+    fn add_drives(&mut self, input: &mut Input, options: &ProblemOptions) -> Result<(), TreePrepareError> {
+        let asked = !options.friction.is_empty() || !options.drives.is_empty();
+        let (friction, added) = options.friction.beside(self.model, input.is_static);
+        if !asked && (!input.has_efforts() || added.is_empty()) {
+            return Ok(());
+        }
+        if !input.has_efforts() {
+            return Err(self.missing(
+                "the joints' efforts (JOINT_nm) that friction acts on are",
+                "the wrench on the base link does not see friction in the joints; leave `friction` and `drive` out",
+            ));
+        }
+        let names = input.freedom_names();
+        input.drives = Drive::of_joints(&names, &input.model.tree(), &friction);
+        for words in &options.drives {
+            let drive = Drive::parse(words, &names, &friction);
+            input.drives.push(drive.map_err(TreePrepareError::Unsupported)?);
+        }
+        friction.check(&input.drives).map_err(TreePrepareError::Unsupported)?;
+        input.as_stated = added;
+        self.notes.extend(standstill::mark(input));
+        input.drives.retain(|drive| !drive.terms.is_empty());
+        Ok(())
     }
 }

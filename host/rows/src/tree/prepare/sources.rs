@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
 use rigident_shared::tree::Joint;
 
+use super::frames::LinkColumns;
 use super::{JointColumns, Preparation};
 use crate::tree::polynomial::Polynomial;
 use crate::tree::{NoisySignal, SignalKind, TreePrepareError};
@@ -55,24 +55,19 @@ impl Preparation<'_> {
         )
     }
 
-    pub(super) fn check_sources(
-        &self,
-        joints: &BTreeMap<usize, JointColumns>,
-        attitudes: &BTreeMap<usize, &Vec<[f64; 4]>>,
-        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
-        number_of: &dyn Fn(usize) -> Option<usize>,
-    ) -> Result<(), TreePrepareError> {
+    /// Refuses a tree one of whose joints has no columns of its motion.
+    pub(super) fn check_sources(&self, columns: &LinkColumns<'_>) -> Result<(), TreePrepareError> {
         for i in 1..self.model.links.len() {
             let slides = matches!(self.model.links[i].link.joint, Joint::Prismatic(_) | Joint::Free);
-            if joints.contains_key(&i) {
+            if columns.joints.contains_key(&i) {
                 continue;
             }
-            if slides || !attitudes.contains_key(&i) {
+            if slides || !columns.attitudes.contains_key(&i) {
                 let (missing, advice) = self.what_of(i);
                 return Err(self.missing(missing, advice));
             }
-            if !gyros.contains_key(&i) && !self.recording.is_static {
-                let j = number_of(i).unwrap_or(i);
+            if !columns.gyros.contains_key(&i) && !self.recording.is_static {
+                let j = columns.number(i).unwrap_or(i);
                 return Err(self.missing(
                     format!("the angular rate imu{j}_gx_radps … of link {} is", self.model.links[i].name),
                     "rates are not differentiated from attitudes: give the link a gyro, or static = true for still poses",
@@ -86,14 +81,14 @@ impl Preparation<'_> {
         &mut self,
         squares: &[f64],
         frames: usize,
-        number_of: &dyn Fn(usize) -> Option<usize>,
+        columns: &LinkColumns<'_>,
     ) -> Result<(), TreePrepareError> {
         for (i, sum) in squares.iter().enumerate() {
             let rms = (sum / frames as f64).sqrt();
             let link = &self.model.links[i];
             let said = format!(
                 "the attitude q{}_… of link {} is turned by {:.2}° (rms) against what its joint {} can do",
-                number_of(i).unwrap_or(i),
+                columns.number(i).unwrap_or(i),
                 link.name,
                 rms.to_degrees(),
                 link.joint_name
@@ -176,13 +171,7 @@ impl Preparation<'_> {
     }
 
     /// Returns the signals that the frames are made of, with their noise.
-    pub(super) fn signals(
-        &self,
-        joints: &BTreeMap<usize, JointColumns>,
-        attitudes: &BTreeMap<usize, &Vec<[f64; 4]>>,
-        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
-        number_of: &dyn Fn(usize) -> Option<usize>,
-    ) -> Vec<NoisySignal> {
+    pub(super) fn signals(&self, columns: &LinkColumns<'_>) -> Vec<NoisySignal> {
         let is_static = self.recording.is_static;
         let mut signals = Vec::new();
         let mut add = |kind, link, stated, found| {
@@ -193,9 +182,9 @@ impl Preparation<'_> {
             let stated = self.imu(0).and_then(|imu| imu.accel_noise_mps2);
             add(SignalKind::Accelerometer, 0, stated, self.noise_of(3, |row| accel.get(row).copied()));
         }
-        let is_seen = |i: usize| i == 0 || !joints.contains_key(&i);
-        for (i, rates) in gyros.iter().filter(|(i, _)| is_seen(**i) && !is_static) {
-            let stated = number_of(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.gyro_noise_radps);
+        let is_seen = |i: usize| i == 0 || !columns.joints.contains_key(&i);
+        for (i, rates) in columns.gyros.iter().filter(|(i, _)| is_seen(**i) && !is_static) {
+            let stated = columns.number(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.gyro_noise_radps);
             add(
                 SignalKind::Gyro,
                 *i,
@@ -203,14 +192,14 @@ impl Preparation<'_> {
                 self.noise_of(3, |row| rates.get(row).map(|rate| (*rate).into())),
             );
         }
-        for (i, quaternions) in attitudes.iter().filter(|(i, _)| **i > 0 && is_seen(**i)) {
-            let stated = number_of(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.attitude_noise_rad);
+        for (i, quaternions) in columns.attitudes.iter().filter(|(i, _)| **i > 0 && is_seen(**i)) {
+            let stated = columns.number(*i).and_then(|j| self.imu(j)).and_then(|imu| imu.attitude_noise_rad);
             let continuous = continuous(quaternions);
             // A quaternion moves by half the angle.
             let found = 2.0 * self.noise_of(3, |row| continuous.get(row).copied());
             add(SignalKind::Attitude, *i, stated, found);
         }
-        for (i, joint) in joints {
+        for (i, joint) in &columns.joints {
             let one = |values: &[f64]| self.noise_of(1, |row| values.get(row).map(|v| [*v]));
             let has_slope = joint.rates.is_none() && !is_static;
             let kind = if has_slope { SignalKind::PositionWithSlope } else { SignalKind::Position };
@@ -230,21 +219,16 @@ impl Preparation<'_> {
     }
 
     /// The largest noise of a rate, rad/s or m/s: given, or from differences, which motion hardly enters.
-    pub(super) fn rate_sigma(
-        &self,
-        joints: &BTreeMap<usize, JointColumns>,
-        gyros: &BTreeMap<usize, Vec<Vector3<f64>>>,
-        rate_hz: f64,
-    ) -> f64 {
+    pub(super) fn rate_sigma(&self, columns: &LinkColumns<'_>, rate_hz: f64) -> f64 {
         if self.recording.is_static {
             return 0.0;
         }
         let slope = Polynomial::new(rate_hz).slope_noise();
-        let of_joints = joints.values().map(|j| match &j.rates {
+        let of_joints = columns.joints.values().map(|j| match &j.rates {
             Some(rates) => white_noise(rates),
             None => slope * white_noise(&j.positions),
         });
-        let of_links = gyros.values().map(|rates| {
+        let of_links = columns.gyros.values().map(|rates| {
             let axis = |k: usize| white_noise(&rates.iter().map(|r| r[k]).collect::<Vec<f64>>());
             axis(0).max(axis(1)).max(axis(2))
         });
