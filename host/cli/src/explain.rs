@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use rigident::application::Loaded;
 use rigident::fit::figures::{fixed, significant};
 use rigident::problem::Subject;
+use rigident::rows::body::Input;
 use rigident_fit::Fit;
 use rigident_shared::conditioning::Conditioner;
 use rigident_shared::factor::InformationFactor;
@@ -38,6 +39,20 @@ struct Worked {
     factor: InformationFactor<f64, N>,
 }
 
+/// The steps that were written, numbered.
+#[derive(Default)]
+struct Steps {
+    text: String,
+    count: usize,
+}
+
+impl Steps {
+    fn add(&mut self, title: &str, words: &str) {
+        self.count += 1;
+        let _ = writeln!(self.text, "{:2}. {title}\n    {}", self.count, words.replace('\n', "\n    "));
+    }
+}
+
 /// Returns the ten steps as text.
 ///
 /// # Errors
@@ -49,90 +64,91 @@ pub(super) fn text(loaded: &Loaded, fit: &Fit) -> Result<String, Failure> {
     let input = source.input();
     let sigma: Vec<f64> = fit.channels.iter().map(|channel| channel.sigma).collect();
     let sigma = sigma.first_chunk::<6>().copied().ok_or_else(|| Failure::input("--explain: six channels"))?;
-    let readings = &input.readings;
-    let rate_hz = input.rate_hz;
-    let worked = Worked::of(readings, &input.mounting, rate_hz, &sigma)
+    let worked = Worked::of(&input.readings, &input.mounting, input.rate_hz, &sigma)
         .ok_or_else(|| Failure::input("--explain: the run is too short"))?;
+    let mut steps = Steps::default();
+    explain_readings(input, &mut steps);
+    explain_rows(input, &worked, &sigma, &mut steps);
+    explain_answer(&worked, &mut steps);
+    Ok(steps.text)
+}
+
+fn list(values: &[f64], digits: i32) -> String {
+    values.iter().map(|v| fixed(*v, digits)).collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the time of a reading, s from the first.
+fn seconds(input: &Input, time_ns: u64) -> f64 {
+    time_ns as f64 * 1e-9 - input.readings[0].time_ns as f64 * 1e-9
+}
+
+/// Steps 1 to 4: the equations, and the readings.
+fn explain_readings(input: &Input, steps: &mut Steps) {
+    let (readings, rate_hz) = (&input.readings, input.rate_hz);
     let reading = &readings[readings.len() / 2];
-    let first_s = readings[0].time_ns as f64 * 1e-9;
-    let list =
-        |values: &[f64], digits: i32| values.iter().map(|v| fixed(*v, digits)).collect::<Vec<_>>().join(", ");
-    let solution = worked.factor.solve();
-    let (mass, deviation) = (solution.estimate[0], solution.standard_deviation[0]);
-    let block = &worked.block;
-    let predicted: [f64; 6] = std::array::from_fn(|row| {
-        let of_body: f64 = (0..10).map(|j| block.columns[j][row] * solution.estimate[j]).sum();
-        of_body + solution.estimate[10 + row]
-    });
-    let mut out = String::new();
-    let mut step = |number: usize, title: &str, words: String| {
-        let _ = writeln!(out, "{number:2}. {title}\n    {}", words.replace('\n', "\n    "));
-    };
-    step(
-        1,
+    steps.add(
         "The question",
-        format!(
+        &format!(
             "Newton and Euler about the origin of the load cell's frame S are linear in ten numbers φ:\n{}.\nF = m a + …, M = … : each \
-         instant gives six equations A φ = w, whatever the motion.",
+             instant gives six equations A φ = w, whatever the motion.",
             PARAMETER_NAMES[..10].join(", ")
         ),
     );
-    step(
-        2,
+    steps.add(
         "The motion",
-        format!(
+        &format!(
             "The platform moved the body for {:.0} s. Without turning about several axes some of the ten never show in w.",
-            readings.last().map_or(0.0, |last| last.time_ns as f64 * 1e-9 - first_s)
+            readings.last().map_or(0.0, |last| seconds(input, last.time_ns))
         ),
     );
-    step(
-        3,
+    steps.add(
         "A reading",
-        format!(
+        &format!(
             "{} of them, {rate_hz} a second. That at {:.3} s:\nwrench w = [{}] N, N m\nspecific force a = [{}] m/s² (gravity is in it: at rest it \
-         points up)\nrate ω = [{}] rad/s",
+             points up)\nrate ω = [{}] rad/s",
             readings.len(),
-            reading.time_ns as f64 * 1e-9 - first_s,
+            seconds(input, reading.time_ns),
             list(&reading.wrench.array(), 3),
             list(&reading.specific_force.array(), 3),
             list(&reading.angular_rate.array(), 4)
         ),
     );
-    step(
-        4,
+    steps.add(
         "One place, one clock",
-        format!(
+        &format!(
             "The IMU sits at p = [{}] m, turned against S: a at the origin of S is a − ω̇×p − ω×(ω×p),\nand the IMU's samples are brought to \
-         the load cell's times.",
+             the load cell's times.",
             list(&input.mounting.position.array(), 3)
         ),
     );
-    step(
-        5,
+}
+
+/// Steps 5 to 8: the filter, and rows in the factor.
+fn explain_rows(input: &Input, worked: &Worked, sigma: &[f64; 6], steps: &mut Steps) {
+    let first_s = input.readings[0].time_ns as f64 * 1e-9;
+    steps.add(
         "The filter",
-        format!(
+        &format!(
             "ω̇ is not measured. The products of ω, a and w go through one filter of {WIDTH_S} s; ω through its derivative.\nBoth sides \
-         of A φ = w get the same filter, so it stays true. Noise of a channel becomes {} of a reading's.",
+             of A φ = w get the same filter, so it stays true. Noise of a channel becomes {} of a reading's.",
             significant(worked.gain, 2)
         ),
     );
-    step(
-        6,
+    steps.add(
         "Rows",
-        format!(
+        &format!(
             "Every {ROW_EVERY} readings six rows: {} blocks. The column of the mass at {:.2} s is [{}] m/s²:\nwhat the load cell would feel \
-         of 1 kg at its origin.",
+             of 1 kg at its origin.",
             worked.blocks,
             worked.at_s - first_s,
-            list(&block.columns[0], 3)
+            list(&worked.block.columns[0], 3)
         ),
     );
-    step(
-        7,
+    steps.add(
         "Weights",
-        format!(
+        &format!(
             "Each row is divided by its standard deviation, so that a newton and a newton metre count as they are known:\nσ of a reading = [{}] \
-         N, N m",
+             N, N m",
             sigma.map(|s| significant(s, 2)).join(", ")
         ),
     );
@@ -141,23 +157,31 @@ pub(super) fn text(loaded: &Loaded, fit: &Fit) -> Result<String, Failure> {
         .iter()
         .map(|(at_s, sd)| format!("{} kg after {:.1} s", significant(1.96 * sd, 2), at_s - first_s))
         .collect();
-    step(
-        8,
+    steps.add(
         "The factor",
-        format!(
+        &format!(
             "Reflections turn the rows into a triangle R of {N} columns (ten, and six offsets of w) and forget them:\n{} numbers, \
-         however long the run. RᵀR is the information; 1.96 σ of the mass is\n{}.",
+             however long the run. RᵀR is the information; 1.96 σ of the mass is\n{}.",
             N * (N + 3) / 2,
             grows.join(", ")
         ),
     );
-    step(
-        9,
+}
+
+/// Steps 9 and 10: the solution, and the rest of the residuals.
+fn explain_answer(worked: &Worked, steps: &mut Steps) {
+    let solution = worked.factor.solve();
+    let block = &worked.block;
+    let predicted: [f64; 6] = std::array::from_fn(|row| {
+        let of_body: f64 = (0..10).map(|j| block.columns[j][row] * solution.estimate[j]).sum();
+        of_body + solution.estimate[10 + row]
+    });
+    steps.add(
         "The answer",
-        format!(
+        &format!(
             "Solve R φ = z. (RᵀR)⁻¹ is the covariance: m = {} ± {} kg.\nWith it A φ explains the block of step 6: measured [{}], explained [{}].",
-            fixed(mass, 4),
-            significant(1.96 * deviation, 2),
+            fixed(solution.estimate[0], 4),
+            significant(1.96 * solution.standard_deviation[0], 2),
             list(&block.wrench, 2),
             list(&predicted, 2)
         ),
@@ -166,17 +190,15 @@ pub(super) fn text(loaded: &Loaded, fit: &Fit) -> Result<String, Failure> {
     // What white noise leaves after the filter, in rows that are weighed as those of the pipeline.
     let expected = f64::from(ROW_EVERY) * worked.gain * worked.gain;
     let free = expected * (f64::from(worked.factor.rows()) - N as f64).max(1.0);
-    step(
-        10,
+    steps.add(
         "The checks",
-        format!(
+        &format!(
             "What no φ explains is {} σ on average: 1 where the model and the stated noise are right.\nThe answer below counts more: noise of \
-         the IMU, outliers, rows that hang together, errors of the rig; it says whether a body can have\nthese ten numbers, and gives \
-         none that the motion does not determine.",
+             the IMU, outliers, rows that hang together, errors of the rig; it says whether a body can have\nthese ten numbers, and gives \
+             none that the motion does not determine.",
             significant((squares / free).sqrt(), 2)
         ),
     );
-    Ok(out)
 }
 
 impl Worked {

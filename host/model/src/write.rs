@@ -330,92 +330,101 @@ fn as_urdf(model: &Model) -> String {
 }
 
 fn as_mjcf(model: &Model) -> String {
-    fn body(model: &Model, i: usize, depth: usize, out: &mut String) {
-        let own = &model.links[i];
-        let pad = "  ".repeat(depth);
-        // Its joints, nearest to the base first: those of links before it that are no bodies are its own too.
-        let mut chain = vec![i];
-        while let Some(before) = chain.last().map(|k| model.links[*k].link.parent)
-            && !model.links[before].is_body()
-            && before != 0
-        {
-            chain.push(before);
-        }
-        chain.reverse();
-        let (mut rotation, mut position) = (Matrix3::identity(), Vector3::zeros());
-        for k in chain.iter().filter(|_| i > 0) {
-            let link = &model.links[*k].link;
-            position += rotation * link.position;
-            rotation *= link.rotation;
-        }
-        let mut place = String::new();
-        if i > 0 {
-            let q = UnitQuaternion::from_matrix(&rotation);
-            place = format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&position), q.w, q.i, q.j, q.k);
-        }
-        let _ = writeln!(out, "{pad}<body name=\"{}\"{place}>", escaped(&own.name));
-        // Joints are in the axes of their body: place and turn of each of the chain's links in it.
-        let (mut turn, mut point) = (Matrix3::identity(), Vector3::zeros());
-        let mut at = Vec::new();
-        for k in chain.iter().rev() {
-            at.push((*k, turn, point));
-            let link = &model.links[*k].link;
-            turn *= link.rotation.transpose();
-            point -= turn * link.position;
-        }
-        for (k, turn, point) in at.into_iter().rev().filter(|_| i > 0) {
-            let link = &model.links[k];
-            let [passive, second] = &link.passive;
-            let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>, passive: &Passive| {
-                let passive = passive.written(Language::Mjcf, &link.link.joint);
-                let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(&(turn * a))));
-                let pos = if point == Vector3::zeros() {
-                    String::new()
-                } else {
-                    format!(" pos=\"{}\"", vector(&point))
-                };
-                let _ = writeln!(
-                    out,
-                    "{pad}  <joint name=\"{}\" type=\"{kind}\"{axis}{pos}{passive}/>",
-                    escaped(name)
-                );
-            };
-            match &link.link.joint {
-                Joint::Fixed => {}
-                Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a), passive),
-                Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a), passive),
-                Joint::Spherical => joint(&link.joint_name, "ball", None, passive),
-                Joint::Free => joint(&link.joint_name, "free", None, passive),
-                Joint::Universal(a, b) => {
-                    joint(&format!("{}_first", link.joint_name), "hinge", Some(a), passive);
-                    joint(&link.joint_name, "hinge", Some(b), second);
-                }
-            }
-        }
-        if let Some(phi) = &own.nominal {
-            let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
-        } else if i == 0 || own.link.joint == Joint::Fixed {
-            // Some readers want one of every body; MuJoCo has nothing against none where nothing moves.
-            let _ = writeln!(out, "{pad}  <inertial pos=\"0 0 0\" mass=\"0\" diaginertia=\"0 0 0\"/>");
-        }
-        below(model, i, depth + 1, out);
-        let _ = writeln!(out, "{pad}</body>");
-    }
-    /// The bodies that hang on a link, or on links of it that are none.
-    fn below(model: &Model, i: usize, depth: usize, out: &mut String) {
-        for (k, link) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i) {
-            if link.is_body() { body(model, k, depth, out) } else { below(model, k, depth, out) }
-        }
-    }
     let mut out = format!(
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n  <worldbody>\n",
         escaped(&model.name)
     );
     // The world's own body is the base, where a file had it so.
     if model.links.first().is_some_and(|base| base.name == mjcf::WORLD && base.nominal.is_none()) {
-        below(model, 0, 2, &mut out);
+        bodies_below(model, 0, 2, &mut out);
     } else {
-        body(model, 0, 2, &mut out);
+        mjcf_body(model, 0, 2, &mut out);
     }
     out + "  </worldbody>\n</mujoco>\n"
+}
+
+/// Writes a body with those that hang on it.
+fn mjcf_body(model: &Model, i: usize, depth: usize, out: &mut String) {
+    let own = &model.links[i];
+    let pad = "  ".repeat(depth);
+    let chain = joints_of_body(model, i);
+    let mut place = String::new();
+    if i > 0 {
+        let (mut rotation, mut position) = (Matrix3::identity(), Vector3::zeros());
+        for k in &chain {
+            let link = &model.links[*k].link;
+            position += rotation * link.position;
+            rotation *= link.rotation;
+        }
+        let q = UnitQuaternion::from_matrix(&rotation);
+        place = format!(" pos=\"{}\" quat=\"{} {} {} {}\"", vector(&position), q.w, q.i, q.j, q.k);
+    }
+    let _ = writeln!(out, "{pad}<body name=\"{}\"{place}>", escaped(&own.name));
+    if i > 0 {
+        mjcf_joints(model, &chain, &pad, out);
+    }
+    if let Some(phi) = &own.nominal {
+        let _ = writeln!(out, "{pad}  {}", inertial(phi, Language::Mjcf));
+    } else if i == 0 || own.link.joint == Joint::Fixed {
+        // Some readers want one of every body; MuJoCo has nothing against none where nothing moves.
+        let _ = writeln!(out, "{pad}  <inertial pos=\"0 0 0\" mass=\"0\" diaginertia=\"0 0 0\"/>");
+    }
+    bodies_below(model, i, depth + 1, out);
+    let _ = writeln!(out, "{pad}</body>");
+}
+
+/// Returns the links whose joints are a body's own, nearest to the base first: links before it that are no bodies, and itself.
+fn joints_of_body(model: &Model, i: usize) -> Vec<usize> {
+    let mut chain = vec![i];
+    while let Some(before) = chain.last().map(|k| model.links[*k].link.parent)
+        && !model.links[before].is_body()
+        && before != 0
+    {
+        chain.push(before);
+    }
+    chain.reverse();
+    chain
+}
+
+/// Writes the joints of a body, in its own axes.
+fn mjcf_joints(model: &Model, chain: &[usize], pad: &str, out: &mut String) {
+    // Place and turn of each of the chain's links in the body.
+    let (mut turn, mut point) = (Matrix3::identity(), Vector3::zeros());
+    let mut at = Vec::new();
+    for k in chain.iter().rev() {
+        at.push((*k, turn, point));
+        let link = &model.links[*k].link;
+        turn *= link.rotation.transpose();
+        point -= turn * link.position;
+    }
+    for (k, turn, point) in at.into_iter().rev() {
+        let link = &model.links[k];
+        let [passive, second] = &link.passive;
+        let mut joint = |name: &str, kind: &str, axis: Option<&Vector3<f64>>, passive: &Passive| {
+            let passive = passive.written(Language::Mjcf, &link.link.joint);
+            let axis = axis.map_or_else(String::new, |a| format!(" axis=\"{}\"", vector(&(turn * a))));
+            let is_at_origin = point == Vector3::zeros();
+            let pos = if is_at_origin { String::new() } else { format!(" pos=\"{}\"", vector(&point)) };
+            let name = escaped(name);
+            let _ = writeln!(out, "{pad}  <joint name=\"{name}\" type=\"{kind}\"{axis}{pos}{passive}/>");
+        };
+        match &link.link.joint {
+            Joint::Fixed => {}
+            Joint::Revolute(a) => joint(&link.joint_name, "hinge", Some(a), passive),
+            Joint::Prismatic(a) => joint(&link.joint_name, "slide", Some(a), passive),
+            Joint::Spherical => joint(&link.joint_name, "ball", None, passive),
+            Joint::Free => joint(&link.joint_name, "free", None, passive),
+            Joint::Universal(a, b) => {
+                joint(&format!("{}_first", link.joint_name), "hinge", Some(a), passive);
+                joint(&link.joint_name, "hinge", Some(b), second);
+            }
+        }
+    }
+}
+
+/// Writes the bodies that hang on a link, or on links of it that are none.
+fn bodies_below(model: &Model, i: usize, depth: usize, out: &mut String) {
+    for (k, link) in model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i) {
+        if link.is_body() { mjcf_body(model, k, depth, out) } else { bodies_below(model, k, depth, out) }
+    }
 }

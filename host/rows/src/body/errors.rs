@@ -5,7 +5,7 @@ use rigident_shared::calibration::Reading;
 use super::sensitivities::{ERRORS, ImuError, PAIRS};
 use super::{CHANNELS, WRENCH};
 use rigident_fit::{Basis, Effect, Gaussian, Nuisance, Scope};
-use rigident_io::rig::classes::rectangular;
+use rigident_io::rig::classes::{ImuLimits, rectangular};
 use rigident_io::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigCalibration};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -196,7 +196,38 @@ type ImuGroup = (&'static str, ImuError, &'static str, Option<f64>, f64, &'stati
 pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance)> {
     let class = imu.class.unwrap_or(ImuClass::DEFAULT);
     let limits = class.limits();
-    let groups: [ImuGroup; ERRORS] = [
+    let mut all = Vec::new();
+    for (group, error, unit, stated, limit, key, scope) in groups(imu, &limits) {
+        if is_static && error.is_of_motion() {
+            continue;
+        }
+        for axis in 0..error.count() {
+            let mut name = group.to_lowercase().replace([' ', '-'], "_");
+            if error.count() > 1 {
+                name = format!("{name}_{}", AXES[axis]);
+            }
+            let nuisance = Nuisance {
+                name,
+                group: group.to_owned(),
+                unit: unit.to_owned(),
+                sigma: stated.unwrap_or(rectangular(limit)),
+                basis: match stated {
+                    Some(_) => Basis::Stated(format!("imu.{key}")),
+                    None => Basis::Class(format!("IMU {}", class.name())),
+                },
+                scope,
+                effect: Effect::Signal(error.first() + axis),
+            };
+            all.push((error, axis, nuisance));
+        }
+    }
+    all.retain(|(_, _, k)| k.sigma.is_finite() && k.sigma > 0.0);
+    all
+}
+
+/// Returns the groups of errors of an IMU: as the rig file states them, and as its class limits them.
+fn groups(imu: &ImuTable, limits: &ImuLimits) -> [ImuGroup; ERRORS] {
+    [
         (
             "lever arm",
             ImuError::LeverArm,
@@ -270,34 +301,7 @@ pub fn of_imu(imu: &ImuTable, is_static: bool) -> Vec<(ImuError, usize, Nuisance
             "accel_misalignment_std_rad",
             Scope::Rig,
         ),
-    ];
-    let mut all = Vec::new();
-    for (group, error, unit, stated, limit, key, scope) in groups {
-        if is_static && error.is_of_motion() {
-            continue;
-        }
-        for axis in 0..error.count() {
-            let mut name = group.to_lowercase().replace([' ', '-'], "_");
-            if error.count() > 1 {
-                name = format!("{name}_{}", AXES[axis]);
-            }
-            let nuisance = Nuisance {
-                name,
-                group: group.to_owned(),
-                unit: unit.to_owned(),
-                sigma: stated.unwrap_or(rectangular(limit)),
-                basis: match stated {
-                    Some(_) => Basis::Stated(format!("imu.{key}")),
-                    None => Basis::Class(format!("IMU {}", class.name())),
-                },
-                scope,
-                effect: Effect::Signal(error.first() + axis),
-            };
-            all.push((error, axis, nuisance));
-        }
-    }
-    all.retain(|(_, _, k)| k.sigma.is_finite() && k.sigma > 0.0);
-    all
+    ]
 }
 
 #[cfg(test)]

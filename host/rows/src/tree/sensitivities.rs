@@ -129,13 +129,19 @@ impl<'a> ErrorRows<'a> {
         let motion = &instant.base;
         out.clear();
         moved.fill(None);
+        let still = LinkState::zero();
+        let at = |i: usize| states.get(i).unwrap_or(&still);
+        let unit = |axis: usize| Matrix3::<f64>::identity().column(axis).into_owned();
+        let of_gyro = |link: usize| {
+            let state = at(link + BASE);
+            if link == 0 { motion.rate } else { state.rotation.tr_mul(&state.rate) }
+        };
         let mut base = |direction: fn(usize) -> Direction, v: Three| {
             out.extend(v.iter().enumerate().map(|(axis, value)| (direction(axis), *value)));
         };
-        let unit = |axis: usize| Matrix3::<f64>::identity().column(axis).into_owned();
-        let still = LinkState::zero();
-        let at = |i: usize| states.get(i).unwrap_or(&still);
         let mut everywhere = None;
+        // The link whose rate is in error, and by how much.
+        let mut rate = None;
         match error {
             SignalError::LeverArm(axis) => base(Direction::LeverArm, unit(*axis)),
             SignalError::BaseTilt(axis) => base(Direction::Force, unit(*axis).cross(&motion.specific_force)),
@@ -146,38 +152,17 @@ impl<'a> ErrorRows<'a> {
             SignalError::BaseRotation(axis) => {
                 let e = unit(*axis);
                 base(Direction::Force, e.cross(&motion.specific_force));
-                let rate = e.cross(&motion.rate);
-                base(Direction::Rate, rate);
-                moved[BASE] = Some([Vector3::zeros(), rate]);
+                rate = Some((0, e.cross(&motion.rate)));
                 everywhere = Some(e);
             }
-            SignalError::GyroBias { link: 0, axis } => {
-                base(Direction::Rate, -axis);
-                moved[BASE] = Some([Vector3::zeros(), -axis]);
-            }
-            SignalError::GyroGain { link: 0, axis } => {
-                let rate = -axis * axis.dot(&motion.rate);
-                base(Direction::Rate, rate);
-                moved[BASE] = Some([Vector3::zeros(), rate]);
-            }
-            SignalError::GyroRotation { link: 0, axis } => {
-                let rate = axis.cross(&motion.rate);
-                base(Direction::Rate, rate);
-                moved[BASE] = Some([Vector3::zeros(), rate]);
-            }
-            SignalError::GyroBias { link, axis } => moved[link + BASE] = Some([Vector3::zeros(), -axis]),
+            SignalError::GyroBias { link, axis } => rate = Some((*link, -axis)),
             SignalError::GyroGain { link, axis } => {
-                let state = at(link + BASE);
-                let rate = state.rotation.tr_mul(&state.rate);
-                moved[link + BASE] = Some([Vector3::zeros(), -axis * axis.dot(&rate)]);
+                rate = Some((*link, -axis * axis.dot(&of_gyro(*link))));
             }
-            SignalError::GyroRotation { link, axis } => {
-                let state = at(link + BASE);
-                let rate = state.rotation.tr_mul(&state.rate);
-                moved[link + BASE] = Some([Vector3::zeros(), axis.cross(&rate)]);
-            }
+            SignalError::GyroRotation { link, axis } => rate = Some((*link, axis.cross(&of_gyro(*link)))),
             SignalError::LinkRotation { link, axis } => {
-                let (e, state) = (unit(*axis), at(link + BASE));
+                let e = unit(*axis);
+                let state = at(link + BASE);
                 moved[link + BASE] = Some([-e, e.cross(&state.rotation.tr_mul(&state.rate))]);
             }
             SignalError::JointZero(link) => {
@@ -195,11 +180,32 @@ impl<'a> ErrorRows<'a> {
             | SignalError::FrictionSpeed(_)
             | SignalError::FrictionShape(_)
             | SignalError::FootZero { .. }
-            | SignalError::FootGain { .. } => return,
+            | SignalError::FootGain { .. } => {}
         }
-        if !self.is_seen.contains(&true) || moved.iter().all(Option::is_none) {
-            return;
+        if let Some((link, rate)) = rate {
+            if link == 0 {
+                let weights = rate.iter().enumerate();
+                out.extend(weights.map(|(axis, value)| (Direction::Rate(axis), *value)));
+            }
+            moved[link + BASE] = Some([Vector3::zeros(), rate]);
         }
+        if self.is_seen.contains(&true) && moved.iter().any(Option::is_some) {
+            self.pass_on(instant, everywhere, moved, out);
+        }
+    }
+
+    /// Passes the moves of links on to those that they carry, and writes the weights of joints between links whose own
+    /// sensors show their motion. A turn of everything beyond the base is `everywhere`, the base's frame.
+    fn pass_on(
+        &self,
+        instant: &Instant,
+        everywhere: Option<Three>,
+        moved: &mut [Option<[Three; 2]>],
+        out: &mut Vec<(Direction, f64)>,
+    ) {
+        let states = instant.moving.states();
+        let still = LinkState::zero();
+        let at = |i: usize| states.get(i).unwrap_or(&still);
         for i in BASE + 1..states.len() {
             let parent = instant.parent(i);
             if moved[i].is_none() && moved[parent].is_none() && everywhere.is_none() {
