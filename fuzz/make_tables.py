@@ -179,6 +179,58 @@ def tdms_files():
         writer.write_segment([root, *channels])
 
 
+def tdms_of_daqmx():
+    """Counts of two devices, after NI's description of the format; nptdms, which cannot write them, reads them back."""
+    import struct
+
+    from nptdms import TdmsFile
+
+    def text(words):
+        return struct.pack("<I", len(words)) + words.encode()
+
+    def properties(own):
+        out = struct.pack("<I", len(own))
+        for name, kind, value in own:
+            packed = text(value) if kind == 0x20 else struct.pack({3: "<i", 7: "<I", 10: "<d"}[kind], value)
+            out += text(name) + struct.pack("<I", kind) + packed
+        return out
+
+    def channel(name, samples, code, scaler, own):
+        index = struct.pack("<IIIQI", code, 0xFFFFFFFF, 1, samples, 1) + scaler + struct.pack("<III", 2, 17, 8)
+        return text(f"/'run'/'{name}'") + index + properties(own)
+
+    half = ROWS // 2
+    meta = struct.pack("<I", 8) + text("/'run'") + struct.pack("<II", 0xFFFFFFFF, 0)
+    for k, (name, unit) in enumerate(zip(NAMES, UNITS), 1):
+        buffer, place = (0, 4 * (k - 1)) if k <= 4 else (1, 4 * (k - 5))
+        own = [
+            ("unit_string", 0x20, unit),
+            ("wf_increment", 10, 0.002),
+            ("NI_Number_Of_Scales", 7, 2),
+            ("NI_Scaling_Status", 0x20, "unscaled"),
+            ("NI_Scale[1]_Scale_Type", 0x20, "Polynomial"),
+            ("NI_Scale[1]_Polynomial_Coefficients_Size", 7, 4),
+            *[(f"NI_Scale[1]_Polynomial_Coefficients[{n}]", 10, c) for n, c in enumerate([0.25, 0.001, 0.0, 0.0])],
+            ("NI_Scale[1]_Polynomial_Input_Source", 7, 0),
+        ]
+        meta += channel(name, half, 0x1269, struct.pack("<IIIII", 5, buffer, place, 0, 0), own)
+    # Bit 3 of the seventeenth byte.
+    meta += channel("gate", half, 0x126A, struct.pack("<IIIBI", 0, 0, 16 * 8 + 3, 0, 0), [("wf_increment", 10, 0.002)])
+    counts = lambda row, ks: struct.pack(f"<{len(ks)}i", *[thousandths(row, k) for k in ks])
+    raw = b""
+    for rows in (range(half), range(half, ROWS)):
+        raw += b"".join(counts(row, [1, 2, 3, 4]) + bytes([0xF7 | (row % 2) << 3]) for row in rows)
+        raw += b"".join(counts(row, [5, 6]) for row in rows)
+    contents = (1 << 1) | (1 << 2) | (1 << 3) | (1 << 7)
+    lead = b"TDSm" + struct.pack("<IIQQ", contents, 4713, len(meta) + len(raw), len(meta))
+    (TABLES / "daqmx.tdms").write_bytes(lead + meta + raw)
+    group = TdmsFile.read(TABLES / "daqmx.tdms")["run"]
+    for k, name in enumerate(NAMES, 1):
+        wanted = [thousandths(row, k) * 0.001 + 0.25 for row in range(ROWS)]
+        assert np.allclose(group[name][:], wanted, rtol=0, atol=1e-9), name
+    assert list(group["gate"].raw_data) == [row % 2 for row in range(ROWS)]
+
+
 def parquet_decimals():
     """Decimals of 4, 8 and 16 bytes, and such that are stored as whole numbers, by pyarrow."""
     import decimal
@@ -281,5 +333,6 @@ if __name__ == "__main__":
     xlsxwriter_sheet()
     tables_of_text()
     tdms_files()
+    tdms_of_daqmx()
     parquet_decimals()
     ros1_bags()

@@ -1,6 +1,7 @@
 //! Columns of a TDMS file of National Instruments: channels of one length, with their units, times from a channel or
 //! from the increment that their properties state.
 
+mod daqmx;
 mod scales;
 mod segments;
 

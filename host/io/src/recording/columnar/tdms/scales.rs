@@ -7,6 +7,8 @@ const MOST: usize = 32;
 /// The source of a scale that takes the raw numbers.
 const RAW: f64 = 4_294_967_295.0;
 
+const COUNTS: &str = "its numbers are counts of the converter, and no scale makes values of them: save it scaled";
+
 /// Scales one after the other; the last one's number counts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Scales(Vec<Scale>);
@@ -41,16 +43,23 @@ pub(super) fn of(channel: &Object, objects: &[Object]) -> Result<Option<Scales>,
     };
     let count = |object: &Object| object.number("NI_Number_Of_Scales").filter(|count| *count > 0.0);
     let owner = [Some(channel), above(1), above(0)].into_iter().flatten().find(|o| count(o).is_some());
-    let Some(owner) = owner else { return Ok(None) };
-    if owner.text("NI_Scaling_Status") == Some("scaled") {
+    let is_counts = channel.layout.as_ref().is_some_and(|layout| layout.is_counts);
+    let Some(owner) = owner else { return if is_counts { Err(COUNTS.to_owned()) } else { Ok(None) } };
+    if owner.text("NI_Scaling_Status") == Some("scaled") && channel.layout.is_none() {
         return Ok(None);
     }
     let count = count(owner).unwrap_or(0.0) as usize;
     if count > MOST {
         return Err(format!("it has {count} scales one after the other, more than {MOST}"));
     }
-    // A scale that is not stated leaves the numbers as they are, if another one follows: DAQmx begins so.
-    let is_stated = |k: usize| owner.text(&format!("NI_Scale[{k}]_Scale_Type")).is_some() || k + 1 == count;
+    // A scale that is not stated leaves the numbers as they are, if another one follows, or it is the converter's own:
+    // DAQmx begins so.
+    let own_scale = channel.layout.as_ref().map(|layout| layout.scale);
+    let has_type = |k: usize| owner.text(&format!("NI_Scale[{k}]_Scale_Type")).is_some();
+    let is_stated = |k: usize| has_type(k) || (k + 1 == count && own_scale != Some(k));
+    if is_counts && !(0..count).any(has_type) {
+        return Err(COUNTS.to_owned());
+    }
     let own = |k: usize| {
         if is_stated(k) { scale(owner, k) } else { Ok(Scale { source: None, coefficients: vec![0.0, 1.0] }) }
     };

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 
 use super::super::Room;
+use super::daqmx::{self, Layout};
 
 /// Bytes of a segment's lead-in.
 const LEAD_IN: usize = 28;
@@ -20,7 +21,6 @@ mod has {
     pub const RAW_DATA: u32 = 1 << 3;
     pub const INTERLEAVED: u32 = 1 << 5;
     pub const BIG_ENDIAN: u32 = 1 << 6;
-    pub const DAQMX: u32 = 1 << 7;
 }
 
 /// The value of a property.
@@ -61,6 +61,8 @@ pub(super) struct Object {
     pub(super) properties: HashMap<String, Value>,
     pub(super) values: Option<Values>,
     index: Option<Index>,
+    /// The place of its values in samples of NI-DAQmx, which have no index.
+    pub(super) layout: Option<Layout>,
 }
 
 /// The layout of an object's raw data in a segment.
@@ -74,7 +76,7 @@ struct Index {
 
 /// A type of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     I8,
     I16,
     I32,
@@ -117,7 +119,7 @@ impl Kind {
     }
 
     /// Bytes of a value; `None` of a text.
-    fn size(self) -> Option<usize> {
+    pub(super) fn size(self) -> Option<usize> {
         Some(match self {
             Self::I8 | Self::U8 | Self::Boolean => 1,
             Self::I16 | Self::U16 => 2,
@@ -140,13 +142,13 @@ impl Kind {
 
 /// Takes values off the front of bytes.
 #[derive(Clone, Copy)]
-struct Cursor<'a> {
-    rest: &'a [u8],
-    is_big: bool,
+pub(super) struct Cursor<'a> {
+    pub(super) rest: &'a [u8],
+    pub(super) is_big: bool,
 }
 
 impl<'a> Cursor<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
         let (taken, rest) = self.rest.split_at_checked(count).ok_or(TORN)?;
         self.rest = rest;
         Ok(taken)
@@ -160,11 +162,11 @@ impl<'a> Cursor<'a> {
         Ok(bytes)
     }
 
-    fn u32(&mut self) -> Result<u32, String> {
+    pub(super) fn u32(&mut self) -> Result<u32, String> {
         Ok(u32::from_le_bytes(self.array()?))
     }
 
-    fn u64(&mut self) -> Result<u64, String> {
+    pub(super) fn u64(&mut self) -> Result<u64, String> {
         Ok(u64::from_le_bytes(self.array()?))
     }
 
@@ -186,7 +188,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Takes one value of a fixed size.
-    fn value(&mut self, kind: Kind, into: &mut Values) -> Result<(), String> {
+    pub(super) fn value(&mut self, kind: Kind, into: &mut Values) -> Result<(), String> {
         let number = match (kind, into) {
             (Kind::Time, Values::Times(times)) => {
                 times.push(self.time()?);
@@ -271,13 +273,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<Vec<Object>, String> {
             metadata(meta, contents, &mut objects, &mut places, &mut active, &mut room)?;
         }
         if contents & has::RAW_DATA != 0 {
-            if contents & has::DAQMX != 0 {
-                return Err(
-                    "it holds raw data of NI-DAQmx, in counts of the converter: save it scaled".to_owned()
-                );
+            let raw = Cursor { rest: bytes.get(data..end).ok_or(TORN)?, is_big: cursor.is_big };
+            let layout = |place: &usize| Some((*place, objects.get(*place)?.layout.clone()?));
+            let layouts: Vec<(usize, Layout)> = active.iter().filter_map(layout).collect();
+            if layouts.is_empty() {
+                raw_data(raw, contents, &mut objects, &active, &mut room)?;
+            } else if layouts.len() < active.len() {
+                return Err("it holds raw data of NI-DAQmx among others: save it scaled".to_owned());
+            } else {
+                daqmx::raw_data(raw, &mut objects, &layouts, &mut room)?;
             }
-            let rest = bytes.get(data..end).ok_or(TORN)?;
-            raw_data(Cursor { rest, is_big: cursor.is_big }, contents, &mut objects, &active, &mut room)?;
         }
         at = end;
     }
@@ -313,17 +318,18 @@ fn metadata(
         let object = objects.get_mut(place).ok_or(TORN)?;
         match cursor.u32()? {
             u32::MAX => active.retain(|own| *own != place),
-            0 if object.index.is_none() => {
+            0 if object.index.is_none() && object.layout.is_none() => {
                 return Err(format!(
                     "{TORN}: {} says that its data are as before, and there are none",
                     object.name()
                 ));
             }
             0 => push_once(active, place),
-            0x1269 | 0x1369 | 0x6912_0000 | 0x6913_0000 => {
-                return Err(
-                    "it holds raw data of NI-DAQmx, in counts of the converter: save it scaled".to_owned()
-                );
+            code @ (daqmx::NUMBERS | daqmx::LINES) => {
+                let layout = Layout::read(&mut cursor, code, &object.name())?;
+                object.hold(layout.kind)?;
+                (object.layout, object.index) = (Some(layout), None);
+                push_once(active, place);
             }
             _ => {
                 let kind = Kind::of(cursor.u32()?)?;
@@ -335,11 +341,8 @@ fn metadata(
                     Some(size) => count.checked_mul(size).ok_or(TORN)?,
                     None => usize::try_from(cursor.u64()?).map_err(|_| TORN)?,
                 };
-                object.index = Some(Index { kind, count, bytes });
-                let values = object.values.get_or_insert_with(|| kind.none());
-                if std::mem::discriminant(values) != std::mem::discriminant(&kind.none()) {
-                    return Err(format!("{} changes its type of values: save it anew", object.name()));
-                }
+                (object.index, object.layout) = (Some(Index { kind, count, bytes }), None);
+                object.hold(kind)?;
                 push_once(active, place);
             }
         }
@@ -497,6 +500,15 @@ fn names(path: &str) -> Option<Vec<String>> {
 }
 
 impl Object {
+    /// Makes room for values of a kind.
+    fn hold(&mut self, kind: Kind) -> Result<(), String> {
+        let values = self.values.get_or_insert_with(|| kind.none());
+        if std::mem::discriminant(values) != std::mem::discriminant(&kind.none()) {
+            return Err(format!("{} changes its type of values: save it anew", self.name()));
+        }
+        Ok(())
+    }
+
     /// Returns its name for messages.
     pub(super) fn name(&self) -> String {
         self.path.join("/")

@@ -61,6 +61,41 @@ fn whole_numbers_are_scaled_as_the_channel_says() {
     assert_eq!(as_it_is.wrench.unwrap()[0][0], 1_234_567.0);
 }
 
+#[test]
+fn counts_of_two_devices_are_scaled_and_lines_are_bits() {
+    let recording = Recording::load(&path("daqmx.tdms"), None).unwrap();
+    assert_eq!((recording.rows(), recording.rate_hz), (ROWS, Some(500.0)));
+    assert_eq!(recording.wrench, Recording::load(&path("second_scale.tdms"), None).unwrap().wrench);
+    let gate = recording.extra.iter().find(|(name, _)| name == "gate").unwrap();
+    let lines: Vec<f64> = gate.1.iter().map(|cell| cell.parse().unwrap()).collect();
+    assert!(lines.iter().enumerate().all(|(row, line)| *line == (row % 2) as f64), "{lines:?}");
+    let bytes = std::fs::read(path("daqmx.tdms")).unwrap();
+    // Counts that nothing scales are no forces.
+    let mut bare = bytes.clone();
+    while let Some(at) = bare.windows(19).position(|w| w == b"NI_Number_Of_Scales") {
+        bare[at..at + 19].copy_from_slice(b"NI_Number_Of_Shades");
+    }
+    let said = read(&bare).unwrap_err().to_string();
+    assert!(said.contains("counts of the converter") && said.contains("save it scaled"), "{said}");
+    // The last sample of the first device is cut off, and all of the second device's second half: what is whole is read.
+    let objects = segments::read(&bytes[..bytes.len() - 8 * ROWS / 2 - 1]).unwrap();
+    let lengths: Vec<usize> = objects[1..].iter().map(length).collect();
+    assert_eq!(lengths, [39, 39, 39, 39, 20, 20, 39]);
+    for length in 0..bytes.len() {
+        let _ = read(&bytes[..length]);
+    }
+    let mut draw = 1_u32;
+    for _ in 0..3000 {
+        let mut damaged = bytes.clone();
+        for _ in 0..3 {
+            draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let at = draw as usize % damaged.len();
+            damaged[at] = (draw >> 24) as u8;
+        }
+        let _ = read(&damaged);
+    }
+}
+
 /// A segment as the specification has it, in either byte order: channels of f32, i16 and f64, three values each.
 fn segment(is_big: bool, is_interleaved: bool) -> Vec<u8> {
     let order = |mut bytes: Vec<u8>| {
