@@ -22,8 +22,10 @@ use super::{Recording, RecordingError, conventions, sheet, stem};
 use crate::rig::spelling::nearest;
 use crate::rig::{ColumnSource, Quantity, RecordingTable, RigFile, Unit, WrenchSign};
 
-/// The longest line, bytes: a hundred thousand columns and more.
+/// The longest line, bytes.
 const LONGEST_LINE: usize = 16 << 20;
+/// More columns than these, of as many quantities, no recording has.
+const MOST_COLUMNS: usize = 4096;
 
 /// The destination of a column's cells.
 enum Sink {

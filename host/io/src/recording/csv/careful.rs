@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{LONGEST_LINE, Reader, Sink, comments, refuse, separator};
+use super::{LONGEST_LINE, MOST_COLUMNS, Reader, Sink, comments, refuse, separator};
 use crate::recording::columns::Known;
 use crate::recording::text::clock::{Clock, Stamp, Survey};
 use crate::recording::text::decimal::{Form, Forms, Unclear};
@@ -12,6 +12,9 @@ use crate::recording::text::rows::{Rows, Separator};
 use crate::recording::time::Time;
 use crate::recording::{Recording, RecordingError};
 use crate::rig::{DecimalMark, RigFile};
+
+/// Lines in which a table's columns are counted before anything is searched.
+const LOOKED_AT: usize = 600;
 
 /// The text of a file with the layout of its table.
 pub(in crate::recording) struct Found<'a> {
@@ -34,6 +37,15 @@ pub(in crate::recording) fn find<'a>(
         return Err(not(format!(
             "its line {} is longer than {LONGEST_LINE} bytes: a row of a recording takes a line of its own",
             line + 1
+        )));
+    }
+    let separators = |line: &str| [',', ';', '\t'].map(|mark| line.matches(mark).count()).into_iter().max();
+    if let Some(columns) =
+        text.lines().take(LOOKED_AT).filter_map(separators).max().filter(|count| *count >= MOST_COLUMNS)
+    {
+        return Err(not(format!(
+            "it has {} columns, and recordings of up to {MOST_COLUMNS} are read: leave out what no quantity needs",
+            columns + 1
         )));
     }
     let body = text.strip_prefix('\u{feff}').unwrap_or(text);

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::thread;
 
 use super::plain::Plain;
-use super::{Column, Reader, Sink, separator};
+use super::{Column, MOST_COLUMNS, Reader, Sink, separator};
 use crate::recording::Recording;
 use crate::recording::columns::Known;
 use crate::recording::text::decimal::Forms;
@@ -248,7 +248,11 @@ pub(super) fn read(label: &str, from: impl Read, rig: &RigFile) -> Option<Record
         return None;
     }
     let separator = separator(header);
-    reader.name_columns(super::header(header, separator)?).ok()?;
+    let names = super::header(header, separator)?;
+    if names.len() > MOST_COLUMNS {
+        return None;
+    }
+    reader.name_columns(names).ok()?;
     if !reader.is_complete() || !has_sure_points(&reader, separator, body) {
         return None;
     }

@@ -353,3 +353,13 @@ fn a_column_whose_name_steers_and_a_line_without_end_are_refused() {
         Recording::from_csv_bytes("a.csv", long.as_bytes(), &RigFile::default()).unwrap_err().to_string();
     assert!(said.contains("line 2 is longer than"), "{said}");
 }
+
+#[test]
+fn more_columns_than_a_recording_has_are_refused_before_they_are_searched() {
+    for separator in [",", ";", "\t"] {
+        let row = |cell: &dyn Fn(usize) -> String| (0..5000).map(cell).collect::<Vec<_>>().join(separator);
+        let text = format!("{}\n{}\n", row(&|k| format!("c{k}")), row(&|_| "1".to_owned()));
+        let said = read(&text, "").unwrap_err().to_string();
+        assert!(said.contains("5000 columns") && said.contains("up to 4096"), "{said}");
+    }
+}
