@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::Factor;
+use super::{Factor, RigRows};
 
 /// An estimate with its 95 % expanded uncertainty, SI.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -38,6 +38,18 @@ impl Noise {
         }
     }
 
+    /// Returns the coverage factor of a quantity of whose variance this noise has a `share`, 0 to 1, and what
+    /// is known beforehand the rest, as a normal distribution: each part has its own factor, and expanded
+    /// parts add in squares.
+    ///
+    /// The effective degrees of freedom of Welch and Satterthwaite (JCGM 100:2008, G.4), `ν / share²`, have
+    /// the same limits; with a share from the same few data they cover one to two per cent less.
+    #[must_use]
+    pub fn coverage_factor_of(self, share: f64) -> f64 {
+        let share = share.clamp(0.0, 1.0);
+        (share * self.coverage_factor().powi(2) + (1.0 - share) * COVERAGE_95.powi(2)).sqrt()
+    }
+
     /// Returns the one of two that knows less of the noise.
     #[must_use]
     pub fn less_certain(self, other: Self) -> Self {
@@ -63,6 +75,9 @@ pub struct Estimate {
     pub(crate) values: Vec<f64>,
     /// Covariance, N × N; rows of parameters that are not determined are meaningless.
     pub(crate) covariance: DMatrix<f64>,
+    /// The part of the covariance that does not come from noise, but from what is known of errors beforehand,
+    /// N × N; `None`: nothing is known apart from noise.
+    pub(crate) beforehand: Option<DMatrix<f64>>,
     /// True where the rows alone determine the parameter.
     pub(crate) determined: Vec<bool>,
     /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
@@ -80,6 +95,8 @@ pub struct Unjudged<'a> {
     pub values: &'a [f64],
     /// Covariance, N × N; rows of parameters that are not determined are meaningless.
     pub covariance: &'a DMatrix<f64>,
+    /// The part of it that does not come from noise; `None`: nothing is known apart from noise.
+    pub beforehand: Option<&'a DMatrix<f64>>,
     /// True where the rows alone determine the parameter.
     pub determined: &'a [bool],
     /// Directions that the rows do not determine: parameters and their shares in column-scaled units.
@@ -94,6 +111,7 @@ impl Estimate {
         Self {
             values: solution.estimate,
             covariance: solution.covariance * variance_scale,
+            beforehand: None,
             determined: solution.determined,
             null_directions: solution.null_directions,
             condition_number: solution.condition_number,
@@ -106,7 +124,15 @@ impl Estimate {
     pub fn of_bound(values: Vec<f64>, covariance: DMatrix<f64>) -> Self {
         let determined = vec![true; values.len()];
         let null_directions = Vec::new();
-        Self { values, covariance, determined, null_directions, condition_number: 1.0, noise: Noise::Given }
+        Self {
+            values,
+            covariance,
+            beforehand: None,
+            determined,
+            null_directions,
+            condition_number: 1.0,
+            noise: Noise::Given,
+        }
     }
 
     /// Returns all numbers, also of what the rows do not determine: for code that judges them.
@@ -114,9 +140,23 @@ impl Estimate {
         Unjudged {
             values: &self.values,
             covariance: &self.covariance,
+            beforehand: self.beforehand.as_ref(),
             determined: &self.determined,
             null_directions: &self.null_directions,
         }
+    }
+
+    /// Returns the same with the part of the covariance apart that what is known of errors beforehand brings,
+    /// of the rows that it solves: `C L Lᵀ C` with L of [`RigRows::beforehand_in_scores`].
+    #[must_use]
+    pub(crate) fn beside(mut self, rows: &[RigRows]) -> Self {
+        if self.noise == Noise::Given || rows.iter().all(|own| own.errors().is_empty()) {
+            return self;
+        }
+        let brought = rows.iter().map(|own| &self.covariance * own.beforehand_in_scores());
+        let n = self.len();
+        self.beforehand = Some(brought.fold(DMatrix::zeros(n, n), |sum, own| sum + &own * own.transpose()));
+        self
     }
 
     /// Adds to the covariance by what else the values may be off; N × N.
@@ -148,9 +188,22 @@ impl Estimate {
         self.values.is_empty()
     }
 
-    /// Returns the coverage factor of a 95 % interval.
+    /// Returns the coverage factor of a 95 % interval that rests on the noise alone: the largest of all.
     pub fn coverage_factor(&self) -> f64 {
         self.noise.coverage_factor()
+    }
+
+    /// Returns the coverage factor of a 95 % interval of a sum of the parameters with these weights, N.
+    pub fn coverage_factor_of(&self, weights: &[f64]) -> f64 {
+        let Some(beforehand) = &self.beforehand else { return self.coverage_factor() };
+        let used: Vec<usize> =
+            (0..self.len()).filter(|j| weights.get(*j).is_some_and(|w| *w != 0.0)).collect();
+        let variance = |of: &DMatrix<f64>| {
+            let row = |i: &usize| used.iter().map(|j| weights[*i] * weights[*j] * of[(*i, *j)]).sum::<f64>();
+            used.iter().map(row).sum::<f64>()
+        };
+        let share = 1.0 - variance(beforehand) / variance(&self.covariance);
+        self.noise.coverage_factor_of(if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) })
     }
 
     /// Returns the number of parameters that the rows determine.
@@ -173,7 +226,9 @@ impl Estimate {
     /// Returns the 95 % expanded uncertainty of parameter `j`; infinite if it is not determined.
     pub fn u95(&self, j: usize) -> f64 {
         if self.is_determined(j) {
-            self.coverage_factor() * self.covariance[(j, j)].max(0.0).sqrt()
+            let mut weights = vec![0.0; self.len()];
+            weights[j] = 1.0;
+            self.coverage_factor_of(&weights) * self.covariance[(j, j)].max(0.0).sqrt()
         } else {
             f64::INFINITY
         }

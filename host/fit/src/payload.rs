@@ -71,7 +71,7 @@ impl Tare {
         let rows = rows.discount(disagreement.unwrap_or(1.0));
         let factor = rows.own();
         let noise = total.estimate.noise.less_certain(self.fit().estimate.noise);
-        let estimate = Estimate::new(&factor, rounding, 1.0, noise);
+        let estimate = Estimate::new(&factor, rounding, 1.0, noise).beside(std::slice::from_ref(&rows));
         let mut fit = of_body(total, factor, estimate, &carrier.frame);
         fit.rig_rows = Some(rows);
         fit.noise.disagreement = disagreement;

@@ -294,7 +294,7 @@ impl PooledFactor {
             parameters: self.parameters.clone(),
             channels: self.channels(),
             factor: solved.discount(1.0 / (of_run * variance_scale)),
-            estimate: Estimate::new(&solved, self.rounding, 1.0, noise),
+            estimate: Estimate::new(&solved, self.rounding, 1.0, noise).beside(&scaled.rigs),
             solved: Some(solved),
             rig_rows,
             rounding: self.rounding,

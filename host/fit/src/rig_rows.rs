@@ -165,6 +165,27 @@ impl RigRows {
         if self.errors.is_empty() { self.factor.clone() } else { self.known().leading(self.parameters) }
     }
 
+    /// Returns L, parameters × errors, whose `L Lᵀ` is the covariance that what is known of the errors
+    /// beforehand leaves in the scores of [`RigRows::own`]: with `Σ = B Bᵀ` of the errors beforehand and
+    /// `RᵀR = [H_φφ H_φθ; H_θφ H_θθ]`, `L = H_φθ B (1 + Bᵀ H_θθ B)⁻¹`. The estimate's own part is then
+    /// `C L Lᵀ C`, C being its covariance.
+    pub(crate) fn beforehand_in_scores(&self) -> DMatrix<f64> {
+        let (n, k) = (self.parameters, self.errors.len());
+        let root = if self.is_independent() {
+            Some(DMatrix::from_diagonal(&self.covariance.diagonal().map(f64::sqrt)))
+        } else {
+            self.covariance.clone().cholesky().map(|own| own.l())
+        };
+        let r = self.factor.r();
+        let of_errors = root.map(|root| r.columns(n, k) * root);
+        let solved = of_errors.and_then(|of_errors| {
+            let information = DMatrix::identity(k, k) + of_errors.tr_mul(&of_errors);
+            let cross = r.columns(0, n).tr_mul(&of_errors);
+            Some(information.cholesky()?.solve(&cross.transpose()).transpose())
+        });
+        solved.unwrap_or_else(|| DMatrix::zeros(n, k))
+    }
+
     /// Returns the rows over the parameters for given errors.
     pub fn of_given_errors(&self) -> Factor {
         let n = self.parameters;

@@ -23,8 +23,9 @@ impl Fit {
             rows = rows.shifted(&shift);
         }
         self.rig_rows = self.rig_rows.take().map(|_| rows.clone());
-        let rows = rows.own();
-        self.estimate = Estimate::new(&rows, self.rounding, 1.0, self.estimate.noise);
+        let (own, noise) = (rows.own(), self.estimate.noise);
+        self.estimate = Estimate::new(&own, self.rounding, 1.0, noise).beside(std::slice::from_ref(&rows));
+        let rows = own;
         self.added.push(("clocks".to_owned(), &self.estimate.covariance - before));
         self.factor = rows.discount(1.0 / self.noise.variance_scale);
         self.solved = self.solved.take().map(|_| rows);

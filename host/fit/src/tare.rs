@@ -156,7 +156,8 @@ impl Tare {
         let body = rows.own();
         let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
-        fit.estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
+        let estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
+        fit.estimate = estimate.beside(std::slice::from_ref(&rows));
         fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
         (fit.solved, fit.rig_rows, fit.widened) = (Some(body), Some(rows), Vec::new());
         fit.runs.extend(self.fit.runs.iter().cloned());

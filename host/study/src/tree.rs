@@ -134,9 +134,8 @@ impl TreeCampaign {
         let truth = self.truth.iter().copied().chain(offset);
         let one = |(j, truth): (usize, f64)| {
             let measured = found.estimate.measured(j)?;
-            let coverage_factor = found.estimate.coverage_factor();
-            let sd = measured.u95 / coverage_factor;
-            Some(One { error: measured.value - truth, sd, coverage_factor })
+            let sd = found.estimate.covariance(j, j)?.sqrt();
+            Some(One { error: measured.value - truth, sd, coverage_factor: measured.u95 / sd })
         };
         Ok(Outcome {
             names: found.parameters.iter().map(|p| (p.name.clone(), p.unit.clone())).collect(),

@@ -100,7 +100,7 @@ impl KnownValues {
         let data = fit.data_alone().clone();
         let mut factor = fit.scaled_factor();
         absorb(&mut factor, &known, data.noise, fit.rounding)?;
-        let estimate = Estimate::new(&factor, fit.rounding, 1.0, data.noise);
+        let estimate = Estimate::new(&factor, fit.rounding, 1.0, data.noise).beside(&[fit.rows()]);
         let statements = known.iter().map(|known| known.statement(&estimate)).collect();
         fit.prior = Some(Prior { statements, data_alone: Box::new(data) });
         fit.estimate = estimate;

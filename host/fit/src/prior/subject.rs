@@ -186,7 +186,8 @@ impl Subject {
     /// Parameters that a plane of symmetry leaves free, as the size of the link is not known.
     pub(super) fn left_free(&self, estimate: &Estimate) -> Vec<usize> {
         let Self::Symmetry { products, moments, .. } = self else { return Vec::new() };
-        let moment = |j: usize| estimate.measured(j).map(|m| [m.value, m.u95 / estimate.coverage_factor()]);
+        let moment =
+            |j: usize| Some([estimate.measured(j)?.value, estimate.covariance(j, j)?.max(0.0).sqrt()]);
         if trace(moments.map(moment)).is_some() { Vec::new() } else { products.to_vec() }
     }
 

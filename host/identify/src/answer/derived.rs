@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position, Rotation, Sensor};
 
-use rigident_fit::Estimate;
+use rigident_fit::{Estimate, Noise};
 
 /// A derived vector and its standard deviations.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +16,25 @@ pub struct Derived<const K: usize> {
     pub sd: [f64; K],
     /// Covariance.
     pub covariance: SMatrix<f64, K, K>,
+    /// The part of it that does not come from noise.
+    beforehand: SMatrix<f64, K, K>,
+    /// How the noise is known.
+    noise: Noise,
+}
+
+impl<const K: usize> Derived<K> {
+    /// Returns the 95 % expanded uncertainties of the values, each with the coverage factor that it has.
+    pub fn u95(&self) -> [f64; K] {
+        std::array::from_fn(|k| {
+            self.coverage_factor(self.beforehand[(k, k)], self.sd[k].powi(2)) * self.sd[k]
+        })
+    }
+
+    /// Returns the coverage factor of a quantity with a variance, and the part of it that is no noise.
+    fn coverage_factor(&self, beforehand: f64, variance: f64) -> f64 {
+        let share = 1.0 - beforehand / variance;
+        self.noise.coverage_factor_of(if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) })
+    }
 }
 
 /// Returns the first ten parameters, determined or not.
@@ -26,11 +45,17 @@ pub fn ten(estimate: &Estimate) -> [f64; 10] {
 /// `f(φ)` and `J C Jᵀ`.
 fn propagate<const K: usize>(estimate: &Estimate, f: impl Fn(&[f64; 10]) -> [f64; K]) -> Derived<K> {
     let jacobian = jacobian(estimate, &f);
-    let c = &jacobian * estimate.unjudged().covariance.view((0, 0), (10, 10)) * jacobian.transpose();
+    let of = |all: &DMatrix<f64>| {
+        let own = &jacobian * all.view((0, 0), (10, 10)) * jacobian.transpose();
+        SMatrix::<f64, K, K>::from_fn(|i, j| own[(i, j)])
+    };
+    let c = of(estimate.unjudged().covariance);
     Derived {
         value: f(&ten(estimate)),
         sd: std::array::from_fn(|k| c[(k, k)].max(0.0).sqrt()),
-        covariance: SMatrix::from_fn(|i, j| c[(i, j)]),
+        covariance: c,
+        beforehand: estimate.unjudged().beforehand.map_or_else(SMatrix::zeros, of),
+        noise: estimate.noise,
     }
 }
 
@@ -108,10 +133,14 @@ pub struct Principal {
     pub moments: [f64; 3],
     /// Their standard deviations.
     pub moments_sd: [f64; 3],
+    /// Their 95 % expanded uncertainties.
+    pub moments_u95: [f64; 3],
     /// Unit axes in S, right-handed, the largest component of each positive (but for the last).
     pub axes: [[f64; 3]; 3],
     /// Standard deviation of each axis' direction, rad. Infinite where two moments cannot be distinguished.
     pub axes_sd_rad: [f64; 3],
+    /// Its 95 % expanded uncertainty, likewise.
+    pub axes_u95_rad: [f64; 3],
 }
 
 /// Principal moments and axes by first-order perturbation: `dλ_i = v_iᵀ dI v_i`, and axis i turns towards
@@ -133,27 +162,35 @@ pub fn principal(inertia_com: &Derived<6>) -> Principal {
         let s: Matrix3<f64> = u * v.transpose() + v * u.transpose();
         SVector::<f64, 6>::from([s.m11 / 2.0, s.m22 / 2.0, s.m33 / 2.0, s.m23, s.m31, s.m12])
     };
-    let sd = |i: usize, j: usize| {
+    let variance = |of: &SMatrix<f64, 6, 6>, i: usize, j: usize| {
         let l = form(&axes[i], &axes[j]);
-        (l.transpose() * inertia_com.covariance * l)[0].max(0.0).sqrt()
+        (l.transpose() * of * l)[0].max(0.0)
     };
-    let axes_sd_rad = std::array::from_fn(|i| {
-        let mut square = 0.0;
+    let sd = |i: usize, j: usize| variance(&inertia_com.covariance, i, j).sqrt();
+    let of_axis = |i: usize| {
+        let (mut square, mut beforehand) = (0.0, 0.0);
         for j in (0..3).filter(|j| *j != i) {
             let gap = (moments[i] - moments[j]).abs();
             // Within the noise of their difference the two axes are interchangeable.
             if gap <= 1.96 * sd(i, i).hypot(sd(j, j)) {
-                return f64::INFINITY;
+                return [f64::INFINITY; 2];
             }
             square += (sd(i, j) / gap).powi(2);
+            beforehand += variance(&inertia_com.beforehand, i, j) / (gap * gap);
         }
-        square.sqrt()
-    });
+        let sd = square.sqrt();
+        [sd, inertia_com.coverage_factor(beforehand, square) * sd]
+    };
+    let of_axes = [0, 1, 2].map(of_axis);
+    let of_moment =
+        |i: usize| inertia_com.coverage_factor(variance(&inertia_com.beforehand, i, i), sd(i, i).powi(2));
     Principal {
         moments,
         moments_sd: std::array::from_fn(|i| sd(i, i)),
+        moments_u95: std::array::from_fn(|i| of_moment(i) * sd(i, i)),
         axes: axes.map(Into::into),
-        axes_sd_rad,
+        axes_sd_rad: of_axes.map(|[sd, _]| sd),
+        axes_u95_rad: of_axes.map(|[_, u95]| u95),
     }
 }
 

@@ -149,8 +149,6 @@ impl Answer {
     /// Adds what follows from the ten parameters of one body, as far as they are identified.
     fn add_body(&mut self, judged: &Judged, frame: Option<&BodyTable>) {
         let estimate = &judged.fit.estimate;
-        let k = estimate.coverage_factor();
-        let u95 = |sd: f64| k * sd;
         self.mass_kg = judged.has(0..1).then(|| estimate.unjudged().values[0]);
         self.inertia_origin_kgm2 =
             judged.has(4..10).then(|| std::array::from_fn(|i| estimate.unjudged().values[4 + i]));
@@ -159,25 +157,24 @@ impl Answer {
             return;
         }
         let com = derived::centre_of_mass(estimate);
-        (self.com_m, self.com_u95_m) = (Some(com.value), Some(com.sd.map(u95)));
+        (self.com_m, self.com_u95_m) = (Some(com.value), Some(com.u95()));
         let whole = judged.has(0..10);
         if whole {
             let inertia = derived::inertia_com(estimate);
-            self.principal = principal(&inertia, k);
-            (self.inertia_com_kgm2, self.inertia_com_u95_kgm2) =
-                (Some(inertia.value), Some(inertia.sd.map(u95)));
+            self.principal = principal(&inertia);
+            (self.inertia_com_kgm2, self.inertia_com_u95_kgm2) = (Some(inertia.value), Some(inertia.u95()));
         }
         self.body_frame = frame.map(|table| {
             let there = derived::in_body_frame(estimate, &frame_of(table));
-            let sd = there.sd.map(u95);
+            let u95 = there.u95();
             let first = |v: &[f64; 9]| [v[0], v[1], v[2]];
             let rest = |v: &[f64; 9]| -> [f64; 6] { std::array::from_fn(|i| v[3 + i]) };
             BodyFrame {
                 name: table.name.clone(),
                 com_m: first(&there.value),
-                com_u95_m: first(&sd),
+                com_u95_m: first(&u95),
                 inertia_origin_kgm2: whole.then(|| rest(&there.value)),
-                inertia_origin_u95_kgm2: whole.then(|| rest(&sd)),
+                inertia_origin_u95_kgm2: whole.then(|| rest(&u95)),
             }
         });
         self.prior_dominated = self.resting_on_prior(judged);
@@ -457,16 +454,16 @@ fn forgotten(fit: &Fit) -> Option<Forgotten> {
     })
 }
 
-fn principal(inertia_com: &Derived<6>, coverage_factor: f64) -> Vec<PrincipalMoment> {
+fn principal(inertia_com: &Derived<6>) -> Vec<PrincipalMoment> {
     let found = derived::principal(inertia_com);
     (0..3)
         .map(|i| {
             let told = found.axes_sd_rad[i].is_finite();
             PrincipalMoment {
                 moment_kgm2: found.moments[i],
-                u95_kgm2: coverage_factor * found.moments_sd[i],
+                u95_kgm2: found.moments_u95[i],
                 axis: told.then_some(found.axes[i]),
-                axis_u95_rad: told.then(|| coverage_factor * found.axes_sd_rad[i]),
+                axis_u95_rad: told.then_some(found.axes_u95_rad[i]),
             }
         })
         .collect()

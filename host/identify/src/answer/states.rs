@@ -154,8 +154,7 @@ fn resolves_central(estimate: &Estimate) -> [bool; 9] {
     }
     let mass = ten(estimate)[0];
     let (central, centre) = (inertia_com(estimate), centre_of_mass(estimate));
-    let expanded = |sd: f64| estimate.coverage_factor() * sd;
-    let (of_tensor, of_centre) = (central.sd.map(expanded), centre.sd.map(expanded));
+    let (of_tensor, of_centre) = (central.u95(), centre.u95());
     let within = |largest: f64| {
         let radius = (largest / mass).max(0.0).sqrt().max(sphere_radius(mass));
         std::array::from_fn(|k| match k.checked_sub(3) {

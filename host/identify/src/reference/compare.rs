@@ -197,13 +197,14 @@ fn fitted(fit: &Fit, unusable: &UnusableFit) -> [Option<[f64; 2]>; COUNT] {
         unusable.parameters.iter().any(|p| Some(p.name.as_str()) == name)
     };
     let mass = unusable.parameters.first().filter(|_| has(0)).map(|m| [m.value, m.u95]);
-    let coverage = fit.estimate.coverage_factor();
-    let com = (0..4).all(has).then(|| derived::centre_of_mass(&fit.estimate));
-    let tensor = (0..10).all(has).then(|| derived::inertia_com(&fit.estimate));
+    let of_com = |com: derived::Derived<3>| (com.value, com.u95());
+    let com = (0..4).all(has).then(|| of_com(derived::centre_of_mass(&fit.estimate)));
+    let of_tensor = |tensor: derived::Derived<6>| (tensor.value, tensor.u95());
+    let tensor = (0..10).all(has).then(|| of_tensor(derived::inertia_com(&fit.estimate)));
     std::array::from_fn(|k| match k {
         0 => mass,
-        1..4 => com.as_ref().map(|com| [com.value[k - 1], coverage * com.sd[k - 1]]),
-        _ => tensor.as_ref().map(|tensor| [tensor.value[k - 4], coverage * tensor.sd[k - 4]]),
+        1..4 => com.map(|(value, u95)| [value[k - 1], u95[k - 1]]),
+        _ => tensor.map(|(value, u95)| [value[k - 4], u95[k - 4]]),
     })
 }
 

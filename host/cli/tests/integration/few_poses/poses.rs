@@ -28,7 +28,6 @@ pub fn off(seed: u64, poses: usize, gain: f64) -> [(f64, f64); QUANTITIES] {
     let fit = fit(seed, poses, gain);
     let estimate = &fit.estimate;
     let first = CENTRE.map(|c| MASS * c);
-    let factor = estimate.coverage_factor();
     let of = |weights: [f64; 4]| {
         let (mut value, mut variance, mut truth) = (0.0, 0.0, 0.0);
         for (j, own) in weights.iter().enumerate().filter(|(_, own)| **own != 0.0) {
@@ -38,14 +37,11 @@ pub fn off(seed: u64, poses: usize, gain: f64) -> [(f64, f64); QUANTITIES] {
                 variance += own * other * estimate.covariance(j, k).expect("poses tell both");
             }
         }
-        let u95 = factor * variance.sqrt();
+        let u95 = estimate.coverage_factor_of(&weights) * variance.sqrt();
         ((value - truth) / u95, u95)
     };
     let centre = centre_of_mass(estimate);
-    let of_centre = |k: usize| {
-        let u95 = factor * centre.sd[k];
-        ((centre.value[k] - CENTRE[k]) / u95, u95)
-    };
+    let of_centre = |k: usize| ((centre.value[k] - CENTRE[k]) / centre.u95()[k], centre.u95()[k]);
     [
         of([1.0, 0.0, 0.0, 0.0]),
         of([0.0, 1.0, 0.0, 0.0]),
