@@ -1,7 +1,8 @@
 //! The fit of a source's rows: weights, nuisance parameters, outliers, autocorrelation, forgetting.
 //!
-//! Rows are absorbed and solved ([`rows`]), weighed until the estimate stays ([`refining`]), concluded from ([`conclusion`]), compared
-//! with what was known of errors ([`errors`]), and put together ([`finish`]); or absorbed in the order of time ([`forgetting`]).
+//! Rows are absorbed and solved ([`rows`]), weighed until the estimate stays ([`refining`]), concluded from
+//! ([`conclusion`]), compared with what was known of errors ([`errors`]), widened ([`widening`]) and put
+//! together ([`finish`]); or absorbed in the order of time ([`forgetting`]).
 
 mod conclusion;
 mod errors;
@@ -10,6 +11,7 @@ mod forgetting;
 mod refining;
 mod rows;
 mod spurious;
+mod widening;
 
 use nalgebra::DMatrix;
 
