@@ -140,6 +140,11 @@ fn reduce_lanes(triangle: &mut [Lanes], wide: usize, pivots: usize, rows: &mut [
         let (place, lane) = (j / LANES, j % LANES);
         let mut r = entries[place][lane];
         let (y, k) = reflection(&column(rows, wide, place, lane), &mut r);
+        // A column of zeros reflects nothing: most of those of a triangle that is merged.
+        if k == 0.0 {
+            entries[place][lane] = r;
+            continue;
+        }
         // Columns before the next one are used up, and are not read again.
         for at in (j + 1) / LANES..wide {
             let mut c: [Lanes; BLOCK_ROWS] = std::array::from_fn(|row| rows[row * wide + at]);

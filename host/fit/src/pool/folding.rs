@@ -20,7 +20,7 @@ pub(crate) const SAMPLE: usize = 32;
 /// Pairs of runs with readings in common that are kept.
 pub(super) const OVERLAPS: usize = 16;
 /// Warnings that are kept of them.
-const WARNINGS: usize = 8;
+const WARNINGS: usize = 3;
 
 /// Holds what is left of several runs beside the sums that are in their [`FactorSource`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
