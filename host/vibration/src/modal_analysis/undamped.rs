@@ -53,10 +53,16 @@ pub fn undamped(damped: &Amplitudes) -> Option<Amplitudes> {
         slopes.set_column(k, &((at(step)? - at(-step)?) / (2.0 * step)));
     }
     let covariance = &slopes * &damped.covariance * slopes.transpose();
+    // Undamped shapes are real: the part out of phase is the dampers' and noise, which turns nothing to first
+    // order.
+    let complex = DMatrix::from_fn(channels, count, |c, r| {
+        let turn = phase(&damped.complex, &weights, r);
+        turn * (shape_entry(&found, channels, r, c) * turn.conj()).re
+    });
     Some(Amplitudes {
         angular: (0..count).map(|r| found[r * stride]).collect(),
         damping: damped.damping.clone(),
-        complex: DMatrix::from_fn(channels, count, |c, r| shape_entry(&found, channels, r, c)),
+        complex,
         covariance: (&covariance + covariance.transpose()) * 0.5,
     })
 }
@@ -108,8 +114,7 @@ fn corrected(numbers: &DVector<f64>, channels: usize, weights: &DMatrix<f64>) ->
     let stiffness = -all.columns(0, channels).into_owned();
     let mut out = numbers.clone();
     for r in 0..channels {
-        let sum: Complex<f64> = (0..channels).map(|c| shapes[(c, r)].powi(2) * weights[(c, r)]).sum();
-        let turn = Complex::from_polar(1.0, 0.5 * sum.arg());
+        let turn = phase(&shapes, weights, r);
         let in_phase = DVector::from_fn(channels, |c, _| (shapes[(c, r)] * turn.conj()).re / sizes[c]);
         let omega = numbers[r * stride];
         let (square, shape) = eigen(&stiffness, omega * omega, &in_phase)?;
@@ -122,6 +127,12 @@ fn corrected(numbers: &DVector<f64>, channels: usize, weights: &DMatrix<f64>) ->
         }
     }
     Some(out)
+}
+
+/// Returns the phase, a number of size one, by which a shape is as real as it can be.
+fn phase(shapes: &DMatrix<Complex<f64>>, weights: &DMatrix<f64>, mode: usize) -> Complex<f64> {
+    let sum: Complex<f64> = (0..shapes.nrows()).map(|c| shapes[(c, mode)].powi(2) * weights[(c, mode)]).sum();
+    Complex::from_polar(1.0, 0.5 * sum.arg())
 }
 
 /// Returns the eigenvalue and the vector of a matrix next to a guess; `None` if they are not the guess's own.
