@@ -6,12 +6,19 @@ use rigident::fit::pool::PooledFactor;
 
 use super::report::{Job, in_parallel};
 
+mod arm;
+mod machines;
+mod reference;
 #[path = "../../../host/cli/tests/integration/merging/runs.rs"]
 mod runs;
+mod springs;
 
 use runs::bound::{deviations, deviations_beyond, information};
 use runs::{Body, Conditions, Errors, NOISY};
-use runs::{by_best, central_off, factor, larger, off, on_fixture, outside, predicted_off, rms, tared};
+use runs::{
+    by_best, central_off, factor, larger, off, on_fixture, outside, predicted_off, principal_off, rms,
+};
+use runs::{sums_off, tared};
 
 /// Rigs that each row draws; `RIGIDENT_RIGS` asks for fewer.
 const RIGS: usize = 500;
@@ -42,12 +49,23 @@ enum Case {
     Calibrated,
     /// A body of a tenth of its fixture, whose run is taken off.
     Tare,
+    /// Four of one rig that a body of known properties calibrated before.
+    Reference,
+    /// This many recordings of two links on one load cell.
+    Links(u64),
+    /// A load, by an arm's recordings with and without it.
+    Payload,
+    /// This many recordings of a body on one set of springs.
+    Springs(u64),
 }
 
-/// The properties required of a rig.
+/// How far the answers of a rig are off.
+#[derive(Default)]
 struct Asked {
     of_body: Errors,
+    of_sums: Errors,
     of_centre: Errors,
+    of_axes: Errors,
     of_wrenches: Errors,
 }
 
@@ -55,6 +73,8 @@ impl Asked {
     fn of(fit: &Fit, body: &Body) -> Self {
         Self {
             of_body: off(fit, body),
+            of_sums: sums_off(fit, body),
+            of_axes: principal_off(fit, body),
             of_centre: central_off(fit, body),
             of_wrenches: predicted_off(fit, body),
         }
@@ -99,7 +119,7 @@ impl Case {
                 vec![std::iter::once(noisy).chain(of(rig, 1..4, Conditions::STATED)).collect()]
             }
             Self::Calibrated => vec![of(rig, 0..4, CALIBRATED)],
-            Self::Tare => Vec::new(),
+            Self::Tare | Self::Reference | Self::Links(_) | Self::Payload | Self::Springs(_) => Vec::new(),
         }
     }
 
@@ -114,9 +134,25 @@ impl Case {
 
     /// Returns what is asked, by factors of the stated conditions that were made before.
     fn asked(self, rig: usize, rigs: usize, made: &[Vec<PooledFactor>]) -> Asked {
-        if let Self::Tare = self {
-            let [small, ..] = on_fixture();
-            return Asked::of(&tared(rig as u64, 1_000_000 + 2 * rig as u64), &small);
+        let alone = |of_body: Errors| Asked { of_body, ..Asked::default() };
+        let body = Body::of_mass(MASS_KG);
+        match self {
+            Self::Tare => {
+                let [small, ..] = on_fixture();
+                return Asked::of(&tared(rig as u64, 1_000_000 + 2 * rig as u64), &small);
+            }
+            Self::Reference => {
+                let files = reference::factors(rig, &body, of_reference(rig));
+                if files.is_empty() {
+                    return Asked::default();
+                }
+                let pooled = PooledFactor::merged(files, false).expect("recordings of one body fit together");
+                return Asked::of(&pooled.fit(), &body);
+            }
+            Self::Links(runs) => return alone(machines::two_links(rig, runs).1),
+            Self::Payload => return alone(arm::payload(rig)),
+            Self::Springs(runs) => return alone(springs::merged(rig, runs)),
+            _ => {}
         }
         let known = |own: Made| {
             let own_conditions = own.conditions != Conditions::STATED;
@@ -125,11 +161,19 @@ impl Case {
         };
         let files: Vec<PooledFactor> = self.recordings(rig, rigs).concat().into_iter().map(known).collect();
         let pooled = PooledFactor::merged(files, false).expect("recordings of one body fit together");
-        Asked::of(&pooled.fit(), &Body::of_mass(MASS_KG))
+        Asked::of(&pooled.fit(), &body)
     }
 
     /// Returns the standard deviations of the best estimate.
     fn best(self, rig: usize, rigs: usize) -> Vec<f64> {
+        match self {
+            Self::Reference => return reference::best(&Body::of_mass(MASS_KG), of_reference(rig)),
+            Self::Links(runs) => {
+                return machines::best_of_two_links(&machines::two_links(rig, runs).0, rig, runs);
+            }
+            Self::Payload => return arm::best(rig),
+            _ => {}
+        }
         if let Self::Tare = self {
             let [_, bare, both] = on_fixture();
             let seed = 1_000_000 + 2 * rig as u64;
@@ -142,6 +186,11 @@ impl Case {
         };
         deviations(&self.recordings(rig, rigs).into_iter().map(of_rig).collect::<Vec<_>>())
     }
+}
+
+/// The seed of the recordings of a rig that a reference calibrates.
+fn of_reference(rig: usize) -> u64 {
+    10_000_000 + 10 * rig as u64
 }
 
 /// A row: its name, what is merged, and the number of rigs that it draws.
@@ -179,6 +228,18 @@ pub fn tare_table() -> String {
     study(&[("0.64 kg on a fixture of 6.4 kg, taken off", Case::Tare, RIGS)])
 }
 
+/// Returns the table of machines, and of a rig that was calibrated.
+pub fn machines_table() -> String {
+    study(&[
+        ("4 of one rig, calibrated by a body of known properties", Case::Reference, RIGS),
+        ("two links, 1 recording", Case::Links(1), RIGS),
+        ("two links, 4 of one rig", Case::Links(4), RIGS),
+        ("a load of 2 kg on an arm of seven axes", Case::Payload, RIGS),
+        ("12 kg on springs, 1 recording", Case::Springs(1), RIGS),
+        ("12 kg on springs, 4 of one set", Case::Springs(4), RIGS),
+    ])
+}
+
 /// Returns a row for each case.
 fn study(rows: &[RowOf]) -> String {
     let most = most_rigs();
@@ -191,51 +252,67 @@ fn study(rows: &[RowOf]) -> String {
     let rigs = rows.iter().map(|(_, _, count)| (*count).min(most)).max().unwrap_or(0);
     let made = &in_parallel((0..rigs).map(|rig| of_rig(rig, each)).collect());
     let mut text = String::from(
-        "| recordings | rigs drawn | inside U95, % | c, I_c inside, % | predicted wrenches inside, % | rms error, σ | U95 \
-         by the best, least–largest | U95 by that of one recording |\n|---|--:|--:|--:|--:|--:|--:|--:|\n",
+        "| recordings | rigs drawn | inside U95, % | sums, differences | c, I_c | principal moments, axes | predicted \
+         wrenches | rms error, σ | U95 by the best, least–largest | U95 by that of one recording |\n\
+         |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for (name, case, count) in rows {
-        let count = (*count).min(most);
-        let ask = |case: Case| {
-            let jobs = (0..count).map(|rig| Box::new(move || case.asked(rig, rigs, made)) as Job<'_, _>);
-            in_parallel(jobs.collect())
-        };
-        let all = ask(*case);
-        let inside =
-            |of: &dyn Fn(&Asked) -> Errors| 100.0 * (1.0 - outside(&all.iter().map(of).collect::<Vec<_>>()));
-        let [of_centre, of_wrenches] =
-            [inside(&|own| own.of_centre.clone()), inside(&|own| own.of_wrenches.clone())];
-        let own: Vec<Errors> = all.iter().map(|own| own.of_body.clone()).collect();
-        // The best estimate of slow noise is another.
-        let bounds = match case {
-            Case::One(100) => 2,
-            Case::Slow(_) => 0,
-            _ => BEST.min(count),
-        };
-        let best = in_parallel(
-            (0..bounds).map(|rig| Box::new(move || case.best(rig, rigs)) as Job<'_, _>).collect(),
-        );
-        let ratios = by_best(&own, &best);
-        let [least, most] =
-            [f64::min, f64::max].map(|of| ratios.iter().copied().reduce(of).unwrap_or(f64::NAN));
-        let by_best = if bounds > 0 { format!("{least:.2}–{most:.2}") } else { String::new() };
-        let wider = match case {
-            Case::Tare | Case::Calibrated | Case::Slow(_) => String::new(),
-            _ => {
-                let single: Vec<Errors> = ask(Case::One(1)).into_iter().map(|own| own.of_body).collect();
-                format!("{:.2}", larger(&own, &single))
-            }
-        };
-        text.push_str(&format!(
-            "| {name} | {count} | {:.1} | {of_centre:.1} | {of_wrenches:.1} | {:.2} | {by_best} | {wider} |\n",
-            100.0 * (1.0 - outside(&own)),
-            rms(&own),
-        ));
+        let begun = std::time::Instant::now();
+        text.push_str(&row(name, *case, ((*count).min(most), rigs), made));
+        eprintln!("  {name}: {:.0} s", begun.elapsed().as_secs_f64());
     }
     text
 }
 
+/// Returns a row; of `count` rigs, beside others of `rigs`.
+fn row(name: &str, case: Case, (count, rigs): (usize, usize), made: &[Vec<PooledFactor>]) -> String {
+    let ask = |case: Case| {
+        let jobs = (0..count).map(|rig| Box::new(move || case.asked(rig, rigs, made)) as Job<'_, _>);
+        in_parallel(jobs.collect())
+    };
+    let mut all: Vec<Asked> = ask(case);
+    // A calibration may be refused.
+    all.retain(|own| !own.of_body.is_empty());
+    let count = all.len();
+    let inside = |of: &dyn Fn(&Asked) -> &Errors| {
+        let own: Vec<Errors> = all.iter().map(|own| of(own).clone()).collect();
+        if own.iter().all(Vec::is_empty) {
+            String::new()
+        } else {
+            format!("{:.1}", 100.0 * (1.0 - outside(&own)))
+        }
+    };
+    let shares = [
+        inside(&|own| &own.of_body),
+        inside(&|own| &own.of_sums),
+        inside(&|own| &own.of_centre),
+        inside(&|own| &own.of_axes),
+        inside(&|own| &own.of_wrenches),
+    ];
+    let own: Vec<Errors> = all.iter().map(|own| own.of_body.clone()).collect();
+    // The best estimate of slow noise is another, and that of springs has noise in all it measures.
+    let bounds = match case {
+        Case::One(100) | Case::Links(_) => 2,
+        Case::Slow(_) | Case::Springs(_) => 0,
+        _ => BEST.min(count),
+    };
+    let best =
+        in_parallel((0..bounds).map(|rig| Box::new(move || case.best(rig, rigs)) as Job<'_, _>).collect());
+    let ratios = by_best(&own, &best);
+    let [least, most] = [f64::min, f64::max].map(|of| ratios.iter().copied().reduce(of).unwrap_or(f64::NAN));
+    let by_best = if bounds > 0 { format!("{least:.2}–{most:.2}") } else { String::new() };
+    let single = |case: Case| -> Vec<Errors> { ask(case).into_iter().map(|own| own.of_body).collect() };
+    let wider = match case {
+        Case::One(_) | Case::Rigs { .. } | Case::Noisy => Some(Case::One(1)),
+        Case::Links(_) => Some(Case::Links(1)),
+        Case::Springs(_) => Some(Case::Springs(1)),
+        _ => None,
+    };
+    let wider = wider.map_or_else(String::new, |one| format!("{:.2}", larger(&own, &single(one))));
+    format!("| {name} | {count} | {} | {:.2} | {by_best} | {wider} |\n", shares.join(" | "), rms(&own))
+}
+
 /// Returns the most rigs that a row draws: all, unless fewer are asked for by the environment.
-fn most_rigs() -> usize {
+pub fn most_rigs() -> usize {
     std::env::var("RIGIDENT_RIGS").ok().and_then(|count| count.parse().ok()).unwrap_or(usize::MAX)
 }

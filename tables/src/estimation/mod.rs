@@ -9,6 +9,7 @@ mod covariance_forms;
 mod estimators;
 mod f32_accuracy;
 mod faults;
+mod few_poses;
 mod filter_response;
 mod honest_covariance;
 mod merging;
@@ -32,6 +33,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "f32-accuracy-long", make: f32_accuracy::long_table },
         Table { name: "covariance-forms", make: covariance_forms::table },
         Table { name: "honest-covariance", make: honest_covariance::table },
+        Table { name: "few-poses-long", make: few_poses::table },
         Table { name: "coloured-noise", make: coloured_noise::table },
         Table { name: "montecarlo", make: montecarlo::table },
         Table { name: "noise-sweep-long", make: signal_noise::table },
@@ -45,6 +47,7 @@ pub const DOCUMENT: Document = Document {
         Table { name: "merging-hundred-long", make: merging::hundred_table },
         Table { name: "merging-unlike-long", make: merging::unlike_table },
         Table { name: "merging-tare-long", make: merging::tare_table },
+        Table { name: "merging-machines-long", make: merging::machines_table },
     ],
 };
 

@@ -15,7 +15,7 @@ mod runs;
 use crate::study_length::runs as runs_of_study;
 use runs::bound::{deviations, information};
 use runs::{Body, Conditions, by_best, central_off, factor, factor_named, fit, larger, off, on_fixture};
-use runs::{outside, predicted_off, rms, tared};
+use runs::{outside, predicted_off, principal_off, rms, sums_off, tared};
 
 /// Returns the factors of four recordings of a rig, the first with five times the noise that is stated.
 fn noisy_first(rig: u64, body: &Body, seed: u64) -> Vec<PooledFactor> {
@@ -36,7 +36,8 @@ fn errors_of_a_rig_do_not_average_out_and_those_of_several_do() {
         let all = PooledFactor::merged(runs.clone(), false).unwrap();
         assert_eq!((all.rigs.len(), all.unexplained_disagreement()), (1, None));
         nine.push(off(&all.fit(), &body));
-        derived.extend([central_off(&all.fit(), &body), predicted_off(&all.fit(), &body)]);
+        let fit = all.fit();
+        derived.extend([central_off, predicted_off, sums_off, principal_off].map(|off| off(&fit, &body)));
         let first = runs.into_iter().next().unwrap();
         let others = (1..9).map(|k| factor(100 * r + k + 5000, &body, 2000 * r + k, &Conditions::STATED));
         let all = PooledFactor::merged(std::iter::once(first).chain(others).collect(), false).unwrap();

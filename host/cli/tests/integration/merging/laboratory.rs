@@ -57,7 +57,7 @@ pub fn rig_file(serial: &str, conditions: &Conditions) -> RigFile {
 /// A rigid body: mass, kg; centre of mass, m; tensor about it, kg m².
 #[derive(Clone, Copy)]
 pub struct Body {
-    mass: f64,
+    pub mass: f64,
     pub com: Vector3<f64>,
     pub central: Matrix3<f64>,
 }
@@ -186,11 +186,12 @@ impl Rig {
         self.cell.map(|row| row.iter().zip(exact).map(|(a, b)| a * b).sum())
     }
 
-    /// Returns the wrench that the load cell would read of a body, if the IMU reads what an ideal one at the
-    /// nominal place reads of the motion; errors of the recording are in their standard deviations.
+    /// Returns the wrench that the load cell would read, if the IMU reads what an ideal one at the nominal
+    /// place reads of the motion; errors of the recording are in their standard deviations. `exact` is the
+    /// wrench that is there.
     pub fn told(
         &self,
-        body: &[f64; 10],
+        exact: impl Fn(&There) -> [f64; 6],
         motion: &Motion,
         t: f64,
         own: &[f64; RECORDING_ERRORS],
@@ -208,7 +209,7 @@ impl Rig {
         let arm = self.place;
         let specific =
             accel * (read - of(15, accel_bias)) - gained.cross(&arm) - rate.cross(&rate.cross(&arm));
-        let mut told = self.of_cell(&wrench(body, &There { rate, gained, specific }));
+        let mut told = self.of_cell(&exact(&There { rate, gained, specific }));
         let s = 2.0 * t / (SECONDS - 1.0 / RATE_HZ) - 1.0;
         for (c, told) in told.iter_mut().enumerate() {
             *told += drift * RANGE[c] * (own[2 * c] * s + own[2 * c + 1] * (1.5 * s * s - 0.5));
@@ -218,10 +219,21 @@ impl Rig {
 
     /// Returns the readings of a recording: what is its own, and its motion, are drawn by the seed.
     pub fn record(&self, body: &Body, seed: u64, conditions: &Conditions) -> Vec<Reading<f64>> {
+        let parameters = body.parameters();
+        self.record_of(|_, there| wrench(&parameters, there), seed, conditions)
+    }
+
+    /// Returns the same of a machine, on which this wrench acts at a time, s.
+    pub fn record_of(
+        &self,
+        exact: impl Fn(f64, &There) -> [f64; 6],
+        seed: u64,
+        conditions: &Conditions,
+    ) -> Vec<Reading<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let motion = Motion::new(&mut random, conditions.slower);
         let [drifting, gyro_bias, accel_bias, skew] = conditions.of_recording();
-        let (parameters, noise) = (body.parameters(), conditions.noise());
+        let noise = conditions.noise();
         let mut slow = [0.0; 6];
         let kept = (-1.0 / (RATE_HZ * conditions.slow_s.max(1e-6))).exp();
         let skew = skew * draw(&mut random);
@@ -235,7 +247,7 @@ impl Rig {
             .map(|n| {
                 let t = n as f64 / RATE_HZ;
                 let there = motion.at(t);
-                let sums = self.of_cell(&wrench(&parameters, &there));
+                let sums = self.of_cell(&exact(t, &there));
                 let late = motion.at(t + skew);
                 let arm = self.place;
                 let read = late.specific + late.gained.cross(&arm) + late.rate.cross(&late.rate.cross(&arm));
@@ -271,10 +283,11 @@ pub struct Motion {
 }
 
 /// Rate and its slope in the body's axes, and the specific force at the origin.
+#[derive(Clone, Copy)]
 pub struct There {
-    rate: Vector3<f64>,
-    gained: Vector3<f64>,
-    specific: Vector3<f64>,
+    pub rate: Vector3<f64>,
+    pub gained: Vector3<f64>,
+    pub specific: Vector3<f64>,
 }
 
 impl Motion {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use rigident::answer::derived::{centre_of_mass, inertia_com};
+use rigident::answer::derived::{centre_of_mass, inertia_com, principal};
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::tare::Tare;
 use rigident::fit::{Fit, FitOptions, Parameter, Silent};
@@ -12,7 +12,7 @@ use rigident::rows::body::{BodySource, prepare};
 #[path = "bound.rs"]
 pub mod bound;
 #[path = "laboratory.rs"]
-mod laboratory;
+pub mod laboratory;
 
 pub use laboratory::{Body, Conditions};
 use laboratory::{Motion, RATE_HZ, Rig, rig_file, wrench};
@@ -88,13 +88,15 @@ pub fn predicted_off(fit: &Fit, body: &Body) -> Errors {
             (0..10).map(|j| wrench(&std::array::from_fn(|k| f64::from(u8::from(k == j))), &there)).collect();
         let of_channel = |c: usize| {
             let (mut value, mut variance) = (0.0, 0.0);
+            let mut weights = vec![0.0; fit.parameters.len()];
+            at.iter().zip(&slopes).for_each(|(i, own)| weights[*i] = own[c]);
             for (own, i) in slopes.iter().zip(&at) {
                 value += own[c] * fit.estimate.measured(*i)?.value;
                 for (other, j) in slopes.iter().zip(&at) {
                     variance += own[c] * other[c] * fit.estimate.covariance(*i, *j)?;
                 }
             }
-            let u95 = fit.estimate.coverage_factor() * variance.sqrt();
+            let u95 = fit.estimate.coverage_factor_of(&weights) * variance.sqrt();
             Some(((value - exact[c]) / u95, u95))
         };
         (0..6).filter_map(of_channel).collect::<Errors>()
@@ -104,13 +106,61 @@ pub fn predicted_off(fit: &Fit, body: &Body) -> Errors {
 
 /// Returns how far the centre of mass and the tensor about it are off, in U95, and this.
 pub fn central_off(fit: &Fit, body: &Body) -> Errors {
-    let k = fit.estimate.coverage_factor();
-    let off = |value: f64, sd: f64, truth: f64| ((value - truth) / (k * sd), k * sd);
+    let off = |value: f64, u95: f64, truth: f64| ((value - truth) / u95, u95);
     let (centre, central) = (centre_of_mass(&fit.estimate), inertia_com(&fit.estimate));
     let (c, i) = (body.com, body.central);
     let i = [i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]];
-    let of_centre = (0..3).map(|k| off(centre.value[k], centre.sd[k], c[k]));
-    of_centre.chain((0..6).map(|k| off(central.value[k], central.sd[k], i[k]))).collect()
+    let of_centre = (0..3).map(|k| off(centre.value[k], centre.u95()[k], c[k]));
+    of_centre.chain((0..6).map(|k| off(central.value[k], central.u95()[k], i[k]))).collect()
+}
+
+/// Returns how far sums of the parameters and differences are off, in U95, and this: of the first moments all
+/// and the first less the second, of the moments of inertia likewise, and mass and first moment as at an edge
+/// of 0.1 m.
+pub fn sums_off(fit: &Fit, body: &Body) -> Errors {
+    let sums: [&[(&str, f64)]; 5] = [
+        &[("mcx", 1.0), ("mcy", 1.0), ("mcz", 1.0)],
+        &[("mcx", 1.0), ("mcy", -1.0)],
+        &[("Ixx", 1.0), ("Iyy", 1.0), ("Izz", 1.0)],
+        &[("Ixx", 1.0), ("Iyy", -1.0)],
+        &[("m", 0.1), ("mcz", -1.0)],
+    ];
+    let of = |terms: &&[(&str, f64)]| {
+        let (mut weights, mut value, mut truth) = (vec![0.0; fit.parameters.len()], 0.0, 0.0);
+        for (name, weight) in *terms {
+            let at = fit.parameters.iter().position(|p| p.name == *name)?;
+            weights[at] = *weight;
+            value += weight * fit.estimate.measured(at)?.value;
+            truth += weight * body.parameters()[TEN.iter().position(|own| own == name)?];
+        }
+        let all = |i: usize| (0..weights.len()).map(move |j| (i, j));
+        let used = (0..weights.len()).flat_map(all).filter(|(i, j)| weights[*i] * weights[*j] != 0.0);
+        let variance: f64 = used
+            .map(|(i, j)| Some(weights[i] * weights[j] * fit.estimate.covariance(i, j)?))
+            .sum::<Option<f64>>()?;
+        let u95 = fit.estimate.coverage_factor_of(&weights) * variance.sqrt();
+        Some(((value - truth) / u95, u95))
+    };
+    sums.iter().filter_map(of).collect()
+}
+
+/// Returns how far principal moments and the directions of their axes are off, in U95, and this.
+pub fn principal_off(fit: &Fit, body: &Body) -> Errors {
+    let found = principal(&inertia_com(&fit.estimate));
+    let eigen = body.central.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let moment = |k: usize| {
+        let u95 = found.moments_u95[k];
+        ((found.moments[k] - eigen.eigenvalues[order[k]]) / u95, u95)
+    };
+    let axis = |k: usize| {
+        let own = nalgebra::Vector3::from(found.axes[k]);
+        let angle = own.cross(&eigen.eigenvectors.column(order[k])).norm().min(1.0).asin();
+        (angle / found.axes_u95_rad[k], found.axes_u95_rad[k])
+    };
+    let told = |k: &usize| found.axes_u95_rad[*k].is_finite();
+    (0..3).map(moment).chain((0..3).filter(told).map(axis)).collect()
 }
 
 /// Returns U95 of each parameter by `1.96` times the standard deviation of the best estimate, the geometric
@@ -120,7 +170,7 @@ pub fn by_best(all: &[Errors], best: &[Vec<f64>]) -> Vec<f64> {
         let of = all.iter().zip(best).map(|(own, best)| (own[j].1 / (1.96 * best[j])).ln());
         (of.sum::<f64>() / all.len().min(best.len()) as f64).exp()
     };
-    (0..10).map(mean).collect()
+    (0..best.first().map_or(0, Vec::len)).map(mean).collect()
 }
 
 /// Returns the share of truths outside U95.
