@@ -77,6 +77,24 @@ fn a_seat_is_named_with_its_time_and_place_and_the_rest_tells_the_mass() {
 }
 
 #[test]
+fn feet_that_hardly_touch_their_plates_are_no_plates_without_load() {
+    // While she sits the seat has 93 % of her: 23 N are left on each plate, and rest.
+    let seat = |t: f64| {
+        let u = (t / 6.0).rem_euclid(1.0);
+        if (0.30..0.88).contains(&u) { on_the_seat(6.0)(t) } else { Carried::SeatOf(0.93) }
+    };
+    let (code, result, said) = identified(18.0, &rising(&BODY, 6.0), &seat);
+    assert_eq!(code, 0, "{said}");
+    let found = contacts(&result);
+    assert_eq!(found.len(), 4, "{found:?}");
+    assert!(found.iter().all(|contact| contact["near"] == "pelvis"), "{found:?}");
+    weighs(&result, 3.0);
+    let warnings = result["warnings"].as_array().unwrap();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(result["notes"].to_string().contains("always loaded"), "{}", result["notes"]);
+}
+
+#[test]
 fn who_sits_all_the_time_has_no_mass() {
     let seated = |t: f64| {
         let mut p = rising(&BODY, 6.0)(0.4);

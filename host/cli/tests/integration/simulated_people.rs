@@ -55,6 +55,9 @@ pub(crate) enum Carried {
     One(usize, f64),
     /// Both feet, and a seat whose vertical push is at this x, m, as balance has it about the middle of the feet.
     Seat(f64),
+    /// Both feet, and a seat that carries this share of the weight, where balance about the middle of the
+    /// feet has it.
+    SeatOf(f64),
     /// Both feet, and a hand at (x, z), m, which is pushed upwards, N.
     Hand([f64; 2], f64),
     /// Something that no plate measures.
@@ -231,6 +234,12 @@ impl Somebody {
                 let x = -all[4] / all[2];
                 hidden = (all[2] * (x - feet) / (at - feet)).clamp(0.0, 0.85 * all[2].max(0.0));
                 push(&mut all, at, hidden);
+            }
+            Carried::SeatOf(share) => {
+                let feet = (p.ankles[0][0] + p.ankles[1][0]) / 2.0 + 0.05;
+                let x = -all[4] / all[2];
+                hidden = share * all[2];
+                push(&mut all, (x - (1.0 - share) * feet) / share, hidden);
             }
             Carried::Hand([x, _], force) => {
                 hidden = force;

@@ -16,8 +16,9 @@ use rigident_io::motion_capture::trial::Trial;
 
 /// A freedom is not determined by a frame if its deviation is this many times the trial's median, …
 const UNTOLD: f32 = 2.5;
-/// … and larger than this, rad.
-const LEAST_UNTOLD: f32 = 0.05;
+/// … and larger than this, rad: straight legs show the turn about their axis by markers a thumb's breadth off
+/// it, bent ones by the shank's.
+const LEAST_UNTOLD: f32 = 0.2;
 /// The heading of a trunk that no marker follows is that of the pelvis over this time, s.
 const HEADING_S: f64 = 1.0;
 /// Their first pose is that to which this many frames before lead, …

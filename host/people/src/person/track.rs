@@ -95,6 +95,8 @@ pub struct TrackReport {
     pub level: Option<f64>,
     /// Contacts that no plate measures.
     pub unmeasured: Vec<Unmeasured>,
+    /// The largest mean force beside the plates in the other frames, N.
+    pub beside_n: Option<f64>,
     /// The tilt of the plates, if that is known.
     pub tilt: Option<Tilt>,
 }
@@ -295,6 +297,7 @@ pub fn track(
         by_marker,
         level: beside.level,
         unmeasured: beside.contacts,
+        beside_n: beside.most_n,
         tilt: None,
     };
     let name = trial.name.clone();
@@ -358,6 +361,7 @@ struct Beside {
     level: Option<f64>,
     frames: Vec<Range<usize>>,
     contacts: Vec<Unmeasured>,
+    most_n: Option<f64>,
 }
 
 impl Beside {
@@ -385,7 +389,7 @@ fn beside_the_plates(
     };
     let frames = forces.pushed(level);
     let contacts = frames.iter().filter_map(|own| forces.contact(subject, own, level, about)).collect();
-    Beside { level: Some(level), frames, contacts }
+    Beside { level: Some(level), most_n: forces.largest_mean(level, &frames), frames, contacts }
 }
 
 /// Refuses plates whose load is nowhere near a foot, or under the foot that is in the air.

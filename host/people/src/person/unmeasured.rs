@@ -35,6 +35,10 @@ const LEVEL_LEAST: usize = 6;
 const MEAN_S: f64 = 0.35;
 /// No table leaves more of a mean than this share of the weight, and that of the measured force.
 const LARGEST: [f64; 2] = [0.06, 0.04];
+/// A mean is one of the whole time if this share of it is known, …
+const MOSTLY_KNOWN: f64 = 0.8;
+/// … and of a part of it no table leaves more than this share of the weight.
+const LARGEST_OF_A_PART: f64 = 0.4;
 /// A force less than this share of the weight over the whole of its time is none.
 const LEAST_MEAN: f64 = 0.05;
 /// A contact lasts while what is left along it is more than this share of the weight, …
@@ -167,16 +171,28 @@ impl Forces {
         Some([needed * level - measured - leans, measured])
     }
 
-    /// The mean about a frame; `None` where less than four fifths of it is known: half a step is no mean.
-    fn mean_left(&self, frame: usize, level: (f64, [f64; 2])) -> Option<[Vector3<f64>; 2]> {
+    /// The mean about a frame that is known, with the share of its time that is: half a step is no mean.
+    fn mean_left(&self, frame: usize, level: (f64, [f64; 2])) -> Option<([Vector3<f64>; 2], f64)> {
+        self.pairs.get(frame)?.as_ref()?;
         let half = self.frames(MEAN_S / 2.0);
         let own = (frame.saturating_sub(half)..=frame + half).filter_map(|k| self.left(k, level));
-        let (mut sums, mut count) = ([Vector3::zeros(); 2], 0_usize);
+        let (mut sums, mut count) = ([Vector3::zeros(); 2], 0.0);
         for pair in own {
             sums.iter_mut().zip(pair).for_each(|(sum, own)| *sum += own);
-            count += 1;
+            count += 1.0;
         }
-        (5 * count >= 4 * (2 * half + 1)).then(|| sums.map(|sum| sum / count as f64))
+        Some((sums.map(|sum| sum / count), count / (2 * half + 1) as f64))
+    }
+
+    /// Returns the largest mean of what is left outside of some frames, N.
+    pub(super) fn largest_mean(&self, level: f64, outside: &[Range<usize>]) -> Option<f64> {
+        let level = (level, self.lean(level));
+        let is_outside = |frame: usize| outside.iter().all(|own| !own.contains(&frame));
+        let mean = |frame: usize| {
+            let ([left, _], known) = self.mean_left(frame, level)?;
+            (known >= MOSTLY_KNOWN && is_outside(frame)).then(|| left.norm())
+        };
+        rigident_fit::parallel::each(self.pairs.len(), mean).into_iter().flatten().max_by(f64::total_cmp)
     }
 
     /// Returns the stretches of frames in which something pushes beside the plates.
@@ -184,8 +200,9 @@ impl Forces {
         let weight = level * self.weight_n;
         let level = (level, self.lean(level));
         let core = |frame: usize| {
-            let [left, measured] = self.mean_left(frame, level)?;
-            (left.norm() > LARGEST[0] * weight + LARGEST[1] * measured.norm()).then_some(left)
+            let ([left, measured], known) = self.mean_left(frame, level)?;
+            let largest = if known >= MOSTLY_KNOWN { LARGEST[0] } else { LARGEST_OF_A_PART };
+            (left.norm() > largest * weight + LARGEST[1] * measured.norm()).then_some(left)
         };
         let cores = rigident_fit::parallel::each(self.pairs.len(), core);
         let mut all: Vec<Range<usize>> = Vec::new();
@@ -195,10 +212,14 @@ impl Forces {
                 continue;
             }
             let along = left.normalize();
+            // Over frames that are not known, as of feet that hardly touch the plates while she sits, a
+            // contact goes on.
+            let is_known = |k: &usize| self.left(*k, level).is_some();
             let lasts =
-                |k: &usize| self.left(*k, level).is_some_and(|[own, _]| own.dot(&along) > FADED * weight);
-            let from = (0..frame).rev().take_while(lasts).last().unwrap_or(frame);
-            let to = (frame + 1..self.pairs.len()).take_while(lasts).last().unwrap_or(frame);
+                |k: &usize| self.left(*k, level).is_none_or(|[own, _]| own.dot(&along) > FADED * weight);
+            let from = (0..frame).rev().take_while(lasts).filter(is_known).last().unwrap_or(frame);
+            let after = (frame + 1..self.pairs.len()).take_while(lasts);
+            let to = after.filter(is_known).last().unwrap_or(frame);
             let own = from.saturating_sub(margin)..self.pairs.len().min(to + 1 + margin);
             match all.last_mut() {
                 Some(last) if own.start <= last.end => last.end = last.end.max(own.end),

@@ -1,7 +1,9 @@
 //! Zeros of the force plates of all trials.
 
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
+use nalgebra::Vector3;
 
+use rigident_io::motion_capture::ground::GroundWrench;
 use rigident_io::motion_capture::trial::Trial;
 use rigident_io::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 use rigident_rows::tree::UnknownZero;
@@ -10,7 +12,7 @@ use rigident_rows::tree::UnknownZero;
 pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
     let plates = trials.iter().flat_map(|trial| trial.ground.iter().map(move |plate| (trial, plate)));
     let told = plates.filter_map(|(trial, plate)| {
-        let drift = zeroing::drift(plate)?;
+        let drift = zeroing::drift(plate, &feet_on(trial, plate))?;
         Some(format!(
             "{}, {}: its zero drifts by {drift:.0} N between the first and the last time without load: the mass is wrong by up to {:.1} kg",
             trial.name,
@@ -24,8 +26,10 @@ pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
 /// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
 /// plates of each trial whose zero is not known: none if plates `are_zeroed` before every trial.
 pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
-    let own: Vec<Vec<Option<[f64; 6]>>> =
-        trials.iter().map(|t| t.ground.iter().map(zeroing::offset).collect()).collect();
+    let own: Vec<Vec<Option<[f64; 6]>>> = trials
+        .iter()
+        .map(|t| t.ground.iter().map(|plate| zeroing::offset(plate, &feet_on(t, plate))).collect())
+        .collect();
     let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
         trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
     let (mut notes, mut unzeroed) = (Vec::new(), vec![Vec::new(); own.len()]);
@@ -52,4 +56,37 @@ pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<
         }
     }
     (notes, unzeroed)
+}
+
+/// A marker is of a foot if it is at most this much above the lowest one while it stands, m, …
+const ANKLE_M: f64 = 0.15;
+/// … and the foot stands while it is no more than this above where it is in a tenth of all frames.
+const RAISED_M: f64 = 0.03;
+/// A foot is on a plate if one of its markers is no farther from where the plate is pressed, m.
+const ON_IT_M: f64 = 0.12;
+/// Frames of a trial that tell how low markers are, about.
+const TELLING: usize = 500;
+
+/// Returns whether a foot stands on a plate at a time, s, as the markers show it.
+fn feet_on<'a>(trial: &'a Trial, plate: &GroundWrench) -> impl Fn(f64) -> bool + 'a {
+    let every = trial.frames().div_ceil(TELLING).max(1);
+    let low = |label: usize| {
+        let frames = (0..trial.frames()).step_by(every);
+        let mut heights: Vec<f64> = frames.filter_map(|f| Some(trial.point(f, label)?.z)).collect();
+        heights.sort_by(f64::total_cmp);
+        heights.get(heights.len() / 10).copied()
+    };
+    let lows: Vec<(usize, f64)> =
+        (0..trial.labels.len()).filter_map(|label| Some((label, low(label)?))).collect();
+    let floor = lows.iter().map(|(_, z)| *z).fold(f64::INFINITY, f64::min);
+    let feet: Vec<(usize, f64)> = lows.into_iter().filter(|(_, z)| z - floor < ANKLE_M).collect();
+    let pressed = Vector3::from(zeroing::pressed(plate));
+    move |time_s: f64| {
+        let frame = ((time_s - trial.first_s) * trial.rate_hz).round().max(0.0) as usize;
+        let stands = |(label, low): &(usize, f64)| {
+            let at = trial.point(frame, *label)?;
+            (at.z - low < RAISED_M && (at - pressed).xy().norm() < ON_IT_M).then_some(())
+        };
+        frame < trial.frames() && feet.iter().any(|foot| stands(foot).is_some())
+    }
 }
