@@ -152,8 +152,9 @@ pub struct IdentifyBody {
     /// repeated
     #[arg(long, value_name = "NAME=KG±KG", value_parser = segment_mass)]
     pub segment_mass: Vec<GivenMass>,
-    /// How well the scales of the plates are known, per cent (1 σ): a part that all share, and as much of each plate's own
-    #[arg(long, value_name = "PERCENT", default_value_t = 0.5)]
+    /// How well the scales of the plates are known, per cent (1 σ): a part that all share, and as much of
+    /// each plate's own; 0.5 of plates whose calibration was checked
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
     pub plate_scale_percent: f64,
     /// Cut-off of the smoothing of markers and plates, Hz; by default from the data
     #[arg(long, value_name = "HZ")]
