@@ -21,6 +21,7 @@ pub mod motion;
 pub mod over_n;
 mod page;
 pub mod person;
+mod person_drawing;
 pub mod plain;
 mod plot;
 pub mod posture_sets;

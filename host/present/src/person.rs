@@ -1,6 +1,7 @@
 //! One person's segments for a terminal.
 
 use super::page::{escape, notes};
+use super::person_drawing::{drawn, time_lines};
 use super::plain::UNUSABLE;
 use super::quantities::{headline, learned};
 use super::table::printable;
@@ -92,8 +93,8 @@ fn masses(found: &PersonResult) -> String {
     let segments = match found.segments.as_slice() {
         [] => String::new(),
         _ => {
-            let all = table(&segments(found));
-            format!("\n<h2>Segments</h2>\n<p class=\"soft\">{SEGMENTS_NOTE}</p>\n{all}")
+            let (drawn, all) = (drawn(found), table(&segments(found)));
+            format!("\n<h2>Segments</h2>\n<p class=\"soft\">{SEGMENTS_NOTE}</p>\n{drawn}{all}")
         }
     };
     format!(
@@ -150,10 +151,11 @@ pub(super) fn html(found: &PersonResult) -> String {
         .chain(found.device.as_ref().map(on_device))
         .collect();
     format!(
-        "{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
-         what is left and its mean, by the person's own parameters and by the scaled table; moments about the pelvis, in per cent of weight times \
-         stature.</p>\n{}{}",
+        "{}{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
+         what is left and its mean, by the person's own parameters and by the scaled table; then without the means of both; moments about the \
+         pelvis, in per cent of weight times stature.</p>\n{}{}",
         masses(found),
+        time_lines(found),
         escape(&how_left_out(found)),
         table(&left_out(found)),
         if found.choices.is_empty() {
@@ -227,11 +229,21 @@ fn segments(found: &PersonResult) -> Vec<Vec<String>> {
 }
 
 fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
-    let head =
-        ["", "own", "mean", "table", "mean", "", "% BW (x height)", "measured, sd", "against the table"];
+    let head = [
+        "",
+        "own",
+        "mean",
+        "table",
+        "mean",
+        "",
+        "% BW (x height)",
+        "measured, sd",
+        "against the table",
+        "scatter alone",
+    ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     for c in &found.left_out {
-        let against = match c.gain_sd {
+        let against = |gain_sd: f64| match gain_sd {
             g if g >= 2.0 => format!("better ({g:.1} sd)"),
             g if g <= -2.0 => format!("worse ({g:.1} sd)"),
             g => format!("no difference beyond chance ({g:.1} sd)"),
@@ -245,7 +257,8 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
             c.unit.clone(),
             significant(c.percent_of_weight, 2),
             significant(c.measured_sd, 3),
-            against,
+            against(c.gain_sd),
+            against(c.scatter_gain_sd),
         ]);
     }
     rows
@@ -298,10 +311,13 @@ fn frames(trial: &TrialResult) -> String {
         let done = if trial.delay_taken_out { "taken out" } else { "left" };
         format!("; plates late by {} ms, {done}", with_u95(1e3 * d.value, 1e3 * d.u95, ""))
     });
+    let beside = trial
+        .beside_plates_n
+        .map_or_else(String::new, |n| format!("; beside the plates {} N at most", significant(n, 2)));
     let far: Vec<String> =
         trial.farthest.iter().map(|f| format!("{} {:.0}", printable(&f.name), 1e3 * f.rms_m)).collect();
     format!(
-        "{}: {} of {} frames used{dropped}; smoothed at {} Hz{delay}; markers {:.1} mm off the model, most {} mm; {} filled in",
+        "{}: {} of {} frames used{dropped}; smoothed at {} Hz{delay}{beside}; markers {:.1} mm off the model, most {} mm; {} filled in",
         printable(&trial.name),
         trial.used,
         trial.frames,

@@ -24,8 +24,9 @@ pub struct PersonResult {
     /// The whole mass with what the table knows of the segments, kg.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass_with_table_kg: Option<Measured>,
-    /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative; that of the pelvis half as large again), of its centre
-    /// over its radius of gyration, of its tensor (relative), of the whole mass (relative).
+    /// Standard deviations (1 σ) that the table is trusted with: of a segment's mass (relative; of pelvis,
+    /// hands and feet half as large again, of the head less), of its centre over its radius of gyration, of
+    /// its tensor (relative), of the whole mass (relative).
     pub table_sigma: [f64; 4],
     /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from midway between the hips, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -179,6 +180,10 @@ pub struct LeftOut {
     /// Mean gain in squares against the table over its own standard deviation, as the value of a normal distribution that is exceeded as
     /// rarely: below −2 worse than the table beyond chance.
     pub gain_sd: f64,
+    /// The same of the scatter, the means of both taken out: two constants of the centre of mass, as any
+    /// standing trial shows them, are no gain.
+    #[serde(default)]
+    pub scatter_gain_sd: f64,
 }
 
 /// What became of a trial.
@@ -197,6 +202,10 @@ pub struct TrialResult {
     /// Contacts that no plate measures; their frames are dropped.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unmeasured: Vec<UnmeasuredContact>,
+    /// The largest force beside the plates in the other frames, a mean over 0.35 s, N: of segments that the
+    /// table has not right, soft parts, and contacts too light to be named; absent if the trial is too short.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside_plates_n: Option<f64>,
     /// How far the plates lean against the cameras' vertical by the mean horizontal force, along x and y with U95, degrees; absent if no stretch
     /// of time is long enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]

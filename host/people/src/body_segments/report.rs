@@ -75,6 +75,7 @@ fn trial(tracked: &Tracked) -> TrialResult {
         rate_hz: report.rate_hz,
         dropped: dropped.collect(),
         unmeasured: report.unmeasured.iter().map(contact).collect(),
+        beside_plates_n: report.beside_n,
         tilt_deg: report.tilt.map(|tilt| {
             let u95 = COVERAGE_95 * tilt.sigma.to_degrees();
             [tilt.lean.x, tilt.lean.y].map(|lean| Measured { value: lean.atan().to_degrees(), u95 })

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use hexapod::STANDARD_GRAVITY_MPS2 as GRAVITY;
 use nalgebra::Vector3;
-use rigident_shared::tree::BaseMotion;
+use rigident_shared::tree::{BaseMotion, Joint};
 
 use super::anthropometry::GivenMass;
 use super::contact::Dropped;
@@ -40,6 +40,8 @@ const LEAST_BESIDE_S: f64 = 0.5;
 const HEIGHT_SIGMAS: [f64; 3] = [0.005, 0.03, 0.05];
 /// A link is followed if so large a share of frames has a marker on it or beyond.
 const FOLLOWED: f64 = 0.5;
+/// This many markers show place and attitude of a link.
+const WHOLE_PLACE: usize = 3;
 
 /// The knowledge of a person and the request.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -134,7 +136,10 @@ impl Person {
         let (subject, fixed) = follow(fitted, &labels, trials)?;
         notes.extend(compared_lengths(&options.lengths_m, &subject));
         if !fixed.is_empty() {
-            notes.push(format!("no marker follows {}: fixed to the link before", fixed.join(", ")));
+            notes.push(format!(
+                "no marker, or too few, follow {}: fixed to the link before",
+                fixed.join(", ")
+            ));
         }
         if options.sex == Sex::Unknown {
             notes.push(format!(
@@ -389,9 +394,21 @@ fn follow(
     };
     debug_assert!(subject.markers.iter().all(|m| labels.contains(&m.name)));
     let mut followed = vec![false; subject.model.links.len()];
+    let mut own = vec![0; subject.model.links.len()];
     for marker in subject.markers.iter().filter(|m| is_seen(&m.name)) {
+        own[marker.link] += 1;
         for link in subject.way(marker.link) {
             followed[*link] = true;
+        }
+    }
+    let turns_freely = |link: usize| matches!(subject.model.links[link].link.joint, Joint::Spherical);
+    for (i, link) in subject.model.links.iter().enumerate().skip(1) {
+        // Two balls, and no marker between them: only a link whose place is known as a whole shows how the
+        // first one is turned. The shoulder girdle is light.
+        let bare = turns_freely(i) && turns_freely(link.link.parent) && own[link.link.parent] == 0;
+        let is_spine = !link.name.starts_with("l_") && !link.name.starts_with("r_");
+        if bare && is_spine && own[i] < WHOLE_PLACE {
+            followed[i] = false;
         }
     }
     let trunk = subject.model.link("torso").or_else(|| subject.model.link("lumbar"));

@@ -1,5 +1,6 @@
 //! From trials to a person's segments.
 
+mod fewer_freedoms;
 mod pages;
 mod plates;
 
@@ -7,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::{BodyError, BodyOption, Caller, Error, Notice};
+use fewer_freedoms::beside_human34;
 use pages::pages;
 use plates::doubtful_plates;
 use rigident_fit::{Fit, FitOptions, Measured, Progress};
@@ -92,7 +94,7 @@ impl Default for BodyOptions {
             height_m: None,
             table: Sex::Unknown,
             given: Vec::new(),
-            plate_scale: 0.005,
+            plate_scale: 0.01,
             cut_off_hz: None,
             delay_s: None,
             plates_zeroed: false,
@@ -254,13 +256,7 @@ fn identified(
         let table: Vec<_> = model.links.iter().filter_map(|l| Some((l.name.as_str(), l.nominal?))).collect();
         in_opensim(&osim.model, model, &table)?;
     }
-    let study_options = StudyOptions {
-        symmetric: options.symmetric,
-        parts: options.parts,
-        mass_kg: options.mass_kg.map(|kg| [kg, SCALES * kg]),
-        plates: PlateScale { common: options.plate_scale, own: options.plate_scale },
-        ..StudyOptions::default()
-    };
+    let study_options = study_options(options);
     let own: Vec<usize> = (0..paths.len()).collect();
     let bare: Vec<usize> = (own.len()..trials.len()).collect();
     let study_of =
@@ -292,9 +288,20 @@ fn identified(
     let left_out = left_out(&study, &person, SHOWN_S)?;
     let result = person_result(&study, &person, &fit, (&full, &covariance), &answer, &left_out.channels)?;
     let mut answer = answer.with_person(PersonResult { choices, device, tool, ..result });
+    answer.notes.extend(beside_human34(paths, options, &left_out.channels, caller));
     answer.elapsed_s = started.elapsed().as_secs_f64();
     let pages = pages(&person, &study, &trials, &left_out);
     Ok(IdentifiedPerson { answer, person, study, pages, fit, full, osim })
+}
+
+fn study_options(options: &BodyOptions) -> StudyOptions {
+    StudyOptions {
+        symmetric: options.symmetric,
+        parts: options.parts,
+        mass_kg: options.mass_kg.map(|kg| [kg, SCALES * kg]),
+        plates: PlateScale { common: options.plate_scale, own: options.plate_scale },
+        ..StudyOptions::default()
+    }
 }
 
 fn people(options: &BodyOptions, osim: Option<&Osim>) -> Result<PeopleOptions, Error> {

@@ -79,7 +79,7 @@ fn page(
         about: "the pelvis".to_owned(),
         curves: wrench.curves(&kept),
         used: kept.iter().map(|f| used[*f]).collect(),
-        errors: predicted.channels.iter().map(error).collect(),
+        errors: predicted.by_trial.get(k).into_iter().flatten().map(error).collect(),
     }
 }
 
