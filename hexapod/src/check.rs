@@ -49,7 +49,7 @@ impl Geometry {
         if !self.has_joints() {
             return self.margins(state, None).check();
         }
-        let load = load.filter(|_| self.limits.leg_force_n.is_some());
+        let load = load.filter(|_| self.limits.of_force().is_some());
         let legs = self.legs_at(&state.position, &state.rotation);
         let (w, dw) = (state.rotation * state.angular_rate, state.rotation * state.angular_acceleration);
         let [min, max] = self.leg_length_m;
@@ -104,7 +104,7 @@ impl Geometry {
         rate_limit_radps: f64,
         most_looks: u32,
     ) -> bool {
-        let load = load.filter(|_| self.limits.leg_force_n.is_some());
+        let load = load.filter(|_| self.limits.of_force().is_some());
         let bounds = self.bounds_with(load, rate_limit_radps);
         let mut stack: Vec<(f64, f64)> =
             trajectory.seams_s().windows(2).map(|pair| (pair[0], pair[1])).collect();
@@ -127,7 +127,7 @@ impl Geometry {
     }
 
     fn kept(&self, trajectory: &Trajectory, load: Option<&Load>) -> Result<(), MotionError> {
-        let load = load.filter(|_| self.limits.leg_force_n.is_some());
+        let load = load.filter(|_| self.limits.of_force().is_some());
         let at = |time_s: f64| {
             self.kept_at(&trajectory.state(time_s), load)
                 .map_err(|violation| MotionError::Limit { violation, time_s })

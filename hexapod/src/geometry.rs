@@ -120,7 +120,11 @@ impl Geometry {
             leg_rate_mps: self.leg_rate_mps * share,
             limits: Limits {
                 leg_acceleration_mps2: less(self.limits.leg_acceleration_mps2),
+                leg_jerk_mps3: less(self.limits.leg_jerk_mps3),
                 leg_force_n: less(self.limits.leg_force_n),
+                leg_push_n: less(self.limits.leg_push_n),
+                leg_pull_n: less(self.limits.leg_pull_n),
+                leg_buckling_nm2: less(self.limits.leg_buckling_nm2),
                 base_joints: cones(&self.limits.base_joints),
                 plate_joints: cones(&self.limits.plate_joints),
                 cond_max: self.limits.cond_max * share,

@@ -43,7 +43,8 @@ impl Peak {
 /// The guarantee for a whole motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guarantee {
-    /// In the order of [`Limit`], the angular rate last. Joint angles and forces are there if they are limited.
+    /// In the order of [`Limit`], the angular rate last. Joint angles, jerks and the further limits of forces are there if
+    /// they are limited. The bound of a jerk is that of a whole segment, some twelve times the largest there is.
     pub peaks: Vec<Peak>,
 }
 
@@ -67,21 +68,29 @@ impl Guarantee {
 }
 
 /// Quantities in the order of [`Limit`], and the angular rate.
-const QUANTITIES: usize = 12;
-const FORCE: usize = 3;
-const BASE: usize = 4;
-const PLATE: usize = 5;
-const CONDITIONING: usize = 6;
-const CLEARANCE: usize = 7;
-const TRAVEL: usize = 8;
-const PLATE_SPEED: usize = 9;
-const PLATE_RATE: usize = 10;
-const TURNING: usize = 11;
+const QUANTITIES: usize = 16;
+const JERK: usize = 3;
+const FORCE: usize = 4;
+const PUSH: usize = 5;
+const PULL: usize = 6;
+const BUCKLING: usize = 7;
+const BASE: usize = 8;
+const PLATE: usize = 9;
+const CONDITIONING: usize = 10;
+const CLEARANCE: usize = 11;
+const TRAVEL: usize = 12;
+const PLATE_SPEED: usize = 13;
+const PLATE_RATE: usize = 14;
+const TURNING: usize = 15;
 const LIMITS: [Option<Limit>; QUANTITIES] = [
     Some(Limit::LegLength),
     Some(Limit::LegRate),
     Some(Limit::LegAcceleration),
+    Some(Limit::LegJerk),
     Some(Limit::LegForce),
+    Some(Limit::LegPush),
+    Some(Limit::LegPull),
+    Some(Limit::LegBuckling),
     Some(Limit::BaseJointAngle),
     Some(Limit::PlateJointAngle),
     Some(Limit::Conditioning),
@@ -192,7 +201,11 @@ impl Geometry {
             legs,
             legs,
             legs,
+            legs && self.limits.leg_jerk_mps3.is_some(),
             legs && load.is_some(),
+            legs && load.is_some() && self.limits.leg_push_n.is_some(),
+            legs && load.is_some() && self.limits.leg_pull_n.is_some(),
+            legs && load.is_some() && self.limits.leg_buckling_nm2.is_some(),
             legs && self.limits.base_joints.is_some(),
             legs && self.limits.plate_joints.is_some(),
             legs,
@@ -239,7 +252,11 @@ impl Geometry {
                 let most = best[q].0;
                 // Where nothing comes near anything, there is no value to be near to.
                 let slack = if q == CLEARANCE { TOLERANCE * allowed[q] } else { 0.0 };
-                !present[q] || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE)) || most.is_infinite()
+                // The bound of a jerk comes no nearer in a shorter interval; pushes and pulls have the force's.
+                !present[q]
+                    || (JERK..=BUCKLING).contains(&q) && q != FORCE
+                    || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE))
+                    || most.is_infinite()
             });
             if near || cuts == CUTS || half == 0.0 {
                 for (sum, b) in bound.iter_mut().zip(look.bound) {
@@ -272,6 +289,22 @@ impl Geometry {
         Guarantee { peaks: peaks.collect() }
     }
 
+    /// Returns a bound of the legs' jerks over the whole of `trajectory` as a share of their limit; zero without a limit.
+    pub fn jerk_share(&self, trajectory: &Trajectory) -> f64 {
+        let Some(limit) = self.limits.leg_jerk_mps3.filter(|_| self.has_joints()) else { return 0.0 };
+        let mut most = 0.0_f64;
+        for pair in trajectory.seams_s().windows(2) {
+            let (from, length) = (pair[0], pair[1] - pair[0]);
+            let count = (length / FIRST_STEP_S).ceil().max(1.0);
+            let half = 0.5 * length / count;
+            for k in 0..count as u64 {
+                let look = self.look(trajectory, from + (2 * k + 1) as f64 * half, half, None, None);
+                most = most.max(look.bound[JERK]);
+            }
+        }
+        most / limit
+    }
+
     /// To ask of intervals of any length, as [`Geometry::check`] does.
     pub(super) fn bounds_of<'a>(&'a self, load: Option<&'a Load>) -> Bounds<'a> {
         self.bounds_with(load, f64::INFINITY)
@@ -296,7 +329,11 @@ impl Geometry {
             0.5 * (hi - lo),
             self.leg_rate_mps,
             most(limits.leg_acceleration_mps2),
+            most(limits.leg_jerk_mps3),
             most(limits.leg_force_n),
+            most(limits.leg_push_n),
+            most(limits.leg_pull_n),
+            most(limits.leg_buckling_nm2),
             most(limits.base_joints.as_ref().map(|c| c.half_angle_rad)),
             most(limits.plate_joints.as_ref().map(|c| c.half_angle_rad)),
             limits.cond_max,
@@ -306,6 +343,16 @@ impl Geometry {
             f64::INFINITY,
             rate_limit_radps,
         ]
+    }
+
+    /// Magnitudes of the legs' mean jerks, m/s³, over at most a millisecond about `time_s`, inside `2 half`.
+    fn mean_jerks(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> [f64; 6] {
+        let h = half.min(5e-4);
+        if h <= 0.0 {
+            return [0.0; 6];
+        }
+        let [before, after] = [-h, h].map(|h| self.leg_accelerations(&trajectory.state(time_s + h)));
+        std::array::from_fn(|i| (after[i] - before[i]).abs() / (2.0 * h))
     }
 
     /// One interval of `2 half` about `time_s`, between two seams.
@@ -352,8 +399,9 @@ impl Geometry {
             put(PLATE_RATE, None, used.rate_radps, faster);
             return look;
         }
-        // ‖H'‖ by columns.
-        let mut h_rate = 0.0;
+        // ‖H'‖ by columns, moments over a length as in `cond(H)`.
+        let (mut h_rate, scale) = (0.0, self.moment_length_m());
+        let jerks = self.limits.leg_jerk_mps3.map(|_| self.mean_jerks(trajectory, time_s, d));
         let (mut speeds, mut least_lengths) = ([0.0; 6], [0.0; 6]);
         for i in 0..6 {
             let leg = Some(i + 1);
@@ -371,6 +419,9 @@ impl Geometry {
             put(0, leg, (legs.lengths[i] - middle).abs(), (rate.abs() + 0.5 * second * d) * d);
             put(1, leg, rate.abs(), (acceleration.abs() + 0.5 * third * d) * d);
             put(2, leg, acceleration.abs(), third * d);
+            if let Some(jerks) = jerks {
+                put(JERK, leg, jerks[i], (third - jerks[i]).max(0.0));
+            }
             let lean = u / length;
             for (q, angles, turn) in
                 [(BASE, margins.base_joint_rad, 0.0), (PLATE, margins.plate_joint_rad, w)]
@@ -379,10 +430,10 @@ impl Geometry {
                     put(q, leg, angles[i], (lean + turn) * d);
                 }
             }
-            h_rate += lean * lean + (arm * (w + lean)).powi(2);
+            h_rate += lean * lean + (arm * (w + lean) / scale).powi(2);
         }
         let h_rate = h_rate.sqrt();
-        let singular = legs.force_transmission().singular_values();
+        let singular = legs.force_transmission_over(scale).singular_values();
         let (most, least) = (singular.max(), singular.min());
         let floor = least - h_rate * d;
         let cond = margins.condition_number;
@@ -398,13 +449,20 @@ impl Geometry {
             // Of points at distance r: specific force at most `felt + spin r`, its derivative at most `jerk + whirl r`.
             let felt = a + Vector3::from(load.gravity_mps2).norm();
             let spin = dw + w * w;
-            let wrench = (m * felt + spin * first).hypot(first * felt + spin * second);
-            let change =
-                (m * jerk + whirl * first).hypot(first * (w * felt + jerk) + second * (w * spin + whirl));
+            let wrench = (m * felt + spin * first).hypot((first * felt + spin * second) / scale);
+            let change = (m * jerk + whirl * first)
+                .hypot((first * (w * felt + jerk) + second * (w * spin + whirl)) / scale);
             // H f' = w' − H' f.
             let rate = if floor > 0.0 { (change + h_rate * wrench / floor) / floor } else { f64::INFINITY };
             for (i, [low, high]) in forces.into_iter().enumerate() {
-                put(FORCE, Some(i + 1), high.max(-low), rate * d);
+                let leg = Some(i + 1);
+                let (push, pull) = (high.max(0.0), (-low).max(0.0));
+                put(FORCE, leg, high.max(-low), rate * d);
+                put(PUSH, leg, push, rate * d);
+                put(PULL, leg, pull, rate * d);
+                let (length, longer) = (legs.lengths[i], legs.lengths[i] + speeds[i] * d);
+                let now = push * length * length;
+                put(BUCKLING, leg, now, (push + rate * d) * longer * longer - now);
             }
         }
         look

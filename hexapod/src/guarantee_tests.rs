@@ -18,7 +18,11 @@ fn bulk() -> Bulk {
 fn machine() -> Geometry {
     let mut g = Geometry::thesis();
     g.limits.leg_acceleration_mps2 = Some(8.0);
+    g.limits.leg_jerk_mps3 = Some(900.0);
     g.limits.leg_force_n = Some(400.0);
+    g.limits.leg_push_n = Some(390.0);
+    g.limits.leg_pull_n = Some(200.0);
+    g.limits.leg_buckling_nm2 = Some(300.0);
     g.limits.base_joints = Some(g.cones_about_home(0.9));
     g.limits.plate_joints = Some(g.cones_about_home(1.1));
     g.limits.bulk = Some(bulk());
@@ -69,7 +73,9 @@ fn program(g: &Geometry, seed: u64) -> MotionProgram {
 }
 
 /// Quantities of a machine with legs.
-const OF_LEGS: usize = 9;
+const OF_LEGS: usize = 13;
+/// Jerk, push, pull and buckling, of whole segments or of intervals that suit the largest force.
+const LOOSE: [usize; 4] = [3, 5, 6, 7];
 
 /// Largest values at `rate` Hz, by [`Geometry::margins`]: in the order of the guarantee.
 fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f64; OF_LEGS] {
@@ -79,26 +85,42 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
         let state = trajectory.state(k as f64 / rate);
         let m = g.margins(&state, Some(load));
         let forces = m.leg_force_n.unwrap().map(|[a, b]| b.max(-a));
+        let [push, pull] = [[0.0, 1.0], [-1.0, 0.0]]
+            .map(|by| m.leg_force_n.unwrap().map(|[a, b]| (by[0] * a).max(by[1] * b).max(0.0)));
+        // Third differences of the lengths.
+        let h = 1e-3;
+        let lengths = [-1.5, -0.5, 0.5, 1.5]
+            .map(|by| g.leg_lengths(&trajectory.state(k as f64 / rate + by * h).pose()));
+        let seams = trajectory.seams_s();
+        let inside = seams.iter().all(|seam| (seam - k as f64 / rate).abs() > 2.0 * h);
+        let jerk = |i: usize| {
+            let [a, b, c, d] = lengths.map(|l| l[i]);
+            if inside { (d - 3.0 * c + 3.0 * b - a) / h.powi(3) } else { 0.0 }
+        };
         let six = [
             m.leg_length_m.map(|l| l - 0.5 * (lo + hi)),
             m.leg_rate_mps,
             m.leg_acceleration_mps2,
+            std::array::from_fn(jerk),
             forces,
+            push,
+            pull,
+            std::array::from_fn(|i| push[i] * m.leg_length_m[i].powi(2)),
             m.base_joint_rad.unwrap(),
             m.plate_joint_rad.unwrap(),
         ];
         for (most, values) in most.iter_mut().zip(six) {
             *most = values.iter().fold(*most, |m, v| m.max(v.abs()));
         }
-        most[6] = most[6].max(m.condition_number);
+        most[10] = most[10].max(m.condition_number);
         let lacking = 0.05 - (m.nearest.unwrap().distance_m - 0.002);
-        most[7] = most[7].max(lacking);
-        most[8] = most[8].max(state.angular_rate.norm());
+        most[11] = most[11].max(lacking);
+        most[12] = most[12].max(state.angular_rate.norm());
     }
     most
 }
 
-/// Against the motion examined every 0.5 ms, the bound is never below and at most 2 % above.
+/// Against the motion examined every 0.5 ms, the bound is never below, and but for the loose ones at most 2 % above.
 #[test]
 fn bounds_hold_at_every_instant_and_are_not_far_above() {
     let g = machine();
@@ -114,9 +136,11 @@ fn bounds_hold_at_every_instant_and_are_not_far_above() {
         let guarantee = g.guarantee(&trajectory, Some(&load), 1.2);
         let most = sampled(&g, &trajectory, &load, 2000.0);
         assert_eq!(guarantee.peaks.len(), OF_LEGS);
-        for (peak, most) in guarantee.peaks.iter().zip(most) {
+        for (k, (peak, most)) in guarantee.peaks.iter().zip(most).enumerate() {
             assert!(peak.bound >= most && peak.seen <= peak.bound, "{seed}: {peak:?} {most}");
-            assert!(peak.bound <= 1.02 * most, "{seed}: {peak:?} {most}");
+            if !LOOSE.contains(&k) {
+                assert!(peak.bound <= 1.02 * most, "{seed}: {peak:?} {most}");
+            }
         }
     }
 }

@@ -36,22 +36,22 @@ impl Legs {
         h
     }
 
-    /// `cond(H)`: 2-norm, forces in N and moments in N m. Infinite where the platform is singular.
-    pub fn condition_number(&self) -> f64 {
-        condition_number(&self.force_transmission())
-    }
-
-    /// `cond(H)` with moments over a length, m: forces against forces, whatever the machine's size.
-    pub fn condition_over(&self, length_m: f64) -> f64 {
+    /// `H` with moments over a length, m: forces (N) to forces, whatever the machine's size.
+    pub fn force_transmission_over(&self, length_m: f64) -> Matrix6<f64> {
         let mut h = self.force_transmission();
         h.fixed_rows_mut::<3>(3).unscale_mut(length_m);
-        condition_number(&h)
+        h
     }
 
-    /// Returns whether `cond(H) ≤ limit`. Cheaper than the number itself: mostly decided by
+    /// `cond(H)`: 2-norm, moments over a length, m. Infinite where the platform is singular.
+    pub fn condition_over(&self, length_m: f64) -> f64 {
+        condition_number(&self.force_transmission_over(length_m))
+    }
+
+    /// Returns whether `cond(H) ≤ limit`, moments over a length, m. Cheaper than the number itself: mostly decided by
     /// `cond₂ ≤ ‖H‖_F ‖H⁻¹‖_F`.
-    pub fn is_conditioned_within(&self, limit: f64) -> bool {
-        let h = self.force_transmission();
+    pub fn is_conditioned_within(&self, limit: f64, length_m: f64) -> bool {
+        let h = self.force_transmission_over(length_m);
         match h.try_inverse() {
             Some(inverse) if h.norm() * inverse.norm() <= limit => true,
             Some(_) => condition_number(&h) <= limit,
@@ -132,9 +132,15 @@ impl Geometry {
         (joints.iter().map(|joint| (joint - mean).norm_squared()).sum::<f64>() / 6.0).sqrt()
     }
 
-    /// `cond(H)` at a pose, see [`Legs::condition_number`].
+    /// The length that moments are divided by where `cond(H)` is taken: four times [`Geometry::joint_radius_m`], m. A
+    /// machine and its enlargement have the same number; of the built-in platform it is one metre.
+    pub fn moment_length_m(&self) -> f64 {
+        4.0 * self.joint_radius_m()
+    }
+
+    /// `cond(H)` at a pose, moments over [`Geometry::moment_length_m`].
     pub fn condition_number(&self, pose: &Pose) -> f64 {
-        self.legs(pose).condition_number()
+        self.legs(pose).condition_over(self.moment_length_m())
     }
 
     /// Speeds of the six legs, m/s, positive when a leg extends.

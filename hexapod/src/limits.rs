@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Guard against singular poses: highest `cond(H)`, thesis.
+/// Guard against singular poses: highest `cond(H)`, thesis, moments over [`super::Geometry::moment_length_m`].
 pub const COND_MAX: f64 = 40.0;
 
 /// Limits beyond length and speed of the legs. What is absent does not bind.
@@ -14,14 +14,23 @@ pub const COND_MAX: f64 = 40.0;
 pub struct Limits {
     /// Largest acceleration of a leg, m/s².
     pub leg_acceleration_mps2: Option<f64>,
+    /// Largest jerk of a leg, m/s³.
+    pub leg_jerk_mps3: Option<f64>,
     /// Largest force of a leg, pushing or pulling, N.
     pub leg_force_n: Option<f64>,
+    /// Largest force of a leg that pushes, N.
+    pub leg_push_n: Option<f64>,
+    /// Largest force of a leg that pulls, N.
+    pub leg_pull_n: Option<f64>,
+    /// Largest product of a pushing leg's force and the square of its length, N m²: Euler's `π² E I` of a leg hinged
+    /// at both ends, over the safety factor.
+    pub leg_buckling_nm2: Option<f64>,
     /// The angle by which a leg may lean at its base joint. Axes in A.
     pub base_joints: Option<JointCones>,
     /// The angle by which a leg may lean at its plate joint. Axes in P; a leg points from the base to the
     /// plate.
     pub plate_joints: Option<JointCones>,
-    /// Highest `cond(H)`.
+    /// Highest `cond(H)`, moments over [`super::Geometry::moment_length_m`].
     pub cond_max: f64,
     /// The thickness of legs, plate and base; without it collisions are not checked.
     pub bulk: Option<Bulk>,
@@ -31,12 +40,44 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             leg_acceleration_mps2: None,
+            leg_jerk_mps3: None,
             leg_force_n: None,
+            leg_push_n: None,
+            leg_pull_n: None,
+            leg_buckling_nm2: None,
             base_joints: None,
             plate_joints: None,
             cond_max: COND_MAX,
             bulk: None,
         }
+    }
+}
+
+impl Limits {
+    /// Returns the first key of a limit that depends on what the legs carry; `None` if there is no such limit.
+    pub fn of_force(&self) -> Option<&'static str> {
+        [
+            ("leg_force_n", self.leg_force_n),
+            ("leg_push_n", self.leg_push_n),
+            ("leg_pull_n", self.leg_pull_n),
+            ("leg_buckling_nm2", self.leg_buckling_nm2),
+        ]
+        .into_iter()
+        .find_map(|(key, limit)| limit.map(|_| key))
+    }
+
+    /// Returns the first limit of force that a leg's least and greatest force, N, exceed at a length, m: its name,
+    /// the value and the limit in the name's unit.
+    pub fn overloaded(&self, [low, high]: [f64; 2], length_m: f64) -> Option<(Limit, [f64; 2])> {
+        let push = high.max(0.0);
+        [
+            (Limit::LegForce, high.max(-low), self.leg_force_n),
+            (Limit::LegPush, push, self.leg_push_n),
+            (Limit::LegPull, (-low).max(0.0), self.leg_pull_n),
+            (Limit::LegBuckling, push * length_m * length_m, self.leg_buckling_nm2),
+        ]
+        .into_iter()
+        .find_map(|(limit, value, most)| Some((limit, [value, most.filter(|most| value > *most)?])))
     }
 }
 
@@ -122,8 +163,16 @@ pub enum Limit {
     LegRate,
     /// Acceleration of a leg, m/s².
     LegAcceleration,
+    /// Jerk of a leg, m/s³.
+    LegJerk,
     /// Force of a leg, N.
     LegForce,
+    /// Force of a leg that pushes, N.
+    LegPush,
+    /// Force of a leg that pulls, N.
+    LegPull,
+    /// Force of a leg that pushes, times its length squared, N m².
+    LegBuckling,
     /// Angle at a base joint, rad.
     BaseJointAngle,
     /// Angle at a plate joint, rad.
@@ -148,7 +197,15 @@ impl Limit {
 
     /// Returns true if a motion keeps it where it only takes long enough.
     pub fn is_of_speed(self) -> bool {
-        matches!(self, Self::LegRate | Self::LegAcceleration | Self::PlateSpeed | Self::PlateRate)
+        matches!(
+            self,
+            Self::LegRate | Self::LegAcceleration | Self::LegJerk | Self::PlateSpeed | Self::PlateRate
+        )
+    }
+
+    /// Returns true if it depends on what the legs carry.
+    pub fn is_of_force(self) -> bool {
+        matches!(self, Self::LegForce | Self::LegPush | Self::LegPull | Self::LegBuckling)
     }
 }
 
@@ -176,10 +233,14 @@ impl Violation {
             | Limit::PlateJointAngle
             | Limit::Clearance
             | Limit::Travel => "use smaller tilts or translations",
-            Limit::LegRate | Limit::LegAcceleration | Limit::PlateSpeed | Limit::PlateRate => {
-                "give the motion more time"
+            Limit::LegRate
+            | Limit::LegAcceleration
+            | Limit::LegJerk
+            | Limit::PlateSpeed
+            | Limit::PlateRate => "give the motion more time",
+            Limit::LegForce | Limit::LegPush | Limit::LegPull | Limit::LegBuckling => {
+                "use smaller tilts, more time where it moves, or a lighter body"
             }
-            Limit::LegForce => "use smaller tilts, more time where it moves, or a lighter body",
             Limit::Conditioning => "use less yaw or smaller tilts",
         }
     }
@@ -211,6 +272,28 @@ impl fmt::Display for Violation {
             Limit::LegForce => {
                 let (value, digits) = apart(value.abs(), *max, 1);
                 write!(f, "leg {leg} would carry {value} N, its limit is {} N", number(*max, digits))
+            }
+            Limit::LegJerk => {
+                let (value, digits) = apart(value.abs(), *max, 2);
+                write!(
+                    f,
+                    "the jerk of leg {leg} is not known to stay below its limit of {} m/s³, its bound is {value} m/s³",
+                    number(*max, digits)
+                )
+            }
+            Limit::LegPush | Limit::LegPull => {
+                let (value, digits) = apart(value.abs(), *max, 1);
+                let how = if self.limit == Limit::LegPush { "push" } else { "pull" };
+                write!(f, "leg {leg} would {how} with {value} N, its limit is {} N", number(*max, digits))
+            }
+            Limit::LegBuckling => {
+                let (value, digits) = apart(value.abs(), *max, 2);
+                write!(
+                    f,
+                    "leg {leg} would push with {value} N m² of force times length squared, its limit against buckling is {} \
+                     N m²",
+                    number(*max, digits)
+                )
             }
             Limit::BaseJointAngle | Limit::PlateJointAngle => {
                 let (value, digits) = apart(value.to_degrees(), max.to_degrees(), 1);

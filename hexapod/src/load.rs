@@ -107,7 +107,7 @@ impl Geometry {
             limit: Limit::Conditioning,
             leg: None,
             between: None,
-            value: legs.condition_number(),
+            value: legs.condition_over(self.moment_length_m()),
             allowed: [1.0, self.limits.cond_max],
         };
         Err(MotionError::Limit { violation, time_s })

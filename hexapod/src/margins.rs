@@ -28,6 +28,12 @@ pub struct LimitMargins {
     pub leg_force_n: Option<[[f64; 2]; 6]>,
     /// Highest magnitude, N.
     pub leg_force_limit_n: f64,
+    /// Highest of a leg that pushes, N.
+    pub leg_push_limit_n: f64,
+    /// Highest of a leg that pulls, N.
+    pub leg_pull_limit_n: f64,
+    /// Highest of a leg that pushes, times its length squared, N m².
+    pub leg_buckling_limit_nm2: f64,
     /// Angles at the base joints, rad; absent without cones.
     pub base_joint_rad: Option<[f64; 6]>,
     /// Largest, rad.
@@ -130,6 +136,8 @@ impl LimitMargins {
             })
         };
         let larger = |[a, b]: [f64; 2]| if b.abs() >= a.abs() { b } else { a };
+        let push = self.leg_force_n.map(|f| f.map(|[_, high]| high.max(0.0)));
+        let buckling = push.map(|f| std::array::from_fn(|i| f[i] * self.leg_length_m[i].powi(2)));
         lengths
             .chain(within(Limit::LegRate, self.leg_rate_limit_mps, Some(self.leg_rate_mps)))
             .chain(within(
@@ -140,6 +148,13 @@ impl LimitMargins {
             .chain(within(Limit::BaseJointAngle, self.base_joint_limit_rad, self.base_joint_rad))
             .chain(within(Limit::PlateJointAngle, self.plate_joint_limit_rad, self.plate_joint_rad))
             .chain(within(Limit::LegForce, self.leg_force_limit_n, self.leg_force_n.map(|f| f.map(larger))))
+            .chain(within(Limit::LegPush, self.leg_push_limit_n, push))
+            .chain(within(
+                Limit::LegPull,
+                self.leg_pull_limit_n,
+                self.leg_force_n.map(|f| f.map(|[low, _]| (-low).max(0.0))),
+            ))
+            .chain(within(Limit::LegBuckling, self.leg_buckling_limit_nm2, buckling))
             .chain(std::iter::once(Margin {
                 at: Violation {
                     limit: Limit::Conditioning,
@@ -234,6 +249,9 @@ impl Geometry {
             leg_acceleration_limit_mps2: most(limits.leg_acceleration_mps2),
             leg_force_n: load.map(|load| load.leg_forces_of(&legs, state)),
             leg_force_limit_n: most(limits.leg_force_n),
+            leg_push_limit_n: most(limits.leg_push_n),
+            leg_pull_limit_n: most(limits.leg_pull_n),
+            leg_buckling_limit_nm2: most(limits.leg_buckling_nm2),
             base_joint_rad,
             base_joint_limit_rad: widest(&limits.base_joints),
             plate_joint_rad,
@@ -256,12 +274,16 @@ impl Geometry {
     /// `cond(H)`, or infinity where `det H` has not the sign that it has at home.
     pub fn guarded_condition(&self, legs: &Legs) -> f64 {
         let h = legs.force_transmission();
-        if h.determinant() * self.home_determinant() > 0.0 { legs.condition_number() } else { f64::INFINITY }
+        if h.determinant() * self.home_determinant() > 0.0 {
+            legs.condition_over(self.moment_length_m())
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Returns whether `cond(H)` is within the guard, on home's side of every singular pose.
     pub fn is_guarded(&self, legs: &Legs) -> bool {
-        legs.is_conditioned_within(self.limits.cond_max)
+        legs.is_conditioned_within(self.limits.cond_max, self.moment_length_m())
             && legs.force_transmission().determinant() * self.home_determinant() > 0.0
     }
 

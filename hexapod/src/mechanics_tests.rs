@@ -378,6 +378,72 @@ fn a_load_that_is_too_heavy_names_the_leg_the_force_and_the_time() {
     g.check_loaded(&swing(), &Load::body(body())).unwrap_err();
 }
 
+/// A body above the joints' middle stands on, or hangs from, six legs alike: each carries `m g / (6 n_z)`.
+#[test]
+fn pushing_pulling_and_buckling_legs_have_limits_of_their_own() {
+    let g = Geometry::thesis();
+    let legs = g.legs(&g.home());
+    let body =
+        BodyParameters { mass_kg: 20.0, com_m: [0.0; 3], inertia_com_kgm2: [0.1, 0.1, 0.1, 0.0, 0.0, 0.0] };
+    let (standing, mut hanging) = (Load::body(body), Load::body(body));
+    hanging.gravity_mps2[2] *= -1.0;
+    let force = 20.0 * STANDARD_GRAVITY_MPS2 / (6.0 * legs.directions[0].z);
+    let length = g.leg_lengths(&g.home())[0];
+    let limited = |set: fn(&mut Limits, f64), value: f64| {
+        let mut g = g.clone();
+        set(&mut g.limits, value);
+        g
+    };
+    let push = |limits: &mut Limits, value| limits.leg_push_n = Some(value);
+    let pull = |limits: &mut Limits, value| limits.leg_pull_n = Some(value);
+    let buckling = |limits: &mut Limits, value| limits.leg_buckling_nm2 = Some(value);
+    let squared = force * length * length;
+    for (set, most, binds, free, words) in [
+        (push as fn(&mut Limits, f64), force, &standing, &hanging, "would push with 37.6"),
+        (pull, force, &hanging, &standing, "would pull with 37.6"),
+        (buckling, squared, &standing, &hanging, "buckling"),
+    ] {
+        let home = g.home();
+        limited(set, 1.001 * most).check_pose_loaded(&home, binds).unwrap();
+        limited(set, 0.1).check_pose_loaded(&home, free).unwrap();
+        let refused = limited(set, 0.999 * most).check_pose_loaded(&home, binds).unwrap_err();
+        assert!(refused.limit.is_of_force() && refused.to_string().contains(words), "{refused}");
+        // Over a motion too.
+        let hold = MotionProgram { start: home, segments: vec![Segment::Hold { duration_s: 1.0 }] };
+        let hold = hold.trajectory().unwrap();
+        limited(set, 1.001 * most).check_loaded(&hold, binds).unwrap();
+        limited(set, 0.999 * most).check_loaded(&hold, binds).unwrap_err();
+    }
+}
+
+/// The quintic's third derivative is `60 way / duration³` at its ends, and straight up all legs have it alike.
+#[test]
+fn a_jerk_beyond_its_limit_is_refused_and_more_time_helps() {
+    let mut g = Geometry::thesis();
+    let mut up = g.home();
+    up.position_m[2] += 0.05;
+    let home = g.home();
+    let rise = |duration_s: f64| {
+        let segments = vec![Segment::Move { to: up, duration_s }];
+        MotionProgram { start: home, segments }.trajectory().unwrap()
+    };
+    // Near rest l''' = n_z z'''.
+    let least = 60.0 * 0.05 * g.legs(&g.home()).directions[0].z;
+    g.limits.leg_jerk_mps3 = Some(0.99 * least);
+    let refused = g.check(&rise(1.0)).unwrap_err();
+    assert!(
+        matches!(&refused, MotionError::Limit { violation, .. } if violation.limit == Limit::LegJerk),
+        "{refused}"
+    );
+    assert!(
+        refused.to_string().contains("jerk of leg") && refused.to_string().contains("more time"),
+        "{refused}"
+    );
+    g.limits.leg_jerk_mps3 = Some(1.2 * least);
+    g.check(&rise(1.1)).unwrap();
+    assert!((g.jerk_share(&rise(2.0)) - g.jerk_share(&rise(1.0)) / 8.0).abs() < 0.2);
+}
+
 #[test]
 fn a_limit_that_is_hardly_overstepped_is_told_with_as_many_digits_as_show_it() {
     use super::{Limit, Violation};

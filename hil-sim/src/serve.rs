@@ -20,4 +20,4 @@ pub use controller::Controller;
 pub use options::{Body, SensorFault, Sensors, SensorsOptions, ServeOptions, Where};
 pub use port::Port;
 pub use rig_file::rig_file;
-pub use stream::StreamServer;
+pub use stream::{Receiver, StreamServer, Tell};

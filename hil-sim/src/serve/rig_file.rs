@@ -64,9 +64,14 @@ pub fn rig_file(rig: &Rig) -> String {
     file.key("leg_length_m", config.geometry.leg_length_m);
     file.key("leg_rate_mps", config.geometry.leg_rate_mps);
     let limits = &config.geometry.limits;
-    for (key, limit) in
-        [("leg_acceleration_mps2", limits.leg_acceleration_mps2), ("leg_force_n", limits.leg_force_n)]
-    {
+    for (key, limit) in [
+        ("leg_acceleration_mps2", limits.leg_acceleration_mps2),
+        ("leg_jerk_mps3", limits.leg_jerk_mps3),
+        ("leg_force_n", limits.leg_force_n),
+        ("leg_push_n", limits.leg_push_n),
+        ("leg_pull_n", limits.leg_pull_n),
+        ("leg_buckling_nm2", limits.leg_buckling_nm2),
+    ] {
         if let Some(limit) = limit {
             file.key(key, limit);
         }

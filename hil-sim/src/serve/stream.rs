@@ -28,7 +28,7 @@ const SENDERS: usize = 64;
 const NEAR: [f64; 2] = [0.005, 0.02];
 
 /// Receives what was wrong with a stream.
-type Tell = Arc<dyn Fn(&str) + Send + Sync>;
+pub type Tell = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// The receiving end. Dropping it closes every connection.
 pub struct StreamServer {
@@ -149,7 +149,8 @@ struct Course {
     motion: u64,
 }
 
-struct Receiver {
+/// What follows the lines of one sender.
+pub struct Receiver {
     rig: SharedRig,
     geometry: Geometry,
     tell: Tell,
@@ -158,12 +159,14 @@ struct Receiver {
 }
 
 impl Receiver {
-    fn new(rig: SharedRig, tell: Tell) -> Self {
+    /// Of a rig; `tell` receives what was wrong with a line.
+    pub fn new(rig: SharedRig, tell: Tell) -> Self {
         let geometry = lock(&rig).config().geometry.clone();
         Self { rig, geometry, tell, line: Vec::new(), course: None }
     }
 
-    fn feed(&mut self, bytes: &[u8]) {
+    /// Takes bytes of lines, whole or not.
+    pub fn feed(&mut self, bytes: &[u8]) {
         for byte in bytes {
             if *byte != b'\n' {
                 // What is longer is no line; its end is not understood either.

@@ -3,10 +3,14 @@
 use std::fmt;
 use std::io::{self, IsTerminal, Write};
 
+use hexapod::{COND_MAX, Pose};
+
 use super::tell::tell;
-use rigident::device::platform::check::Summary;
+use super::zeroing::Attitude;
+use rigident::device::platform::check::{self, Summary};
 use rigident::device::session::Session;
 use rigident::plan::machine;
+use rigident::plan::ranges::CellStopped;
 use rigident_io::rig::RigFile;
 
 /// Less of the stroke than this in reserve at either end is worth a word: plans leave somewhat more.
@@ -23,6 +27,12 @@ pub(super) struct Consent<'a> {
     pub(super) found: Vec<String>,
     /// Load guard and motion guard, on or not; `None` before they are set.
     pub(super) guards: Option<[bool; 2]>,
+    /// The load cell in each stop that is shown.
+    pub(super) cell: Vec<(f64, CellStopped)>,
+    /// The plate's pose before the warm-up, where it is another since.
+    pub(super) moved: Option<[Pose; 2]>,
+    /// Gravity was compared with the plate's pose; `None` before that.
+    pub(super) attitude: Option<Attitude>,
 }
 
 /// Returns whether load guard and motion guard are on.
@@ -70,7 +80,10 @@ impl Consent<'_> {
         if platform.is_none_or(|platform| platform.part.is_empty()) {
             assumed.push("the plate itself weighs nothing: the rig file has no [[platform.part]]");
         }
-        assumed.push("the base stands level: gravity is along -z of A");
+        assumed.push(match self.attitude {
+            Some(Attitude::Unknown(why)) => why,
+            _ => "the base stands level: gravity is along -z of A",
+        });
         if self.summary.from.is_some() {
             assumed.push("the plate stands at home: nothing measures where it is");
         }
@@ -92,12 +105,40 @@ impl fmt::Display for Consent<'_> {
                 100.0 * reserve
             )?;
         }
-        if let (Some([_, stopped]), Some(limit)) = (self.summary.stop_force_n, self.summary.leg_force_limit_n)
-            && stopped > limit
-        {
+        for stop in self.summary.stops.iter().flatten() {
+            for (violation, time_s) in [stop.overloads, stop.too_quick].into_iter().flatten() {
+                writeln!(f, "  NOTE      in a stop of {} s from t = {time_s:.2} s {violation}", stop.stop_s)?;
+            }
+        }
+        for (stop_s, cell) in &self.cell {
+            let CellStopped { channel, unit, range, value, at_worst, time_s } = cell;
+            if at_worst > range {
+                let whom = if value > range { "" } else { " with the worst body that may be on it" };
+                writeln!(
+                    f,
+                    "  NOTE      in a stop of {stop_s} s from t = {time_s:.2} s {channel} of the load cell would come to {:.1} {unit}{whom}, \
+                     its range is {range:.1} {unit}",
+                    if value > range { value } else { at_worst }
+                )?;
+            } else {
+                writeln!(
+                    f,
+                    "  load cell {channel} up to {at_worst:.1} of {range:.1} {unit} in a stop of {stop_s} s"
+                )?;
+            }
+        }
+        if let Some([before, now]) = &self.moved {
             writeln!(
                 f,
-                "  NOTE      a stop in 0.1 s at the worst instant would load a leg with {stopped:.1} N, more than its {limit:.1} N"
+                "  NOTE      the plate stood at {} before the warm-up and stands at {}: the way to the start is another one",
+                check::words(before),
+                check::words(now)
+            )?;
+        }
+        if let Some([_, limit]) = self.summary.condition.filter(|[_, limit]| *limit > COND_MAX) {
+            writeln!(
+                f,
+                "  NOTE      cond_max is {limit}, and {COND_MAX} by default: poses near singular ones are allowed"
             )?;
         }
         self.found.iter().try_for_each(|found| writeln!(f, "  platform  {found}"))?;
@@ -126,6 +167,9 @@ mod tests {
                 slow: Some(0.1),
                 found: vec![],
                 guards,
+                cell: Vec::new(),
+                moved: None,
+                attitude: None,
             };
             consent.to_string()
         };

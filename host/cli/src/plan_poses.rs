@@ -81,7 +81,7 @@ pub(super) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     check_out(arguments)?;
     let mut progress = Progress::new();
     progress.show(|| "where the platform can tilt to".to_owned());
-    if rig.geometry.limits.leg_force_n.is_some() && rig.load.is_none() {
+    if rig.geometry.limits.of_force().is_some() && rig.load.is_none() {
         tell!(
             "rigident: the forces of the legs are not checked: the rig file has no load_within_m that bounds what they carry"
         );

@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use hexapod::Pose;
+
 use super::adaptive::{Concluded, Directing};
 use super::arguments::Run;
 use super::calibrated_board::another_board;
@@ -41,11 +43,11 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut platform = platform::connect(&arguments.platform, &request.geometry).map_err(unmoved)?;
     // A controller on a serial port is greeted by nobody but its driver.
     let (_, mut session) = open(arguments.device.port.as_deref(), &platform::port_of(&arguments.platform))?;
-    let span = first_look(&request, platform.as_mut(), &mut session)?;
+    let (span, stood) = first_look(&request, platform.as_mut(), &mut session)?;
     let mut warnings = Vec::from_iter(another_board(&request.rig, session.identity()));
     warm_up(&mut session, &request.rig, arguments.warm_up_s, &mut warnings)?;
     let from = platform.expects();
-    let ready = Ready::new(&mut request, platform.as_mut(), &mut session, span, &mut warnings)?;
+    let ready = Ready::new(&mut request, platform.as_mut(), &mut session, span, stood, &mut warnings)?;
     if arguments.dry_run {
         tell!("--dry-run: everything was done but the motion; nothing was moved");
         return Ok(ExitCode::SUCCESS);
@@ -111,7 +113,7 @@ fn first_look(
     request: &Request,
     platform: &mut dyn Platform,
     session: &mut Session,
-) -> Result<Option<Span<f64>>, Failure> {
+) -> Result<(Option<Span<f64>>, Option<Pose>), Failure> {
     let (arguments, rig) = (request.arguments, &request.rig);
     // Any noise does while nothing is absorbed.
     let mut standing =
@@ -132,11 +134,13 @@ fn first_look(
         tell!("{}", peaks.to_string().trim_end());
         platform.load(program).map_err(unmoved)?;
     }
-    request.consent(&summary, platform.found(), None).show();
+    let mut consent = request.consent(&summary, request.cell_stopped(body.as_ref())?);
+    consent.found = platform.found();
+    consent.show();
     if !arguments.dry_run {
         confirm::can_be_asked(arguments.yes)?;
     }
-    Ok(span)
+    Ok((span, platform.stands().map_err(unmoved)?))
 }
 
 /// Everything but the motion is done.
@@ -146,6 +150,8 @@ struct Ready {
     directing: Option<Directing>,
     /// What is consented to, as it was shown.
     shown: String,
+    /// The plate's pose then, as far as the platform knows.
+    stands: Option<Pose>,
 }
 
 impl Ready {
@@ -158,12 +164,13 @@ impl Ready {
         platform: &mut dyn Platform,
         session: &mut Session,
         span: Option<Span<f64>>,
+        stood: Option<Pose>,
         warnings: &mut Vec<String>,
     ) -> Result<Self, Failure> {
         let timing = of_sensors(request.rate_hz);
         let rest = zero(session, &mut request.rig, warnings)?;
         let stands = platform.stands().map_err(unmoved)?;
-        zeroing::check_attitude(&rest, &request.rig, stands.as_ref(), warnings)?;
+        let attitude = zeroing::check_attitude(&rest, &request.rig, stands.as_ref(), warnings)?;
         if request.links.is_some() {
             zero_second(session, &mut request.rig, &timing, &rest)?;
         }
@@ -177,11 +184,13 @@ impl Ready {
         let summary = request.checked(platform, body.as_ref(), directing.as_ref())?;
         request.within_ranges(body.as_ref())?;
         guards::watch(session, rig, arguments.adaptive.axes())?;
-        let consent = request.consent(&summary, Vec::new(), Some(consent::guards(session)));
+        let mut consent = request.consent(&summary, request.cell_stopped(body.as_ref())?);
+        (consent.guards, consent.attitude) = (Some(consent::guards(session)), Some(attitude));
+        consent.moved = stood.zip(stands).filter(|(a, b)| !platform::near(a, b)).map(|(a, b)| [a, b]);
         warnings.iter().for_each(|warning| tell!("rigident: {warning}"));
         consent.show();
         let shown = consent.to_string();
-        Ok(Self { rest, settings, directing, shown })
+        Ok(Self { rest, settings, directing, shown, stands })
     }
 }
 
@@ -204,7 +213,17 @@ fn agreed(
         zeroing::check_untouched(&ready.rest, &zeroing::look(session, &request.rig)?)?;
     }
     trace.note("consent", &serde_json::json!({ "by": agreed.words(), "at": now() }));
-    confirm::count_down()
+    confirm::count_down()?;
+    let now = platform.stands().map_err(unmoved)?;
+    match ready.stands.zip(now).filter(|(shown, now)| !platform::near(shown, now)) {
+        Some((shown, now)) => Err(Failure::link(format!(
+            "the plate stood at {} when its way was shown, and stands at {}: another program, or its own panel, has moved it. Run again.\n\
+             Nothing was moved.",
+            check::words(&shown),
+            check::words(&now)
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The recording of a motion.
@@ -256,7 +275,7 @@ fn driven(
 }
 
 /// Leaves the platform, and warns of how it was left.
-fn left(platform: &mut dyn Platform, from: Option<&hexapod::Pose>, take: &Take, warnings: &mut Vec<String>) {
+fn left(platform: &mut dyn Platform, from: Option<&Pose>, take: &Take, warnings: &mut Vec<String>) {
     if let (Some(home), Some(at)) = (from, platform.expects())
         && (take.broken.is_some() || take.interrupted)
         && check::words(&at) != check::words(home)

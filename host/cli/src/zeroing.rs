@@ -34,8 +34,6 @@ const CHANGE_MPS2: f64 = 0.05;
 /// The range of eight means of noise is wider than this many of their standard deviations once in two
 /// million.
 const CHANCE_SD: f64 = 8.0;
-/// Mountings are not more exact than so, rad, nor are bases more level.
-const LEVEL_RAD: f64 = 0.09;
 /// More than this is worth a word, rad.
 const DOUBTFUL_RAD: f64 = 0.035;
 /// A mean that changed by more of the standard deviations of a reading was not changed by drift alone: after
@@ -141,6 +139,20 @@ fn moving(readings: &[Reading<f64>], noise: &ImuNoise<f64>) -> Option<String> {
     None
 }
 
+/// The comparison of gravity with the plate's pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Attitude {
+    /// It agrees.
+    Compared,
+    /// Nothing could be compared, and why.
+    Unknown(&'static str),
+}
+
+const UNPLACED: &str = "the base stands level, NOT compared with gravity: the rig file does not give the places of [[imu]] and \
+                        [platform.load_cell]; on a wall or a ceiling all forces are others";
+const UNKNOWN: &str = "the base stands level, NOT compared with gravity: the platform does not know its plate's pose yet; on a wall \
+                       or a ceiling all forces are others";
+
 /// Checks whether the plate is tilted as the platform says that it is, as far as gravity shows it. Nothing is
 /// known without the places of the IMU and the load cell, or where the platform does not know it.
 ///
@@ -151,26 +163,24 @@ pub(super) fn check_attitude(
     rig: &RigFile,
     stands: Option<&Pose>,
     warnings: &mut Vec<String>,
-) -> Result<(), Failure> {
-    let Some(stands) = stands else { return Ok(()) };
+) -> Result<Attitude, Failure> {
+    let Some(stands) = stands else { return Ok(Attitude::Unknown(UNKNOWN)) };
     let (Some(imu), Some(_)) = (rig.imu.first(), rig.platform.as_ref().and_then(|p| p.load_cell.as_ref()))
     else {
-        return Ok(());
+        return Ok(Attitude::Unknown(UNPLACED));
     };
     let (_, cell) = machine::load_cell(rig).map_err(Failure::input)?;
-    // At rest the accelerometer feels "up"; up in the plate's axes is the last row of its rotation.
-    let up = cell * felt(rest, imu);
-    let expected = Vector3::from(stands.rotation()[2]);
-    let off = up.cross(&expected).norm().atan2(up.dot(&expected));
+    // At rest the accelerometer feels "up".
+    let off = carried::off_level_rad(&(cell * felt(rest, imu)), stands);
     let against = format!(
         "against how it should stand by the platform ({}), as gravity shows it",
         check::words(stands)
     );
-    if off >= LEVEL_RAD {
+    if off >= carried::LEVEL_RAD {
         return Err(Failure::link(format!(
             "the plate is tilted by {:.0} degrees {against}: bring it there first. If it stands there, the base is not level, the controller \
-             levels it by a coordinate system, or the rotations of [[imu]] or [platform.load_cell] in the rig file are wrong.\nNothing \
-             was moved.",
+             levels it by a coordinate system, or the rotations of [[imu]] or [platform.load_cell] in the rig file are wrong. A platform on a \
+             wall or a ceiling is not driven: its forces are others.\nNothing was moved.",
             off.to_degrees()
         )));
     }
@@ -181,7 +191,7 @@ pub(super) fn check_attitude(
             off.to_degrees()
         ));
     }
-    Ok(())
+    Ok(Attitude::Compared)
 }
 
 /// Checks whether the load cell still reads what it read when it was zeroed: minutes may pass before somebody
@@ -270,8 +280,8 @@ pub(super) fn check_carries(carries: &BodyParameters, rig: &RigFile, body: &Body
 /// Bad input: a force has a limit.
 pub(super) fn bound(rig: &RigFile) -> Result<Option<LoadBound>, Failure> {
     let bound = LoadBound::of(rig);
-    let leg_force_n = rig.platform.as_ref().and_then(|p| p.leg_force_n);
-    let limited = carried::limited(leg_force_n, &rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]));
+    let limits = rig.platform.as_ref().map(machine::limits).unwrap_or_default();
+    let limited = carried::limited(&limits, &rig.load_cell.range_n_nm.unwrap_or([f64::INFINITY; 6]));
     match (bound, limited) {
         (None, Some(limited)) => {
             Err(Failure::input(format!("{}.\nNothing was moved.", CarriedError::NoBound { limited })))
@@ -464,7 +474,10 @@ mod tests {
         let seen = |angle: f64, rig: &RigFile, stands: Option<&Pose>| {
             let rest = at_rest(&readings(|_| angle), None).unwrap();
             let mut warnings = Vec::new();
-            check_attitude(&rest, rig, stands, &mut warnings).map_err(|e| e.to_string()).map(|()| warnings)
+            check_attitude(&rest, rig, stands, &mut warnings).map_err(|e| e.to_string()).map(|seen| {
+                assert_eq!(seen == Attitude::Compared, stands.is_some() && rig.platform.is_some());
+                warnings
+            })
         };
         let check = |angle: f64, rig: &RigFile| seen(angle, rig, Some(&home));
         let pi = std::f64::consts::PI;
@@ -481,8 +494,11 @@ mod tests {
         leaning.rpy_rad[0] = -0.5;
         let leans = [0.5, -0.5].map(|angle| seen(pi + angle, &rig, Some(&leaning)).is_ok());
         assert!(leans[0] != leans[1], "one of the two, by the sign of the IMU's axes: {leans:?}");
-        // A base on a wall.
-        assert!(check(0.5 * pi, &rig).unwrap_err().contains("tilted by 90 degrees"));
+        // A base on a wall, and on a ceiling.
+        for (angle, words) in [(0.5 * pi, "tilted by 90 degrees"), (0.0, "tilted by 180 degrees")] {
+            let said = check(angle, &rig).unwrap_err();
+            assert!(said.contains(words) && said.contains("wall or a ceiling is not driven"), "{said}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! be; the load cell at rest says how heavy it is and where across the vertical its centre of mass lies, as well as its
 //! offset is known. `[truth]` has no part in it.
 
-use hexapod::{Bodies, BodyParameters, BodySet, Load};
+use hexapod::{Bodies, BodyParameters, BodySet, Limits, Load, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 use super::machine::{self, MachineError};
@@ -213,14 +213,30 @@ impl Weighing {
 }
 
 /// Returns what has a limit that only a body can reach, in words; `None` if nothing has.
-pub fn limited(leg_force_n: Option<f64>, wrench_range_n_nm: &[f64; 6]) -> Option<&'static str> {
-    if leg_force_n.is_some() {
-        Some("the force of the legs (leg_force_n)")
+pub fn limited(limits: &Limits, wrench_range_n_nm: &[f64; 6]) -> Option<&'static str> {
+    if let Some(key) = limits.of_force() {
+        Some(match key {
+            "leg_push_n" => "the pushing force of the legs (leg_push_n)",
+            "leg_pull_n" => "the pulling force of the legs (leg_pull_n)",
+            "leg_buckling_nm2" => "the force at which the legs buckle (leg_buckling_nm2)",
+            _ => "the force of the legs (leg_force_n)",
+        })
     } else if wrench_range_n_nm.iter().any(|r| r.is_finite()) {
         Some("the load cell's range (range_n_nm)")
     } else {
         None
     }
+}
+
+/// Mountings are not more exact than so, rad, nor are bases more level: a plate that is tilted otherwise by more is not
+/// where its platform says.
+pub const LEVEL_RAD: f64 = 0.09;
+
+/// Returns the angle between "up" in the plate's axes and that of a plate at a pose over a level base, rad.
+pub fn off_level_rad(up: &Vector3<f64>, stands: &Pose) -> f64 {
+    // Up in the plate's axes is the last row of its rotation.
+    let expected = Vector3::from(stands.rotation()[2]);
+    up.cross(&expected).norm().atan2(up.dot(&expected))
 }
 
 /// Returns what the legs carry: the parts that the rig file names, and one of a set of bodies on the load cell (S).

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::machine::{self, MachineError};
 use super::motion::information::Instrument;
+use rigident_device::platform::stops;
 use rigident_io::rig::{RigFile, WRENCH_CHANNELS};
 
 /// Steps in which a motion is examined, s, and how many they are at most.
@@ -142,6 +143,51 @@ pub fn peaks(
     }
 }
 
+/// The load cell in a stop, its channel that comes nearest to its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellStopped {
+    /// The channel.
+    pub channel: &'static str,
+    /// N or N m.
+    pub unit: &'static str,
+    /// Its range.
+    pub range: f64,
+    /// Of the middle of what may be on the load cell.
+    pub value: f64,
+    /// Of any body that may be.
+    pub at_worst: f64,
+    /// The time of the program at which the stop begins, s.
+    pub time_s: f64,
+}
+
+/// Returns what the load cell reads at most if the plate is brought to rest on its path in `stop_s` from the worst
+/// instant, with any of a set of bodies (S) on it; `None` without a range.
+///
+/// # Errors
+/// A rotation of the load cell that is none.
+pub fn stopped(
+    trajectory: &Trajectory,
+    rig: &RigFile,
+    body: &BodySet,
+    stop_s: f64,
+) -> Result<Option<CellStopped>, RangeError> {
+    let Some(range) = rig.load_cell.range_n_nm else { return Ok(None) };
+    let (at, rotation) = machine::load_cell(rig)?;
+    let instrument = Instrument::new(&at, &rotation, rig.recording.gravity_mps2, &[1.0; 6], 1.0);
+    let mut nearest: Option<CellStopped> = None;
+    for (time_s, state) in stops::states(trajectory, stop_s) {
+        let wrench = instrument.wrench_of(&state, body);
+        for (((channel, unit), range), [value, at_worst]) in
+            WRENCH_CHANNELS.into_iter().zip(range).zip(wrench)
+        {
+            if nearest.as_ref().is_none_or(|most| value / range > most.value / most.range) {
+                nearest = Some(CellStopped { channel, unit, range, value, at_worst, time_s });
+            }
+        }
+    }
+    Ok(nearest)
+}
+
 /// Returns the IMU without errors, the load cell at a place in P, m; `None` without an IMU in the rig file.
 pub fn ideal(rig: &RigFile, at: &Vector3<f64>) -> Option<hexapod::IdealSensors> {
     let imu = rig.imu.first()?;
@@ -191,6 +237,21 @@ mod tests {
         let perhaps = BodySet::bounded(60.0, [0.0; 3], 0.3);
         let said = peaks(&turn(4.0), &rig, Some(&perhaps)).unwrap().to_string();
         assert!(said.contains("with the worst body that may be on it"), "{said}");
+        // Straight down with a known body: Fz of a stop is m (g + v/T 15/8) at most, of the program m (g + 10/√3 way/T²).
+        let mut down = home;
+        down.position_m[2] -= 0.08;
+        let segments = vec![Segment::Move { to: down, duration_s: 1.0 }];
+        let fall = MotionProgram { start: home, segments }.trajectory().unwrap();
+        let known = BodySet::known(&BodyParameters {
+            mass_kg: 20.0,
+            com_m: [0.0; 3],
+            ..BodyParameters::thesis_horizontal()
+        });
+        let stop = stopped(&fall, &rig, &known, 0.1).unwrap().unwrap();
+        let (weight, speed) = (20.0 * 9.80665, 1.875 * 0.08);
+        let most = weight + 20.0 * (speed * 1.875 / 0.1);
+        assert_eq!((stop.channel, stop.unit), ("Fz", "N"));
+        assert!(stop.value > 0.9 * most && stop.value < 1.15 * most, "{stop:?} {most}");
         // Without a body nothing is said of the load cell.
         peaks(&turn(4.0), &rig, None).unwrap();
     }

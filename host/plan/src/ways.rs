@@ -1,6 +1,6 @@
 //! Moves from pose to pose, straight or through others without a stop, as quick as the legs allow.
 
-use hexapod::{Geometry, Limit, Load, MotionError, MotionProgram, Pose, Segment, Violation};
+use hexapod::{Geometry, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
 /// By which a move takes longer where a leg would be too fast.
 const LONGER: f64 = 1.25;
@@ -145,7 +145,7 @@ impl Carrier<'_> {
     fn time_helps(&self, to: &Pose, violation: &Violation) -> bool {
         match (violation.limit, self.load) {
             (limit, _) if limit.is_of_speed() => true,
-            (Limit::LegForce, Some(load)) => self.geometry.check_pose_loaded(to, load).is_ok(),
+            (limit, Some(load)) if limit.is_of_force() => self.geometry.check_pose_loaded(to, load).is_ok(),
             _ => false,
         }
     }

@@ -19,5 +19,5 @@ mod tables;
 mod travel;
 
 pub use controller::Hexapod;
-pub use server::{GcsPort, GcsServer};
+pub use server::{Client, GcsPort, GcsServer};
 pub use travel::limits;

@@ -28,6 +28,36 @@ fn feed(hexapod: &Shared, input: &mut Input, bytes: &[u8], client: u64) -> Vec<u
         .collect()
 }
 
+/// A client of a controller without a line between: of a simulation that has a clock of its own.
+pub struct Client {
+    hexapod: Shared,
+    input: Input,
+    number: u64,
+}
+
+impl Client {
+    /// Returns clients of one controller of a rig.
+    #[must_use]
+    pub fn of_one<const N: usize>(rig: SharedRig) -> [Self; N] {
+        let hexapod = Arc::new(Mutex::new(Hexapod::new(rig)));
+        std::array::from_fn(|k| Self {
+            hexapod: Arc::clone(&hexapod),
+            input: Input::default(),
+            number: k as u64 + 1,
+        })
+    }
+
+    /// Says bytes; the controller's answer.
+    pub fn say(&mut self, bytes: &[u8]) -> Vec<u8> {
+        feed(&self.hexapod, &mut self.input, bytes, self.number)
+    }
+
+    /// Goes away: the controller stops a motion that this client has started.
+    pub fn leave(&mut self) {
+        lock(&self.hexapod).left(self.number);
+    }
+}
+
 /// A controller on a network port. Dropping it closes every connection.
 pub struct GcsServer {
     listener: Listener,

@@ -15,7 +15,7 @@ use rigident::application::{Loaded, calibrate};
 use rigident::device::platform::check::Summary;
 use rigident::device::platform::{self, Platform, PlatformError, check};
 use rigident::device::session::tree::device_tree;
-use rigident::plan::ranges::{self, RangePeaks};
+use rigident::plan::ranges::{self, CellStopped, RangePeaks};
 use rigident::plan::{carried, machine};
 use rigident::rows::named_model::rig_links::from_tables;
 use rigident_fit::Parameter;
@@ -103,6 +103,7 @@ impl<'a> Request<'a> {
             summary = check::check(&driven, &self.geometry, load.as_ref())
                 .map_err(|error| beyond(error, self.arguments))?;
             (summary.way_s, summary.home_s) = (way_s, home_s);
+            self.check_led(&summary)?;
         }
         if let Some(directing) = directing {
             summary.duration_s = directing.at_most_s() + summary.way_s;
@@ -111,15 +112,50 @@ impl<'a> Request<'a> {
         Ok(summary)
     }
 
+    /// Checks the legs' forces while the plate is led to rest on its path, of a program that is fixed.
+    ///
+    /// # Errors
+    /// Bad input: a leg that would be loaded too much. Nothing was moved.
+    fn check_led(&self, summary: &Summary) -> Result<(), Failure> {
+        let led = summary.stops.as_ref().map(|[led, _]| led).filter(|_| self.fixed.is_some());
+        match led.and_then(|led| Some((led.stop_s, led.overloads?))) {
+            Some((stop_s, (violation, time_s))) => Err(Failure::input(format!(
+                "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, {violation}: use a smaller or slower \
+                 motion (--slow).\nNothing was moved."
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Returns what is consented to.
-    pub(super) fn consent<'b>(
-        &'b self,
-        summary: &'b Summary,
-        found: Vec<String>,
-        guards: Option<[bool; 2]>,
-    ) -> Consent<'b> {
+    pub(super) fn consent<'b>(&'b self, summary: &'b Summary, cell: Vec<(f64, CellStopped)>) -> Consent<'b> {
         let (address, slow) = (self.arguments.platform.as_str(), self.arguments.slow);
-        Consent { summary, address, rig: &self.rig, slow, found, guards }
+        let (found, rig) = (Vec::new(), &self.rig);
+        Consent { summary, address, rig, slow, found, guards: None, cell, moved: None, attitude: None }
+    }
+
+    /// Returns the load cell in the stops that are shown, their durations, s, beside; nothing without a fixed program or
+    /// a range.
+    ///
+    /// # Errors
+    /// Bad input: led to rest on its path the middle of the bodies would overload it. Nothing was moved.
+    pub(super) fn cell_stopped(&self, body: Option<&BodySet>) -> Result<Vec<(f64, CellStopped)>, Failure> {
+        let (Some(program), Some(body)) = (&self.fixed, body) else { return Ok(Vec::new()) };
+        let trajectory = program.trajectory().map_err(Failure::input)?;
+        let mut all = Vec::new();
+        for stop_s in check::STOPS_S {
+            let cell = ranges::stopped(&trajectory, &self.rig, body, stop_s).map_err(Failure::input)?;
+            all.extend(cell.map(|cell| (stop_s, cell)));
+        }
+        match all.first() {
+            Some((stop_s, CellStopped { channel, unit, range, value, time_s, .. })) if value > range => {
+                Err(Failure::input(format!(
+                    "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, {channel} of the load cell would come to \
+                     {value:.1} {unit}, its range is {range:.1} {unit}: use a smaller or slower motion (--slow).\nNothing was moved."
+                )))
+            }
+            _ => Ok(all),
+        }
     }
 
     /// Returns the program's peaks against the ranges of the sensors; `None` without a program.

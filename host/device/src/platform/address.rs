@@ -3,10 +3,12 @@
 use std::fmt::Display;
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::sync::Arc;
 use std::time::Duration;
 
 use hexapod::Geometry;
 
+use super::clock::{Clock, World};
 use super::gcs::GcsPlatform;
 use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
@@ -26,7 +28,7 @@ const LEADS_S: std::ops::RangeInclusive<f64> = 0.02..=2.0;
 const BAUD: u32 = 115_200;
 
 /// A line to a controller, either way.
-pub(super) trait Wire: Read + Write + Send {}
+pub trait Wire: Read + Write + Send {}
 impl<T: Read + Write + Send> Wire for T {}
 
 /// Datagrams, one a write.
@@ -168,14 +170,14 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
         )));
     }
     let streamed = |lines, wire| {
-        Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone())) as Box<dyn Platform>
+        let clock = Clock::of_this_machine();
+        Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone(), clock)) as Box<dyn Platform>
     };
+    let gcs = |wire| GcsPlatform::connect(&parsed, wire, geometry, Clock::of_this_machine());
     match parsed.scheme.as_str() {
         "tcp" => Ok(Box::new(NetworkPlatform::connect(address, geometry)?)),
-        "gcs" if parsed.place.starts_with('/') => {
-            Ok(Box::new(GcsPlatform::connect(&parsed, parsed.serial()?, geometry)?))
-        }
-        "gcs" => Ok(Box::new(GcsPlatform::connect(&parsed, parsed.tcp()?, geometry)?)),
+        "gcs" if parsed.place.starts_with('/') => Ok(Box::new(gcs(parsed.serial()?)?)),
+        "gcs" => Ok(Box::new(gcs(parsed.tcp()?)?)),
         "pose+tcp" => Ok(streamed(Lines::Poses, parsed.tcp()?)),
         "pose+udp" => Ok(streamed(Lines::Poses, parsed.udp()?)),
         "pose+serial" => Ok(streamed(Lines::Poses, parsed.serial()?)),
@@ -187,6 +189,26 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
             reason: format!("nothing is known of {other}://"),
         }),
     }
+}
+
+/// Connects to a platform of a simulated world, over a wire of that world; nothing moves. Its scheme is `gcs`, `pose+tcp`
+/// or `legs+tcp`.
+///
+/// # Errors
+/// As [`connect`].
+pub fn connect_simulated(
+    address: &str,
+    geometry: &Geometry,
+    wire: Box<dyn Wire>,
+    world: Arc<dyn World>,
+) -> Result<Box<dyn Platform>, PlatformError> {
+    let parsed = Address::parse(address)?;
+    let clock = Clock::Simulated(world);
+    let lines = if parsed.scheme.starts_with("legs+") { Lines::Legs } else { Lines::Poses };
+    if parsed.scheme == "gcs" {
+        return Ok(Box::new(GcsPlatform::connect(&parsed, wire, geometry, clock)?));
+    }
+    Ok(Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone(), clock)))
 }
 
 #[cfg(test)]

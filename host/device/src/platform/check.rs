@@ -2,23 +2,31 @@
 
 use std::fmt;
 
-use hexapod::{Geometry, Load, MotionError, MotionProgram, PlateState, Pose, Travel};
+use hexapod::{Geometry, Limit, Load, MotionError, MotionProgram, PlateState, Pose, Travel};
 
 use super::PlatformError;
 use super::pace::SLOW_S;
-use super::stop_force::stop_force_n;
+use super::stops::{Stopped, stopped};
 
 /// Steps in which what is shown of a program is examined, s, and how many they are at most. The limits
 /// themselves are checked at every instant.
 const STEP_S: f64 = 0.004;
 const MOST_STEPS: f64 = 50_000.0;
 
-/// A stop by the controller itself is shown as one of this duration, s: nothing says how long it takes.
-const ALARM_S: f64 = 0.1;
+/// The stops that are shown, s: that on the path, and one by the controller itself, of which nothing says how long it
+/// takes.
+pub const STOPS_S: [f64; 2] = [SLOW_S, 0.1];
 
 /// The statements that cannot be made about a machine whose joints are not published.
 pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every pose inside the travel, their \
                                   speeds, accelerations and forces, singular poses, collisions";
+
+/// The further limits of the legs' forces: name, unit and key.
+const FURTHER: [(&str, &str, &str); 3] = [
+    ("leg push ", "N", "leg_push_n"),
+    ("leg pull ", "N", "leg_pull_n"),
+    ("buckling ", "N m2", "leg_buckling_nm2"),
+];
 
 /// The distance of a program to the limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,11 +55,13 @@ pub struct Summary {
     pub leg_force_n: Option<f64>,
     /// The legs' limit, N, if there is one.
     pub leg_force_limit_n: Option<f64>,
-    /// Greatest force of a leg if the plate is led to rest on its path in 0.35 s, and if it is stopped in 0.1 s, at
-    /// the worst instant, N.
-    pub stop_force_n: Option<[f64; 2]>,
-    /// Greatest `cond(H)` with moments over the joints' r.m.s. radius, and that radius, m; of a machine with
-    /// joints.
+    /// Bound of the legs' jerks, m/s³, and its limit, where there is one.
+    pub leg_jerk_mps3: Option<[f64; 2]>,
+    /// Greatest values of the further limits of forces, and these, where there are any.
+    pub further_forces: [Option<[f64; 2]>; 3],
+    /// The legs in each of [`STOPS_S`], if it is known what they carry.
+    pub stops: Option<[Stopped; 2]>,
+    /// Greatest `cond(H)`, and its limit; of a machine with joints.
     pub condition: Option<[f64; 2]>,
     /// Greatest distance from home, m.
     pub travel_m: f64,
@@ -171,16 +181,32 @@ impl fmt::Display for Summary {
             }
             (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
         }
-        if let Some([led, stopped]) = self.stop_force_n {
+        for ((name, unit, key), values) in FURTHER.into_iter().zip(self.further_forces) {
+            let Some([most, limit]) = values else { continue };
+            writeln!(f, "  {name} up to {most:.1} {}", against(most, Some(limit), 1, unit, key))?;
+        }
+        if let Some([most, limit]) = self.leg_jerk_mps3 {
+            let words = against(most, Some(limit), 1, "m/s3", "leg_jerk_mps3");
+            writeln!(f, "  leg jerk  stays below {most:.1} {words}")?;
+        }
+        if let Some([led, stopped]) = self.stops {
             writeln!(
                 f,
-                "  stops     leg force up to {led:.1} N led to rest in {SLOW_S} s, {stopped:.1} N if a stop takes {ALARM_S} s"
+                "  stops     leg force up to {:.1} N led to rest in {} s, {:.1} N if a stop takes {} s; leg acceleration up to {:.2} \
+                 and {:.2} m/s2",
+                led.leg_force_n,
+                led.stop_s,
+                stopped.leg_force_n,
+                stopped.stop_s,
+                led.leg_acceleration_mps2,
+                stopped.leg_acceleration_mps2
             )?;
         }
-        if let Some([condition, radius_m]) = self.condition {
+        if let Some([condition, limit]) = self.condition {
+            let words = against(condition, Some(limit), 1, "", "cond_max").replace("  ", " ");
             writeln!(
                 f,
-                "  condition up to {condition:.1}, moments over {radius_m:.3} m, the plate joints' r.m.s. radius; infinite where it is singular"
+                "  condition up to {condition:.1} {words}; it is infinite where the pose is singular"
             )?;
         }
         self.plate(f)
@@ -236,9 +262,8 @@ pub fn check(
     let force =
         |load| geometry.peak_leg_forces(&trajectory, step_s, load).map(|f| f.into_iter().fold(0.0, f64::max));
     let stops = |load| {
-        let [led, stopped] =
-            [SLOW_S, ALARM_S].map(|stop_s| stop_force_n(&trajectory, geometry, load, stop_s));
-        Ok::<_, MotionError>([led?, stopped?])
+        let [led, halted] = STOPS_S.map(|stop_s| stopped(&trajectory, geometry, load, stop_s));
+        Ok::<_, MotionError>([led?, halted?])
     };
     let mut summary = Summary { duration_s: trajectory.duration_s(), ..Summary::default() };
     match &geometry.travel {
@@ -249,25 +274,46 @@ pub fn check(
             summary.leg_rate_limit_mps = geometry.leg_rate_mps;
             summary.leg_acceleration_limit_mps2 = geometry.limits.leg_acceleration_mps2;
             summary.leg_force_n = load.map(force).transpose()?;
-            summary.stop_force_n = load.map(stops).transpose()?;
+            summary.stops = load.map(stops).transpose()?;
             summary.leg_force_limit_n = geometry.limits.leg_force_n;
-            summary.condition = Some([1.0, geometry.joint_radius_m()]);
+            summary.condition = Some([1.0, geometry.limits.cond_max]);
+            summary.leg_jerk_mps3 =
+                geometry.limits.leg_jerk_mps3.map(|limit| [geometry.jerk_share(&trajectory) * limit, limit]);
+            let limits = &geometry.limits;
+            let further = [limits.leg_push_n, limits.leg_pull_n, limits.leg_buckling_nm2];
+            summary.further_forces =
+                further.map(|limit| limit.filter(|_| load.is_some()).map(|limit| [0.0, limit]));
         }
     }
     for k in 0..=(trajectory.duration_s() / step_s).ceil() as usize {
         let state = trajectory.state((k as f64 * step_s).min(trajectory.duration_s()));
         summary.take(geometry, &state);
+        if let Some(load) = load.filter(|_| summary.further_forces.iter().any(Option::is_some)) {
+            summary.take_forces(geometry, &state, load);
+        }
         // It changes slowly, and takes ten times as long as all the rest.
         if k % 10 == 0
-            && let Some([most, radius_m]) = &mut summary.condition
+            && let Some([most, _]) = &mut summary.condition
         {
-            *most = most.max(geometry.legs(&state.pose()).condition_over(*radius_m));
+            *most = most.max(geometry.condition_number(&state.pose()));
         }
     }
     Ok(summary)
 }
 
 impl Summary {
+    /// Counts the forces of one state, where there are limits of pushing, pulling or buckling legs.
+    fn take_forces(&mut self, geometry: &Geometry, state: &PlateState, load: &Load) {
+        let margins = geometry.margins(state, Some(load));
+        let kinds = [Limit::LegPush, Limit::LegPull, Limit::LegBuckling];
+        for margin in margins.all() {
+            let Some(k) = kinds.iter().position(|kind| *kind == margin.at.limit) else { continue };
+            if let Some([most, _]) = &mut self.further_forces[k] {
+                *most = most.max(margin.at.value);
+            }
+        }
+    }
+
     /// Counts one state.
     fn take(&mut self, geometry: &Geometry, state: &PlateState) {
         let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();

@@ -9,23 +9,27 @@
 mod address;
 mod by_hand;
 pub mod check;
+mod clock;
 mod error;
 pub mod gcs;
 #[cfg(feature = "simulator")]
 mod local;
 mod network;
 mod pace;
-mod stop_force;
+pub mod stops;
 pub mod stream;
 pub mod tracking;
 mod way;
 
-pub use address::{checks_itself, connect, port_of};
+pub use address::{Wire, checks_itself, connect, connect_simulated, port_of};
 pub use by_hand::ByHand;
+pub use clock::World;
 pub use error::PlatformError;
 #[cfg(feature = "simulator")]
 pub use local::LocalPlatform;
 pub use network::NetworkPlatform;
+pub use pace::Watch;
+pub use way::near;
 
 use std::sync::Arc;
 

@@ -11,6 +11,7 @@ use hexapod::{Geometry, Load, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajector
 use serde::{Deserialize, Serialize};
 
 use super::address::PATIENCE;
+use super::clock::Clock;
 use super::pace::UNWATCHED_S;
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, way};
 
@@ -315,7 +316,7 @@ impl Platform for NetworkPlatform {
     fn approach(&mut self, go_on: &dyn Fn() -> bool) -> Result<(), PlatformError> {
         let Some(program) = self.program.clone() else { return Ok(()) };
         if let Some(way) = self.way(&program)? {
-            way::drive(self, &way, go_on)?;
+            way::drive(self, &way, go_on, &Clock::of_this_machine())?;
         }
         self.load(&program)
     }

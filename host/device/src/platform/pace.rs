@@ -8,10 +8,10 @@
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
 
 use hexapod::{Pose, Trajectory};
 
+use super::clock::Clock;
 use super::{Motion, MotionSample, PlatformError, Stop};
 
 /// The time without a question by the watcher of a motion, s, after which the platform is stopped.
@@ -102,8 +102,8 @@ pub(super) trait Sink: Send {
 ///
 /// # Errors
 /// No answer; the abrupt stop was sent all the same.
-pub(super) fn rest(sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, PlatformError> {
-    let begun = Instant::now();
+pub(super) fn rest(clock: &Clock, sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, PlatformError> {
+    let begun_s = clock.now_s();
     let mut halted_s = halted.then_some(0.0);
     let mut abrupt = false;
     loop {
@@ -116,7 +116,7 @@ pub(super) fn rest(sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, P
             }
             said => return said,
         }
-        let now_s = begun.elapsed().as_secs_f64();
+        let now_s = clock.now_s() - begun_s;
         match halted_s {
             None if now_s > LINGER_S => {
                 sink.halt()?;
@@ -129,7 +129,7 @@ pub(super) fn rest(sink: &mut impl Sink, halted: bool) -> Result<Option<bool>, P
             _ if now_s > REST_S => return Ok(Some(false)),
             _ => {}
         }
-        thread::sleep(Duration::from_millis(20));
+        clock.wait_s(0.02);
     }
 }
 
@@ -147,7 +147,8 @@ struct Shared {
     end: Option<End>,
     error: Option<PlatformError>,
     samples: Vec<MotionSample>,
-    watched: Option<Instant>,
+    /// When somebody last asked, s of the clock.
+    watched_s: f64,
     /// The point sent last, and its time, s.
     last: Option<(f64, Pose)>,
 }
@@ -156,7 +157,37 @@ struct Shared {
 pub(super) struct Pace<S> {
     shared: Arc<Mutex<Shared>>,
     stop: Asked,
-    thread: Option<JoinHandle<S>>,
+    clock: Clock,
+    work: Work<S>,
+}
+
+/// Where a motion is driven.
+enum Work<S> {
+    Thread(JoinHandle<S>),
+    /// It is over: in a simulation it was driven by whoever began it.
+    Over(Box<S>),
+    Taken,
+}
+
+/// A simulated watcher's hold on a motion.
+#[derive(Clone)]
+pub struct Watch {
+    shared: Arc<Mutex<Shared>>,
+    stop: Asked,
+}
+
+impl Watch {
+    /// Asks for a stop.
+    pub fn stop(&self, stop: Stop) {
+        self.stop.ask(stop);
+    }
+
+    /// Notes that somebody watches, at a time of the clock, s; returns whether all is well so far.
+    pub fn looks(&self, now_s: f64) -> bool {
+        let mut shared = lock(&self.shared);
+        shared.watched_s = now_s;
+        shared.error.is_none()
+    }
 }
 
 /// The stop that was asked for, if any.
@@ -189,13 +220,36 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 
 impl<S: Sink + 'static> Pace<S> {
     /// Begins to send `trajectory`, checking `looks_hz` times per second.
-    pub(super) fn begin(sink: S, trajectory: Trajectory, timing: Timing, looks_hz: f64) -> Self {
-        let shared = Arc::new(Mutex::new(Shared { watched: Some(Instant::now()), ..Shared::default() }));
+    pub(super) fn begin(
+        sink: S,
+        trajectory: Trajectory,
+        timing: Timing,
+        looks_hz: f64,
+        clock: &Clock,
+    ) -> Self {
+        let shared = Arc::new(Mutex::new(Shared { watched_s: clock.now_s(), ..Shared::default() }));
         let stop = Asked::default();
         let course = Course { program_s: 0.0, resumed_s: f64::NEG_INFINITY, slowing_s: None, alarmed: false };
         let (told, asked) = (Arc::clone(&shared), stop.clone());
-        let run = Run { sink, trajectory, timing, looks_hz, shared: told, stop: asked, course };
-        Self { shared, stop, thread: Some(thread::spawn(move || run.run())) }
+        let clock = clock.clone();
+        let run = Run {
+            sink,
+            trajectory,
+            timing,
+            looks_hz,
+            shared: told,
+            stop: asked,
+            course,
+            clock: clock.clone(),
+        };
+        let work = match &clock {
+            Clock::Machine(_) => Work::Thread(thread::spawn(move || run.run())),
+            Clock::Simulated(world) => {
+                world.begins(Watch { shared: Arc::clone(&shared), stop: stop.clone() });
+                Work::Over(Box::new(run.run()))
+            }
+        };
+        Self { shared, stop, clock, work }
     }
 
     /// Asks for a stop.
@@ -206,7 +260,7 @@ impl<S: Sink + 'static> Pace<S> {
     /// Returns what it is doing. What broke is reported once; after that, whether the plate was seen at rest.
     pub(super) fn motion(&self) -> Result<Motion, PlatformError> {
         let mut shared = lock(&self.shared);
-        shared.watched = Some(Instant::now());
+        shared.watched_s = self.clock.now_s();
         if let Some(error) = shared.error.take() {
             return Err(error);
         }
@@ -230,15 +284,19 @@ impl<S: Sink + 'static> Pace<S> {
     /// Waits for the end; the sink again.
     pub(super) fn end(mut self) -> Option<S> {
         self.stop(Stop::Alarm);
-        // A panic there has printed itself.
-        self.thread.take().and_then(|thread| thread.join().ok())
+        match std::mem::replace(&mut self.work, Work::Taken) {
+            // A panic there has printed itself.
+            Work::Thread(thread) => thread.join().ok(),
+            Work::Over(sink) => Some(*sink),
+            Work::Taken => None,
+        }
     }
 }
 
 impl<S> Drop for Pace<S> {
     fn drop(&mut self) {
         self.stop.ask(Stop::Alarm);
-        if let Some(thread) = self.thread.take() {
+        if let Work::Thread(thread) = std::mem::replace(&mut self.work, Work::Taken) {
             // A panic there has printed itself.
             let _ = thread.join();
         }
@@ -253,6 +311,7 @@ struct Run<S> {
     shared: Arc<Mutex<Shared>>,
     stop: Asked,
     course: Course,
+    clock: Clock,
 }
 
 /// The place of the plate on its path.
@@ -321,7 +380,7 @@ impl<S: Sink> Run<S> {
         let by_arrival = self.timing.follows == Follows::Arrival;
         let closest_s = self.timing.follows.closest() * step_s;
         let lead_s = if by_arrival { 0.0 } else { self.timing.lead_s };
-        let begun = Instant::now();
+        let begun_s = self.clock.now_s();
         let duration_s = self.trajectory.duration_s();
         let (mut sent_s, mut next_look_s, mut stretched_s) = (f64::NEG_INFINITY, 0.0, 0.0);
         let mut k = 0_u64;
@@ -331,8 +390,8 @@ impl<S: Sink> Run<S> {
             // Points before the program's own beginning fill the controller's buffer at once.
             let soonest_s = if time_s > lead_s { sent_s + closest_s } else { 0.0 };
             let due_s = (time_s + stretched_s - lead_s).max(soonest_s);
-            thread::sleep(Duration::from_secs_f64(due_s.max(0.0)).saturating_sub(begun.elapsed()));
-            let late_s = begun.elapsed().as_secs_f64() - time_s - stretched_s;
+            self.clock.wait_until(begun_s + due_s);
+            let late_s = self.clock.now_s() - begun_s - time_s - stretched_s;
             if self.ends(time_s, late_s, time_s < self.course.over_s(time_s, duration_s))? {
                 return Ok(Ended::Halted);
             }
@@ -350,17 +409,17 @@ impl<S: Sink> Run<S> {
             self.course.program_s += self.course.speed(time_s) * step_s;
             let pose = self.trajectory.state(self.course.program_s).pose();
             self.sink.send(time_s, &pose)?;
-            sent_s = begun.elapsed().as_secs_f64();
+            sent_s = self.clock.now_s() - begun_s;
             lock(&self.shared).last = Some((time_s, pose));
             if sent_s >= next_look_s {
                 next_look_s = sent_s + 1.0 / self.looks_hz;
-                self.sample(begun)?;
+                self.sample(begun_s)?;
             }
             if time_s >= self.course.over_s(time_s, duration_s) + TAIL_S {
                 // The last points are still to be driven.
-                while begun.elapsed().as_secs_f64() < time_s {
-                    self.sample(begun)?;
-                    thread::sleep(Duration::from_secs_f64(1.0 / self.looks_hz));
+                while self.clock.now_s() - begun_s < time_s {
+                    self.sample(begun_s)?;
+                    self.clock.wait_s(1.0 / self.looks_hz);
                 }
                 return Ok(Ended::Sent);
             }
@@ -394,16 +453,16 @@ impl<S: Sink> Run<S> {
     }
 
     fn unwatched(&self) -> Option<PlatformError> {
-        let quiet_s = lock(&self.shared).watched.map_or(0.0, |t| t.elapsed().as_secs_f64());
+        let quiet_s = self.clock.now_s() - lock(&self.shared).watched_s;
         (quiet_s > UNWATCHED_S).then_some(PlatformError::Unwatched(UNWATCHED_S))
     }
 
     /// Returns where the plate should be and is. While it is led to rest the two have no time in common.
-    fn sample(&mut self, begun: Instant) -> Result<(), PlatformError> {
-        let asked_s = begun.elapsed().as_secs_f64();
+    fn sample(&mut self, begun_s: f64) -> Result<(), PlatformError> {
+        let asked_s = self.clock.now_s() - begun_s;
         let measured = self.sink.look()?;
         // The answer was made between question and arrival.
-        let time_s = 0.5 * (asked_s + begun.elapsed().as_secs_f64());
+        let time_s = 0.5 * (asked_s + self.clock.now_s() - begun_s);
         if self.course.slowing_s.is_none() {
             let at_s = if self.timing.follows == Follows::Arrival { self.course.program_s } else { time_s };
             let commanded = self.trajectory.state(at_s).pose();
@@ -414,14 +473,14 @@ impl<S: Sink> Run<S> {
 
     /// Returns what becomes of the plate.
     fn come_to_rest(&mut self, ended: Ended) -> End {
-        match rest(&mut self.sink, ended == Ended::Halted) {
+        match rest(&self.clock, &mut self.sink, ended == Ended::Halted) {
             Ok(Some(true)) => End::AtRest,
             Ok(Some(false)) => End::Unseen(format!(
                 "its controller says that it still moved {REST_S} s after the last set point, though it was told to stop"
             )),
             Ok(None) if ended != Ended::Broken => {
                 // Nothing more can be known: the last points were those of a plate at rest.
-                thread::sleep(Duration::from_secs_f64(SETTLE_S));
+                self.clock.wait_s(SETTLE_S);
                 End::AtRest
             }
             Ok(None) => {

@@ -1,3 +1,5 @@
+use std::time::{Duration, Instant};
+
 use super::*;
 use hexapod::{Geometry, MotionProgram, Segment};
 
@@ -50,7 +52,7 @@ fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Told) {
     let sent = Arc::default();
     let sink = Slow { sent: Arc::clone(&sent), delay: Duration::from_secs_f64(delay_s) };
     let timing = Timing { rate_hz: 100.0, lead_s: 0.3, follows };
-    let told = ended(&Pace::begin(sink, shift(), timing, 20.0));
+    let told = ended(&Pace::begin(sink, shift(), timing, 20.0, &Clock::of_this_machine()));
     let sent = sent.lock().unwrap().clone();
     (sent, told)
 }
@@ -150,7 +152,7 @@ fn a_planned_stop_leads_to_rest_on_the_path_and_an_alarm_halts_also_meanwhile() 
     for stops in [&[Stop::Planned] as &[Stop], &[Stop::Alarm], &[Stop::Planned, Stop::Alarm]] {
         let noted = Stopped(Arc::default());
         let timing = Timing { rate_hz: 100.0, lead_s: 0.1, follows: Follows::Time };
-        let pace = Pace::begin(noted.clone(), shift(), timing, 20.0);
+        let pace = Pace::begin(noted.clone(), shift(), timing, 20.0, &Clock::of_this_machine());
         thread::sleep(Duration::from_millis(700));
         for stop in stops {
             pace.stop(*stop);

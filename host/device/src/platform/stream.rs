@@ -19,6 +19,7 @@ use hexapod::set_points::SetPoint;
 use hexapod::{Geometry, Load, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
+use super::clock::Clock;
 use super::pace::{Pace, Sink, Timing};
 use super::way::{self, same};
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check};
@@ -43,6 +44,7 @@ pub struct StreamPlatform {
     load: Option<Load>,
     /// The pose in which the lines have left the plate.
     at: Pose,
+    clock: Clock,
     state: State,
 }
 
@@ -61,7 +63,13 @@ struct Writer {
 }
 
 impl StreamPlatform {
-    pub(super) fn new(address: &Address, lines: Lines, wire: Box<dyn Wire>, geometry: Geometry) -> Self {
+    pub(super) fn new(
+        address: &Address,
+        lines: Lines,
+        wire: Box<dyn Wire>,
+        geometry: Geometry,
+        clock: Clock,
+    ) -> Self {
         let writer =
             Writer { wire, lines, geometry: geometry.clone(), address: address.text.clone(), trace: None };
         Self {
@@ -70,6 +78,7 @@ impl StreamPlatform {
             timing: address.timing,
             program: None,
             load: None,
+            clock,
             state: State::Resting(Box::new(writer)),
         }
     }
@@ -114,7 +123,8 @@ impl Platform for StreamPlatform {
             return Err(PlatformError::Refused("no motion program is loaded".to_owned()));
         };
         if let Some(way) = self.way(&program)? {
-            way::drive(self, &way, go_on)?;
+            let clock = self.clock.clone();
+            way::drive(self, &way, go_on, &clock)?;
         }
         self.load(&program)
     }
@@ -135,7 +145,8 @@ impl Platform for StreamPlatform {
         let trajectory = program.trajectory()?;
         match std::mem::replace(&mut self.state, State::Gone) {
             State::Resting(writer) => {
-                self.state = State::Moving(Pace::begin(*writer, trajectory, self.timing, LOOKS_HZ));
+                self.state =
+                    State::Moving(Pace::begin(*writer, trajectory, self.timing, LOOKS_HZ, &self.clock));
                 Ok(())
             }
             _ => Err(PlatformError::Refused("its connection is gone".to_owned())),

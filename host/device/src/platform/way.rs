@@ -1,10 +1,9 @@
 //! The way from where the plate is to where a program begins: gently, as a program of its own, so that the
 //! experiment's time is the program's.
 
-use std::time::{Duration, Instant};
-
 use hexapod::{Geometry, Load, MotionError, MotionProgram, Pose, Segment};
 
+use super::clock::Clock;
 use super::{Motion, Platform, PlatformError, Stop, check};
 
 /// Poses that are nearer than this are the same, m and rad: what a controller's answer leaves out is less.
@@ -13,10 +12,10 @@ pub(super) const SAME: f64 = 1e-5;
 const NEAR: f64 = 2e-3;
 /// The longest way, s.
 const LONGEST_S: f64 = 120.0;
-/// The plate is examined this often.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// The time that it may take to come to rest.
-const REST: Duration = Duration::from_secs(4);
+/// The plate is examined this often, s.
+const LOOK_EVERY_S: f64 = 0.02;
+/// The time that it may take to come to rest, s.
+const REST_S: f64 = 4.0;
 
 fn far(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).fold(0.0, |m: f64, (p, q)| m.max((p - q).abs()))
@@ -27,8 +26,8 @@ pub(super) fn same(a: &Pose, b: &Pose) -> bool {
     far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < SAME
 }
 
-/// Returns whether a plate is where it should, m and rad, as encoders read it.
-pub(super) fn near(a: &Pose, b: &Pose) -> bool {
+/// Returns whether a plate is where it should, within 2 mm and 2 mrad, as encoders read it.
+pub fn near(a: &Pose, b: &Pose) -> bool {
     far(a.position_m, b.position_m).max(far(a.rpy_rad, b.rpy_rad)) < NEAR
 }
 
@@ -81,6 +80,7 @@ pub(super) fn drive(
     platform: &mut dyn Platform,
     way: &MotionProgram,
     go_on: &dyn Fn() -> bool,
+    clock: &Clock,
 ) -> Result<(), PlatformError> {
     if way.segments.is_empty() {
         return Ok(());
@@ -90,19 +90,18 @@ pub(super) fn drive(
     while platform.motion()? == Motion::Moving {
         if !go_on() {
             platform.stop(Stop::Alarm)?;
-            let told = Instant::now();
+            let told_s = clock.now_s();
             while platform.motion()? == Motion::Moving {
-                if told.elapsed() > REST {
+                if clock.now_s() - told_s > REST_S {
                     return Err(PlatformError::Unseen(format!(
-                        "it still moves {} s after the command to stop: use its own emergency stop",
-                        REST.as_secs()
+                        "it still moves {REST_S} s after the command to stop: use its own emergency stop"
                     )));
                 }
-                std::thread::sleep(LOOK_EVERY);
+                clock.wait_s(LOOK_EVERY_S);
             }
             return Err(PlatformError::Interrupted);
         }
-        std::thread::sleep(LOOK_EVERY);
+        clock.wait_s(LOOK_EVERY_S);
     }
     platform.samples();
     Ok(())

@@ -506,9 +506,21 @@ pub struct PlatformTable {
     /// Largest acceleration of a leg, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_acceleration_mps2: Option<f64>,
+    /// Largest jerk of a leg, m/s³.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_jerk_mps3: Option<f64>,
     /// Largest force of a leg, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_force_n: Option<f64>,
+    /// Largest force of a leg that pushes, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_push_n: Option<f64>,
+    /// Largest force of a leg that pulls, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_pull_n: Option<f64>,
+    /// Largest force of a leg that pushes, times its length squared, N m².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leg_buckling_nm2: Option<f64>,
     /// Largest angle of a base joint from its axis, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base_joint_angle_rad: Option<f64>,
@@ -536,7 +548,7 @@ pub struct PlatformTable {
     /// Least distance of their surfaces, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clearance_m: Option<f64>,
-    /// Largest condition number of the legs' Jacobian.
+    /// Largest condition number of the legs' Jacobian, lengths over four times the plate joints' r.m.s. radius.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
     /// Of a machine whose joints are not published: how far the plate goes along x, y, z to either side of its reference pose, m.

@@ -550,7 +550,11 @@ impl Check<'_> {
             for (name, value) in [
                 ("leg_rate_mps", platform.leg_rate_mps),
                 ("leg_acceleration_mps2", platform.leg_acceleration_mps2),
+                ("leg_jerk_mps3", platform.leg_jerk_mps3),
                 ("leg_force_n", platform.leg_force_n),
+                ("leg_push_n", platform.leg_push_n),
+                ("leg_pull_n", platform.leg_pull_n),
+                ("leg_buckling_nm2", platform.leg_buckling_nm2),
                 ("base_joint_angle_rad", platform.base_joint_angle_rad),
                 ("plate_joint_angle_rad", platform.plate_joint_angle_rad),
                 ("leg_radius_m", platform.leg_radius_m),

@@ -97,7 +97,7 @@ impl RigModel {
 
     /// Returns what has a limit that depends on the body, in words; `None` if nothing has.
     pub fn limits_forces(&self) -> Option<&'static str> {
-        carried::limited(self.geometry.limits.leg_force_n, &self.wrench_range_n_nm)
+        carried::limited(&self.geometry.limits, &self.wrench_range_n_nm)
     }
 
     /// The largest share of what is allowed that a program takes, checked every 10 ms, if all of it is then
@@ -117,6 +117,7 @@ impl RigModel {
             let state = trajectory.state(k as f64 * LOOK_S);
             seen.max(self.share(&state, load.as_ref(), &instrument))
         });
+        let seen = seen.max(self.geometry.jerk_share(&trajectory));
         if seen > 1.0 || self.geometry.proves(&trajectory, load.as_ref(), highest, MOST_LOOKS) {
             return seen;
         }

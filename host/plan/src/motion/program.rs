@@ -114,7 +114,11 @@ impl Frame {
         slower.leg_length_m = geometry.leg_length_m;
         slower.limits = Limits {
             leg_acceleration_mps2: slower.limits.leg_acceleration_mps2,
+            leg_jerk_mps3: slower.limits.leg_jerk_mps3,
             leg_force_n: slower.limits.leg_force_n,
+            leg_push_n: slower.limits.leg_push_n,
+            leg_pull_n: slower.limits.leg_pull_n,
+            leg_buckling_nm2: slower.limits.leg_buckling_nm2,
             ..geometry.limits.clone()
         };
         slower.travel = geometry.travel.as_ref().map(|travel| travel.slower(SPARE));

@@ -81,14 +81,14 @@ impl Reach {
     pub fn carrying(mut self, load: Option<Load>) -> Result<Self, RegionError> {
         self.load = load;
         if self.is_too_heavy(&self.level) {
-            return Err(RegionError::LevelUnreachable("the body is too heavy for leg_force_n".to_owned()));
+            return Err(RegionError::LevelUnreachable("the body is too heavy for the legs".to_owned()));
         }
         Ok(self)
     }
 
     fn is_too_heavy(&self, pose: &Pose) -> bool {
         self.load.as_ref().is_some_and(|load| {
-            self.inner.limits.leg_force_n.is_some() && self.inner.check_pose_loaded(pose, load).is_err()
+            self.inner.limits.of_force().is_some() && self.inner.check_pose_loaded(pose, load).is_err()
         })
     }
 

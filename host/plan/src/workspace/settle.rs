@@ -76,7 +76,7 @@ impl<'a> Orientation<'a> {
             && cones
             && self.side.is_none_or(|side| {
                 legs.force_transmission().determinant() * side > 0.0
-                    && legs.is_conditioned_within(limits.cond_max)
+                    && legs.is_conditioned_within(limits.cond_max, self.geometry.moment_length_m())
             })
     }
 
@@ -156,23 +156,23 @@ impl<'a> Orientation<'a> {
             }
         }
         if with_guard {
-            let (condition, gradient) = condition(legs);
+            let (condition, gradient) = condition(legs, self.geometry.moment_length_m());
             measures.push(condition / limits.cond_max, gradient / limits.cond_max);
         }
         measures
     }
 }
 
-/// `cond(H)` and its gradient in the position. Column `i` of H changes by `[dn ; R b × dn]`, `dn = (1 − n nᵀ) dx / l`,
-/// and a singular value by `uᵀ dH v`.
-fn condition(legs: &Legs) -> (f64, Vector3<f64>) {
-    let h: Matrix6<f64> = legs.force_transmission();
+/// `cond(H)`, moments over `length_m`, and its gradient in the position. Column `i` of H changes by
+/// `[dn ; R b × dn / length]`, `dn = (1 − n nᵀ) dx / l`, and a singular value by `uᵀ dH v`.
+fn condition(legs: &Legs, length_m: f64) -> (f64, Vector3<f64>) {
+    let h: Matrix6<f64> = legs.force_transmission_over(length_m);
     let svd = h.svd(true, true);
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return (f64::INFINITY, Vector3::zeros()) };
     let (largest, smallest) = (svd.singular_values.imax(), svd.singular_values.imin());
     let (max, min) = (svd.singular_values[largest], svd.singular_values[smallest]);
     let slope = |k: usize| -> Vector3<f64> {
-        let (force, moment) = (u.fixed_view::<3, 1>(0, k), u.fixed_view::<3, 1>(3, k));
+        let (force, moment) = (u.fixed_view::<3, 1>(0, k), u.fixed_view::<3, 1>(3, k) / length_m);
         let mut sum = Vector3::zeros();
         for i in 0..6 {
             let (n, arm) = (&legs.directions[i], &legs.arms[i]);

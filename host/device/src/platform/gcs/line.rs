@@ -1,11 +1,12 @@
 //! Questions and answers.
 
 use std::io;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hexapod::gcs::{GcsPosition, STOP, is_whole_answer};
 
 use crate::platform::address::{PATIENCE, Wire};
+use crate::platform::clock::Clock;
 use crate::platform::{PlatformError, Said, Trace};
 
 /// The longest answer taken.
@@ -21,11 +22,12 @@ pub(super) struct Line {
     address: String,
     /// The trace in which all that goes over it is noted.
     pub(super) trace: Option<Trace>,
+    clock: Clock,
 }
 
 impl Line {
-    pub(super) fn new(wire: Box<dyn Wire>, address: String) -> Self {
-        Self { wire, address, trace: None }
+    pub(super) fn new(wire: Box<dyn Wire>, address: String, clock: Clock) -> Self {
+        Self { wire, address, trace: None, clock }
     }
 
     fn lost(&self, command: &str, reason: impl ToString) -> PlatformError {
@@ -70,9 +72,9 @@ impl Line {
 
     /// An answer ends at a line's end without a space before it.
     fn bytes(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, PlatformError> {
-        let deadline = Instant::now() + within;
+        let deadline_s = self.clock.now_s() + within.as_secs_f64();
         let (mut answer, mut byte) = (Vec::new(), [0]);
-        while Instant::now() < deadline && answer.len() < ANSWER_BYTES {
+        while self.clock.now_s() < deadline_s && answer.len() < ANSWER_BYTES {
             match self.wire.read(&mut byte) {
                 Ok(0) => return Err(self.lost(question, "it closed the connection")),
                 Ok(_) => {

@@ -20,14 +20,13 @@ mod tests;
 
 pub use errors::words;
 
-use std::time::{Duration, Instant};
-
 use hexapod::gcs::{
     AXES, GcsPosition, HALT, IS_READY, MOVING, PATH_BUFFERED, PATH_SOURCE, PATH_THRESHOLD, READY, error,
 };
 use hexapod::{Geometry, Load, MotionProgram, Pose};
 
 use super::address::{Address, Wire};
+use super::clock::Clock;
 use super::pace::{self, GAP_S, Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError, Stop, Trace, check, way};
 use found::{Found, set};
@@ -52,6 +51,7 @@ pub struct GcsPlatform {
     /// Something of what was found has been changed.
     changed: bool,
     load: Option<Load>,
+    clock: Clock,
     state: State,
 }
 
@@ -66,6 +66,7 @@ struct Hexapod {
     line: Line,
     reference: Pose,
     last: String,
+    clock: Clock,
 }
 
 /// The time that the drop of a moving platform waits for its rest, s.
@@ -77,8 +78,9 @@ impl GcsPlatform {
         address: &Address,
         wire: Box<dyn Wire>,
         geometry: &Geometry,
+        clock: Clock,
     ) -> Result<Self, PlatformError> {
-        let mut line = Line::new(wire, address.text.clone());
+        let mut line = Line::new(wire, address.text.clone(), clock.clone());
         let identity = line.ask("*IDN?")?;
         let version = line.ask("CSV?")?;
         if !version.trim().starts_with('2') {
@@ -108,7 +110,8 @@ impl GcsPlatform {
             found,
             changed: false,
             load: None,
-            state: State::Resting(Hexapod { line, reference, last: String::new() }),
+            clock: clock.clone(),
+            state: State::Resting(Hexapod { line, reference, last: String::new(), clock }),
         })
     }
 
@@ -145,11 +148,11 @@ impl Platform for GcsPlatform {
             && pace.motion().is_ok_and(|motion| motion == Motion::Moving)
         {
             pace.stop(Stop::Alarm);
-            let begun = Instant::now();
+            let begun_s = self.clock.now_s();
             while pace.motion().is_ok_and(|motion| motion == Motion::Moving)
-                && begun.elapsed().as_secs_f64() < REST_S
+                && self.clock.now_s() - begun_s < REST_S
             {
-                std::thread::sleep(Duration::from_millis(20));
+                self.clock.wait_s(0.02);
             }
         }
         if !std::mem::take(&mut self.changed) {
@@ -261,7 +264,8 @@ impl Platform for GcsPlatform {
             })?;
         }
         if let Some(way) = self.way(&program)? {
-            way::drive(self, &way, go_on)?;
+            let clock = self.clock.clone();
+            way::drive(self, &way, go_on, &clock)?;
         }
         self.program = Some(program);
         Ok(())
@@ -299,7 +303,7 @@ impl Platform for GcsPlatform {
         found::agree_on_interval(&mut hexapod.line, interval_ms)?;
         hexapod.line.order(&set(PATH_SOURCE, 1))?;
         if let State::Resting(hexapod) = std::mem::replace(&mut self.state, State::Gone) {
-            self.state = State::Moving(Pace::begin(hexapod, trajectory, timing, LOOKS_HZ));
+            self.state = State::Moving(Pace::begin(hexapod, trajectory, timing, LOOKS_HZ, &self.clock));
         }
         Ok(())
     }
@@ -339,7 +343,8 @@ impl Hexapod {
     /// Stops the machine and sees it at rest.
     fn bring_to_rest(&mut self) -> Result<(), PlatformError> {
         self.halt()?;
-        match pace::rest(self, true)? {
+        let clock = self.clock.clone();
+        match pace::rest(&clock, self, true)? {
             Some(false) => Err(PlatformError::Unseen("it still moves after an abrupt stop (#24)".to_owned())),
             _ => Ok(()),
         }
@@ -368,13 +373,13 @@ impl Hexapod {
         go_on: &dyn Fn() -> bool,
         there: impl Fn(&mut Line) -> Result<bool, PlatformError>,
     ) -> Result<(), PlatformError> {
-        let begun = Instant::now();
+        let begun_s = self.clock.now_s();
         loop {
             self.line.check(command)?;
             if there(&mut self.line)? {
                 return Ok(());
             }
-            if begun.elapsed().as_secs_f64() > LONGEST_S {
+            if self.clock.now_s() - begun_s > LONGEST_S {
                 return Err(PlatformError::Refused(format!(
                     "{command} did not come to its end within {LONGEST_S} s, and was stopped"
                 )));
@@ -382,7 +387,7 @@ impl Hexapod {
             if !go_on() {
                 return Err(PlatformError::Interrupted);
             }
-            std::thread::sleep(Duration::from_millis(20));
+            self.clock.wait_s(0.02);
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use hexapod::Segment;
 
@@ -164,7 +165,8 @@ fn connected(machine: Machine, address: &str) -> (Arc<Mutex<Machine>>, GcsPlatfo
     let machine = Arc::new(Mutex::new(machine));
     let address = Address::parse(address).unwrap();
     let cable = Box::new(Cable(Arc::clone(&machine)));
-    let platform = GcsPlatform::connect(&address, cable, &Geometry::thesis()).unwrap();
+    let platform =
+        GcsPlatform::connect(&address, cable, &Geometry::thesis(), Clock::of_this_machine()).unwrap();
     (machine, platform)
 }
 
