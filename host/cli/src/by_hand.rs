@@ -6,7 +6,6 @@ use std::time::Instant;
 use hexapod::{Geometry, MotionProgram};
 
 use super::arguments::Run;
-use super::calibrated_board::another_board;
 use super::experiment::{Experiment, Watcher, device_notes};
 use super::link::{configured, of_sensors, open};
 use super::links_on_device::check_asked;
@@ -17,6 +16,7 @@ use super::{Failure, Folder};
 use rigident::answer::now;
 use rigident::application::report::provenance;
 use rigident::application::{Loaded, calibrate};
+use rigident::device::calibrated_board::another_board;
 use rigident::device::platform::ByHand;
 use rigident::device::session::{settings, sound};
 use rigident_io::rig::RigFile;

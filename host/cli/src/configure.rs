@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Configure;
-use super::calibrated_board::another_board;
 use super::info::of_state;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::outcome::say;
+use rigident::device::calibrated_board::another_board;
 use rigident::device::settings_file::{self, Change};
 use rigident_io::recording::extension;
 use rigident_io::recording::new_file::write_new_text;

@@ -9,12 +9,12 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Info;
-use super::calibrated_board::number;
 use super::device_events::{ask, of_events};
 use super::device_words::{of_reason, of_reset};
 use super::experiment::boot_notes;
 use super::link::open;
 use super::outcome::say;
+use rigident::device::calibrated_board::number;
 use rigident::device::link::LinkError;
 use rigident::device::ports::board_name;
 use rigident::device::session::Session;

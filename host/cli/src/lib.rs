@@ -24,7 +24,6 @@ mod calibrate_joints_words;
 mod calibrate_load_cell;
 mod calibrate_masses;
 mod calibrate_masses_rows;
-mod calibrated_board;
 mod calibration_arguments;
 mod came;
 mod certificate;

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant, SystemTime};
 use rigident_shared::wire::{ModelSettings, Settings};
 
 use super::arguments::Monitor;
-use super::calibrated_board::another_board;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::monitor_watch::{Listener, NAP, Watch, answered, phase};
 use super::{Failure, Stages};
 use rigident::application::{Loaded, Tree};
+use rigident::device::calibrated_board::another_board;
 use rigident::device::ports;
 use rigident::device::session::Session;
 use rigident::rows::tree::ProblemOptions;

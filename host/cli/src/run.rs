@@ -10,7 +10,6 @@ use hexapod::Pose;
 
 use super::adaptive::{Concluded, Directing};
 use super::arguments::Run;
-use super::calibrated_board::another_board;
 use super::confirm::{self, Agreed};
 use super::consent;
 use super::experiment::{Experiment, Watcher, device_notes};
@@ -25,6 +24,7 @@ use request::Request;
 use rigident::answer::now;
 use rigident::application::Loaded;
 use rigident::application::report::provenance;
+use rigident::device::calibrated_board::another_board;
 use rigident::device::platform::{self, Platform, PlatformError, check};
 use rigident::device::session::{INTERRUPTED, Session, SessionError, Take, settings, sound, two_links};
 use rigident_shared::forgetting::Span;

@@ -1,11 +1,11 @@
-//! The board that a calibration belongs to.
+//! The board that the calibration of a load cell belongs to.
 
 use rigident_io::rig::RigFile;
 use rigident_shared::wire::Identity;
 
 /// Returns what is to be said where the load cell was calibrated with another board than this one. Nothing is said where one of
 /// the two has no number.
-pub(super) fn another_board(rig: &RigFile, identity: &Identity) -> Option<String> {
+pub fn another_board(rig: &RigFile, identity: &Identity) -> Option<String> {
     let calibrated = rig.load_cell.board_id.as_ref()?;
     let here = number(identity.unique_id)?;
     (!calibrated.eq_ignore_ascii_case(&here)).then(|| {
@@ -17,7 +17,7 @@ pub(super) fn another_board(rig: &RigFile, identity: &Identity) -> Option<String
 }
 
 /// Returns a chip's own number in hexadecimal digits; `None` if it has none.
-pub(super) fn number(unique_id: [u8; 12]) -> Option<String> {
+pub fn number(unique_id: [u8; 12]) -> Option<String> {
     (unique_id != [0; 12]).then(|| unique_id.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
