@@ -4,8 +4,10 @@ use std::io::{self, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::kept;
+use serde::Serialize;
+
 use super::terms::in_own_terms;
+use super::{Failure, kept};
 use rigident_shared::printable;
 
 /// Whether anything has been printed on standard output.
@@ -33,7 +35,28 @@ pub(super) fn say(text: impl std::fmt::Display) {
     say_as_it_is(in_own_terms(&text.to_string()));
 }
 
-/// Prints the same, its words as they are: for what describes files or the program.
+/// Prints an answer: its object if that is asked for, else its text.
+pub(super) fn say_answer(answer: &(impl Serialize + std::fmt::Display), json: bool) -> Result<(), Failure> {
+    if json {
+        return say_object(answer);
+    }
+    say(answer);
+    Ok(())
+}
+
+/// Prints the object of an answer, a line for each of its values.
+pub(super) fn say_object(answer: &impl Serialize) -> Result<(), Failure> {
+    say(serde_json::to_string_pretty(answer).map_err(Failure::input)?);
+    Ok(())
+}
+
+/// Prints the object of an answer in one line.
+pub(super) fn say_in_one_line(answer: &impl Serialize) -> Result<(), Failure> {
+    say(serde_json::to_string(answer).map_err(Failure::input)?);
+    Ok(())
+}
+
+/// Prints a line, its words as they are: for what describes files or the program.
 pub(super) fn say_as_it_is(text: impl std::fmt::Display) {
     let text = shown(&text.to_string());
     if kept::keep(&text) {

@@ -1,7 +1,7 @@
 //! The notices and refusals of the application, in the words of the command line: which option is the remedy.
 
 use super::Failure;
-use rigident::application::{BodyError, BodyOption, Error, ListingError, Notice, TreeOption};
+use rigident::application::{BodyError, BodyOption, CalibrateError, Error, ListingError, Notice, TreeOption};
 use rigident_fit::pool::PoolError;
 use rigident_io::recording::extension;
 use rigident_shared::forgetting::Span;
@@ -113,6 +113,10 @@ pub(super) fn error(error: &Error) -> String {
         ),
         Error::ResultOfBody(path) => format!("{} is of one body, and --model of a tree", path.display()),
         Error::Body(own) => body(own),
+        Error::Calibrate(own) => match &**own {
+            CalibrateError::Rig(own) => format!("{own}. Nothing was saved"),
+            other => other.to_string(),
+        },
         other => other.to_string(),
     }
 }

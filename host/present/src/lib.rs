@@ -28,6 +28,8 @@ pub mod posture_sets;
 pub mod prediction;
 pub mod probability;
 mod quantities;
+pub mod reference;
+pub mod repeated;
 mod sentences;
 mod series;
 mod table;

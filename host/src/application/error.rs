@@ -1,12 +1,14 @@
 //! Why a job has no answer.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
+use super::calibrate_error::CalibrateError;
 use super::drive_gains_error::DriveGainsError;
+use super::vibration_error::VibrationError;
 use rigident_fit::FitError;
 use rigident_fit::pool::PoolError;
 use rigident_fit::prior::KnownError;
@@ -22,6 +24,7 @@ use rigident_io::rig::calibration::CalibrationError;
 use rigident_model::ModelError;
 use rigident_people::body_segments::StudyError;
 use rigident_people::body_segments::opensim::OsimFault;
+use rigident_plan::poses::statics::StaticsError;
 use rigident_rows::tree::TreePrepareError;
 
 /// Why a job has no answer: its kind, with what a caller needs to word the remedy. Its text is for users of this library.
@@ -219,9 +222,31 @@ pub enum Error {
         /// Why not.
         why: String,
     },
+    /// A result of another body or tree than the first.
+    #[error("{path}: it is of {of}, and the first of {first}", path = path.display())]
+    OtherSubject {
+        /// The file.
+        path: PathBuf,
+        /// Its subject, in words.
+        of: String,
+        /// That of the first, in words.
+        first: String,
+    },
     /// A person.
     #[error(transparent)]
     Body(Box<BodyError>),
+    /// A sensor, a rig or a robot.
+    #[error(transparent)]
+    Calibrate(Box<CalibrateError>),
+    /// A platform on springs.
+    #[error(transparent)]
+    Vibration(Box<VibrationError>),
+    /// Still poses.
+    #[error(transparent)]
+    Statics(#[from] StaticsError),
+    /// A file of text that cannot be read, in [`Error::Of`] with its name.
+    #[error("cannot be read: {0}")]
+    Text(std::io::Error),
     /// A file that cannot be read.
     #[error("{path} cannot be read: {why}", path = path.display())]
     Unreadable {
@@ -259,6 +284,18 @@ impl From<BodyError> for Error {
     }
 }
 
+impl From<CalibrateError> for Error {
+    fn from(error: CalibrateError) -> Self {
+        Self::Calibrate(Box::new(error))
+    }
+}
+
+impl From<VibrationError> for Error {
+    fn from(error: VibrationError) -> Self {
+        Self::Vibration(Box::new(error))
+    }
+}
+
 impl From<TrialError> for Error {
     fn from(error: TrialError) -> Self {
         BodyError::from(error).into()
@@ -288,6 +325,11 @@ impl Error {
     #[must_use]
     pub fn of(self, thing: impl fmt::Display) -> Self {
         Self::Of { of: thing.to_string(), error: Box::new(self) }
+    }
+
+    /// Reads a file of text.
+    pub(super) fn text_of(path: &Path) -> Result<String, Self> {
+        rigident_files::read_text(path).map_err(|error| Self::Text(error).of(path.display()))
     }
 }
 

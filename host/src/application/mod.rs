@@ -1,10 +1,13 @@
 //! The jobs of Rigident as plain functions: typed options in, typed answers out; nothing is printed, and no process ends.
 //!
-//! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its body, [`merge`] joins factors,
-//! [`solve`] answers by one, [`predict`](predict()) computes what a model says of a recording, [`body`](body()) goes from
-//! trials to a person's segments. The command line and Python call
-//! these functions, so that their numbers are the same to the last bit. Whoever calls shows progress, may stop the work and words
-//! remedies: [`Caller`]. Why there is no answer is an [`Error`].
+//! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its
+//! body, [`merge`] joins factors, [`solve`] answers by one, [`predict`](predict()) computes what a model
+//! says of a recording, [`body`](body()) goes from trials to a person's segments. [`vibration`] has
+//! platforms on springs, [`robot`] masses and joint offsets of robots, [`sensors`] IMU and load cell,
+//! [`ReferenceRuns`] a rig calibrated and verified by a reference body, [`statics`](statics()) still poses,
+//! [`summary`](summary()) several results. The command line and Python call these functions, so that their
+//! numbers are the same to the last bit. Whoever calls shows progress, may stop the work and words remedies:
+//! [`Caller`]. Why there is no answer is an [`Error`].
 //!
 //! ```
 //! use rigident::application::{Caller, IdentifyOptions, identify};
@@ -21,6 +24,7 @@
 pub mod bare_platform;
 pub mod body;
 mod body_error;
+mod calibrate_error;
 mod calibration;
 mod caller;
 mod drift;
@@ -37,15 +41,23 @@ pub mod notice;
 pub mod payload;
 pub mod predict;
 pub mod recorded;
+pub mod reference;
 pub mod report;
+pub mod robot;
+pub mod sensors;
 mod solve;
 pub mod span;
+pub mod statics;
+pub mod summary;
 pub mod tare;
 pub mod tree;
+pub mod vibration;
+mod vibration_error;
 mod written_model;
 
 pub use body::{BodyOptions, IdentifiedPerson, body};
 pub use body_error::{BodyError, BodyOption};
+pub use calibrate_error::CalibrateError;
 pub use calibration::calibrate;
 pub use caller::Caller;
 pub use drive_gains::{DriveGain, DriveGainOptions, DriveGains, drive_gains};
@@ -59,8 +71,22 @@ pub use notice::Notice;
 pub use payload::{Load, write_loads};
 pub use predict::{PredictOptions, Predicted, predict};
 pub use recorded::Recorded;
+pub use reference::{ReferenceOptions, ReferenceRuns};
 pub use report::{Identified, Report};
+pub use robot::joints::{JointOptions, joint_offsets};
+pub use robot::mass_options::{ExternalWrench, MassOptions};
+pub use robot::masses::masses;
+pub use sensors::imu::DrivenImu;
+pub use sensors::load_cell::{LoadCellOptions, load_cell};
 pub use solve::{SolveOptions, solve};
+pub use statics::{StaticsOptions, statics};
+pub use summary::summary;
 pub use tare::Fixture;
 pub use tree::{Changes, Tree};
+pub use vibration::identify::{VibrationOptions, vibration_identify, vibration_of, vibration_recording};
+#[cfg(feature = "simulator")]
+pub use vibration::paper::vibration_paper;
+pub use vibration::postures::vibration_postures;
+pub use vibration::stiffness::{StiffnessOptions, vibration_stiffness};
+pub use vibration_error::VibrationError;
 pub use written_model::WrittenModel;

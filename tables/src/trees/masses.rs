@@ -141,7 +141,7 @@ pub fn table() -> String {
                 let _ = writeln!(
                     out,
                     "| {words} | {n} | {} | {} | {:.5} | {left:.5} | {} | {} |",
-                    own.way.name(),
+                    own.way.name().text(),
                     own.way.setting(),
                     own.direct / found.nominal,
                     own.negative,

@@ -13,12 +13,12 @@ use rigident_shared::forgetting::Span;
 use crate::program::{rigident, said, status};
 
 /// Returns a file of `docs/examples`.
-fn example(name: &str) -> PathBuf {
+pub fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples").join(name)
 }
 
 /// A recording as text: the names of its columns, and its rows.
-struct Table {
+pub struct Table {
     names: Vec<String>,
     rows: Vec<Vec<String>>,
 }
@@ -64,7 +64,8 @@ impl Table {
         self
     }
 
-    fn write(&self, at: &Path, name: &str, rig: &str) {
+    /// Writes it, and its rig file if there is one.
+    pub fn write(&self, at: &Path, name: &str, rig: &str) {
         let rows: Vec<String> = self.rows.iter().map(|cells| cells.join(",")).collect();
         fs::write(at.join(format!("{name}.csv")), format!("{}\n{}\n", self.names.join(","), rows.join("\n")))
             .unwrap();
@@ -77,7 +78,7 @@ impl Table {
 const WRENCH: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 
 /// Twelve poses of a body at rest: 2 kg at (0.1, -0.2, 0.3) m.
-fn still_poses() -> Table {
+pub fn still_poses() -> Table {
     let names = [
         "t_s",
         "fx_n",

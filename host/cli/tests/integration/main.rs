@@ -33,6 +33,7 @@ mod knocks;
 mod known;
 mod legged;
 mod library;
+mod library_jobs;
 mod mcap_damage;
 mod mcap_independent;
 mod merging;

@@ -5,6 +5,7 @@
 //! − 1 degrees of freedom at most where these hold, since what the runs have in common (mounting, scales) is
 //! in uᵢ and does not scatter.
 
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 use super::Answer;
@@ -15,7 +16,7 @@ use rigident_fit::COVERAGE_95;
 const SURPRISING: f64 = 0.01;
 
 /// One quantity in several runs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Repeated {
     /// As in the results.
     pub name: String,
@@ -36,17 +37,19 @@ pub struct Repeated {
     /// Probability of this much scatter where the stated uncertainties hold.
     pub probability: f64,
     /// Its true value, where all runs say the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
 }
 
 /// Several runs.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// The number of its runs.
     pub runs: usize,
     /// The quantities that at least two of them identify, in their order.
     pub quantities: Vec<Repeated>,
     /// The quantities that at most one of them identifies.
+    #[serde(rename = "not_identified")]
     pub left_out: Vec<String>,
     /// Quantities other than offsets that scatter more than the runs' uncertainties explain.
     pub surprising: Vec<String>,

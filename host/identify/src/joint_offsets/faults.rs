@@ -158,7 +158,14 @@ pub enum Contradiction {
     /// The offset of a joint is too large to be one, rad.
     TooLarge(String, f64),
     /// The residuals are not the stated noise, and no single fault explains it.
-    NotNoise,
+    NotNoise {
+        /// The residuals over what the noise explains, a ratio of variances.
+        ratio: f64,
+        /// Root mean square of the attitudes' residuals, rad.
+        attitude_rms: f64,
+        /// Root mean square of the contacts' residuals, m.
+        height_rms: f64,
+    },
 }
 
 /// Returns why the answer of poses is not to be believed; `None` if it is.
@@ -176,7 +183,8 @@ pub fn contradiction(
     } else if let Some((joint, offset)) = too_large(setup, answer) {
         Some(Contradiction::TooLarge(joint, offset))
     } else {
-        (answer.variance_ratio > NOT_NOISE).then_some(Contradiction::NotNoise)
+        let Answer { variance_ratio: ratio, attitude_rms, height_rms, .. } = *answer;
+        (ratio > NOT_NOISE).then_some(Contradiction::NotNoise { ratio, attitude_rms, height_rms })
     })
 }
 

@@ -1,9 +1,11 @@
 //! Offsets of joint angles, from poses in which a robot stands with flat soles on a level floor, touches planes or is held.
 //!
-//! Lives here: the tree of joints that turn or slide one by one (`kinematics`), what poses share ([`shared`]), what a pose says as whitened
-//! rows ([`pose`]), the search for the offsets ([`search`]) by two methods ([`solve`], `gradient`), what they are worth and how many poses
-//! are enough ([`result`]), the fault that explains poses that contradict each other ([`faults`]), the
-//! drawing of a pose ([`drawn`]), and the files of poses and contacts ([`poses_file`], [`contacts_file`]).
+//! Lives here: the tree of joints that turn or slide one by one (`kinematics`), what poses share
+//! ([`shared`]), what a pose says as whitened rows ([`pose`]), the search for the offsets ([`search`]) by
+//! two methods ([`solve`], `gradient`), what they are worth and how many poses are enough ([`result`]), the
+//! fault that explains poses that contradict each other ([`faults`]), the texts about all this
+//! ([`remarks`]), the drawing of a pose ([`drawn`]), and the files of poses and contacts ([`poses_file`],
+//! [`contacts_file`]).
 //! May not live here: options, pages, and models beyond their joints (`rigident_model`).
 //!
 //! The theory is that of K. Yamane, *Practical kinematic and dynamic calibration methods for force-controlled humanoid robots*, with every
@@ -18,6 +20,7 @@ mod kinematics;
 mod laboratory;
 pub mod pose;
 pub mod poses_file;
+pub mod remarks;
 pub mod result;
 pub mod search;
 pub mod shared;

@@ -1,6 +1,7 @@
 //! The quality of the offsets, and the number of poses that are enough.
 
 use nalgebra::DMatrix;
+use serde::Serialize;
 
 use super::pose::{RowOf, Told};
 use super::search::{Method, find};
@@ -94,15 +95,17 @@ pub struct BadPose {
 }
 
 /// The result of the given number of first poses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OverPoses {
     /// The number of poses, in the file's order, those left out not counted.
     pub poses: usize,
     /// The number of offsets that they identify.
     pub identified: usize,
     /// Largest U95 of joints that turn, of those that all poses identify, rad; `None` while one of them is not determined or there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub worst_u95: Option<f64>,
     /// Likewise of joints that slide, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub worst_u95_m: Option<f64>,
 }
 

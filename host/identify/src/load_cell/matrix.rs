@@ -2,35 +2,45 @@
 
 use nalgebra::{DMatrix, Matrix6};
 use rigident_fit::Fit;
+use serde::Serialize;
 
 use super::rows::Loadings;
 
 /// A matrix with what is known of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Matrix {
-    /// `wrench = matrix · (gauges − zero)`, N/V and N m/V.
+    /// `wrench = matrix · (gauges − zero)`, N/V and N m/V. Not written as it is: it may be too coarse to be
+    /// used.
+    #[serde(skip)]
     pub matrix: [[f64; 6]; 6],
     /// 95 % expanded uncertainty of its entries.
+    #[serde(skip)]
     pub matrix_u95: [[f64; 6]; 6],
-    /// Zeros of the bridges in each run, V.
-    pub zeros_v: Vec<[f64; 6]>,
-    /// Largest force and moment of the loadings: full scale, N and N m.
-    pub full_scale: [f64; 2],
-    /// U95 of what is read of component k at full scale, row by row, as a share of the component's own full scale: gains on the
-    /// diagonal, cross-talk beside it.
-    pub error_u95: [[f64; 6]; 6],
     /// 1 σ of each gain, relative.
+    #[serde(rename = "gain_uncertainty")]
     pub gain_std: [f64; 6],
     /// Root mean square over all components of 1 σ of the cross-talk, each relative to its own full scale.
     pub crosstalk_std: f64,
-    /// Condition number of the bridges' answers to wrenches at full scale: how much of a bridge's error the matrix enlarges.
-    pub condition_number: f64,
+    /// U95 of what is read of component k at full scale, row by row, as a share of the component's own full
+    /// scale: gains on the
+    /// diagonal, cross-talk beside it.
+    pub error_u95: [[f64; 6]; 6],
+    /// Largest force and moment of the loadings: full scale, N and N m.
+    #[serde(rename = "full_scale_n_nm")]
+    pub full_scale: [f64; 2],
+    /// Zeros of the bridges in each run, V.
+    pub zeros_v: Vec<[f64; 6]>,
     /// 1 σ of a mean reading, V: stated, or found.
+    #[serde(rename = "reading_std_v")]
     pub reading_v: f64,
-    /// The residuals of each loading, N and N m, in the order of the table.
-    pub residuals: Vec<[f64; 6]>,
-    /// The largest of these over full scale.
+    /// Condition number of the bridges' answers to wrenches at full scale: how much of a bridge's error the
+    /// matrix enlarges.
+    pub condition_number: f64,
+    /// The largest residual of all loadings over full scale.
     pub largest_residual: f64,
+    /// The residuals of each loading, N and N m, in the order of the table.
+    #[serde(rename = "residuals_n_nm")]
+    pub residuals: Vec<[f64; 6]>,
 }
 
 impl Matrix {

@@ -32,15 +32,43 @@ pub enum Way {
     },
 }
 
-impl Way {
+/// A way without its setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WayName {
+    /// Singular values above a share of the largest.
+    Truncated,
+    /// Conjugate gradients with masses above their bound, stopped early.
+    Gradient,
+    /// Least squares with masses above their bound.
+    Bounded,
+    /// Least squares beside the nominal model.
+    Ridge,
+    /// Bodies that can be, nearest to the nominal model.
+    Consistent,
+}
+
+impl WayName {
     /// Returns what it is called.
-    pub fn name(&self) -> &'static str {
+    pub fn text(self) -> &'static str {
         match self {
-            Self::Relative(Method::Truncated { .. }) => "truncated",
-            Self::Relative(Method::Gradient { .. }) => "gradient",
-            Self::Relative(Method::Bounded) => "bounded",
-            Self::Relative(Method::Ridge { .. }) => "ridge",
-            Self::Consistent { .. } => "consistent",
+            Self::Truncated => "truncated",
+            Self::Gradient => "gradient",
+            Self::Bounded => "bounded",
+            Self::Ridge => "ridge",
+            Self::Consistent => "consistent",
+        }
+    }
+}
+
+impl Way {
+    /// Returns which way it is.
+    pub fn name(&self) -> WayName {
+        match self {
+            Self::Relative(Method::Truncated { .. }) => WayName::Truncated,
+            Self::Relative(Method::Gradient { .. }) => WayName::Gradient,
+            Self::Relative(Method::Bounded) => WayName::Bounded,
+            Self::Relative(Method::Ridge { .. }) => WayName::Ridge,
+            Self::Consistent { .. } => WayName::Consistent,
         }
     }
 

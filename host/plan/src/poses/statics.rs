@@ -3,6 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::Reading;
+use serde::Serialize;
 
 use super::estimators::{
     StillReading, centre_of_mass, measured_forces_covariance, modelled, modelled_covariance,
@@ -31,6 +32,9 @@ pub enum StaticsError {
         "{0} still poses that differ: three at least, as of `plan_poses(n=5)`, each held for a second or more"
     )]
     TooFew(usize),
+    /// A number of a pose that is none.
+    #[error("`reference` 0: poses are counted from 1")]
+    CountedFromOne,
     /// No pose with this number.
     #[error("`reference` {reference}: there are {poses} still poses, counted from 1")]
     Reference {
@@ -53,31 +57,43 @@ pub struct Held {
 }
 
 /// The result of one estimator from the poses.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimated {
     /// In words.
     pub name: &'static str,
     /// Centre of mass, S, m; `None` where the poses leave it open.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub com_m: Option<[f64; 3]>,
     /// Its 95 % uncertainty, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub u95_m: Option<[f64; 3]>,
-    /// 2-norm condition number of its normal matrix.
+    /// 2-norm condition number of its normal matrix; infinite where the poses leave something open.
+    #[serde(skip_serializing_if = "is_infinite")]
     pub condition_number_normal: f64,
 }
 
+/// Returns true of what JSON has no number for.
+fn is_infinite(value: &f64) -> bool {
+    !value.is_finite()
+}
+
 /// All of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statics {
     /// From measured forces; from the same relative to a reference pose; with gravity from the attitude.
+    #[serde(rename = "estimators")]
     pub estimates: [Estimated; 3],
     /// Mass, kg, and offset of the wrench, N and N m, with gravity from the attitude, each with its U95; `None` where the poses
     /// leave them open.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_kg: Option<[f64; 2]>,
     /// Value and U95.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub offset_n_nm: Option<[[f64; 2]; 6]>,
     /// 1 σ of a pose's mean wrench: as stated, or what the model with gravity leaves where that is more.
     pub sigma_n_nm: [f64; 6],
-    /// Wrench as read less that of the body at rest, pose by pose.
+    /// Wrench as read less that of the body at rest, pose by pose, N and N m.
+    #[serde(rename = "differences_n_nm")]
     pub differences: Vec<[f64; 6]>,
 }
 

@@ -2,7 +2,9 @@
 //! nothing is loaded.
 
 mod charts;
+mod content;
 mod figures;
+pub mod text;
 
 use super::page::{END, beginning_with, escape, fact, notes};
 use rigident_fit::Measured;

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
 use rigident_shared::tree::Joint;
+use serde::Serialize;
 
 use super::postures::{PostureSource, base_columns, composite};
 use rigident_fit::{Estimate, Factor, Fit, Measured, Parameter};
@@ -22,17 +23,19 @@ const MOST_IN_SETS: usize = 10;
 const CANDIDATES: usize = 2000;
 /// Steps of bisection to a bound.
 const BISECTIONS: usize = 60;
-/// Smaller singular values of columns of unit length are none: angles are known to the digits that people write.
+/// Smaller singular values of columns of unit length are none: angles are known to the digits that people
+/// write.
 pub const RANK: f64 = 1e-6;
 
 /// A quantity of Φ_s.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SubsetValue {
     /// Its name: `base.MSx`, `base.Jxx-Jyy`, `sum of Jyy`.
     pub name: String,
     /// SI unit in ASCII.
     pub unit: String,
     /// Its value; `None` if the postures do not tell it.
+    #[serde(flatten)]
     pub measured: Option<Measured>,
 }
 
@@ -48,7 +51,7 @@ pub struct PostureSet {
 }
 
 /// Bounds of what a single link on a spherical joint leaves open: Jyy of the base.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OpenBounds {
     /// The name: `base.Jyy`.
     pub name: String,
@@ -57,19 +60,30 @@ pub struct OpenBounds {
     /// Greatest value by Eq. 19, kg m².
     pub most: f64,
     /// Greatest value by all that a leaf of known mass must be, kg m².
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub most_of_leaf: Option<f64>,
 }
 
+/// The position of a joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stand {
+    /// Its link.
+    pub link: String,
+    /// Its coordinate, rad or m, or its quaternion w, x, y, z.
+    pub stands: Vec<f64>,
+}
+
 /// A posture to take next.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NextPosture {
-    /// The position of each joint: link's name, and its coordinate or quaternion w, x, y, z.
-    pub stands: Vec<(String, Vec<f64>)>,
+    /// The joints.
+    pub joints: Vec<Stand>,
     /// Rank of all postures with it.
     pub rank: usize,
     /// Condition with it.
     pub condition: f64,
     /// Mean standard deviation of what is determined, with it by without it; `None` where the rank grows.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
 }
 
@@ -131,7 +145,8 @@ impl Subset {
         Estimate::new(&self.factor(&fit.scaled_factor()), RANK, 1.0, fit.estimate.noise)
     }
 
-    /// Returns the factor over Φ_s and what is left open among it, of the same rows as that over the base parameters.
+    /// Returns the factor over Φ_s and what is left open among it, of the same rows as that over the base
+    /// parameters.
     pub fn factor(&self, over_base: &Factor) -> Factor {
         let sizes = over_base.r().abs() * self.map.abs();
         let least: Vec<f64> = sizes.column_iter().map(|column| RANK * column.norm()).collect();
@@ -156,7 +171,8 @@ impl Subset {
             .collect()
     }
 
-    /// Returns the bounds of the base's Jyy, of one link on a spherical joint; `mass_kg` is that link's, if it is known.
+    /// Returns the bounds of the base's Jyy, of one link on a spherical joint; `mass_kg` is that link's, if
+    /// it is known.
     pub fn bounds(&self, fit: &Fit, mass_kg: Option<f64>) -> Option<OpenBounds> {
         let [(base, [xx, yy, zz]), (leaf, [leaf_xx, _, leaf_zz])] = self.tensors.as_slice() else {
             return None;
@@ -209,7 +225,8 @@ pub fn sets(source: &PostureSource) -> Vec<PostureSet> {
     all
 }
 
-/// Returns what the errors of each posture have of the variance of what all of them tell, on average: `(C I_k C)_jj / C_jj` with the
+/// Returns what the errors of each posture have of the variance of what all of them tell, on average: `(C I_k
+/// C)_jj / C_jj` with the
 /// information I_k of each and the covariance C of all.
 pub fn shares(source: &PostureSource, subset: &Subset) -> Vec<f64> {
     let n = source.names().len();
@@ -235,9 +252,11 @@ fn rank_and_condition(factor: &Factor) -> (usize, f64) {
     (told.len(), most / told.iter().copied().fold(most, f64::min))
 }
 
-/// Returns the posture that tells most with those there are: it raises the rank, else it makes the variance of Φ_s least.
+/// Returns the posture that tells most with those there are: it raises the rank, else it makes the variance
+/// of Φ_s least.
 ///
-/// Postures are spread evenly (J. H. Halton 1960): spherical joints over all attitudes (K. Shoemake 1992), others within half a turn.
+/// Postures are spread evenly (J. H. Halton 1960): spherical joints over all attitudes (K. Shoemake 1992),
+/// others within half a turn.
 pub fn next(source: &PostureSource) -> Option<NextPosture> {
     let model = source.model();
     let mut moving = Moving::new(model.tree()).ok()?;
@@ -255,8 +274,8 @@ pub fn next(source: &PostureSource) -> Option<NextPosture> {
     let spread = trace(&before);
     let mut best: Option<(usize, f64, NextPosture)> = None;
     for k in 1..=CANDIDATES {
-        let stands = spread_stand(model, k);
-        let positions: Vec<f64> = stands.iter().flat_map(|(_, numbers)| numbers.iter().copied()).collect();
+        let joints = spread_stand(model, k);
+        let positions: Vec<f64> = joints.iter().flat_map(|own| own.stands.iter().copied()).collect();
         let Ok(whole) = composite(&mut moving, &positions) else { continue };
         let columns = base_columns(source.base(), &whole);
         let white = DMatrix::from_fn(10, columns.ncols(), |i, j| columns[(i, j)] / sigma[i]);
@@ -267,14 +286,14 @@ pub fn next(source: &PostureSource) -> Option<NextPosture> {
         let is_better = best.as_ref().is_none_or(|(r, l, _)| rank > *r || (rank == *r && left < *l));
         if is_better {
             let gain = (rank == rank_before).then(|| left / spread);
-            best = Some((rank, left, NextPosture { stands, rank, condition, gain }));
+            best = Some((rank, left, NextPosture { joints, rank, condition, gain }));
         }
     }
     best.map(|(_, _, posture)| posture)
 }
 
 /// The k-th of evenly spread postures.
-fn spread_stand(model: &Model, k: usize) -> Vec<(String, Vec<f64>)> {
+fn spread_stand(model: &Model, k: usize) -> Vec<Stand> {
     let mut base = 1;
     let mut even = || {
         base += 1;
@@ -284,7 +303,7 @@ fn spread_stand(model: &Model, k: usize) -> Vec<(String, Vec<f64>)> {
         halton(k, base)
     };
     let of = |link: &rigident_model::ModelLink| {
-        let numbers = match link.link.joint {
+        let stands = match link.link.joint {
             Joint::Spherical => {
                 let (share, a, b) = (even(), TAU * even(), TAU * even());
                 let (near, far) = ((1.0 - share).sqrt(), share.sqrt());
@@ -293,7 +312,7 @@ fn spread_stand(model: &Model, k: usize) -> Vec<(String, Vec<f64>)> {
             Joint::Revolute(_) => vec![PI * (2.0 * even() - 1.0)],
             _ => vec![0.1 * (2.0 * even() - 1.0)],
         };
-        (link.name.clone(), numbers)
+        Stand { link: link.name.clone(), stands }
     };
     model.links.iter().skip(1).map(of).collect()
 }
@@ -309,11 +328,13 @@ fn halton(mut k: usize, base: usize) -> f64 {
     value
 }
 
-/// Returns axis and angle, in degrees, of a joint whose position is a quaternion w, x, y, z; `None` if it is
-/// not turned.
-pub fn turn_deg(quaternion: &[f64]) -> Option<(Vector3<f64>, f64)> {
-    let [w, x, y, z] = quaternion.try_into().ok()?;
-    let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
-    let (axis, angle) = turn.axis_angle()?;
-    Some((axis.into_inner(), angle.to_degrees()))
+impl Stand {
+    /// Returns axis and angle, in degrees, of a joint whose position is a quaternion; `None` if it is not
+    /// turned.
+    pub fn turn_deg(&self) -> Option<(Vector3<f64>, f64)> {
+        let [w, x, y, z] = self.stands.as_slice().try_into().ok()?;
+        let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+        let (axis, angle) = turn.axis_angle()?;
+        Some((axis.into_inner(), angle.to_degrees()))
+    }
 }
