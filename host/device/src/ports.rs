@@ -230,6 +230,41 @@ fn only(ports: Vec<Port>) -> Result<(Port, Session), NotFound> {
     }
 }
 
+/// A port with the answer that it gave; `None`: it was not asked.
+pub type Answered = (Port, Option<Result<Identity, Unusable>>);
+
+/// Asks those ports that may be a device's, if anybody is to be asked.
+pub fn answers(ports: Vec<Port>, no_hello: bool) -> Vec<Answered> {
+    let asked: Vec<Port> = ports.iter().filter(|port| port.may_be_a_device() && !no_hello).cloned().collect();
+    let mut answers = asked.iter().zip(greet_all(&asked)).map(|(port, answer)| (port.port.clone(), answer));
+    let mut next = answers.next();
+    let mut found = Vec::new();
+    for port in ports {
+        let answer = match &next {
+            Some((name, _)) if *name == port.port => {
+                std::mem::replace(&mut next, answers.next()).map(|(_, a)| a)
+            }
+            _ => None,
+        };
+        found.push((port, answer));
+    }
+    found
+}
+
+/// Returns the state of a port in a word, for programs.
+pub fn state(answer: Option<&Result<Identity, Unusable>>) -> &'static str {
+    match answer {
+        None => "not_asked",
+        Some(Ok(_)) => "device",
+        Some(Err(Unusable::Port(PortError::Permission(_)))) => "no_permission",
+        Some(Err(Unusable::Port(PortError::Busy(_)))) => "in_use",
+        Some(Err(Unusable::Port(_))) => "cannot_open",
+        Some(Err(Unusable::Link(LinkError::Silent(_)))) => "no_answer",
+        Some(Err(Unusable::Link(LinkError::Gone(_)))) => "gone",
+        Some(Err(Unusable::Link(_))) => "other_firmware",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use serialport::UsbPortInfo;

@@ -36,7 +36,7 @@ pub use adaptive::{Director, Proposal};
 pub use inject::Feeding;
 pub use load_guard::LoadGuard;
 pub use motion_guard::{Axes, MotionGuard};
-pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise};
+pub use settings::{DeviceTiming, SettingsError, settings, state_imu_noise, state_memory};
 use take::Taking;
 pub use take::{Heard, Nobody, Observer, Take, narrow, widen};
 

@@ -1,4 +1,4 @@
-use rigident_shared::forgetting::ImuNoise;
+use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
 use rigident_shared::wire::{
     ImuSettings, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source, StopRule,
     TelemetrySettings,
@@ -76,6 +76,21 @@ pub(super) fn imu_settings(imu: &ImuTable, timing: &DeviceTiming) -> Result<ImuS
 pub fn state_imu_noise(settings: &mut Settings, noise: &ImuNoise<f64>) {
     settings.imu.accel_noise_mps2 = noise.accel as f32;
     settings.imu.gyro_noise_radps = noise.gyro as f32;
+}
+
+/// States how rows are forgotten; `None`: they are not.
+pub fn state_memory(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>) {
+    settings.memory = match memory {
+        None => MemorySettings::Forever,
+        Some(MemoryConfig { span: Span::TimeConstant(s), imu_noise: ImuNoise { accel, gyro } }) => {
+            MemorySettings::Forgetting {
+                time_constant_s: *s as f32,
+                accel_noise_mps2: *accel as f32,
+                gyro_noise_radps: *gyro as f32,
+            }
+        }
+        Some(MemoryConfig { span: Span::Window(s), .. }) => MemorySettings::Window { length_s: *s as f32 },
+    };
 }
 
 /// The device's settings from a rig file, and σ where the rig file has none.

@@ -36,6 +36,9 @@ pub trait Observer {
     fn motion(&mut self, _sample: &MotionSample) -> Result<(), String> {
         Ok(())
     }
+    /// Hears what the host makes of the device's factor while it runs, in words; nothing where it says
+    /// nothing yet.
+    fn known(&mut self, _words: Option<String>) {}
     /// Called often: progress may be shown.
     fn progress(&mut self, _readings: usize) {}
     /// Likewise: what of the device's messages arrived.

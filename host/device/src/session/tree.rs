@@ -7,6 +7,7 @@
 use std::sync::atomic::Ordering;
 
 use rigident_shared::estimator::frames::{LEVEL_FRAMES, SUSPENDED_LINKS, TreeFactor};
+use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::Joint;
 use rigident_shared::wire::{
     Command, FactorRow, FrameReport, LinkJoint, LinkSettings, MAX_LINKS, MAX_TREE_PARAMETERS, ModelSettings,
@@ -16,6 +17,7 @@ use rigident_shared::wire::{
 use super::settings::{DeviceTiming, SettingsError, settings};
 use super::{INTERRUPTED, Observer, Session, SessionError, Take, Taking};
 use crate::link::{Client, LinkError};
+use rigident_fit::{Kind, Owner, Parameter};
 use rigident_io::rig::RigFile;
 use rigident_model::ModelError;
 use rigident_model::base::{BaseParameter, Rows, Situation, base_parameters};
@@ -109,6 +111,31 @@ pub fn device_tree(model: &Model) -> Result<(ModelSettings, Vec<BaseParameter>),
     // Columns of a link are in the order of φ; the first term is the column that represents the parameter.
     parameters.sort_by_key(|p| p.terms.first().map(|(column, _)| *column));
     Ok((ModelSettings::Tree(links.into_iter().collect()), parameters))
+}
+
+/// Returns the parameters that a device estimates of a model, in its order: base parameters, then the
+/// wrench's offset if that is estimated.
+pub fn device_parameters(model: &Model, parameters: &[BaseParameter], offset: bool) -> Vec<Parameter> {
+    let links = model.welded().links;
+    let standard = |column: usize| {
+        let link = links.get(column / 10).map_or("", |link| link.name.as_str());
+        format!("{link}.{}", PARAMETER_NAMES[column % 10])
+    };
+    let of_base = parameters.iter().map(|p| {
+        let owner = p.name.rsplit_once('.').map_or("", |(link, _)| link).to_owned();
+        let kind = match p.terms.first().map_or(0, |t| t.0 % 10) {
+            0 => Kind::Mass,
+            1..4 => Kind::FirstMoment,
+            _ => Kind::Inertia,
+        };
+        let made_of = p.terms.iter().map(|(column, weight)| (standard(*column), *weight)).collect();
+        Parameter { made_of, ..Parameter::new(p.name.clone(), Owner::Link(owner), kind, "") }
+    });
+    let offsets = PARAMETER_NAMES.iter().skip(10).filter(|_| offset).map(|name| {
+        let channel = name.trim_start_matches("offset_").to_owned();
+        Parameter::new((*name).to_owned(), Owner::Channel(channel), Kind::Offset, "")
+    });
+    of_base.chain(offsets).collect()
 }
 
 /// The device's settings for a tree whose frames come over its sensor bus.

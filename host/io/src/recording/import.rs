@@ -1,5 +1,7 @@
 //! Files of other programs: how they are written, what their columns may be, and a rig file that says so.
 
+mod choices;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -13,6 +15,8 @@ use super::text::layout::Stepper;
 use super::text::one_line;
 use super::{Recording, RecordingError, columnar, extension, is_text, sheet};
 use crate::rig::{ColumnSource, DecimalMark, RigFile, ScaledColumn, Unit, WrenchSign};
+
+pub use choices::{ChoiceError, Columns};
 
 /// Rows that are shown.
 const SHOWN: usize = 3;
@@ -50,7 +54,7 @@ pub struct Understood {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choices {
     /// Columns here, each with its name in the file and its unit.
-    pub columns: BTreeMap<String, (String, Option<String>)>,
+    pub columns: Columns,
     /// Units of columns by their name in the file.
     pub units: BTreeMap<String, String>,
     /// Mark before the decimals.
@@ -198,10 +202,7 @@ impl Understood {
     ///
     /// # Errors
     /// Says what a choice names that is not there, or the columns whose unit is nowhere.
-    pub fn proposal(
-        &self,
-        choices: &Choices,
-    ) -> Result<BTreeMap<String, (String, Option<String>)>, Undecided> {
+    pub fn proposal(&self, choices: &Choices) -> Result<Columns, Undecided> {
         let names: Vec<String> = self.columns.iter().map(|column| column.name.clone()).collect();
         let mut found = BTreeMap::new();
         let units: BTreeMap<&str, &FileColumn> =
@@ -248,11 +249,7 @@ impl Understood {
     }
 
     /// Leaves the meanings whose group is whole together with what is chosen.
-    fn whole(
-        &self,
-        meanings: &[Option<Meaning>],
-        chosen: &BTreeMap<String, (String, Option<String>)>,
-    ) -> Vec<Option<Meaning>> {
+    fn whole(&self, meanings: &[Option<Meaning>], chosen: &Columns) -> Vec<Option<Meaning>> {
         // Groups that are partly chosen are filled by the chooser.
         let is_touched = |known: &str| match Known::parse(known) {
             Some(Known::Member(group, _)) => group.names().iter().any(|name| chosen.contains_key(name)),
@@ -279,6 +276,9 @@ pub enum Undecided {
     /// A column that is not there.
     #[error("there is no column {0:?}")]
     NoColumn(String),
+    /// The meaning of every column.
+    #[error("none of its columns is known by its name: say which is which")]
+    NoneKnown,
 }
 
 impl Undecided {
@@ -289,7 +289,7 @@ impl Undecided {
 }
 
 /// A file with its known columns, each with its name in the file and its unit.
-pub type Proposed<'a> = (&'a Understood, BTreeMap<String, (String, Option<String>)>);
+pub type Proposed<'a> = (&'a Understood, Columns);
 
 /// Returns the text of a rig file for one file, or for several as `[[stream]]`, with what is known of their recordings.
 pub fn rig_text(
@@ -413,7 +413,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// Returns where columns are, as a rig file has it.
-pub fn sources(columns: &BTreeMap<String, (String, Option<String>)>) -> BTreeMap<String, ColumnSource> {
+pub fn sources(columns: &Columns) -> BTreeMap<String, ColumnSource> {
     let source = |(name, unit): &(String, Option<String>)| match unit {
         None => ColumnSource::Name(name.clone()),
         Some(unit) => ColumnSource::Scaled(ScaledColumn {
