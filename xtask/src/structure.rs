@@ -52,7 +52,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 32] = [
+const KNOWN_ARROWS: [KnownArrow; 30] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "", "scalar", "linear_algebra", "a scalar brings the fastest sums over slices for it"),
@@ -63,8 +63,6 @@ const KNOWN_ARROWS: [KnownArrow; 32] = [
     ("host/cli", "", "arguments", "calibration_arguments", "the arguments hand on those of each command"),
     ("host/cli", "", "arguments", "factor_arguments", "the arguments hand on those of each command"),
     ("host/cli", "", "programme", "experiment", "a duration is checked where the experiment runs"),
-    ("host/cli", "", "demo_links", "demo", "rate and quiet time are those of one body's demonstration"),
-    ("host/cli", "", "replay_links", "replay", "the noise and the device are those of one body's replay"),
     ("host/fit", "", "pool", "factor_file", "a pooled factor reads and writes itself"),
     ("host/fit", "", "source", "condition", "the default of a source's filter stands in another file"),
     ("host/fit", "", "source", "made_blocks", "the default of a source's blocks stands in another file"),

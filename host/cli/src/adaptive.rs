@@ -5,8 +5,8 @@ use hexapod::{Axis, BodySet, Geometry, MotionProgram, Segment};
 use rigident_shared::wire::{EstimateReport, Settings};
 
 use super::Failure;
-use super::came::Came;
 use rigident::answer::result::{ExperimentSummary, SegmentSummary};
+use rigident::application::Course;
 use rigident::device::platform::PlatformError;
 use rigident::device::session::{Axes, Director, Proposal};
 use rigident::fit::figures::significant;
@@ -162,7 +162,7 @@ pub(super) struct Concluded {
     /// What did not go as it should.
     pub(super) warnings: Vec<String>,
     /// How far it came.
-    pub(super) came: Came,
+    pub(super) came: Course,
     /// All that was commanded, rests between segments included; `None` if nothing was.
     pub(super) program: Option<MotionProgram>,
 }
@@ -175,7 +175,7 @@ impl Directing {
             self.decisions.push(decided);
         }
         Concluded {
-            came: Came { summary: self.summary(), why: self.unmet() },
+            came: Course { summary: self.summary(), why: self.unmet() },
             program: commanded(&self.driven),
             stages: self.stages,
             decisions: self.decisions,

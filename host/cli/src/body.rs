@@ -5,12 +5,11 @@ use std::time::Instant;
 
 use super::arguments::Mcu;
 use super::body_arguments::{Body, BodyCommand, IdentifyBody};
-use super::body_device::compared;
 use super::outcome::{CANNOT_BE_TRUE, say, say_not_written};
 use super::{ExitStatus, Failure, Folder, Stages};
 use rigident::answer::Status;
 use rigident::answer::person::DeviceResult;
-use rigident::application::body::{Beside, HeldTool, NoModel};
+use rigident::application::body::{Beside, HeldTool, NoModel, compared};
 use rigident::application::{self, BodyError, BodyOptions, Error, IdentifiedPerson};
 use rigident::device::session::tree::{DeviceTreeError, device_tree};
 use rigident::people::body_segments::Study;
@@ -90,7 +89,7 @@ impl Beside for Firmware<'_> {
         chosen: &[usize],
         fit: &Fit,
     ) -> Result<(DeviceResult, Vec<String>), Error> {
-        compared(self.mcu, whose, chosen, fit, self.stages).map_err(beside)
+        compared(&self.mcu.into(), whose, chosen, fit, &self.stages.caller())
     }
 }
 

@@ -6,19 +6,20 @@ use std::time::Instant;
 use hexapod::{Geometry, MotionProgram};
 
 use super::arguments::Run;
-use super::experiment::{Experiment, Watcher, device_notes};
+use super::experiment::{Watcher, conclude};
 use super::link::{configured, of_sensors, open};
-use super::links_on_device::check_asked;
-use super::next_move::NextMove;
 use super::options::forgetting::RowsOf;
+use super::run_report::Outlet;
 use super::zeroing::{warm_up, zero};
 use super::{Failure, Folder};
 use rigident::answer::now;
+use rigident::application::device::check_asked;
 use rigident::application::report::provenance;
-use rigident::application::{Loaded, calibrate};
 use rigident::device::calibrated_board::another_board;
+use rigident::application::{Experiment, Loaded, NextMove, calibrate};
 use rigident::device::platform::ByHand;
 use rigident::device::session::{settings, sound};
+use rigident::device::words::device_notes;
 use rigident_io::rig::RigFile;
 
 /// The address of no platform.
@@ -35,7 +36,7 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
     let parameters =
         Loaded::of_readings("run", &rig, Vec::new(), Some(rate_hz), false).source().parameters().to_vec();
-    check_asked(&parameters, &known, &arguments.output)?;
+    check_asked(&parameters, &known, &arguments.output.estimate)?;
     arguments.adaptive.check()?;
     let timing = of_sensors(rate_hz);
     // Any noise does while nothing is absorbed.
@@ -78,27 +79,15 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let mut read = sound::recording("run", &rig, rate_hz, &take.readings);
     warnings.extend(sound::judge(&mut read, &mut take));
     let readings = std::mem::take(&mut take.readings);
-    Experiment {
-        started,
-        output: &arguments.output,
-        stop: &arguments.stop,
-        loaded: Loaded::of_readings("run", &rig, readings, Some(rate_hz), false),
-        mcu: "port",
-        identity: session.identity(),
-        known: &known,
-        tare: None,
+    let loaded = Loaded::of_readings("run", &rig, readings, Some(rate_hz), false);
+    let experiment = Experiment {
+        asked,
         until: settings.stop,
         span,
-        parameter_truth: None,
-        stages: Vec::new(),
-        same_pose: None,
-        tracking_error: None,
-        decisions: Vec::new(),
-        came: None,
-        notes: Vec::new(),
         warnings,
-    }
-    .conclude(take, &folder)
+        ..Experiment::new(loaded, "port", session.identity(), &known)
+    };
+    conclude(experiment, take, Outlet { started, output: &arguments.output }, &folder)
 }
 
 /// Refuses what only a platform can do.

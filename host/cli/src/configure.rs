@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Configure;
-use super::info::of_state;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::outcome::say;
 use rigident::device::calibrated_board::another_board;
 use rigident::device::settings_file::{self, Change};
+use rigident::device::words;
 use rigident_io::recording::extension;
 use rigident_io::recording::new_file::write_new_text;
 use rigident_io::rig::RigFile;
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
     let Some(settings) = wanted.or(held) else {
         return Err(Failure::input(format!(
             "{port}: the device has no settings (state {}): send some by --rig FILE or --from FILE",
-            of_state(session.identity().state)
+            words::state(session.identity().state)
         )));
     };
     if let Some(path) = &arguments.write {

@@ -1,78 +1,159 @@
+//! `rigident demo`: one body or two links on the simulated platform, or a person from frames.
+
 use std::process::ExitCode;
 use std::time::Instant;
 
 use hexapod::{BodySet, MotionProgram, Segment};
 use rigident_shared::forgetting::MemoryConfig;
 use rigident_shared::wire::{Settings, Source};
-use rigident_sim::rig::{Rig, RigConfig};
+use rigident_sim::rig::{Rig, RigConfig, SharedRig};
+use rigident_sim::runner::frames_of;
 use rigident_sim::sensors::SensorModels;
 
-use super::arguments::{Demo, DemoBody, Demonstrated};
-use super::experiment::{Experiment, Watcher, device_notes};
-use super::link::configured;
-use super::options::forgetting::{self, RowsOf};
+use super::arguments::{Demo, Demonstrated, Mcu};
+use super::experiment::{Watcher, conclude};
+use super::link::{configured, device_settings};
+use super::options::forgetting::RowsOf;
 use super::options::load::LoadOptions;
 use super::outcome::say;
-use super::{Failure, Folder, Stages, demo_links, explain, guards, programme, simulated, zeroing};
-use rigident::application::Loaded;
+use super::refused::refuse_for_trees;
+use super::run_report::Outlet;
+use super::{Failure, Folder, Stages, explain, guards, programme, zeroing};
+use rigident::application::device::check_asked;
 use rigident::application::report::provenance;
-use rigident::device::link::Client;
+use rigident::application::{DeviceError, Experiment, Loaded, Replay, ReplayOptions};
+use rigident::device::microcontroller::{self, Image, Microcontroller};
 use rigident::device::platform::{LocalPlatform, Platform as _};
-use rigident::device::session::{DeviceTiming, Session, settings};
+use rigident::device::session::tree::{device_parameters, device_tree};
+use rigident::device::session::{DeviceTiming, Session, frames, state_memory, two_links};
+use rigident::device::words::device_notes;
+use rigident::laboratory::{person, rig_file, two_link_file};
 use rigident::rows::body::imu_noise::imu_noise;
-use rigident_io::rig::RigFile;
+use rigident::rows::named_model::rig_links::from_tables;
+use rigident_fit::Parameter;
+use rigident_io::recording::new_file::{write_new, write_new_text};
+use rigident_io::recording::{comment_in_words, rig_path};
+use rigident_io::rig::{
+    ImuClass, ImuTable, LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile,
+};
+use rigident_model::Model;
+use rigident_model::human::Person;
 
 /// Rate of the demonstration, 1/s.
 pub(super) const RATE_HZ: f64 = 1000.0;
 /// σ that the converter's quantisation represents when the noise is switched off, N and N m.
-pub(super) const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
+const QUIET: [f64; 6] = [1e-3, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4];
+/// The mass and size that the owner of the simulated rig says that bodies may be: the largest that fit on the
+/// thesis' plate.
+const BOUND: [f64; 2] = [40.0, 0.5];
+/// The time for which the body is weighed, s.
+const WEIGHED_S: f64 = 0.5;
+/// Frames of a person at the given rate.
+const FRAMES_HZ: f64 = 100.0;
+/// Of the force plates below the person: 1 σ per frame, N and N m.
+const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
+/// Shorter motions of a person tell little; longer ones nothing new. s
+const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
 
 /// `rigident demo`
 pub(super) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
-    match arguments.body {
-        Demonstrated::Horizontal => one_body(arguments, DemoBody::Horizontal),
-        Demonstrated::Vertical => one_body(arguments, DemoBody::Vertical),
-        Demonstrated::TwoLinks | Demonstrated::Human34 if arguments.own.is_given() || arguments.explain => {
-            Err(Failure::input("--mass, --noise and --explain: of one body, not of several links"))
+    if matches!(arguments.body, Demonstrated::TwoLinks | Demonstrated::Human34) {
+        if arguments.own.is_given() || arguments.explain {
+            return Err(Failure::input("--mass, --noise and --explain: of one body, not of several links"));
         }
-        Demonstrated::TwoLinks => demo_links::two_links(arguments),
-        Demonstrated::Human34 => demo_links::human34(arguments),
+        refuse_for_trees(&[&arguments.forgetting, &arguments.adaptive])?;
+    }
+    match arguments.body {
+        Demonstrated::Human34 => person(arguments),
+        _ => on_platform(arguments),
     }
 }
 
-fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
-    let started = Instant::now();
-    let known = arguments.known.parse()?;
-    let (config, body_name) = match body {
-        DemoBody::Horizontal => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
-        DemoBody::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),
+/// The settings of the firmware's simulated sensors, which has no host to wait for.
+pub(super) fn simulated_sensors() -> DeviceTiming {
+    DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 }
+}
+
+/// Opens the firmware in lock-step with a rig.
+pub(super) fn device(mcu: Mcu, rig: &SharedRig) -> Result<Session, Failure> {
+    let line = Microcontroller::from(mcu).on_rig(Image::Standard, rig).map_err(DeviceError::from)?;
+    microcontroller::session(line).map_err(|e| Failure::link(e).context("the simulated device"))
+}
+
+/// Returns the rig of the arguments, and the name of the body that it carries.
+fn config(arguments: &Demo) -> Result<(RigConfig, String), Failure> {
+    let (config, name) = match arguments.body {
+        Demonstrated::Vertical => (RigConfig::thesis_vertical(), "test body with plates, vertical"),
+        Demonstrated::TwoLinks => (RigConfig::two_links(), ""),
+        _ => (RigConfig::thesis_horizontal(), "test body with plates, horizontal"),
     };
     let mut config = config.with_seed(arguments.seed).with_rates(RATE_HZ, RATE_HZ);
     if arguments.ideal {
+        let range = config.sensors.imu.gyro_range_radps;
         config = config.with_sensors(SensorModels::ideal());
+        if arguments.body == Demonstrated::TwoLinks {
+            config.sensors.imu.gyro_range_radps = range;
+        }
     }
     let (config, own_name) = arguments.own.put_into(config, BOUND)?;
-    let body_name = own_name.as_deref().unwrap_or(body_name);
+    Ok((config, own_name.unwrap_or_else(|| name.to_owned())))
+}
+
+/// Two links on a platform.
+struct Links {
+    model: Model,
+    estimated: Vec<Parameter>,
+    truth: Vec<f64>,
+}
+
+impl Links {
+    /// Returns those of a rig, if it has two, and its rig file.
+    fn of(rig: &Rig, body_name: &str) -> Result<(Option<Self>, RigFile), Failure> {
+        let Some(second) = rig.config().second else { return Ok((None, rig_file(rig, body_name))) };
+        let file = two_link_file(rig, &second);
+        let truth = rig.truth();
+        let truth =
+            second.base_parameters(&truth.body).into_iter().chain(truth.apparent_offset_n_nm).collect();
+        let model = from_tables(&file.link, "two links").map_err(Failure::input)?;
+        let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
+        let estimated = device_parameters(&model, &parameters, true);
+        Ok((Some(Self { model, estimated, truth }), file))
+    }
+}
+
+/// `rigident demo` of what a platform carries
+fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
+    let outlet = Outlet { started: Instant::now(), output: &arguments.output };
+    let known = arguments.known.parse()?;
+    let (config, body_name) = config(arguments)?;
     let geometry = config.geometry.clone();
     arguments.adaptive.check()?;
     let rig = Rig::new(config.clone()).map_err(Failure::input)?;
-    let mut file = simulated::rig_file(&rig, body_name);
+    let (links, mut file) = Links::of(&rig, &body_name)?;
     if arguments.ideal {
         file.load_cell.noise_n_nm = Some(QUIET);
+        if links.is_some() {
+            // Words without noise repeat themselves.
+            file.recording.frozen_after = 0;
+        }
     }
+    let parameters = match &links {
+        Some(Links { estimated, .. }) => {
+            check_asked(estimated, &known, &arguments.output.estimate)?;
+            estimated.clone()
+        }
+        None => {
+            let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
+            nothing.source().parameters().to_vec()
+        }
+    };
     let rig = rig.shared();
-
-    let mcu = simulated::name(arguments.mcu);
-    let mut session = Session::open(Client::new(simulated::transport(arguments.mcu, &rig)?))
-        .map_err(|e| Failure::link(e).context("the simulated device"))?;
-    let timing =
-        DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
+    let mut session = device(arguments.mcu, &rig)?;
     let span = arguments.forgetting.span(&RowsOf::moving(RATE_HZ))?;
     let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
-    let mut settings = settings(&file, &timing, None, None).map_err(Failure::input)?;
-    let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
-    arguments.stop.put_into(&mut settings, nothing.source().parameters())?;
-    forgetting::put_into(&mut settings, memory.as_ref());
+    let mut settings = device_settings(&file, &simulated_sensors(), None)?;
+    arguments.stop.put_into(&mut settings, &parameters)?;
+    state_memory(&mut settings, memory.as_ref());
     configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
     let body =
@@ -81,7 +162,9 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     let (mut stages, mut same_pose, mut fixed) = (Vec::new(), None, None);
     if directing.is_none() {
         let program = arguments.programme.program(&geometry)?;
-        (stages, same_pose) = programme::stages(&program);
+        if links.is_none() {
+            (stages, same_pose) = programme::stages(&program);
+        }
         platform.load(&program).map_err(Failure::link)?;
         fixed = Some(program);
     }
@@ -104,46 +187,37 @@ fn one_body(arguments: &Demo, body: DemoBody) -> Result<ExitCode, Failure> {
     }
     .map_err(Failure::link)?;
     watcher.end(&mut take);
-    let (mut decisions, mut warnings, mut came) = (Vec::new(), Vec::new(), None);
-    if let Some(directing) = directing {
-        let concluded = directing.concluded();
-        (stages, decisions, warnings) = (concluded.stages, concluded.decisions, concluded.warnings);
-        came = Some(concluded.came);
-    }
-    let loaded = Loaded::of_readings("demo", &file, std::mem::take(&mut take.readings), Some(RATE_HZ), false);
+    let loaded = match &links {
+        Some(links) => {
+            let read = two_links::recording("demo", &file, RATE_HZ, &take.links);
+            Loaded::of_links(&read, &links.model)?
+        }
+        None => {
+            let readings = std::mem::take(&mut take.readings);
+            Loaded::of_readings("demo", &file, readings, Some(RATE_HZ), false)
+        }
+    };
     if arguments.explain {
         let fit = loaded.fit(None, 0, &Stages::silent().caller())?;
         say(explain::text(&loaded, &fit)?);
     }
-    Experiment {
-        started,
-        output: &arguments.output,
-        stop: &arguments.stop,
-        loaded,
-        mcu,
-        identity: session.identity(),
-        known: &known,
-        tare: None,
+    let mut experiment = Experiment {
+        asked: arguments.stop.asked(&arguments.output.estimate),
         // With --adaptive it is the planner that says.
         until: settings.stop.filter(|_| !arguments.adaptive.adaptive),
         span,
-        parameter_truth: None,
+        parameter_truth: links.map(|links| links.truth),
         stages,
         same_pose,
-        tracking_error: None,
-        decisions,
-        came,
-        notes: Vec::new(),
-        warnings,
+        ..Experiment::new(loaded, Microcontroller::from(arguments.mcu).name(), session.identity(), &known)
+    };
+    if let Some(directing) = directing {
+        let concluded = directing.concluded();
+        (experiment.stages, experiment.decisions) = (concluded.stages, concluded.decisions);
+        (experiment.warnings, experiment.course) = (concluded.warnings, Some(concluded.came));
     }
-    .conclude(take, &folder)
+    conclude(experiment, take, outlet, &folder)
 }
-
-/// The mass and size that the owner of the simulated rig says that bodies may be: the largest that fit on the
-/// thesis' plate.
-const BOUND: [f64; 2] = [40.0, 0.5];
-/// The time for which the body is weighed, s.
-const WEIGHED_S: f64 = 0.5;
 
 /// Weighs the body at rest, in a run of its own: in lock-step time passes only while a program runs.
 fn weighed(
@@ -154,8 +228,7 @@ fn weighed(
 ) -> Result<Option<BodySet>, Failure> {
     LoadOptions { load_max_kg: Some(BOUND[0]), load_within_m: Some(BOUND[1]) }.put_into(file)?;
     let rig = Rig::new(config.clone()).map_err(Failure::input)?.shared();
-    let mut session = Session::open(Client::new(simulated::transport(arguments.mcu, &rig)?))
-        .map_err(|e| Failure::link(e).context("the simulated device"))?;
+    let mut session = device(arguments.mcu, &rig)?;
     configured(&mut session, settings)?;
     let mut platform = LocalPlatform(rig);
     let rest = MotionProgram {
@@ -165,4 +238,62 @@ fn weighed(
     platform.load(&rest).map_err(Failure::link)?;
     let take = session.follow(&mut platform, &rest, &mut Watcher::new(0)).map_err(Failure::link)?;
     zeroing::weigh(&zeroing::at_rest(&take.readings, file.imu.first())?, file)
+}
+
+/// `rigident demo --body human34`
+fn person(arguments: &Demo) -> Result<ExitCode, Failure> {
+    let outlet = Outlet { started: Instant::now(), output: &arguments.output };
+    let options = ReplayOptions {
+        mcu: arguments.mcu.into(),
+        stop: arguments.stop.typed(),
+        known: arguments.known.parse()?,
+        asked: arguments.output.estimate.clone(),
+        ..ReplayOptions::default()
+    };
+    refuse_for_trees(&[&arguments.programme])?;
+    let seconds = arguments.programme.duration_s;
+    if !FRAMES_S.contains(&seconds) {
+        return Err(Failure::input(format!(
+            "--duration-s {seconds}: a person moves for {} to {} s",
+            FRAMES_S.start(),
+            FRAMES_S.end()
+        )));
+    }
+    let model = Person::default().human34().map_err(Failure::input)?;
+    let (_, parameters) = device_tree(&model).map_err(Failure::input)?;
+    // Not the person that the tables guess.
+    let somebody = person::somebody(&model, arguments.seed);
+    let value =
+        |terms: &[(usize, f64)]| terms.iter().map(|(column, weight)| weight * somebody[*column]).sum();
+    let truth: Vec<f64> = parameters.iter().map(|p| value(&p.terms)).collect();
+    let tree = person::tree(&model, &somebody);
+    let (noise, sigma) = if arguments.ideal { ([0.0; 6], QUIET) } else { (PLATES, PLATES) };
+    let sent = frames_of(&tree, (seconds * FRAMES_HZ) as usize, FRAMES_HZ, noise, arguments.seed);
+    let file = RigFile {
+        recording: RecordingTable { rate_hz: Some(FRAMES_HZ), ..RecordingTable::default() },
+        load_cell: LoadCellTable {
+            noise_n_nm: Some(sigma),
+            offset_n_nm: OffsetTable::Word(OffsetWord::Zero),
+            class: Some(LoadCellClass::Exact),
+            ..LoadCellTable::default()
+        },
+        // Frames tell of the links' own origins and axes.
+        imu: (0..model.links.len())
+            .map(|link| ImuTable { link, class: Some(ImuClass::Exact), ..ImuTable::default() })
+            .collect(),
+        ..RigFile::default()
+    };
+    let mut recording = frames::recording("demo", &file, FRAMES_HZ, model.links.len(), &sent);
+    let connected = Replay::of_frames(sent, recording.clone(), &file, model, &options)?.connect()?;
+    let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
+    let comments = device_notes(connected.identity());
+    recording.comments = comments.iter().map(|(what, said)| comment_in_words(what, said)).collect();
+    let path = folder.file("demo.csv");
+    write_new(&path, |to| recording.write_csv(to)).map_err(Failure::input)?;
+    write_new_text(&rig_path(&path), &file.to_toml()).map_err(Failure::input)?;
+    let mut watcher = Watcher::new(connected.count());
+    let (mut experiment, take) = connected.run(&mut watcher)?;
+    watcher.finish()?;
+    experiment.parameter_truth = Some(truth);
+    conclude(experiment, take, outlet, &folder)
 }

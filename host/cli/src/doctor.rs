@@ -1,10 +1,11 @@
 use std::process::ExitCode;
 
+use serde_json::json;
+
 use super::arguments::Doctor;
-use super::doctor_checks::{self, UDEV_RULE};
-use super::doctor_finding::{Check, Standing};
 use super::outcome::say;
 use super::{ExitStatus, Failure};
+use rigident::device::doctor::{Advice, Check, Standing, UDEV_RULE, all};
 
 /// `rigident doctor`
 pub(super) fn run(arguments: &Doctor) -> Result<ExitCode, Failure> {
@@ -12,14 +13,39 @@ pub(super) fn run(arguments: &Doctor) -> Result<ExitCode, Failure> {
         say(UDEV_RULE.trim_end());
         return Ok(ExitCode::SUCCESS);
     }
-    let checks = doctor_checks::all(arguments.device.port.as_deref());
+    let checks = all(arguments.device.port.as_deref(), &mut |what| tell!("{what}"));
     let good = checks.iter().all(|check| check.standing != Standing::ToDo);
     if arguments.json {
-        say(serde_json::json!({ "ok": good, "checks": checks }));
+        let checks: Vec<_> = checks.iter().map(object).collect();
+        say(json!({ "ok": good, "checks": checks }));
     } else {
         checks.iter().for_each(|check| say(line(check)));
     }
     Ok(ExitStatus::of(good).into())
+}
+
+/// Words an advice.
+fn words(advice: &Advice) -> &str {
+    match advice {
+        Advice::InstallRule => {
+            "`rigident doctor --udev-rule | sudo tee /etc/udev/rules.d/60-rigident.rules`, then `sudo \
+             udevadm control --reload && \
+             sudo udevadm trigger`"
+        }
+        Advice::InstallEmulator => {
+            "`apt install qemu-system-arm`, or `cargo xtask setup`; only `--mcu qemu` needs it"
+        }
+        Advice::BuildImage => "`cargo xtask firmware`; only `--mcu qemu` needs it",
+        Advice::Words(words) => words,
+    }
+}
+
+fn object(check: &Check) -> serde_json::Value {
+    let mut object = json!({ "what": check.what, "standing": check.standing, "found": check.found });
+    if let Some(advice) = &check.advice {
+        object["advice"] = words(advice).into();
+    }
+    object
 }
 
 fn line(check: &Check) -> String {
@@ -28,7 +54,8 @@ fn line(check: &Check) -> String {
         Standing::ToDo => "to do",
         Standing::NotHere => "not here",
     };
-    let advice = check.advice.as_ref().map_or_else(String::new, |advice| format!("\n{:24}{advice}", ""));
+    let advice =
+        check.advice.as_ref().map_or_else(String::new, |advice| format!("\n{:24}{}", "", words(advice)));
     format!("{standing:<9} {:<13} {}{advice}", check.what, check.found)
 }
 
@@ -38,8 +65,11 @@ mod tests {
 
     #[test]
     fn each_line_says_how_it_stands_and_what_to_do() {
-        assert_eq!(line(&Check::ok("emulator", "QEMU 7.2.1")), "ok        emulator      QEMU 7.2.1");
-        let to_do = line(&Check::to_do("udev", "no rule", "install it"));
-        assert_eq!(to_do, "to do     udev          no rule\n                        install it");
+        let check =
+            |what, standing, found: &str, advice| Check { what, standing, found: found.to_owned(), advice };
+        let ok = check("emulator", Standing::Ok, "QEMU 7.2.1", None);
+        assert_eq!(line(&ok), "ok        emulator      QEMU 7.2.1");
+        let to_do = check("udev", Standing::ToDo, "no rule", Some("install it".into()));
+        assert_eq!(line(&to_do), "to do     udev          no rule\n                        install it");
     }
 }

@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,11 +9,10 @@ use super::arguments::{Decimal, Import, Sign};
 use super::confirm::answered;
 use super::outcome::say;
 use rigident::device::session::INTERRUPTED;
-use rigident_io::recording::columns::{Known, TIME};
-use rigident_io::recording::import::{self, Choices, Proposed, Undecided, Understood, understand};
+use rigident_io::recording::import::{self, Choices, Columns, Proposed, Undecided, Understood, understand};
 use rigident_io::recording::new_file::write_new_text;
 use rigident_io::recording::{Recording, rig_path};
-use rigident_io::rig::{DecimalMark, RecordingTable, RigFile, Unit, WrenchSign};
+use rigident_io::rig::{DecimalMark, RigFile, Unit, WrenchSign};
 
 /// `rigident import`
 pub(super) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
@@ -35,11 +33,14 @@ pub(super) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
     for file in &files {
         proposals.push((file, decided(file, &mut choices, is_asked)?));
     }
-    check_choices(&files, &choices)?;
+    choices.check(&files).map_err(Failure::input)?;
     let sign = sign(arguments, &proposals, is_asked)?;
     let mut recordings = Vec::new();
     for (file, columns) in &proposals {
-        recordings.push(read(file, columns, sign, choices.decimal, files.len() > 1)?);
+        let read = file.read_as(columns, sign, choices.decimal).map_err(Failure::from);
+        let is_part = files.len() > 1;
+        let read = read.map_err(|error| if is_part { error } else { error.after("nothing was written") });
+        recordings.push(Some(read?));
     }
     let text = import::rig_text(&proposals, &recordings, sign, choices.decimal);
     // It is read as any other will be.
@@ -89,79 +90,26 @@ fn target(arguments: &Import) -> Result<PathBuf, Failure> {
 
 /// Returns what the options say.
 pub(super) fn choices(arguments: &Import) -> Result<Choices, Failure> {
-    let mut choices = Choices {
-        decimal: arguments.decimal.map(|mark| match mark {
-            Decimal::Point => DecimalMark::Point,
-            Decimal::Comma => DecimalMark::Comma,
-        }),
-        ..Choices::default()
-    };
-    for words in &arguments.column {
-        let refuse = |why: &str| Failure::input(format!("--column {words}: {why}"));
-        let (known, rest) =
-            words.split_once('=').ok_or_else(|| refuse("write fx_n=NAME or fx_n=NAME:UNIT"))?;
-        if Known::parse(known).is_none() {
-            return Err(refuse(&format!("{known} is no column of a recording (docs/formats.md has them)")));
-        }
-        let (name, unit) = match rest.rsplit_once(':') {
-            Some((name, unit)) if Unit::parse(unit).is_some() => (name, Some(unit.to_owned())),
-            _ => (rest, None),
-        };
-        choices.columns.insert(known.to_owned(), (name.to_owned(), unit));
-    }
-    for words in &arguments.unit {
-        let refuse = |why: &str| Failure::input(format!("--unit {words}: {why}"));
-        let (name, unit) = words.rsplit_once('=').ok_or_else(|| refuse("write NAME=UNIT"))?;
-        if Unit::parse(unit).is_none() {
-            return Err(refuse(&format!("{unit:?} is no unit that is known (docs/formats.md has them)")));
-        }
-        choices.units.insert(name.to_owned(), unit.to_owned());
-    }
-    Ok(choices)
-}
-
-/// Refuses a choice of a column that no file has.
-pub(super) fn check_choices(files: &[Understood], choices: &Choices) -> Result<(), Failure> {
-    let all: Vec<&str> =
-        files.iter().flat_map(|file| &file.columns).map(|column| column.name.as_str()).collect();
-    let chosen = choices.columns.values().map(|(name, _)| name).chain(choices.units.keys());
-    match chosen.into_iter().find(|name| !all.contains(&name.as_str())) {
-        Some(name) => {
-            Err(Failure::input(format!("there is no column {name:?}; there are {}", all.join(", "))))
-        }
-        None => Ok(()),
-    }
+    let decimal = arguments.decimal.map(|mark| match mark {
+        Decimal::Point => DecimalMark::Point,
+        Decimal::Comma => DecimalMark::Comma,
+    });
+    Choices::read(&arguments.column, &arguments.unit, decimal).map_err(Failure::input)
 }
 
 /// Returns where the known columns are, with answers to what the file does not say.
-fn decided(
-    file: &Understood,
-    choices: &mut Choices,
-    is_asked: bool,
-) -> Result<BTreeMap<String, (String, Option<String>)>, Failure> {
+fn decided(file: &Understood, choices: &mut Choices, is_asked: bool) -> Result<Columns, Failure> {
     loop {
-        let there = |name: &String| file.columns.iter().any(|column| column.name == *name);
-        let own = Choices {
-            columns: choices
-                .columns
-                .iter()
-                .filter(|(_, (name, _))| there(name))
-                .map(|(k, v)| (k.clone(), v.clone()))
-                .collect(),
-            ..choices.clone()
-        };
-        let missing = match file.proposal(&own) {
-            Ok(found) if found.keys().any(|known| known != TIME) || !file.joints().is_empty() => {
-                return Ok(found);
-            }
-            Ok(_) => {
+        let missing = match file.decided(choices) {
+            Ok(found) => return Ok(found),
+            Err(error @ Undecided::NoneKnown) => {
                 return Err(Failure::input(format!(
-                    "{}: none of its columns is known by its name: say which is which by --column, as in --column fx_n=NAME:N",
+                    "{}: {error} by --column, as in --column fx_n=NAME:N",
                     file.file
                 )));
             }
             Err(Undecided::Units(names)) => names,
-            Err(error) => return Err(Failure::input(error)),
+            Err(error @ Undecided::NoColumn(_)) => return Err(Failure::input(error)),
         };
         if !is_asked {
             return Err(Failure::input(format!(
@@ -220,28 +168,6 @@ fn ask(question: &str) -> Result<String, Failure> {
     match answered(read, &INTERRUPTED)? {
         Some(answer) => Ok(answer.trim().to_owned()),
         None => Err(Failure::interrupted("stopped; nothing was written")),
-    }
-}
-
-/// Reads a file with what is proposed; `None` of one of several without a time of its own.
-pub(super) fn read(
-    file: &Understood,
-    columns: &BTreeMap<String, (String, Option<String>)>,
-    sign: WrenchSign,
-    decimal: Option<DecimalMark>,
-    is_part: bool,
-) -> Result<Option<Recording>, Failure> {
-    let recording = RecordingTable {
-        wrench_sign: sign,
-        decimal,
-        columns: import::sources(columns),
-        ..RecordingTable::default()
-    };
-    let rig = RigFile { recording, ..RigFile::default() };
-    match file.read(&rig) {
-        Ok(recording) => Ok(Some(recording)),
-        Err(error) if is_part => Err(Failure::from(error)),
-        Err(error) => Err(Failure::from(error).after("nothing was written")),
     }
 }
 

@@ -51,7 +51,7 @@ fn look(path: &Path, arguments: &Import, choices: &Choices) -> Result<Value, Fai
             Err(_) => return Err(error.into()),
         },
     };
-    import::check_choices(std::slice::from_ref(&file), choices)?;
+    choices.check(std::slice::from_ref(&file)).map_err(Failure::input)?;
     let mut found = understood(&file);
     let columns = match file.proposal(choices) {
         Ok(columns) if columns.keys().any(|known| known != TIME) => columns,
@@ -80,13 +80,13 @@ fn look(path: &Path, arguments: &Import, choices: &Choices) -> Result<Value, Fai
     }
     let proposals: [Proposed<'_>; 1] = [(&file, columns)];
     let sign = import::sign(arguments, &proposals, false)?;
-    match import::read(&file, &proposals[0].1, sign, choices.decimal, false) {
+    match file.read_as(&proposals[0].1, sign, choices.decimal) {
         Ok(recording) => {
-            found["recording"] = json!(recording.as_ref().map(Recording::overview));
-            found["warnings"] = json!(recording.as_ref().map(|recording| recording.warnings.clone()));
-            found["rig"] = json!(rig_text(&proposals, &[recording], sign, choices.decimal));
+            found["recording"] = json!(recording.overview());
+            found["warnings"] = json!(recording.warnings);
+            found["rig"] = json!(rig_text(&proposals, &[Some(recording)], sign, choices.decimal));
         }
-        Err(error) => found["error"] = json!(error.to_string().replace("\nnothing was written", "")),
+        Err(error) => found["error"] = json!(Failure::from(error).to_string()),
     }
     Ok(found)
 }

@@ -3,21 +3,20 @@ use std::time::Duration;
 
 use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{
-    BadEnd, ClockSource, Command, CounterReport, Identity, PROTOCOL_VERSION, Reply, SCHEMA_HASH, StateName,
+    ClockSource, Command, CounterReport, EventMessage, Identity, PROTOCOL_VERSION, Reply, SCHEMA_HASH,
 };
 use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Info;
-use super::device_events::{ask, of_events};
-use super::device_words::{of_reason, of_reset};
-use super::experiment::boot_notes;
+use rigident::device::calibrated_board::number;
 use super::link::open;
 use super::outcome::say;
-use rigident::device::calibrated_board::number;
+use rigident::device::events;
 use rigident::device::link::LinkError;
 use rigident::device::ports::board_name;
 use rigident::device::session::Session;
+use rigident::device::words;
 
 /// A board has started after this long: its clocks, and a check of what its flash stores.
 const STARTS: Duration = Duration::from_millis(500);
@@ -42,7 +41,7 @@ pub(super) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
         object.extend(of_device);
     }
     object["counters"] = of_counters(&counters);
-    let events = ask(&mut session).map_err(|why| Failure::link(why).context(&port))?;
+    let events = events::ask(&mut session).map_err(|why| Failure::link(why).context(&port))?;
     object["events"] = of_events(&events);
     if arguments.json {
         say(object);
@@ -62,8 +61,7 @@ fn restart(session: &mut Session) -> Result<(), LinkError> {
 /// Returns what a device says of itself.
 pub(super) fn of_identity(identity: &Identity) -> Value {
     let [major, minor, patch] = identity.firmware_version;
-    let (reason, fault) = of_reason(identity.reason);
-    let [(_, started_by), (_, time_from)] = boot_notes(identity);
+    let (reason, fault) = words::reason(identity.reason);
     json!({
         "board": board_name(identity),
         "unique_id": of_unique_id(identity.unique_id),
@@ -72,40 +70,20 @@ pub(super) fn of_identity(identity: &Identity) -> Value {
         "protocol": identity.protocol_version,
         "schema": format!("{:016x}", identity.schema_hash),
         "same_messages": identity.protocol_version == PROTOCOL_VERSION && identity.schema_hash == SCHEMA_HASH,
-        "state": of_state(identity.state),
+        "state": words::state(identity.state),
         "reason": reason,
         "fault": fault,
-        "reset": of_reset(identity.reset),
-        "started_by": started_by,
-        "ended_at": of_end(identity.ended),
+        "reset": words::reset(identity.reset),
+        "started_by": words::started_by(identity.reset),
+        "ended_at": words::bad_end(identity.ended),
         "clock": of_clock(identity.clock),
-        "time_from": time_from,
+        "time_from": words::time_from(identity.clock),
     })
 }
 
 /// Returns the chip's own number in hexadecimal digits, null if it has none.
 fn of_unique_id(id: [u8; 12]) -> Value {
     number(id).into()
-}
-
-/// Returns where the last program ended, in what a person who has its sources can look up; null if it did not end badly.
-pub(super) fn of_end(ended: Option<BadEnd>) -> Value {
-    let Some(BadEnd { pc, lr, status, address, line, file }) = ended else { return Value::Null };
-    if line > 0 {
-        return format!("line {line} of the file whose name has the FNV-1a {file:08x}").into();
-    }
-    format!("pc {pc:08x}, lr {lr:08x}, cfsr {status:08x}, address {address:08x}").into()
-}
-
-/// Returns a word for a state.
-pub(super) fn of_state(state: StateName) -> &'static str {
-    match state {
-        StateName::Idle => "idle",
-        StateName::Configured => "configured",
-        StateName::Running => "running",
-        StateName::Holding => "holding",
-        StateName::Fault => "fault",
-    }
 }
 
 /// Returns a word for what a device's time comes from.
@@ -117,6 +95,18 @@ fn of_clock(clock: ClockSource) -> &'static str {
         ClockSource::Slow => "slow",
         ClockSource::Emulated => "emulated",
     }
+}
+
+/// Returns the events as `info` shows them.
+fn of_events(events: &[EventMessage]) -> Value {
+    let of = |event: &EventMessage| {
+        json!({
+            "time_s": f64::from(event.time_ms) / 1000.0,
+            "event": events::name(event),
+            "count": event.count,
+        })
+    };
+    events.iter().map(of).collect::<Vec<_>>().into()
 }
 
 /// Returns the counters by name; those of channels by the channel's, as far as they are not zero.
@@ -176,7 +166,14 @@ mod tests {
             (&object["last_rejection"], &object["clipped_gauges"]),
             (&json!("saturated"), &json!([0, 2]))
         );
-        assert_eq!(of_reason(Reason::Imu(SensorFault::Silent)), ("imu", Some("silent")));
+        assert_eq!(words::reason(Reason::Imu(SensorFault::Silent)), ("imu", Some("silent")));
+    }
+
+    #[test]
+    fn events_have_their_time_and_how_often_they_happened() {
+        let event = EventMessage { time_ms: 4_250, code: 8, detail: 1, count: 3 };
+        let shown = json!([{ "time_s": 4.25, "event": "samples lost (IMU)", "count": 3 }]);
+        assert_eq!(of_events(&[event]), shown);
     }
 
     #[test]

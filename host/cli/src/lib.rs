@@ -12,7 +12,6 @@ mod arguments;
 mod bench;
 mod body;
 mod body_arguments;
-mod body_device;
 mod body_markers;
 mod by_hand;
 mod calibrate;
@@ -22,7 +21,6 @@ mod calibrate_joints;
 mod calibrate_load_cell;
 mod calibrate_masses;
 mod calibration_arguments;
-mod came;
 mod certificate;
 mod completions;
 mod configure;
@@ -30,15 +28,8 @@ mod confirm;
 mod consent;
 #[cfg(feature = "simulator")]
 mod demo;
-#[cfg(feature = "simulator")]
-mod demo_links;
 mod device_arguments;
-mod device_events;
-mod device_words;
 mod doctor;
-mod doctor_checks;
-mod doctor_finding;
-mod doctor_sensors;
 mod experiment;
 #[cfg(feature = "simulator")]
 mod explain;
@@ -55,18 +46,14 @@ mod in_process;
 mod info;
 mod kept;
 mod link;
-mod links_on_device;
 mod live;
-mod live_streams;
 mod merge;
 mod model;
 mod monitor;
 #[cfg(feature = "simulator")]
 mod monitor_demo;
-mod monitor_sources;
 #[cfg_attr(target_family = "wasm", path = "no_terminal.rs")]
 mod monitor_terminal;
-mod monitor_watch;
 #[cfg(feature = "simulator")]
 mod montecarlo;
 mod montecarlo_arguments;
@@ -74,7 +61,6 @@ mod montecarlo_arguments;
 mod montecarlo_motions;
 #[cfg(feature = "simulator")]
 mod montecarlo_poses;
-mod next_move;
 mod options;
 mod outcome;
 mod plan_arguments;
@@ -86,18 +72,10 @@ mod predict;
 mod predict_arguments;
 mod programme;
 mod progress;
-mod recorded;
 mod refused;
 mod replay;
-mod replay_links;
-mod replay_springs;
 mod run;
 mod run_report;
-#[cfg(feature = "simulator")]
-mod simulated;
-#[cfg(not(feature = "simulator"))]
-#[path = "no_simulator.rs"]
-mod simulated;
 mod statics;
 mod summary;
 mod terms;
@@ -129,7 +107,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use clap::CommandFactory;
-use rigident::application::recorded::{listed, named};
+use rigident::application::recorded::{listed, named, refuse_several};
 
 pub use arguments::Arguments;
 pub use failure::{ExitStatus, Failure, Place};
@@ -276,7 +254,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         #[cfg(feature = "simulator")]
         Some(Command::Demo(a)) => demo::run(&a),
         #[cfg(not(feature = "simulator"))]
-        None | Some(Command::Demo(_)) => Err(simulated::refused("`rigident demo`")),
+        None | Some(Command::Demo(_)) => Err(needs_simulator("`rigident demo`")),
         Some(Command::Identify(mut a)) => {
             a.recording = listed(a.recording);
             a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
@@ -318,7 +296,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
         Some(Command::Import(a)) if a.look => import_look::run(&a),
         Some(Command::Import(a)) => import::run(&a),
         #[cfg(not(feature = "simulator"))]
-        Some(Command::Montecarlo(_)) => Err(simulated::refused("`rigident montecarlo`")),
+        Some(Command::Montecarlo(_)) => Err(needs_simulator("`rigident montecarlo`")),
         #[cfg(feature = "simulator")]
         Some(Command::Montecarlo(a)) => match &a.what {
             Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
@@ -343,6 +321,15 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
     }
 }
 
+/// Why `what` cannot be done by this build.
+#[cfg(not(feature = "simulator"))]
+fn needs_simulator(what: &str) -> Failure {
+    Failure::input(format!(
+        "{what} needs the simulated rig, and this program was built without it: build it with the feature \
+         `simulator`"
+    ))
+}
+
 /// `rigident schema`
 fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
     let schema = rigident::schema::schema(&arguments.file)
@@ -354,7 +341,7 @@ fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
 /// `rigident convert`
 fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     let Convert { input, output, rig } = arguments;
-    recorded::refuse_streams(input, rig.as_deref(), "convert")?;
+    refuse_several(input, rig.as_deref(), "convert")?;
     let done =
         rigident_io::recording::convert::convert(input, output, rig.as_deref()).map_err(Failure::input)?;
     for warning in done.warnings {

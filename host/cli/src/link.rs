@@ -1,18 +1,15 @@
 use std::io::{self, IsTerminal};
 
-use rigident_shared::wire::{ErrorCode, Identity, SettingName, Settings, Source};
+use rigident_shared::wire::{Identity, Settings, Source};
 
 use super::Failure;
 use super::confirm::answered;
 use super::tell::tell;
-use rigident::device::link::LinkError;
+use rigident::application::device::configure;
 use rigident::device::ports::{self, NotFound, Port};
 use rigident::device::session::two_links::{attitude_source, two_link_settings};
 use rigident::device::session::{DeviceTiming, INTERRUPTED, Session, settings};
 use rigident_io::rig::RigFile;
-
-/// A device's name for the answer, and the way to it.
-pub(super) type NamedTransport = (&'static str, Box<dyn rigident::device::link::Transport>);
 
 /// The device says Holding after this long without us.
 const HOST_TIMEOUT_MS: u32 = 2_000;
@@ -93,20 +90,5 @@ fn chosen(found: &[(Port, Identity)]) -> Result<String, Failure> {
 /// # Errors
 /// Bad input where the device refuses one of them; the link.
 pub(super) fn configured(session: &mut Session, settings: &Settings) -> Result<(), Failure> {
-    session.configure(settings).map_err(|error| match error {
-        LinkError::Refused { code: ErrorCode::BadSetting(SettingName::Rate | SettingName::Filter), .. } => {
-            Failure::input(format!(
-                "the device does not take rate_hz = {} with a filter of {} s and a row every {} readings: it takes up to {MOST_RATE_HZ} \
-                 readings a second, and as many as its filter has room for; nothing was changed",
-                settings.rate_hz, settings.filter_width_s, settings.row_every
-            ))
-        }
-        LinkError::Refused { code: ErrorCode::BadSetting(name), .. } => Failure::input(format!(
-            "the device does not take the setting {name:?}; nothing was changed: look at it in the rig file or settings file"
-        )),
-        other => Failure::link(other),
-    })
+    Ok(configure(session, settings)?)
 }
-
-/// The fastest that firmware takes readings, 1/s.
-const MOST_RATE_HZ: u32 = 4000;

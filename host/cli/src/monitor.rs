@@ -3,12 +3,17 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
-use super::Failure;
+use rigident_shared::wire::ModelSettings;
+
 use super::arguments::Monitor;
-use super::monitor_sources::{attach, follow, hear};
+use super::calibrated_board::another_board;
+use super::link::{configured, device_settings, of_sensors, open};
 use super::monitor_terminal as terminal;
-use super::monitor_watch::{NAP, Watch};
 use super::outcome::say;
+use super::{Failure, Stages};
+use rigident::application::Error;
+use rigident::application::monitor::{GrowingView, NAP, follow, hear, rig_of};
+use rigident::device::session::Session;
 use rigident::present::monitor::View;
 use rigident::present::monitor::foxglove::Server;
 use rigident_io::rig::RigFile;
@@ -44,31 +49,69 @@ pub(super) fn run(arguments: &Monitor) -> Result<ExitCode, Failure> {
     }
 }
 
+/// Returns an empty view of what is watched.
+fn grown(watched: String) -> GrowingView {
+    GrowingView::new(watched, |error: &Error| Failure::input(super::worded::error(error)).to_string())
+}
+
 /// Starts the threads that watch and fit.
-fn start(arguments: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
+fn start(arguments: &Monitor) -> Result<(Arc<GrowingView>, Vec<JoinHandle<()>>), Failure> {
     if let Some(path) = arguments.recording.clone() {
         std::fs::metadata(&path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
-        let watch = Arc::new(Watch::new(path.display().to_string()));
+        let watch = Arc::new(grown(path.display().to_string()));
         let (rig, once) = (arguments.rig.clone(), arguments.once);
-        let thread = spawn(&watch, move |watch| follow(&path, rig.as_deref(), once, watch));
+        let thread = spawn(&watch, move |watch| {
+            follow(&path, rig.as_deref(), once, watch, &Stages::silent().caller());
+        });
         return Ok((watch, vec![thread]));
     }
     if arguments.demo {
         return demonstration(arguments);
     }
     let attached = attach(arguments)?;
-    let watch = Arc::new(Watch::new(attached.port.clone()));
+    let watch = Arc::new(grown(attached.port.clone()));
     let fit = attached.rig.clone().map(|(rig, rate_hz)| fitting(&watch, rig, rate_hz));
-    let hearing = spawn(&watch, move |watch| hear(attached, watch));
+    let hearing = spawn(&watch, move |watch| hear(&attached.port, attached.session, watch));
     Ok((watch, std::iter::once(hearing).chain(fit).collect()))
 }
 
+/// A device that is watched.
+struct Attached {
+    port: String,
+    session: Session,
+    /// The rig of its readings; none: the device has no settings, or they are of several links.
+    rig: Option<(RigFile, f64)>,
+}
+
+/// Opens the device, and starts it where that is asked for.
+///
+/// # Errors
+/// The link; the rig file; a device that runs already.
+fn attach(arguments: &Monitor) -> Result<Attached, Failure> {
+    let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
+    let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
+    if let Some(rig) = rig.as_ref().filter(|_| arguments.start) {
+        let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
+        if let Some(warning) = another_board(rig, session.identity()) {
+            tell!("rigident: {warning}");
+        }
+        configured(&mut session, &device_settings(rig, &timing, None)?)?;
+        session.set_running().map_err(Failure::link)?;
+    }
+    let held = session.held_settings().map_err(|e| Failure::link(e).context(&port))?;
+    let rig = held.filter(|held| held.model == ModelSettings::Body).map(|held| {
+        let rate_hz = f64::from(held.rate_hz);
+        (rig.unwrap_or_else(|| rig_of(&held)), rate_hz)
+    });
+    Ok(Attached { port, session, rig })
+}
+
 #[cfg(feature = "simulator")]
-fn demonstration(arguments: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
+fn demonstration(arguments: &Monitor) -> Result<(Arc<GrowingView>, Vec<JoinHandle<()>>), Failure> {
     use super::{demo, monitor_demo};
 
     let demonstration = monitor_demo::prepare()?;
-    let watch = Arc::new(Watch::new("the demonstration, firmware in this process".to_owned()));
+    let watch = Arc::new(grown("the demonstration, firmware in this process".to_owned()));
     let fit = fitting(&watch, demonstration.rig.clone(), demo::RATE_HZ);
     let is_paced = !arguments.once;
     let moving = spawn(&watch, move |watch| monitor_demo::follow(demonstration, is_paced, watch));
@@ -76,16 +119,16 @@ fn demonstration(arguments: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>
 }
 
 #[cfg(not(feature = "simulator"))]
-fn demonstration(_: &Monitor) -> Result<(Arc<Watch>, Vec<JoinHandle<()>>), Failure> {
-    Err(super::simulated::refused("`rigident monitor --demo`"))
+fn demonstration(_: &Monitor) -> Result<(Arc<GrowingView>, Vec<JoinHandle<()>>), Failure> {
+    Err(super::needs_simulator("`rigident monitor --demo`"))
 }
 
-fn fitting(watch: &Arc<Watch>, rig: RigFile, rate_hz: f64) -> JoinHandle<()> {
+fn fitting(watch: &Arc<GrowingView>, rig: RigFile, rate_hz: f64) -> JoinHandle<()> {
     spawn(watch, move |watch| watch.fit_readings(&rig, rate_hz))
 }
 
 /// Starts a thread. If it breaks down, the viewer is informed by the view's end.
-fn spawn(watch: &Arc<Watch>, work: impl FnOnce(&Watch) + Send + 'static) -> JoinHandle<()> {
+fn spawn(watch: &Arc<GrowingView>, work: impl FnOnce(&GrowingView) + Send + 'static) -> JoinHandle<()> {
     let shared = Arc::clone(watch);
     thread::spawn(move || {
         let _guard = LeavesOnPanic(&shared);
@@ -94,7 +137,7 @@ fn spawn(watch: &Arc<Watch>, work: impl FnOnce(&Watch) + Send + 'static) -> Join
 }
 
 /// Ends the watch if its thread panics.
-struct LeavesOnPanic<'a>(&'a Watch);
+struct LeavesOnPanic<'a>(&'a GrowingView);
 
 impl Drop for LeavesOnPanic<'_> {
     fn drop(&mut self) {
@@ -107,7 +150,7 @@ impl Drop for LeavesOnPanic<'_> {
 /// Prints objects or the last picture.
 fn print(
     arguments: &Monitor,
-    watch: &Watch,
+    watch: &GrowingView,
     threads: &[JoinHandle<()>],
     published: &dyn Fn(&View),
 ) -> Result<(), Failure> {

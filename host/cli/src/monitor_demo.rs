@@ -1,16 +1,15 @@
 //! The demonstration as a monitor watches it: the simulated rig, the firmware in this process.
 
-use rigident_shared::wire::Source;
 use rigident_sim::rig::{Rig, RigConfig};
 
+use super::Failure;
 use super::arguments::{Arguments, Mcu};
-use super::demo::RATE_HZ;
+use super::demo::{RATE_HZ, device, simulated_sensors};
 use super::link::configured;
-use super::monitor_watch::{Listener, Watch, trouble};
-use super::{Failure, simulated};
-use rigident::device::link::Client;
+use rigident::application::monitor::{GrowingView, Listener, trouble};
 use rigident::device::platform::{LocalPlatform, Platform as _};
-use rigident::device::session::{DeviceTiming, Session, settings};
+use rigident::device::session::{Session, settings};
+use rigident::laboratory::rig_file;
 use rigident_io::rig::RigFile;
 
 /// The demonstration, ready to move.
@@ -27,20 +26,18 @@ pub(super) fn prepare() -> Result<Demonstration, Failure> {
     let config = RigConfig::thesis_horizontal().with_seed(arguments.seed).with_rates(RATE_HZ, RATE_HZ);
     let program = arguments.programme.program(&config.geometry)?;
     let rig = Rig::new(config).map_err(Failure::input)?;
-    let file = simulated::rig_file(&rig, "test body with plates, horizontal");
+    let file = rig_file(&rig, "test body with plates, horizontal");
     let rig = rig.shared();
-    let mut session =
-        Session::open(Client::new(simulated::transport(Mcu::Inproc, &rig)?)).map_err(Failure::link)?;
-    let timing =
-        DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    configured(&mut session, &settings(&file, &timing, None, None).map_err(Failure::input)?)?;
+    let mut session = device(Mcu::Inproc, &rig)?;
+    let settings = settings(&file, &simulated_sensors(), None, None).map_err(Failure::input)?;
+    configured(&mut session, &settings)?;
     let mut platform = LocalPlatform(rig);
     platform.load(&program).map_err(Failure::link)?;
     Ok(Demonstration { session, platform, program, rig: file })
 }
 
 /// Follows the program, in real time or as fast as it goes.
-pub(super) fn follow(demonstration: Demonstration, is_paced: bool, watch: &Watch) {
+pub(super) fn follow(demonstration: Demonstration, is_paced: bool, watch: &GrowingView) {
     let Demonstration { mut session, mut platform, program, .. } = demonstration;
     watch.change(|view| "running".clone_into(&mut view.phase));
     let followed = session.follow(&mut platform, &program, &mut Listener::new(watch, is_paced));

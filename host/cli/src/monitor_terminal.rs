@@ -8,7 +8,7 @@ use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 
 use super::Failure;
-use super::monitor_watch::Watch;
+use rigident::application::monitor::GrowingView;
 use rigident::present::monitor::View;
 use rigident::present::monitor::draw::{Look, draw, height};
 
@@ -36,7 +36,7 @@ pub(super) fn check() -> Result<(), Failure> {
 ///
 /// # Errors
 /// The terminal is gone.
-pub(super) fn show(watch: &Watch, each: &mut dyn FnMut(&View)) -> Result<(), Failure> {
+pub(super) fn show(watch: &GrowingView, each: &mut dyn FnMut(&View)) -> Result<(), Failure> {
     let gone = |error: io::Error| Failure::input(format!("the terminal cannot be drawn in: {error}"));
     // Its hook puts the terminal back before a panic says what it is.
     let mut terminal = ratatui::try_init().map_err(gone)?;

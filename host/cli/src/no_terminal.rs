@@ -1,7 +1,7 @@
 //! Replaces the terminal where there is none: in a browser.
 
 use super::Failure;
-use super::monitor_watch::Watch;
+use rigident::application::monitor::GrowingView;
 use rigident::present::monitor::View;
 
 /// Refuses: nothing can be drawn.
@@ -16,7 +16,7 @@ pub(super) fn check() -> Result<(), Failure> {
 ///
 /// # Errors
 /// Always: bad usage.
-pub(super) fn show(_: &Watch, _: &mut dyn FnMut(&View)) -> Result<(), Failure> {
+pub(super) fn show(_: &GrowingView, _: &mut dyn FnMut(&View)) -> Result<(), Failure> {
     check()
 }
 

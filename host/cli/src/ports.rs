@@ -6,7 +6,7 @@ use super::Failure;
 use super::arguments::Ports;
 use super::info::of_identity;
 use super::outcome::say;
-use rigident::device::ports::{self, Attached, Port, Unusable};
+use rigident::device::ports::{self, Answered, Attached, answers, state};
 
 /// `rigident ports`
 pub(super) fn run(arguments: &Ports) -> Result<ExitCode, Failure> {
@@ -24,43 +24,6 @@ pub(super) fn run(arguments: &Ports) -> Result<ExitCode, Failure> {
         found.iter().for_each(|port| say(in_words(port)));
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// The answer of a port; `None`: it was not asked.
-pub(super) type Answered = (Port, Option<Result<rigident_shared::wire::Identity, Unusable>>);
-
-/// Asks those that may be a device's, if anybody is to be asked.
-pub(super) fn answers(ports: Vec<Port>, no_hello: bool) -> Vec<Answered> {
-    let asked: Vec<Port> = ports.iter().filter(|port| port.may_be_a_device() && !no_hello).cloned().collect();
-    let mut answers =
-        asked.iter().zip(ports::greet_all(&asked)).map(|(port, answer)| (port.port.clone(), answer));
-    let mut next = answers.next();
-    let mut found = Vec::new();
-    for port in ports {
-        let answer = match &next {
-            Some((name, _)) if *name == port.port => {
-                std::mem::replace(&mut next, answers.next()).map(|(_, a)| a)
-            }
-            _ => None,
-        };
-        found.push((port, answer));
-    }
-    found
-}
-
-/// A word for programs.
-pub(super) fn state(answer: Option<&Result<rigident_shared::wire::Identity, Unusable>>) -> &'static str {
-    use rigident::device::link::{LinkError, PortError};
-    match answer {
-        None => "not_asked",
-        Some(Ok(_)) => "device",
-        Some(Err(Unusable::Port(PortError::Permission(_)))) => "no_permission",
-        Some(Err(Unusable::Port(PortError::Busy(_)))) => "in_use",
-        Some(Err(Unusable::Port(_))) => "cannot_open",
-        Some(Err(Unusable::Link(LinkError::Silent(_)))) => "no_answer",
-        Some(Err(Unusable::Link(LinkError::Gone(_)))) => "gone",
-        Some(Err(Unusable::Link(_))) => "other_firmware",
-    }
 }
 
 fn as_json((port, answer): &Answered) -> Value {
@@ -104,6 +67,7 @@ fn in_words((port, answer): &Answered) -> String {
 mod tests {
     use super::*;
     use rigident::device::link::{LinkError, PortError};
+    use rigident::device::ports::{Port, Unusable};
 
     #[test]
     fn every_port_keeps_its_own_answer_and_trouble_is_told_by_kind() {

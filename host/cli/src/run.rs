@@ -12,9 +12,10 @@ use super::adaptive::{Concluded, Directing};
 use super::arguments::Run;
 use super::confirm::{self, Agreed};
 use super::consent;
-use super::experiment::{Experiment, Watcher, device_notes};
+use super::experiment::{Watcher, conclude};
 use super::link::{configured, of_sensors, open};
 use super::options::forgetting::RowsOf;
+use super::run_report::Outlet;
 use super::tell::WithoutWaiting;
 use super::trace::TraceFile;
 use super::tracking_error::{MotionLog, TrackingError};
@@ -22,11 +23,12 @@ use super::zeroing::{self, Rest, warm_up, weigh, zero, zero_second};
 use super::{Failure, Folder, by_hand, guards, programme};
 use request::Request;
 use rigident::answer::now;
-use rigident::application::Loaded;
 use rigident::application::report::provenance;
 use rigident::device::calibrated_board::another_board;
+use rigident::application::{Experiment, Loaded};
 use rigident::device::platform::{self, Platform, PlatformError, check};
 use rigident::device::session::{INTERRUPTED, Session, SessionError, Take, settings, sound, two_links};
+use rigident::device::words::device_notes;
 use rigident_shared::forgetting::Span;
 use rigident_shared::wire::Settings;
 
@@ -81,28 +83,21 @@ pub(super) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let tracking_error =
         trajectory.zip(samples).and_then(|(trajectory, samples)| TrackingError::of(&trajectory, &samples));
     let loaded = loaded(&request, take, &mut warnings)?;
-    Experiment {
-        started,
-        output: &arguments.output,
-        stop: &arguments.stop,
-        loaded,
-        mcu: "port",
-        identity: session.identity(),
-        known: &request.known,
-        tare: None,
+    let experiment = Experiment {
+        asked: arguments.stop.asked(&arguments.output.estimate),
         // With --adaptive it is the planner that says.
         until: settings.stop.filter(|_| !arguments.adaptive.adaptive),
         span,
-        parameter_truth: None,
         stages,
         same_pose,
-        tracking_error,
+        tracking: tracking_error.as_ref().map(TrackingError::tracking),
+        motion: tracking_error.as_ref().map_or_else(Vec::new, TrackingError::plots),
         decisions,
-        came: reached,
-        notes: Vec::new(),
+        course: reached,
         warnings,
-    }
-    .conclude(driven.take, &folder)
+        ..Experiment::new(loaded, "port", session.identity(), &request.known)
+    };
+    conclude(experiment, driven.take, Outlet { started, output: &arguments.output }, &folder)
 }
 
 /// Asks the device for what it can do, weighs what the plate carries, and shows what would be driven.

@@ -5,33 +5,15 @@ use std::time::Instant;
 
 use super::arguments::Output;
 use super::outcome::say;
-use super::{ExitStatus, Failure, Folder, Stages, certificate};
-use rigident::application::{Identified, Load, Report};
+use super::{ExitStatus, Failure, Folder, certificate};
+use rigident::application::{Identified, Load};
 use rigident::present;
-use rigident_fit::Fit;
 
 /// The start of a command, and what it prints and writes.
 #[derive(Clone, Copy)]
 pub(super) struct Outlet<'a> {
     pub(super) started: Instant,
     pub(super) output: &'a Output,
-}
-
-/// Concludes the answer of a fit, prints it, writes the files and returns the exit status. The folder is made only when there is an
-/// answer.
-///
-/// # Errors
-/// What was asked for is no parameter, a file cannot be written, or the experiment broke off.
-pub(super) fn finish(
-    report: Report<'_>,
-    fit: Fit,
-    outlet: Outlet<'_>,
-    folder: impl FnOnce() -> Result<Option<Folder>, Failure>,
-) -> Result<ExitCode, Failure> {
-    let stages = Stages::new("answer");
-    let identified = report.conclude(fit, &stages.caller())?;
-    drop(stages);
-    show(identified, outlet, |_| Ok(Vec::new()), folder)
 }
 
 /// Prints an answer, writes the files and returns the exit status; `loads` writes those of controllers.

@@ -1,12 +1,20 @@
 //! The notices and refusals of the application, in the words of the command line: which option is the remedy.
 
 use super::Failure;
-use rigident::application::{BodyError, BodyOption, CalibrateError, Error, ListingError, Notice, TreeOption};
+use rigident::application::{
+    BodyError, BodyOption, CalibrateError, DeviceError, Error, ListingError, LiveError, Notice, TreeOption, WatchError,
+};
 use rigident_fit::pool::PoolError;
 use rigident_io::recording::extension;
 use rigident_shared::forgetting::Span;
 
 use std::path::Path;
+
+/// The advice about an image without the feature.
+const WITHOUT_WATCH: &str = "this device runs an image without the feature `watch`, as the standard one is: \
+                             `cargo xtask flash --features watch` puts the \
+                             other onto a board, and `cargo xtask firmware` builds that of the emulated \
+                             board beside the standard one";
 
 /// Words what was noticed.
 pub(super) fn notice(notice: &Notice) -> String {
@@ -117,6 +125,7 @@ pub(super) fn error(error: &Error) -> String {
             CalibrateError::Rig(own) => format!("{own}. Nothing was saved"),
             other => other.to_string(),
         },
+        Error::Watch(own) if matches!(**own, WatchError::NotBuiltIn) => WITHOUT_WATCH.to_owned(),
         other => other.to_string(),
     }
 }
@@ -164,6 +173,16 @@ fn listing(error: &ListingError) -> String {
             path.display()
         ),
         ListingError::OneOfSeveral { .. } => error.to_string(),
+        ListingError::NotSingle { given, listing, job } => format!(
+            "{} is no single recording: `rigident {job}` takes one CSV or MCAP file of one clock; several \
+             files with clocks \
+             of their own, which a rig file lists as [[stream]], are for `rigident identify`, `factor` and \
+             `--tare`: `rigident \
+             identify {}{}`",
+            given.display(),
+            listing.display(),
+            if listing.is_dir() { " --rig RIG" } else { "" }
+        ),
     }
 }
 
@@ -198,6 +217,12 @@ pub(super) fn option_of(option: TreeOption) -> &'static str {
     }
 }
 
+impl From<DeviceError> for Failure {
+    fn from(error: DeviceError) -> Self {
+        Error::from(error).into()
+    }
+}
+
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         let error = match error {
@@ -212,6 +237,10 @@ impl From<Error> for Failure {
         };
         let failure = match &error {
             Error::Stopped => Self::interrupted(&error),
+            Error::Live(own) if matches!(**own, LiveError::StoppedLooking) => Self::interrupted(own),
+            Error::Device(own) if own.is_of_the_link() => Self::link(own),
+            Error::Live(own) if own.is_of_the_link() => Self::link(own),
+            Error::Watch(own) if matches!(**own, WatchError::NotBuiltIn) => Self::link(self::error(&error)),
             other => Self::input(self::error(other)),
         };
         failure.at_place_of(&error)

@@ -52,6 +52,9 @@ pub enum BodyError {
         "no marker follows {0} in all trials, so that what it holds cannot be found: put markers on it, or name the link that has some"
     )]
     ToolLink(String),
+    /// It was stopped while the firmware took a motion; holds the motion.
+    #[error("{0}: interrupted")]
+    Interrupted(String),
     /// The failure of what a caller computed beside it.
     #[error(transparent)]
     Beside(Box<dyn std::error::Error + Send + Sync>),

@@ -7,8 +7,11 @@ use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
 use super::calibrate_error::CalibrateError;
-use super::drive_gains_error::DriveGainsError;
 use super::vibration_error::VibrationError;
+use super::device_error::DeviceError;
+use super::drive_gains_error::DriveGainsError;
+use super::live_error::LiveError;
+use super::watch_error::WatchError;
 use rigident_fit::FitError;
 use rigident_fit::pool::PoolError;
 use rigident_fit::prior::KnownError;
@@ -143,6 +146,12 @@ pub enum Error {
         /// Why not, and what is wanted.
         why: String,
     },
+    /// Forgetting, where a tree of links is replayed.
+    #[error("{}: for a single body only, not for a tree of links", match .0 {
+        Span::TimeConstant(_) => "`forget_s`",
+        Span::Window(_) => "`window_s`",
+    })]
+    SpanOfTree(Span<f64>),
     /// Forgetting, where several files have clocks of their own.
     #[error(
         "forgetting: not of several files with clocks of their own, as the uncertainty of their skews is that of a whole run; give \
@@ -247,6 +256,23 @@ pub enum Error {
     /// A file of text that cannot be read, in [`Error::Of`] with its name.
     #[error("cannot be read: {0}")]
     Text(std::io::Error),
+    /// A recorded experiment makes no answer.
+    #[error("{}{error}", broken.as_ref().map_or_else(String::new, |why| format!("{why}\n")))]
+    Unanswered {
+        /// Why the experiment broke off, if it did.
+        broken: Option<String>,
+        /// Why there is no answer.
+        error: Box<Error>,
+    },
+    /// A device.
+    #[error(transparent)]
+    Device(Box<DeviceError>),
+    /// Live sources.
+    #[error(transparent)]
+    Live(Box<LiveError>),
+    /// A watch.
+    #[error(transparent)]
+    Watch(Box<WatchError>),
     /// A file that cannot be read.
     #[error("{path} cannot be read: {why}", path = path.display())]
     Unreadable {
@@ -275,6 +301,24 @@ impl From<ProblemError> for Error {
 impl From<RigFileError> for Error {
     fn from(error: RigFileError) -> Self {
         Self::Recording(RecordingError::Rig(error))
+    }
+}
+
+impl From<DeviceError> for Error {
+    fn from(error: DeviceError) -> Self {
+        Self::Device(Box::new(error))
+    }
+}
+
+impl From<LiveError> for Error {
+    fn from(error: LiveError) -> Self {
+        Self::Live(Box::new(error))
+    }
+}
+
+impl From<WatchError> for Error {
+    fn from(error: WatchError) -> Self {
+        Self::Watch(Box::new(error))
     }
 }
 
@@ -359,6 +403,21 @@ pub enum ListingError {
         listing: PathBuf,
         /// The file that was given.
         given: PathBuf,
+    },
+    /// Several files, given to a job that takes one.
+    #[error(
+        "{} is no single recording: `{job}()` takes one CSV or MCAP file of one clock; several files with \
+         clocks of their own, \
+         which a rig file lists as [[stream]], are for `identify()` and `factor()`, and may be a `tare`",
+        given.display()
+    )]
+    NotSingle {
+        /// The path that was given.
+        given: PathBuf,
+        /// The rig file, or the folder, that names several files.
+        listing: PathBuf,
+        /// The job, by its name.
+        job: &'static str,
     },
 }
 

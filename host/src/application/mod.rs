@@ -2,12 +2,13 @@
 //!
 //! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its
 //! body, [`merge`] joins factors, [`solve`] answers by one, [`predict`](predict()) computes what a model
-//! says of a recording, [`body`](body()) goes from trials to a person's segments. [`vibration`] has
-//! platforms on springs, [`robot`] masses and joint offsets of robots, [`sensors`] IMU and load cell,
-//! [`ReferenceRuns`] a rig calibrated and verified by a reference body, [`statics`](statics()) still poses,
-//! [`summary`](summary()) several results. The command line and Python call these functions, so that their
-//! numbers are the same to the last bit. Whoever calls shows progress, may stop the work and words remedies:
-//! [`Caller`]. Why there is no answer is an [`Error`].
+//! says of a recording, [`body`](body()) goes from trials to a person's segments. [`replay`](replay()) has
+//! the firmware identify a recording, [`Live`] identifies sensors as they run, [`watch`](watch()) has the
+//! firmware find what changes of a link. [`vibration`] has platforms on springs, [`robot`] masses and joint
+//! offsets of robots, [`sensors`] IMU and load cell, [`ReferenceRuns`] a rig calibrated and verified by a
+//! reference body, [`statics`](statics()) still poses, [`summary`](summary()) several results. The command
+//! line and Python call these functions, so that their numbers are the same to the last bit. Whoever calls
+//! shows progress, may stop the work and words remedies: [`Caller`]. Why there is no answer is an [`Error`].
 //!
 //! ```
 //! use rigident::application::{Caller, IdentifyOptions, identify};
@@ -27,21 +28,29 @@ mod body_error;
 mod calibrate_error;
 mod calibration;
 mod caller;
+pub mod device;
+mod device_error;
 mod drift;
 mod drive_gains;
 mod drive_gains_error;
 mod error;
+pub mod experiment;
 pub mod factor;
 mod identify;
+pub mod live;
+mod live_error;
 pub mod loaded;
 mod locked_joints;
 mod merge;
+pub mod monitor;
 mod motion_plots;
+mod next_move;
 pub mod notice;
 pub mod payload;
 pub mod predict;
 pub mod recorded;
 pub mod reference;
+pub mod replay;
 pub mod report;
 pub mod robot;
 pub mod sensors;
@@ -53,6 +62,8 @@ pub mod tare;
 pub mod tree;
 pub mod vibration;
 mod vibration_error;
+pub mod watch;
+mod watch_error;
 mod written_model;
 
 pub use body::{BodyOptions, IdentifiedPerson, body};
@@ -60,18 +71,24 @@ pub use body_error::{BodyError, BodyOption};
 pub use calibrate_error::CalibrateError;
 pub use calibration::calibrate;
 pub use caller::Caller;
+pub use device_error::DeviceError;
 pub use drive_gains::{DriveGain, DriveGainOptions, DriveGains, drive_gains};
 pub use drive_gains_error::DriveGainsError;
 pub use error::{Error, ListingError, TreeOption};
+pub use experiment::{Concluded, Course, Experiment};
 pub use factor::{FactorOptions, Reduced, factor};
 pub use identify::{IdentifyOptions, identify};
+pub use live::{Live, LiveOptions};
+pub use live_error::LiveError;
 pub use loaded::Loaded;
 pub use merge::{Merged, agreement, merge, merge_files};
+pub use next_move::NextMove;
 pub use notice::Notice;
 pub use payload::{Load, write_loads};
 pub use predict::{PredictOptions, Predicted, predict};
 pub use recorded::Recorded;
 pub use reference::{ReferenceOptions, ReferenceRuns};
+pub use replay::{Connected, Replay, ReplayOptions, replay};
 pub use report::{Identified, Report};
 pub use robot::joints::{JointOptions, joint_offsets};
 pub use robot::mass_options::{ExternalWrench, MassOptions};
@@ -89,4 +106,6 @@ pub use vibration::paper::vibration_paper;
 pub use vibration::postures::vibration_postures;
 pub use vibration::stiffness::{StiffnessOptions, vibration_stiffness};
 pub use vibration_error::VibrationError;
+pub use watch::{WatchOptions, WatchedLink, watch};
+pub use watch_error::WatchError;
 pub use written_model::WrittenModel;

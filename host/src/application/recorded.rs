@@ -84,6 +84,16 @@ pub fn listing_of(path: &Path, rig: Option<&Path>) -> Option<PathBuf> {
     given.map(Path::to_owned).or_else(|| listing(path, rig))
 }
 
+/// Refuses several files with clocks of their own where one recording is needed; `job` is the name of what
+/// needs it.
+///
+/// # Errors
+/// [`ListingError::NotSingle`].
+pub fn refuse_several(path: &Path, rig: Option<&Path>, job: &'static str) -> Result<(), Error> {
+    let several = |listing| ListingError::NotSingle { given: path.to_owned(), listing, job };
+    listing_of(path, rig).map_or(Ok(()), |listing| Err(several(listing).into()))
+}
+
 /// Returns the rig file of a recording if it lists `[[stream]]` files. One that cannot be read is another's to complain of.
 fn listing(path: &Path, rig: Option<&Path>) -> Option<PathBuf> {
     let rig = rig.map_or_else(|| rig_path(path), Path::to_owned);

@@ -1,10 +1,10 @@
 use clap::Args;
-use rigident_shared::forgetting::{ImuNoise, MemoryConfig, Span};
-use rigident_shared::wire::{MemorySettings, Settings};
+use rigident_shared::forgetting::Span;
 
 use crate::Failure;
 pub(crate) use rigident::application::span::RowsOf;
 use rigident::application::span::checked;
+pub(crate) use rigident::device::session::state_memory as put_into;
 
 /// How long rows are remembered.
 #[derive(Args, Debug, Clone, Default)]
@@ -33,21 +33,6 @@ impl Forgetting {
     pub(crate) fn span(&self, rows: &RowsOf) -> Result<Option<Span<f64>>, Failure> {
         Ok(checked(self.asked(), rows)?)
     }
-}
-
-/// Puts a memory into the device's settings.
-pub(crate) fn put_into(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>) {
-    settings.memory = match memory {
-        None => MemorySettings::Forever,
-        Some(MemoryConfig { span: Span::TimeConstant(s), imu_noise: ImuNoise { accel, gyro } }) => {
-            MemorySettings::Forgetting {
-                time_constant_s: *s as f32,
-                accel_noise_mps2: *accel as f32,
-                gyro_noise_radps: *gyro as f32,
-            }
-        }
-        Some(MemoryConfig { span: Span::Window(s), .. }) => MemorySettings::Window { length_s: *s as f32 },
-    };
 }
 
 #[cfg(test)]

@@ -1,4 +1,6 @@
-//! The simulated microcontroller, and the image that it runs.
+//! The simulated microcontroller.
+
+use rigident::device::microcontroller::Microcontroller;
 
 /// The microcontroller that runs the firmware.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -10,11 +12,11 @@ pub enum Mcu {
     Qemu,
 }
 
-/// Names the images of the firmware for the emulated board.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Image {
-    /// Of bodies and trees.
-    Standard,
-    /// That watches robots, too.
-    Watch,
+impl From<Mcu> for Microcontroller {
+    fn from(mcu: Mcu) -> Self {
+        match mcu {
+            Mcu::Inproc => Self::InProcess,
+            Mcu::Qemu => Self::Emulated,
+        }
+    }
 }

@@ -7,15 +7,15 @@ use crate::adaptive::Directing;
 use crate::arguments::Run;
 use crate::consent::Consent;
 use crate::link::{device_settings, of_sensors};
-use crate::links_on_device::{check_asked, device_parameters};
 use crate::options::calibration;
 use crate::refused::refuse_for_trees;
 use crate::{Failure, programme, zeroing};
+use rigident::application::device::check_asked;
 use rigident::application::{Loaded, calibrate};
 use rigident::device::platform::check::Summary;
 use rigident::device::platform::{self, Platform, PlatformError, check};
-use rigident::device::session::tree::device_tree;
 use rigident::plan::ranges::{self, CellStopped, RangePeaks};
+use rigident::device::session::tree::{device_parameters, device_tree};
 use rigident::plan::{carried, machine};
 use rigident::rows::named_model::rig_links::from_tables;
 use rigident_fit::Parameter;
@@ -63,7 +63,7 @@ impl<'a> Request<'a> {
                 one.source().parameters().to_vec()
             }
         };
-        check_asked(&parameters, &known, &arguments.output)?;
+        check_asked(&parameters, &known, &arguments.output.estimate)?;
         let rate_hz = rig.recording.rate_hz.unwrap_or(1000.0);
         let geometry = geometry(arguments, &rig)?;
         let (mut fixed, mut carries) = (None, None);

@@ -4,8 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rigident::application::{
-    self, Caller, Error, FactorOptions, Fixture, IdentifyOptions, PredictOptions, SolveOptions, Tree,
+    self, Caller, DeviceError, Error, FactorOptions, Fixture, IdentifyOptions, PredictOptions, ReplayOptions,
+    SolveOptions, Tree,
 };
+use rigident::device::microcontroller::Microcontroller;
+use rigident::device::session::Nobody;
+use rigident::device::stop_criterion::{StopCriterion, StopError};
 use rigident::fit::pool::PooledFactor;
 use rigident::fit::prior::KnownValues;
 use rigident_shared::forgetting::Span;
@@ -266,6 +270,42 @@ fn identify_is_the_command_to_the_last_bit() {
     }
 }
 
+#[cfg(feature = "simulator")]
+#[test]
+fn replays_are_those_of_the_command_to_the_last_bit() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    recordings(at);
+    let plain = ReplayOptions::default;
+    let tare = vec![Fixture::File(at.join("fixture.csv"))];
+    let until = StopCriterion { until: vec!["m=0.05".to_owned()], keep_going: false };
+    for (n, (name, words, options)) in [
+        ("spikes.csv", &[][..], plain()),
+        ("short.csv", &["--until", "m=0.05"], ReplayOptions { stop: until, ..plain() }),
+        (
+            "bracket.csv",
+            &["--tare", "fixture.csv", "--estimate", "m"],
+            ReplayOptions { tare, asked: vec!["m".to_owned()], ..plain() },
+        ),
+        ("bracket.csv", &["--forget", "3"], ReplayOptions { span: Some(Span::TimeConstant(3.0)), ..plain() }),
+        ("two-links.csv", &[], plain()),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let replayed = application::replay(&at.join(name), &options, &mut Nobody, &Caller::default());
+        let replayed = replayed.unwrap_or_else(|error| panic!("{name} {words:?}: {error}"));
+        let out = format!("out-{n}");
+        let path = at.join(name).display().to_string();
+        let printed = rigident(at, &[&["replay", &path, "--json", "--out", &out], words].concat());
+        assert!(status(&printed) < 2, "{name} {words:?}: {}", said(&printed));
+        let is_whole = replayed.identified.is_whole() && !replayed.is_short;
+        assert_eq!(is_whole, status(&printed) == 0, "{name} {words:?}");
+        let of = format!("{name} {words:?}");
+        assert_same(at, &of, &String::from_utf8(printed.stdout).unwrap(), &replayed.identified.answer);
+    }
+}
+
 #[test]
 fn factors_solutions_and_predictions_are_those_of_the_commands() {
     let place = tempfile::tempdir().unwrap();
@@ -388,6 +428,62 @@ fn what_the_command_refuses_the_library_refuses_by_its_kind() {
 }
 
 /// If the token is set, the work ends at its next stage, and the caller goes on.
+#[cfg(feature = "simulator")]
+#[test]
+fn a_watch_is_that_of_the_command_to_the_last_bit() {
+    let place = tempfile::tempdir().unwrap();
+    let [recording, model] =
+        ["picks-up.csv", "picks-up.urdf"].map(|name| example(name).display().to_string());
+    let words = ["watch", &recording, "--model", &model, "--link", "hand", "--settle-s", "6", "--json"];
+    let printed = rigident(place.path(), &words);
+    assert_eq!(status(&printed), 0, "{}", said(&printed));
+    let tree = Tree { model: Some(model.clone()), ..Tree::default() };
+    let options = application::WatchOptions { tree, settle_s: 6.0, ..application::WatchOptions::of("hand") };
+    let (mut noted, mut told) = (Vec::new(), 0);
+    let watched = application::watch(
+        Path::new(&recording),
+        &options,
+        &mut |note| noted.push(note.to_owned()),
+        &mut |_| told += 1,
+        &Caller::default(),
+    );
+    let watched = watched.unwrap();
+    assert_eq!(String::from_utf8_lossy(&printed.stdout).trim(), serde_json::json!(watched).to_string());
+    // Each change is told when it is found, and when it has been measured.
+    assert!(watched.is_whole && told == 2 * watched.changes.len() && told > 0, "{watched:?}");
+    for note in noted.iter().chain(&watched.warnings) {
+        assert!(note.contains('`') || said(&printed).contains(note.as_str()), "{note}");
+    }
+}
+
+/// What a device cannot do the library refuses by its kind, before there is one.
+#[test]
+fn what_no_device_can_do_is_refused_by_its_kind() {
+    let place = tempfile::tempdir().unwrap();
+    let at = place.path();
+    recordings(at);
+    let refused = |name: &str, options: ReplayOptions| {
+        application::replay(&at.join(name), &options, &mut Nobody, &Caller::default()).unwrap_err()
+    };
+    let of_device = |error: Error| match error {
+        Error::Device(own) => *own,
+        other => panic!("{other:?}"),
+    };
+    let plain = ReplayOptions::default;
+    let until = StopCriterion { until: vec!["m".to_owned()], keep_going: false };
+    let found = of_device(refused("bracket.csv", ReplayOptions { stop: until, ..plain() }));
+    assert!(matches!(found, DeviceError::Stop(StopError::NoPair(_))), "{found:?}");
+    let none = Microcontroller::Port(at.join("none").display().to_string());
+    let found = of_device(refused("bracket.csv", ReplayOptions { mcu: none, ..plain() }));
+    assert!(found.is_of_the_link(), "{found:?}");
+    let span = Some(Span::Window(3.0));
+    let found = refused("two-links.csv", ReplayOptions { span, ..plain() });
+    assert!(matches!(found, Error::SpanOfTree(_)), "{found:?}");
+    let found = refused("two-links.csv", ReplayOptions { calibration: Some(at.join("c.toml")), ..plain() });
+    assert!(matches!(found, Error::CalibrationOfTree), "{found:?}");
+    assert!(matches!(refused("none.csv", plain()), Error::Recording(_)));
+}
+
 #[test]
 fn a_job_that_is_stopped_ends_with_that_error() {
     let stop = std::sync::atomic::AtomicBool::new(true);

@@ -1,6 +1,7 @@
 //! From trials to a person's segments.
 
 mod fewer_freedoms;
+mod on_device;
 mod pages;
 mod plates;
 
@@ -9,6 +10,7 @@ use std::time::Instant;
 
 use super::{BodyError, BodyOption, Caller, Error, Notice};
 use fewer_freedoms::beside_human34;
+pub use on_device::compared;
 use pages::pages;
 use plates::doubtful_plates;
 use rigident_fit::{Fit, FitOptions, Measured, Progress};

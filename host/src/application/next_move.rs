@@ -7,9 +7,8 @@ use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
 
-use super::progress::Stages;
-use rigident::answer::{Answer, Context, Status};
-use rigident::application::Loaded;
+use super::{Caller, Loaded};
+use rigident_identify::answer::{Answer, Context, Status};
 use rigident_io::rig::RigFile;
 
 /// There is a check this often at most, and for no more than a tenth of the time.
@@ -24,7 +23,7 @@ const PIECE: usize = 50;
 const ENOUGH: &str = "everything asked for is identified: go on for smaller intervals, or end by Ctrl-C";
 
 /// Examines what has arrived, beside whoever takes it in.
-pub(super) struct NextMove {
+pub struct NextMove {
     piece: Vec<Reading<f64>>,
     sender: Option<Sender<Vec<Reading<f64>>>>,
     said: Arc<Mutex<Option<String>>>,
@@ -33,8 +32,9 @@ pub(super) struct NextMove {
 }
 
 impl NextMove {
-    /// Starts to examine readings of one body.
-    pub(super) fn new(rig: &RigFile, rate_hz: f64, asked: &[String]) -> Self {
+    /// Starts to examine readings of one body, `rate_hz` a second; `asked` are the parameters that must be
+    /// identified.
+    pub fn new(rig: &RigFile, rate_hz: f64, asked: &[String]) -> Self {
         let (sender, receiver) = channel();
         let said = Arc::new(Mutex::new(None));
         let (rig, asked, written) = (rig.clone(), asked.to_vec(), Arc::clone(&said));
@@ -43,7 +43,7 @@ impl NextMove {
     }
 
     /// Takes a reading.
-    pub(super) fn take(&mut self, reading: Reading<f64>) {
+    pub fn take(&mut self, reading: Reading<f64>) {
         self.piece.push(reading);
         if self.piece.len() >= PIECE
             && let Some(sender) = &self.sender
@@ -54,7 +54,7 @@ impl NextMove {
     }
 
     /// Returns what to do next, if that is something else than was returned last.
-    pub(super) fn news(&mut self) -> Option<String> {
+    pub fn news(&mut self) -> Option<String> {
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if said == self.told {
             return None;
@@ -110,7 +110,7 @@ fn look(
 /// Returns what readings lack; `None` where they make no answer yet.
 fn words(rig: &RigFile, readings: Vec<Reading<f64>>, rate_hz: f64, asked: &[String]) -> Option<String> {
     let loaded = Loaded::of_readings("live", rig, readings, Some(rate_hz), false);
-    let found = loaded.fit(None, 0, &Stages::silent().caller()).ok()?;
+    let found = loaded.fit(None, 0, &Caller::default()).ok()?;
     let answer = Answer::new(&found, Context { asked, ..Context::default() }).ok()?;
     if answer.status == Status::Identified {
         return Some(ENOUGH.to_owned());

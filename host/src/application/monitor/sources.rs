@@ -1,24 +1,22 @@
-//! The sources of a monitor: a recording, or the device on a port.
+//! The sources of a monitor: a recording as it is written, or a device.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
-use rigident_shared::wire::{ModelSettings, Settings};
+use rigident_shared::wire::Settings;
 
-use super::arguments::Monitor;
-use super::link::{configured, device_settings, of_sensors, open};
-use super::monitor_watch::{Listener, NAP, Watch, answered, phase};
-use super::{Failure, Stages};
-use rigident::application::{Loaded, Tree};
-use rigident::device::calibrated_board::another_board;
-use rigident::device::ports;
-use rigident::device::session::Session;
-use rigident::rows::tree::ProblemOptions;
+use rigident_device::calibrated_board::another_board;
+use super::{GrowingView, Listener, NAP, answered};
+use crate::application::{Caller, Loaded, Tree};
+use rigident_device::ports;
+use rigident_device::session::Session;
+use rigident_device::words;
 use rigident_io::recording::extension;
 use rigident_io::recording::mcap::container::MAGIC;
 use rigident_io::rig::{Calibrated, ImuTable, OffsetTable, OffsetWord, RigFile};
+use rigident_rows::tree::ProblemOptions;
 
 /// A port that vanished is tried again this often.
 const TRY_EVERY: Duration = Duration::from_secs(1);
@@ -49,7 +47,7 @@ fn is_finished(path: &Path) -> bool {
 }
 
 /// Follows a recording, until it is left or, `once`, has been read.
-pub(super) fn follow(path: &Path, rig: Option<&Path>, once: bool, watch: &Watch) {
+pub fn follow(path: &Path, rig: Option<&Path>, once: bool, watch: &GrowingView, caller: &Caller<'_>) {
     let (mut seen, mut cost) = (None, Duration::ZERO);
     while !watch.is_left() {
         let now = written(path);
@@ -66,9 +64,8 @@ pub(super) fn follow(path: &Path, rig: Option<&Path>, once: bool, watch: &Watch)
         seen = now;
         watch.change(|view| "reading".clone_into(&mut view.phase));
         let options = ProblemOptions::default();
-        let stages = Stages::silent();
-        let read = Loaded::read(path, rig, None, &Tree::default(), &options, &stages.caller());
-        watch.answer(read.map_err(Failure::from).and_then(|loaded| {
+        let read = Loaded::read(path, rig, None, &Tree::default(), &options, caller);
+        watch.answer(read.and_then(|loaded| {
             tell_samples(&loaded, watch);
             answered(&loaded)
         }));
@@ -78,7 +75,7 @@ pub(super) fn follow(path: &Path, rig: Option<&Path>, once: bool, watch: &Watch)
 }
 
 /// Tells how much there is of a recording, and how fast it was taken.
-fn tell_samples(loaded: &Loaded, watch: &Watch) {
+fn tell_samples(loaded: &Loaded, watch: &GrowingView) {
     let source = loaded.source();
     let samples = source.samples();
     let at = |sample: usize| source.time_ns(sample) as f64 * 1e-9;
@@ -89,52 +86,20 @@ fn tell_samples(loaded: &Loaded, watch: &Watch) {
     });
 }
 
-/// A device that is watched.
-pub(super) struct Attached {
-    pub(super) port: String,
-    session: Session,
-    /// The rig of its readings; none: the device has no settings, or they are of several links.
-    pub(super) rig: Option<(RigFile, f64)>,
-}
-
-/// Opens the device, and starts it where that is asked for.
-///
-/// # Errors
-/// The link; the rig file; a device that runs already.
-pub(super) fn attach(arguments: &Monitor) -> Result<Attached, Failure> {
-    let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
-    let (port, mut session) = open(arguments.device.port.as_deref(), &[])?;
-    if let Some(rig) = rig.as_ref().filter(|_| arguments.start) {
-        let timing = of_sensors(rig.recording.rate_hz.unwrap_or(1000.0));
-        if let Some(warning) = another_board(rig, session.identity()) {
-            tell!("rigident: {warning}");
-        }
-        configured(&mut session, &device_settings(rig, &timing, None)?)?;
-        session.set_running().map_err(Failure::link)?;
-    }
-    let held = session.held_settings().map_err(|e| Failure::link(e).context(&port))?;
-    let rig = held.filter(|held| held.model == ModelSettings::Body).map(|held| {
-        let rate_hz = f64::from(held.rate_hz);
-        (rig.unwrap_or_else(|| rig_of(&held)), rate_hz)
-    });
-    Ok(Attached { port, session, rig })
-}
-
 /// Hears a device until it is left. A port that vanishes is waited for.
-pub(super) fn hear(attached: Attached, watch: &Watch) {
-    let Attached { port, session, .. } = attached;
+pub fn hear(port: &str, session: Session, watch: &GrowingView) {
     let mut session = Some(session);
     while !watch.is_left() {
         let Some(mut open) = session.take() else {
             std::thread::sleep(TRY_EVERY);
-            match ports::open(&port).and_then(|mut open| Ok(open.held_settings().map(|_| open)?)) {
+            match ports::open(port).and_then(|mut open| Ok(open.held_settings().map(|_| open)?)) {
                 Ok(open) => session = Some(open),
                 Err(why) => watch.change(|view| view.trouble = Some(format!("{why} It is tried again"))),
             }
             continue;
         };
         let (state, reason) = (open.identity().state, open.identity().reason);
-        watch.change(|view| (view.phase, view.trouble) = (phase(state, reason), None));
+        watch.change(|view| (view.phase, view.trouble) = (words::phase(state, reason), None));
         if let Err(why) = open.attend(&|| watch.is_left(), &mut Listener::new(watch, false)) {
             watch.change(|view| {
                 "not heard".clone_into(&mut view.phase);
@@ -147,7 +112,7 @@ pub(super) fn hear(attached: Attached, watch: &Watch) {
 
 /// Returns a rig file of the settings given to a device; of those not given nothing is assumed to be known
 /// well.
-fn rig_of(settings: &Settings) -> RigFile {
+pub fn rig_of(settings: &Settings) -> RigFile {
     let mut rig = RigFile::default();
     let (imu, cell) = (&settings.imu, &settings.load_cell);
     let wide = |values: [f32; 3]| values.map(f64::from);
@@ -183,8 +148,7 @@ mod tests {
     use rigident_shared::wire::Source;
 
     use super::*;
-    use rigident::device::session::DeviceTiming;
-    use rigident::device::session::settings;
+    use rigident_device::session::{DeviceTiming, settings};
 
     #[test]
     fn what_a_device_was_told_makes_the_same_settings_again() {

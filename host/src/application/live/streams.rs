@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::path::Path;
 use std::time::Duration;
 
-use super::{Failure, Folder};
-use rigident::fit::figures::counted;
-use rigident::problem::clocks::Growing;
+use crate::application::live_error::LiveError;
+use rigident_fit::figures::counted;
+use rigident_identify::problem::clocks::Growing;
 use rigident_io::recording::columns::{Group, TIME};
 use rigident_io::recording::time;
 use rigident_io::rig::{RigFile, StreamTable};
@@ -128,18 +129,16 @@ impl Streams {
         Self { feeds, streams, clocks, growing, begun: false, flushed_ns: 0 }
     }
 
-    /// Opens a file for each.
-    pub(super) fn record(&mut self, folder: &Folder) -> Result<(), Failure> {
+    /// Opens a file for each in a folder.
+    pub(super) fn record(&mut self, folder: &Path) -> Result<(), LiveError> {
         for stream in &mut self.streams {
-            let path = folder.file(&stream.file);
-            let file =
-                File::create_new(&path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
-            let mut writer = BufWriter::new(file);
+            let path = folder.join(&stream.file);
+            let failed = |e: std::io::Error| LiveError::Clock(format!("{}: {e}", path.display()));
+            let mut writer = BufWriter::new(File::create_new(&path).map_err(failed)?);
             let names = stream.groups.iter().flat_map(|group| group.names());
             let header: Vec<String> = std::iter::once(TIME.to_owned()).chain(names).collect();
-            let written =
-                writeln!(writer, "# source = {:?}\n{}", stream.asked.url.to_string(), header.join(","));
-            written.map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+            let source = stream.asked.url.to_string();
+            writeln!(writer, "# source = {source:?}\n{}", header.join(",")).map_err(failed)?;
             stream.writer = Some(writer);
         }
         Ok(())
@@ -189,7 +188,8 @@ impl Streams {
         match self.feeds.losses(source).late {
             0 => format!("{url} has sent nothing for {seconds} s: {when_silent}"),
             late => format!(
-                "{url} has sent nothing new for {seconds} s, and {late} samples late or twice: does its time or its number stand still, or has it \
+                "{url} has sent nothing new for {seconds} s, and {late} samples late or twice: does its \
+                 time or its number stand still, or has it \
                  gone back?"
             ),
         }
@@ -223,7 +223,8 @@ impl Streams {
         let step_ns = stream.last_ns.map_or(0, |last| own_ns.saturating_sub(last));
         if step_ns.saturating_sub(passed_ns) > JUMP_NS {
             return Err(format!(
-                "{}: its time jumps on by {:.1} s where {:.1} s pass: was its clock set in mid-run? Run again",
+                "{}: its time jumps on by {:.1} s where {:.1} s pass: was its clock set in mid-run? Run \
+                 again",
                 stream.asked.url,
                 step_ns as f64 * 1e-9,
                 passed_ns as f64 * 1e-9
@@ -305,8 +306,10 @@ impl Streams {
             let apart_s = last_s(stream) - last_s(other);
             if apart_s.abs() > APART_S {
                 return Err(format!(
-                    "{} and {} are stamped by one clock, and their stamps are {apart_s:.1} s apart: the stamps of one of them are not of \
-                     it (a device's own, a bag's, a computer's whose clock is not set). Take the bridge's time for that one by \
+                    "{} and {} are stamped by one clock, and their stamps are {apart_s:.1} s apart: the \
+                     stamps of one of them are not of \
+                     it (a device's own, a bag's, a computer's whose clock is not set). Take the bridge's \
+                     time for that one by \
                      ?stamp=bridge, or give it a clock of its own by ?clock=own",
                     other.asked.url, stream.asked.url
                 ));
@@ -363,9 +366,9 @@ impl Streams {
         self.streams.iter().map(one).collect()
     }
 
-    /// Says what was lost, and whose time is of arrivals.
-    pub(super) fn told(&self) -> Vec<String> {
-        let mut told = Vec::new();
+    /// Returns the warnings of what was lost, and whose time is of arrivals.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
         for (number, stream) in self.streams.iter().enumerate() {
             let losses = self.feeds.losses(number);
             let url = &stream.asked.url;
@@ -379,7 +382,8 @@ impl Streams {
                 (losses.damaged, "came damaged or of an impossible time, and are left out"),
                 (
                     losses.others,
-                    "came from other senders than the first, and are left out: ?from=HOST says whose are taken",
+                    "came from other senders than the first, and are left out: ?from=HOST says whose are \
+                     taken",
                 ),
                 (losses.faulty, "are left out: the sensor itself reports an error"),
             ] {
@@ -387,20 +391,21 @@ impl Streams {
                     let status = losses.status.filter(|_| what.contains("itself"));
                     let status =
                         status.map_or_else(String::new, |status| format!(" (status {status:#010x})"));
-                    told.push(format!(
+                    warnings.push(format!(
                         "{url}: {} of {all} {what}{status}",
                         counted(usize::try_from(count).unwrap_or(usize::MAX), "sample", "samples")
                     ));
                 }
             }
             if stream.own == OwnClock::Arrival {
-                told.push(format!(
-                    "{url} does not say when its samples were taken: their times are those of arrival; a column t_s or seq, or its own \
+                warnings.push(format!(
+                    "{url} does not say when its samples were taken: their times are those of arrival; a \
+                     column t_s or seq, or its own \
                      time switched on, makes the answer better"
                 ));
             }
         }
-        told
+        warnings
     }
 }
 
@@ -411,11 +416,13 @@ fn wrong_rate(stream: &Stream, rate: f64) -> String {
     let url = &stream.asked.url;
     match unit {
         Some((_, name, scale)) => format!(
-            "{url}: its time counts {name}: say so in the rig file, [recording.columns] t_s = {{ name = \"…\", scale = {scale} }}"
+            "{url}: its time counts {name}: say so in the rig file, [recording.columns] t_s = {{ name = \
+             \"…\", scale = {scale} }}"
         ),
         None => format!(
-            "{url}: its clock makes {seconds:.4} s of a second here, which no clock does: is its rate (?rate_hz=), or the unit of its time, \
-             another one? A recorded file is for `rigident identify`"
+            "{url}: its clock makes {seconds:.4} s of a second here, which no clock does: is its rate \
+             (?rate_hz=), or the unit of its time, \
+             another one? A recorded file is for `identify()`"
         ),
     }
 }

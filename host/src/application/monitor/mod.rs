@@ -1,22 +1,22 @@
-//! The data that the threads of a monitor share: readings as they come, the view as it grows.
+//! What the threads of a monitor share: readings as they come, the view as it grows.
+
+mod sources;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use rigident_shared::calibration::Reading;
-use rigident_shared::screening::CHANNEL_NAMES;
 use rigident_shared::wire::{CounterReport, EstimateReport, ReadingMessage, Reason, StateName};
 
-use super::device_words::of_reason;
-use super::experiment::in_words;
-use super::info::of_state;
-use super::{Failure, Stages};
-use rigident::application::loaded::PLOT_POINTS;
-use rigident::application::{Loaded, Report};
-use rigident::device::session::{Heard, INTERRUPTED, Observer, widen};
-use rigident::present::monitor::{Answered, Counted, LinkHealth, View};
+use super::loaded::PLOT_POINTS;
+use super::{Caller, Error, Loaded, Report};
+use rigident_device::session::{Heard, INTERRUPTED, Observer, widen};
+use rigident_device::words;
 use rigident_io::rig::RigFile;
+use rigident_present::monitor::{Answered, Counted, LinkHealth, View};
+
+pub use sources::{follow, hear, rig_of};
 
 /// Readings are fitted anew not more often than this, and not for more than a fourth of the time.
 const FIT_EVERY: Duration = Duration::from_secs(1);
@@ -27,12 +27,24 @@ const FIRST_AFTER_S: f64 = 2.0;
 /// The rate is that of this many of the last readings.
 const RATE_OF: usize = 1000;
 /// The time that a thread sleeps that has nothing to do.
-pub(super) const NAP: Duration = Duration::from_millis(50);
+pub const NAP: Duration = Duration::from_millis(50);
 
-/// The shared data of the threads.
-#[derive(Default)]
-pub(super) struct Watch {
+/// A view that grows while one thread hears, one fits and one shows it.
+///
+/// ```
+/// use rigident::application::{Caller, Error};
+/// use rigident::application::monitor::{GrowingView, follow};
+///
+/// let bracket = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/bracket.csv");
+/// let view = GrowingView::new(bracket.to_owned(), Error::to_string);
+/// follow(bracket.as_ref(), None, true, &view, &Caller::default());
+/// let seen = view.view();
+/// assert!(view.has_ended() && seen.trouble.is_none() && seen.answer.is_some());
+/// ```
+pub struct GrowingView {
     view: Mutex<View>,
+    /// Words why there is no answer.
+    wording: fn(&Error) -> String,
     readings: Mutex<Vec<Reading<f64>>>,
     /// Nothing more comes.
     ended: AtomicBool,
@@ -45,49 +57,58 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Watch {
-    pub(super) fn new(watched: String) -> Self {
-        let watch = Self::default();
-        lock(&watch.view).watched = watched;
-        watch
+impl GrowingView {
+    /// Returns the view of what is watched, by its name; `wording` words why there is no answer.
+    pub fn new(watched: String, wording: fn(&Error) -> String) -> Self {
+        Self {
+            view: Mutex::new(View { watched, ..View::default() }),
+            wording,
+            readings: Mutex::default(),
+            ended: AtomicBool::new(false),
+            left: AtomicBool::new(false),
+        }
     }
 
-    /// The view now.
-    pub(super) fn view(&self) -> View {
+    /// Returns the view as it is.
+    pub fn view(&self) -> View {
         lock(&self.view).clone()
     }
 
-    pub(super) fn change(&self, change: impl FnOnce(&mut View)) {
+    /// Changes the view.
+    pub fn change(&self, change: impl FnOnce(&mut View)) {
         change(&mut lock(&self.view));
     }
 
-    pub(super) fn end(&self) {
+    /// States that nothing more comes.
+    pub fn end(&self) {
         self.ended.store(true, Ordering::Release);
     }
 
-    pub(super) fn has_ended(&self) -> bool {
+    /// Returns true if nothing more comes.
+    pub fn has_ended(&self) -> bool {
         self.ended.load(Ordering::Acquire)
     }
 
-    pub(super) fn leave(&self) {
+    /// States that nobody watches any more.
+    pub fn leave(&self) {
         self.left.store(true, Ordering::Relaxed);
     }
 
-    /// Nobody watches any more, or Ctrl-C.
-    pub(super) fn is_left(&self) -> bool {
+    /// Returns true if nobody watches any more, or after Ctrl-C.
+    pub fn is_left(&self) -> bool {
         self.left.load(Ordering::Relaxed) || INTERRUPTED.load(Ordering::Relaxed)
     }
 
     /// Shows the answer of a recording; why there is none where there is none.
-    pub(super) fn answer(&self, found: Result<Answered, Failure>) {
+    fn answer(&self, found: Result<Answered, Error>) {
         self.change(|view| match found {
             Ok(answer) => (view.answer, view.trouble) = (Some(answer), None),
-            Err(why) => view.trouble = Some(why.to_string()),
+            Err(why) => view.trouble = Some((self.wording)(&why)),
         });
     }
 
     /// Fits the readings of one body as they come, until nothing more does; then calls `done`.
-    pub(super) fn fit_readings(&self, rig: &RigFile, rate_hz: f64) {
+    pub fn fit_readings(&self, rig: &RigFile, rate_hz: f64) {
         let (mut fitted, mut due) = (0, Instant::now());
         while !self.is_left() {
             // Asked first: what comes before the end is fitted.
@@ -113,23 +134,24 @@ impl Watch {
     }
 }
 
-/// Answers as `rigident identify` would.
-pub(super) fn answered(loaded: &Loaded) -> Result<Answered, Failure> {
-    let stages = Stages::silent();
-    let fit = loaded.fit(None, PLOT_POINTS, &stages.caller())?;
-    let answer = Report::of_recording(loaded, "host").answer(&fit, &stages.caller())?;
+/// Answers as `identify` would.
+fn answered(loaded: &Loaded) -> Result<Answered, Error> {
+    let caller = Caller::default();
+    let fit = loaded.fit(None, PLOT_POINTS, &caller)?;
+    let answer = Report::of_recording(loaded, "host").answer(&fit, &caller)?;
     Ok(Answered::new(&answer, &fit))
 }
 
 /// Hears a device for the view.
-pub(super) struct Listener<'a> {
-    watch: &'a Watch,
+pub struct Listener<'a> {
+    watch: &'a GrowingView,
     /// Readings are taken as fast as they were made, from here on.
     paced_from: Option<Instant>,
 }
 
 impl<'a> Listener<'a> {
-    pub(super) fn new(watch: &'a Watch, is_paced: bool) -> Self {
+    /// Returns who hears for this view; paced, if readings are to be taken as fast as they were made.
+    pub fn new(watch: &'a GrowingView, is_paced: bool) -> Self {
         Self { watch, paced_from: is_paced.then(Instant::now) }
     }
 }
@@ -155,7 +177,7 @@ impl Observer for Listener<'_> {
     }
 
     fn estimate(&mut self, report: &EstimateReport) {
-        let said = format!("by itself, of {} readings: {}", report.readings, in_words(report));
+        let said = format!("by itself, of {} readings: {}", report.readings, words::estimate(report));
         self.watch.change(|view| view.device = Some(said));
     }
 
@@ -188,7 +210,7 @@ impl Observer for Listener<'_> {
     }
 
     fn state(&mut self, state: StateName, reason: Reason) {
-        let said = phase(state, reason);
+        let said = words::phase(state, reason);
         self.watch.change(|view| view.phase = said);
     }
 
@@ -202,61 +224,9 @@ impl Observer for Listener<'_> {
     }
 }
 
-/// A state in words.
-pub(super) fn phase(state: StateName, reason: Reason) -> String {
-    let (why, fault) = of_reason(reason);
-    let why = why.replace('_', " ");
-    match (state, reason) {
-        (StateName::Fault, _) => format!("fault of {why}: {}", fault.unwrap_or_default().replace('_', " ")),
-        (StateName::Holding, Reason::StopRule) => "holding: what was asked for is reached".to_owned(),
-        (StateName::Holding, Reason::HostQuiet) => "holding: it did not hear its host".to_owned(),
-        (state, _) => of_state(state).to_owned(),
-    }
-}
-
-/// Returns what the device's counters tell of its sensors.
-pub(super) fn trouble(counters: &CounterReport) -> Vec<Counted> {
-    let reason = match counters.last_rejection {
-        1 => " (not finite)",
-        2 => " (saturated)",
-        3 => " (frozen)",
-        _ => "",
-    };
-    let mut found = Vec::new();
-    let mut add = |count: u64, what: String| {
-        if count > 0 {
-            found.push(Counted { what, count });
-        }
-    };
-    for (k, (name, count)) in CHANNEL_NAMES.iter().zip(counters.rejected_by_channel).enumerate() {
-        let last = if k == usize::from(counters.last_rejected_channel) { reason } else { "" };
-        add(count.into(), format!("rejected by {name}{last}"));
-    }
-    let gauges: Vec<String> =
-        (0..8).filter(|gauge| counters.clipped_gauges >> gauge & 1 == 1).map(|g: u8| g.to_string()).collect();
-    for (name, count) in CHANNEL_NAMES.iter().zip(counters.knocks) {
-        add(count.into(), format!("knocks in {name}"));
-    }
-    for (count, name) in counters.lost.into_iter().zip(["load cell", "IMU", "second IMU"]) {
-        add(count.into(), format!("of the {name} lost, for which the board had no room"));
-    }
-    for (count, what) in [
-        (counters.load_cell_clipped, format!("clipped (gauge {})", gauges.join(", "))),
-        (counters.load_cell_crc_errors, "of the load cell with a wrong check sum".to_owned()),
-        (counters.load_cell_errors, "of the load cell without a sample".to_owned()),
-        (counters.load_cell_stale, "of the load cell that came again".to_owned()),
-        (counters.load_cell_resyncs, "of the load cell whose filters began anew".to_owned()),
-        (counters.without_excitation, "of the load cell without its excitation".to_owned()),
-        (counters.overdue_transfers, "transfers with sensors that did not end".to_owned()),
-        (counters.failed_transfers, "transfers with sensors that failed".to_owned()),
-        (counters.imu_errors, "of the IMU not read".to_owned()),
-        (counters.second_imu_errors, "of the second IMU not read".to_owned()),
-        (counters.unaligned, "without an IMU sample beside them".to_owned()),
-        (counters.gaps, "gaps".to_owned()),
-    ] {
-        add(count.into(), what);
-    }
-    found
+/// Returns what a device's counters say of its sensors, for a view.
+pub fn trouble(counters: &CounterReport) -> Vec<Counted> {
+    words::trouble(counters).into_iter().map(|(count, what)| Counted { what, count }).collect()
 }
 
 #[cfg(test)]
@@ -264,25 +234,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counters_become_words_and_what_never_happened_is_left_out() {
-        assert_eq!(trouble(&CounterReport::default()), []);
-        let mut counters = CounterReport {
-            last_rejection: 2,
-            last_rejected_channel: 3,
-            gaps: 1,
-            load_cell_clipped: 4,
-            ..CounterReport::default()
-        };
-        (counters.rejected_by_channel[3], counters.clipped_gauges) = (5, 0b10);
-        let said: Vec<String> =
-            trouble(&counters).iter().map(|c| format!("{} {}", c.count, c.what)).collect();
-        let rejected = format!("5 rejected by {} (saturated)", CHANNEL_NAMES[3]);
-        assert_eq!(said, [rejected.as_str(), "4 clipped (gauge 1)", "1 gaps"]);
-    }
-
-    #[test]
     fn readings_of_a_device_that_began_anew_take_the_place_of_the_old_ones() {
-        let watch = Watch::new("x".to_owned());
+        let watch = GrowingView::new("x".to_owned(), Error::to_string);
         let mut listener = Listener::new(&watch, false);
         for time_ns in [0, 1_000_000, 2_000_000, 500_000, 1_500_000] {
             listener.reading(&ReadingMessage { time_ns, ..ReadingMessage::default() }).unwrap();
