@@ -7,9 +7,9 @@ use super::calibration_arguments::{Calibrate, CalibrateRig, CalibrateWhat, Refer
 use super::outcome::{say, say_object};
 use super::{
     Failure, Stages, calibrate_drives, calibrate_imu, calibrate_joints, calibrate_load_cell,
-    calibrate_masses, factor, recorded,
+    calibrate_masses, factor,
 };
-use rigident::application::recorded::named;
+use rigident::application::recorded::{named, refuse_several};
 use rigident::application::reference::{RigError, RigErrors};
 use rigident::application::{self, ReferenceOptions};
 use rigident::fit::figures::{significant, unit_symbol, with_u95};
@@ -69,9 +69,9 @@ fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
 
 /// Returns how recordings of a reference are read; `command` is named where several files of one recording
 /// are refused.
-pub(super) fn options(runs: &ReferenceRuns, command: &str) -> Result<ReferenceOptions, Failure> {
+pub(super) fn options(runs: &ReferenceRuns, command: &'static str) -> Result<ReferenceOptions, Failure> {
     for path in &runs.recordings {
-        recorded::refuse_streams(&named(path.clone()), runs.rig.as_deref(), command)?;
+        refuse_several(&named(path.clone()), runs.rig.as_deref(), command)?;
     }
     Ok(ReferenceOptions {
         reference: runs.reference.clone(),

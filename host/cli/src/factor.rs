@@ -9,11 +9,10 @@ use super::{Failure, Folder, Stages};
 use rigident::application::recorded::is_rig_file;
 use rigident::application::tare::{ReadWith, tare as read_tare};
 use rigident::application::{
-    self, Error, FactorOptions, Fixture, Recorded, Reduced, SolveOptions, Tree, agreement,
+    self, Error, FactorOptions, Fixture, Recorded, Reduced, SolveOptions, agreement,
 };
 use rigident::present;
 use rigident_fit::pool::{PoolError, PooledFactor};
-use rigident_fit::tare::Tare;
 use rigident_io::factor_table::{is_table, to_bytes};
 use rigident_io::recording::Recording;
 use rigident_io::recording::error::RecordingError;
@@ -84,22 +83,6 @@ pub(super) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
 /// Returns the runs of `--tare` as the application takes them.
 pub(super) fn fixtures(files: &TareFiles) -> Vec<Fixture> {
     files.tare.iter().cloned().map(Fixture::File).collect()
-}
-
-/// Returns the fixture of `--tare`, if there is one; what is to be known of it goes to the notes and warnings.
-///
-/// # Errors
-/// Bad input: a run that cannot be read, or runs that do not fit together.
-pub(super) fn tare(
-    files: &TareFiles,
-    rig: Option<&Path>,
-    calibration: Option<&Path>,
-    tree: &Tree,
-    (notes, warnings): (&mut Vec<String>, &mut Vec<String>),
-) -> Result<Option<Tare>, Failure> {
-    let stages = Stages::new("reading the fixture");
-    let with = ReadWith { rig, calibration, tree };
-    Ok(read_tare(&fixtures(files), with, (notes, warnings), &stages.caller())?)
 }
 
 /// Reads a factor file.

@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::arguments::Info;
-use rigident::device::calibrated_board::number;
 use super::link::open;
 use super::outcome::say;
+use rigident::device::calibrated_board::number;
 use rigident::device::events;
 use rigident::device::link::LinkError;
 use rigident::device::ports::board_name;

@@ -6,13 +6,13 @@ use std::thread::{self, JoinHandle};
 use rigident_shared::wire::ModelSettings;
 
 use super::arguments::Monitor;
-use super::calibrated_board::another_board;
 use super::link::{configured, device_settings, of_sensors, open};
 use super::monitor_terminal as terminal;
 use super::outcome::say;
 use super::{Failure, Stages};
 use rigident::application::Error;
 use rigident::application::monitor::{GrowingView, NAP, follow, hear, rig_of};
+use rigident::device::calibrated_board::another_board;
 use rigident::device::session::Session;
 use rigident::present::monitor::View;
 use rigident::present::monitor::foxglove::Server;

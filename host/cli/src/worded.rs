@@ -2,7 +2,8 @@
 
 use super::Failure;
 use rigident::application::{
-    BodyError, BodyOption, CalibrateError, DeviceError, Error, ListingError, LiveError, Notice, TreeOption, WatchError,
+    BodyError, BodyOption, CalibrateError, DeviceError, Error, ListingError, LiveError, Notice, TreeOption,
+    WatchError,
 };
 use rigident_fit::pool::PoolError;
 use rigident_io::recording::extension;

@@ -7,10 +7,10 @@ use rigident_shared::forgetting::Span;
 
 use super::body_error::BodyError;
 use super::calibrate_error::CalibrateError;
-use super::vibration_error::VibrationError;
 use super::device_error::DeviceError;
 use super::drive_gains_error::DriveGainsError;
 use super::live_error::LiveError;
+use super::vibration_error::VibrationError;
 use super::watch_error::WatchError;
 use rigident_fit::FitError;
 use rigident_fit::pool::PoolError;

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant, SystemTime};
 
 use rigident_shared::wire::Settings;
 
-use rigident_device::calibrated_board::another_board;
 use super::{GrowingView, Listener, NAP, answered};
 use crate::application::{Caller, Loaded, Tree};
 use rigident_device::ports;

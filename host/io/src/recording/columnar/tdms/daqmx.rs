@@ -54,7 +54,11 @@ impl Layout {
         let buffer = whole(cursor.u32()?)?;
         let place = cursor.u32()?;
         // The format of a sample: nothing that its kind does not say.
-        if code == LINES { cursor.take(1)? } else { cursor.take(4)? };
+        if code == LINES {
+            cursor.take(1)?
+        } else {
+            cursor.take(4)?
+        };
         let scale = whole(cursor.u32()?)?;
         let buffers = cursor.u32()?;
         if buffers > MOST_BUFFERS {
@@ -135,8 +139,7 @@ pub(super) fn raw_data(
             let there = (*samples).min(cursor.rest.len() / width);
             let bytes = cursor.take(there * width)?;
             for (place, own) in active.iter().filter(|(_, own)| own.buffer == k) {
-                let values =
-                    objects.get_mut(*place).and_then(|object| object.values.as_mut()).ok_or(TORN)?;
+                let values = objects.get_mut(*place).and_then(|object| object.values.as_mut()).ok_or(TORN)?;
                 room.take(there.min(own.count).saturating_mul(16))?;
                 for sample in bytes.chunks_exact(*width).take(own.count) {
                     own.value(sample, cursor.is_big, values)?;

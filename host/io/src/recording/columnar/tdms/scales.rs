@@ -7,7 +7,8 @@ const MOST: usize = 32;
 /// The source of a scale that takes the raw numbers.
 const RAW: f64 = 4_294_967_295.0;
 
-const COUNTS: &str = "its numbers are counts of the converter, and no scale makes values of them: save it scaled";
+const COUNTS: &str =
+    "its numbers are counts of the converter, and no scale makes values of them: save it scaled";
 
 /// Scales one after the other; the last one's number counts.
 #[derive(Clone, Debug, PartialEq)]
