@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use crate::{estimation, faults, people, platform, trees};
 
 /// All documents with tables.
-pub const DOCUMENTS: [Document; 9] = [
+pub const DOCUMENTS: [Document; 10] = [
     estimation::DOCUMENT,
     estimation::CALIBRATION,
     estimation::DIAGNOSIS,
     platform::DOCUMENT,
+    platform::SAFETY,
     trees::DOCUMENT,
     trees::JOINT_OFFSETS,
     trees::MASSES,

@@ -5,6 +5,7 @@
 mod adaptive;
 mod adaptive_corners;
 mod experiment;
+mod hazards;
 mod motions;
 mod poses_estimators;
 mod poses_montecarlo;
@@ -38,5 +39,14 @@ pub const DOCUMENT: Document = Document {
         Table { name: "adaptive", make: adaptive::table },
         Table { name: "adaptive-corners-long", make: adaptive_corners::table },
         Table { name: "safety-long", make: safety::table },
+    ],
+};
+
+/// The tables of `docs/safety.md`.
+pub const SAFETY: Document = Document {
+    file: "docs/safety.md",
+    tables: &[
+        Table { name: "stops", make: hazards::stops },
+        Table { name: "hazards-long", make: hazards::table },
     ],
 };
