@@ -15,13 +15,8 @@ const SPINE_ABOVE: f64 = 0.0833;
 /// The distance that it may be from there, 1 σ, m (assumed).
 pub(super) const LOWEST_JOINT_SIGMA_M: [f64; 3] = [0.012, 0.004, 0.012];
 
-/// From the bone of a front and a rear spine to the middle of the marker on it, m: 10 and 20 mm of skin (G.
-/// Mantovani and M. Lamontagne 2016; more on the obese), and the radius of a marker, 7 mm (assumed).
-const FRONT_SKIN_M: f64 = 0.017;
-const REAR_SKIN_M: f64 = 0.027;
-
 /// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of the pelvis, where
-/// its four spines were seen; the regression is of bones.
+/// its four spines were seen.
 ///
 /// Returns true if they were. From the middle of the front spines, forward, outward and up, m: `−0.24 d − 0.0099`, `0.33 w + 0.0073`, `−0.30 w − 0.0109`.
 pub(super) fn pelvis(
@@ -49,8 +44,7 @@ pub(super) fn pelvis(
         v[v.len() / 2]
     };
     let (width, depth) = (median(&mut widths), median(&mut depths));
-    let bone = (depth - FRONT_SKIN_M - REAR_SKIN_M).max(0.0);
-    let (forward, up) = (0.24 * bone + 0.0099 + FRONT_SKIN_M, 0.30 * width + 0.0109);
+    let (forward, up) = (0.24 * depth + 0.0099, 0.30 * width + 0.0109);
     for (k, side) in [(l, 1.0), (r, -1.0)] {
         markers[k].position_m = Vector3::new(forward, side * width / 2.0, up);
     }
