@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::arguments::Output;
-use super::confirm::answered;
-use super::terms::in_own_terms;
-use super::{Failure, Progress, kept};
+use crate::options::output::Output;
+use crate::screen::confirm::answered;
+use crate::screen::terms::in_own_terms;
+use crate::{Failure, Progress, kept};
 use rigident::answer::Answer;
 use rigident::application::recorded::is_rig_file;
 use rigident::device::session::INTERRUPTED;
@@ -23,7 +23,7 @@ const PIECE: usize = 1 << 20;
 ///
 /// # Errors
 /// Bad input: the file is there already, is no page by its name, or `--certify` names no key.
-pub(super) fn check(output: &Output) -> Result<(), Failure> {
+pub(crate) fn check(output: &Output) -> Result<(), Failure> {
     let Some(path) = &output.certificate else { return Ok(()) };
     let is_page = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("html"));
     if !is_page {
@@ -48,7 +48,7 @@ fn state(table: &mut CertificateTable, stated: &[String]) -> Result<(), Failure>
 }
 
 /// Returns the files that an answer rests on: the recording, or all in its folder, those that its rig file lists, and the rig file.
-pub(super) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
+pub(crate) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
     let mut files = if recording.is_dir() { in_folder(recording) } else { vec![recording.to_owned()] };
     let beside = rig.map_or_else(|| rig_path(recording), Path::to_owned);
     let listing = [Some(recording), Some(beside.as_path())].into_iter().flatten();
@@ -65,7 +65,7 @@ pub(super) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
 }
 
 /// Returns the regular files of a folder, by name.
-pub(super) fn in_folder(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn in_folder(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
@@ -76,7 +76,7 @@ pub(super) fn in_folder(folder: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// Bad input: a file of the evidence cannot be read, or the page cannot be written.
-pub(super) fn write(
+pub(crate) fn write(
     output: &Output,
     rig: &RigFile,
     files: &[PathBuf],
@@ -123,7 +123,7 @@ fn ask_for_missing(table: &mut CertificateTable, rig: &RigFile, answer: &Answer)
         if at == 0 {
             tell!("For the certificate (an empty line leaves out what is not known):");
         }
-        super::tell::tell(format_args!("  {what}: "), "");
+        crate::screen::tell::tell(format_args!("  {what}: "), "");
         let read = || {
             let mut line = String::new();
             std::io::stdin().read_line(&mut line).map(|_| line)

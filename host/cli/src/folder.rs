@@ -3,14 +3,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use super::Failure;
-use super::terms::in_own_terms;
+use crate::Failure;
+use crate::screen::terms::in_own_terms;
 
 /// The folder that this process writes its answer into.
 static ANSWERED_IN: Mutex<Option<PathBuf>> = Mutex::new(None);
 
 /// Leaves the object of a command that failed in its folder, if it has one by now and no result in it.
-pub(super) fn note_failure(object: &serde_json::Value) {
+pub(crate) fn note_failure(object: &serde_json::Value) {
     let folder = ANSWERED_IN.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(path) = folder {
         // What failed has been reported; a result that is there already says so too.

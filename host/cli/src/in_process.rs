@@ -1,6 +1,6 @@
 //! Commands that a program calls in its own process: what they would print is returned, and nothing ends the process.
 //!
-//! Lives here: the call; what a thread that runs one keeps is in [`super::kept`]. May not live here: what a command does; it is the
+//! Lives here: the call; what a thread that runs one keeps is in [`crate::kept`]. May not live here: what a command does; it is the
 //! same function as on the command line, so that the numbers are the same.
 
 use std::any::Any;
@@ -12,9 +12,11 @@ use std::sync::atomic::AtomicBool;
 
 use clap::FromArgMatches;
 
-use super::arguments::{Arguments, Command};
-use super::kept::{self, Stopped};
-use super::{ExitStatus, Failure, command, dispatch, factor, identify, in_one_line};
+use crate::arguments::{Arguments, Command};
+use crate::commands::{factor, identify};
+use crate::kept;
+use crate::kept::Stopped;
+use crate::{ExitStatus, Failure, command, dispatch, in_one_line};
 use rigident_io::recording::Recording;
 use rigident_shared::printable;
 
@@ -69,7 +71,7 @@ pub fn call<W: Into<OsString>>(
 ///
 /// # Errors
 /// What clap says of them; help and the version are such, too.
-pub(super) fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
+pub(crate) fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
     let words: Vec<OsString> = words.into_iter().collect();
     if let Some((n, word)) = words.iter().enumerate().skip(1).find(|(_, word)| steers(word)) {
         let shown = word.to_string_lossy();
@@ -99,7 +101,7 @@ fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, F
 }
 
 /// Returns the exit status that a code represents.
-pub(super) fn status_of(code: ExitCode) -> ExitStatus {
+pub(crate) fn status_of(code: ExitCode) -> ExitStatus {
     let found = ExitStatus::ALL.into_iter().find(|status| ExitCode::from(*status) == code);
     found.unwrap_or(ExitStatus::NotIdentified)
 }

@@ -11,11 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rigident::device::session::INTERRUPTED;
 
 /// The data of a thread that runs a called command.
-pub(super) struct Kept {
+pub(crate) struct Kept {
     /// Standard output.
-    pub(super) output: String,
+    pub(crate) output: String,
     /// Lines of standard error.
-    pub(super) told: Vec<String>,
+    pub(crate) told: Vec<String>,
     stop: Arc<AtomicBool>,
 }
 
@@ -24,25 +24,25 @@ thread_local! {
 }
 
 /// Carried by the unwinding of a command that is to stop.
-pub(super) struct Stopped;
+pub(crate) struct Stopped;
 
 /// From now on this thread keeps what it would print, until [`end`].
-pub(super) fn begin(stop: Arc<AtomicBool>) {
+pub(crate) fn begin(stop: Arc<AtomicBool>) {
     KEPT.set(Some(Kept { output: String::new(), told: Vec::new(), stop }));
 }
 
 /// Returns what was stored; this thread prints again.
-pub(super) fn end() -> Option<Kept> {
+pub(crate) fn end() -> Option<Kept> {
     KEPT.take()
 }
 
 /// Returns true in a thread that runs a called command.
-pub(super) fn is_called() -> bool {
+pub(crate) fn is_called() -> bool {
     KEPT.with_borrow(Option::is_some)
 }
 
 /// Keeps a line of standard output if this thread runs a called command; returns whether it does.
-pub(super) fn keep(text: &impl fmt::Display) -> bool {
+pub(crate) fn keep(text: &impl fmt::Display) -> bool {
     KEPT.with_borrow_mut(|kept| {
         kept.as_mut().map(|kept| {
             kept.output += &text.to_string();
@@ -53,7 +53,7 @@ pub(super) fn keep(text: &impl fmt::Display) -> bool {
 }
 
 /// Keeps a line of standard error likewise.
-pub(super) fn told(words: fmt::Arguments<'_>) -> bool {
+pub(crate) fn told(words: fmt::Arguments<'_>) -> bool {
     KEPT.with_borrow_mut(|kept| {
         kept.as_mut().map(|kept| {
             let line = words.to_string();
@@ -64,14 +64,14 @@ pub(super) fn told(words: fmt::Arguments<'_>) -> bool {
 }
 
 /// Unwinds a called command that is to stop; does nothing elsewhere.
-pub(super) fn stop_if_asked() {
+pub(crate) fn stop_if_asked() {
     if KEPT.with_borrow(|kept| kept.as_ref().is_some_and(|kept| kept.stop.load(Ordering::Relaxed))) {
         resume_unwind(Box::new(Stopped));
     }
 }
 
 /// The signal to a long search to end with the best so far: Ctrl-C, or the caller of a called command.
-pub(super) enum Stop {
+pub(crate) enum Stop {
     /// Of this process.
     Process,
     /// Of one call.
@@ -80,7 +80,7 @@ pub(super) enum Stop {
 
 impl Stop {
     /// Returns that of this thread's command.
-    pub(super) fn of_this_command() -> Self {
+    pub(crate) fn of_this_command() -> Self {
         KEPT.with_borrow(|kept| {
             kept.as_ref().map_or(Self::Process, |kept| Self::Call(Arc::clone(&kept.stop)))
         })

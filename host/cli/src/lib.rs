@@ -5,101 +5,17 @@
 #![forbid(unsafe_code)]
 
 #[macro_use]
-mod tell;
+mod screen;
 
-mod adaptive;
+mod commands;
+mod device;
+
 mod arguments;
-mod bench;
-mod body;
-mod body_arguments;
-mod body_markers;
-mod by_hand;
-mod calibrate;
-mod calibrate_drives;
-mod calibrate_imu;
-mod calibrate_joints;
-mod calibrate_load_cell;
-mod calibrate_masses;
-mod calibration_arguments;
 mod certificate;
-mod completions;
-mod configure;
-mod confirm;
-mod consent;
-#[cfg(feature = "simulator")]
-mod demo;
-mod device_arguments;
-mod doctor;
-mod experiment;
-#[cfg(feature = "simulator")]
-mod explain;
-mod factor;
-mod factor_arguments;
-mod failure;
 mod folder;
-mod guards;
-mod identify;
-mod import;
-mod import_arguments;
-mod import_look;
 mod in_process;
-mod info;
 mod kept;
-mod link;
-mod live;
-mod merge;
-mod model;
-mod monitor;
-#[cfg(feature = "simulator")]
-mod monitor_demo;
-#[cfg_attr(target_family = "wasm", path = "no_terminal.rs")]
-mod monitor_terminal;
-#[cfg(feature = "simulator")]
-mod montecarlo;
-mod montecarlo_arguments;
-#[cfg(feature = "simulator")]
-mod montecarlo_motions;
-#[cfg(feature = "simulator")]
-mod montecarlo_poses;
 mod options;
-mod outcome;
-mod plan_arguments;
-mod plan_excitation;
-mod plan_motion;
-mod plan_poses;
-mod ports;
-mod predict;
-mod predict_arguments;
-mod programme;
-mod progress;
-mod refused;
-mod replay;
-mod run;
-mod run_report;
-mod statics;
-mod summary;
-mod terms;
-mod trace;
-mod tracking_error;
-#[cfg(not(target_family = "wasm"))]
-mod ui;
-#[cfg(all(feature = "page", not(target_family = "wasm")))]
-mod ui_files;
-#[cfg(not(target_family = "wasm"))]
-mod ui_server;
-mod verify;
-mod vibration;
-mod vibration_arguments;
-#[cfg(feature = "simulator")]
-mod vibration_demo;
-mod vibration_identify;
-mod vibration_postures;
-mod vibration_stiffness;
-mod watch;
-mod watch_arguments;
-mod worded;
-mod workspace;
-mod zeroing;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -109,17 +25,18 @@ use std::sync::atomic::Ordering;
 use clap::CommandFactory;
 use rigident::application::recorded::{listed, named, refuse_several};
 
+pub use crate::screen::failure::{ExitStatus, Failure, Place};
+pub use crate::screen::progress::Progress;
+use crate::screen::progress::Stages;
 pub use arguments::Arguments;
-pub use failure::{ExitStatus, Failure, Place};
 pub use folder::Folder;
 pub use in_process::{Called, call};
-pub use progress::Progress;
-use progress::Stages;
 
+use crate::arguments::{Command, SchemaOf};
+use crate::commands::import::arguments::Convert;
 #[cfg(feature = "simulator")]
-use arguments::Repeated;
-use arguments::{Command, Convert, SchemaOf};
-use plan_arguments::Planned;
+use crate::commands::montecarlo::arguments::Repeated;
+use crate::commands::plan::arguments::Planned;
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
@@ -135,13 +52,13 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
         Err(error) => {
             // Help and the version are no failures.
             if json && error.use_stderr() {
-                outcome::say_failed(&in_one_line(&error.to_string()));
+                screen::outcome::say_failed(&in_one_line(&error.to_string()));
             }
             error.exit()
         }
     };
     listen_for_interrupts(json);
-    let outcome = dispatch(arguments).and_then(|code| match outcome::unwritten() {
+    let outcome = dispatch(arguments).and_then(|code| match screen::outcome::unwritten() {
         Some(error) => Err(Failure::input(format!(
             "the answer cannot be written to standard output: {error}; make room there, or write it elsewhere"
         ))),
@@ -152,9 +69,9 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
         Err(failure) => {
             tell!("rigident: {failure}");
             if json {
-                outcome::say_failed(&failure.to_string());
+                screen::outcome::say_failed(&failure.to_string());
             }
-            folder::note_failure(&outcome::failed(&failure.to_string()));
+            folder::note_failure(&screen::outcome::failed(&failure.to_string()));
             failure.status()
         }
     }
@@ -167,7 +84,7 @@ fn listen_for_interrupts(json: bool) {
     let handler = ctrlc::set_handler(move || {
         if rigident::device::session::INTERRUPTED.swap(true, Ordering::Relaxed) {
             if json {
-                outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
+                screen::outcome::say_failed("ended by a second Ctrl-C; files may be incomplete");
             }
             std::process::exit(ExitStatus::Interrupted as i32);
         }
@@ -250,74 +167,74 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
     check_folder(arguments.command.as_ref())?;
     match arguments.command {
         #[cfg(feature = "simulator")]
-        None => demo::run(&Arguments::default_demo()),
+        None => commands::demo::run(&commands::demo::arguments::Demo::bare()),
         #[cfg(feature = "simulator")]
-        Some(Command::Demo(a)) => demo::run(&a),
+        Some(Command::Demo(a)) => commands::demo::run(&a),
         #[cfg(not(feature = "simulator"))]
         None | Some(Command::Demo(_)) => Err(needs_simulator("`rigident demo`")),
         Some(Command::Identify(mut a)) => {
             a.recording = listed(a.recording);
             a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
-            identify::run(&a)
+            commands::identify::run(&a)
         }
         Some(Command::Replay(mut a)) => {
             a.recording = named(a.recording);
             a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
-            replay::run(&a)
+            commands::replay::run(&a)
         }
         Some(Command::Watch(mut a)) => {
             a.recording = named(a.recording);
-            watch::run(&a)
+            commands::watch::run(&a)
         }
-        Some(Command::Run(a)) => run::run(&a),
-        Some(Command::Live(a)) => live::run(&a),
-        Some(Command::Calibrate(a)) => calibrate::run(&a),
-        Some(Command::Verify(a)) => verify::run(&a),
-        Some(Command::Predict(a)) => predict::predict(&a),
-        Some(Command::Validate(a)) => predict::validate(&a),
-        Some(Command::Factor(a)) => factor::make(&a),
-        Some(Command::Merge(a)) => merge::merge(&a),
+        Some(Command::Run(a)) => commands::run::run(&a),
+        Some(Command::Live(a)) => commands::live::run(&a),
+        Some(Command::Calibrate(a)) => commands::calibrate::run(&a),
+        Some(Command::Verify(a)) => commands::verify::run(&a),
+        Some(Command::Predict(a)) => commands::predict::predict(&a),
+        Some(Command::Validate(a)) => commands::predict::validate(&a),
+        Some(Command::Factor(a)) => commands::factor::make(&a),
+        Some(Command::Merge(a)) => commands::merge::merge(&a),
         Some(Command::Solve(mut a)) => {
             a.output.evidence = certificate::evidence(&a.factor, a.rig.as_deref());
-            factor::solve(&a)
+            commands::factor::solve(&a)
         }
-        Some(Command::Ports(a)) => ports::run(&a),
-        Some(Command::Info(a)) => info::run(&a),
-        Some(Command::Configure(a)) => configure::run(&a),
-        Some(Command::Monitor(a)) => monitor::run(&a),
-        Some(Command::Doctor(a)) => doctor::run(&a),
-        Some(Command::Completions(a)) => completions::completions(&a),
-        Some(Command::Man(a)) => completions::man(&a),
+        Some(Command::Ports(a)) => commands::ports::run(&a),
+        Some(Command::Info(a)) => commands::info::run(&a),
+        Some(Command::Configure(a)) => commands::configure::run(&a),
+        Some(Command::Monitor(a)) => commands::monitor::run(&a),
+        Some(Command::Doctor(a)) => commands::doctor::run(&a),
+        Some(Command::Completions(a)) => commands::completions::completions(&a),
+        Some(Command::Man(a)) => commands::completions::man(&a),
         #[cfg(not(target_family = "wasm"))]
-        Some(Command::Ui(a)) => ui::run(&a),
+        Some(Command::Ui(a)) => commands::ui::run(&a),
         #[cfg(target_family = "wasm")]
         Some(Command::Ui(_)) => Err(Failure::input("this is the page already")),
         Some(Command::Convert(a)) => convert(&a),
-        Some(Command::Import(a)) if a.look => import_look::run(&a),
-        Some(Command::Import(a)) => import::run(&a),
+        Some(Command::Import(a)) if a.look => commands::import::look::run(&a),
+        Some(Command::Import(a)) => commands::import::run(&a),
         #[cfg(not(feature = "simulator"))]
         Some(Command::Montecarlo(_)) => Err(needs_simulator("`rigident montecarlo`")),
         #[cfg(feature = "simulator")]
         Some(Command::Montecarlo(a)) => match &a.what {
-            Some(Repeated::Poses(poses)) => montecarlo_poses::run(poses),
-            Some(Repeated::Motions(motions)) => montecarlo_motions::run(motions),
-            Some(Repeated::TwoSteps(motions)) => montecarlo_motions::in_two_steps(motions),
-            None => montecarlo::run(&a),
+            Some(Repeated::Poses(poses)) => commands::montecarlo::poses::run(poses),
+            Some(Repeated::Motions(motions)) => commands::montecarlo::motions::run(motions),
+            Some(Repeated::TwoSteps(motions)) => commands::montecarlo::motions::in_two_steps(motions),
+            None => commands::montecarlo::run(&a),
         },
-        Some(Command::Statics(a)) => statics::run(&a),
-        Some(Command::Summary(a)) => summary::run(&a),
-        Some(Command::Workspace(a)) => workspace::run(&a),
+        Some(Command::Statics(a)) => commands::statics::run(&a),
+        Some(Command::Summary(a)) => commands::summary::run(&a),
+        Some(Command::Workspace(a)) => commands::workspace::run(&a),
         Some(Command::Plan(a)) => match a.what {
-            Planned::Poses(a) => plan_poses::run(&a),
-            Planned::Motion(a) => plan_motion::run(&a),
-            Planned::Compare(a) => plan_motion::compare(&a),
-            Planned::Excitation(a) => plan_excitation::run(&a),
+            Planned::Poses(a) => commands::plan::poses::run(&a),
+            Planned::Motion(a) => commands::plan::motion::run(&a),
+            Planned::Compare(a) => commands::plan::motion::compare(&a),
+            Planned::Excitation(a) => commands::plan::excitation::run(&a),
         },
         Some(Command::Schema(a)) => schema(&a),
-        Some(Command::Model(a)) => model::run(&a),
-        Some(Command::Body(a)) => body::run(&a),
-        Some(Command::Vibration(a)) => vibration::run(&a),
-        Some(Command::Bench(a)) => bench::run(&a),
+        Some(Command::Model(a)) => commands::model::run(&a),
+        Some(Command::Body(a)) => commands::body::run(&a),
+        Some(Command::Vibration(a)) => commands::vibration::run(&a),
+        Some(Command::Bench(a)) => commands::bench::run(&a),
     }
 }
 
@@ -334,7 +251,7 @@ fn needs_simulator(what: &str) -> Failure {
 fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
     let schema = rigident::schema::schema(&arguments.file)
         .ok_or_else(|| Failure::input(format!("there is no schema of {:?}", arguments.file)))?;
-    outcome::say_as_it_is(format_args!("{schema:#}"));
+    screen::outcome::say_as_it_is(format_args!("{schema:#}"));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -348,7 +265,7 @@ fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
         tell!("rigident: {warning}");
     }
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
-    outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));
+    screen::outcome::say(format_args!("{} rows in {}", done.rows, files.join(" and ")));
     Ok(ExitCode::SUCCESS)
 }
 

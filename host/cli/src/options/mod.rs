@@ -5,6 +5,7 @@ pub(crate) mod forgetting;
 pub(crate) mod known_values;
 pub(crate) mod load;
 pub(crate) mod microcontroller;
+pub(crate) mod output;
 #[cfg(feature = "simulator")]
 pub(crate) mod own_body;
 pub(crate) mod payload;

@@ -1,0 +1,34 @@
+//! One file or folder for a command, its arguments beside it.
+
+pub(crate) mod bench;
+pub(crate) mod body;
+pub(crate) mod calibrate;
+pub(crate) mod completions;
+pub(crate) mod configure;
+#[cfg(feature = "simulator")]
+pub(crate) mod demo;
+pub(crate) mod device_arguments;
+pub(crate) mod doctor;
+pub(crate) mod factor;
+pub(crate) mod identify;
+pub(crate) mod import;
+pub(crate) mod info;
+pub(crate) mod live;
+pub(crate) mod merge;
+pub(crate) mod model;
+pub(crate) mod monitor;
+#[cfg(feature = "simulator")]
+pub(crate) mod montecarlo;
+pub(crate) mod plan;
+pub(crate) mod ports;
+pub(crate) mod predict;
+pub(crate) mod replay;
+pub(crate) mod run;
+pub(crate) mod statics;
+pub(crate) mod summary;
+#[cfg(not(target_family = "wasm"))]
+pub(crate) mod ui;
+pub(crate) mod verify;
+pub(crate) mod vibration;
+pub(crate) mod watch;
+pub(crate) mod workspace;
