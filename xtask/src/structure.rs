@@ -52,7 +52,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 30] = [
+const KNOWN_ARROWS: [KnownArrow; 28] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "", "scalar", "linear_algebra", "a scalar brings the fastest sums over slices for it"),
