@@ -149,14 +149,14 @@ fn assemble() -> Result<()> {
     }
     std::fs::create_dir_all(site.join("example"))?;
     let page = places::root().join("web/page");
-    let embedded = std::fs::read_to_string(places::root().join("host/cli/src/ui_files.rs"))?;
+    let embedded = std::fs::read_to_string(places::root().join("host/cli/src/commands/ui/files.rs"))?;
     let cached = std::fs::read_to_string(page.join("sw.js"))?;
     for entry in std::fs::read_dir(&page)? {
         let path = entry?.path();
         let name = path.file_name().context("a file without a name")?;
         std::fs::copy(&path, site.join(name)).with_context(|| path.display().to_string())?;
         let quoted = format!("\"{}\"", name.to_string_lossy());
-        ensure!(embedded.contains(&quoted), "host/cli/src/ui_files.rs does not list {quoted}");
+        ensure!(embedded.contains(&quoted), "host/cli/src/commands/ui/files.rs does not list {quoted}");
         let is_kept = cached.contains(&quoted) || name == "index.html" || name == "sw.js";
         ensure!(is_kept, "web/page/sw.js does not keep {quoted}");
     }

@@ -94,7 +94,7 @@ fn changed_lines(setting: &Setting, reference_s: f64) -> Result<Vec<Figure>> {
     measure::run(&mut build(), &[0])?;
     let mut figures = Vec::new();
     for (room, file, limit) in
-        [("cli", "host/cli/src/predict.rs", 12.0), ("fit", "host/fit/src/weighing.rs", 35.0)]
+        [("cli", "host/cli/src/commands/predict/mod.rs", 12.0), ("fit", "host/fit/src/weighing.rs", 35.0)]
     {
         let mut seconds = Vec::new();
         for number in 0..CHANGES {
