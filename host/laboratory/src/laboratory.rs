@@ -468,8 +468,8 @@ mod tests {
         let fit = empty.with_calibration(empty.together(&[0, 1]).unwrap(), &[0, 1]);
         let mass = fit.data_alone().measured(0).unwrap();
         let kg = bare.chunks(10).map(|phi| phi[0]).sum::<f64>();
-        // The scale of the plate is counted: 0.5 % that all share and 0.5 % of its own (1 σ each).
-        let scale = 1.96 * 0.005 * 2.0_f64.sqrt() * kg;
+        // The scale of the plate is counted: 1 % that all share and 1 % of its own (1 σ each).
+        let scale = 1.96 * 0.01 * 2.0_f64.sqrt() * kg;
         let beside = (mass.u95 * mass.u95 - scale * scale).max(0.0).sqrt();
         assert!((mass.value - kg).abs() < mass.u95 && beside < 0.01 * kg, "{mass:?} {kg} {beside}");
         let found = tool(&held, &empty, "r_hand", "racket").unwrap();

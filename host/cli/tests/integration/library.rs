@@ -276,6 +276,8 @@ fn replays_are_those_of_the_command_to_the_last_bit() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     recordings(at);
+    let two = rigident(at, &["demo", "--body", "two-links", "--duration-s", "20", "--out", "two"]);
+    assert!(status(&two) < 2, "{}", said(&two));
     let plain = ReplayOptions::default;
     let tare = vec![Fixture::File(at.join("fixture.csv"))];
     let until = StopCriterion { until: vec!["m=0.05".to_owned()], keep_going: false };
@@ -288,7 +290,7 @@ fn replays_are_those_of_the_command_to_the_last_bit() {
             ReplayOptions { tare, asked: vec!["m".to_owned()], ..plain() },
         ),
         ("bracket.csv", &["--forget", "3"], ReplayOptions { span: Some(Span::TimeConstant(3.0)), ..plain() }),
-        ("two-links.csv", &[], plain()),
+        ("two/demo.mcap", &[], plain()),
     ]
     .into_iter()
     .enumerate()

@@ -198,8 +198,8 @@ mod tests {
         let [own, table] = [1.0, 10.0].map(|mean| move |k: usize, size: f64| mean + size * off(k) + drift(k));
         let block = |off: f64| PredictedBlock {
             time_s: 0.0,
-            measured: vec![off],
-            predicted: vec![0.0],
+            measured: vec![0.0],
+            predicted: vec![-off],
             told: Vec::new(),
         };
         let of = |value: &dyn Fn(usize) -> f64| Prediction {
@@ -209,7 +209,8 @@ mod tests {
         };
         let sums = Sums::of(&[of(&|k| own(k, 2.0)), of(&|k| table(k, 1.0))], 0, 1.0);
         let means = [sums.own_sum / 40.0, sums.table_sum / 40.0];
-        assert!(sums.gain_sd([0.0; 2]) > 3.0 && sums.gain_sd(means) < -3.0);
+        let (whole, scatter) = (sums.gain_sd([0.0; 2]), sums.gain_sd(means));
+        assert!(whole > 3.0 && scatter < -3.0, "{whole} {scatter}");
         // The same by the differences themselves.
         let gain = |k: usize| (table(k, 1.0) - means[1]).powi(2) - (own(k, 2.0) - means[0]).powi(2);
         let gains: Vec<f64> = (0..40).map(gain).collect();

@@ -292,10 +292,12 @@ impl Study {
         for trial in trials {
             let own = self.motions.iter().enumerate().filter(|(_, motion)| motion.trial == trial);
             let own: Vec<usize> = own.map(|(k, _)| k).collect();
-            masses.extend(self.mass_of(&own)?.map(|mass| (trial, mass.measured())));
+            masses.extend(self.mass_of(&own)?.map(|mass| (trial, mass)));
         }
-        let pairs = masses.iter().enumerate().flat_map(|(k, a)| masses.iter().skip(k + 1).map(|b| [*a, *b]));
-        Ok(pairs.filter(|[a, b]| apart(&a.1, &b.1)).collect())
+        let pairs =
+            masses.iter().enumerate().flat_map(|(k, a)| masses.iter().skip(k + 1).map(move |b| [a, b]));
+        let apart = pairs.filter(|[a, b]| apart(&a.1, &b.1));
+        Ok(apart.map(|pair| pair.map(|(trial, mass)| (*trial, mass.measured()))).collect())
     }
 
     /// Returns how joint centres and marker places, then each kind of errors of plates, move what some motions and the table say, one
@@ -378,11 +380,11 @@ impl Study {
     }
 }
 
-/// Returns whether two masses contradict each other: their intervals do not overlap, and plates do not differ
-/// by this much.
-fn apart(a: &Measured, b: &Measured) -> bool {
-    let off = (a.value - b.value).abs();
-    off > a.u95 + b.u95 && off > OTHER_MASS * a.value.max(b.value)
+/// Returns whether two masses contradict each other: they differ by far more than the uncertainty of their difference.
+fn apart(a: &Mass, b: &Mass) -> bool {
+    let off = (a.kg - b.kg).abs();
+    // The same plates are in both.
+    off > OTHER_MASS_U95 * a.less(b).u95 && off > OTHER_MASS * a.kg.max(b.kg)
 }
 
 /// Returns the table as rows.

@@ -81,12 +81,40 @@ fn feet_on<'a>(trial: &'a Trial, plate: &GroundWrench) -> impl Fn(f64) -> bool +
     let floor = lows.iter().map(|(_, z)| *z).fold(f64::INFINITY, f64::min);
     let feet: Vec<(usize, f64)> = lows.into_iter().filter(|(_, z)| z - floor < ANKLE_M).collect();
     let pressed = Vector3::from(zeroing::pressed(plate));
+    let corners = plate.corners_m;
+    let is_over = move |at: &Vector3<f64>| corners.is_none_or(|corners| is_within(&corners, at));
     move |time_s: f64| {
         let frame = ((time_s - trial.first_s) * trial.rate_hz).round().max(0.0) as usize;
         let stands = |(label, low): &(usize, f64)| {
             let at = trial.point(frame, *label)?;
-            (at.z - low < RAISED_M && (at - pressed).xy().norm() < ON_IT_M).then_some(())
+            (at.z - low < RAISED_M && (at - pressed).xy().norm() < ON_IT_M && is_over(&at)).then_some(())
         };
         frame < trial.frames() && feet.iter().any(|foot| stands(foot).is_some())
+    }
+}
+
+/// Returns true for a point above a plate, whichever way its corners go round.
+fn is_within(corners: &[[f64; 3]; 4], at: &Vector3<f64>) -> bool {
+    let side = |k: usize| {
+        let [from, to] = [k, (k + 1) % 4].map(|k| Vector3::from(corners[k]));
+        (to - from).cross(&(at - from)).z
+    };
+    let sides = [side(0), side(1), side(2), side(3)];
+    sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_beside_a_plate_is_not_above_it() {
+        let corners = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.6, 0.0], [0.0, 0.6, 0.0]];
+        let other_way = [corners[3], corners[2], corners[1], corners[0]];
+        for corners in [corners, other_way] {
+            assert!(is_within(&corners, &Vector3::new(0.1, 0.5, 0.08)));
+            assert!(!is_within(&corners, &Vector3::new(0.51, 0.3, 0.08)));
+            assert!(!is_within(&corners, &Vector3::new(0.1, -0.02, 0.0)));
+        }
     }
 }
