@@ -4,13 +4,13 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::commands::body::arguments::Body;
 use crate::commands::calibrate::arguments::{Calibrate, Verify};
-use crate::commands::demo::arguments::Demo;
+use crate::commands::demo_arguments::Demo;
 use crate::commands::device_arguments::{Completions, Configure, Doctor, Info, Man, Monitor, Ports};
 use crate::commands::factor::arguments::{MakeFactor, Merge, Solve};
 use crate::commands::identify::arguments::Identify;
 use crate::commands::import::arguments::{Convert, Import};
 use crate::commands::live::arguments::Live;
-use crate::commands::montecarlo::arguments::Montecarlo;
+use crate::commands::montecarlo_arguments::Montecarlo;
 use crate::commands::plan::arguments::{Plan, Statics, Workspace};
 use crate::commands::predict::arguments::{Predict, Summary, Validate};
 use crate::commands::replay::arguments::Replay;

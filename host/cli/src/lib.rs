@@ -35,7 +35,7 @@ pub use in_process::{Called, call};
 use crate::arguments::{Command, SchemaOf};
 use crate::commands::import::arguments::Convert;
 #[cfg(feature = "simulator")]
-use crate::commands::montecarlo::arguments::Repeated;
+use crate::commands::montecarlo_arguments::Repeated;
 use crate::commands::plan::arguments::Planned;
 
 /// Runs the command line of this process.
@@ -167,7 +167,7 @@ fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
     check_folder(arguments.command.as_ref())?;
     match arguments.command {
         #[cfg(feature = "simulator")]
-        None => commands::demo::run(&commands::demo::arguments::Demo::bare()),
+        None => commands::demo::run(&commands::demo_arguments::Demo::bare()),
         #[cfg(feature = "simulator")]
         Some(Command::Demo(a)) => commands::demo::run(&a),
         #[cfg(not(feature = "simulator"))]

@@ -7,6 +7,7 @@ pub(crate) mod completions;
 pub(crate) mod configure;
 #[cfg(feature = "simulator")]
 pub(crate) mod demo;
+pub(crate) mod demo_arguments;
 pub(crate) mod device_arguments;
 pub(crate) mod doctor;
 pub(crate) mod factor;
@@ -19,6 +20,7 @@ pub(crate) mod model;
 pub(crate) mod monitor;
 #[cfg(feature = "simulator")]
 pub(crate) mod montecarlo;
+pub(crate) mod montecarlo_arguments;
 pub(crate) mod plan;
 pub(crate) mod ports;
 pub(crate) mod predict;

@@ -1,6 +1,5 @@
 //! `rigident demo`: one body or two links on the simulated platform, or a person from frames.
 
-pub(crate) mod arguments;
 #[cfg(feature = "simulator")]
 pub(crate) mod explain;
 
@@ -14,7 +13,7 @@ use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::frames_of;
 use rigident_sim::sensors::SensorModels;
 
-use crate::commands::demo::arguments::{Demo, Demonstrated};
+use crate::commands::demo_arguments::{Demo, Demonstrated};
 use crate::commands::run::refused::refuse_for_trees;
 use crate::commands::run::{guards, programme, zeroing};
 use crate::device::experiment::{Watcher, conclude};

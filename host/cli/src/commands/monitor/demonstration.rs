@@ -3,8 +3,8 @@
 use rigident_sim::rig::{Rig, RigConfig};
 
 use crate::Failure;
-use crate::commands::demo::arguments::Demo;
 use crate::commands::demo::{RATE_HZ, device, simulated_sensors};
+use crate::commands::demo_arguments::Demo;
 use crate::device::link::configured;
 use crate::options::microcontroller::Mcu;
 use rigident::application::monitor::{GrowingView, Listener, trouble};

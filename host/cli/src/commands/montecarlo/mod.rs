@@ -1,4 +1,3 @@
-pub(crate) mod arguments;
 #[cfg(feature = "simulator")]
 pub(crate) mod motions;
 #[cfg(feature = "simulator")]
@@ -11,7 +10,7 @@ use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
 use rigident_sim::rig::RigConfig;
 use serde::Serialize;
 
-use crate::commands::montecarlo::arguments::{Estimating, Montecarlo, NoiseReading};
+use crate::commands::montecarlo_arguments::{Estimating, Montecarlo, NoiseReading};
 use crate::device::experiment::check_duration;
 use crate::options::test_body::DemoBody;
 use crate::screen::outcome::say;

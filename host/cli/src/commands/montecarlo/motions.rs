@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use rigident_shared::inertia::{PARAMETER_NAMES, PARAMETER_UNITS};
 use serde::Serialize;
 
-use crate::commands::montecarlo::arguments::MontecarloMotions;
+use crate::commands::montecarlo_arguments::MontecarloMotions;
 use crate::screen::outcome::say;
 use crate::{ExitStatus, Failure, Progress};
 use rigident::device::session::INTERRUPTED;

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::commands::factor::absent;
-use crate::commands::montecarlo::arguments::MontecarloPoses;
+use crate::commands::montecarlo_arguments::MontecarloPoses;
 use crate::screen::outcome::say;
 use crate::{ExitStatus, Failure, Progress};
 use rigident::device::session::INTERRUPTED;

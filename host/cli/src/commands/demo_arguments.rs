@@ -1,4 +1,4 @@
-use clap::{Args, Parser};
+use clap::Args;
 
 use crate::commands::run::adaptive::Adaptive;
 use crate::commands::run::programme::Programme;
@@ -77,11 +77,11 @@ impl Demo {
     /// Returns what a bare `rigident` does.
     #[cfg(feature = "simulator")]
     pub(crate) fn bare() -> Self {
-        #[derive(Parser)]
+        #[derive(clap::Parser)]
         struct Alone {
             #[command(flatten)]
             demo: Demo,
         }
-        Alone::parse_from(["demo"]).demo
+        <Alone as clap::Parser>::parse_from(["demo"]).demo
     }
 }
