@@ -26,7 +26,7 @@ impl Engine<'_> {
         let found = self.found(&pass, &conclusion, &lack_of_fit, forgetting);
         let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint);
         let inflation = found.inflation();
-        let joint = self.joint(&pass, &conclusion.joint, conclusion.check.variance_scale, &inflation);
+        let joint = self.joint(&pass, &conclusion.joint, conclusion.check.variance_scale, inflation);
         let channels = self.channel_fits(&pass, &conclusion);
         let Conclusion { check, residuals, factor, solved, rows, estimate, .. } = conclusion;
         let mut white = Solution { factor, solved, rows, estimate };
@@ -58,7 +58,7 @@ impl Engine<'_> {
             model_fingerprint: self.source.model_fingerprint(),
             identities: vec![self.source.identity()],
             prior: None,
-            inflation,
+            inflation: inflation.to_vec(),
             widened: by,
             signal_bias: found.bias,
             spurious_information: found.spurious_information,

@@ -23,8 +23,8 @@ pub(super) struct Found {
 impl Found {
     /// Returns the factor on the standard deviation of each parameter for autocorrelated residuals; empty:
     /// none.
-    pub(super) fn inflation(&self) -> Vec<f64> {
-        self.beyond.as_ref().map_or_else(Vec::new, |beyond| beyond.inflation.clone())
+    pub(super) fn inflation(&self) -> &[f64] {
+        self.beyond.as_ref().map_or(&[], |beyond| &beyond.inflation)
     }
 
     /// Returns true if rows are any noisier than white.

@@ -267,8 +267,8 @@ fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     distance(sole, to).min(((to - ball).xy() - way * along).norm())
 }
 
-/// Returns whether a point is above a convex surface.
-fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
+/// Returns whether a point is above a convex surface, whichever way its corners go round.
+pub(super) fn is_inside(corners: &[[f64; 3]; 4], point: &Vector3<f64>) -> bool {
     let side = |k: usize| {
         let (a, b) = (corners[k], corners[(k + 1) % 4]);
         (b[0] - a[0]) * (point.y - a[1]) - (b[1] - a[1]) * (point.x - a[0])
@@ -302,4 +302,20 @@ pub fn counts(dropped: &[Option<Dropped>]) -> BTreeMap<Dropped, usize> {
         *counts.entry(*reason).or_default() += 1;
     }
     counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_beside_a_plate_is_not_above_it() {
+        let corners = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.6, 0.0], [0.0, 0.6, 0.0]];
+        let other_way = [corners[3], corners[2], corners[1], corners[0]];
+        for corners in [corners, other_way] {
+            assert!(is_inside(&corners, &Vector3::new(0.1, 0.5, 0.08)));
+            assert!(!is_inside(&corners, &Vector3::new(0.51, 0.3, 0.08)));
+            assert!(!is_inside(&corners, &Vector3::new(0.1, -0.02, 0.0)));
+        }
+    }
 }

@@ -8,28 +8,34 @@ use rigident_io::motion_capture::trial::Trial;
 use rigident_io::motion_capture::zeroing::{self, UNKNOWN_ZERO_N, UNKNOWN_ZERO_NM};
 use rigident_rows::tree::UnknownZero;
 
+use super::contact::is_inside;
+
 /// Tells of plates whose zero drifts.
 pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
-    let plates = trials.iter().flat_map(|trial| trial.ground.iter().map(move |plate| (trial, plate)));
-    let told = plates.filter_map(|(trial, plate)| {
-        let drift = zeroing::drift(plate, &feet_on(trial, plate))?;
-        Some(format!(
-            "{}, {}: its zero drifts by {drift:.0} N between the first and the last time without load: the mass is wrong by up to {:.1} kg",
-            trial.name,
-            plate.name,
-            drift.abs() / GRAVITY
-        ))
-    });
-    told.collect()
+    let said = |trial: &Trial| -> Vec<String> {
+        let feet = Feet::of(trial);
+        let of = |plate: &GroundWrench| {
+            let drift = zeroing::drift(plate, &feet.on(plate))?;
+            Some(format!(
+                "{}, {}: its zero drifts by {drift:.0} N between the first and the last time without load: the mass is wrong by up to {:.1} kg",
+                trial.name,
+                plate.name,
+                drift.abs() / GRAVITY
+            ))
+        };
+        trial.ground.iter().filter_map(of).collect()
+    };
+    trials.iter().flat_map(said).collect()
 }
 
 /// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
 /// plates of each trial whose zero is not known: none if plates `are_zeroed` before every trial.
 pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
-    let own: Vec<Vec<Option<[f64; 6]>>> = trials
-        .iter()
-        .map(|t| t.ground.iter().map(|plate| zeroing::offset(plate, &feet_on(t, plate))).collect())
-        .collect();
+    let offsets = |trial: &Trial| {
+        let feet = Feet::of(trial);
+        trial.ground.iter().map(|plate| zeroing::offset(plate, &feet.on(plate))).collect()
+    };
+    let own: Vec<Vec<Option<[f64; 6]>>> = trials.iter().map(offsets).collect();
     let corners: Vec<Vec<Option<[[f64; 3]; 4]>>> =
         trials.iter().map(|t| t.ground.iter().map(|plate| plate.corners_m).collect()).collect();
     let (mut notes, mut unzeroed) = (Vec::new(), vec![Vec::new(); own.len()]);
@@ -67,54 +73,42 @@ const ON_IT_M: f64 = 0.12;
 /// Frames of a trial that tell how low markers are, about.
 const TELLING: usize = 500;
 
-/// Returns whether a foot stands on a plate at a time, s, as the markers show it.
-fn feet_on<'a>(trial: &'a Trial, plate: &GroundWrench) -> impl Fn(f64) -> bool + 'a {
-    let every = trial.frames().div_ceil(TELLING).max(1);
-    let low = |label: usize| {
-        let frames = (0..trial.frames()).step_by(every);
-        let mut heights: Vec<f64> = frames.filter_map(|f| Some(trial.point(f, label)?.z)).collect();
-        heights.sort_by(f64::total_cmp);
-        heights.get(heights.len() / 10).copied()
-    };
-    let lows: Vec<(usize, f64)> =
-        (0..trial.labels.len()).filter_map(|label| Some((label, low(label)?))).collect();
-    let floor = lows.iter().map(|(_, z)| *z).fold(f64::INFINITY, f64::min);
-    let feet: Vec<(usize, f64)> = lows.into_iter().filter(|(_, z)| z - floor < ANKLE_M).collect();
-    let pressed = Vector3::from(zeroing::pressed(plate));
-    let corners = plate.corners_m;
-    let is_over = move |at: &Vector3<f64>| corners.is_none_or(|corners| is_within(&corners, at));
-    move |time_s: f64| {
-        let frame = ((time_s - trial.first_s) * trial.rate_hz).round().max(0.0) as usize;
-        let stands = |(label, low): &(usize, f64)| {
-            let at = trial.point(frame, *label)?;
-            (at.z - low < RAISED_M && (at - pressed).xy().norm() < ON_IT_M && is_over(&at)).then_some(())
+/// The markers of a trial's feet.
+struct Feet<'a> {
+    trial: &'a Trial,
+    /// Each label with its height while the foot stands, m.
+    lows: Vec<(usize, f64)>,
+}
+
+impl<'a> Feet<'a> {
+    fn of(trial: &'a Trial) -> Self {
+        let every = trial.frames().div_ceil(TELLING).max(1);
+        let low = |label: usize| {
+            let frames = (0..trial.frames()).step_by(every);
+            let mut heights: Vec<f64> = frames.filter_map(|f| Some(trial.point(f, label)?.z)).collect();
+            heights.sort_by(f64::total_cmp);
+            heights.get(heights.len() / 10).copied()
         };
-        frame < trial.frames() && feet.iter().any(|foot| stands(foot).is_some())
+        let mut lows: Vec<(usize, f64)> =
+            (0..trial.labels.len()).filter_map(|label| Some((label, low(label)?))).collect();
+        let floor = lows.iter().map(|(_, z)| *z).fold(f64::INFINITY, f64::min);
+        lows.retain(|(_, z)| z - floor < ANKLE_M);
+        Self { trial, lows }
     }
-}
 
-/// Returns true for a point above a plate, whichever way its corners go round.
-fn is_within(corners: &[[f64; 3]; 4], at: &Vector3<f64>) -> bool {
-    let side = |k: usize| {
-        let [from, to] = [k, (k + 1) % 4].map(|k| Vector3::from(corners[k]));
-        (to - from).cross(&(at - from)).z
-    };
-    let sides = [side(0), side(1), side(2), side(3)];
-    sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_point_beside_a_plate_is_not_above_it() {
-        let corners = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.6, 0.0], [0.0, 0.6, 0.0]];
-        let other_way = [corners[3], corners[2], corners[1], corners[0]];
-        for corners in [corners, other_way] {
-            assert!(is_within(&corners, &Vector3::new(0.1, 0.5, 0.08)));
-            assert!(!is_within(&corners, &Vector3::new(0.51, 0.3, 0.08)));
-            assert!(!is_within(&corners, &Vector3::new(0.1, -0.02, 0.0)));
+    /// Returns whether a foot stands on a plate at a time, s, as the markers show it.
+    fn on(&self, plate: &GroundWrench) -> impl Fn(f64) -> bool {
+        let (trial, corners) = (self.trial, plate.corners_m);
+        let pressed = Vector3::from(zeroing::pressed(plate));
+        let is_over = move |at: &Vector3<f64>| corners.is_none_or(|corners| is_inside(&corners, at));
+        move |time_s: f64| {
+            let frame = ((time_s - trial.first_s) * trial.rate_hz).round().max(0.0) as usize;
+            let stands = |(label, low): &(usize, f64)| {
+                trial.point(frame, *label).is_some_and(|at| {
+                    at.z - low < RAISED_M && (at - pressed).xy().norm() < ON_IT_M && is_over(&at)
+                })
+            };
+            frame < trial.frames() && self.lows.iter().any(stands)
         }
     }
 }

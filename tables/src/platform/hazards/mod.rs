@@ -60,6 +60,21 @@ impl Draws {
     }
 }
 
+/// Returns six equal points about a centre of mass, two on each axis, kg and m, and the body that they are.
+fn six_points(mass_kg: f64, com_m: [f64; 3], away_m: [f64; 3]) -> (Vec<(f64, [f64; 3])>, BodyParameters) {
+    let sixth = mass_kg / 6.0;
+    let mut points = Vec::new();
+    for (k, away) in away_m.into_iter().enumerate() {
+        for sign in [-1.0, 1.0] {
+            let mut at = com_m;
+            at[k] += sign * away;
+            points.push((sixth, at));
+        }
+    }
+    let [x, y, z] = away_m.map(|v| 2.0 * sixth * v * v);
+    (points, BodyParameters { mass_kg, com_m, inertia_com_kgm2: [y + z, x + z, x + y, 0.0, 0.0, 0.0] })
+}
+
 /// A machine with its body and programs that keep its limits.
 struct Hexapod {
     /// Of the plate's joints.
@@ -80,20 +95,9 @@ impl Hexapod {
         }
         geometry.leg_length_m = geometry.leg_length_m.map(|l| l * scale);
         geometry.leg_rate_mps = 0.5 * scale.sqrt();
-        // Six equal points about the centre of mass, two on each axis.
         let away = [0.25, 0.35, 0.2].map(|v| v * radius_m);
         let com_m = [0.1 * radius_m, -0.05 * radius_m, 0.3 * radius_m];
-        let sixth = mass_kg / 6.0;
-        let mut points = Vec::new();
-        for (k, away) in away.into_iter().enumerate() {
-            for sign in [-1.0, 1.0] {
-                let mut at = com_m;
-                at[k] += sign * away;
-                points.push((sixth, at));
-            }
-        }
-        let [x, y, z] = away.map(|v| 2.0 * sixth * v * v);
-        let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2: [y + z, x + z, x + y, 0.0, 0.0, 0.0] };
+        let (points, body) = six_points(mass_kg, com_m, away);
         let load = Load::body(body);
         let still = geometry.peak_leg_forces(&hexapod::Trajectory::resting(&geometry.home()), 1.0, &load);
         let weight = still.expect("home is not singular").into_iter().fold(0.0, f64::max);

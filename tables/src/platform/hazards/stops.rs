@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 
 use hexapod::experiment::thesis_program;
-use hexapod::{BodyParameters, Geometry, Load, MotionProgram};
+use hexapod::{Geometry, Load, MotionProgram};
 use rigident::device::platform::{self, Stop, stops};
 use rigident_sim::rig::{BusEvent, Rig};
 
 use super::referee::STEP_S;
 use super::world::{Fault, World};
-use super::{Hexapod, ended};
+use super::{Hexapod, ended, six_points};
 
 /// Instants at which a stop begins.
 const INSTANTS: u32 = 4;
@@ -28,20 +28,7 @@ const CASES: [(&str, &str, Fault, f64); 6] = [
 
 /// The built-in machine with 20 kg standing: as point masses, and its default program.
 fn machine() -> Hexapod {
-    let mass_kg: f64 = 20.0;
-    let com_m = [0.0, 0.0, 0.247];
-    let away: [f64; 3] = [0.1, 0.1, 0.2];
-    let sixth = mass_kg / 6.0;
-    let mut points = Vec::new();
-    for (k, away) in away.into_iter().enumerate() {
-        for sign in [-1.0, 1.0] {
-            let mut at = com_m;
-            at[k] += sign * away;
-            points.push((sixth, at));
-        }
-    }
-    let [x, y, z] = away.map(|v| 2.0 * sixth * v * v);
-    let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2: [y + z, x + z, x + y, 0.0, 0.0, 0.0] };
+    let (points, body) = six_points(20.0, [0.0, 0.0, 0.247], [0.1, 0.1, 0.2]);
     let geometry = Geometry::thesis();
     let program = thesis_program(&geometry, 40.0);
     Hexapod { radius_m: 0.25, geometry, body, points, programs: vec![program] }
