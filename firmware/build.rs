@@ -1,5 +1,5 @@
-//! Hashes the firmware's own sources, those of its boards and the versions of its drivers, so that a recording can say what
-//! estimated it.
+//! Hashes the firmware's own sources, those of its boards and the versions of its drivers, so that a
+//! recording can say what estimated it.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};

@@ -1,9 +1,10 @@
 //! Samples that a board's interrupts read while the application works.
 //!
-//! The converter holds two conversions, an estimate takes longer. So a data-ready edge is served at once: the interrupt
-//! has the bus clock the sample out ([`Capture`]) into a ring, with the time that a timer latched at the edge, and the
-//! drivers find it there ([`Answering`]) whenever the application comes to it. A sample that is not stored is
-//! counted ([`Lost`]). Nothing here knows registers: a board and the simulator run the same code.
+//! The converter holds two conversions, an estimate takes longer. So a data-ready edge is served at once: the
+//! interrupt has the bus clock the sample out ([`Capture`]) into a ring, with the time that a timer latched
+//! at the edge, and the drivers find it there ([`Answering`]) whenever the application comes to it. A sample
+//! that is not stored is counted ([`Lost`]). Nothing here knows registers: a board and the simulator run the
+//! same code.
 //!
 //! ```text
 //! edge ─▶ Capture::on_edge ─▶ Order ─▶ transfer ─▶ Capture::on_read ─▶ ring ─▶ Answering ─▶ driver
@@ -22,10 +23,12 @@ use crate::drivers::{ads131m08, imu};
 pub const MAX_CAPTURED: usize = ads131m08::FRAME;
 /// Sensors that signal samples by edges: load cell, IMU, second IMU.
 const EDGES: usize = 3;
-/// Samples that the ring holds, less one. The main loop is away for longest while a checkpoint is written: [`LONGEST_AWAY_NS`],
-/// in which each sensor signals a sample every [`SHORTEST_PERIOD_NS`]. A test derives it.
+/// Samples that the ring holds, less one. The main loop is away for longest while a checkpoint is written:
+/// [`LONGEST_AWAY_NS`], in which each sensor signals a sample every [`SHORTEST_PERIOD_NS`]. A test derives
+/// it.
 const ROOM: usize = 144;
-/// The flash takes 100 µs a word at most (data sheet of the STM32F405, table of its flash), and interrupts come between words.
+/// The flash takes 100 µs a word at most (data sheet of the STM32F405, table of its flash), and interrupts
+/// come between words.
 const WORD_NS: u64 = 100_000;
 /// Of the longest record that is stored.
 const RECORD_WORDS: u64 = 1792 / 4;
@@ -93,8 +96,8 @@ fn request(sensor: Sensor) -> &'static [u8] {
     }
 }
 
-/// Counts transfers that brought nothing: those that did not end in time, and those that ended with an error. They only grow, and
-/// wrap.
+/// Counts transfers that brought nothing: those that did not end in time, and those that ended with an error.
+/// They only grow, and wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Failures {
     /// Given up because they did not end.
@@ -126,8 +129,9 @@ struct Line {
     stale: u8,
 }
 
-/// Returns whether the sample that was read after `again` others belongs to the edge. One edge is the first sample's: a signal
-/// that stays up makes none for those that follow. Of several edges the last one is the last sample's, if there are as many.
+/// Returns whether the sample that was read after `again` others belongs to the edge. One edge is the first
+/// sample's: a signal that stays up makes none for those that follow. Of several edges the last one is the
+/// last sample's, if there are as many.
 fn is_dated(edge: Edge, again: u8, more: bool) -> bool {
     if edge.count <= 1 { again == 0 } else { !more && (again == 0 || again + 1 == edge.count) }
 }
@@ -183,8 +187,8 @@ impl<'a> Capture<'a> {
         self.failures
     }
 
-    /// To be called every millisecond. Returns true if the transfer on its way is overdue: the board is to stop it and to reset
-    /// its bus, and then to call [`Self::on_overdue`].
+    /// To be called every millisecond. Returns true if the transfer on its way is overdue: the board is to
+    /// stop it and to reset its bus, and then to call [`Self::on_overdue`].
     #[must_use]
     pub fn on_look(&mut self) -> bool {
         if !matches!(self.bus, Bus::Reads { .. }) {
@@ -207,8 +211,8 @@ impl<'a> Capture<'a> {
         None
     }
 
-    /// Serves edges of these sensors from now on, and of no other. What they hold from before is thrown away, by the
-    /// order that is returned and those that follow.
+    /// Serves edges of these sensors from now on, and of no other. What they hold from before is thrown away,
+    /// by the order that is returned and those that follow.
     pub fn listen(&mut self, sensors: [bool; EDGES]) -> Option<Order> {
         let ways = self.lines.iter_mut().zip(&mut self.listening).zip(sensors).enumerate();
         for (k, ((line, listening), wanted)) in ways {
@@ -223,7 +227,8 @@ impl<'a> Capture<'a> {
         self.next()
     }
 
-    /// Takes a data-ready edge that was latched at this count. `missed`: the timer says that it was not the only one.
+    /// Takes a data-ready edge that was latched at this count. `missed`: the timer says that it was not the
+    /// only one.
     pub fn on_edge(&mut self, sensor: Sensor, ticks: u32, missed: bool) -> Option<Order> {
         let k = sensor as usize;
         let (true, Some(line)) = (self.listening.get(k).is_some_and(|l| *l), self.lines.get_mut(k)) else {
@@ -276,8 +281,8 @@ impl<'a> Capture<'a> {
         None
     }
 
-    /// Loses the sample on its way, and whatever the sensor holds: what comes next would be dated by another's edge, and an
-    /// IMU that is not read holds its signal up for ever.
+    /// Loses the sample on its way, and whatever the sensor holds: what comes next would be dated by
+    /// another's edge, and an IMU that is not read holds its signal up for ever.
     fn give_up(&mut self) {
         let Bus::Reads { sensor, edge, .. } = self.bus else { return };
         self.bus = Bus::Free;
@@ -366,8 +371,8 @@ impl<'a> Samples<'a> {
 /// The place of the sample that a driver is to find next.
 pub type Place = Cell<Option<Captured>>;
 
-/// A sensor as its driver sees it: a request for a sample is answered with the captured one, everything else goes over
-/// the bus.
+/// A sensor as its driver sees it: a request for a sample is answered with the captured one, everything else
+/// goes over the bus.
 pub struct Answering<'a, S> {
     spi: S,
     sensor: Sensor,

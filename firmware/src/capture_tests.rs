@@ -156,8 +156,8 @@ fn what_is_lost_is_counted_and_what_follows_has_its_own_time() {
     assert_eq!(samples.newly_lost().map(|(_, count)| count), [0; EDGES]);
 }
 
-/// The signal stays up until the FIFO is read, so that the second packet of two makes no edge. With the first one's time it
-/// would be a period early.
+/// The signal stays up until the FIFO is read, so that the second packet of two makes no edge. With the first
+/// one's time it would be a period early.
 #[test]
 fn of_packets_that_wait_the_one_is_kept_whose_edge_it_was() {
     let (mut ring, lost) = (Ring::new(), Lost::new());

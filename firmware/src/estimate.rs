@@ -1,7 +1,8 @@
 //! The estimate for the host, in slices between samples: the factor, its solution, the nearest body.
 //!
-//! A snapshot of what has been absorbed is put together to one factor, solved, and the nearest body searched for, a bounded
-//! step at a time. The operations and their order are those of doing it in one go, so are the bits.
+//! A snapshot of what has been absorbed is put together to one factor, solved, and the nearest body searched
+//! for, a bounded step at a time. The operations and their order are those of doing it in one go, so are the
+//! bits.
 
 use heapless::Vec;
 use rigident_shared::consistency::{ITERATIONS, Nearest, Search};

@@ -1,8 +1,8 @@
 //! The last events, in memory that a reset leaves alone.
 //!
-//! An event is three words: its number and how often it happened in a row, its time, and what happened with the CRC of all.
-//! Nothing else is kept: which one is the newest is seen from the numbers, a reset in the middle of writing loses one
-//! event, and what the memory holds when power comes on is none.
+//! An event is three words: its number and how often it happened in a row, its time, and what happened with
+//! the CRC of all. Nothing else is kept: which one is the newest is seen from the numbers, a reset in the
+//! middle of writing loses one event, and what the memory holds when power comes on is none.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -16,7 +16,8 @@ const WORDS: usize = 3;
 const COUNT_BITS: u32 = 8;
 const NUMBERS: u32 = 1 << (32 - COUNT_BITS);
 
-/// Room for the events. A board puts it where a start does not initialise memory: every bit pattern is a value.
+/// Room for the events. A board puts it where a start does not initialise memory: every bit pattern is a
+/// value.
 pub struct EventRoom([[AtomicU32; WORDS]; MAX_EVENTS]);
 
 impl EventRoom {

@@ -59,8 +59,8 @@ pub struct Buses<ADC, IMU, FRAMES> {
 impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevice, D: DelayNs>
     Instrument<P, ADC, IMU, FRAMES, D>
 {
-    /// On the named board, with room for the estimator, the sensors and something that waits. Nothing is sent to the
-    /// sensors yet.
+    /// On the named board, with room for the estimator, the sensors and something that waits. Nothing is sent
+    /// to the sensors yet.
     pub fn new(board: &str, path: P, buses: Buses<ADC, IMU, FRAMES>, delay: D) -> Self {
         let Buses { load_cell, imus: [imu, second], frames } = buses;
         Self {
@@ -131,8 +131,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.on_bytes_pausing(bytes, now_ns, || {});
     }
 
-    /// The same for a board whose interrupts read samples: `pause` is called before the sensors are brought up, which no sample
-    /// may come between. The board listens again to those that [`App::wanted`] names.
+    /// The same for a board whose interrupts read samples: `pause` is called before the sensors are brought
+    /// up, which no sample may come between. The board listens again to those that [`App::wanted`] names.
     #[inline(always)]
     pub fn on_bytes_pausing(&mut self, bytes: &[u8], now_ns: u64, mut pause: impl FnMut()) {
         for byte in bytes {
@@ -161,8 +161,8 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         })
     }
 
-    /// Reads the sample that a sensor has signalled, and does everything that follows from it. A sensor whose samples are not
-    /// wanted, and which may not be set up, is left alone.
+    /// Reads the sample that a sensor has signalled, and does everything that follows from it. A sensor whose
+    /// samples are not wanted, and which may not be set up, is left alone.
     pub fn on_event(&mut self, event: Event) {
         if !self.app.wants(event.sensor) {
             return self.app.tick(event.capture_time_ns);
@@ -237,8 +237,9 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
-    /// The same for a board that stands still while a sector is erased: nothing that may erase is done before everything has been
-    /// sent, and while bytes wait that the host has sent. `quiet`: neither is the case on the board's side.
+    /// The same for a board that stands still while a sector is erased: nothing that may erase is done before
+    /// everything has been sent, and while bytes wait that the host has sent. `quiet`: neither is the case on
+    /// the board's side.
     #[cfg(feature = "storage")]
     pub fn tend_when_quiet<F: embedded_storage::nor_flash::NorFlash>(
         &mut self,

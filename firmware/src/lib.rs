@@ -1,9 +1,10 @@
 //! The portable application of the microcontroller.
 //!
-//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame ([`frame_path`], [`watch_path`]), the
-//! device's end of the line, the sensor drivers, the ring that interrupts fill ([`capture`]), whether the program goes on ([`progress`]), and the [`Instrument`] that joins them. May not live here:
-//! pins, clocks, interrupts, anything of one board (that is `firmware/boards`), or mathematics that the host
-//! needs too (that is `rigident_shared`).
+//! Lives here: the states and commands ([`App`]), what happens to every sample ([`sample_path`]) and frame
+//! ([`frame_path`], [`watch_path`]), the device's end of the line, the sensor drivers, the ring that
+//! interrupts fill ([`capture`]), whether the program goes on ([`progress`]), and the [`Instrument`] that
+//! joins them. May not live here: pins, clocks, interrupts, anything of one board (that is
+//! `firmware/boards`), or mathematics that the host needs too (that is `rigident_shared`).
 //!
 //! No heap, no I/O, no clock: bytes, samples and the time are handed in, bytes are taken out.
 #![no_std]
@@ -33,8 +34,8 @@ pub use events::EventRoom;
 pub use instrument::{Buses, Event, Instrument};
 pub use version::FIRMWARE_HASH;
 
-/// Room for the estimator of whatever is configured. A board keeps it where it likes, away from its stack: it is by far the
-/// largest thing the application has. [`Path::EMPTY`] is all zero bits.
+/// Room for the estimator of whatever is configured. A board keeps it where it likes, away from its stack: it
+/// is by far the largest thing the application has. [`Path::EMPTY`] is all zero bits.
 #[derive(Clone, Default)]
 #[repr(u8)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]

@@ -73,8 +73,9 @@ impl Link {
         }
     }
 
-    /// Returns whether a command is new, the one that was answered last (which is answered again from memory), or
-    /// older than that: a copy that was late on a line that overtakes, and must not act a second time.
+    /// Returns whether a command is new, the one that was answered last (which is answered again from
+    /// memory), or older than that: a copy that was late on a line that overtakes, and must not act a second
+    /// time.
     pub(crate) fn recall(&mut self, sequence: u16, check: u32) -> Recall {
         let Some(remembered) = &self.remembered else { return Recall::New };
         // Numbers wrap: the half behind is older.

@@ -1,7 +1,9 @@
-//! Whether the program does what it is for: a board feeds its watchdog by that, not by its main loop's turning alone.
+//! Whether the program does what it is for: a board feeds its watchdog by that, not by its main loop's
+//! turning alone.
 //!
-//! A sensor that is silent is a fault that the application tells within a quarter of a second, and that no restart heals. What a
-//! restart may heal is an application that does not tell it, or a port whose interrupt no longer comes.
+//! A sensor that is silent is a fault that the application tells within a quarter of a second, and that no
+//! restart heals. What a restart may heal is an application that does not tell it, or a port whose interrupt
+//! no longer comes.
 
 /// Without progress for this long the watchdog is no longer fed, ns.
 const PATIENCE_NS: u64 = 2_000_000_000;

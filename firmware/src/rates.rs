@@ -1,11 +1,13 @@
 //! At what rate samples come, by the device's clock.
 //!
-//! Samples are taken at the times of their signals, and the filters count on the rate that was asked for: a converter whose
-//! oscillator has 8.0 instead of 8.192 MHz would make every inertia 2.4 % too large without a word.
+//! Samples are taken at the times of their signals, and the filters count on the rate that was asked for: a
+//! converter whose oscillator has 8.0 instead of 8.192 MHz would make every inertia 2.4 % too large without a
+//! word.
 
 /// Signals are counted for this long, ns.
 const WINDOW_NS: u64 = 1_000_000_000;
-/// Samples that are missing in a row after which the count begins anew: over more the number of periods is not sure.
+/// Samples that are missing in a row after which the count begins anew: over more the number of periods is
+/// not sure.
 const MOST_MISSING: u64 = 8;
 
 /// Counts the periods of one sensor.
@@ -30,8 +32,8 @@ impl RateMeter {
         Self { period_ns, ..Self::default() }
     }
 
-    /// Returns by how much the rate is higher than the one asked for, parts in a million; `None` before a second has been
-    /// counted.
+    /// Returns by how much the rate is higher than the one asked for, parts in a million; `None` before a
+    /// second has been counted.
     #[must_use]
     pub const fn error_ppm(&self) -> Option<i32> {
         self.error_ppm
@@ -104,7 +106,8 @@ mod tests {
     #[test]
     fn an_oscillator_that_is_off_shows_within_a_part_in_a_million() {
         for rate_hz in [250.0, 500.0, 1000.0, 2000.0, 4000.0] {
-            // The last three: 8.0 instead of 8.192 MHz, the divisor 16256 instead of 16384, the chip's own oscillator.
+            // The last three: 8.0 instead of 8.192 MHz, the divisor 16256 instead of 16384, the chip's own
+            // oscillator.
             for ppm in [0.0, 50.0, -50.0, 499.0, -23_437.5, 7_874.0, 40_000.0] {
                 let seen = measured(rate_hz, ppm, |_| true).unwrap();
                 assert!((f64::from(seen) - ppm).abs() <= 2.0, "{rate_hz} Hz, {ppm} ppm: {seen}");

@@ -50,7 +50,8 @@ pub enum Words {
     Aligned(TwoLinkReading<f32>),
 }
 
-/// The estimators of all models, and what is done with any of them. This table is the one place that lists them.
+/// The estimators of all models, and what is done with any of them. This table is the one place that lists
+/// them.
 macro_rules! models {
     ($d:tt $($(#[$meta:meta])* $variant:ident = $tag:literal: $estimator:ty;)*) => {
         /// The tag of the first variant is 0: what is not yet set up is all zero bits.
@@ -471,8 +472,8 @@ impl SamplePath {
         any!(&self.estimator, e => e.folded().rows())
     }
 
-    /// Writes the numbers of that factor, then what noise of the signals has added to its `RᵀR`, upper triangle by rows: f32,
-    /// little-endian. How many bytes; `None` if there is no room.
+    /// Writes the numbers of that factor, then what noise of the signals has added to its `RᵀR`, upper
+    /// triangle by rows: f32, little-endian. How many bytes; `None` if there is no room.
     #[cfg(feature = "storage")]
     pub(crate) fn write_factor(&self, out: &mut [u8]) -> Option<usize> {
         fn write<const N: usize>(
@@ -513,7 +514,8 @@ impl SamplePath {
         any!(&mut self.estimator, e => e.compensate())
     }
 
-    /// Begins to solve that factor, and keeps it for the search where it is one body's. How many parameters it has.
+    /// Begins to solve that factor, and keeps it for the search where it is one body's. How many parameters
+    /// it has.
     #[inline(never)]
     pub(crate) fn begin_solution(
         &self,
@@ -588,8 +590,8 @@ fn within(stop: &Option<StopLimits>, deviations: &[f32]) -> bool {
     deviations.iter().zip(limits).all(|(sd, limit)| *sd <= *limit)
 }
 
-/// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it is then
-/// `SamplePath::reading`. Call it without words while there is more.
+/// Takes a sensor's words, if any, and the next reading that they completed through the estimator, if any: it
+/// is then `SamplePath::reading`. Call it without words while there is more.
 // SAFETY: the name is this function's own; no other symbol of the program has it.
 #[unsafe(export_name = "rigident_sample_path")]
 #[inline(never)]

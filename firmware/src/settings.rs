@@ -91,7 +91,8 @@ impl Configuration {
     }
 }
 
-/// Returns the largest standard deviation of every parameter that the rule allows: infinite for those not asked for.
+/// Returns the largest standard deviation of every parameter that the rule allows: infinite for those not
+/// asked for.
 fn deviations<const N: usize>(stop: &StopRule) -> [f32; N] {
     let mut limits = [f32::INFINITY; N];
     for (j, limit) in limits.iter_mut().enumerate() {

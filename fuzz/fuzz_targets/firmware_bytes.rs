@@ -1,7 +1,7 @@
 //! Any host at the other end of the firmware's serial line, with any samples and any clock.
 //!
-//! The input is read as steps. Random bytes would hardly ever carry a right check, so one kind of step puts its
-//! bytes as a payload into a frame that does: of a command, or one of a robot that is watched.
+//! The input is read as steps. Random bytes would hardly ever carry a right check, so one kind of step puts
+//! its bytes as a payload into a frame that does: of a command, or one of a robot that is watched.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

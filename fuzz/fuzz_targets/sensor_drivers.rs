@@ -1,5 +1,5 @@
-//! The drivers on a bus that answers anything, and the load cell's on one that flips single bits: each such frame
-//! must be refused, and the next one taken again.
+//! The drivers on a bus that answers anything, and the load cell's on one that flips single bits: each such
+//! frame must be refused, and the next one taken again.
 #![no_main]
 
 use std::convert::Infallible;

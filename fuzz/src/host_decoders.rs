@@ -1,5 +1,5 @@
-//! Decoders of the host, each as a check of any bytes: fuzzed here, and run by the host's tests on the corpus and on
-//! bytes that are damaged by chance.
+//! Decoders of the host, each as a check of any bytes: fuzzed here, and run by the host's tests on the corpus
+//! and on bytes that are damaged by chance.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -37,8 +37,8 @@ pub fn c3d_file(bytes: &[u8]) {
     }
 }
 
-/// Any text as OpenSim's files: no panic, tables as large as they say, and a model that is written with other bodies
-/// and read again.
+/// Any text as OpenSim's files: no panic, tables as large as they say, and a model that is written with other
+/// bodies and read again.
 pub fn opensim_text(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(markers) = Trc::parse(text) {
@@ -57,7 +57,8 @@ pub fn opensim_text(bytes: &[u8]) {
     assert!(again.bodies.iter().all(|body| body.com_m == [1.0, 2.0, 3.0]));
 }
 
-/// Any CSV file, with any rig file before it: no panic, and what was read survives being written and read again.
+/// Any CSV file, with any rig file before it: no panic, and what was read survives being written and read
+/// again.
 ///
 /// A zero byte ends the rig file; without one there is none.
 pub fn recording_csv(bytes: &[u8]) {
@@ -131,8 +132,8 @@ pub fn recording_mcap(bytes: &[u8]) {
     assert_eq!(first.platform, second.platform);
 }
 
-/// Any Parquet, XLSX, TDMS or MAT file, by how it begins: no panic, and what was read survives being written and read
-/// again.
+/// Any Parquet, XLSX, TDMS or MAT file, by how it begins: no panic, and what was read survives being written
+/// and read again.
 pub fn recording_table(bytes: &[u8]) {
     let name = match bytes {
         [b'P', b'A', b'R', b'1', ..] => "fuzz.parquet",
@@ -179,7 +180,8 @@ pub fn result_json(bytes: &[u8]) {
     Answer::read(&again).expect("we wrote it");
 }
 
-/// Any text of the smaller files: settings, calibrations, reference bodies, markers, tables of poses. No panic.
+/// Any text of the smaller files: settings, calibrations, reference bodies, markers, tables of poses. No
+/// panic.
 pub fn settings_text(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     for is_json in [false, true] {

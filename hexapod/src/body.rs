@@ -1,7 +1,7 @@
 //! The rigid body under test, in Newton's and Euler's own words.
 //!
-//! Lives here: mass, centre of mass and inertia, and the wrench that a motion takes. May not live here: regressors
-//! or anything else from the estimator's side; this module is its oracle.
+//! Lives here: mass, centre of mass and inertia, and the wrench that a motion takes. May not live here:
+//! regressors or anything else from the estimator's side; this module is its oracle.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,8 @@ pub struct BodyParameters {
     pub mass_kg: f64,
     /// Centre of mass in S, m.
     pub com_m: [f64; 3],
-    /// Inertia tensor about the centre of mass in the axes of S, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m². Tensor
-    /// elements: `Ixy = −∫ x y dm`.
+    /// Inertia tensor about the centre of mass in the axes of S, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m².
+    /// Tensor elements: `Ixy = −∫ x y dm`.
     pub inertia_com_kgm2: [f64; 6],
 }
 
@@ -44,8 +44,8 @@ impl BodyParameters {
         }
     }
 
-    /// Returns true if some body has these parameters: all are finite, the mass is positive, and so are the second moments of
-    /// mass, `½ tr(I) 1 − I`, but for the rounding of printed figures.
+    /// Returns true if some body has these parameters: all are finite, the mass is positive, and so are the
+    /// second moments of mass, `½ tr(I) 1 − I`, but for the rounding of printed figures.
     pub fn is_possible(&self) -> bool {
         const ROUNDED: f64 = 0.01;
         let inertia = self.inertia_com();
@@ -64,8 +64,8 @@ impl BodyParameters {
         Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
     }
 
-    /// The tensor about S's origin, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²: parallel axes, a point mass at the
-    /// centre of mass added.
+    /// The tensor about S's origin, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²: parallel axes, a point mass at
+    /// the centre of mass added.
     pub fn inertia_origin_kgm2(&self) -> [f64; 6] {
         let [x, y, z] = self.com_m;
         let m = self.mass_kg;
@@ -88,8 +88,8 @@ impl BodyParameters {
         [m, m * x, m * y, m * z, xx, yy, zz, yz, zx, xy]
     }
 
-    /// The same body in another frame: this frame's origin is at `offset_m` there and its axes are the columns of
-    /// `rotation`. From S to P with the load cell's place on the plate.
+    /// The same body in another frame: this frame's origin is at `offset_m` there and its axes are the
+    /// columns of `rotation`. From S to P with the load cell's place on the plate.
     pub fn in_frame(&self, offset_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
         let com = offset_m + rotation * Vector3::from(self.com_m);
         let i = rotation * self.inertia_com() * rotation.transpose();
@@ -100,10 +100,11 @@ impl BodyParameters {
         }
     }
 
-    /// Wrench on the body by the sensor side at S's origin, in S, that makes the body follow `motion`; N, N m.
+    /// Wrench on the body by the sensor side at S's origin, in S, that makes the body follow `motion`; N, N
+    /// m.
     ///
-    /// In the earth's axes: `F = m (p̈_com − g)` and, about the centre of mass, `dL/dt = I_A α + ω × I_A ω` with
-    /// `I_A = R I_c Rᵀ`. The moment is then moved to S's origin and both are turned into S.
+    /// In the earth's axes: `F = m (p̈_com − g)` and, about the centre of mass, `dL/dt = I_A α + ω × I_A ω`
+    /// with `I_A = R I_c Rᵀ`. The moment is then moved to S's origin and both are turned into S.
     pub fn wrench(&self, motion: &FrameMotion, gravity: &Vector3<f64>) -> [f64; 6] {
         let FrameMotion { rotation, acceleration, angular_rate, angular_acceleration, .. } = *motion;
         let arm = rotation * Vector3::from(self.com_m);
@@ -245,8 +246,8 @@ mod tests {
 
     #[test]
     fn wrench_is_the_rate_of_change_of_momentum_of_point_masses() {
-        // d/dt of Σ m v and Σ (r − o) × m v about the fixed point o = S's origin now, by central differences of
-        // positions only; gravity's share taken off.
+        // d/dt of Σ m v and Σ (r − o) × m v about the fixed point o = S's origin now, by central differences
+        // of positions only; gravity's share taken off.
         let h = 2e-4;
         for t in [0.4, 1.3, 2.9, 4.1, 5.6] {
             let now = sensor_motion(t);

@@ -1,9 +1,10 @@
 //! Bodies that are known only within bounds, and the extremes of what they do.
 //!
-//! A wrench, a leg's force and a load cell's channel are linear in the ten parameters `φ = [m, mc, I]` about a frame's
-//! origin: `aᵀ φ`. A set of bodies is `φ = φ₀ + Σ t_k g_k + Σ s_k l_k + J`, `|t_k| ≤ 1`, `Σ s_k² ≤ 1`, and `J` the second
-//! moment `∫ d dᵀ dm` of masses whose trace is at most ρ. The extremes of `aᵀ φ` over it are
-//! `aᵀ φ₀ ± (Σ |aᵀ g_k| + √Σ (aᵀ l_k)²)` and, with `aᵀ J = tr(S J)`, ρ times the extreme eigenvalues of S or zero.
+//! A wrench, a leg's force and a load cell's channel are linear in the ten parameters `φ = [m, mc, I]` about
+//! a frame's origin: `aᵀ φ`. A set of bodies is `φ = φ₀ + Σ t_k g_k + Σ s_k l_k + J`, `|t_k| ≤ 1`,
+//! `Σ s_k² ≤ 1`, and `J` the second moment `∫ d dᵀ dm` of masses whose trace is at most ρ. The extremes of
+//! `aᵀ φ` over it are `aᵀ φ₀ ± (Σ |aᵀ g_k| + √Σ (aᵀ l_k)²)` and, with `aᵀ J = tr(S J)`, ρ times the extreme
+//! eigenvalues of S or zero.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,7 +14,8 @@ use super::kinematics::PlateState;
 /// Ten parameters about a frame's origin, `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, SI.
 type Ten = [f64; 10];
 
-/// A set of bodies: a middle, spreads about it, and masses anywhere within a distance. Everything in one frame.
+/// A set of bodies: a middle, spreads about it, and masses anywhere within a distance. Everything in one
+/// frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodySet {
     /// Its middle.
@@ -39,7 +41,8 @@ fn of_moments(mass: f64, first: &Vector3<f64>, second: &Matrix3<f64>) -> Ten {
     [mass, first.x, first.y, first.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]]
 }
 
-/// The same ten parameters in another frame: this one's origin is at `offset` there, its axes the columns of `rotation`.
+/// The same ten parameters in another frame: this one's origin is at `offset` there, its axes the columns of
+/// `rotation`.
 fn in_frame(phi: &Ten, offset: &Vector3<f64>, rotation: &Matrix3<f64>) -> Ten {
     let (mass, first) = (phi[0], rotation * Vector3::new(phi[1], phi[2], phi[3]));
     let second = rotation * second_moment(phi) * rotation.transpose()
@@ -65,7 +68,8 @@ impl BodySet {
         }
     }
 
-    /// Returns every body of at most `mass_kg` within `radius_m` of `centre_m`. Bodies that are none are in it, too.
+    /// Returns every body of at most `mass_kg` within `radius_m` of `centre_m`. Bodies that are none are in
+    /// it, too.
     pub fn bounded(mass_kg: f64, centre_m: [f64; 3], radius_m: f64) -> Self {
         let half = of_moments(0.5 * mass_kg, &Vector3::zeros(), &Matrix3::zeros());
         let axis = |k: usize| {
@@ -83,9 +87,10 @@ impl BodySet {
         about_centre.in_frame(&Vector3::from(centre_m), &Matrix3::identity())
     }
 
-    /// Returns every body that a scale has weighed: its mass and first moment about the origin across `up` are within
-    /// `mass_spread_kg` and `moment_spread_kgm` of `mass_kg` and `across_kgm`, all of it lies within `radius_m` of the
-    /// origin. The height of its centre of mass, along `up`, is not known to a scale.
+    /// Returns every body that a scale has weighed: its mass and first moment about the origin across `up`
+    /// are within `mass_spread_kg` and `moment_spread_kgm` of `mass_kg` and `across_kgm`, all of it lies
+    /// within `radius_m` of the origin. The height of its centre of mass, along `up`, is not known to a
+    /// scale.
     pub fn weighed(
         mass_kg: f64,
         mass_spread_kg: f64,
@@ -116,8 +121,8 @@ impl BodySet {
         }
     }
 
-    /// Returns every body within `deviations` standard deviations of an estimate, whose covariance is `L Lᵀ`, by columns of
-    /// L, SI.
+    /// Returns every body within `deviations` standard deviations of an estimate, whose covariance is `L Lᵀ`,
+    /// by columns of L, SI.
     pub fn estimated(estimate: Ten, root: &[Ten], deviations: f64) -> Self {
         Self {
             middle: estimate,
@@ -128,8 +133,9 @@ impl BodySet {
         }
     }
 
-    /// Returns the bodies of an estimated mass and first moment about the origin, within `deviations` standard deviations of
-    /// their covariance, whose columns of L are in `root` with the tensor's; their second moment is what it is in this set.
+    /// Returns the bodies of an estimated mass and first moment about the origin, within `deviations`
+    /// standard deviations of their covariance, whose columns of L are in `root` with the tensor's; their
+    /// second moment is what it is in this set.
     #[must_use]
     pub fn with_first_moments(&self, first: [f64; 4], root: &[Ten], deviations: f64) -> Self {
         let four = |phi: &Ten, by: f64| std::array::from_fn(|j| if j < 4 { by * phi[j] } else { 0.0 });
@@ -143,8 +149,8 @@ impl BodySet {
         }
     }
 
-    /// Returns the same bodies in another frame: this one's origin is at `offset_m` there, its axes the columns of
-    /// `rotation`. A second moment is about its own point and has no mass.
+    /// Returns the same bodies in another frame: this one's origin is at `offset_m` there, its axes the
+    /// columns of `rotation`. A second moment is about its own point and has no mass.
     pub fn in_frame(&self, offset_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
         let moved = |phi: &Ten| in_frame(phi, offset_m, rotation);
         Self {
@@ -206,7 +212,8 @@ impl BodySet {
         range
     }
 
-    /// Returns bounds of the mass (kg), of the first (kg m) and of the second moment (kg m²) of distances from the origin.
+    /// Returns bounds of the mass (kg), of the first (kg m) and of the second moment (kg m²) of distances
+    /// from the origin.
     pub fn moments(&self) -> [f64; 3] {
         let unit = |at: &[usize], value: f64| {
             let mut a = [0.0; 10];
@@ -218,8 +225,8 @@ impl BodySet {
         [mass, (mass * second).sqrt(), second]
     }
 
-    /// Returns true if a body is in the set, as far as the extremes of single parameters tell; its second moment counts as
-    /// the set's where that has one.
+    /// Returns true if a body is in the set, as far as the extremes of single parameters tell; its second
+    /// moment counts as the set's where that has one.
     pub fn may_hold(&self, body: &BodyParameters) -> bool {
         let phi = body.parameters();
         (0..10).all(|j| {
@@ -231,8 +238,8 @@ impl BodySet {
     }
 }
 
-/// Returns, for each of the ten parameters in P, what a wrench `(u, v)` against the motion of the plate takes of it: the
-/// force and moment about P's origin that the parameter needs, times u and v (P).
+/// Returns, for each of the ten parameters in P, what a wrench `(u, v)` against the motion of the plate takes
+/// of it: the force and moment about P's origin that the parameter needs, times u and v (P).
 pub(super) fn linear_form(
     state: &PlateState,
     gravity: &Vector3<f64>,

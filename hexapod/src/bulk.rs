@@ -83,8 +83,8 @@ impl Bulk {
         })
     }
 
-    /// Change along the unit vector `e` of the place at `share` of a bar with the plate's position: that of a leg's upper end
-    /// is `dx − j dn`, of its lower `j dn`, `dn = (1 − n nᵀ) dx / l`.
+    /// Change along the unit vector `e` of the place at `share` of a bar with the plate's position: that of a
+    /// leg's upper end is `dx − j dn`, of its lower `j dn`, `dn = (1 − n nᵀ) dx / l`.
     fn slope(&self, legs: &Legs, part: Part, share: f64, e: &Vector3<f64>) -> Vector3<f64> {
         match part {
             Part::Leg(leg) => {
@@ -98,8 +98,9 @@ impl Bulk {
         }
     }
 
-    /// Bound of the rate at which any distance changes, m/s, where plate joint `i` moves at most at `speeds[i]` and leg `i`
-    /// is no shorter than `lengths[i]`: ends of legs are no faster than `u (1 + j/l)`.
+    /// Bound of the rate at which any distance changes, m/s, where plate joint `i` moves at most at
+    /// `speeds[i]` and leg `i` is no shorter than `lengths[i]`: ends of legs are no faster than
+    /// `u (1 + j/l)`.
     pub(super) fn rate(&self, speeds: &[f64; 6], lengths: &[f64; 6]) -> f64 {
         let ends = speeds.iter().zip(lengths).map(|(u, l)| u * (1.0 + self.joint_length_m / l));
         2.0 * ends.fold(0.0, f64::max)

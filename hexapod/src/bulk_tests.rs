@@ -87,7 +87,8 @@ fn machine() -> Geometry {
     g
 }
 
-/// Points all over every surface, thousands of pairs, never come nearer than what is said, and some come as near.
+/// Points all over every surface, thousands of pairs, never come nearer than what is said, and some come as
+/// near.
 #[test]
 fn the_nearest_parts_are_those_of_points_on_all_of_them() {
     let g = machine();

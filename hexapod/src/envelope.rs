@@ -1,6 +1,7 @@
 //! The quintic that motions begin and end with.
 
-/// The quintic from 0 to 1 with its first and second derivatives; its first two derivatives vanish at both ends.
+/// The quintic from 0 to 1 with its first and second derivatives; its first two derivatives vanish at both
+/// ends.
 pub(super) fn quintic(s: f64) -> [f64; 3] {
     if s <= 0.0 {
         return [0.0; 3];
@@ -18,8 +19,8 @@ pub fn quintic_integral(s: f64) -> (f64, [f64; 3]) {
     (c * c * c * c * (2.5 + c * (c - 3.0)) + (s - 1.0).max(0.0), quintic(s))
 }
 
-/// Largest first, second and third derivatives of the quintic over `ramp` seconds: `15/8`, `10/√3` and 60, by the powers of
-/// the ramp.
+/// Largest first, second and third derivatives of the quintic over `ramp` seconds: `15/8`, `10/√3` and 60, by
+/// the powers of the ramp.
 pub(super) fn envelope_peaks(ramp: f64) -> [f64; 3] {
     [1.875 / ramp, 10.0 / (3.0_f64.sqrt() * ramp * ramp), 60.0 / (ramp * ramp * ramp)]
 }

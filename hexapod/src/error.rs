@@ -16,8 +16,8 @@ pub enum MotionError {
     },
     /// It cannot be shown in reasonable time that the limits are met.
     #[error(
-        "the motion is too quick for its limits to be checked over its whole length, at t = {time_s:.3} s: use lower \
-         frequencies or a shorter motion"
+        "the motion is too quick for its limits to be checked over its whole length, at t = {time_s:.3} s: \
+         use lower frequencies or a shorter motion"
     )]
     TooQuickToCheck {
         /// The time up to which the check proceeded, s.

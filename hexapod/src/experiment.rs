@@ -1,7 +1,7 @@
 //! Motions that are worth running.
 //!
-//! Lives here: the default experiment: still poses, then a motion with several frequencies per axis, then the first
-//! pose again. May not live here: planning for a particular body (that is the host's).
+//! Lives here: the default experiment: still poses, then a motion with several frequencies per axis, then the
+//! first pose again. May not live here: planning for a particular body (that is the host's).
 
 use super::geometry::Geometry;
 use super::payload::THESIS_GYRO_RANGE_RADPS;
@@ -23,11 +23,11 @@ const MOVE_RATE_RADPS: f64 = 1.1;
 /// Angular rate that each sine of the motion contributes, rad/s.
 const TERM_RATE_RADPS: f64 = 0.36;
 
-/// The default experiment of `duration_s`: from home through the five poses of Table 11, home again, a multisine on all
-/// six coordinates, and the first pose once more as a check for drift.
+/// The default experiment of `duration_s`: from home through the five poses of Table 11, home again, a
+/// multisine on all six coordinates, and the first pose once more as a check for drift.
 ///
-/// The moves always take the same time; poses and multisine share the rest, the multisine gets most of it. Durations
-/// below [`SHORTEST_S`] are treated as that.
+/// The moves always take the same time; poses and multisine share the rest, the multisine gets most of it.
+/// Durations below [`SHORTEST_S`] are treated as that.
 pub fn thesis_program(geometry: &Geometry, duration_s: f64) -> MotionProgram {
     let home = geometry.home();
     let pose =
@@ -58,9 +58,9 @@ fn move_s(from: &Pose, to: &Pose) -> f64 {
     1.875 * square.sqrt() / MOVE_RATE_RADPS
 }
 
-/// Three well separated frequencies on each angle and two on each translation, no two alike, all multiples of 0.05 Hz.
-/// With a single frequency a tilt's `I ω̇` and `mc × g` would be collinear. The phases were searched for a low
-/// peak of the angular rate over the common period of 20 s.
+/// Three well separated frequencies on each angle and two on each translation, no two alike, all multiples of
+/// 0.05 Hz. With a single frequency a tilt's `I ω̇` and `mc × g` would be collinear. The phases were searched
+/// for a low peak of the angular rate over the common period of 20 s.
 fn multisine(duration_s: f64) -> Segment {
     let turns = [
         (Axis::Roll, [(0.55, 4.59), (1.15, 5.51), (1.95, 5.92)]),
@@ -120,8 +120,8 @@ mod tests {
         }
     }
 
-    /// Row blocks of the linear map from the ten parameters to the wrench, column by column from the body's own physics:
-    /// unit bodies, and for a first moment a unit mass at unit distance less what else that is.
+    /// Row blocks of the linear map from the ten parameters to the wrench, column by column from the body's
+    /// own physics: unit bodies, and for a first moment a unit mass at unit distance less what else that is.
     fn columns(program: &MotionProgram, rate_hz: f64) -> Vec<Vec<[f64; 6]>> {
         let run = |mass_kg, com_m, inertia_com_kgm2| -> Vec<[f64; 6]> {
             let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2 };
@@ -157,7 +157,8 @@ mod tests {
         all
     }
 
-    /// Cholesky inverse's diagonal and the condition number of the column-scaled system, from its Gram matrix.
+    /// Cholesky inverse's diagonal and the condition number of the column-scaled system, from its Gram
+    /// matrix.
     fn scaled_condition_and_sigma(gram: &[[f64; 16]; 16]) -> (f64, [f64; 16]) {
         let scale: Vec<f64> = (0..16).map(|i| gram[i][i].sqrt()).collect();
         let mut a = *gram;
@@ -222,7 +223,8 @@ mod tests {
                 "{duration} s at {rate} Hz: column-scaled condition {condition:.1}, 1 sigma {sigma:.4?}"
             );
             assert!(condition < 15.0, "{duration} s: {condition}");
-            // At the thesis' noise, 1 σ: 0.15 % of 20 kg, 0.2 mm of its place, 1 % of the largest moment of inertia.
+            // At the thesis' noise, 1 σ: 0.15 % of 20 kg, 0.2 mm of its place, 1 % of the largest moment of
+            // inertia.
             assert!(sigma[0] < 0.03 && sigma[1..4].iter().all(|s| *s < 0.004), "{sigma:?}");
             assert!(sigma[4..10].iter().all(|s| *s < 0.0038), "{sigma:?}");
         }

@@ -24,8 +24,8 @@ pub enum ForwardError {
     },
     /// The plate cannot be assembled with these lengths without passing a singular pose.
     #[error(
-        "no pose of the plate has these leg lengths on this side of every singular pose; leg {leg} is left with an \
-         error of {error_m:.2e} m: check the lengths and their order"
+        "no pose of the plate has these leg lengths on this side of every singular pose; leg {leg} is left \
+         with an error of {error_m:.2e} m: check the lengths and their order"
     )]
     NoPose {
         /// 1 to 6: the leg that fits worst.
@@ -72,10 +72,11 @@ const TOLERANCE_M: f64 = 1e-13;
 const NEWTON_STEPS: usize = 40;
 
 impl Geometry {
-    /// The pose at which the legs have these lengths, from a guess: damped Newton on the leg Jacobian, from `start`, and
-    /// where that ends elsewhere, along a path of leg lengths from [`Geometry::home`]. Of the poses that share
-    /// six lengths it is one that is not beyond a singular pose: `det H` has the sign it has at home, the legs
-    /// point to the plate's side of the base. To about 1e-12 m and rad away from singular poses.
+    /// The pose at which the legs have these lengths, from a guess: damped Newton on the leg Jacobian, from
+    /// `start`, and where that ends elsewhere, along a path of leg lengths from [`Geometry::home`]. Of the
+    /// poses that share six lengths it is one that is not beyond a singular pose: `det H` has the sign it has
+    /// at home, the legs point to the plate's side of the base. To about 1e-12 m and rad away from singular
+    /// poses.
     ///
     /// # Errors
     /// A leg beyond its reach, or lengths that belong to no such pose.
@@ -154,8 +155,8 @@ impl Geometry {
         (at, false)
     }
 
-    /// Follows the straight line of leg lengths from where the plate is to `lengths`, in steps that Newton takes
-    /// easily, which keeps it on its side of the singular poses.
+    /// Follows the straight line of leg lengths from where the plate is to `lengths`, in steps that Newton
+    /// takes easily, which keeps it on its side of the singular poses.
     fn along_lengths(&self, mut at: Iterate, lengths: &[f64; 6]) -> (Iterate, bool) {
         let (mut done, mut step) = (0.0_f64, 0.25_f64);
         let from = at.legs.lengths;

@@ -1,22 +1,24 @@
 //! The agreement between PI hexapods and their clients: General Command Set 2.0.
 //!
-//! Lives here: axes and positions ([`GcsPosition`]), the lines that carry them, numbers of errors ([`error`]) and of
-//! parameters. A driver and a simulated controller both take them from here, so that neither is the other's measure; the
-//! tests compare them with what the vendor publishes (`tests/vectors/gcs.py` says what). May not live here: connections.
+//! Lives here: axes and positions ([`GcsPosition`]), the lines that carry them, numbers of errors ([`error`])
+//! and of parameters. A driver and a simulated controller both take them from here, so that neither is the
+//! other's measure; the tests compare them with what the vendor publishes (`tests/vectors/gcs.py` says what).
+//! May not live here: connections.
 //!
-//! Facts are from the vendor's manual of the C-887 controller (MS204E), from the hexapods' manuals (H-850: MS202E, H-845:
-//! MS222E), from its Python client `pipython` and from its ROS driver:
-//! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines all but
-//!   the last end with a space before LF;
+//! Facts are from the vendor's manual of the C-887 controller (MS204E), from the hexapods' manuals (H-850:
+//! MS202E, H-845: MS222E), from its Python client `pipython` and from its ROS driver:
+//! - a command ends with LF; a single byte 4, 5, 7, 8, 11 or 24 is a command by itself. Of an answer's lines
+//!   all but the last end with a space before LF;
 //! - an error is not answered: its number is stored until `ERR?` fetches it;
-//! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros included. After
-//!   either the number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of given axes smoothly", "Stop
-//!   all axes abruptly"; the controller's own `HLP?`: "Halt motion smoothly", "Stop all axes abruptly");
-//! - X, Y, Z are mm and U, V, W degrees from the reference pose. The rotations follow each other in the order U, V, W about
-//!   axes that go with the plate (MS202E 3.7, MS222E 3.7): `R = Rx(U) Ry(V) Rz(W)`, not the roll, pitch, yaw about fixed
-//!   axes of [`Pose`];
-//! - `SPA X 0x19001900 1` makes the path one of consecutive `MOV`, `SPA X 0x19001901 1` buffers their points until
-//!   there are as many as parameter `0x19001903`, and `SCT T` sets their interval in ms.
+//! - `HLT` stops motion smoothly; `STP` and the byte 24 stop it abruptly, reference moves and macros
+//!   included. After either the number of the error is 10 (`pipython`, GCS2Commands: "Halt the motion of
+//!   given axes smoothly", "Stop all axes abruptly"; the controller's own `HLP?`: "Halt motion smoothly",
+//!   "Stop all axes abruptly");
+//! - X, Y, Z are mm and U, V, W degrees from the reference pose. The rotations follow each other in the order
+//!   U, V, W about axes that go with the plate (MS202E 3.7, MS222E 3.7): `R = Rx(U) Ry(V) Rz(W)`, not the
+//!   roll, pitch, yaw about fixed axes of [`Pose`];
+//! - `SPA X 0x19001900 1` makes the path one of consecutive `MOV`, `SPA X 0x19001901 1` buffers their points
+//!   until there are as many as parameter `0x19001903`, and `SCT T` sets their interval in ms.
 
 use super::pose::Pose;
 
@@ -88,8 +90,8 @@ pub mod error {
 pub struct GcsPosition(pub [f64; 6]);
 
 impl GcsPosition {
-    /// Returns the position of a pose against the reference pose, which is level. With `R = Rx(U) Ry(V) Rz(W)`:
-    /// `sin V = R₁₃`, `tan U = −R₂₃ / R₃₃`, `tan W = −R₁₂ / R₁₁`.
+    /// Returns the position of a pose against the reference pose, which is level. With
+    /// `R = Rx(U) Ry(V) Rz(W)`: `sin V = R₁₃`, `tan U = −R₂₃ / R₃₃`, `tan W = −R₁₂ / R₁₁`.
     pub fn of(pose: &Pose, reference: &Pose) -> Self {
         let r = pose.rotation();
         let mut out = [0.0; 6];
@@ -116,15 +118,16 @@ impl GcsPosition {
         }
     }
 
-    /// Returns a command with all six axes and their values, as `MOV X 1.500000 Y 0.000000 …`, without the line's end.
+    /// Returns a command with all six axes and their values, as `MOV X 1.500000 Y 0.000000 …`, without the
+    /// line's end.
     pub fn command(&self, verb: &str) -> String {
         AXES.iter()
             .zip(self.0)
             .fold(verb.to_owned(), |line, (axis, value)| format!("{line} {axis} {value:.6}"))
     }
 
-    /// Reads the answer to a question about all axes: `X=1.5` and so on, a line for each, in any order. `None` if an axis
-    /// is missing or a value is no finite number.
+    /// Reads the answer to a question about all axes: `X=1.5` and so on, a line for each, in any order.
+    /// `None` if an axis is missing or a value is no finite number.
     pub fn read_answer(answer: &str) -> Option<Self> {
         let mut found = [None; 6];
         for line in answer.lines() {
@@ -150,7 +153,8 @@ pub fn axis_number(name: &str) -> Option<usize> {
 /// Reads the arguments of a command, items and numbers in turn: `X 1.5 U -2`.
 ///
 /// # Errors
-/// [`error::PARAMETER_COUNT`] for none or an odd number of words, [`error::NUMBER`] for what is no finite number.
+/// [`error::PARAMETER_COUNT`] for none or an odd number of words, [`error::NUMBER`] for what is no finite
+/// number.
 pub fn read_pairs<'a>(words: &[&'a str]) -> Result<Vec<(&'a str, f64)>, u16> {
     if words.is_empty() || !words.len().is_multiple_of(2) {
         return Err(error::PARAMETER_COUNT);

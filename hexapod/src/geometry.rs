@@ -45,9 +45,9 @@ impl Default for Geometry {
 
 impl Geometry {
     /// The platform thesis' machine: base joints at azimuth 10, 110, 130, 230, 250, 350° on R = 0.45 m, plate
-    /// joints pairwise at 60, 180, 300° on r = 0.25 m and 0.123 m below the plate's origin, legs from 0.55 m with
-    /// a stroke of 0.3048 m. The thesis prints the azimuths, the 0.123 m and the stroke; radii, shortest leg and
-    /// the leg speed of 0.8 m/s are assumed.
+    /// joints pairwise at 60, 180, 300° on r = 0.25 m and 0.123 m below the plate's origin, legs from 0.55 m
+    /// with a stroke of 0.3048 m. The thesis prints the azimuths, the 0.123 m and the stroke; radii, shortest
+    /// leg and the leg speed of 0.8 m/s are assumed.
     pub fn thesis() -> Self {
         let ring = |radius: f64, height: f64, azimuth_deg: [f64; 6]| {
             azimuth_deg.map(|d| {
@@ -65,8 +65,8 @@ impl Geometry {
         }
     }
 
-    /// Returns a machine of which nothing but its travel is known. Its joints are stand-ins that no limit depends on; its base's frame A
-    /// lies at the plate's reference pose.
+    /// Returns a machine of which nothing but its travel is known. Its joints are stand-ins that no limit
+    /// depends on; its base's frame A lies at the plate's reference pose.
     pub fn of_travel(travel: Travel) -> Self {
         let unlimited = Limits { cond_max: f64::INFINITY, ..Limits::default() };
         Self { travel: Some(travel), leg_rate_mps: f64::INFINITY, limits: unlimited, ..Self::thesis() }
@@ -77,8 +77,8 @@ impl Geometry {
         self.travel.is_none()
     }
 
-    /// The same machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis' experiments
-    /// (0.20 m of 0.3048 m).
+    /// The same machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis'
+    /// experiments (0.20 m of 0.3048 m).
     ///
     /// # Errors
     /// A stroke that is not positive or longer than the legs'.
@@ -93,7 +93,8 @@ impl Geometry {
         Ok(self)
     }
 
-    /// The same machine with a share of its legs' stroke, or of its travel, left unused: half of it at either end.
+    /// The same machine with a share of its legs' stroke, or of its travel, left unused: half of it at either
+    /// end.
     #[must_use]
     pub fn with_reserve(mut self, share: f64) -> Self {
         let [lo, hi] = self.leg_length_m;
@@ -103,8 +104,8 @@ impl Geometry {
         self
     }
 
-    /// The same machine with every limit brought in to a share of what it allows: of the stroke about its middle, of speeds,
-    /// accelerations, forces and angles, and of `cond(H)`; clearances grow.
+    /// The same machine with every limit brought in to a share of what it allows: of the stroke about its
+    /// middle, of speeds, accelerations, forces and angles, and of `cond(H)`; clearances grow.
     #[must_use]
     pub fn within(&self, share: f64) -> Self {
         let [lo, hi] = self.leg_length_m;
@@ -135,9 +136,9 @@ impl Geometry {
         }
     }
 
-    /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and, where all
-    /// legs are alike, every leg half-way out; else the root mean square of their lengths is half-way. The reference pose of a
-    /// machine without joints.
+    /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and,
+    /// where all legs are alike, every leg half-way out; else the root mean square of their lengths is
+    /// half-way. The reference pose of a machine without joints.
     pub fn home(&self) -> Pose {
         if !self.has_joints() {
             return Pose::default();
@@ -177,7 +178,8 @@ mod tests {
         Pose { position_m: [x + 0.03, y - 0.02, z + 0.01], rpy_rad: [0.2, -0.3, 0.4] }
     }
 
-    /// Applies a small motion of the plate in A: translation `d`, then rotation by the vector `r` (Rodrigues).
+    /// Applies a small motion of the plate in A: translation `d`, then rotation by the vector `r`
+    /// (Rodrigues).
     fn leg_lengths_after(g: &Geometry, pose: &Pose, d: Vector3<f64>, r: Vector3<f64>) -> [f64; 6] {
         let rotation = rotation_from_rpy(pose.rpy_rad);
         let angle = r.dot(&r).sqrt();

@@ -1,9 +1,10 @@
 //! Limits that are met at every instant of a motion, not only where it was checked.
 //!
-//! Between two seams a motion has a bounded third derivative (`x'''`, and `d²ω/dt²`). From the exact state in the middle
-//! of an interval that bounds every lower derivative of the plate over it (Taylor), hence speeds, accelerations and jerks
-//! of its joints, hence lengths, rates, accelerations, angles and forces of the legs and the singular values of H (Weyl).
-//! An interval whose bound lies more than a per cent above the largest value seen anywhere is cut in two.
+//! Between two seams a motion has a bounded third derivative (`x'''`, and `d²ω/dt²`). From the exact state in
+//! the middle of an interval that bounds every lower derivative of the plate over it (Taylor), hence speeds,
+//! accelerations and jerks of its joints, hence lengths, rates, accelerations, angles and forces of the legs
+//! and the singular values of H (Weyl). An interval whose bound lies more than a per cent above the largest
+//! value seen anywhere is cut in two.
 
 use nalgebra::Vector3;
 
@@ -24,8 +25,9 @@ pub struct Peak {
     pub between: Option<[Part; 2]>,
     /// Time of the largest value seen, s.
     pub time_s: f64,
-    /// Largest value seen. Of a length its distance from the middle of the stroke, m; of the clearance what the distance lacks
-    /// of a leg's diameter beyond the least, m; else a magnitude in the [`Limit`]'s unit, rad/s of the angular rate.
+    /// Largest value seen. Of a length its distance from the middle of the stroke, m; of the clearance what
+    /// the distance lacks of a leg's diameter beyond the least, m; else a magnitude in the [`Limit`]'s unit,
+    /// rad/s of the angular rate.
     pub seen: f64,
     /// The bound that it stays below at every instant.
     pub bound: f64,
@@ -43,8 +45,9 @@ impl Peak {
 /// The guarantee for a whole motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guarantee {
-    /// In the order of [`Limit`], the angular rate last. Joint angles, jerks and the further limits of forces are there if
-    /// they are limited. The bound of a jerk is that of a whole segment, some twelve times the largest there is.
+    /// In the order of [`Limit`], the angular rate last. Joint angles, jerks and the further limits of forces
+    /// are there if they are limited. The bound of a jerk is that of a whole segment, some twelve times the
+    /// largest there is.
     pub peaks: Vec<Peak>,
 }
 
@@ -187,8 +190,8 @@ impl Geometry {
 }
 
 impl Geometry {
-    /// Bounds of every limited quantity over the whole of `trajectory`, at most about 1 % above the largest value seen;
-    /// leg forces with `load`, the angular rate against `rate_limit_radps`.
+    /// Bounds of every limited quantity over the whole of `trajectory`, at most about 1 % above the largest
+    /// value seen; leg forces with `load`, the angular rate against `rate_limit_radps`.
     pub fn guarantee(
         &self,
         trajectory: &Trajectory,
@@ -252,7 +255,8 @@ impl Geometry {
                 let most = best[q].0;
                 // Where nothing comes near anything, there is no value to be near to.
                 let slack = if q == CLEARANCE { TOLERANCE * allowed[q] } else { 0.0 };
-                // The bound of a jerk comes no nearer in a shorter interval; pushes and pulls have the force's.
+                // The bound of a jerk comes no nearer in a shorter interval; pushes and pulls have the
+                // force's.
                 !present[q]
                     || (JERK..=BUCKLING).contains(&q) && q != FORCE
                     || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE))
@@ -289,7 +293,8 @@ impl Geometry {
         Guarantee { peaks: peaks.collect() }
     }
 
-    /// Returns a bound of the legs' jerks over the whole of `trajectory` as a share of their limit; zero without a limit.
+    /// Returns a bound of the legs' jerks over the whole of `trajectory` as a share of their limit; zero
+    /// without a limit.
     pub fn jerk_share(&self, trajectory: &Trajectory) -> f64 {
         let Some(limit) = self.limits.leg_jerk_mps3.filter(|_| self.has_joints()) else { return 0.0 };
         let mut most = 0.0_f64;
@@ -446,7 +451,8 @@ impl Geometry {
             put(CLEARANCE, None, lacking.max(0.0), (lacking + more).max(0.0) - lacking.max(0.0));
         }
         if let (Some(forces), Some([m, first, second]), Some(load)) = (margins.leg_force_n, moments, load) {
-            // Of points at distance r: specific force at most `felt + spin r`, its derivative at most `jerk + whirl r`.
+            // Of points at distance r: specific force at most `felt + spin r`, its derivative at most
+            // `jerk + whirl r`.
             let felt = a + Vector3::from(load.gravity_mps2).norm();
             let spin = dw + w * w;
             let wrench = (m * felt + spin * first).hypot((first * felt + spin * second) / scale);

@@ -120,7 +120,8 @@ fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f6
     most
 }
 
-/// Against the motion examined every 0.5 ms, the bound is never below, and but for the loose ones at most 2 % above.
+/// Against the motion examined every 0.5 ms, the bound is never below, and but for the loose ones at most 2 %
+/// above.
 #[test]
 fn bounds_hold_at_every_instant_and_are_not_far_above() {
     let g = machine();
@@ -246,7 +247,8 @@ fn bounds_of_a_travel_hold_at_every_instant_and_are_not_far_above() {
     }
 }
 
-/// Each limit a little below what was seen refuses the motion by its name, and a little above its bound lets it pass.
+/// Each limit a little below what was seen refuses the motion by its name, and a little above its bound lets
+/// it pass.
 #[test]
 fn each_limit_of_a_travel_is_checked_at_every_instant() {
     let g = of_travel(false);

@@ -43,8 +43,8 @@ impl PlateState {
 }
 
 impl Coordinates {
-    /// The coordinates of a rigid motion, pitch within ±π/2: `(roll', pitch', yaw') = E⁻¹ ω_P`, and the second
-    /// derivatives from `ω̇_P − Ė (roll', pitch', yaw')`.
+    /// The coordinates of a rigid motion, pitch within ±π/2: `(roll', pitch', yaw') = E⁻¹ ω_P`, and the
+    /// second derivatives from `ω̇_P − Ė (roll', pitch', yaw')`.
     pub(super) fn of_state(state: &PlateState) -> Self {
         let [roll, pitch, _] = state.rpy.into();
         let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());

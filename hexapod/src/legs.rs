@@ -25,8 +25,9 @@ impl Legs {
         self.force_transmission().transpose()
     }
 
-    /// `H`: six leg forces (N, positive when a leg pushes) to the force and moment about the plate's origin that they
-    /// exert on the plate, in A. Columns `[n_i ; (R b_i) × n_i]` (thesis). It is the Jacobian's transpose.
+    /// `H`: six leg forces (N, positive when a leg pushes) to the force and moment about the plate's origin
+    /// that they exert on the plate, in A. Columns `[n_i ; (R b_i) × n_i]` (thesis). It is the Jacobian's
+    /// transpose.
     pub fn force_transmission(&self) -> Matrix6<f64> {
         let mut h = Matrix6::zeros();
         for (i, (arm, n)) in self.arms.iter().zip(&self.directions).enumerate() {
@@ -48,8 +49,8 @@ impl Legs {
         condition_number(&self.force_transmission_over(length_m))
     }
 
-    /// Returns whether `cond(H) ≤ limit`, moments over a length, m. Cheaper than the number itself: mostly decided by
-    /// `cond₂ ≤ ‖H‖_F ‖H⁻¹‖_F`.
+    /// Returns whether `cond(H) ≤ limit`, moments over a length, m. Cheaper than the number itself: mostly
+    /// decided by `cond₂ ≤ ‖H‖_F ‖H⁻¹‖_F`.
     pub fn is_conditioned_within(&self, limit: f64, length_m: f64) -> bool {
         let h = self.force_transmission_over(length_m);
         match h.try_inverse() {
@@ -83,8 +84,8 @@ impl Legs {
         })
     }
 
-    /// Leg forces (N, positive when a leg pushes) that together exert `wrench` (force and moment about the plate's
-    /// origin, in A) on the plate. `None` where the platform is singular.
+    /// Leg forces (N, positive when a leg pushes) that together exert `wrench` (force and moment about the
+    /// plate's origin, in A) on the plate. `None` where the platform is singular.
     pub fn forces(&self, wrench: &Vector6<f64>) -> Option<[f64; 6]> {
         self.force_transmission().lu().solve(wrench).map(Into::into)
     }
@@ -132,8 +133,9 @@ impl Geometry {
         (joints.iter().map(|joint| (joint - mean).norm_squared()).sum::<f64>() / 6.0).sqrt()
     }
 
-    /// The length that moments are divided by where `cond(H)` is taken: four times [`Geometry::joint_radius_m`], m. A
-    /// machine and its enlargement have the same number; of the built-in platform it is one metre.
+    /// The length that moments are divided by where `cond(H)` is taken: four times
+    /// [`Geometry::joint_radius_m`], m. A machine and its enlargement have the same number; of the built-in
+    /// platform it is one metre.
     pub fn moment_length_m(&self) -> f64 {
         4.0 * self.joint_radius_m()
     }

@@ -1,12 +1,15 @@
 //! Mechanics of Stewart platforms.
 //!
-//! Lives here: a platform's [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force transmission at one
-//! pose), [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its limit), [`Guarantee`] (the same of a whole
-//! motion), [`Load`] (leg forces) with the bodies that it is made of, [`Payload`] (what perfect sensors on the plate read), [`MotionProgram`] (what is asked of a platform) and
-//! [`Trajectory`] (its exact kinematics), the default [`experiment`], and the lines that controllers take: [`gcs`] (PI hexapods) and
+//! Lives here: a platform's [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force
+//! transmission at one pose), [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its
+//! limit), [`Guarantee`] (the same of a whole motion), [`Load`] (leg forces) with the bodies that it is made
+//! of, [`Payload`] (what perfect sensors on the plate read), [`MotionProgram`] (what is asked of a platform)
+//! and
+//! [`Trajectory`] (its exact kinematics), the default [`experiment`], and the lines that controllers take:
+//! [`gcs`] (PI hexapods) and
 //! [`set_points`]. Drivers of real platforms, planning and the simulator
-//! use it alike. May not live here: errors of sensors, planning, connections, or anything of the estimator's: the simulator's physics,
-//! which the estimator is tested against, is based on this crate.
+//! use it alike. May not live here: errors of sensors, planning, connections, or anything of the estimator's:
+//! the simulator's physics, which the estimator is tested against, is based on this crate.
 //!
 //! Frames: A is the base's frame, z up; P is the plate's. Attitudes are roll, pitch, yaw about fixed axes,
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.

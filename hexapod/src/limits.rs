@@ -5,7 +5,8 @@ use std::fmt;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Guard against singular poses: highest `cond(H)`, thesis, moments over [`super::Geometry::moment_length_m`].
+/// Guard against singular poses: highest `cond(H)`, thesis, moments over
+/// [`super::Geometry::moment_length_m`].
 pub const COND_MAX: f64 = 40.0;
 
 /// Limits beyond length and speed of the legs. What is absent does not bind.
@@ -22,8 +23,8 @@ pub struct Limits {
     pub leg_push_n: Option<f64>,
     /// Largest force of a leg that pulls, N.
     pub leg_pull_n: Option<f64>,
-    /// Largest product of a pushing leg's force and the square of its length, N m²: Euler's `π² E I` of a leg hinged
-    /// at both ends, over the safety factor.
+    /// Largest product of a pushing leg's force and the square of its length, N m²: Euler's `π² E I` of a leg
+    /// hinged at both ends, over the safety factor.
     pub leg_buckling_nm2: Option<f64>,
     /// The angle by which a leg may lean at its base joint. Axes in A.
     pub base_joints: Option<JointCones>,
@@ -54,7 +55,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Returns the first key of a limit that depends on what the legs carry; `None` if there is no such limit.
+    /// Returns the first key of a limit that depends on what the legs carry; `None` if there is no such
+    /// limit.
     pub fn of_force(&self) -> Option<&'static str> {
         [
             ("leg_force_n", self.leg_force_n),
@@ -66,8 +68,8 @@ impl Limits {
         .find_map(|(key, limit)| limit.map(|_| key))
     }
 
-    /// Returns the first limit of force that a leg's least and greatest force, N, exceed at a length, m: its name,
-    /// the value and the limit in the name's unit.
+    /// Returns the first limit of force that a leg's least and greatest force, N, exceed at a length, m: its
+    /// name, the value and the limit in the name's unit.
     pub fn overloaded(&self, [low, high]: [f64; 2], length_m: f64) -> Option<(Limit, [f64; 2])> {
         let push = high.max(0.0);
         [
@@ -277,7 +279,8 @@ impl fmt::Display for Violation {
                 let (value, digits) = apart(value.abs(), *max, 2);
                 write!(
                     f,
-                    "the jerk of leg {leg} is not known to stay below its limit of {} m/s³, its bound is {value} m/s³",
+                    "the jerk of leg {leg} is not known to stay below its limit of {} m/s³, its bound is \
+                     {value} m/s³",
                     number(*max, digits)
                 )
             }
@@ -290,8 +293,8 @@ impl fmt::Display for Violation {
                 let (value, digits) = apart(value.abs(), *max, 2);
                 write!(
                     f,
-                    "leg {leg} would push with {value} N m² of force times length squared, its limit against buckling is {} \
-                     N m²",
+                    "leg {leg} would push with {value} N m² of force times length squared, its limit against \
+                     buckling is {} N m²",
                     number(*max, digits)
                 )
             }
@@ -362,7 +365,8 @@ fn number(value: f64, digits: usize) -> String {
     }
 }
 
-/// A value beyond a limit with as many decimals, `digits` or more, as show that it is; and how many those are.
+/// A value beyond a limit with as many decimals, `digits` or more, as show that it is; and how many those
+/// are.
 fn apart(value: f64, limit: f64, digits: usize) -> (String, usize) {
     const MOST: usize = 9;
     let enough = |d: &usize| number(value, *d) != number(limit, *d);

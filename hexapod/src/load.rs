@@ -16,7 +16,8 @@ use super::trajectory::Trajectory;
 pub enum Bodies {
     /// Rigid bodies that are known: plate, load cell, body under test.
     Known(Vec<BodyParameters>),
-    /// One of a set of bodies beside the known ones: before the body has been identified, or as well as it is by now.
+    /// One of a set of bodies beside the known ones: before the body has been identified, or as well as it is
+    /// by now.
     Within {
         /// Bodies that are known, the plate for instance.
         known: Vec<BodyParameters>,
@@ -51,8 +52,8 @@ impl Load {
         }
     }
 
-    /// Force and moment about the plate's origin, in A, that the legs must exert for the known bodies to follow
-    /// `state`; N, N m.
+    /// Force and moment about the plate's origin, in A, that the legs must exert for the known bodies to
+    /// follow `state`; N, N m.
     pub fn wrench(&self, state: &PlateState) -> [f64; 6] {
         let (motion, gravity) = (FrameMotion::of_plate(state), Vector3::from(self.gravity_mps2));
         let mut sum = Vector6::zeros();
@@ -86,9 +87,9 @@ impl Load {
 }
 
 impl Geometry {
-    /// Least and greatest force of each leg, N, positive when a leg pushes, for the plate to follow `state` with `load`.
-    /// Equal for known bodies. For a set the range holds the forces of every body in it, and is somewhat wider
-    /// than needed.
+    /// Least and greatest force of each leg, N, positive when a leg pushes, for the plate to follow `state`
+    /// with `load`. Equal for known bodies. For a set the range holds the forces of every body in it, and is
+    /// somewhat wider than needed.
     ///
     /// # Errors
     /// A singular pose.

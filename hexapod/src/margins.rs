@@ -104,9 +104,9 @@ impl Travel {
 pub struct Margin {
     /// Value and limit.
     pub at: Violation,
-    /// Distance to the limit as a share of what is allowed: 1 far away, 0 on the limit, negative beyond it. Of a
-    /// length, the distance to the nearer end over half the stroke; of `cond(H)`, `1 − cond / limit`; of everything
-    /// else `1 − |value| / limit`.
+    /// Distance to the limit as a share of what is allowed: 1 far away, 0 on the limit, negative beyond it.
+    /// Of a length, the distance to the nearer end over half the stroke; of `cond(H)`, `1 − cond / limit`; of
+    /// everything else `1 − |value| / limit`.
     pub relative: f64,
 }
 
@@ -175,7 +175,8 @@ impl LimitMargins {
             }))
     }
 
-    /// The limit that is nearest, or furthest overstepped. A value that is not a number counts as overstepped.
+    /// The limit that is nearest, or furthest overstepped. A value that is not a number counts as
+    /// overstepped.
     pub fn tightest(&self) -> Margin {
         let order = |m: &Margin| if m.relative.is_nan() { f64::NEG_INFINITY } else { m.relative };
         let mut all = self.all();
@@ -226,8 +227,8 @@ impl Geometry {
         limits.base_joints.is_none() && limits.plate_joints.is_none() && limits.bulk.is_none()
     }
 
-    /// Cones of half-angle `half_angle_rad` about the legs' directions at [`Geometry::home`], for the base joints (axes
-    /// in A) or, home being level, for the plate joints (axes in P).
+    /// Cones of half-angle `half_angle_rad` about the legs' directions at [`Geometry::home`], for the base
+    /// joints (axes in A) or, home being level, for the plate joints (axes in P).
     pub fn cones_about_home(&self, half_angle_rad: f64) -> JointCones {
         JointCones { axes: self.legs(&self.home()).directions.map(Into::into), half_angle_rad }
     }
@@ -265,8 +266,8 @@ impl Geometry {
         }
     }
 
-    /// `det H` at home. A pose at which it has the other sign lies beyond a singular one: whatever its own `cond(H)`,
-    /// no path of finite `cond(H)` leads there from home.
+    /// `det H` at home. A pose at which it has the other sign lies beyond a singular one: whatever its own
+    /// `cond(H)`, no path of finite `cond(H)` leads there from home.
     pub(super) fn home_determinant(&self) -> f64 {
         self.legs(&self.home()).force_transmission().determinant()
     }

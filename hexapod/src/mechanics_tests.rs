@@ -76,8 +76,8 @@ fn forward_kinematics_undoes_inverse_kinematics_from_any_start_to_any_target_in_
     for pair in poses.windows(2) {
         let (start, target) = (&pair[0], &pair[1]);
         let found = g.forward(&g.leg_lengths(target), start).unwrap();
-        // Newton stops at length errors of 1e-13 m or their rounding, 6e-12 m; legs answer a unit step of the plate
-        // with no less than 1/(40 · √6) (cond(H) ≤ 40, every column of H at least one long).
+        // Newton stops at length errors of 1e-13 m or their rounding, 6e-12 m; legs answer a unit step of the
+        // plate with no less than 1/(40 · √6) (cond(H) ≤ 40, every column of H at least one long).
         let turned = rotation_from_rpy(found.rpy_rad) - rotation_from_rpy(target.rpy_rad);
         let moved = Vector3::from(found.position_m) - Vector3::from(target.position_m);
         assert!(turned.amax() < 1e-9 && moved.amax() < 1e-9, "{start:?} {target:?} {found:?}");
@@ -91,8 +91,8 @@ fn forward_kinematics_names_a_leg_beyond_its_reach_and_lengths_that_fit_no_pose(
     lengths[3] = 0.9;
     let error = g.forward(&lengths, &g.home()).unwrap_err().to_string();
     assert!(error.contains("leg 4") && error.contains("0.9"), "{error}");
-    // Legs 1 and 2 meet in one plate joint and their base joints are 2 · 0.45 sin 50° = 0.689 m apart: far more stroke
-    // than this machine has would be needed to break that triangle, so give it such legs.
+    // Legs 1 and 2 meet in one plate joint and their base joints are 2 · 0.45 sin 50° = 0.689 m apart: far
+    // more stroke than this machine has would be needed to break that triangle, so give it such legs.
     let long = Geometry { leg_length_m: [0.05, 2.0], ..g };
     let error = long.forward(&[0.1, 0.2, 0.7, 0.7, 0.7, 0.7], &long.home()).unwrap_err();
     assert!(matches!(error, ForwardError::NoPose { error_m, .. } if error_m > 1e-3), "{error:?}");
@@ -108,7 +108,8 @@ fn rates_and_accelerations_of_the_legs_are_finite_differences_of_their_lengths()
         let rate = (after - before) / (2.0 * h) - Vector6::from(g.leg_rates(&path.state(t)));
         let acceleration =
             (after - 2.0 * now + before) / (h * h) - Vector6::from(g.leg_accelerations(&path.state(t)));
-        // Truncation h²/6 · l''' and h²/12 · l'''' with derivatives below 60 and 600; rounding 2e-16/h² ≈ 2e-8.
+        // Truncation h²/6 · l''' and h²/12 · l'''' with derivatives below 60 and 600; rounding 2e-16/h² ≈
+        // 2e-8.
         assert!(rate.amax() < 1e-7, "{t}: {rate}");
         assert!(acceleration.amax() < 6e-7, "{t}: {acceleration}");
     }
@@ -154,7 +155,8 @@ fn power_of_the_legs_is_the_rate_of_change_of_the_bodys_energy() {
         let power: f64 = forces.iter().zip(g.leg_rates(&s)).map(|([f, _], rate)| f * rate).sum();
         let pair = |h: f64| (energy(t + h) - energy(t - h)) / (2.0 * h);
         let slope = (4.0 * pair(h) - pair(2.0 * h)) / 3.0;
-        // Truncation h^4/30 · 4 · fifth derivative, with 30 W at 1.3 Hz 2e-8 W; rounding 150 J · 2e-16 / h = 3e-11 W.
+        // Truncation h^4/30 · 4 · fifth derivative, with 30 W at 1.3 Hz 2e-8 W; rounding 150 J · 2e-16 / h =
+        // 3e-11 W.
         assert!((power - slope).abs() < 1e-7, "{t}: {power} {slope}");
     }
 }
@@ -187,8 +189,8 @@ fn a_bounding_body_holds_the_forces_of_every_body_inside_it_and_one_of_them_come
             }
         }
         for ([low, high], [least, most]) in bounds.into_iter().zip(seen) {
-            // 300 directions leave some 7° unvisited, 1 % of the reach; slope and curvature need not point alike, and the set
-            // also holds lighter bodies with the same spread.
+            // 300 directions leave some 7° unvisited, 1 % of the reach; slope and curvature need not point
+            // alike, and the set also holds lighter bodies with the same spread.
             let (bound, extreme) = (high.max(-low), most.max(-least));
             assert!(extreme > 0.8 * bound, "{low}..{high} but seen {least}..{most}");
         }
@@ -273,7 +275,8 @@ fn condition_numbers_are_the_published_ones_and_grow_beyond_every_bound_at_a_yaw
     assert!((at_yaw(0.0).0 - 7.1).abs() < 0.05);
     assert!((at_yaw(70.0).0 - 21.8).abs() < 0.05);
     assert!(at_yaw(90.0).0 > 1e12);
-    // Fichter's singularity is an isolated zero: the number falls off as the inverse of the distance, on both sides.
+    // Fichter's singularity is an isolated zero: the number falls off as the inverse of the distance, on both
+    // sides.
     for near in [0.1, 0.01] {
         let ratio = at_yaw(90.0 - near / 10.0).0 / at_yaw(90.0 - near).0;
         assert!((ratio - 10.0).abs() < 0.1, "{ratio}");
@@ -416,7 +419,8 @@ fn pushing_pulling_and_buckling_legs_have_limits_of_their_own() {
     }
 }
 
-/// The quintic's third derivative is `60 way / duration³` at its ends, and straight up all legs have it alike.
+/// The quintic's third derivative is `60 way / duration³` at its ends, and straight up all legs have it
+/// alike.
 #[test]
 fn a_jerk_beyond_its_limit_is_refused_and_more_time_helps() {
     let mut g = Geometry::thesis();

@@ -1,6 +1,7 @@
 //! A smooth curve through several poses.
 //!
-//! Each coordinate is the polynomial that passes through the poses at `u = 0, 1/n, …, 1`, and u is the quintic of time.
+//! Each coordinate is the polynomial that passes through the poses at `u = 0, 1/n, …, 1`, and u is the
+//! quintic of time.
 
 use super::envelope::{envelope_peaks, quintic};
 use super::kinematics::Coordinates;

@@ -33,7 +33,8 @@ impl Pose {
     pub fn from_coordinates([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         Self { position_m: [x, y, z], rpy_rad: [roll, pitch, yaw] }
     }
-    /// The attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch and roll.
+    /// The attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch and
+    /// roll.
     pub fn quaternion_wxyz(&self) -> [f64; 4] {
         let [(sr, cr), (sp, cp), (sy, cy)] = self.rpy_rad.map(|a| (0.5 * a).sin_cos());
         [

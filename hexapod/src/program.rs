@@ -45,8 +45,9 @@ pub struct SineTerm {
     pub phase_rad: f64,
 }
 
-/// A piece of a motion. Every piece begins and ends at rest. In JSON `{"hold": {"duration_s": 1.0}}`: an inner tag
-/// would go through serde's buffer, which cannot read numbers when `serde_json` keeps them in arbitrary precision.
+/// A piece of a motion. Every piece begins and ends at rest. In JSON `{"hold": {"duration_s": 1.0}}`: an
+/// inner tag would go through serde's buffer, which cannot read numbers when `serde_json` keeps them in
+/// arbitrary precision.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -63,8 +64,8 @@ pub enum Segment {
         /// s.
         duration_s: f64,
     },
-    /// To another pose through one to three others without a stop there: each coordinate on the polynomial through them at
-    /// equal steps of u, and u on the quintic of [`Segment::Move`].
+    /// To another pose through one to three others without a stop there: each coordinate on the polynomial
+    /// through them at equal steps of u, and u on the quintic of [`Segment::Move`].
     Path {
         /// On the way, in order.
         via: Vec<Pose>,

@@ -1,7 +1,7 @@
 //! Lines of set points, as a platform takes them that answers nothing.
 //!
-//! A line is `t_s,x_m,y_m,z_m,qw,qx,qy,qz` (the plate in A, Hamilton's quaternion) or `t_s,l1_m,…,l6_m` (the legs) and ends
-//! with LF; time goes from the beginning of the stream.
+//! A line is `t_s,x_m,y_m,z_m,qw,qx,qy,qz` (the plate in A, Hamilton's quaternion) or `t_s,l1_m,…,l6_m` (the
+//! legs) and ends with LF; time goes from the beginning of the stream.
 
 use super::pose::Pose;
 

@@ -1,4 +1,5 @@
-//! A motion whose angular velocity and acceleration point everywhere while one point of the plate stays still.
+//! A motion whose angular velocity and acceleration point everywhere while one point of the plate stays
+//! still.
 //!
 //! The plate is turned from where it is by the rotation vector `ρ(t) n(t)` in its own axes,
 //! `ρ = A e(t) sin 2πft` with the soft envelope e, while the unit vector n winds from one pole of the sphere
@@ -108,8 +109,8 @@ impl Sphere {
         let r1 = a * (e1 + w);
         let r2 = a * (e2 + 2.0 * e1 * w + w * w);
         let r3 = a * (e3 + 3.0 * e2 * w + 3.0 * e1 * w * w + w * w * w);
-        // Every component of n along a fixed direction is a trigonometric polynomial of at most these rates together,
-        // and no greater than one (Bernstein).
+        // Every component of n along a fixed direction is a trigonometric polynomial of at most these rates
+        // together, and no greater than one (Bernstein).
         let [p, q] = self.winding().map(f64::abs);
         let [n1, n2, n3] = [1, 2, 3].map(|k| (p + q).powi(k));
         let (s, c) = (a.sin(), 1.0 - a.cos());

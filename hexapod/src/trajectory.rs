@@ -17,7 +17,8 @@ struct Piece {
     curve: Option<Curve>,
 }
 
-/// A program ready to be evaluated at any time. Before its beginning and after its end the plate stands still.
+/// A program ready to be evaluated at any time. Before its beginning and after its end the plate stands
+/// still.
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     start: [f64; 6],
@@ -94,8 +95,8 @@ impl Trajectory {
         }
     }
 
-    /// Times, s, between which every derivative is continuous: the beginning and the end of each segment and of its
-    /// ramps, in order.
+    /// Times, s, between which every derivative is continuous: the beginning and the end of each segment and
+    /// of its ramps, in order.
     pub fn seams_s(&self) -> Vec<f64> {
         let mut seams = vec![0.0];
         for piece in &self.pieces {
@@ -109,7 +110,8 @@ impl Trajectory {
         seams
     }
 
-    /// Bounds of `|x'''|`, m/s³, and of `|d²ω/dt²|`, rad/s³, both in A, between the two seams around `time_s`.
+    /// Bounds of `|x'''|`, m/s³, and of `|d²ω/dt²|`, rad/s³, both in A, between the two seams around
+    /// `time_s`.
     pub(super) fn third_derivatives(&self, time_s: f64) -> [f64; 2] {
         let next = self.pieces.partition_point(|p| p.begin_s <= time_s);
         match next.checked_sub(1).and_then(|i| self.pieces.get(i)) {
@@ -125,7 +127,8 @@ impl Trajectory {
 }
 
 impl MotionProgram {
-    /// The exact kinematics of the program. Whether a platform can follow is [`super::Geometry::check`]'s business.
+    /// The exact kinematics of the program. Whether a platform can follow is [`super::Geometry::check`]'s
+    /// business.
     ///
     /// # Errors
     /// The first segment that makes no sense.
@@ -198,7 +201,8 @@ impl Piece {
         }
         let [x, y, z, roll, pitch, yaw] = peaks;
         let jerk = (x[2] * x[2] + y[2] * y[2] + z[2] * z[2]).sqrt();
-        // In A, ω = roll' u + pitch' v + yaw' z with unit vectors u, turned by pitch and yaw, and v, turned by yaw:
+        // In A, ω = roll' u + pitch' v + yaw' z with unit vectors u, turned by pitch and yaw, and v, turned
+        // by yaw:
         // |u'| ≤ |pitch'| + |yaw'|, |u''| ≤ |pitch''| + |yaw''| + (|pitch'| + |yaw'|)², |v''| ≤ |yaw''| + yaw'².
         let u1 = pitch[0] + yaw[0];
         let u2 = pitch[1] + yaw[1] + u1 * u1;

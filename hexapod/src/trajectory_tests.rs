@@ -120,8 +120,8 @@ fn a_sphere_leaves_its_point_where_it_is_and_returns_to_its_pose() {
     }
 }
 
-/// Differences of exact second derivatives over 0.1 ms never exceed the bound, and the bound is not idle: within a factor
-/// of ten of the largest of them.
+/// Differences of exact second derivatives over 0.1 ms never exceed the bound, and the bound is not idle:
+/// within a factor of ten of the largest of them.
 #[test]
 fn third_derivatives_stay_below_their_bounds() {
     let trajectory = program().trajectory().unwrap();

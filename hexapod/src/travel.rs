@@ -13,8 +13,8 @@ pub struct Travel {
     pub shift_m: [f64; 3],
     /// Of roll, pitch, yaw, rad; a pitch stays below a right angle.
     pub turn_rad: [f64; 3],
-    /// All of it can be used at once. Else each holds with the other axes at zero, and the shares of what is used of them
-    /// together are at most one.
+    /// All of it can be used at once. Else each holds with the other axes at zero, and the shares of what is
+    /// used of them together are at most one.
     pub together: bool,
     /// Highest speed of the plate's origin, m/s.
     pub speed_mps: Option<f64>,
@@ -37,8 +37,9 @@ impl Travel {
         if self.together { shares.fold(0.0, larger) } else { shares.sum() }
     }
 
-    /// Returns a bound of the share within `half` seconds of a state; `speed` and `rate` bound the velocity of each axis of the plate's
-    /// origin, m/s, and the angular rate, rad/s, there. `|roll'|` and `|yaw'|` are at most `|ω| / cos pitch`.
+    /// Returns a bound of the share within `half` seconds of a state; `speed` and `rate` bound the velocity
+    /// of each axis of the plate's origin, m/s, and the angular rate, rad/s, there. `|roll'|` and `|yaw'|`
+    /// are at most `|ω| / cos pitch`.
     pub(super) fn most(&self, state: &PlateState, half: f64, speed: [f64; 3], rate: f64) -> f64 {
         let steepest = state.rpy.y.abs() + rate * half;
         if steepest >= std::f64::consts::FRAC_PI_2 {

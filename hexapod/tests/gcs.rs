@@ -17,7 +17,8 @@ struct Recorded {
     errors: BTreeMap<String, u16>,
 }
 
-/// A position of the H-811.I2: the vendor's line for it, and where the vendor's kinematic chain puts the platform.
+/// A position of the H-811.I2: the vendor's line for it, and where the vendor's kinematic chain puts the
+/// platform.
 #[derive(Deserialize)]
 struct Vector {
     position_mm_deg: [f64; 6],

@@ -1,5 +1,5 @@
-//! The platform's hand-written mechanics against an independent multibody engine: `vectors/platform_dynamics.py` says
-//! which, and makes `vectors/platform_dynamics.json` anew.
+//! The platform's hand-written mechanics against an independent multibody engine:
+//! `vectors/platform_dynamics.py` says which, and makes `vectors/platform_dynamics.json` anew.
 
 use hexapod::BodyParameters;
 use hexapod::Mounting;

@@ -1,7 +1,8 @@
 //! The converters as the firmware's bus sees them: registers, frames, check words.
 //!
-//! Lives here: register models of the strain-gauge ADC and the IMU, written from their data sheets and not from the
-//! firmware's drivers. May not live here: physics and noise. Before this: [`crate::sensors`]; next: [`crate::rig`].
+//! Lives here: register models of the strain-gauge ADC and the IMU, written from their data sheets and not
+//! from the firmware's drivers. May not live here: physics and noise. Before this: [`crate::sensors`]; next:
+//! [`crate::rig`].
 
 mod ads131m08;
 mod icm42688;

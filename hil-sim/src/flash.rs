@@ -1,7 +1,8 @@
 //! A flash that outlives its board, and loses its power.
 //!
-//! Lives here: [`SimulatedFlash`], cells that are only ever cleared bit by bit and set a sector at a time, how often that happened, and a
-//! supply that ends after a set number of bytes. May not live here: what is stored in it. Next:
+//! Lives here: [`SimulatedFlash`], cells that are only ever cleared bit by bit and set a sector at a time,
+//! how often that happened, and a supply that ends after a set number of bytes. May not live here: what is
+//! stored in it. Next:
 //! [`crate::runner::WithFlash`], which puts it on the bus of a microcontroller.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

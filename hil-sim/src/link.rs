@@ -1,7 +1,8 @@
 //! A serial line that misbehaves.
 //!
-//! Lives here: [`FaultyLink`], a wrapper around any byte link that drops, flips, duplicates and delays what passes, from
-//! a seed. May not live here: what the bytes mean; the one thing it knows is that a zero byte ends a frame. Next:
+//! Lives here: [`FaultyLink`], a wrapper around any byte link that drops, flips, duplicates and delays what
+//! passes, from a seed. May not live here: what the bytes mean; the one thing it knows is that a zero byte
+//! ends a frame. Next:
 //! [`crate::runner`], whose microcontrollers it can wrap.
 
 use std::collections::VecDeque;

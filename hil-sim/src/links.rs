@@ -1,8 +1,8 @@
 //! Several bodies hanging on each other: how they move when their joints swing, and what wrench that takes.
 //!
-//! Lives here: a joint that swings ([`Swing`]), the second link of a rig ([`SecondLink`]) and whole trees ([`Tree`]). May not live
-//! here: regressors or anything else from the estimator's side; every body has Newton's and Euler's equations of its own
-//! ([`hexapod`]). Before this: [`hexapod`]; next: [`crate::rig`].
+//! Lives here: a joint that swings ([`Swing`]), the second link of a rig ([`SecondLink`]) and whole trees
+//! ([`Tree`]). May not live here: regressors or anything else from the estimator's side; every body has
+//! Newton's and Euler's equations of its own ([`hexapod`]). Before this: [`hexapod`]; next: [`crate::rig`].
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -163,8 +163,8 @@ impl SecondLink {
         [f.x, f.y, f.z, m.x, m.y, m.z]
     }
 
-    /// The base parameters of the pair with a body on S: ten of the first, to which the second's mass belongs as a point
-    /// in the joint, and the second's first moments and tensor.
+    /// The base parameters of the pair with a body on S: ten of the first, to which the second's mass belongs
+    /// as a point in the joint, and the second's first moments and tensor.
     pub fn base_parameters(&self, first: &BodyParameters) -> [f64; 19] {
         let point =
             BodyParameters { mass_kg: self.body.mass_kg, com_m: self.joint_m, inertia_com_kgm2: [0.0; 6] };
@@ -338,7 +338,8 @@ mod tests {
 
     #[test]
     fn the_base_s_wrench_is_the_rate_of_change_of_all_momentum() {
-        // Linear, and angular about the fixed point where the base's origin is now, gravity's share taken off.
+        // Linear, and angular about the fixed point where the base's origin is now, gravity's share taken
+        // off.
         let (tree, h) = (tree(), 1e-4);
         let momentum = |t: f64, about: Vector3<f64>| {
             let (mut p, mut l) = (Vector3::zeros(), Vector3::zeros());

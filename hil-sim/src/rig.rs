@@ -1,11 +1,13 @@
 //! The whole rig: platform, body, sensors and converters under one clock.
 //!
-//! Lives here: [`RigConfig`] (what the rig is), [`Rig`] (the rig at work, event by event, through the registers) and
-//! [`Readings`] (the same physics as float readings at one rate, for Monte Carlo). May not live here: the firmware,
-//! files. Before this: [`crate::devices`]; next: [`crate::runner`].
+//! Lives here: [`RigConfig`] (what the rig is), [`Rig`] (the rig at work, event by event, through the
+//! registers) and
+//! [`Readings`] (the same physics as float readings at one rate, for Monte Carlo). May not live here: the
+//! firmware, files. Before this: [`crate::devices`]; next: [`crate::runner`].
 //!
-//! The clock is virtual. In lock-step it moves only while a motion program runs, from one sensor event to the next;
-//! free-running it follows the time it is given. Only what is in the converters' registers leaves the rig.
+//! The clock is virtual. In lock-step it moves only while a motion program runs, from one sensor event to the
+//! next; free-running it follows the time it is given. Only what is in the converters' registers leaves the
+//! rig.
 
 mod config;
 mod follow;
@@ -53,8 +55,9 @@ pub struct Truth {
     pub body: BodyParameters,
     /// The random draw of the experiment.
     pub experiment: Experiment,
-    /// Wrench offset that a perfect estimator finds when it believes the accelerometer's zero: an accelerometer that
-    /// reads `b_a` too much (turned into S) takes `m b_a` off the forces and `mc × b_a` off the moments. N, N m.
+    /// Wrench offset that a perfect estimator finds when it believes the accelerometer's zero: an
+    /// accelerometer that reads `b_a` too much (turned into S) takes `m b_a` off the forces and `mc × b_a`
+    /// off the moments. N, N m.
     pub apparent_offset_n_nm: [f64; 6],
     /// Motion of S, in the earth's axes.
     pub sensor_motion: FrameMotion,
@@ -229,8 +232,8 @@ impl Rig {
         self.platform.go(self.now_ns as f64, to, duration_s, &self.config.geometry)
     }
 
-    /// Is to pass a pose at a time of the rig's clock, ns. Points come in order of time; the plate brakes at the last but one
-    /// if no more come in time.
+    /// Is to pass a pose at a time of the rig's clock, ns. Points come in order of time; the plate brakes at
+    /// the last but one if no more come in time.
     ///
     /// # Errors
     /// While a program runs; a leg that would leave its reach or be too fast; a point after its time.
@@ -290,8 +293,8 @@ impl Rig {
         &self.imu_device
     }
 
-    /// The next data-ready event of the running program: the clock jumps to it. `Idle`, and the clock stands still, while
-    /// no program runs.
+    /// The next data-ready event of the running program: the clock jumps to it. `Idle`, and the clock stands
+    /// still, while no program runs.
     pub fn next_event(&mut self) -> BusEvent {
         match self.platform.end_ns() {
             Some(end_ns) => self.advance(end_ns),
@@ -299,13 +302,14 @@ impl Rig {
         }
     }
 
-    /// The next data-ready event no later than `limit_ns`, whether or not a program runs; if there is none the clock is set
-    /// to `limit_ns` and the answer is `Idle`.
+    /// The next data-ready event no later than `limit_ns`, whether or not a program runs; if there is none
+    /// the clock is set to `limit_ns` and the answer is `Idle`.
     pub fn next_event_before(&mut self, limit_ns: u64) -> BusEvent {
         self.advance(limit_ns.max(self.now_ns))
     }
 
-    /// When the next conversion or sample is due, ns of the rig's clock, whether anybody is told of it or not.
+    /// When the next conversion or sample is due, ns of the rig's clock, whether anybody is told of it or
+    /// not.
     pub fn next_due_ns(&mut self) -> Option<u64> {
         self.follow_rates();
         let tickers = [&self.adc_ticker, &self.imu_ticker, &self.second_ticker];

@@ -1,10 +1,11 @@
 //! The effect of the sensors on the truth, before any register.
 //!
-//! Lives here: noise, bias, gain, resolution, range, bandwidth, delay and faults of the load cell and the IMU. May
-//! not live here: registers and buses. Before this: [`hexapod`]; next: [`crate::devices`].
+//! Lives here: noise, bias, gain, resolution, range, bandwidth, delay and faults of the load cell and the
+//! IMU. May not live here: registers and buses. Before this: [`hexapod`]; next: [`crate::devices`].
 //!
-//! Everything random comes from one seed through separate streams (per-experiment values, load-cell noise, IMU
-//! noise), so that the same seed gives the same bits and one sensor's noise does not depend on the other's rate.
+//! Everything random comes from one seed through separate streams (per-experiment values, load-cell noise,
+//! IMU noise), so that the same seed gives the same bits and one sensor's noise does not depend on the
+//! other's rate.
 
 mod chain;
 mod faults;
@@ -20,8 +21,8 @@ use hexapod::{
     THESIS_ACCEL_RANGE_MPS2, THESIS_GYRO_RANGE_RADPS, THESIS_WRENCH_NOISE_N_NM, THESIS_WRENCH_RANGE_N_NM,
 };
 
-/// A quantity that is constant over one experiment: `fixed + spread · n`, with `n` standard normal, drawn from the
-/// seed.
+/// A quantity that is constant over one experiment: `fixed + spread · n`, with `n` standard normal, drawn
+/// from the seed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerExperiment<const N: usize> {
     /// The part that is the same in every experiment.
@@ -191,8 +192,8 @@ pub(crate) fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
 impl SensorModels {
     /// Defaults of the platform thesis, Tables 1 and 2 (95 % figures / 1.96), gyro range ±1.309 rad/s.
     ///
-    /// Not printed there and assumed: accelerometer noise 0.02 m/s² and range 16 g; per-experiment offsets and
-    /// biases as large as one sample's noise; a delay of 0.6 ms in the IMU's filters; no bandwidth limit.
+    /// Not printed there and assumed: accelerometer noise 0.02 m/s² and range 16 g; per-experiment offsets
+    /// and biases as large as one sample's noise; a delay of 0.6 ms in the IMU's filters; no bandwidth limit.
     pub fn thesis() -> Self {
         let noise = THESIS_WRENCH_NOISE_N_NM;
         let gyro = [8.4e-4 / 1.96, 7.2e-4 / 1.96, 3.7e-3 / 1.96];
@@ -227,8 +228,8 @@ impl SensorModels {
         }
     }
 
-    /// The same sensors without noise, bias, gain error, steps, bandwidth, delay and faults. Their ranges stay, and
-    /// so do the words of the converters where registers are simulated.
+    /// The same sensors without noise, bias, gain error, steps, bandwidth, delay and faults. Their ranges
+    /// stay, and so do the words of the converters where registers are simulated.
     pub fn ideal() -> Self {
         let mut s = Self::thesis();
         s.load_cell = LoadCellModel {

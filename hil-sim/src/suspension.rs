@@ -1,16 +1,19 @@
 //! A platform that hangs on springs, and a tree of links that swings on it.
 //!
-//! Lives here: what such a rig is made of ([`Suspension`]), the exact equations of its motion ([`Suspended`]), their integration
-//! ([`Suspended::simulate`]), stiffness and modes by differences of forces ([`Suspended::modes`]), what cameras see of it
-//! ([`MotionCapture`]) and the experiment of the vibration paper ([`paper`]). May not live here: regressors or anything else
-//! from the estimator's side. Before this: [`crate::links`], whose links are driven; here they are free.
+//! Lives here: what such a rig is made of ([`Suspension`]), the exact equations of its motion
+//! ([`Suspended`]), their integration ([`Suspended::simulate`]), stiffness and modes by differences of forces
+//! ([`Suspended::modes`]), what cameras see of it ([`MotionCapture`]) and the experiment of the vibration
+//! paper ([`paper`]). May not live here: regressors or anything else from the estimator's side. Before this:
+//! [`crate::links`], whose links are driven; here they are free.
 //!
-//! Frames: the earth's A, z up; P, the platform's, in the reference pose at A's origin with A's axes. Springs' forces,
-//! reactions and rates are in A's axes. Link 0, the base link, is fixed in P; link k ≥ 1 has its origin in the joint to its parent.
+//! Frames: the earth's A, z up; P, the platform's, in the reference pose at A's origin with A's axes.
+//! Springs' forces, reactions and rates are in A's axes. Link 0, the base link, is fixed in P; link k ≥ 1 has
+//! its origin in the joint to its parent.
 //!
-//! The integrator is our own, Gauss' collocation of order eight with steps of at most 1/120 s: in the paper's experiment energy
-//! drifts by 3e-15 of the largest kinetic energy per second, against 4e-14 for the best crate tried, at two and a half times
-//! its cost, 0.15 s for ten seconds of motion. `suspension/integrate.rs` has the comparison.
+//! The integrator is our own, Gauss' collocation of order eight with steps of at most 1/120 s: in the paper's
+//! experiment energy drifts by 3e-15 of the largest kinetic energy per second, against 4e-14 for the best
+//! crate tried, at two and a half times its cost, 0.15 s for ten seconds of motion. `suspension/integrate.rs`
+//! has the comparison.
 
 mod dynamics;
 mod integrate;
@@ -34,8 +37,9 @@ pub use motion::{Energy, Instant, Motion, Run, Start};
 
 /// A spring between the ground and a point of the platform.
 ///
-/// Its force on the platform is `f0 − K d − k₃ |d|² d − C ḋ`, A's axes, with d how far the anchor is from where it is in the
-/// reference pose, `K = factor (axial n nᵀ + lateral (1 − n nᵀ))` along an axis n fixed in A, and C alike.
+/// Its force on the platform is `f0 − K d − k₃ |d|² d − C ḋ`, A's axes, with d how far the anchor is from
+/// where it is in the reference pose, `K = factor (axial n nᵀ + lateral (1 − n nᵀ))` along an axis n fixed in
+/// A, and C alike.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring {
     /// Anchor in P, m.
@@ -106,7 +110,8 @@ pub struct JointedLink {
     pub body: BodyParameters,
 }
 
-/// Ground under all springs that is not quite free: a mass that only shifts, on springs of its own to the earth.
+/// Ground under all springs that is not quite free: a mass that only shifts, on springs of its own to the
+/// earth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
     /// Mass, kg.
@@ -124,7 +129,8 @@ pub struct Suspension {
     pub platform: BodyParameters,
     /// The springs.
     pub springs: Vec<Spring>,
-    /// Coordinates of P that are locked: shifts along A's x, y, z and turns about them. Of the turns either none, all or two.
+    /// Coordinates of P that are locked: shifts along A's x, y, z and turns about them. Of the turns either
+    /// none, all or two.
     pub locked: [bool; 6],
     /// The base link's frame in P.
     pub mount: Mounting,
@@ -206,7 +212,8 @@ pub enum SuspensionError {
     },
     /// The cameras' rate does not divide the motion's.
     #[error(
-        "cameras at {camera_hz} Hz cannot film a motion that is known at {motion_hz} Hz; it must be a whole multiple"
+        "cameras at {camera_hz} Hz cannot film a motion that is known at {motion_hz} Hz; it must be a whole \
+         multiple"
     )]
     CameraRate {
         /// Of the cameras, Hz.

@@ -1,8 +1,8 @@
 //! The speed at which the host absorbs: `cargo bench -p rigident --bench absorb`.
 //!
-//! Three figures. *Kernel*: row blocks (six scalar rows each) from filtered signals by the regressor into the factor, no
-//! screening and no filter, on one core. *Pipeline*: readings of a simulated rig through all of it, on one core.
-//! *Scaling*: the same on all cores, merged.
+//! Three figures. *Kernel*: row blocks (six scalar rows each) from filtered signals by the regressor into the
+//! factor, no screening and no filter, on one core. *Pipeline*: readings of a simulated rig through all of
+//! it, on one core. *Scaling*: the same on all cores, merged.
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,6 +1,7 @@
 //! Identifies the body of a recording: `cargo run --release -p rigident --example identify_csv -- FILE.csv`
 //!
-//! This is `rigident identify FILE.csv` as a library: the same function, so that every number is the same to the last bit.
+//! This is `rigident identify FILE.csv` as a library: the same function, so that every number is the same to
+//! the last bit.
 
 #[cfg(not(test))]
 use std::error::Error;

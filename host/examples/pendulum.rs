@@ -1,4 +1,5 @@
-//! A row source of one's own: a driven pendulum with a load cell at its pivot, from an encoder's angle and rate.
+//! A row source of one's own: a driven pendulum with a load cell at its pivot, from an encoder's angle and
+//! rate.
 //!
 //! With x forwards, z upwards and the angle q from the lower rest, the cell reads, beside its offsets,
 //! `F_x = d/dt(ml cos q q̇)`, `F_z = d/dt(ml sin q q̇) + m g` and `M_y = d/dt(J q̇) + ml g sin q`.
@@ -75,8 +76,8 @@ impl RowSource for Pendulum {
     }
 }
 
-/// Simulates a swing of some seconds of m, ml, J = `body`, with noise of 0.3 N and 0.02 N m and offsets of 1 N and 0.3 N m; one
-/// sample in its middle is knocked by a force along x, N.
+/// Simulates a swing of some seconds of m, ml, J = `body`, with noise of 0.3 N and 0.02 N m and offsets of 1
+/// N and 0.3 N m; one sample in its middle is knocked by a force along x, N.
 pub fn simulated(body: [f64; 3], seconds: usize, seed: u64, knock: f64) -> Pendulum {
     let [m, ml, j] = body;
     let mut noise = Distribution::<f64>::sample_iter(StandardNormal, ChaCha8Rng::seed_from_u64(seed));

@@ -1,7 +1,8 @@
 //! Talks to a device: the firmware, here compiled into this process with a simulated rig behind its sensors.
 //! `cargo run --release -p rigident --example talk_to_device`
 //!
-//! With a board on a serial port the transport is `SerialTransport::open("/dev/ttyACM0")`; the rest stays as it is.
+//! With a board on a serial port the transport is `SerialTransport::open("/dev/ttyACM0")`; the rest stays as
+//! it is.
 
 use std::error::Error;
 use std::io;
@@ -37,7 +38,8 @@ impl Observer for Counter {
     }
 }
 
-/// Configures the device, watches half a second of its readings at rest, and returns the mean vertical force, N.
+/// Configures the device, watches half a second of its readings at rest, and returns the mean vertical force,
+/// N.
 pub fn weigh() -> Result<f64, Box<dyn Error>> {
     let config = RigConfig::thesis_horizontal();
     let rig = RigFile {

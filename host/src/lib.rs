@@ -1,16 +1,16 @@
 //! The application: one function a job, typed options in, typed answers out.
 //!
-//! [`application`] has the jobs; the rest re-exports the crates below it. One way leads from a recording to an
-//! answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are what comes in, [`rows`], [`vibration`]
-//! and [`people`] make rows of it, [`fit`] holds the information factor, [`answer`] reads it, [`present`] shows
-//! it; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the firmware make the factor
-//! while its platform moves as [`plan`] found best; `study` tests the intervals; the crate `rigident_cli` joins
-//! all into commands. The pipeline of a sample is in `rigident_shared`, mechanics of the platform in `hexapod`,
-//! the simulated rig in `rigident_sim`.
+//! [`application`] has the jobs; the rest re-exports the crates below it. One way leads from a recording to
+//! an answer: [`recording`], [`motion_capture`], [`rig`] and [`model`] are what comes in, [`rows`],
+//! [`vibration`] and [`people`] make rows of it, [`fit`] holds the information factor, [`answer`] reads it,
+//! [`present`] shows it; a [`mod@reference`] body calibrates a rig and verifies it. [`device`] has the
+//! firmware make the factor while its platform moves as [`plan`] found best; `study` tests the intervals; the
+//! crate `rigident_cli` joins all into commands. The pipeline of a sample is in `rigident_shared`, mechanics
+//! of the platform in `hexapod`, the simulated rig in `rigident_sim`.
 //!
-//! Features: `simulator` (default) brings the simulated rig and what needs one: `demo`, `montecarlo`, and `replay` through
-//! firmware in this process. `emulator` (default) adds the emulated board, `--mcu qemu`, on Unix. Everything else, down to the
-//! library's types, is there without both.
+//! Features: `simulator` (default) brings the simulated rig and what needs one: `demo`, `montecarlo`, and
+//! `replay` through firmware in this process. `emulator` (default) adds the emulated board, `--mcu qemu`, on
+//! Unix. Everything else, down to the library's types, is there without both.
 
 pub mod application;
 pub mod schema;

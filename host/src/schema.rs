@@ -5,8 +5,8 @@ use serde_json::Value;
 /// Names that [`schema`] knows.
 pub const NAMES: [&str; 5] = ["rig", "result", "plan", "reference", "calibration"];
 
-/// Returns the JSON Schema of a rig file (`rig`), of `result.json` (`result`), of a plan (`plan`), of a reference body
-/// (`reference`) or of the calibration of a rig (`calibration`); `None` for another name.
+/// Returns the JSON Schema of a rig file (`rig`), of `result.json` (`result`), of a plan (`plan`), of a
+/// reference body (`reference`) or of the calibration of a rig (`calibration`); `None` for another name.
 ///
 /// ```
 /// let schema = rigident::schema::schema("result").unwrap();

@@ -27,8 +27,9 @@ pub fn main(py: Python<'_>, words: Vec<OsString>) -> i32 {
     py.detach(|| cli::main_of(words) as i32)
 }
 
-/// Calls a command with the words of its command line and returns exit status, standard output and the lines of standard error.
-/// The lock is released meanwhile; Ctrl-C stops the command and raises `KeyboardInterrupt`.
+/// Calls a command with the words of its command line and returns exit status, standard output and the lines
+/// of standard error. The lock is released meanwhile; Ctrl-C stops the command and raises
+/// `KeyboardInterrupt`.
 ///
 /// # Errors
 /// Raises `RigidentError` if there is no answer.
@@ -48,7 +49,8 @@ pub fn call(
     }
 }
 
-/// Does work in a thread of its own without Python's lock; Ctrl-C sets the token that the work gets and raises `KeyboardInterrupt`.
+/// Does work in a thread of its own without Python's lock; Ctrl-C sets the token that the work gets and
+/// raises `KeyboardInterrupt`.
 ///
 /// # Errors
 /// Raises `KeyboardInterrupt`, or `RuntimeError` if the work panicked.

@@ -8,8 +8,8 @@ use rigident::fit::pool::PooledFactor;
 
 use crate::errors::refused;
 
-/// Returns the contents of a factor file's bytes: `parameters` and `units`, `recordings`, `runs`, `rows`, and the triangle `r`, `z` of
-/// the whitened rows.
+/// Returns the contents of a factor file's bytes: `parameters` and `units`, `recordings`, `runs`, `rows`, and
+/// the triangle `r`, `z` of the whitened rows.
 ///
 /// # Errors
 /// Raises `RigidentError` if the bytes are no factor.

@@ -182,7 +182,8 @@ impl IdentifyWords {
     }
 }
 
-/// An answer: the object's text, the exit status of the command line, what was said beside it, the page, and the factor with its name.
+/// An answer: the object's text, the exit status of the command line, what was said beside it, the page, and
+/// the factor with its name.
 type Answered = (String, i32, Vec<String>, String, Option<(Vec<u8>, String)>);
 
 /// Identifies the body, or the tree of links, of a recording.

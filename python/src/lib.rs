@@ -1,8 +1,8 @@
 //! Rigident in Python: what the package `rigident` calls.
 //!
-//! Lives here: the application's jobs and any command called in this process without Python's lock, recordings from arrays, factors' contents, rows of models. May
-//! not live here: how a result is shown in Python, which is the package's; and what a command does, which is
-//! the host's.
+//! Lives here: the application's jobs and any command called in this process without Python's lock,
+//! recordings from arrays, factors' contents, rows of models. May not live here: how a result is shown in
+//! Python, which is the package's; and what a command does, which is the host's.
 
 mod calls;
 mod errors;

@@ -25,8 +25,8 @@ pub struct Tree {
     is_person: bool,
 }
 
-/// A motion of samples: positions, rates and accelerations of joints, and of the base its specific force, angular rate and
-/// acceleration, or none of it where it is held still.
+/// A motion of samples: positions, rates and accelerations of joints, and of the base its specific force,
+/// angular rate and acceleration, or none of it where it is held still.
 type Motion<'a, 'py> = (
     &'a PyReadonlyArray2<'py, f64>,
     &'a PyReadonlyArray2<'py, f64>,
@@ -36,7 +36,8 @@ type Motion<'a, 'py> = (
 
 #[pymethods]
 impl Tree {
-    /// Opens a model: human34, human58, or the path of a URDF, MJCF, SDF or rig file, changed as the options of the command line do.
+    /// Opens a model: human34, human58, or the path of a URDF, MJCF, SDF or rig file, changed as the options
+    /// of the command line do.
     ///
     /// # Errors
     /// Raises `RigidentError` if it cannot be read as a tree, or has no such joint.
@@ -121,7 +122,8 @@ impl Tree {
         self.welded.links.iter().flat_map(|link| -> Vec<String> { of(&link.name) }).collect()
     }
 
-    /// Returns the rows of a motion in the standard parameters, samples × rows × ten a link, or in the base parameters of a situation.
+    /// Returns the rows of a motion in the standard parameters, samples × rows × ten a link, or in the base
+    /// parameters of a situation.
     ///
     /// # Errors
     /// Raises `ValueError` if numbers are too few or too many, and `RigidentError` if there are no such rows.

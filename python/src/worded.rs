@@ -7,11 +7,12 @@ use rigident_shared::forgetting::Span;
 pub fn notice(notice: &Notice) -> String {
     match notice {
         Notice::ColumnsAssumed(assumed) => format!(
-            "{assumed}; the wrench is taken to be that on the body. `rigident import` writes a rig file that says so, to be changed"
+            "{assumed}; the wrench is taken to be that on the body. `rigident import` writes a rig file that \
+             says so, to be changed"
         ),
         Notice::ColumnsLeftOut(columns) => format!(
-            "one rigid body is identified, and columns of other links are not used: {}. Several links need \"link\" tables in the rig, \
-             or model=…",
+            "one rigid body is identified, and columns of other links are not used: {}. Several links \
+             need \"link\" tables in the rig, or model=…",
             columns.join(", ")
         ),
         Notice::LockedAtZero(joints) => {
@@ -25,7 +26,8 @@ pub fn notice(notice: &Notice) -> String {
                 .to_owned()
         }
         Notice::PayloadNotUsed(link) => format!(
-            "payload={link:?}: nothing is said of it, because the recording with it cannot be true; this is the answer about the arm"
+            "payload={link:?}: nothing is said of it, because the recording with it cannot be true; this is \
+             the answer about the arm"
         ),
         other => other.to_string(),
     }
@@ -37,7 +39,8 @@ pub fn error(error: &Error) -> String {
         Error::Of { of, error: own } => format!("{of}: {}", self::error(own)),
         Error::Assuming { error: own, assumed } => format!("{}\n{assumed}", self::error(own).trim_end()),
         Error::OfRobot { error: own, joint } => format!(
-            "{own}. Its columns {joint}_… are of a robot's joints: to identify its links give its description by model=…"
+            "{own}. Its columns {joint}_… are of a robot's joints: to identify its links give its \
+             description by model=…"
         ),
         Error::OnlyForTrees(option) => format!(
             "{} is for trees of links: say which by model=…, or by \"link\" tables in the rig",
@@ -47,7 +50,10 @@ pub fn error(error: &Error) -> String {
             "height_m, mass_kg and sex describe human34 and human58; the model given is neither".to_owned()
         }
         Error::LockedMoves { joint, moves } => {
-            format!("lock {joint}: {moves}: a joint that moves cannot be taken for locked; leave it out of lock")
+            format!(
+                "lock {joint}: {moves}: a joint that moves cannot be taken for locked; leave it out of \
+                     lock"
+            )
         }
         Error::CalibrationOfTree => {
             "calibration is for one body, and this is a tree of links: leave it out".to_owned()
@@ -59,19 +65,23 @@ pub fn error(error: &Error) -> String {
         Error::NominalSigma(sigma) => format!("nominal_sigma={sigma}: must be finite and greater than zero"),
         Error::PayloadWithoutTare => "payload: needs runs without it, tare=…".to_owned(),
         Error::PayloadAndLinks => {
-            "payload: the answer is about what a link carries; write_model and symmetric_sides are about the links: identify these \
-             without it"
+            "payload: the answer is about what a link carries; write_model and symmetric_sides are about the \
+             links: identify these without it"
                 .to_owned()
         }
         Error::LoadFile { path, why } => format!("write_load {}: {why}", path.display()),
         Error::OtherLinks { factor, rig } => format!(
-            "rig: the factor is of {factor}, and the rig file of {rig}; give the rig that the recordings were taken with, or none"
+            "rig: the factor is of {factor}, and the rig file of {rig}; give the rig that the recordings \
+             were taken with, or none"
         ),
         Error::NoOffset(why) => format!("estimate='offset': {why}"),
         Error::NoPlatform => {
             "without_platform: the rig states neither suspension.platform nor the mass of a spring".to_owned()
         }
-        Error::Disagree { .. } => format!("{error}. force=True merges them all the same, the intervals widened as much"),
+        Error::Disagree { .. } => format!(
+            "{error}. force=True merges them all the same, the intervals \
+                                           widened as much"
+        ),
         other => other.to_string(),
     }
 }

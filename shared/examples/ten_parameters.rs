@@ -1,8 +1,10 @@
-//! The ten parameters of a body in one's own firmware: `cargo run -p rigident-shared --example ten_parameters`
+//! The ten parameters of a body in one's own firmware:
+//! `cargo run -p rigident-shared --example ten_parameters`
 //!
-//! [`Ten`] is all that a microcontroller needs: no heap, no clock, no I/O, single precision, 10 kB of memory. Copy it, and call
-//! [`Ten::push`] with each reading. Around it `main` simulates a body, by Newton and Euler about its centre of mass, which
-//! shares nothing with the estimator. docs/firmware.md has the words to it.
+//! [`Ten`] is all that a microcontroller needs: no heap, no clock, no I/O, single precision, 10 kB of memory.
+//! Copy it, and call
+//! [`Ten::push`] with each reading. Around it `main` simulates a body, by Newton and Euler about its centre
+//! of mass, which shares nothing with the estimator. docs/firmware.md has the words to it.
 
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::conditioning::{Conditioner, KernelError};
@@ -26,8 +28,8 @@ pub struct Ten {
 }
 
 impl Ten {
-    /// Starts with nothing seen. `position_m` is the IMU's in the load cell's frame, `sigma` the load cell's noise of a reading,
-    /// N and N m.
+    /// Starts with nothing seen. `position_m` is the IMU's in the load cell's frame, `sigma` the load cell's
+    /// noise of a reading, N and N m.
     ///
     /// # Errors
     /// The filter does not fit at this rate.
@@ -57,8 +59,9 @@ impl Ten {
         self.factor.absorb(&columns, &wrench);
     }
 
-    /// Returns what the readings say: m, mc (3), the tensor about the load cell's origin (Ixx, Iyy, Izz, Iyz, Izx, Ixy), offsets (6),
-    /// each with its standard deviation, and whether the motion determines it. It takes milliseconds: call it between readings.
+    /// Returns what the readings say: m, mc (3), the tensor about the load cell's origin (Ixx, Iyy, Izz, Iyz,
+    /// Izx, Ixy), offsets (6), each with its standard deviation, and whether the motion determines it. It
+    /// takes milliseconds: call it between readings.
     pub fn answer(&self) -> Solution<f32, N> {
         self.factor.solve()
     }
@@ -73,7 +76,8 @@ fn root(of: f32) -> f32 {
     x
 }
 
-/// The simulated body: 3 kg, centre of mass at (0, 10, 50) mm, and its tensor about that, kg m²; and the load cell's offsets.
+/// The simulated body: 3 kg, centre of mass at (0, 10, 50) mm, and its tensor about that, kg m²; and the load
+/// cell's offsets.
 pub const MASS_KG: f64 = 3.0;
 /// Its centre of mass in S, m.
 pub const COM_M: [f64; 3] = [0.0, 0.01, 0.05];

@@ -107,8 +107,8 @@ impl<T: Scalar> Aligner<T> {
         self.dropped
     }
 
-    /// Drops, and counts, the load-cell readings that wait in vain: for an IMU which no longer comes, for more than two of
-    /// its periods, or between two readings of it that are further apart.
+    /// Drops, and counts, the load-cell readings that wait in vain: for an IMU which no longer comes, for
+    /// more than two of its periods, or between two readings of it that are further apart.
     pub fn give_up_waiting(&mut self) {
         let last = (usize::from(self.first) + usize::from(self.waiting)).wrapping_sub(1) % PENDING;
         let config = &self.config;
@@ -133,8 +133,8 @@ impl<T: Scalar> Aligner<T> {
         &self.around[usize::from((self.oldest + k) % NEIGHBOURS as u8)]
     }
 
-    /// Takes an IMU reading. One that is not later than its predecessor starts anew. Ask for what it completed
-    /// ([`Self::pop`]) before the next one is given.
+    /// Takes an IMU reading. One that is not later than its predecessor starts anew. Ask for what it
+    /// completed ([`Self::pop`]) before the next one is given.
     #[inline]
     pub fn push_imu(&mut self, reading: &ImuReading<T>) {
         let time_ns = reading.time_ns.saturating_sub(u64::from(self.config.imu_delay_ns));
@@ -316,8 +316,8 @@ mod tests {
         }
     }
 
-    /// Of 200 readings of a load cell at 500 Hz beside an IMU from which those come that `comes` names: how many are neither
-    /// aligned nor counted when the run ends, and how many its end has counted.
+    /// Of 200 readings of a load cell at 500 Hz beside an IMU from which those come that `comes` names: how
+    /// many are neither aligned nor counted when the run ends, and how many its end has counted.
     fn left_at_the_end(comes: impl Fn(u64) -> bool) -> (u32, u32) {
         let config =
             AlignerConfig { wrench_delay_ns: 1_000_000, imu_delay_ns: 7_000_000, imu_period_ns: 2_000_000 };
@@ -350,7 +350,8 @@ mod tests {
 
     #[test]
     fn what_waits_between_readings_too_far_apart_is_counted_when_the_run_ends() {
-        // An IMU that a changed setting makes eight times as slow: its last reading comes with the 200th, the 199th and so on.
+        // An IMU that a changed setting makes eight times as slow: its last reading comes with the 200th, the
+        // 199th and so on.
         for phase in 0..8 {
             let (on_the_way, _) = left_at_the_end(|k| k < 50 || k % 8 == phase);
             assert!(on_the_way <= 8, "{phase}: {on_the_way}");

@@ -10,10 +10,10 @@
 //! a 1 Hz rate's derivative.
 //!
 //! If rows are much rarer than samples, neighbouring samples are averaged first and the kernel, sampled more
-//! coarsely, takes the averages. That is one FIR still, on rows and wrench alike, and `h̄ ∗ ω̇ = ḣ̄ ∗ ω` for the
-//! averages as for the samples. Averages of white noise are white, so nothing is lost: the noise gain is that of
-//! the kernel on its own samples, divided by their number. An output is evaluated when it is due, folding the
-//! symmetric halves of the kernel onto each other.
+//! coarsely, takes the averages. That is one FIR still, on rows and wrench alike, and `h̄ ∗ ω̇ = ḣ̄ ∗ ω` for
+//! the averages as for the samples. Averages of white noise are white, so nothing is lost: the noise gain is
+//! that of the kernel on its own samples, divided by their number. An output is evaluated when it is due,
+//! folding the symmetric halves of the kernel onto each other.
 
 use crate::Scalar;
 
@@ -103,8 +103,8 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         derivative_noise_gain: T::ZERO,
     };
 
-    /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the identity, for
-    /// still rows: ω̇ is then 0.
+    /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the
+    /// identity, for still rows: ω̇ is then 0.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
@@ -115,7 +115,8 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         Ok(kernel)
     }
 
-    /// The kernel where an output is wanted every `row_every` samples, and how many of them are averaged first.
+    /// The kernel where an output is wanted every `row_every` samples, and how many of them are averaged
+    /// first.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
@@ -182,8 +183,8 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         until_output: 0,
     };
 
-    /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width zero is
-    /// the identity, for still rows.
+    /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width
+    /// zero is the identity, for still rows.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.

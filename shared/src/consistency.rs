@@ -1,7 +1,7 @@
 //! The physically consistent parameters nearest to what the rows say.
 //!
-//! Lives here: the projection of a factor's answer onto the cone of bodies, from the factor alone. May not live
-//! here: the rows, the free answer's uncertainty ([`crate::factor`]), the parameters' meaning
+//! Lives here: the projection of a factor's answer onto the cone of bodies, from the factor alone. May not
+//! live here: the rows, the free answer's uncertainty ([`crate::factor`]), the parameters' meaning
 //! ([`crate::inertia`]).
 //!
 //! # The problem
@@ -13,16 +13,18 @@
 //! and the same in rotated axes; in a shifted origin only the size of the floor changes.
 //!
 //! # The method
-//! Primal–dual interior point with Nesterov–Todd scaling (Nesterov and Todd 1997; Todd, Toh and Tütüncü 1998),
-//! written so that everything stays in square-root form. With multiplier Λ the conditions of optimality are
-//! `RᵀR(φ − φ₀) = K*(Λ)`, `K Λ = 0`, `K, Λ ⪰ 0`, where φ₀ is the free answer. A scaling G makes both equal and
-//! diagonal, `G⁻¹ K G⁻ᵀ = Gᵀ Λ G = diag(s)`; Newton's step towards `K Λ = μ 1` is then the least-squares problem
+//! Primal–dual interior point with Nesterov–Todd scaling (Nesterov and Todd 1997; Todd, Toh and Tütüncü
+//! 1998), written so that everything stays in square-root form. With multiplier Λ the conditions of
+//! optimality are `RᵀR(φ − φ₀) = K*(Λ)`, `K Λ = 0`, `K, Λ ⪰ 0`, where φ₀ is the free answer. A scaling G
+//! makes both equal and diagonal, `G⁻¹ K G⁻ᵀ = Gᵀ Λ G = diag(s)`; Newton's step towards `K Λ = μ 1` is then
+//! the least-squares problem
 //! ```text
 //! ‖ R d − R (φ₀ − φ) ‖² + ‖ G⁻¹ K(d) G⁻ᵀ − diag(μ / s) ‖²
 //! ```
-//! ten rows more for the triangle, taken in by the same orthogonal reduction as any other rows, with Mehrotra's
-//! second-order correction (1992). G is carried along by multiplication and Λ is never formed, so that `f32`
-//! keeps its digits where K is nearly singular; φ is read off `K = G diag(s) Gᵀ`, a sum of squares. Every iterate is inside the cone; the duality gap bounds how far it is from the optimum:
+//! ten rows more for the triangle, taken in by the same orthogonal reduction as any other rows, with
+//! Mehrotra's second-order correction (1992). G is carried along by multiplication and Λ is never formed, so
+//! that `f32` keeps its digits where K is nearly singular; φ is read off `K = G diag(s) Gᵀ`, a sum of
+//! squares. Every iterate is inside the cone; the duality gap bounds how far it is from the optimum:
 //! `½‖R(φ − φ*)‖² ≤ tr(K Λ)`. The iteration ends when that distance is below `√ε_T · max(32, 4·distance)`
 //! standard deviations (f32: 0.011 or 0.14 % of the distance).
 //!
@@ -42,8 +44,8 @@ use symmetric::{Sym4, cholesky, eigen};
 /// Least share of `tr(Σ)` that `Σ_c` keeps in every direction: 2⁻¹⁷.
 pub const FLOOR: f64 = 1.0 / 131_072.0;
 
-/// A bound of iterations that suffices in `f32` for factors that `f32` can hold: 7 to 9 are usual, 14 the most in
-/// the tests.
+/// A bound of iterations that suffices in `f32` for factors that `f32` can hold: 7 to 9 are usual, 14 the
+/// most in the tests.
 pub const ITERATIONS: u8 = 20;
 
 /// Tells what the cone leaves of the free answer.
@@ -65,8 +67,8 @@ pub struct Consistent<T: Scalar, const N: usize> {
     /// φ, and the wrench offset that goes with it if N = 16. Units of
     /// [`PARAMETER_UNITS`](crate::inertia::PARAMETER_UNITS).
     pub parameters: [T; N],
-    /// Tells how far the free answer is outside: `√(‖Rφ − z‖² − ‖Rφ₀ − z‖²)`, in standard deviations if the rows were
-    /// whitened. Noise alone seldom makes it larger than 3.
+    /// Tells how far the free answer is outside: `√(‖Rφ − z‖² − ‖Rφ₀ − z‖²)`, in standard deviations if the
+    /// rows were whitened. Noise alone seldom makes it larger than 3.
     pub distance_sd: T,
     /// Newton steps taken.
     pub iterations: u8,
@@ -92,7 +94,8 @@ impl<T: Scalar, const N: usize> Nearest<T, N> {
     }
 }
 
-/// Returns whether `K(φ) ≻ 0`: consistent with the margin of [`FLOOR`]. φ as in [`crate::inertia::PARAMETER_NAMES`].
+/// Returns whether `K(φ) ≻ 0`: consistent with the margin of [`FLOOR`]. φ as in
+/// [`crate::inertia::PARAMETER_NAMES`].
 pub fn is_consistent_with_margin<T: Scalar>(phi: &[T; 10]) -> bool {
     cholesky(&cone(phi, share())).is_some()
 }
@@ -106,9 +109,11 @@ pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) 
 /// The physically consistent parameters nearest to the free answer `free` in the metric of the factor.
 ///
 /// `N` is 10 or 16 (with the wrench offset, which is unconstrained and follows). `free` is the factor's own
-/// least-squares estimate ([`free_answer`] or [`InformationFactor::solve`]); it is judged as it is given, so that
-/// [`Nearest::Free`] speaks of the very numbers that are reported. [`ITERATIONS`] is enough for `max_iterations`;
-/// one costs some 28 000 scalar instructions (counted on x86-64). [`Search`] does it in steps.
+/// least-squares estimate ([`free_answer`] or [`InformationFactor::solve`]); it is judged as it is given, so
+/// that
+/// [`Nearest::Free`] speaks of the very numbers that are reported. [`ITERATIONS`] is enough for
+/// `max_iterations`; one costs some 28 000 scalar instructions (counted on x86-64). [`Search`] does it in
+/// steps.
 #[must_use]
 pub fn nearest<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
@@ -141,8 +146,9 @@ enum Phase {
     NotConverged,
 }
 
-/// The search for the nearest consistent parameters in steps of bounded size, for where one sample must not pay for all of
-/// it: [`Self::load`], [`Self::begin`], then [`Self::step`] until it is done. [`nearest`] does the same in one go.
+/// The search for the nearest consistent parameters in steps of bounded size, for where one sample must not
+/// pay for all of it: [`Self::load`], [`Self::begin`], then [`Self::step`] until it is done. [`nearest`] does
+/// the same in one go.
 #[derive(Clone, Copy, Debug)]
 pub struct Search<T: Scalar> {
     phase: Phase,

@@ -1,8 +1,9 @@
 //! The pipeline from an aligned reading to the factor: what firmware and host both run.
 //!
-//! Lives here: the order of the steps, whitening, the counters ([`Pipeline`]); and what makes rows of readings
-//! ([`Model`]): one body ([`Estimator`]) or two links ([`TwoLinkEstimator`]). May not live here: the steps themselves
-//! ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::tree`], [`crate::conditioning`],
+//! Lives here: the order of the steps, whitening, the counters ([`Pipeline`]); and what makes rows of
+//! readings ([`Model`]): one body ([`Estimator`]) or two links ([`TwoLinkEstimator`]). May not live here: the
+//! steps themselves ([`crate::screening`], [`crate::calibration`], [`crate::regressor`], [`crate::tree`],
+//! [`crate::conditioning`],
 //! [`crate::factor`]), messages, files.
 
 mod config;
@@ -43,7 +44,8 @@ pub enum Outcome {
     Absorbed,
 }
 
-/// The estimator of one body's `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the filter.
+/// The estimator of one body's `N` parameters: 10, or 16 with the wrench offset. `TAPS` is the room for the
+/// filter.
 pub type Estimator<T, const N: usize, const TAPS: usize> =
     Pipeline<T, OneBody<T>, N, SIGNALS, { SIGNALS - SMOOTHED }, TAPS>;
 
@@ -51,8 +53,8 @@ pub type Estimator<T, const N: usize, const TAPS: usize> =
 pub type TwoLinkEstimator<T, const N: usize, const TAPS: usize> =
     Pipeline<T, TwoLinks<T>, N, { two_links::SIGNALS }, { two_links::DIFFERENTIATED }, TAPS>;
 
-/// The estimator of `N` parameters from the rows that `M` makes of readings, by way of `S` signals of which the last `D`
-/// are differentiated. `TAPS` is the room for the filter.
+/// The estimator of `N` parameters from the rows that `M` makes of readings, by way of `S` signals of which
+/// the last `D` are differentiated. `TAPS` is the room for the filter.
 #[derive(Clone, Copy, Debug)]
 pub struct Pipeline<
     T: Scalar,
@@ -118,7 +120,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usize, const TAPS: usize>
     Pipeline<T, M, N, S, D, TAPS>
 {
-    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero, so that it costs no flash to write it.
+    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero, so that it costs no flash to write
+    /// it.
     pub const UNUSED: Self = Self {
         config: EstimatorConfig {
             rate_hz: T::ZERO,
@@ -175,8 +178,9 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         Ok(())
     }
 
-    /// States the noise of the IMU per reading, 1 σ, and starts anew: rows are then weighed by it, and what it adds to the factor
-    /// is taken off from estimates. Without, and of models whose rows it is not known in, the load cell's noise is the only one.
+    /// States the noise of the IMU per reading, 1 σ, and starts anew: rows are then weighed by it, and what
+    /// it adds to the factor is taken off from estimates. Without, and of models whose rows it is not known
+    /// in, the load cell's noise is the only one.
     ///
     /// # Errors
     /// [`ConfigError::ImuNoise`] if a number is negative or not finite. Nothing changes.
@@ -211,7 +215,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         plan(&self.config, self.conditioner.kernel(), memory)
     }
 
-    /// Returns whether [`Self::set_up`] and, if something is to be forgotten, [`Self::set_memory`] would succeed.
+    /// Returns whether [`Self::set_up`] and, if something is to be forgotten, [`Self::set_memory`] would
+    /// succeed.
     ///
     /// # Errors
     /// What they would give.
@@ -325,7 +330,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// Does what the last row block has left to be done, if it has: with a reading that only waits in the filter. Whether it had.
+    /// Does what the last row block has left to be done, if it has: with a reading that only waits in the
+    /// filter. Whether it had.
     #[inline]
     pub fn settle(&mut self) -> bool {
         self.store.settle()
@@ -352,7 +358,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         whole
     }
 
-    /// Keeps a copy of everything absorbed so far, to make one factor of it while more is absorbed: [`Self::fold`].
+    /// Keeps a copy of everything absorbed so far, to make one factor of it while more is absorbed:
+    /// [`Self::fold`].
     #[inline(never)]
     pub fn take_snapshot(&mut self) {
         self.snapshot.store = self.store;
@@ -378,7 +385,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         true
     }
 
-    /// Does one step towards the factor of the snapshot without what noise of the signals adds, once it is folded; true when
+    /// Does one step towards the factor of the snapshot without what noise of the signals adds, once it is
+    /// folded; true when
     /// [`Self::folded`] is that: what estimates are made of. What is handed over is not compensated.
     #[inline(never)]
     pub fn compensate(&mut self) -> bool {
@@ -398,7 +406,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.noise.snapshot()
     }
 
-    /// The factor that [`Self::fold`] has put together: to the last bit what [`Self::factor`] was at the snapshot.
+    /// The factor that [`Self::fold`] has put together: to the last bit what [`Self::factor`] was at the
+    /// snapshot.
     pub fn folded(&self) -> &InformationFactor<T, N> {
         &self.snapshot.whole
     }
@@ -449,7 +458,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
 
     /// Does a step towards another whitening; true if there is none left to do.
     fn refresh(&mut self) -> bool {
-        // Rows that wait are reduced before rows are whitened together: a part of that with the reading before, no row block between.
+        // Rows that wait are reduced before rows are whitened together: a part of that with the reading
+        // before, no row block between.
         let left = self.conditioner.until_output();
         match self.noise.steps_to_together() {
             Some(1) if left >= 2 => {
@@ -541,9 +551,9 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.deviations
     }
 
-    /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`, and what had happened
-    /// until then. As after a gap, the filter is empty. False where not everything is retained: then it has
-    /// only started anew.
+    /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`,
+    /// and what had happened until then. As after a gap, the filter is empty. False where not everything is
+    /// retained: then it has only started anew.
     #[inline(never)]
     pub fn restore(
         &mut self,
@@ -581,7 +591,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.reference = Some(reference);
     }
 
-    /// Returns the signals of the row block absorbed last, conditioned, in the axes of S, the known offset taken off.
+    /// Returns the signals of the row block absorbed last, conditioned, in the axes of S, the known offset
+    /// taken off.
     pub fn last_signals(&self) -> Option<&[T; S]> {
         self.last_signals.as_ref()
     }

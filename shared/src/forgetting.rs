@@ -1,14 +1,15 @@
 //! Forgetting and windows over information factors, a segment at a time.
 //!
 //! Lives here: exponential forgetting with a guard against wind-up ([`Forgetting`]) and the sliding window
-//! ([`Window`]), and which of them an estimator keeps ([`MemoryConfig`]). May not live here: the rows; a segment is
-//! an ordinary factor of some tenths of a second ([`crate::factor`]).
+//! ([`Window`]), and which of them an estimator keeps ([`MemoryConfig`]). May not live here: the rows; a
+//! segment is an ordinary factor of some tenths of a second ([`crate::factor`]).
 //!
 //! # Directional forgetting
-//! Plain exponential forgetting, `M ← λ M + S`, halves what is known about *every* direction whether or not the
-//! segment S says anything about it: when the motion stops, M decays to what noise brings and the estimate
-//! wanders (wind-up). Here only what the segment renews is forgotten (Cao and Schwartz 2000; Lai and Bernstein,
-//! SIFt-RLS, 2024). Let the columns of X span the directions the segment excites. M splits uniquely into
+//! Plain exponential forgetting, `M ← λ M + S`, halves what is known about *every* direction whether or not
+//! the segment S says anything about it: when the motion stops, M decays to what noise brings and the
+//! estimate wanders (wind-up). Here only what the segment renews is forgotten (Cao and Schwartz 2000; Lai and
+//! Bernstein, SIFt-RLS, 2024). Let the columns of X span the directions the segment excites. M splits
+//! uniquely into
 //! ```text
 //! M = M∥ + M⊥,   M∥ = M X (Xᵀ M X)⁻¹ Xᵀ M,   M⊥ X = 0
 //! ```
@@ -21,22 +22,23 @@
 //! transformations only, no matrix is squared or inverted.
 //!
 //! # Single precision
-//! Every segment that excites a part re-triangularises all of R, and z with it; rounding z by its own size, far
-//! above the noise where the body is heavy, would move what is not renewed. The memory is therefore stored
-//! about a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the deviation
-//! from it.
+//! Every segment that excites a part re-triangularises all of R, and z with it; rounding z by its own size,
+//! far above the noise where the body is heavy, would move what is not renewed. The memory is therefore
+//! stored about a reference φ_r, as `z − R φ_r` ([`Forgetting::recentre`]): rounding then scales with the
+//! deviation from it.
 //!
 //! # Noise in the coefficients
-//! What noise of the signals has added to M, its expectation K, goes the same way to first order: with the projection
-//! `E = X (Xᵀ M X)⁻¹ Xᵀ M` the change of M∥ is `K E + Eᵀ K − Eᵀ K E`, so that `K ← λ K + (1 − λ) (1 − E)ᵀ K (1 − E) + K_S`.
+//! What noise of the signals has added to M, its expectation K, goes the same way to first order: with the
+//! projection `E = X (Xᵀ M X)⁻¹ Xᵀ M` the change of M∥ is `K E + Eᵀ K − Eᵀ K E`, so that
+//! `K ← λ K + (1 − λ) (1 − E)ᵀ K (1 − E) + K_S`.
 //!
 //! # What counts as excited
 //! Sensor noise in the regressor fakes information. Let `n_j` be the root mean square of column j of the
-//! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a segment
-//! of pure noise has singular values squared of about 1, at most `(1 + √(N / rows))²` of independent rows (Marchenko
-//! and Pastur 1967). A direction is excited if its squared singular value exceeds [`SIGNIFICANCE`] times that: it then holds
-//! at least three parts of signal to one of noise. What the segment says about other directions is dropped,
-//! or a day of standing still would add up to a motion.
+//! whitened rows that noise alone brings ([`Forgetting::new`]). In coordinates `ψ_j = n_j √rows φ_j` a
+//! segment of pure noise has singular values squared of about 1, at most `(1 + √(N / rows))²` of independent
+//! rows (Marchenko and Pastur 1967). A direction is excited if its squared singular value exceeds
+//! [`SIGNIFICANCE`] times that: it then holds at least three parts of signal to one of noise. What the
+//! segment says about other directions is dropped, or a day of standing still would add up to a motion.
 
 use crate::Scalar;
 use crate::factor::{Gram, InformationFactor};
@@ -87,8 +89,8 @@ pub struct Forgetting<T: Scalar, const N: usize> {
 
 impl<T: Scalar, const N: usize> Forgetting<T, N> {
     /// A memory of nothing. `noise[j]`: root mean square, per whitened row, of what sensor noise alone brings
-    /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are exact
-    /// (the wrench offset): the rounding level of the column replaces it.
+    /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are
+    /// exact (the wrench offset): the rounding level of the column replaces it.
     pub fn new(noise: [T; N]) -> Self {
         Self {
             noise,
@@ -128,8 +130,9 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.memory.about(&self.reference.map(|v| -v))
     }
 
-    /// Keeps the memory about these parameters from now on, say the estimate after the first seconds: no change
-    /// but of rounding. Not-finite parameters are not taken. Before the first call the reference is zero.
+    /// Keeps the memory about these parameters from now on, say the estimate after the first seconds: no
+    /// change but of rounding. Not-finite parameters are not taken. Before the first call the reference is
+    /// zero.
     pub fn recentre(&mut self, reference: &[T; N]) {
         if reference.iter().all(|v| v.is_finite()) {
             let change = core::array::from_fn(|j| reference[j] - self.reference[j]);
@@ -138,8 +141,8 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         }
     }
 
-    /// Takes in a segment and keeps the share `lambda` (0 to 1) of what it renews. Returns how many directions
-    /// it excites.
+    /// Takes in a segment and keeps the share `lambda` (0 to 1) of what it renews. Returns how many
+    /// directions it excites.
     ///
     /// With `lambda` 1 nothing is forgotten and nothing dropped: the segment is merged, to the last bit. A
     /// segment or `lambda` that is not finite is not taken.
@@ -275,7 +278,8 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.memory.set_residual(residual, 0);
     }
 
-    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of directions.
+    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of
+    /// directions.
     fn count(&mut self, segment: &InformationFactor<T, N>, number: usize, lambda: T) {
         let share = T::from_u32(number as u32) / T::from_u32(N as u32);
         let kept = T::ONE - (T::ONE - lambda) * share;

@@ -1,7 +1,8 @@
 //! Text from files and networks, made fit for a terminal, a comment or a log.
 //!
-//! Names and titles are written by strangers. A control character in one moves the cursor, hides a line or ends a
-//! comment in the program of a robot; a bidirectional control shows another order than the one that is read.
+//! Names and titles are written by strangers. A control character in one moves the cursor, hides a line or
+//! ends a comment in the program of a robot; a bidirectional control shows another order than the one that is
+//! read.
 
 use core::fmt::{self, Write};
 
@@ -10,8 +11,8 @@ pub const LONGEST_NAME: usize = 1024;
 /// Is shown in place of a character that steers.
 const SHOWN: char = '\u{fffd}';
 
-/// Returns true for a character that steers what shows it: controls (C0, C1), separators of lines and controls of
-/// direction.
+/// Returns true for a character that steers what shows it: controls (C0, C1), separators of lines and
+/// controls of direction.
 pub fn steers(c: char) -> bool {
     c.is_control()
         || matches!(
@@ -56,8 +57,8 @@ pub fn line(text: &str) -> Printable<'_> {
     Printable { text, most: usize::MAX, breaks: Breaks::Replaced }
 }
 
-/// Shows a text in the lines that it has; all after the first begin with a blank, so that none of them can pass for a
-/// message of its own.
+/// Shows a text in the lines that it has; all after the first begin with a blank, so that none of them can
+/// pass for a message of its own.
 pub fn lines(text: &str) -> Printable<'_> {
     Printable { text, most: usize::MAX, breaks: Breaks::SetIn }
 }

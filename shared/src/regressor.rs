@@ -82,8 +82,8 @@ mod tests {
         (*seed >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
     }
 
-    /// Random kinematics, the block they make, and the wrench by Newton and Euler about the centre of mass, never by
-    /// the regressor's algebra: the oracle.
+    /// Random kinematics, the block they make, and the wrench by Newton and Euler about the centre of mass,
+    /// never by the regressor's algebra: the oracle.
     fn case(seed: &mut u64) -> (RegressorBlock<f64>, [f64; 10], [f64; 6]) {
         let mut v = || Vector3::new(pseudo_random(seed), pseudo_random(seed), pseudo_random(seed));
         let (omega, alpha, lever, c, a_s) = (v(), v(), v(), v(), v() * 10.0);

@@ -69,7 +69,8 @@ pub trait Scalar:
     /// 32 bits that are others whenever the number is another single.
     #[doc(hidden)]
     fn trace_bits(self) -> u32;
-    /// Reduces six rows into a triangle; see [`crate::factor`]. The target has kernels of its own for this and the following.
+    /// Reduces six rows into a triangle; see [`crate::factor`]. The target has kernels of its own for this
+    /// and the following.
     #[doc(hidden)]
     fn reduce(triangle: &mut [Self], stride: usize, columns: &mut [Column<Self>]) -> Self {
         let all = columns.len();

@@ -94,8 +94,8 @@ pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
     equal: [u16; C],
     /// Tells whether one of these is not zero.
     some_equal: bool,
-    /// Tells how many readings in a row some channel of each group has changed, without the last `clean` ones.
-    /// There are fewer groups than channels.
+    /// Tells how many readings in a row some channel of each group has changed, without the last `clean`
+    /// ones. There are fewer groups than channels.
     moving: [u16; C],
     /// Readings in a row in which every channel has changed, none having repeated itself before.
     clean: u16,
@@ -148,11 +148,13 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         self.check_read(|| values)
     }
 
-    /// Does that with values that are read where they lie, and again where they are kept: nearly all readings take no other copy.
+    /// Does that with values that are read where they lie, and again where they are kept: nearly all readings
+    /// take no other copy.
     #[inline]
     fn check_read(&mut self, read: impl Fn() -> [T; C]) -> Result<(), Rejection> {
         let values = read();
-        // Most readings are within all ranges and repeat nothing. Four at a time, which the compiler writes out.
+        // Most readings are within all ranges and repeat nothing. Four at a time, which the compiler writes
+        // out.
         let (fours, rest) = values.as_chunks::<4>();
         let (highest, rest_highest) = self.highest.as_chunks::<4>();
         let (last, rest_last) = self.last.as_chunks::<4>();

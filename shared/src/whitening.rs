@@ -1,14 +1,15 @@
-//! Whitening of a wrench's six rows, whose noise is correlated from channel to channel and, where rates are differentiated, in
-//! time.
+//! Whitening of a wrench's six rows, whose noise is correlated from channel to channel and, where rates are
+//! differentiated, in time.
 //!
-//! Lives here: the matrix and the low-passes that make such rows white ([`Whitening`]), and how they follow from the noise
-//! ([`Design`]). May not live here: where the noise comes from ([`crate::estimator`]), what absorbs the rows
-//! ([`crate::factor`]).
+//! Lives here: the matrix and the low-passes that make such rows white ([`Whitening`]), and how they follow
+//! from the noise ([`Design`]). May not live here: where the noise comes from ([`crate::estimator`]), what
+//! absorbs the rows ([`crate::factor`]).
 //!
-//! Noise of the load cell and of the accelerometer is white, `Σ` per sample; that of an angular acceleration rises with the
-//! frequency, `ω² S Sᵀ`. With `Σ = L Lᵀ` and the singular value decomposition `L⁻¹ S = U diag(τ) Vᵀ` the channels of
-//! `T = Uᵀ L⁻¹` are independent, with spectra `1 + ω² τ²`, which a low-pass of one pole of the time constant τ makes white. S
-//! has three columns, so that three channels at most have a pole: they come first.
+//! Noise of the load cell and of the accelerometer is white, `Σ` per sample; that of an angular acceleration
+//! rises with the frequency, `ω² S Sᵀ`. With `Σ = L Lᵀ` and the singular value decomposition
+//! `L⁻¹ S = U diag(τ) Vᵀ` the channels of `T = Uᵀ L⁻¹` are independent, with spectra `1 + ω² τ²`, which a
+//! low-pass of one pole of the time constant τ makes white. S has three columns, so that three channels at
+//! most have a pole: they come first.
 
 use crate::Scalar;
 use crate::linear_algebra::{Jacobi, ROOM, add_scaled, dot_slices, scale};
@@ -52,7 +53,8 @@ impl<T: Scalar> Whitening<T> {
         combined(&self.columns, column)
     }
 
-    /// Returns the factors `a`, `b` of a channel's low-pass `y ← a y + b (x + x before)`; `None` if it has none.
+    /// Returns the factors `a`, `b` of a channel's low-pass `y ← a y + b (x + x before)`; `None` if it has
+    /// none.
     #[inline(always)]
     pub fn low_pass(&self, channel: usize) -> Option<(T, T)> {
         let pole = self.poles.get(channel).copied().filter(|pole| *pole > T::ZERO)?;
@@ -60,7 +62,8 @@ impl<T: Scalar> Whitening<T> {
         Some(((pole - T::ONE) * gain, gain))
     }
 
-    /// Returns the variance after the low-pass of a channel, of noise whose autocovariance at the lags of the rows is this.
+    /// Returns the variance after the low-pass of a channel, of noise whose autocovariance at the lags of the
+    /// rows is this.
     #[inline(never)]
     pub fn gain(&self, channel: usize, autocovariance: &[T]) -> T {
         let Some((a, b)) = self.low_pass(channel) else {
@@ -176,8 +179,8 @@ impl<T: Scalar> Design<T> {
     /// Makes none. All bits are zero.
     pub const UNUSED: Self = Self { inverse: [[T::ZERO; CHANNELS]; CHANNELS], jacobi: Jacobi::EMPTY };
 
-    /// Begins with the white part `Σ` of the noise, of which the lower triangle counts, by rows, and the columns S of its
-    /// rising part; false if Σ is not positive definite.
+    /// Begins with the white part `Σ` of the noise, of which the lower triangle counts, by rows, and the
+    /// columns S of its rising part; false if Σ is not positive definite.
     #[inline(never)]
     pub fn begin(&mut self, white: &Square<T>, slope: &[[T; CHANNELS]; POLES]) -> bool {
         let mut lower = [[T::ZERO; CHANNELS]; CHANNELS];

@@ -1,4 +1,5 @@
-//! Makes the tables of Rigident's documents anew: `cargo xtask tables [NAME...] [--long] [--write] [--check]`.
+//! Makes the tables of Rigident's documents anew:
+//! `cargo xtask tables [NAME...] [--long] [--write] [--check]`.
 //!
 //! One module per document, one file per study. Everything is drawn from fixed seeds. Nothing here ships.
 
@@ -26,8 +27,8 @@ struct Arguments {
     /// Put them into the documents; tables that were not made stay as they are.
     #[arg(long)]
     write: bool,
-    /// Change nothing: see whether the documents have a place for every table and no other, and whether those named are
-    /// what this command makes.
+    /// Change nothing: see whether the documents have a place for every table and no other, and whether those
+    /// named are what this command makes.
     #[arg(long)]
     check: bool,
     /// Only the cases of docs/faults.md whose names hold this; prints them, and fails if one goes wrong.

@@ -1,7 +1,8 @@
 //! The verb `board-test`: the procedure for the first person with a board, whose output is a page.
 //!
-//! Steps that the device answers by itself are done; the others are printed with what to do and what to look for, to be filled
-//! in by hand. Of every step the page says whether it was done on silicon: one against the emulator never is.
+//! Steps that the device answers by itself are done; the others are printed with what to do and what to look
+//! for, to be filled in by hand. Of every step the page says whether it was done on silicon: one against the
+//! emulator never is.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -26,7 +27,8 @@ pub struct Options {
     /// The board's serial port. Without one the page says what is missing.
     #[arg(long)]
     port: Option<String>,
-    /// Try the procedure itself, against the STM32F405's image in the emulator: nothing of it is done on silicon.
+    /// Try the procedure itself, against the STM32F405's image in the emulator: nothing of it is done on
+    /// silicon.
     #[arg(long, conflicts_with = "port")]
     emulated: bool,
     /// The page, in Markdown.
@@ -44,7 +46,8 @@ enum Outcome {
     NoBoard(String),
 }
 
-/// A question that the device's own words answer: its name, what is looked at, and what of the words is right.
+/// A question that the device's own words answer: its name, what is looked at, and what of the words is
+/// right.
 type Asked = (&'static str, &'static str, fn(&Value) -> std::result::Result<String, String>);
 
 const ASKED: [Asked; 7] = [
@@ -81,7 +84,8 @@ const ASKED: [Asked; 7] = [
 const BY_HAND: [(&str, &str); 12] = [
     (
         "crystal's frequency",
-        "a counter at MCO2: 84 MHz/n within 100 parts in a million; else a pulse generator of 1000.000 Hz at PA1: `rate_error_ppm` within 100",
+        "a counter at MCO2: 84 MHz/n within 100 parts in a million; else a pulse generator of 1000.000 Hz at \
+         PA1: `rate_error_ppm` within 100",
     ),
     (
         "rates of the sensors",
@@ -94,11 +98,13 @@ const BY_HAND: [(&str, &str); 12] = [
     ("IMU in six poses", "each axis up and down for five seconds: 9.81 m/s² within 0.2; `lost` 0"),
     (
         "link at 2 Mbaud",
-        "a loop from TX to RX of the adapter, then the device at 2 000 000 baud for an hour: `bad_frames` and `overruns` 0",
+        "a loop from TX to RX of the adapter, then the device at 2 000 000 baud for an hour: `bad_frames` \
+         and `overruns` 0",
     ),
     (
         "erase times",
-        "`rigident replay` twice, the log of the time from configure to the first checkpoint: below 4 s a sector pair",
+        "`rigident replay` twice, the log of the time from configure to the first checkpoint: below 4 s a \
+         sector pair",
     ),
     ("watchdog", "a test build that stops in a loop: `started_by` its watchdog after 4 to 11 s"),
     (
@@ -108,7 +114,8 @@ const BY_HAND: [(&str, &str); 12] = [
     ("stack's guard", "a test build that recurses: `ended_at` with a fault, statics unchanged"),
     (
         "brown-out",
-        "a bench supply to 2.6 V and back, 100 times while it measures: `started_by` a supply that sagged, `kept` whole",
+        "a bench supply to 2.6 V and back, 100 times while it measures: `started_by` a supply that sagged, \
+         `kept` whole",
     ),
     ("power cuts", "a relay in the supply, cut at random during checkpoints, 1000 times: `kept` whole"),
     ("crystal stops", "a screwdriver on the crystal: `started_by` says that the clock was lost"),
@@ -118,7 +125,8 @@ fn right(is: bool, words: String) -> std::result::Result<String, String> {
     if is { Ok(words) } else { Err(words) }
 }
 
-/// Goes through the procedure and writes the page; fails if a step that the device answers is not as it should be.
+/// Goes through the procedure and writes the page; fails if a step that the device answers is not as it
+/// should be.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let emulator = options.emulated.then(|| Emulator::start(core)).transpose()?;
     let port = emulator.as_ref().map(|emulator| &emulator.port).or(options.port.as_ref());
@@ -146,7 +154,8 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
 }
 
 /// What is missing where no port is named.
-const NO_PORT: &str = "no board: name its serial port by --port (`rigident ports` lists them), or try the procedure by --emulated";
+const NO_PORT: &str = "no board: name its serial port by --port (`rigident ports` lists them), or try the \
+                       procedure by --emulated";
 
 /// Returns all steps with what became of them: of those that a device answers, nothing where none answers.
 fn steps(

@@ -14,7 +14,8 @@ use crate::toolchain::{self, Core};
 /// Says how far the checks go.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
-    /// Also each set of features by clippy, smaller chips, and the emulated board's firmware by the other way to `core`.
+    /// Also each set of features by clippy, smaller chips, and the emulated board's firmware by the other way
+    /// to `core`.
     #[arg(long)]
     pub nightly: bool,
 }

@@ -13,7 +13,8 @@ use crate::firmware::{self, Board, WATCH};
 use crate::process::Steps;
 use crate::toolchain::{self, Core};
 
-/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers to the factor. The last is in the image that watches alone.
+/// The functions that take one sample, or one frame of a tree or of a robot that is watched, from the drivers
+/// to the factor. The last is in the image that watches alone.
 pub const PATHS: [&str; 3] = ["rigident_sample_path", "rigident_frame_path", "rigident_watch_path"];
 
 /// What to check.
@@ -98,8 +99,8 @@ fn expect_offender(feature: &str, offenders: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Handlers that return within so many instructions: one of one or two beside its return may lose the result of a division or root
-/// that it interrupts (Arm's erratum 776924 of the Cortex-M4).
+/// Handlers that return within so many instructions: one of one or two beside its return may lose the result
+/// of a division or root that it interrupts (Arm's erratum 776924 of the Cortex-M4).
 const SHORT: usize = 3;
 
 /// Exceptions and interrupts whose handlers are too short.
@@ -119,7 +120,8 @@ fn short_handlers(program: &Program) -> Vec<String> {
     first.into_iter().map(offender).collect()
 }
 
-/// Whether a function returns within [`SHORT`] instructions. One that loops, or ends elsewhere, does not return.
+/// Whether a function returns within [`SHORT`] instructions. One that loops, or ends elsewhere, does not
+/// return.
 fn is_short(instructions: &[(u32, Instruction)]) -> bool {
     let returns = instructions.iter().position(|(_, instruction)| instruction.flow == Flow::Return);
     returns.is_some_and(|position| position < SHORT)

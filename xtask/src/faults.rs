@@ -17,8 +17,8 @@ pub struct Options {
     /// Only those that take a minute, with twenty power cuts instead of a thousand.
     #[arg(long)]
     short: bool,
-    /// Faults of the board itself instead: its own drivers on a model of the chip's registers, 9 000 short runs and 1 000 long
-    /// ones with one to three faults drawn at random; with --short 60.
+    /// Faults of the board itself instead: its own drivers on a model of the chip's registers, 9 000 short
+    /// runs and 1 000 long ones with one to three faults drawn at random; with --short 60.
     #[arg(long, conflicts_with_all = ["only", "write"])]
     board: bool,
     /// Put the table into docs/faults.md; of all faults only.
@@ -26,8 +26,8 @@ pub struct Options {
     write: bool,
 }
 
-/// Builds the release image and runs the faults against it; fails if one leads to a wrong number, a panic or a hang, or nobody is
-/// reported.
+/// Builds the release image and runs the faults against it; fails if one leads to a wrong number, a panic or
+/// a hang, or nobody is reported.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.board {
         return board(options.short);

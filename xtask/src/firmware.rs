@@ -57,7 +57,8 @@ pub struct Options {
     pub features: Vec<String>,
 }
 
-/// Builds and prints the path on standard output. Of the emulated board and the STM32F405 without features both images are built, and the standard one's path is printed.
+/// Builds and prints the path on standard output. Of the emulated board and the STM32F405 without features
+/// both images are built, and the standard one's path is printed.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     let core = toolchain::choose(core)?;
     if options.board == Board::Emulated && options.features.is_empty() {
@@ -130,7 +131,8 @@ pub fn build_apart(core: Core) -> Result<PathBuf> {
     build_binary(core, FIRMWARE, &[])
 }
 
-/// Builds one binary of the board crate with these features, or options of `cargo build`, and keeps its ELF where builds with other features do not replace it.
+/// Builds one binary of the board crate with these features, or options of `cargo build`, and keeps its ELF
+/// where builds with other features do not replace it.
 pub fn build_binary(core: Core, binary: &str, features: &[&str]) -> Result<PathBuf> {
     build_in(core, (BOARD, TARGET), binary, features)
 }

@@ -1,5 +1,5 @@
-//! The verb `flash`: puts the firmware onto a board, by a debug probe and probe-rs, or by the chip's own loader over USB
-//! (DFU) and dfu-util.
+//! The verb `flash`: puts the firmware onto a board, by a debug probe and probe-rs, or by the chip's own
+//! loader over USB (DFU) and dfu-util.
 //!
 //! Nothing is written before the chip has been asked what it is.
 
@@ -18,24 +18,25 @@ use crate::toolchain::{self, Core};
 
 const PROBE: &str = "probe-rs";
 const DFU: &str = "dfu-util";
-const NO_PROBE_PROGRAM: &str = "there is no `probe-rs` here: install it by `cargo install probe-rs-tools --locked` (or see \
-     https://probe.rs); without a debug probe, `cargo xtask flash --dfu`";
-const NO_PROBE: &str = "no debug probe is connected: plug it in (ST-Link, J-Link or a CMSIS-DAP one) and give the board power; \
-     `probe-rs list` must show it, and on Linux its udev rules must let you use it (https://probe.rs/docs/getting-started/probe-setup). \
-     Without a probe: `cargo xtask flash --dfu`";
-const NO_CHIP: &str = "the probe does not reach a chip: check that the board has power and that SWDIO (PA13), SWCLK (PA14), \
-     ground and reset are connected as docs/wiring.md says";
-const NO_DFU_PROGRAM: &str = "there is no `dfu-util` here: `sudo apt-get install dfu-util`, on macOS `brew install dfu-util`; \
-     with a debug probe, `cargo xtask flash`";
-const NO_DFU: &str = "no board in its loader is connected: hold BOOT0 (on some boards a jumper to 3.3 V) while you press and \
-     release reset, with USB plugged into the board itself; `dfu-util -l` must then show [0483:df11]. A charging cable without data \
-     wires shows nothing, and on Linux a udev rule or `sudo` may be needed";
+const NO_PROBE_PROGRAM: &str = "there is no `probe-rs` here: install it by `cargo install probe-rs-tools \
+     --locked` (or see https://probe.rs); without a debug probe, `cargo xtask flash --dfu`";
+const NO_PROBE: &str = "no debug probe is connected: plug it in (ST-Link, J-Link or a CMSIS-DAP one) and \
+     give the board power; `probe-rs list` must show it, and on Linux its udev rules must let you use it \
+     (https://probe.rs/docs/getting-started/probe-setup). Without a probe: `cargo xtask flash --dfu`";
+const NO_CHIP: &str = "the probe does not reach a chip: check that the board has power and that SWDIO \
+     (PA13), SWCLK (PA14), ground and reset are connected as docs/wiring.md says";
+const NO_DFU_PROGRAM: &str = "there is no `dfu-util` here: `sudo apt-get install dfu-util`, on macOS `brew \
+     install dfu-util`; with a debug probe, `cargo xtask flash`";
+const NO_DFU: &str = "no board in its loader is connected: hold BOOT0 (on some boards a jumper to 3.3 V) \
+     while you press and release reset, with USB plugged into the board itself; `dfu-util -l` must then show \
+     [0483:df11]. A charging cable without data wires shows nothing, and on Linux a udev rule or `sudo` may \
+     be needed";
 
 /// The register that tells which chip it is, and how much of it is the chip.
 const IDCODE: &str = "0xe0042000";
 const CHIP_BITS: u32 = 0xfff;
-/// The register of the option bytes, and its bits of the brown-out level: the firmware of an STM32F405 sets level 3, whose bits
-/// are both clear, at its first start, and keeps nothing in flash without.
+/// The register of the option bytes, and its bits of the brown-out level: the firmware of an STM32F405 sets
+/// level 3, whose bits are both clear, at its first start, and keeps nothing in flash without.
 const OPTION_BYTES: &str = "0x40023c14";
 const BROWN_OUT: u32 = 0b11 << 2;
 /// The firmware has started and set them after this long.
@@ -82,13 +83,14 @@ const CHIPS: [Chip; 3] = [
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     if options.board == Board::Pico {
         bail!(
-            "a Pico 2 flashes itself: hold BOOTSEL while you plug it in, `cargo xtask firmware --board rp2350`, then \
-             `picotool load -t elf IMAGE`"
+            "a Pico 2 flashes itself: hold BOOTSEL while you plug it in, `cargo xtask firmware --board \
+             rp2350`, then `picotool load -t elf IMAGE`"
         );
     }
     let Some(chip) = CHIPS.iter().find(|chip| chip.board == options.board) else {
         bail!(
-            "the emulated board cannot be flashed: `cargo xtask firmware` builds it, `rigident demo --mcu qemu` runs it"
+            "the emulated board cannot be flashed: `cargo xtask firmware` builds it, `rigident demo --mcu \
+             qemu` runs it"
         );
     };
     if options.dry_run {
@@ -178,8 +180,9 @@ fn guards_supply(option_bytes: u32) -> Result<()> {
         return Ok(());
     }
     bail!(
-        "the image is on the board, but its brown-out level is {} and not 3: the firmware has not started, or its supply is \
-         below 2.9 V; it keeps nothing in flash like this. Look at the supply, reset the board, and repeat",
+        "the image is on the board, but its brown-out level is {} and not 3: the firmware has not started, \
+         or its supply is below 2.9 V; it keeps nothing in flash like this. Look at the supply, reset the \
+         board, and repeat",
         3 - (option_bytes & BROWN_OUT) / 4
     )
 }
@@ -302,8 +305,8 @@ mod tests {
     fn a_loader_is_known_by_its_flash() {
         let line = |sectors: &str| {
             format!(
-                "Found DFU: [0483:df11] ver=2200, devnum=5, cfg=1, intf=0, path=\"1-2\", alt=0, name=\"@Internal Flash  \
-                 /0x08000000/04*016Kg,01*064Kg,{sectors}*128Kg\", serial=\"34\"\n"
+                "Found DFU: [0483:df11] ver=2200, devnum=5, cfg=1, intf=0, path=\"1-2\", alt=0, \
+                 name=\"@Internal Flash  /0x08000000/04*016Kg,01*064Kg,{sectors}*128Kg\", serial=\"34\"\n"
             )
         };
         let other = "Found DFU: [0483:df11] ver=2200, alt=1, name=\"@Option Bytes  /0x1FFFC000/01*016 e\"\n";

@@ -1,7 +1,8 @@
 //! The verb `macos`: checks the types of the program for Apple's systems on this one.
 //!
-//! Apple's headers are not here, so the C of SQLite and zstd is not compiled: a compiler that leaves empty files takes its place.
-//! What runs, and whether it links, only a Mac can show: the release workflow builds and tests there.
+//! Apple's headers are not here, so the C of SQLite and zstd is not compiled: a compiler that leaves empty
+//! files takes its place. What runs, and whether it links, only a Mac can show: the release workflow builds
+//! and tests there.
 
 use anyhow::{Result, ensure};
 

@@ -58,7 +58,8 @@ enum Verb {
     Firmware(firmware::Options),
     /// Build the firmware for a board and put it there: by a debug probe, or with --dfu over USB.
     Flash(flash::Options),
-    /// Install, build and test everything: after a change, or --nightly at full length; --part for one job of it.
+    /// Install, build and test everything: after a change, or --nightly at full length; --part for one job of
+    /// it.
     Test(verify::Options),
     /// Lint, build and check the firmware of every board, without the host.
     Boards(boards::Options),
@@ -72,22 +73,27 @@ enum Verb {
     BadEnds,
     /// Fuzz the decoders.
     Fuzz(fuzz::Options),
-    /// Measure speed and memory side by side with others, against their limits; takes an hour. Ends with 1 above one.
+    /// Measure speed and memory side by side with others, against their limits; takes an hour. Ends with 1
+    /// above one.
     Budgets(budgets::Options),
     /// Compare what the program prints with what it printed once.
     Goldens(goldens::Options),
-    /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in one file.
+    /// Look at the sources: no circles among folders, no unguarded code for Unix alone, sizes of factors in
+    /// one file.
     Structure,
-    /// Take the pictures of the documents anew, of the demonstration's report in a browser and of the monitor.
+    /// Take the pictures of the documents anew, of the demonstration's report in a browser and of the
+    /// monitor.
     Picture,
     /// Compare README's support matrix with the list of tests behind its cells, or write it.
     Support(support::Options),
-    /// Have things go wrong in every phase of a run, on the simulated rig: the plate must be at rest in 0.8 s. Takes minutes.
+    /// Have things go wrong in every phase of a run, on the simulated rig: the plate must be at rest in 0.8
+    /// s. Takes minutes.
     Safety(safety::Options),
-    /// Make every fault of sensors, line, clock, flash and supply that the simulator can make, and see that none leads to a wrong
-    /// number, a panic or a hang. Takes an hour; `--short` a minute or two.
+    /// Make every fault of sensors, line, clock, flash and supply that the simulator can make, and see that
+    /// none leads to a wrong number, a panic or a hang. Takes an hour; `--short` a minute or two.
     Faults(faults::Options),
-    /// The procedure for the first person with a board: ask it what it can answer, print what is to be done by hand, write a page.
+    /// The procedure for the first person with a board: ask it what it can answer, print what is to be done
+    /// by hand, write a page.
     BoardTest(board_test::Options),
     /// Build the Python wheel, install it, and test functions, examples, types and notebooks.
     Python,
@@ -97,7 +103,8 @@ enum Verb {
     Windows(windows::Options),
     /// Check the types of the program for macOS.
     Macos(macos::Options),
-    /// Make what a release holds for a system, and try it: program, manual, notices, bill of materials; or the wheel.
+    /// Make what a release holds for a system, and try it: program, manual, notices, bill of materials; or
+    /// the wheel.
     Package(package::Options),
     /// Look at the workflows: their schema, rights and secrets.
     Workflows,

@@ -1,4 +1,5 @@
-//! The verb `picture`: makes the documents' pictures anew: the report of the demonstration as a browser shows it, and the monitor.
+//! The verb `picture`: makes the documents' pictures anew: the report of the demonstration as a browser shows
+//! it, and the monitor.
 
 use std::path::Path;
 
@@ -9,10 +10,11 @@ use crate::process;
 use crate::setup;
 
 /// The monitor's page: what `rigident monitor --once` prints.
-const MONITOR: &str = "<!doctype html><meta charset=\"utf-8\"><style>body{margin:0;background:#16181d;color:#d8dee9}\
-                       pre{margin:14px;font:14px/1.25 'DejaVu Sans Mono',monospace}</style><pre>";
+const MONITOR: &str = "<!doctype html><meta \
+                       charset=\"utf-8\"><style>body{margin:0;background:#16181d;color:#d8dee9}pre{margin:14px;font:14px/1.25 'DejaVu Sans Mono',monospace}</style><pre>";
 
-/// Runs the demonstration and takes a picture of the upper part of its report, and of its recording in the monitor.
+/// Runs the demonstration and takes a picture of the upper part of its report, and of its recording in the
+/// monitor.
 ///
 /// # Errors
 /// Fails without a browser, or if the demonstration does.

@@ -1,5 +1,5 @@
-//! The verb `python`: builds the wheel, installs it as a user does, and tests what is installed: functions, examples in their
-//! documentation, types and notebooks.
+//! The verb `python`: builds the wheel, installs it as a user does, and tests what is installed: functions,
+//! examples in their documentation, types and notebooks.
 
 use std::io::Write;
 use std::process::Stdio;
@@ -25,8 +25,8 @@ pub fn run() -> Result<()> {
 
 /// Does the same as a step of all tests; it is skipped where what it needs is not here and `CI` is not set.
 ///
-/// After each change (`released` is false) the wheel is linked from what the tests compiled, and recipes for other
-/// engines than Dask are left to the night.
+/// After each change (`released` is false) the wheel is linked from what the tests compiled, and recipes for
+/// other engines than Dask are left to the night.
 ///
 /// # Errors
 /// As [`run`].

@@ -44,7 +44,8 @@ pub const ROS_READER: Module = Module {
     look: "import rosbags.typesys, ruamel.yaml",
     packages: &["rosbags==0.11.9", "ruamel.yaml==0.19.1"],
 };
-/// Clients and a bridge of other makers for the sensors of `live`: ATI's records, Universal Robots' RTDE, Foxglove's own SDK.
+/// Clients and a bridge of other makers for the sensors of `live`: ATI's records, Universal Robots' RTDE,
+/// Foxglove's own SDK.
 pub const SENSORS: Module = Module {
     name: "NetFT, ur_rtde, foxglove",
     look: "import NetFT, rtde_receive, foxglove",
@@ -173,8 +174,8 @@ pub fn cargo_fuzz() -> Result<PathBuf> {
     Ok(program)
 }
 
-/// Installs the modules that tests compare with into a Python of this project's own; says which cannot be had. The tests
-/// that need them are skipped then.
+/// Installs the modules that tests compare with into a Python of this project's own; says which cannot be
+/// had. The tests that need them are skipped then.
 fn python_modules() {
     for module in
         [MCAP_READER, PINOCCHIO, ROBOTS, VENDORS_CLIENT, C3D_READER, ROS_READER, SENSORS, OPENSIM, WHEEL]

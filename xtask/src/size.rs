@@ -64,7 +64,8 @@ impl Images {
     }
 }
 
-/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of those that watch robots. Parts with 512 kB are to have room for the STM32F405's.
+/// Flash at most: of the whole image, of the one for a body alone, of the STM32F405's, and of those that
+/// watch robots. Parts with 512 kB are to have room for the STM32F405's.
 const MOST_FLASH_BYTES: [u64; 5] = [348_000, 241_000, 316_000, 384_000, 352_000];
 /// The distance of a size allowed from the golden file's: a part, and bytes on top for small ones.
 const TOLERANCE: (f64, u64) = (0.05, 64);
@@ -84,7 +85,8 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
         println!("{}", serde_json::to_string(&images)?);
     } else {
         println!(
-            "| bytes | whole image | one body alone | STM32F405 | with the watch | STM32F405 with the watch |\n|---|---|---|---|---|---|"
+            "| bytes | whole image | one body alone | STM32F405 | with the watch | STM32F405 with the watch \
+             |\n|---|---|---|---|---|---|"
         );
         let row = |what: &str, of: fn(&Sizes) -> u64| {
             println!(

@@ -1,8 +1,9 @@
 //! The verb `structure`: what must hold of the sources as a whole.
 //!
-//! No options and no commands of the command line in texts of crates below it, no circles among a crate's rooms, no code for Unix
-//! alone outside its features, sizes of factors named in one file of the host, answers judged in one room. What is not so yet is in lists here, each entry with
-//! its reason; an entry that is no longer needed fails too.
+//! No options and no commands of the command line in texts of crates below it, no circles among a crate's
+//! rooms, no code for Unix alone outside its features, sizes of factors named in one file of the host,
+//! answers judged in one room. What is not so yet is in lists here, each entry with its reason; an entry that
+//! is no longer needed fails too.
 
 mod circles;
 mod judgements;
@@ -49,7 +50,8 @@ const OPTIONAL: [&str; 4] = ["defmt-decoder", "inotify", "libc", "nix"];
 /// The host's names for sizes of factors.
 const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 
-/// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself), from, to, reason.
+/// An arrow that closes a circle and is known: crate, room that holds both ends ("" for the crate itself),
+/// from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
 const KNOWN_ARROWS: [KnownArrow; 28] = [
@@ -92,7 +94,8 @@ const KNOWN_ARROWS: [KnownArrow; 28] = [
 /// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
 const KNOWN_SIZES: [(&str, &str); 0] = [];
 
-/// Crates that know neither options nor commands: the command line and Python word the remedy in their own terms.
+/// Crates that know neither options nor commands: the command line and Python word the remedy in their own
+/// terms.
 const WITHOUT_OPTIONS: [&str; 15] = [
     "shared",
     "hexapod",
@@ -120,14 +123,13 @@ pub fn run() -> Result<()> {
     for folder in CRATES {
         let parsed = parse(folder)?;
         complaints.extend(circle_complaints(folder, &levels(&parsed.references()), &KNOWN_ARROWS));
-        complaints.extend(
-            parsed.unguarded_unix().into_iter().map(|(file, path)| {
-                format!(
-                    "{folder}/src/{}: {path} is there on Unix alone: put it under cfg(unix) or the feature `emulator`",
-                    file.display()
-                )
-            }),
-        );
+        complaints.extend(parsed.unguarded_unix().into_iter().map(|(file, path)| {
+            format!(
+                "{folder}/src/{}: {path} is there on Unix alone: put it under cfg(unix) or the feature \
+                     `emulator`",
+                file.display()
+            )
+        }));
         if folder.starts_with("host") {
             complaints.extend(size_complaints(folder, &parsed.files_naming(&SIZES), &KNOWN_SIZES));
         }
@@ -235,8 +237,8 @@ fn judgement_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> 
 fn option_complaints(folder: &str, files: &BTreeSet<PathBuf>) -> Vec<String> {
     let words = |file: &PathBuf| {
         format!(
-            "{folder}/src/{}: a text names an option or a command of the command line: name the parameter as `lock`, the job as \
-             `factor()`, which the command line words as its own",
+            "{folder}/src/{}: a text names an option or a command of the command line: name the parameter as \
+             `lock`, the job as `factor()`, which the command line words as its own",
             file.display()
         )
     };
@@ -364,8 +366,9 @@ mod tests {
             ("other.rs", "use std::os::unix::fs::symlink;"),
             (
                 "a.rs",
-                "fn f() { #[cfg(unix)] b.permissions(std::os::unix::fs::mode(1)); } #[cfg(unix)] fn g() { use std::os::fd::X; } \
-                 #[cfg(test)] mod tests { use nix::X; } fn h(_: serialport::TTYPort) {}",
+                "fn f() { #[cfg(unix)] b.permissions(std::os::unix::fs::mode(1)); } #[cfg(unix)] fn g() \
+                 { use std::os::fd::X; } #[cfg(test)] mod tests { use nix::X; } fn h(_: serialport::TTYPort) \
+                 {}",
             ),
         ];
         let found: Vec<_> = planted(&files).unguarded_unix().into_iter().collect();

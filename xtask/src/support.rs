@@ -1,8 +1,8 @@
 //! The verb `support`: README's table of features by kind of body, made from the tests that are behind each
 //! cell.
 //!
-//! [`MATRIX`] is the one list. A cell that says yes names a test; `cargo xtask test` fails if a test named here did not run and
-//! pass, or if README differs.
+//! [`MATRIX`] is the one list. A cell that says yes names a test; `cargo xtask test` fails if a test named
+//! here did not run and pass, or if README differs.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

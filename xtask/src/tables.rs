@@ -27,7 +27,8 @@ pub fn make(names: &[&str], write: bool) -> Result<()> {
 /// Builds the program of the studies and returns a command that runs it.
 pub fn program() -> Result<Command> {
     let mut build = process::cargo(places::root());
-    // Of the whole workspace: by itself the host's crate would have other features than in tests, and be compiled again.
+    // Of the whole workspace: by itself the host's crate would have other features than in tests, and be
+    // compiled again.
     build.args(["build", "--quiet", "--workspace", "--exclude", "xtask", "--bin", PROGRAM]);
     process::run(&mut build)?;
     Ok(process::command(places::built(PROGRAM), places::root()))

@@ -1,8 +1,8 @@
 //! Runs cargo's tests, counts them, and leaves out those that need what is not here.
 //!
-//! A test that needs something from outside the repository is `#[ignore = "needs …"]` and says in its name what it
-//! needs, by the word in [`Need`]. Plain `cargo test` prints it as ignored; here it runs if what it needs is there and
-//! is counted as skipped if not. Where `CI` is set, what is not there is a failure.
+//! A test that needs something from outside the repository is `#[ignore = "needs …"]` and says in its name
+//! what it needs, by the word in [`Need`]. Plain `cargo test` prints it as ignored; here it runs if what it
+//! needs is there and is counted as skipped if not. Where `CI` is set, what is not there is a failure.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -133,8 +133,8 @@ impl Surroundings {
         Self { firmware: Some(firmware), ..self.clone() }
     }
 
-    /// Runs `cargo test` with these arguments, adds up what the test programs report, and returns the names of what
-    /// passed.
+    /// Runs `cargo test` with these arguments, adds up what the test programs report, and returns the names
+    /// of what passed.
     ///
     /// # Errors
     /// Fails as cargo does; the counts are added all the same.
@@ -162,8 +162,8 @@ pub fn is_ci() -> bool {
     std::env::var("CI").is_ok_and(|value| !matches!(value.as_str(), "" | "0" | "false"))
 }
 
-/// Runs tests, passes their output on and adds up its last lines. With a filter, tests that were filtered out are not
-/// skipped.
+/// Runs tests, passes their output on and adds up its last lines. With a filter, tests that were filtered out
+/// are not skipped.
 pub fn counted(command: &mut Command, filtered: bool, counts: &mut Counts) -> Result<BTreeSet<String>> {
     let shown = process::shown(command);
     eprintln!("$ {shown}");
@@ -224,7 +224,8 @@ mod tests {
 
     #[test]
     fn a_test_programs_last_line_is_counted() {
-        let line = "test result: FAILED. 9 passed; 1 failed; 2 ignored; 0 measured; 3 filtered out; finished in 29.40s\n";
+        let line = "test result: FAILED. 9 passed; 1 failed; 2 ignored; 0 measured; 3 filtered out; finished \
+                    in 29.40s\n";
         assert_eq!(summary(line), Some(Counts { passed: 9, failed: 1, skipped: 5 }));
         assert_eq!(summary("test a ... ok"), None);
         assert_eq!(passed_test("test a::b ... ok\n"), Some("a::b"));

@@ -101,7 +101,8 @@ pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> C
     command
 }
 
-/// Cargo for a program on another system, whose target has `std`: rustup downloads it, Debian's compiler builds it.
+/// Cargo for a program on another system, whose target has `std`: rustup downloads it, Debian's compiler
+/// builds it.
 pub fn system_cargo(core: Core, verb: &str, target: &str) -> Command {
     let mut command = cargo_for(core, verb, places::root(), target);
     if core == Core::Debian {
@@ -136,8 +137,8 @@ fn cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
     command
 }
 
-/// Chooses for another system's target as [`choose`] does for the boards': what was asked for, else what is there, else rustup,
-/// else Debian's packages.
+/// Chooses for another system's target as [`choose`] does for the boards': what was asked for, else what is
+/// there, else rustup, else Debian's packages.
 pub fn choose_for(asked: Option<Core>, target: &str) -> Result<Core> {
     let core = match asked {
         Some(core) => core,
@@ -154,7 +155,8 @@ pub fn choose_for(asked: Option<Core>, target: &str) -> Result<Core> {
     Ok(core)
 }
 
-/// Makes sure that this way can build for another target: rustup downloads its `core`, Debian's compiler builds it.
+/// Makes sure that this way can build for another target: rustup downloads its `core`, Debian's compiler
+/// builds it.
 pub fn have(core: Core, target: &str) -> Result<()> {
     if core == Core::Debian || rustup_core_is_installed(target) || add_by_rustup(target)? {
         return Ok(());

@@ -26,7 +26,8 @@ pub enum Part {
     Lints,
     /// Images of the boards: lints, sizes, instructions; at night also by the other way to `core`.
     Boards,
-    /// Tests of the host, the simulator, the firmware in the emulator and the documents; goldens and short faults.
+    /// Tests of the host, the simulator, the firmware in the emulator and the documents; goldens and short
+    /// faults.
     Host,
     /// The wheel, installed and tested.
     Python,
@@ -42,8 +43,8 @@ pub struct Options {
     /// Only this part; may be given several times.
     #[arg(long = "part", value_enum, value_name = "PART")]
     pub parts: Vec<Part>,
-    /// Everything that takes too long after each change: studies at full length, the other way to `core`, each set of
-    /// features, the released program, all faults, a minute of fuzzing for each decoder.
+    /// Everything that takes too long after each change: studies at full length, the other way to `core`,
+    /// each set of features, the released program, all faults, a minute of fuzzing for each decoder.
     #[arg(long)]
     pub nightly: bool,
 }
@@ -73,7 +74,8 @@ impl<F: Fn(Part) -> bool> Job<F> {
     fn run(&self, steps: &mut Steps, counts: &mut Counts) {
         steps.run("set-up", || setup::programs(self.core));
         let chosen = steps.run("choice of core", || toolchain::choose(self.core));
-        // None of these shares a build folder with the host, and much of what they compile keeps one processor busy.
+        // None of these shares a build folder with the host, and much of what they compile keeps one
+        // processor busy.
         let mut beside = |is_wanted: bool, words: &[&str]| {
             let start = || Beside::start(words);
             is_wanted.then(|| steps.run(&format!("start of {}, beside", words.join(" ")), start)).flatten()
@@ -160,10 +162,12 @@ impl<F: Fn(Part) -> bool> Job<F> {
     }
 }
 
-/// The developer jobs were built by themselves, with fewer features of what they share with the others; they stay so.
+/// The developer jobs were built by themselves, with fewer features of what they share with the others; they
+/// stay so.
 const WITHOUT_XTASK: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
-/// Programs of users, in a workspace of their own: at night those on the host's library, too, which is built for them.
+/// Programs of users, in a workspace of their own: at night those on the host's library, too, which is built
+/// for them.
 fn outside(nightly: bool) -> Vec<&'static str> {
     let mut words = vec!["--manifest-path", "tests/outside/Cargo.toml", "--target-dir", "target/outside"];
     words.extend(if nightly { &["--workspace"][..] } else { &["--package", "in-firmware"] });
@@ -240,7 +244,8 @@ fn other_core(steps: &mut Steps, core: Core, here: &mut Surroundings, counts: &m
     });
 }
 
-/// The compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of the library.
+/// The compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of the
+/// library.
 fn oldest_compiler() -> Result<()> {
     let promised = promised_version()?;
     let text = process::output(process::command("rustc", places::root()).arg("--version"))?;

@@ -47,7 +47,8 @@ pub fn site() -> PathBuf {
 /// Builds the page and tests it.
 ///
 /// # Errors
-/// Fails if a tool is missing and cannot be installed, if it does not build, is too large, or if a test fails.
+/// Fails if a tool is missing and cannot be installed, if it does not build, is too large, or if a test
+/// fails.
 pub fn run(options: &Options) -> Result<()> {
     tools()?;
     if !options.test {
@@ -120,8 +121,9 @@ fn compile() -> Result<()> {
             .arg(&missing),
     )?;
     let flags = format!(
-        "-C link-self-contained=no -C linker-flavor=wasm-ld -L native={LIBRARY} -C target-feature=+crt-static \
-         -C link-arg={LIBRARY}/crt1-command.o -C link-arg=--wrap=link -C link-arg=--wrap=linkat -C link-arg={}",
+        "-C link-self-contained=no -C linker-flavor=wasm-ld -L native={LIBRARY} -C \
+         target-feature=+crt-static -C link-arg={LIBRARY}/crt1-command.o -C link-arg=--wrap=link -C \
+         link-arg=--wrap=linkat -C link-arg={}",
         missing.display()
     );
     let [rustc, cargo] = COMPILER;

@@ -65,7 +65,8 @@ fn allowed() -> BTreeSet<String> {
     list.split('"').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Tells whether we may ship under MIT OR Apache-2.0 what is under this licence: of every part that must hold, one choice.
+/// Tells whether we may ship under MIT OR Apache-2.0 what is under this licence: of every part that must
+/// hold, one choice.
 fn is_acceptable(licence: &str) -> bool {
     let allowed = allowed();
     licence
@@ -138,7 +139,8 @@ fn the_parts_of_the_wiring_page_cost_less_than_200() {
     assert!(all[0].contains(&format!("**{sum}**")) && sum < 200, "{sum}: {}", all[0]);
 }
 
-/// The bridges stay inside the converter's range, and the lower half of the budget follows from the upper half.
+/// The bridges stay inside the converter's range, and the lower half of the budget follows from the upper
+/// half.
 #[test]
 fn the_budget_of_the_wiring_page_follows_from_its_data_sheets_and_keeps_the_converters_limits() {
     let page = std::fs::read_to_string(root().join("docs/wiring.md")).unwrap();

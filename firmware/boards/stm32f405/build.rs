@@ -4,7 +4,8 @@ use std::{env, fs};
 
 fn main() {
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    // The F405's second 64 kB of RAM are left alone: they cannot be reached by DMA, and the emulator lacks them.
+    // The F405's second 64 kB of RAM are left alone: they cannot be reached by DMA, and the emulator lacks
+    // them.
     let flash_kb = match (has("F446"), has("F411")) {
         (true, true) => panic!("one chip at a time: either f446 or f411"),
         // Of an F405's 1 MB the upper half is for stored data.

@@ -278,12 +278,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
         set.map(|()| Reply::Done).map_err(|error| ErrorCode::BadSetting(setting_of_watch(error)))
     }
 
-    /// Returns whether samples of the sensors are absorbed: what takes long is then done in slices between them.
+    /// Returns whether samples of the sensors are absorbed: what takes long is then done in slices between
+    /// them.
     pub(super) fn is_busy_with_samples(&self) -> bool {
         self.state == StateName::Running && self.duty.from_sensors
     }
 
-    /// Keeps a copy of what has been absorbed, for a factor to hand over. An estimate that still needs its own begins anew.
+    /// Keeps a copy of what has been absorbed, for a factor to hand over. An estimate that still needs its
+    /// own begins anew.
     fn take_snapshot(&mut self) {
         let Some(path) = self.path.samples_mut() else { return };
         path.take_snapshot();

@@ -29,7 +29,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.line.most = baud;
     }
 
-    /// Returns the rate that the line is to have as soon as everything has been sent, baud; `None`: the one that the board started with.
+    /// Returns the rate that the line is to have as soon as everything has been sent, baud; `None`: the one
+    /// that the board started with.
     pub fn line_rate(&self) -> Option<u32> {
         self.line.asked
     }

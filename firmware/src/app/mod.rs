@@ -344,8 +344,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         (self.state, self.reason)
     }
 
-    /// Returns whether samples of the device's sensors are wanted. While they are not, the sensors may not even have
-    /// been set up.
+    /// Returns whether samples of the device's sensors are wanted. While they are not, the sensors may not
+    /// even have been set up.
     pub fn listens(&self) -> bool {
         !matches!(self.state, StateName::Idle | StateName::Fault)
             && self.settings.as_ref().is_some_and(|settings| settings.source == Source::Sensors)

@@ -17,17 +17,20 @@ use crate::sample_path::{SamplePath, Words, imu_reading, sample_path};
 
 /// This many consecutive samples of a sensor that could not be read are a fault.
 const BAD_TO_FAULT: u16 = 10;
-/// A frame of the load cell whose check sum does not fit weighs as this many that do. More than one in a thousand is a
-/// fault: what inverts its bits inverts those of the IMU on the same bus, which have no check sum.
+/// A frame of the load cell whose check sum does not fit weighs as this many that do. More than one in a
+/// thousand is a fault: what inverts its bits inverts those of the IMU on the same bus, which have no check
+/// sum.
 const DAMAGED_WEIGHS: u16 = 1_000;
 const NOISE_TO_FAULT: u16 = 5 * DAMAGED_WEIGHS;
-/// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is another.
+/// An excitation outside of these parts of the one stated is no drift: a wire is off, or a divider is
+/// another.
 const EXCITATION_LEAST: f32 = 0.9;
 const EXCITATION_MOST: f32 = 1.1;
 /// Samples of the load cell come at the rate asked for, to within this much, parts in a million: what its
 /// filter and derivative count on. Oscillators of converters are within 100.
 const LOAD_CELL_PPM: u32 = 500;
-/// The same of an IMU, whose samples are dated one by one: 1 % by its data sheet, and what is far more is another rate.
+/// The same of an IMU, whose samples are dated one by one: 1 % by its data sheet, and what is far more is
+/// another rate.
 const IMU_PPM: u32 = 50_000;
 /// An estimate waits this long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
@@ -36,8 +39,8 @@ const HAND_OVER_NS: u64 = 1_000_000_000;
 const IDLE_TICKS: u8 = 8;
 
 impl<P: DerefMut<Target = Path>> App<P> {
-    /// Takes gauge voltages with their capture time, and the voltage that the converter saw of the gauges' excitation: where
-    /// the settings state one, the gauges are divided by its ratio to that.
+    /// Takes gauge voltages with their capture time, and the voltage that the converter saw of the gauges'
+    /// excitation: where the settings state one, the gauges are divided by its ratio to that.
     pub fn on_gauges(&mut self, time_ns: u64, volts: [f32; 6], excitation_v: f32) {
         self.alive_on_path(Sensor::LoadCell, time_ns);
         self.noise = self.noise.saturating_sub(1);
@@ -207,7 +210,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Returns the first sensor whose samples come at another rate than the one asked for, by a clock that can tell.
+    /// Returns the first sensor whose samples come at another rate than the one asked for, by a clock that
+    /// can tell.
     pub(super) fn sensor_of_another_rate(&self) -> Option<Sensor> {
         if matches!(self.facts.clock, ClockSource::Internal | ClockSource::Slow) {
             return None;

@@ -1,4 +1,5 @@
-//! Frames of a robot that is watched, as they come over the link to the host: none is answered, all are counted.
+//! Frames of a robot that is watched, as they come over the link to the host: none is answered, all are
+//! counted.
 
 use core::cmp::Ordering;
 use core::ops::DerefMut;

@@ -1,18 +1,18 @@
 //! ADS131M08: eight simultaneously sampled 24-bit ΔΣ converters; six of them read the gauges.
 //!
-//! Facts relied on (TI data sheet SBAS950): 24-bit words, most significant byte first; a frame is a command or
-//! response word, eight channel words and a CRC word; a response comes one frame after its command; RREG is
-//! `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it; with
-//! RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words are in the upper
-//! bits above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR. With REG_CRC_EN the converter watches
-//! its own registers: REG_MAP in STATUS says that their CRC has changed, by a write or
-//! by itself; F_RESYNC that the filters began anew; DRDYn that channel n has a conversion that was not read. STATUS in an
-//! answer clears the first two.
-//! The CRC of every frame is checked, and so are the zeros beneath it: a sample with a changed bit is an error,
-//! never a value.
+//! Facts relied on (TI data sheet SBAS950): 24-bit words, most significant byte first; a frame is a command
+//! or response word, eight channel words and a CRC word; a response comes one frame after its command; RREG
+//! is `101a aaaa annn nnnn`, WREG `011a aaaa annn nnnn`; CRC-16-CCITT, seed 0xFFFF, over all words before it;
+//! with RX_CRC_EN a command, with the data of a WREG, is followed by its own CRC; 16-bit words are in the
+//! upper bits above zeros; full scale ±1.2 V / gain; rate = 4.096 MHz / OSR. With REG_CRC_EN the converter
+//! watches its own registers: REG_MAP in STATUS says that their CRC has changed, by a write or
+//! by itself; F_RESYNC that the filters began anew; DRDYn that channel n has a conversion that was not read.
+//! STATUS in an answer clears the first two.
+//! The CRC of every frame is checked, and so are the zeros beneath it: a sample with a changed bit is an
+//! error, never a value.
 //!
-//! The converter holds two conversions. [`Ads131m08::bring_up`] empties that buffer; from then on every conversion
-//! has to be read, or each later frame is one conversion older than its signal.
+//! The converter holds two conversions. [`Ads131m08::bring_up`] empties that buffer; from then on every
+//! conversion has to be read, or each later frame is one conversion older than its signal.
 
 use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
 use embedded_hal::delay::DelayNs;
@@ -129,7 +129,8 @@ impl AdcFrame {
         [a, b, c, d, e, f].map(|code| code as f32 * volts)
     }
 
-    /// The seventh channel in volts at the converter's input: what a divider leaves of the gauges' excitation. It is not amplified.
+    /// The seventh channel in volts at the converter's input: what a divider leaves of the gauges'
+    /// excitation. It is not amplified.
     pub fn excitation_v(&self) -> f32 {
         let [.., excitation, _] = self.codes;
         excitation as f32 * (FULL_SCALE_V / FULL_SCALE_CODES)
@@ -196,7 +197,8 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         for (register, value) in settings {
             self.write_register(register, value)?;
         }
-        // The registers' CRC has been computed anew, 784 bits at 4 MHz; the frames that empty the buffer clear its flag.
+        // The registers' CRC has been computed anew, 784 bits at 4 MHz; the frames that empty the buffer
+        // clear its flag.
         delay.delay_ms(1);
         for _ in 0..BUFFERED {
             match self.read_frame() {
@@ -207,15 +209,16 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         Ok(())
     }
 
-    /// Returns what comes back, whatever its CRC: a chip with fewer channels has shorter frames, and its name before that.
+    /// Returns what comes back, whatever its CRC: a chip with fewer channels has shorter frames, and its name
+    /// before that.
     fn unchecked_answer(&mut self) -> Result<u16, AdcError<SPI::Error>> {
         let mut answer = command(NULL);
         self.exchange(&mut answer)?;
         Ok(response(&answer))
     }
 
-    /// Resets a converter whose words or CRC have become others by themselves, or that has been locked: it takes a reset in a
-    /// whole frame of its own format alone.
+    /// Resets a converter whose words or CRC have become others by themselves, or that has been locked: it
+    /// takes a reset in a whole frame of its own format alone.
     #[cold]
     #[inline(never)]
     fn reset_however_it_is_set(&mut self) -> Result<(), AdcError<SPI::Error>> {
@@ -237,8 +240,8 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// Reads the sample that the converter has signalled.
     ///
     /// # Errors
-    /// A CRC that does not fit (counted), a restart of the converter, registers that have changed, a command that it refused, a
-    /// conversion that is not settled or not new, the bus.
+    /// A CRC that does not fit (counted), a restart of the converter, registers that have changed, a command
+    /// that it refused, a conversion that is not settled or not new, the bus.
     #[inline]
     pub fn read_frame(&mut self) -> Result<AdcFrame, AdcError<SPI::Error>> {
         let mut bytes = READ;

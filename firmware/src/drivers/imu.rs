@@ -41,8 +41,8 @@ pub const READ: [u8; 24] = {
 /// INT_STATUS: the FIFO was full.
 const FIFO_FULL: u8 = 1 << 1;
 
-/// Returns whether the FIFO held more than the packet that was read, by what [`READ`] brought. A full one is left to the
-/// driver, which empties it.
+/// Returns whether the FIFO held more than the packet that was read, by what [`READ`] brought. A full one is
+/// left to the driver, which empties it.
 pub fn holds_more(read: &[u8]) -> bool {
     let [_, status, high, low, ..] = read else { return false };
     let count = u16::from_be_bytes([*high, *low]);
@@ -261,8 +261,8 @@ impl<SPI: SpiDevice> Imu<SPI> {
         self.skipped
     }
 
-    /// Resets the chip, sets it up and reads every setting back, three times if need be: 25, 50, 100, 200, 500, 1000, 2000 or
-    /// 4000 samples per second. May be repeated, whatever its earlier result.
+    /// Resets the chip, sets it up and reads every setting back, three times if need be: 25, 50, 100, 200,
+    /// 500, 1000, 2000 or 4000 samples per second. May be repeated, whatever its earlier result.
     ///
     /// # Errors
     /// No such rate, another chip, a register that does not hold, or the bus.
@@ -314,8 +314,9 @@ impl<SPI: SpiDevice> Imu<SPI> {
         flushed
     }
 
-    /// Reads one of its settings back, each time the next one of bank 0: the chip has no check of its own, and one that a discharge
-    /// has changed would measure otherwise without a word. To be called now and then while samples are taken.
+    /// Reads one of its settings back, each time the next one of bank 0: the chip has no check of its own,
+    /// and one that a discharge has changed would measure otherwise without a word. To be called now and then
+    /// while samples are taken.
     ///
     /// # Errors
     /// It holds something else, three times in a row; a bus that fails says nothing of it.
@@ -389,8 +390,9 @@ fn newest<SPI: SpiDevice>(
     Ok(newest)
 }
 
-/// The published driver takes the 16 temperature bits of a 20-bit packet as unsigned and scales them like the 8 bits
-/// of the short packets, 2.07 per °C. Back to the bits (a half is added to round), and on by 132.48 per °C.
+/// The published driver takes the 16 temperature bits of a 20-bit packet as unsigned and scales them like the
+/// 8 bits of the short packets, 2.07 per °C. Back to the bits (a half is added to round), and on by 132.48
+/// per °C.
 fn temperature_c(as_short_packet_c: f32) -> f32 {
     let bits = ((as_short_packet_c - 25.0) * 2.07 + 0.5) as u16;
     f32::from(bits.cast_signed()) / 132.48 + 25.0

@@ -1,4 +1,5 @@
-//! Records one after the other in flash, by `sequential-storage`: a power cut leaves the last one or the one before.
+//! Records one after the other in flash, by `sequential-storage`: a power cut leaves the last one or the one
+//! before.
 
 use core::ops::Range;
 use core::pin::pin;
@@ -137,8 +138,9 @@ impl<'f, F: NorFlash> Journal<'f, F> {
         at_once(self.queue.erase_all())
     }
 
-    /// Shows every record, oldest first, in `buffer`, until `show` has seen enough, which says so by false. What was shown last stays in
-    /// the buffer. Inlined where it is used, which is in one place: flash is dear.
+    /// Shows every record, oldest first, in `buffer`, until `show` has seen enough, which says so by false.
+    /// What was shown last stays in the buffer. Inlined where it is used, which is in one place: flash is
+    /// dear.
     #[inline(always)]
     pub(super) fn each(
         &mut self,

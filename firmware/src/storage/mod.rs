@@ -4,16 +4,17 @@
 //! written. May not live here: flash controllers (a board's), what a run is (`app`).
 //! [`crate::Instrument::tend`] joins the three.
 //!
-//! Two journals, each of two erase sectors or more, hold records one after the other, and the last whole one counts:
+//! Two journals, each of two erase sectors or more, hold records one after the other, and the last whole one
+//! counts:
 //!
 //! - *settings*: one record for each `Configure`, with the number of the run that it begins;
-//! - *checkpoints*: what has been absorbed, each with the number of its run. One of another run is void, so that a run ends with the
-//!   one write that begins the next.
+//! - *checkpoints*: what has been absorbed, each with the number of its run. One of another run is void, so
+//!   that a run ends with the one write that begins the next.
 //!
-//! A sector is erased at start-up or at `Configure` alone, for on the first boards that stops the processor for a second. While
-//! samples are taken a checkpoint is only appended to what was prepared, and when that is full there are no more: `Guarded`
-//! refuses to erase then, whatever the journal asks for. The interval between checkpoints doubles as room is used up, so that
-//! a run of any length has some.
+//! A sector is erased at start-up or at `Configure` alone, for on the first boards that stops the processor
+//! for a second. While samples are taken a checkpoint is only appended to what was prepared, and when that is
+//! full there are no more: `Guarded` refuses to erase then, whatever the journal asks for. The interval
+//! between checkpoints doubles as room is used up, so that a run of any length has some.
 
 #[cfg(feature = "storage")]
 mod journal;

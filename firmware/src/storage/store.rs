@@ -38,7 +38,8 @@ pub struct Layout {
     pub checkpoints: Range<u32>,
 }
 
-/// Tells that a layout is not one of whole sectors, two at least for each journal, apart and within the flash.
+/// Tells that a layout is not one of whole sectors, two at least for each journal, apart and within the
+/// flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LayoutError;
 
@@ -217,8 +218,8 @@ impl<F: NorFlash> Store<F> {
         self.layout.checkpoints.end - self.layout.checkpoints.start
     }
 
-    /// Appends a checkpoint of this run: what its head says, and the factor's numbers, which `write` leaves in the slice it is
-    /// given; how many bytes of flash it took. Nothing is erased.
+    /// Appends a checkpoint of this run: what its head says, and the factor's numbers, which `write` leaves
+    /// in the slice it is given; how many bytes of flash it took. Nothing is erased.
     ///
     /// # Errors
     /// [`StoreError::Full`] if nothing is left of what was prepared. What was stored before is still there.

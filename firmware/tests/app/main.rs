@@ -413,7 +413,8 @@ fn sensors_that_fail_for_good_are_a_fault_and_passing_errors_are_counted() {
     assert_eq!(app.state(), (StateName::Fault, Reason::LoadCell(SensorFault::WrongId)));
 }
 
-/// The IMU's words have no check sum: what damages the load cell's on the same bus damages them, without a word.
+/// The IMU's words have no check sum: what damages the load cell's on the same bus damages them, without a
+/// word.
 #[test]
 fn a_bus_that_damages_more_than_one_frame_in_a_thousand_is_a_fault() {
     for (good, is_fault) in [(30, true), (51, true), (125, true), (500, true), (1_001, false), (5_000, false)]
@@ -460,8 +461,8 @@ fn answers_overtake_telemetry_and_what_has_no_room_is_counted() {
     assert!(counters.telemetry_dropped > 0);
 }
 
-/// Whatever comes over the line, the application answers in whole frames, and a clean run afterwards gives the
-/// clean answer, bit for bit.
+/// Whatever comes over the line, the application answers in whole frames, and a clean run afterwards gives
+/// the clean answer, bit for bit.
 #[test]
 fn garbage_and_wild_commands_never_corrupt_a_later_run() {
     let mut clean = Host::new();

@@ -1,12 +1,13 @@
 //! ADS131M08: eight simultaneously sampled 24-bit ΔΣ converters on SPI (TI data sheet SBAS950B).
 //!
 //! One [`Ads131m08::transfer`] is one frame, chip select low to high. The answer to a command is in the first
-//! word of the **next** frame; the last word is a CRC over all words before it. Modelled: the register map, NULL,
-//! RESET, STANDBY, WAKEUP, LOCK, UNLOCK, RREG, WREG, all word lengths, input and output CRC of both kinds, gain,
-//! offset and gain calibration, disabled channels, OSR, the flags of the register map and of a resynchronisation, an
-//! oscillator of another frequency; where [`Ads131m08::hold_two`] asks for it, the second level of the output buffer (else a
-//! conversion that is not read is overwritten). Not modelled: phase calibration, current detection, global chop, test signals,
-//! the value of the register-map CRC, start-up times, and the filter's droop (5e-5 at 5 Hz and 1 kHz).
+//! word of the **next** frame; the last word is a CRC over all words before it. Modelled: the register map,
+//! NULL, RESET, STANDBY, WAKEUP, LOCK, UNLOCK, RREG, WREG, all word lengths, input and output CRC of both
+//! kinds, gain, offset and gain calibration, disabled channels, OSR, the flags of the register map and of a
+//! resynchronisation, an oscillator of another frequency; where [`Ads131m08::hold_two`] asks for it, the
+//! second level of the output buffer (else a conversion that is not read is overwritten). Not modelled: phase
+//! calibration, current detection, global chop, test signals, the value of the register-map CRC, start-up
+//! times, and the filter's droop (5e-5 at 5 Hz and 1 kHz).
 //!
 //! Facts used: full scale ±1.2 V / gain; modulator at half of the 8.192 MHz clock; OSR up to 1024 is a sinc³,
 //! beyond that a sinc³ of 1024 followed by an average.
@@ -114,8 +115,8 @@ impl Ads131m08 {
         self.frames
     }
 
-    /// Inverts one bit on its way to the host: bit `bit` (0 is the first one on the wire) of the `ahead`-th frame
-    /// from now (0 is the next).
+    /// Inverts one bit on its way to the host: bit `bit` (0 is the first one on the wire) of the `ahead`-th
+    /// frame from now (0 is the next).
     pub fn flip_bit(&mut self, ahead: u64, bit: usize) {
         self.flips.push((self.frames + ahead, bit));
     }
@@ -138,8 +139,8 @@ impl Ads131m08 {
         self.flags |= STATUS_RESYNC;
     }
 
-    /// The output buffer has two levels, as the chip's (data sheet 8.5.1.9.1): a conversion that nobody has read waits behind
-    /// the one before it, and a third takes the place of the second.
+    /// The output buffer has two levels, as the chip's (data sheet 8.5.1.9.1): a conversion that nobody has
+    /// read waits behind the one before it, and a third takes the place of the second.
     pub fn hold_two(&mut self) {
         self.held = Some(None);
     }
@@ -164,8 +165,8 @@ impl Ads131m08 {
         Self::filter_delay_s(self.oversampling())
     }
 
-    /// Group delay at a data rate, s: `(3 (N − 1) / 2 + N (K − 1) / 2) / f_mod`, a sinc³ of N ≤ 1024 followed by an
-    /// average of K.
+    /// Group delay at a data rate, s: `(3 (N − 1) / 2 + N (K − 1) / 2) / f_mod`, a sinc³ of N ≤ 1024 followed
+    /// by an average of K.
     pub fn group_delay_at_s(rate_hz: f64) -> f64 {
         Self::filter_delay_s(0.5 * CLOCK_HZ / rate_hz)
     }

@@ -1,11 +1,11 @@
 //! ICM-42688-P: accelerometer and gyro with a FIFO, on SPI (TDK data sheet DS-000347).
 //!
-//! One [`Icm42688::transfer`] is one transaction, chip select low to high: an address byte (top bit set to read), then
-//! data with the address counting up, except at FIFO_DATA, which stays. Modelled: the five register banks, soft
-//! reset, power modes, output data rates, full scales, the data registers, the FIFO in its three modes with packets
-//! 1 to 4, its count in bytes or records and either byte order, watermark, overflow, interrupt status, timestamps.
-//! Not modelled: filters (their delay belongs to [`crate::sensors`]), start-up times, FSYNC, APEX, self-test,
-//! low-power averaging.
+//! One [`Icm42688::transfer`] is one transaction, chip select low to high: an address byte (top bit set to
+//! read), then data with the address counting up, except at FIFO_DATA, which stays. Modelled: the five
+//! register banks, soft reset, power modes, output data rates, full scales, the data registers, the FIFO in
+//! its three modes with packets 1 to 4, its count in bytes or records and either byte order, watermark,
+//! overflow, interrupt status, timestamps. Not modelled: filters (their delay belongs to [`crate::sensors`]),
+//! start-up times, FSYNC, APEX, self-test, low-power averaging.
 //!
 //! A 20-bit packet always spans ±16 g and ±2000 °/s; of its 20 bits the accelerometer fills 18, the gyro 19.
 
@@ -138,8 +138,8 @@ impl Icm42688 {
         }
     }
 
-    /// A sample is taken at `time_ns`: specific force m/s², angular rate rad/s, along the IMU's axes. Returns whether
-    /// pin INT1 announces it.
+    /// A sample is taken at `time_ns`: specific force m/s², angular rate rad/s, along the IMU's axes. Returns
+    /// whether pin INT1 announces it.
     pub fn sample(&mut self, time_ns: u64, accel: [f64; 3], gyro: [f64; 3], temperature_c: f64) -> bool {
         let power = self.register(PWR_MGMT0);
         let (accel_on, gyro_on) = (power & 3 >= 2, power >> 2 & 3 == 3);
@@ -393,8 +393,8 @@ fn rate_of(register: u8) -> Option<f64> {
     }
 }
 
-/// A fraction of full scale as a signed word with `bits` bits besides the sign. The most negative word marks invalid
-/// samples and is never given.
+/// A fraction of full scale as a signed word with `bits` bits besides the sign. The most negative word marks
+/// invalid samples and is never given.
 fn code(fraction: f64, bits: u32) -> i32 {
     let full = f64::from(1u32 << bits);
     (fraction * full).round().clamp(1.0 - full, full - 1.0) as i32

@@ -90,9 +90,9 @@ impl RigConfig {
         Self { body: BodyParameters::thesis_vertical(), ..Self::thesis_horizontal() }
     }
 
-    /// The thesis' rig with an arm hanging on its test body. Both IMUs are calibrated: with links that turn against each other
-    /// an accelerometer's bias is no constant wrench, which the offset could take up. The arm is faster than the thesis'
-    /// gyro.
+    /// The thesis' rig with an arm hanging on its test body. Both IMUs are calibrated: with links that turn
+    /// against each other an accelerometer's bias is no constant wrench, which the offset could take up. The
+    /// arm is faster than the thesis' gyro.
     pub fn two_links() -> Self {
         let rig = Self::thesis_horizontal();
         let imu = ImuModel {
@@ -130,8 +130,8 @@ impl RigConfig {
         Self { adc_hz, imu_hz, ..self }
     }
 
-    /// Assumed: a gauge gives 6 mV at full range (bridges of 1.2 mV/V on 5 V), with up to 6 % of every other gauge in each
-    /// component.
+    /// Assumed: a gauge gives 6 mV at full range (bridges of 1.2 mV/V on 5 V), with up to 6 % of every other
+    /// gauge in each component.
     fn default_calibration() -> [[f64; 6]; 6] {
         let per_volt = [110e3, 110e3, 330e3, 10e3, 10e3, 10e3];
         let mut matrix = [[0.0; 6]; 6];
@@ -162,7 +162,8 @@ impl RigConfig {
 }
 
 /// The fixed frames and matrices of a rig, ready for use.
-/// What the converter's seventh input sees of the gauges' excitation while it is the one of the calibration, V.
+/// What the converter's seventh input sees of the gauges' excitation while it is the one of the calibration,
+/// V.
 pub const EXCITATION_V: f64 = 1.0;
 
 #[derive(Clone, Debug)]
@@ -205,7 +206,8 @@ impl Mechanics {
         })
     }
 
-    /// True specific force and angular rate at the second IMU's origin, in its axes; none without a second link.
+    /// True specific force and angular rate at the second IMU's origin, in its axes; none without a second
+    /// link.
     pub(super) fn second_imu(&self, plate: &PlateState, joint: &JointState) -> Option<([f64; 3], [f64; 3])> {
         let (link, rotation) = self.second?;
         let motion = link
@@ -219,8 +221,8 @@ impl Mechanics {
         self.sensors.imu(plate)
     }
 
-    /// Voltages at the converter's eight inputs, with an excitation that is this many times the one of the calibration: six
-    /// bridges, what a divider leaves of the excitation, and an input that is shorted.
+    /// Voltages at the converter's eight inputs, with an excitation that is this many times the one of the
+    /// calibration: six bridges, what a divider leaves of the excitation, and an input that is shorted.
     pub(super) fn inputs_v(&self, wrench: &[f64; 6], excitation: f64) -> [f64; 8] {
         let mut volts = [0.0; 8];
         for (v, row) in volts.iter_mut().zip(&self.volts_per_wrench) {

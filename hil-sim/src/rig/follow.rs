@@ -1,7 +1,7 @@
 //! Motion by set points: a move to a pose from wherever the plate is, or a stream of poses at their times.
 //!
-//! The path is made of quintics that agree in value, rate and acceleration where they meet. After the last of them
-//! the plate always brakes: a stream that ceases needs nobody to notice it.
+//! The path is made of quintics that agree in value, rate and acceleration where they meet. After the last of
+//! them the plate always brakes: a stream that ceases needs nobody to notice it.
 
 use std::collections::VecDeque;
 
@@ -187,8 +187,9 @@ impl Follower {
         Ok(())
     }
 
-    /// The plate is to pass this pose at this time. Its rate and acceleration there follow from the neighbours, so it
-    /// is known one point later. A stream begins at rest, now: to its first point the plate has the time until then.
+    /// The plate is to pass this pose at this time. Its rate and acceleration there follow from the
+    /// neighbours, so it is known one point later. A stream begins at rest, now: to its first point the plate
+    /// has the time until then.
     pub(super) fn pass(
         &mut self,
         now_ns: f64,

@@ -167,7 +167,8 @@ fn the_same_seed_gives_the_same_words_and_another_seed_others() {
 
 #[test]
 fn the_apparent_offset_is_what_a_biased_accelerometer_leaves_over() {
-    // Statics only: with the biased specific force the weight comes out wrong by exactly what the offset takes off.
+    // Statics only: with the biased specific force the weight comes out wrong by exactly what the offset
+    // takes off.
     let config = RigConfig::thesis_vertical();
     let mechanics = Mechanics::new(&config).unwrap();
     let experiment = config.sensors.draw(3);
@@ -225,7 +226,8 @@ fn an_undeclared_delay_shifts_the_load_cell_against_the_imu() {
 
 #[test]
 fn a_bandwidth_that_is_stated_costs_only_its_droop() {
-    // The pole's delay is stated and taken off; what is left is second order: (f/f_c)² ≈ 5e-4 at 1.1 Hz of 50 Hz.
+    // The pole's delay is stated and taken off; what is left is second order: (f/f_c)² ≈ 5e-4 at 1.1 Hz of 50
+    // Hz.
     let mut sensors = SensorModels::ideal();
     sensors.load_cell.bandwidth_hz = Some(50.0);
     let config = RigConfig::thesis_horizontal();

@@ -75,8 +75,8 @@ impl SensorBus for FrameBus {
     }
 }
 
-/// `count` frames of a tree in motion whose base cameras track, at `rate_hz`, the wrench with white noise of these σ (N, N m) in
-/// the laboratory's axes from the seed; the rest is exact but for single precision.
+/// `count` frames of a tree in motion whose base cameras track, at `rate_hz`, the wrench with white noise of
+/// these σ (N, N m) in the laboratory's axes from the seed; the rest is exact but for single precision.
 ///
 /// # Panics
 /// If the tree has more links than a frame can hold.
@@ -123,8 +123,8 @@ fn pose(link: &FrameMotion) -> [f32; 7] {
     std::array::from_fn(|i| all[i] as f32)
 }
 
-/// The frames of a motion on springs with O in the platform's origin, the displacement with white noise of these σ (m, rad) from the
-/// seed; the rest is exact but for single precision.
+/// The frames of a motion on springs with O in the platform's origin, the displacement with white noise of
+/// these σ (m, rad) from the seed; the rest is exact but for single precision.
 ///
 /// # Panics
 /// If there are more links than a frame can hold.
@@ -144,8 +144,8 @@ pub fn suspended_frames_of(motion: &Motion, noise: [f64; 6], seed: u64) -> Vec<V
     motion.instants.iter().enumerate().map(of).collect()
 }
 
-/// `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m) from the seed; the
-/// rest is exact but for single precision.
+/// `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m) from the
+/// seed; the rest is exact but for single precision.
 ///
 /// # Panics
 /// If the tree has more links than a frame can hold.

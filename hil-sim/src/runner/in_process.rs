@@ -20,7 +20,8 @@ use crate::rig::SharedRig;
 /// The time that an idle firmware sleeps before it checks its sensors again.
 const NAP: Duration = Duration::from_micros(200);
 
-/// A microcontroller that is part of this process. It works while its owner reads, be it into an empty buffer, and only then.
+/// A microcontroller that is part of this process. It works while its owner reads, be it into an empty
+/// buffer, and only then.
 pub struct InProcess {
     instrument: Instrument<Box<Path>, BusSpi, BusSpi, BusSpi, NoWait>,
     sensors: SharedBus,

@@ -54,8 +54,8 @@ pub trait Mcu: Send {
     /// and what it sends waits in its queues or, if these are full, is dropped by it.
     ///
     /// # Errors
-    /// `BrokenPipe` if the microcontroller is gone; the message says why. What it had sent before is given out
-    /// first.
+    /// `BrokenPipe` if the microcontroller is gone; the message says why. What it had sent before is given
+    /// out first.
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 
     /// `"inproc"` or `"qemu"`: what the command line calls it.

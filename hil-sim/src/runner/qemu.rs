@@ -328,8 +328,8 @@ fn retry(e: &io::Error) -> bool {
 
 /// The pipe that requests are read from and the one that answers are written to.
 ///
-/// Neither opening waits for the other side: not to block lets a reader in alone, and a pipe opened for both is
-/// its own other side. The emulator's openings then find a partner.
+/// Neither opening waits for the other side: not to block lets a reader in alone, and a pipe opened for both
+/// is its own other side. The emulator's openings then find a partner.
 fn pipes(folder: &Path) -> io::Result<(File, File)> {
     let (requests, answers) = (folder.join(REQUESTS), folder.join(ANSWERS));
     for pipe in [&requests, &answers] {

@@ -1,7 +1,7 @@
 //! A sensor at work: truth in, reading out, sample after sample.
 //!
-//! Order: single pole, gain, offset or bias with drift and knocks, noise, range, faults of the channel. Rounding is
-//! the last step and left to the caller, because simulated registers round by themselves.
+//! Order: single pole, gain, offset or bias with drift and knocks, noise, range, faults of the channel.
+//! Rounding is the last step and left to the caller, because simulated registers round by themselves.
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

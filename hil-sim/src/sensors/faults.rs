@@ -48,7 +48,8 @@ pub enum Fault {
         /// s.
         time_constant_s: f64,
     },
-    /// The gauges' excitation goes in a straight line from the one of the calibration to `to` times it, and stays there.
+    /// The gauges' excitation goes in a straight line from the one of the calibration to `to` times it, and
+    /// stays there.
     Excitation {
         /// A ratio; 0: the wire is off.
         to: f64,

@@ -25,8 +25,8 @@ impl ByteLink for Firmware {
 const TURN: Duration = Duration::from_millis(1);
 
 /// Carries bytes between the port and the firmware until `leave` is set. What the firmware says while nobody
-/// has the port open is lost, as on any serial line; a user who does not read holds the firmware's output up, and the rig
-/// keeps its time all the same.
+/// has the port open is lost, as on any serial line; a user who does not read holds the firmware's output up,
+/// and the rig keeps its time all the same.
 ///
 /// # Errors
 /// If either side is gone.

@@ -8,8 +8,8 @@
 //! | `{"cmd":"state"}` | nothing |
 //!
 //! Every line is answered with one: `{"ok":true,"state":"holding|moving|done","time_s":…,"duration_s":…,
-//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away, or says nothing for `quiet_s`, while the plate moves by its
-//! command stops it.
+//! "pose":…}` or `{"ok":false,"error":"…"}`. A client that goes away, or says nothing for `quiet_s`, while the
+//! plate moves by its command stops it.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};

@@ -18,8 +18,8 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Listens at `address` (port 0 takes a free one) and lets `attend` have each client, with the flag that says
-    /// when to leave.
+    /// Listens at `address` (port 0 takes a free one) and lets `attend` have each client, with the flag that
+    /// says when to leave.
     pub(super) fn listen(
         address: impl ToSocketAddrs,
         attend: impl Fn(TcpStream, &AtomicBool) + Send + Sync + 'static,

@@ -27,8 +27,8 @@ pub enum Body {
     Horizontal,
     /// Standing upright
     Vertical,
-    /// Lying, with an arm on a ball joint that has an IMU of its own and swings while a program of the controller's (--platform)
-    /// runs; both IMUs are calibrated
+    /// Lying, with an arm on a ball joint that has an IMU of its own and swings while a program of the
+    /// controller's (--platform) runs; both IMUs are calibrated
     TwoLinks,
 }
 
@@ -123,14 +123,12 @@ fn possible(tensor: [f64; 6]) -> Result<[f64; 6], String> {
 
 /// `rigident-sim serve`
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "Examples:\n  \
-    rigident-sim serve --write-rig rig.toml\n  \
-    rigident run --port ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  \
-    rigident-sim serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  \
-    rigident-sim serve --mcu qemu --flip 1e-4 --drop 0.01\n  \
-    rigident-sim serve --freeze gz@20+5 --saturate fz@40\n  \
-    rigident-sim serve --body two-links --write-rig rig.toml\n  \
-    rigident-sim serve --mass 0.5 --com 0,0,0.02 --inertia 4e-4,4e-4,3e-4 --write-rig rig.toml\n\n\
+#[command(after_help = "Examples:\n  rigident-sim serve --write-rig rig.toml\n  rigident run --port \
+    ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  rigident-sim \
+    serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  rigident-sim serve --mcu qemu --flip 1e-4 \
+    --drop 0.01\n  rigident-sim serve --freeze gz@20+5 --saturate fz@40\n  rigident-sim serve --body \
+    two-links --write-rig rig.toml\n  rigident-sim serve --mass 0.5 --com 0,0,0.02 --inertia 4e-4,4e-4,3e-4 \
+    --write-rig rig.toml\n\n\
     Ctrl-C ends it and leaves nothing behind.")]
 pub struct ServeOptions {
     /// Where the firmware runs

@@ -28,7 +28,8 @@ impl Port {
     /// Opens one; `name` becomes a symbolic link to it.
     ///
     /// # Errors
-    /// If there is a file of that name already (a link that leads nowhere is replaced), or the system refuses.
+    /// If there is a file of that name already (a link that leads nowhere is replaced), or the system
+    /// refuses.
     pub fn open(name: Option<&Path>) -> io::Result<Self> {
         let line = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY)?;
         grantpt(&line)?;

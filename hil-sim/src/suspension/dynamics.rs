@@ -1,8 +1,10 @@
-//! The equations of motion: every body's Jacobian, the mass matrix, forces, and the accelerations that follow.
+//! The equations of motion: every body's Jacobian, the mass matrix, forces, and the accelerations that
+//! follow.
 //!
-//! A state is places `[s, p, q_P, q_1 … q_n]` and rates `u = [ṡ, ṗ, ω_P, u_1 … u_n]`: s the support's shift, p and q_P place and
-//! attitude of P, ω_P in A's axes, u_k the rate of joint k against its parent in link k's axes (one number along the axis of
-//! a revolute joint). Attitudes are unit quaternions, Hamilton w, x, y, z; there are no Euler angles anywhere.
+//! A state is places `[s, p, q_P, q_1 … q_n]` and rates `u = [ṡ, ṗ, ω_P, u_1 … u_n]`: s the support's shift,
+//! p and q_P place and attitude of P, ω_P in A's axes, u_k the rate of joint k against its parent in link k's
+//! axes (one number along the axis of a revolute joint). Attitudes are unit quaternions, Hamilton w, x, y, z;
+//! there are no Euler angles anywhere.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 
@@ -147,7 +149,8 @@ impl Suspended {
             let (columns, first) = &self.joints[k];
             let q = &state.as_slice()[PLACES + 4 * k..PLACES + 4 * k + 4];
             let mut frame = frames[link.parent + 1].at(&Vector3::from(link.joint_m), &rotation(q));
-            // ω = ω_p + R s u, and with u̇ = 0 its derivative gains ω_p × R s u, for R s u turns with the link.
+            // ω = ω_p + R s u, and with u̇ = 0 its derivative gains ω_p × R s u, for R s u turns with the
+            // link.
             let axes = frame.motion.rotation * columns;
             let relative = &axes * u.rows(*first, columns.ncols());
             frame.motion.angular_acceleration += frame.motion.angular_rate.cross(&relative);

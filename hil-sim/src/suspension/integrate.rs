@@ -1,9 +1,10 @@
 //! Gauss' collocation: the integrator of the suspension.
 //!
-//! It keeps quadratic invariants, so unit quaternions stay units although nothing puts them back, and it is its own adjoint, so
-//! that the energy's error wanders instead of growing steadily. Compared on ten seconds of the vibration paper's experiment
-//! ([`super::paper`], one evaluation of the equations of motion 3.5 µs): slope of the energy, relative to the largest kinetic
-//! energy, the last state's error against steps of 1 ms with five stages, and evaluations.
+//! It keeps quadratic invariants, so unit quaternions stay units although nothing puts them back, and it is
+//! its own adjoint, so that the energy's error wanders instead of growing steadily. Compared on ten seconds
+//! of the vibration paper's experiment ([`super::paper`], one evaluation of the equations of motion 3.5 µs):
+//! slope of the energy, relative to the largest kinetic energy, the last state's error against steps of 1 ms
+//! with five stages, and evaluations.
 //!
 //! | scheme | drift, 1/s | error | evaluations |
 //! |---|---|---|---|
@@ -15,10 +16,11 @@
 //! | the same, interpolated to 120 Hz | −1e-13 | 8e-11 | 20 400 |
 //! | `differential-equations` 0.7.0, DOP853, tolerance 1e-13 | −4e-14 | 2e-11 | 20 400 |
 //!
-//! The crates' explicit scheme costs two fifths at equal error and keeps the drift below 1e-9 too. It always loses energy,
-//! though, as its tolerance bids, and between its own steps, which are not uniform, it interpolates. `ode_solvers` brings a
-//! second nalgebra, and the Gauss scheme of `differential-equations` ran out of steps. 0.15 s for ten seconds is cheap enough:
-//! 130 lines of our own, nothing to depend on, and energy conserved to rounding.
+//! The crates' explicit scheme costs two fifths at equal error and keeps the drift below 1e-9 too. It always
+//! loses energy, though, as its tolerance bids, and between its own steps, which are not uniform, it
+//! interpolates. `ode_solvers` brings a second nalgebra, and the Gauss scheme of `differential-equations` ran
+//! out of steps. 0.15 s for ten seconds is cheap enough: 130 lines of our own, nothing to depend on, and
+//! energy conserved to rounding.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -60,7 +62,8 @@ impl Gauss {
     pub fn new(stages: usize) -> Self {
         let n = stages.clamp(1, 8);
         let c = nodes(n);
-        // Coefficients of ℓ_j in powers: the j-th column of the inverse of V, V_ik = c_i^k. Distinct nodes: it exists.
+        // Coefficients of ℓ_j in powers: the j-th column of the inverse of V, V_ik = c_i^k. Distinct nodes:
+        // it exists.
         let powers = DMatrix::from_fn(n, n, |i, k| c[i].powi(k as i32));
         let lagrange = powers.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
         let integrals = DMatrix::from_fn(n, n, |i, k| c[i].powi(k as i32 + 1) / (k as f64 + 1.0));
@@ -83,8 +86,8 @@ impl Gauss {
         DMatrix::from_fn(state.len(), self.outer.len(), |r, _| at[r])
     }
 
-    /// One step. `slopes` holds a guess of the stages' slopes and is left with one for the next step. `None` if the fixed
-    /// point is not found, for the step is too long.
+    /// One step. `slopes` holds a guess of the stages' slopes and is left with one for the next step. `None`
+    /// if the fixed point is not found, for the step is too long.
     pub(super) fn step(
         &self,
         state: &DVector<f64>,

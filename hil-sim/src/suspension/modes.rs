@@ -1,7 +1,7 @@
 //! Stiffness and natural vibration about the rest, joints held.
 //!
-//! Frequencies and shapes come from differences of the forces in the equations of motion and their mass matrix, so no formula
-//! of an estimator is in them.
+//! Frequencies and shapes come from differences of the forces in the equations of motion and their mass
+//! matrix, so no formula of an estimator is in them.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 
@@ -20,8 +20,9 @@ pub struct Mode {
 }
 
 impl Suspended {
-    /// Stiffness of the springs alone about the reference pose, without what preload and weight add: `Σ Gᵀ K G` with
-    /// `G = [1, −[a]×]`; takes shift and turn of P to force and moment about its origin, A's axes.
+    /// Stiffness of the springs alone about the reference pose, without what preload and weight add:
+    /// `Σ Gᵀ K G` with `G = [1, −[a]×]`; takes shift and turn of P to force and moment about its origin, A's
+    /// axes.
     pub fn spring_stiffness(&self) -> Matrix6<f64> {
         let mut out = Matrix6::zeros();
         for s in &self.made_of.springs {
@@ -55,8 +56,8 @@ impl Suspended {
         out
     }
 
-    /// Natural vibrations about the rest that the platform finds with the joints held in this posture, slowest first. A
-    /// support that is not quite free takes part, and is not in the shapes.
+    /// Natural vibrations about the rest that the platform finds with the joints held in this posture,
+    /// slowest first. A support that is not quite free takes part, and is not in the shapes.
     pub fn modes(&self, joint_wxyz: &[[f64; 4]]) -> Result<Vec<Mode>, SuspensionError> {
         let state = self.resting_state(joint_wxyz)?;
         let rigid = self.rigid();

@@ -1,7 +1,7 @@
 //! The experiment of the vibration paper: two links on a spherical joint, on a platform on springs.
 //!
-//! Printed: both links (Table 1) and the rotations of the three postures (Table 2). Chosen here, for the paper does not
-//! print them: the platform, the springs and where the base link is.
+//! Printed: both links (Table 1) and the rotations of the three postures (Table 2). Chosen here, for the
+//! paper does not print them: the platform, the springs and where the base link is.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -100,14 +100,16 @@ pub fn posture_wxyz(printed: &[[f64; 3]; 3]) -> [f64; 4] {
     quaternion(&nearest)
 }
 
-/// Rotation at which link 1 hangs at rest: the least that puts its centre of mass below the joint; w, x, y, z.
+/// Rotation at which link 1 hangs at rest: the least that puts its centre of mass below the joint; w, x, y,
+/// z.
 pub fn hanging_wxyz() -> [f64; 4] {
     let com = Vector3::from(link_1().com_m);
     let turn = UnitQuaternion::rotation_between(&com, &-Vector3::z()).unwrap_or_default();
     [turn.w, turn.i, turn.j, turn.k]
 }
 
-/// The start of the relative motion: everything at rest, link 1 turned off its own by `tilt_rad` about an axis of link 0.
+/// The start of the relative motion: everything at rest, link 1 turned off its own by `tilt_rad` about an
+/// axis of link 0.
 pub fn released(tilt_rad: [f64; 3]) -> Start {
     let [w, x, y, z] = hanging_wxyz();
     let rest = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -115,8 +117,8 @@ pub fn released(tilt_rad: [f64; 3]) -> Start {
     Start::resting(&[[turn.w, turn.i, turn.j, turn.k]])
 }
 
-/// A start of free vibration in every mode: the reference pose, joints at rest in this posture, with a blow's velocities along
-/// what is free. The platform then moves by some millimetres.
+/// A start of free vibration in every mode: the reference pose, joints at rest in this posture, with a blow's
+/// velocities along what is free. The platform then moves by some millimetres.
 pub fn struck(rig: &Suspended, joint_wxyz: &[[f64; 4]]) -> Start {
     let blow = [0.02, -0.015, 0.03, 0.06, 0.05, 0.08];
     let [x, y, z, roll, pitch, yaw] =

@@ -10,8 +10,9 @@ use super::{Start, Suspension, SuspensionError};
 const STEP: f64 = 1e-5;
 
 impl Suspension {
-    /// The suspension with springs that carry the weight: upright preloads, of least norm, that make the reference pose with
-    /// the joints in this posture (parent's axes ← link's axes, w, x, y, z, in the order of the links) a rest.
+    /// The suspension with springs that carry the weight: upright preloads, of least norm, that make the
+    /// reference pose with the joints in this posture (parent's axes ← link's axes, w, x, y, z, in the order
+    /// of the links) a rest.
     pub fn at_rest(&self, joint_wxyz: &[[f64; 4]]) -> Result<Suspended, SuspensionError> {
         self.check()?;
         let mut joints: Vec<(Matrix3xX<f64>, usize)> = Vec::new();
@@ -48,7 +49,8 @@ impl Suspension {
 }
 
 impl Suspended {
-    /// Preloads that carry the weight in a state: the least norm that satisfies `Σ f = W`, `Σ a × f z = moment of W`.
+    /// Preloads that carry the weight in a state: the least norm that satisfies `Σ f = W`,
+    /// `Σ a × f z = moment of W`.
     fn carrying(&self, state: &DVector<f64>) -> Result<Vec<f64>, SuspensionError> {
         let (mut weight, mut moment) = (0.0, Vector3::zeros());
         for (body, frame) in self.bodies().zip(self.frames(state)) {
@@ -113,7 +115,8 @@ impl Suspended {
             let q = unit(&start.joint_wxyz[k], format!("the rotation of joint {}", k + 1))?;
             let rate = Vector3::from(start.joint_rate_radps[k]);
             let vector = Vector3::new(q[1], q[2], q[3]);
-            // What a revolute joint cannot do is what its axis leaves of the quaternion's vector and of the rate.
+            // What a revolute joint cannot do is what its axis leaves of the quaternion's vector and of the
+            // rate.
             let beside = |v: &Vector3<f64>| (v - columns * columns.tr_mul(v)).norm();
             if columns.ncols() < 3 && (beside(&vector) > 1e-9 || beside(&rate) > 1e-9 * (1.0 + rate.norm())) {
                 return Err(SuspensionError::OffAxis { link: k + 1 });
@@ -141,7 +144,8 @@ impl Suspended {
         self.free.iter().copied().filter(|k| *k < RATES).collect()
     }
 
-    /// A state with support and platform shifted, and the platform turned about A's axes, by `by` along the rigid rates.
+    /// A state with support and platform shifted, and the platform turned about A's axes, by `by` along the
+    /// rigid rates.
     fn displaced(&self, state: &DVector<f64>, by: &[(usize, f64)]) -> DVector<f64> {
         let mut out = state.clone();
         let mut turn = Vector3::zeros();

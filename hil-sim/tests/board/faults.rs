@@ -131,7 +131,8 @@ impl Drawn {
         of[self.below(of.len() as u64) as usize]
     }
 
-    /// A stretch within the run, from 1 ms to two seconds long, or to its end; ps. The run is on from about 1 s.
+    /// A stretch within the run, from 1 ms to two seconds long, or to its end; ps. The run is on from about 1
+    /// s.
     fn stretch(&mut self, run: u64) -> (u64, u64) {
         let from = self.between(300 * MS, 1_000 * MS + run);
         let lasts = self.pick(&[MS, 10 * MS, 100 * MS, 2_000 * MS, run]);

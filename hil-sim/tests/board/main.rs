@@ -1,8 +1,8 @@
 //! The board's own drivers and main loop against a model of the chip's registers.
 //!
-//! The same sources as on the board (`firmware/boards/stm32f405`), compiled for the computer: where they read and write
-//! registers there, they read and write those of the model here ([`chip`]). Sensors are the simulator's, bit by bit over the
-//! model's SPI; the host is at the other end of the model's serial port.
+//! The same sources as on the board (`firmware/boards/stm32f405`), compiled for the computer: where they read
+//! and write registers there, they read and write those of the model here ([`chip`]). Sensors are the
+//! simulator's, bit by bit over the model's SPI; the host is at the other end of the model's serial port.
 
 mod chip;
 mod faults;
@@ -45,7 +45,8 @@ fn drawn(count: u64, seconds: u64, first: u64) {
     for (seed, kinds, end, life) in bad.iter().take(40) {
         let o = &life.outcome;
         println!(
-            "{seed} {end:?} {kinds:?} words {:?} restarts {} resets {:?} alive {} sd {:?} missing {:?} breaches {:?} {:?}",
+            "{seed} {end:?} {kinds:?} words {:?} restarts {} resets {:?} alive {} sd {:?} missing {:?} \
+             breaches {:?} {:?}",
             o.words,
             o.restarts,
             life.resets,
@@ -148,7 +149,8 @@ fn settings_of_sensors_that_change_while_it_measures_are_told() {
     }
 }
 
-/// What happened before a reset is told after it, in order and with its times, and a program's start with its reason.
+/// What happened before a reset is told after it, in order and with its times, and a program's start with its
+/// reason.
 #[test]
 fn events_before_a_reset_are_told_after_it() {
     let change = |chip: &Chip| chip.with(|m| m.later.push((1_500 * MS, What::Imu(0x4f, 0x02))));

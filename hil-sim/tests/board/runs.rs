@@ -34,7 +34,8 @@ impl End {
 
 /// Sixteen parameters of ten thousand answers: one in a million of normal errors is beyond, in all.
 pub const MOST_SD: f64 = 6.0;
-/// Samples that may be on their way when a run begins and when it ends: as many as the ring holds, if the program is late.
+/// Samples that may be on their way when a run begins and when it ends: as many as the ring holds, if the
+/// program is late.
 const ON_THE_WAY: i64 = 8;
 const IN_THE_RING: i64 = 144;
 

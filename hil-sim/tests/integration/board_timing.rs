@@ -1,5 +1,5 @@
-//! No sample is lost while a board estimates: the firmware's drivers and its interrupts' side against the register models,
-//! with the times of a board.
+//! No sample is lost while a board estimates: the firmware's drivers and its interrupts' side against the
+//! register models, with the times of a board.
 //!
 //! Both sensors signal every millisecond. The converter holds two conversions; the model holds one, so that
 //! the second is here. A transfer takes 30 µs on a bus of 10.5 MHz. The main loop stands still for 6 ms four

@@ -1,4 +1,5 @@
-//! A power cut at any byte leaves the old or the new, on a small flash for every byte, on the board's for random ones.
+//! A power cut at any byte leaves the old or the new, on a small flash for every byte, on the board's for
+//! random ones.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

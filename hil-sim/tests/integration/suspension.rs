@@ -1,5 +1,5 @@
-//! The suspended platform against an independent multibody engine: `../vectors/suspension.py` says which, and makes
-//! `../vectors/suspension.json` anew.
+//! The suspended platform against an independent multibody engine: `../vectors/suspension.py` says which, and
+//! makes `../vectors/suspension.json` anew.
 
 use hexapod::{BodyParameters, FrameMotion, Mounting};
 use nalgebra::Vector3;
@@ -124,7 +124,8 @@ impl State {
         }
     }
 
-    /// Largest gaps of places, attitudes, rates, accelerations and wrenches, relative to the largest of their kind.
+    /// Largest gaps of places, attitudes, rates, accelerations and wrenches, relative to the largest of their
+    /// kind.
     fn gaps(&self, now: &Instant) -> [f64; 7] {
         let ours: Vec<&FrameMotion> = [&now.platform].into_iter().chain(&now.links).collect();
         let gap = |kind: &Pair| {

@@ -26,11 +26,11 @@ use crate::options::trees::{BenchCommand, ModelCommand};
 #[command(
     name = "rigident",
     version,
-    after_help = "Without a command: `rigident demo`.\n\nExit status: 0 every asked-for parameter is identified, 1 partly or \
-                  not identified, 2 bad input or usage, 3 link or hardware failure, 130 ended \
-                  by a second Ctrl-C; the first ends with 1.\n\nExamples:\n  rigident demo\n  \
-                  rigident identify bracket.csv --estimate m,mc\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
-                  --platform tcp://192.168.1.20:7447"
+    after_help = "Without a command: `rigident demo`.\n\nExit status: 0 every asked-for parameter is \
+                  identified, 1 partly or not identified, 2 bad input or usage, 3 link or hardware failure, \
+                  130 ended by a second Ctrl-C; the first ends with 1.\n\nExamples:\n  rigident demo\n  \
+                  rigident identify bracket.csv --estimate m,mc\n  rigident run --port /dev/ttyACM0 --rig \
+                  bracket.rig.toml --platform tcp://192.168.1.20:7447"
 )]
 pub struct Arguments {
     /// What to do
@@ -81,13 +81,15 @@ pub enum Command {
     Live(Live),
     /// Watch an experiment as it runs: parameters with their intervals, the weakest direction, sensors, link
     Monitor(Monitor),
-    /// Serve the page to this computer and open it: a recording is chosen, looked at and identified in the browser
+    /// Serve the page to this computer and open it: a recording is chosen, looked at and identified in the
+    /// browser
     Ui(Ui),
     /// Convert a recording between CSV and MCAP without loss
     Convert(Convert),
     /// Show how files of other programs are understood, and write a rig file that says so
     Import(Import),
-    /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao bound
+    /// Repeat a simulated experiment with fresh noise: bias, spread and coverage, against the Cramér–Rao
+    /// bound
     Montecarlo(Montecarlo),
     /// Map where the platform can be tilted to
     Workspace(Workspace),

@@ -47,7 +47,8 @@ fn state(table: &mut CertificateTable, stated: &[String]) -> Result<(), Failure>
     Ok(())
 }
 
-/// Returns the files that an answer rests on: the recording, or all in its folder, those that its rig file lists, and the rig file.
+/// Returns the files that an answer rests on: the recording, or all in its folder, those that its rig file
+/// lists, and the rig file.
 pub(crate) fn evidence(recording: &Path, rig: Option<&Path>) -> Vec<PathBuf> {
     let mut files = if recording.is_dir() { in_folder(recording) } else { vec![recording.to_owned()] };
     let beside = rig.map_or_else(|| rig_path(recording), Path::to_owned);
@@ -72,7 +73,8 @@ pub(crate) fn in_folder(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Writes the certificate of an answer, if one is asked for. Of a contradicted answer there is none, which is said.
+/// Writes the certificate of an answer, if one is asked for. Of a contradicted answer there is none, which is
+/// said.
 ///
 /// # Errors
 /// Bad input: a file of the evidence cannot be read, or the page cannot be written.
@@ -110,7 +112,8 @@ pub(crate) fn write(
 fn in_words(missing: &[Missing]) -> String {
     let list: Vec<String> = missing.iter().map(|m| format!("{} ({})", m.what, m.key)).collect();
     format!(
-        "not stated: {}. State keys of [certificate] in the rig file or by --certify KEY=VALUE, those of instruments in the rig file",
+        "not stated: {}. State keys of [certificate] in the rig file or by --certify KEY=VALUE, those of \
+         instruments in the rig file",
         list.join(", ")
     )
 }

@@ -1,7 +1,8 @@
-//! Commands that a program calls in its own process: what they would print is returned, and nothing ends the process.
+//! Commands that a program calls in its own process: what they would print is returned, and nothing ends the
+//! process.
 //!
-//! Lives here: the call; what a thread that runs one keeps is in [`crate::kept`]. May not live here: what a command does; it is the
-//! same function as on the command line, so that the numbers are the same.
+//! Lives here: the call; what a thread that runs one keeps is in [`crate::kept`]. May not live here: what a
+//! command does; it is the same function as on the command line, so that the numbers are the same.
 
 use std::any::Any;
 use std::ffi::{OsStr, OsString};
@@ -35,9 +36,10 @@ pub struct Called {
 
 /// Calls a command with the words of its command line, the program's name left out.
 ///
-/// `recording` takes the place of the recording that `identify` and `factor` name; their word for it is then not read. Where `stop`
-/// becomes true, a plan returns the best so far and other commands end at their next stage with a failure. Nothing is printed, and
-/// progress is not shown. A panic of the command goes on in the caller.
+/// `recording` takes the place of the recording that `identify` and `factor` name; their word for it is then
+/// not read. Where `stop` becomes true, a plan returns the best so far and other commands end at their next
+/// stage with a failure. Nothing is printed, and progress is not shown. A panic of the command goes on in the
+/// caller.
 pub fn call<W: Into<OsString>>(
     words: impl IntoIterator<Item = W>,
     recording: Option<Recording>,
@@ -76,7 +78,8 @@ pub(crate) fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Argumen
     if let Some((n, word)) = words.iter().enumerate().skip(1).find(|(_, word)| steers(word)) {
         let shown = word.to_string_lossy();
         let why = format!(
-            "argument {n}, '{}', has control characters: names of files go into messages and written files; rename it",
+            "argument {n}, '{}', has control characters: names of files go into messages and written files; \
+             rename it",
             printable::name(&shown)
         );
         return Err(command().error(clap::error::ErrorKind::InvalidValue, why));

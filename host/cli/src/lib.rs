@@ -43,8 +43,9 @@ pub fn main() -> ExitCode {
     main_of(std::env::args_os().collect()).into()
 }
 
-/// Runs a command line whose first word is the program's name, as the whole of this process: it prints, takes over Ctrl-C, and
-/// where the words are none of ours it ends the process. A program that goes on afterwards wants [`call`].
+/// Runs a command line whose first word is the program's name, as the whole of this process: it prints, takes
+/// over Ctrl-C, and where the words are none of ours it ends the process. A program that goes on afterwards
+/// wants [`call`].
 pub fn main_of(words: Vec<OsString>) -> ExitStatus {
     let json = words.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json");
     let arguments = match in_process::parse(words) {
@@ -77,8 +78,8 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
     }
 }
 
-/// Has Ctrl-C end a command at its next stage. Without this it would end the program at once, files half-written: a second one
-/// still does.
+/// Has Ctrl-C end a command at its next stage. Without this it would end the program at once, files
+/// half-written: a second one still does.
 #[cfg(not(target_family = "wasm"))]
 fn listen_for_interrupts(json: bool) {
     let handler = ctrlc::set_handler(move || {
@@ -99,7 +100,8 @@ fn listen_for_interrupts(json: bool) {
 #[cfg(target_family = "wasm")]
 fn listen_for_interrupts(_: bool) {}
 
-/// The whole command line. A negative number is a value, which each command refuses in its own words, not an unknown option.
+/// The whole command line. A negative number is a value, which each command refuses in its own words, not an
+/// unknown option.
 fn command() -> clap::Command {
     fn with_numbers(command: clap::Command) -> clap::Command {
         command
@@ -148,7 +150,8 @@ fn in_one_line(said: &str) -> String {
     first.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Refuses a folder that cannot be written into, and a certificate that cannot, before anything is done, or moves.
+/// Refuses a folder that cannot be written into, and a certificate that cannot, before anything is done, or
+/// moves.
 fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
     let output = match command {
         Some(Command::Demo(a)) => &a.output,

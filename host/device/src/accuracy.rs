@@ -47,8 +47,8 @@ impl Accuracy {
     pub fn complaint(&self, name: &str) -> Option<String> {
         (!self.is_met()).then(|| {
             format!(
-                "the microcontroller's parameters differ from those of the same rows in double precision by up to {:.2} standard deviations \
-                 ({name})",
+                "the microcontroller's parameters differ from those of the same rows in double precision by \
+                 up to {:.2} standard deviations ({name})",
                 self.largest_difference_sd
             )
         })

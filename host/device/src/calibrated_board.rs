@@ -3,15 +3,16 @@
 use rigident_io::rig::RigFile;
 use rigident_shared::wire::Identity;
 
-/// Returns what is to be said where the load cell was calibrated with another board than this one. Nothing is said where one of
-/// the two has no number.
+/// Returns what is to be said where the load cell was calibrated with another board than this one. Nothing is
+/// said where one of the two has no number.
 pub fn another_board(rig: &RigFile, identity: &Identity) -> Option<String> {
     let calibrated = rig.load_cell.board_id.as_ref()?;
     let here = number(identity.unique_id)?;
     (!calibrated.eq_ignore_ascii_case(&here)).then(|| {
         format!(
-            "the load cell was calibrated with board {calibrated} (load_cell.board_id), and this one is {here}: gain and offset of \
-             its converter are others; calibrate with this board, or put its number into the rig file if that was done"
+            "the load cell was calibrated with board {calibrated} (load_cell.board_id), and this one is \
+             {here}: gain and offset of its converter are others; calibrate with this board, or put its \
+             number into the rig file if that was done"
         )
     })
 }

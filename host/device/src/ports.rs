@@ -1,6 +1,7 @@
 //! The serial ports of this machine, and which of them is a device's.
 //!
-//! Lives here: the list of ports and the search for the one device. May not live here: printing, and asking a person.
+//! Lives here: the list of ports and the search for the one device. May not live here: printing, and asking a
+//! person.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -141,14 +142,16 @@ pub enum NotFound {
     NotListed(#[from] serialport::Error),
     /// There is no port that a device may be on.
     #[error(
-        "no device is here: there is no USB serial port. Is the cable one that carries data, and the device powered? A converter may need \
-         its driver (CP210x, CH34x, FTDI); in a container or virtual machine the port must be passed through; on Linux `doctor()` \
-         looks at permissions and the udev rule. `ports()` lists all ports; one that is not on USB is named by `port`. A simulated \
-         device: `rigident-sim serve`"
+        "no device is here: there is no USB serial port. Is the cable one that carries data, and the device \
+         powered? A converter may need its driver (CP210x, CH34x, FTDI); in a container or virtual machine \
+         the port must be passed through; on Linux `doctor()` looks at permissions and the udev rule. \
+         `ports()` lists all ports; one that is not on USB is named by `port`. A simulated device: \
+         `rigident-sim serve`"
     )]
     NoPort,
     /// Ports are there, and none of them answers as a device.
-    #[error("none of the ports here is a device's that this program can use:\n{}\nName the device's port by `port`, once it answers", lines(.0))]
+    #[error("none of the ports here is a device's that this program can use:\n{}\nName the device's port by \
+             `port`, once it answers", lines(.0))]
     NoneAnswers(Vec<(Port, Unusable)>),
     /// Several devices answer.
     #[error("several devices are here; name the port of one by `port`:\n{}", several(.0))]
@@ -193,7 +196,8 @@ pub fn open(port: &str) -> Result<Session, Unusable> {
     Ok(Session::open(Client::new(Box::new(transport)))?)
 }
 
-/// Finds the only device among the ports, leaving out those that belong to something else, such as a platform's controller.
+/// Finds the only device among the ports, leaving out those that belong to something else, such as a
+/// platform's controller.
 ///
 /// One port is taken as it is. Of several each is asked, and the one that answers is it.
 ///

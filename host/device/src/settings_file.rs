@@ -1,7 +1,7 @@
 //! A device's settings as data: TOML or JSON files, and what differs between two.
 //!
-//! The keys are those of [`Settings`], and numbers are printed with as many digits as tell them apart in single precision: what
-//! is written is read again to the bit.
+//! The keys are those of [`Settings`], and numbers are printed with as many digits as tell them apart in
+//! single precision: what is written is read again to the bit.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -4,8 +4,9 @@ use std::borrow::Cow;
 
 use rigident_shared::printable;
 
-/// Returns a text as a field of CSV. A spreadsheet takes a text that begins with `=`, `+`, `-` or `@` for a formula and runs it: an
-/// apostrophe before it makes it a text again. What steers is replaced; separators and quotes are quoted.
+/// Returns a text as a field of CSV. A spreadsheet takes a text that begins with `=`, `+`, `-` or `@` for a
+/// formula and runs it: an apostrophe before it makes it a text again. What steers is replaced; separators
+/// and quotes are quoted.
 pub fn field(text: &str) -> String {
     let is_formula = text.starts_with(['=', '+', '-', '@']) && text.parse::<f64>().is_err();
     let shown = printable::line(text).to_string();

@@ -1,6 +1,7 @@
 //! The one way in and the one way out: files are read whole within limits, and written once.
 //!
-//! Lives here: reading of regular files up to a size, new files that are whole or not there, texts as fields of a table. May not live here: what is in them.
+//! Lives here: reading of regular files up to a size, new files that are whole or not there, texts as fields
+//! of a table. May not live here: what is in them.
 #![forbid(unsafe_code)]
 
 pub mod csv;

@@ -11,7 +11,8 @@ pub const MOST_OF_TEXT: u64 = 64 << 20;
 /// The most bytes of a mesh.
 pub const MOST_OF_MESH: u64 = 512 << 20;
 
-/// Opens a regular file. Devices and pipes are refused before they are opened: some never end, and others wait.
+/// Opens a regular file. Devices and pipes are refused before they are opened: some never end, and others
+/// wait.
 ///
 /// # Errors
 /// What the system says, or that it is no regular file.

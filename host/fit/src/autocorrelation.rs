@@ -1,21 +1,24 @@
 //! Residuals that stay correlated for longer than the filter explains, and the covariance that they leave.
 //!
-//! `cov = σ² (AᵀA)⁻¹` is right for noise that is white before the filter, because the sum over all lags of the filtered
-//! noise's autocovariance, which is what a slowly varying row averages, is then `σ² (Σh)² = σ²` again. For any noise that
-//! sum is `row_every Σ_m γ(m)` with γ the residuals' autocovariance, so that `√(row_every Σ γ) / σ` is the factor by which
-//! intervals are too narrow at most. Noise that varies much faster than the filter raises the residuals as it raises σ and
-//! needs no test; slower noise shows at lags where the filter's own correlation has ended.
+//! `cov = σ² (AᵀA)⁻¹` is right for noise that is white before the filter, because the sum over all lags of
+//! the filtered noise's autocovariance, which is what a slowly varying row averages, is then `σ² (Σh)² = σ²`
+//! again. For any noise that sum is `row_every Σ_m γ(m)` with γ the residuals' autocovariance, so that
+//! `√(row_every Σ γ) / σ` is the factor by which intervals are too narrow at most. Noise that varies much
+//! faster than the filter raises the residuals as it raises σ and needs no test; slower noise shows at lags
+//! where the filter's own correlation has ended.
 //!
-//! The covariance is that of the sandwich, which [`super::sandwich`] makes of what is found here. Channels are those after
-//! the whitening: in the measured ones noise of the signals is common to all, and hides what a channel has of its own.
+//! The covariance is that of the sandwich, which [`super::sandwich`] makes of what is found here. Channels
+//! are those after the whitening: in the measured ones noise of the signals is common to all, and hides what
+//! a channel has of its own.
 
 use super::residuals::told;
 use super::{Autocorrelation, BlockResidual, Filter, Whitener, Whitening};
 
-/// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in 1e4.
+/// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in
+/// 1e4.
 const SIGNIFICANT: f64 = 4.5;
-/// Rows over the longest lag of the tests. With so few, 0.8 s at 200 Hz, white noise is still taken for autocorrelated in
-/// less than one channel of 1e4, and noise that lasts 0.05 s is named in most.
+/// Rows over the longest lag of the tests. With so few, 0.8 s at 200 Hz, white noise is still taken for
+/// autocorrelated in less than one channel of 1e4, and noise that lasts 0.05 s is named in most.
 const LEAST: usize = 5;
 /// Longest lag that is checked, rows.
 const LONGEST: usize = 2000;
@@ -87,8 +90,9 @@ impl Series {
     }
 }
 
-/// Returns the variance, times the number of rows, of the mean autocorrelation over `lags` lags beyond the filter, for
-/// white noise of autocorrelation ρ: the mean over pairs of lags of `Σ_m ρ(m) ρ(m + k − l)` (Bartlett 1946).
+/// Returns the variance, times the number of rows, of the mean autocorrelation over `lags` lags beyond the
+/// filter, for white noise of autocorrelation ρ: the mean over pairs of lags of `Σ_m ρ(m) ρ(m + k − l)`
+/// (Bartlett 1946).
 fn chance(white: &[f64], lags: usize) -> f64 {
     let rho = |lag: isize| white.get(lag.unsigned_abs()).map_or(0.0, |w| w / white[0]);
     let reach = white.len() as isize;
@@ -114,8 +118,8 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
         residuals.chunk_by(|a, b| b.time_s - a.time_s < 1.5 * period_s).collect();
     let count = residuals.len() as f64;
     let chance = (chance(white, to - from + 1) / count).sqrt();
-    // Sum over lags with triangular weights: its relative variance is 4 M / 3 n (Newey and West 1987), that of a χ² of
-    // ν degrees of freedom 2/ν; the cube root of χ²/ν is nearly normal (Wilson and Hilferty 1931).
+    // Sum over lags with triangular weights: its relative variance is 4 M / 3 n (Newey and West 1987), that
+    // of a χ² of ν degrees of freedom 2/ν; the cube root of χ²/ν is nearly normal (Wilson and Hilferty 1931).
     let ninths = 2.0 / 9.0 * (0.5 * 4.0 * (2 * reach) as f64 / (3.0 * count));
     let largest_by_chance = (1.0 - ninths + SIGNIFICANT * ninths.sqrt()).powi(3);
     let weighted = |gamma: &[f64]| {

@@ -1,7 +1,7 @@
 //! The reduction of many rows of many columns into a triangle, by products of matrices.
 //!
-//! The reflections of [`rigident_shared::factor`], `u = k (y·c − ρ)`, `ρ ← ρ + u`, `c ← c − u y`, of a panel of columns Y act on
-//! the later columns C with their entries P all at once: with `G = YᵀY`
+//! The reflections of [`rigident_shared::factor`], `u = k (y·c − ρ)`, `ρ ← ρ + u`, `c ← c − u y`, of a panel
+//! of columns Y act on the later columns C with their entries P all at once: with `G = YᵀY`
 //! ```text
 //! k_i⁻¹ u_i + Σ_{j<i} G_ij u_j = (YᵀC − P)_i        P ← P + U        C ← C − Y U
 //! ```
@@ -12,8 +12,8 @@ use nalgebra::{DMatrix, DMatrixViewMut};
 /// Columns of a panel.
 const PANEL: usize = 32;
 
-/// Reduces rows, the last column being the right-hand side, into `[R z]`, n × (n + 1); returns the sum of squares of what is
-/// left in the right-hand side. The rows are used up.
+/// Reduces rows, the last column being the right-hand side, into `[R z]`, n × (n + 1); returns the sum of
+/// squares of what is left in the right-hand side. The rows are used up.
 pub(super) fn reduce(triangle: &mut [f64], n: usize, rows: &mut DMatrix<f64>) -> f64 {
     let mut triangle = DMatrixViewMut::from_slice(triangle, n, n + 1);
     for first in (0..n).step_by(PANEL) {

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 /// The findings of the checks of a recording when its factor was made.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Checks {
-    /// True if the recording contradicts what is stated of the rig, or is not that of one unchanging rigid body.
+    /// True if the recording contradicts what is stated of the rig, or is not that of one unchanging rigid
+    /// body.
     pub contradicted: bool,
     /// Warnings, in words.
     pub warnings: Vec<String>,

@@ -1,24 +1,28 @@
 //! Compensation: what noise in the coefficients adds to the normal equations is taken off again.
 //!
-//! The estimate solves `(AᵀWA − K) φ = AᵀWy` with `K = E[ΔᵀWΔ]` of the noise Δ in A. With the singular value decomposition
-//! `R = U S Vᵀ D`, D being the lengths of the columns, this is `M ψ = Uᵀz`, `M = 1 − S⁻¹ Vᵀ D⁻¹ K D⁻¹ V S⁻¹`,
-//! `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit covariance, as those of R had, so that they are the
-//! factor of the compensated estimate and of its covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
+//! The estimate solves `(AᵀWA − K) φ = AᵀWy` with `K = E[ΔᵀWΔ]` of the noise Δ in A. With the singular value
+//! decomposition `R = U S Vᵀ D`, D being the lengths of the columns, this is `M ψ = Uᵀz`,
+//! `M = 1 − S⁻¹ Vᵀ D⁻¹ K D⁻¹ V S⁻¹`, `ψ = S Vᵀ D φ`: nothing is squared. The rows `M ψ = Uᵀz` have unit
+//! covariance, as those of R had, so that they are the factor of the compensated estimate and of its
+//! covariance `(AᵀWA − K)⁻¹ AᵀWA (AᵀWA − K)⁻¹`.
 //!
 //! If the measured side has noise δ of the same signals, `κ = E[ΔᵀWδ]` is taken off the right side:
 //! `ψ = Uᵀz − S⁻¹ Vᵀ D⁻¹ κ`.
 //!
-//! An eigenvalue s of M is the share of a direction's information that is no noise. The noise that was there differs from its
-//! expectation: with ε the relative standard deviation of its square, `ψ = uᵀUᵀz / s` is uncertain by `ε (1 − s)/s` of itself.
+//! An eigenvalue s of M is the share of a direction's information that is no noise. The noise that was there
+//! differs from its expectation: with ε the relative standard deviation of its square, `ψ = uᵀUᵀz / s` is
+//! uncertain by `ε (1 − s)/s` of itself.
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::{Factor, Filter};
 
-/// Noise fills a direction that is uncertain by more than this share of what is found: nothing is known but how large it may be.
+/// Noise fills a direction that is uncertain by more than this share of what is found: nothing is known but
+/// how large it may be.
 pub(super) const MOST_UNCERTAIN: f64 = 0.5;
 
-/// A direction with less than this share that is no noise counts only if something is found there beyond chance.
+/// A direction with less than this share that is no noise counts only if something is found there beyond
+/// chance.
 const MOSTLY_SIGNAL: f64 = 0.5;
 const SIGNIFICANT_SD: f64 = 4.0;
 /// Shares are distinguished down to this.
@@ -59,8 +63,8 @@ pub(super) fn uncertainty(share: f64, spread: f64) -> f64 {
     if share > 0.0 { spread * (1.0 - share).max(0.0) / share } else { f64::INFINITY }
 }
 
-/// Returns twice what ψ may be in a direction that noise fills, of which `measured` was found: that over the share that is no
-/// noise.
+/// Returns twice what ψ may be in a direction that noise fills, of which `measured` was found: that over the
+/// share that is no noise.
 pub(super) fn possible(measured: f64, share: f64) -> f64 {
     2.0 * measured.hypot(1.0) / share.max(LEAST_SHARE)
 }
@@ -137,13 +141,14 @@ struct Direction<'a> {
 }
 
 impl Direction<'_> {
-    /// Returns true if nothing is known of the direction but how large it may be: noise leaves next to nothing, or has more than
-    /// half and nothing beside it was found.
+    /// Returns true if nothing is known of the direction but how large it may be: noise leaves next to
+    /// nothing, or has more than half and nothing beside it was found.
     fn is_filled(&self) -> bool {
         self.uncertain > MOST_UNCERTAIN || self.share < MOSTLY_SIGNAL && self.measured.abs() < SIGNIFICANT_SD
     }
 
-    /// Returns what is found, and its standard deviation. Of a direction that noise fills that is what least squares find.
+    /// Returns what is found, and its standard deviation. Of a direction that noise fills that is what least
+    /// squares find.
     fn found(&self) -> (f64, f64) {
         if self.is_filled() {
             return (self.measured, possible(self.measured, self.share));
@@ -166,7 +171,8 @@ pub struct Compensated {
     pub fitted: Factor,
 }
 
-/// Returns the compensated rows; `rounding` is the source's. `None` if there are no rows, or no decomposition.
+/// Returns the compensated rows; `rounding` is the source's. `None` if there are no rows, or no
+/// decomposition.
 pub fn compensate(factor: &Factor, noise: &NoiseGram, rounding: f64) -> Option<Compensated> {
     let directions = Directions::new(factor, noise, rounding)?;
     let (mut rows, mut as_fitted) = (Vec::new(), Vec::new());
@@ -197,7 +203,8 @@ mod tests {
 
     const N: usize = 10;
 
-    /// The device's compensation, in its own steps, of the same factor. In directions that noise fills it is less certain.
+    /// The device's compensation, in its own steps, of the same factor. In directions that noise fills it is
+    /// less certain.
     #[test]
     fn the_device_s_compensation_is_this_one() {
         let mut state = 1_u64;
@@ -233,8 +240,9 @@ mod tests {
         }
     }
 
-    /// Of two directions noise has four fifths of the second, whose square varies by one tenth: it is uncertain by four
-    /// tenths of itself beside its own noise. With nine tenths it may be anything up to the size that is possible.
+    /// Of two directions noise has four fifths of the second, whose square varies by one tenth: it is
+    /// uncertain by four tenths of itself beside its own noise. With nine tenths it may be anything up to the
+    /// size that is possible.
     #[test]
     fn a_direction_that_noise_fills_is_uncertain_by_its_size() {
         let mut factor = Factor::new(2);

@@ -15,8 +15,9 @@ use super::{Factor, FitError, Progress, RowSource, SampleRows, Timing, Whitener,
 
 /// Width of the FIR where samples are frequent enough, s; see [`filter_width_s`].
 pub const FILTER_WIDTH_S: f64 = 0.1;
-/// Least width of the FIR in samples: with nine, `ḣ ∗ ω` is `h ∗ ω̇` to 1e-4 up to a tenth of the rate and to 6e-4 up to a
-/// quarter of it, where the kernel has let three quarters of the amplitude go; with four and a half it is to 1.6 % and 14 %.
+/// Least width of the FIR in samples: with nine, `ḣ ∗ ω` is `h ∗ ω̇` to 1e-4 up to a tenth of the rate and to
+/// 6e-4 up to a quarter of it, where the kernel has let three quarters of the amplitude go; with four and a
+/// half it is to 1.6 % and 14 %.
 const LEAST_WIDTH_SAMPLES: f64 = 9.0;
 /// Row blocks come at about this rate, 1/s: twice the filter's noise bandwidth and more.
 const ROW_RATE_HZ: f64 = 100.0;
@@ -33,8 +34,8 @@ const AT_ONCE: usize = 4;
 /// Row blocks that are whitened before they are absorbed.
 const CHUNK: usize = 32;
 
-/// Returns the width of the FIR at this rate, s: [`FILTER_WIDTH_S`], below 90 samples a second as many seconds as nine
-/// samples take.
+/// Returns the width of the FIR at this rate, s: [`FILTER_WIDTH_S`], below 90 samples a second as many
+/// seconds as nine samples take.
 pub fn filter_width_s(rate_hz: f64) -> f64 {
     FILTER_WIDTH_S.max(LEAST_WIDTH_SAMPLES / rate_hz)
 }
@@ -86,7 +87,8 @@ impl Filter {
         f64::from(self.every) * self.noise_gain
     }
 
-    /// Returns the autocovariance of the rows for white noise of unit variance that is differentiated, 1/s², at the lags of
+    /// Returns the autocovariance of the rows for white noise of unit variance that is differentiated, 1/s²,
+    /// at the lags of
     /// [`Filter::white_autocovariance`]; zeros without a filter.
     pub fn derivative_autocovariance(&self) -> Vec<f64> {
         autocovariance(&self.derivative, self.every)
@@ -97,8 +99,8 @@ impl Filter {
         if self.rate_hz > 0.0 { f64::from(self.every) / self.rate_hz } else { 0.0 }
     }
 
-    /// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows,
-    /// until the windows no longer overlap.
+    /// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of
+    /// 0, 1, … rows, until the windows no longer overlap.
     pub fn white_autocovariance(&self) -> Vec<f64> {
         autocovariance(&self.response, self.every)
     }
@@ -159,13 +161,14 @@ pub trait RowBlocks: Send + Sync {
         blocks.zip(own).for_each(|(block, (rows, measured))| self.write(block, rows, measured));
     }
 
-    /// Returns false if a block tells nothing of a channel: coefficients and measurement are zero, and count for nothing.
+    /// Returns false if a block tells nothing of a channel: coefficients and measurement are zero, and count
+    /// for nothing.
     fn tells(&self, _block: usize, _channel: usize) -> bool {
         true
     }
 
-    /// Writes what errors of the signals change in what `parameters` predict of a block: C rows, one column for each number
-    /// of a [`super::Effect::Signal`]. Returns false if these blocks do not know.
+    /// Writes what errors of the signals change in what `parameters` predict of a block: C rows, one column
+    /// for each number of a [`super::Effect::Signal`]. Returns false if these blocks do not know.
     fn sensitivities(&self, _block: usize, _parameters: &[f64], _out: &mut [f64]) -> bool {
         false
     }
@@ -211,8 +214,8 @@ pub trait RowBlocks: Send + Sync {
 
     /// Returns the factor of some blocks.
     ///
-    /// Rows are multiplied by `weights`, one a channel and block of the whole recording, where there are any, then by
-    /// `whitening`. The number of parameters is `parameters`.
+    /// Rows are multiplied by `weights`, one a channel and block of the whole recording, where there are any,
+    /// then by `whitening`. The number of parameters is `parameters`.
     fn absorb(
         &self,
         blocks: Range<usize>,

@@ -8,8 +8,8 @@ use super::{BlockResidual, Convergence, Estimate, Factor, Noise, RowBlocks, para
 /// Operations that all points together may take, in cubes of the number of parameters.
 const MOST_CUBES: f64 = 2e7;
 
-/// Returns the blocks between two points, so that there are about as many as wished and their cost stays bounded; zero: no
-/// points.
+/// Returns the blocks between two points, so that there are about as many as wished and their cost stays
+/// bounded; zero: no points.
 pub(super) fn every(blocks: &dyn RowBlocks, points: usize, parameters: usize) -> usize {
     if points == 0 {
         return 0;

@@ -104,8 +104,8 @@ pub struct Unjudged<'a> {
 }
 
 impl Estimate {
-    /// Solves a factor of whitened rows; `variance_scale` multiplies the covariance (1 if the σ were right), `rounding` is
-    /// the source's ([`super::RowSource::rounding`]).
+    /// Solves a factor of whitened rows; `variance_scale` multiplies the covariance (1 if the σ were right),
+    /// `rounding` is the source's ([`super::RowSource::rounding`]).
     pub fn new(factor: &Factor, rounding: f64, variance_scale: f64, noise: Noise) -> Self {
         let solution = factor.solve(rounding);
         Self {

@@ -41,8 +41,8 @@ pub fn body() -> Vec<Parameter> {
     ten.chain(offsets()).collect()
 }
 
-/// A base with all of its ten, `links` links on revolute joints about z (seven each, M and MSz gone to the base), offsets
-/// and a drive with two frictions: 18 + 7 links parameters.
+/// A base with all of its ten, `links` links on revolute joints about z (seven each, M and MSz gone to the
+/// base), offsets and a drive with two frictions: 18 + 7 links parameters.
 pub fn tree(links: usize) -> Vec<Parameter> {
     let parameter = |link: &str, k: usize| {
         let (_, kind, unit) = TEN[k];

@@ -103,7 +103,8 @@ impl Rows {
     }
 }
 
-/// Returns what weighted least squares explain of the rows of a source, of at most so many blocks ([`BLOCKS`]).
+/// Returns what weighted least squares explain of the rows of a source, of at most so many blocks
+/// ([`BLOCKS`]).
 ///
 /// # Errors
 /// [`FitError`] if there are no rows.

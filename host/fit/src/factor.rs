@@ -1,9 +1,9 @@
 //! The information factor of any number of parameters.
 //!
-//! After any number of rows, `[R z; 0 ρ]` is the triangular factor of the stacked `[A y]`: recursive least squares in
-//! square-root information form. Rows are reduced as the firmware does it (`rigident_shared::factor`); only
-//! the size is not known when the program is compiled. Every question about the parameters is a function of
-//! the factor.
+//! After any number of rows, `[R z; 0 ρ]` is the triangular factor of the stacked `[A y]`: recursive least
+//! squares in square-root information form. Rows are reduced as the firmware does it
+//! (`rigident_shared::factor`); only the size is not known when the program is compiled. Every question about
+//! the parameters is a function of the factor.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::estimator::frames::TreeFactor;
@@ -187,7 +187,8 @@ impl Factor {
         }
     }
 
-    /// Returns the factor of the rows of all parts, which are of the same parameters; of none if there is no part.
+    /// Returns the factor of the rows of all parts, which are of the same parameters; of none if there is no
+    /// part.
     #[must_use]
     pub fn merged<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut parts = parts.into_iter().peekable();
@@ -230,7 +231,8 @@ impl Factor {
         self
     }
 
-    /// Returns the factor over more parameters, `count` of them after the present ones, of which the rows say nothing.
+    /// Returns the factor over more parameters, `count` of them after the present ones, of which the rows say
+    /// nothing.
     #[must_use]
     pub fn append(&self, count: usize) -> Self {
         let (n, all) = (self.parameters, self.parameters + count);
@@ -268,8 +270,8 @@ impl Factor {
         out
     }
 
-    /// Returns the factor of the rows of the triangle from `first` on, which tell nothing of the columns before, and of
-    /// no others.
+    /// Returns the factor of the rows of the triangle from `first` on, which tell nothing of the columns
+    /// before, and of no others.
     pub(super) fn rows_from(&self, first: usize) -> Self {
         let n = self.parameters;
         let mut out = Self::new(n);
@@ -317,7 +319,8 @@ impl Factor {
         out
     }
 
-    /// Returns the same rows with a variance `by` times as large; the residual sum of squares is scaled along.
+    /// Returns the same rows with a variance `by` times as large; the residual sum of squares is scaled
+    /// along.
     #[must_use]
     pub fn discount(&self, by: f64) -> Self {
         let mut out = self.clone();
@@ -341,8 +344,8 @@ impl Factor {
         if out.is_finite() { out } else { self.clone() }
     }
 
-    /// Returns the standard deviation of every parameter by back substitution; infinite where R has a zero on its
-    /// diagonal.
+    /// Returns the standard deviation of every parameter by back substitution; infinite where R has a zero on
+    /// its diagonal.
     pub fn standard_deviations(&self) -> Vec<f64> {
         let n = self.parameters;
         let r = |i: usize, j: usize| self.triangle[j * n + i];
@@ -392,8 +395,8 @@ impl Factor {
         self
     }
 
-    /// Returns what the rows say of the first `kept` parameters for given others, and nothing of these: the part of the triangle below is
-    /// left out.
+    /// Returns what the rows say of the first `kept` parameters for given others, and nothing of these: the
+    /// part of the triangle below is left out.
     #[must_use]
     pub fn for_given_others(mut self, kept: usize) -> Self {
         let n = self.parameters;
@@ -403,8 +406,8 @@ impl Factor {
         self
     }
 
-    /// Returns the factor with more rows in it that are not measured yet: what a plan predicts. z is that of the present
-    /// estimate, so that the rows move nothing.
+    /// Returns the factor with more rows in it that are not measured yet: what a plan predicts. z is that of
+    /// the present estimate, so that the rows move nothing.
     #[must_use]
     pub fn predicted<'a>(&self, estimate: &[f64], rows: impl IntoIterator<Item = &'a [f64]>) -> Self {
         let mut out = self.clone();
@@ -421,8 +424,8 @@ impl Factor {
 
     /// Solves by singular values of R with its columns scaled to unit length.
     ///
-    /// Directions whose singular value is below `rounding` times the largest are not determined, nor is a parameter with a
-    /// share in one of them.
+    /// Directions whose singular value is below `rounding` times the largest are not determined, nor is a
+    /// parameter with a share in one of them.
     pub fn solve(&self, rounding: f64) -> Solution {
         let n = self.parameters;
         let r = self.r();

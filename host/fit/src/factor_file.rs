@@ -1,8 +1,8 @@
 //! The factor file, `*.factor`: all that the rows of some runs say, without the runs.
 //!
-//! Eight bytes of magic; a postcard object (version, counts, header); the numbers of the factor, f64 little-endian; the
-//! CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds, owners and what they are made of
-//! are part of it, so a factor of another model is distinguished.
+//! Eight bytes of magic; a postcard object (version, counts, header); the numbers of the factor, f64
+//! little-endian; the CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds,
+//! owners and what they are made of are part of it, so a factor of another model is distinguished.
 
 mod rigs;
 
@@ -21,8 +21,8 @@ const MAGIC: &[u8; 8] = b"RIGIDFAC";
 /// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds
 /// the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
-/// 7 says how many runs stand for one, where there are such. 8 holds some readings of each run, and each number
-/// that errors have in common once.
+/// 7 says how many runs stand for one, where there are such. 8 holds some readings of each run, and each
+/// number that errors have in common once.
 pub const VERSION: u16 = 8;
 /// Has no readings, and all numbers of every error.
 const WITHOUT_READINGS: u16 = 7;
@@ -54,7 +54,8 @@ pub const MOST_CHANNELS: usize = 4096;
 const MOST_TERMS: usize = 10 * MOST_PARAMETERS;
 /// The most bytes of a file.
 pub const MOST_BYTES: u64 = 1 << 28;
-/// Columns shorter or longer than this come from no whitened rows, and their squares might leave the range of f64.
+/// Columns shorter or longer than this come from no whitened rows, and their squares might leave the range of
+/// f64.
 const LARGEST: f64 = 1e60;
 
 /// Why bytes are not a usable factor file.
@@ -65,26 +66,26 @@ pub enum FactorFileError {
     NotAFactor,
     /// The file is a result object.
     #[error(
-        "a result (result.json), not a factor: it holds an answer and not the rows behind it; give the NAME.factor that was \
-         written beside it, or make one of the recording with `factor()`"
+        "a result (result.json), not a factor: it holds an answer and not the rows behind it; give the \
+         NAME.factor that was written beside it, or make one of the recording with `factor()`"
     )]
     Result,
     /// The check sum does not fit, or the file is cut off.
     #[error(
-        "the factor file is damaged or cut off (its check sum does not fit): write it anew from the recording with \
-         `factor()`"
+        "the factor file is damaged or cut off (its check sum does not fit): write it anew from the \
+         recording with `factor()`"
     )]
     Damaged,
     /// The file is of an older program.
     #[error(
-        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: write it anew from the \
-         recording with `factor()`"
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: write \
+         it anew from the recording with `factor()`"
     )]
     Old(u16),
     /// The file is of a newer program.
     #[error(
-        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: use the program that wrote \
-         it, or write it anew from the recording with `factor()`"
+        "the factor file has version {0}, this program reads versions {WITHOUT_CHECKS} to {VERSION}: use the \
+         program that wrote it, or write it anew from the recording with `factor()`"
     )]
     New(u16),
     /// More than this program takes.
@@ -99,8 +100,8 @@ pub enum FactorFileError {
     },
     /// Numbers of the header that no recording can give.
     #[error(
-        "the factor file's header holds {0}, which no recording gives: write it anew from the recording with `rigident \
-         factor`"
+        "the factor file's header holds {0}, which no recording gives: write it anew from the recording with \
+         `rigident factor`"
     )]
     Header(&'static str),
     /// No rows are in it.
@@ -217,8 +218,8 @@ fn one() -> f64 {
     1.0
 }
 
-/// What came with version 8: numbers of errors, each once; some readings of each run; runs that have readings in
-/// common.
+/// What came with version 8: numbers of errors, each once; some readings of each run; runs that have readings
+/// in common.
 #[derive(Default, Serialize, Deserialize)]
 struct Added {
     #[serde(deserialize_with = "at_most::<_, _, MOST_NUMBERS>")]
@@ -426,8 +427,8 @@ fn scales_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u
     Ok(rest)
 }
 
-/// Takes the rigs, and what stands behind them, off the bytes: whether errors are in the rows, the rigs, and the
-/// bytes of their numbers.
+/// Takes the rigs, and what stands behind them, off the bytes: whether errors are in the rows, the rigs, and
+/// the bytes of their numbers.
 fn rigs_of<'a>(
     version: u16,
     bytes: &'a [u8],
@@ -504,7 +505,8 @@ fn in_range(factor: &Factor) -> bool {
         && factor.residual_sum_of_squares() < LARGEST * LARGEST
 }
 
-/// Refuses names that could steer what they are shown by, or end a comment in a program that they are written into.
+/// Refuses names that could steer what they are shown by, or end a comment in a program that they are written
+/// into.
 fn check_names(
     parameters: &[StoredParameter],
     sources: &[FactorSource],

@@ -142,7 +142,8 @@ fn what_cannot_be_reckoned_with_is_named() {
     }
 }
 
-/// A name goes into a comment of a robot's program, onto a terminal, into a table: nothing of it may steer these.
+/// A name goes into a comment of a robot's program, onto a terminal, into a table: nothing of it may steer
+/// these.
 #[test]
 fn names_that_steer_are_refused_wherever_they_are() {
     type Place = fn(&mut PooledFactor) -> &mut String;
@@ -252,7 +253,8 @@ fn a_file_without_checks_is_read_and_says_so() {
     assert!(old.fit().runs[0].checks.is_none() && new.fit().runs[0].is_contradicted());
 }
 
-/// Changed bytes under a check sum that fits: whatever is read can be solved, merged, taken off and conditioned.
+/// Changed bytes under a check sum that fits: whatever is read can be solved, merged, taken off and
+/// conditioned.
 #[test]
 fn hostile_bytes_end_in_an_error_or_a_fit() {
     use crate::prior::KnownValues;

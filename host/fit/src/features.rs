@@ -1,8 +1,9 @@
 //! Rows that follow linearly from few features of a block: its filtered signals, their slopes, the time.
 //!
-//! With `u` the features of a block, row c is `C_c u` and the whitened row `Σ_c T_rc C_c u_r`, the low-pass of channel r in `u_r`.
-//! With the triangle `U_r` of all `u_r` the rows `T_rc C_c g`, g being the rows of `U_r`, have the factor that all blocks have:
-//! `Σ_k u_k u_kᵀ = U_rᵀ U_r`. What the columns are linearised about changes C alone, and many columns cost little.
+//! With `u` the features of a block, row c is `C_c u` and the whitened row `Σ_c T_rc C_c u_r`, the low-pass
+//! of channel r in `u_r`. With the triangle `U_r` of all `u_r` the rows `T_rc C_c g`, g being the rows of
+//! `U_r`, have the factor that all blocks have: `Σ_k u_k u_kᵀ = U_rᵀ U_r`. What the columns are linearised
+//! about changes C alone, and many columns cost little.
 
 use std::ops::Range;
 
@@ -17,7 +18,8 @@ const CHUNK: usize = 64;
 /// Blocks whose features are held: they fit the second cache.
 const WINDOW: usize = 8 * CHUNK;
 
-/// Returns the factor of some blocks by the triangles of their features; see [`RowBlocks::absorb`]. The blocks have features.
+/// Returns the factor of some blocks by the triangles of their features; see [`RowBlocks::absorb`]. The
+/// blocks have features.
 pub(super) fn absorb(
     blocks: &dyn RowBlocks,
     range: Range<usize>,
@@ -118,8 +120,8 @@ fn mix(weights: &[f64], rows: &[f64], measured: &[f64], parameters: usize) -> (V
     (out, weights.iter().zip(measured).map(|(w, v)| w * v).sum())
 }
 
-/// Returns the sum of the squares of whitened rows whose features are `u`, one after the other with their times, in the columns
-/// that `blocks` make of features.
+/// Returns the sum of the squares of whitened rows whose features are `u`, one after the other with their
+/// times, in the columns that `blocks` make of features.
 pub(super) fn gram(
     blocks: &dyn RowBlocks,
     parameters: usize,

@@ -44,7 +44,8 @@ impl Fingerprint {
 
 /// Readings of which the smallest hashes are kept.
 pub const READINGS_KEPT: usize = 8;
-/// Readings in common that two recordings have to show: a sensor at rest, or frozen, may read one thing twice.
+/// Readings in common that two recordings have to show: a sensor at rest, or frozen, may read one thing
+/// twice.
 const IN_COMMON: usize = 2;
 
 /// What tells the readings of a run from others.
@@ -52,13 +53,14 @@ const IN_COMMON: usize = 2;
 pub struct Identity {
     /// The fingerprint of all, times included: that of the same readings, whatever file they stand in.
     pub fingerprint: u64,
-    /// The smallest hashes of single readings in single precision, in order, times left out: a sample of all, so that
-    /// recordings that have a good part of their readings in common show some in common.
+    /// The smallest hashes of single readings in single precision, in order, times left out: a sample of all,
+    /// so that recordings that have a good part of their readings in common show some in common.
     pub sample: Vec<u64>,
 }
 
 impl Identity {
-    /// Returns the identity of the readings that `each` gives: the time of each, ns, if it has one, and its numbers.
+    /// Returns the identity of the readings that `each` gives: the time of each, ns, if it has one, and its
+    /// numbers.
     pub fn of(each: impl FnOnce(&mut dyn FnMut(Option<u64>, &[f64]))) -> Self {
         let (mut all, mut sample) = (Fingerprint::default(), Vec::with_capacity(READINGS_KEPT + 1));
         each(&mut |time_ns, numbers| {

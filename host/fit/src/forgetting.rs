@@ -1,10 +1,12 @@
-//! Forgetting and windows: the firmware's algorithm (`rigident_shared::forgetting`) for any number of parameters.
+//! Forgetting and windows: the firmware's algorithm (`rigident_shared::forgetting`) for any number of
+//! parameters.
 //!
-//! A segment of some tenths of a second renews what its rows excite. Let the columns of X span these directions; the
-//! memory `M = RᵀR` splits uniquely into `M∥ = M X (XᵀMX)⁻¹ XᵀM` and `M⊥ X = 0`, and `M ← λ M∥ + M⊥ + S`: what the motion
-//! does not renew is not forgotten (Cao and Schwartz 2000; Lai and Bernstein 2024). With Q an orthonormal basis of the
-//! columns of `R X`, `R ← (1 − β Q Qᵀ) R`, `z ← (1 − β Q Qᵀ) z`, `β = 1 − √λ`. A direction is excited if its information
-//! is well above what noise of the signals alone would bring.
+//! A segment of some tenths of a second renews what its rows excite. Let the columns of X span these
+//! directions; the memory `M = RᵀR` splits uniquely into `M∥ = M X (XᵀMX)⁻¹ XᵀM` and `M⊥ X = 0`, and
+//! `M ← λ M∥ + M⊥ + S`: what the motion does not renew is not forgotten (Cao and Schwartz 2000; Lai and
+//! Bernstein 2024). With Q an orthonormal basis of the columns of `R X`, `R ← (1 − β Q Qᵀ) R`,
+//! `z ← (1 − β Q Qᵀ) z`, `β = 1 − √λ`. A direction is excited if its information is well above what noise of
+//! the signals alone would bring.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::forgetting::{SIGNIFICANCE, Span, retention};
@@ -16,7 +18,8 @@ use super::{Factor, Filter};
 const SEGMENTS: f64 = 20.0;
 /// Row blocks in a segment, at least and at most: half a second at a hundred blocks a second.
 const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
-/// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
+/// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at
+/// least.
 const PARTS: usize = 5;
 
 /// Everything retained of the segments so far.
@@ -36,8 +39,8 @@ enum Kept {
 }
 
 impl Memory {
-    /// Returns a memory of nothing; `None` if the span is shorter than the filter or so short that a part of it holds no
-    /// row block, or rows have no time. `noise` is that of the coefficients, see
+    /// Returns a memory of nothing; `None` if the span is shorter than the filter or so short that a part of
+    /// it holds no row block, or rows have no time. `noise` is that of the coefficients, see
     /// [`super::RowSource::coefficient_noise`].
     pub(super) fn new(span: Span<f64>, filter: &Filter, noise: Vec<f64>, channels: usize) -> Option<Self> {
         let (Span::TimeConstant(span_s) | Span::Window(span_s)) = span;
@@ -231,7 +234,8 @@ impl Forgetting {
         self.memory = memory.with_residual(residual, 0);
     }
 
-    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of directions.
+    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of
+    /// directions.
     fn count(&mut self, segment: &Factor, number: usize, lambda: f64) {
         let n = self.noise.len();
         let share = number as f64 / n.max(1) as f64;

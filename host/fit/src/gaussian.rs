@@ -1,11 +1,12 @@
-//! The normal distribution of named quantities: what is known of parameters and errors together, before rows or after.
+//! The normal distribution of named quantities: what is known of parameters and errors together, before rows
+//! or after.
 
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::Agreement;
 
-/// A correlation matrix is singular where an eigenvalue is below this: what is known of that direction is then contradictory
-/// or exact to rounding.
+/// A correlation matrix is singular where an eigenvalue is below this: what is known of that direction is
+/// then contradictory or exact to rounding.
 const LEAST_EIGENVALUE: f64 = 1e-12;
 
 /// A normal distribution of named quantities.
@@ -112,9 +113,10 @@ impl Gaussian {
         &eigenvectors * DMatrix::from_diagonal(&values) * eigenvectors.transpose()
     }
 
-    /// Returns W with `WᵀW` the inverse of the covariance: rows `W x = W mean` of unit σ say what the distribution says. Row k
-    /// belongs to quantity k: of all roots of the inverse, that of the correlations' symmetric one keeps the whitened
-    /// quantities nearest to the own (A. Kessy, A. Lewin, K. Strimmer, *Optimal whitening and decorrelation*, 2018).
+    /// Returns W with `WᵀW` the inverse of the covariance: rows `W x = W mean` of unit σ say what the
+    /// distribution says. Row k belongs to quantity k: of all roots of the inverse, that of the correlations'
+    /// symmetric one keeps the whitened quantities nearest to the own (A. Kessy, A. Lewin, K. Strimmer,
+    /// *Optimal whitening and decorrelation*, 2018).
     pub fn whitening(&self) -> DMatrix<f64> {
         let sd = self.covariance.diagonal().map(f64::sqrt);
         self.correlations_to(-0.5) * DMatrix::from_diagonal(&sd.map(|sd| 1.0 / sd))
@@ -138,12 +140,14 @@ impl Gaussian {
         DMatrix::from_diagonal(&sd) * self.correlations_to(0.5)
     }
 
-    /// Returns the distribution of `map x + shift` under other names; `None` if that is not one of [`Gaussian::new`].
+    /// Returns the distribution of `map x + shift` under other names; `None` if that is not one of
+    /// [`Gaussian::new`].
     pub fn mapped(&self, names: Vec<String>, map: &DMatrix<f64>, shift: &DVector<f64>) -> Option<Self> {
         Self::new(names, map * &self.mean + shift, map * &self.covariance * map.transpose())
     }
 
-    /// Compares this distribution with what rows made of it; `None` if they tell nothing, or it is of other names.
+    /// Compares this distribution with what rows made of it; `None` if they tell nothing, or it is of other
+    /// names.
     pub fn agreement(&self, after: &Self) -> Option<Agreement> {
         if self.names != after.names {
             return None;
@@ -196,7 +200,8 @@ mod tests {
         assert_eq!(apart.whitening(), DMatrix::from_diagonal(&DVector::from_vec(vec![2.0, 0.25])));
     }
 
-    /// A measurement of `y = a + b`, once by the normal equations, once by what it does to the distribution of y.
+    /// A measurement of `y = a + b`, once by the normal equations, once by what it does to the distribution
+    /// of y.
     #[test]
     fn what_is_told_of_a_part_moves_the_whole() {
         let known = correlated();

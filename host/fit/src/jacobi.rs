@@ -5,8 +5,8 @@ use nalgebra::DMatrix;
 /// Most sweeps: quadratic convergence needs six to eight at sixteen columns.
 const SWEEPS: usize = 30;
 
-/// One-sided Jacobi: `A V = W` with orthogonal columns W; their squared lengths are the squared singular values (Hestenes
-/// 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
+/// One-sided Jacobi: `A V = W` with orthogonal columns W; their squared lengths are the squared singular
+/// values (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
 pub(super) struct Jacobi {
     /// W.
     pub(super) w: DMatrix<f64>,

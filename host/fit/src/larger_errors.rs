@@ -1,13 +1,13 @@
 //! The size of an error that is larger than stated: one error, or several, with their own knowledge
 //! beforehand left out.
 //!
-//! Errors θ drawn from N(μ, P) are estimated as θ̂, and `d = θ̂ − μ` then has the covariance D. With the score `s = P⁻¹ d` and its
-//! covariance `H = P⁻¹ D P⁻¹` an error `U a` in addition to what is drawn has
+//! Errors θ drawn from N(μ, P) are estimated as θ̂, and `d = θ̂ − μ` then has the covariance D. With the
+//! score `s = P⁻¹ d` and its covariance `H = P⁻¹ D P⁻¹` an error `U a` in addition to what is drawn has
 //! ```text
 //! E[s] = H U a        â = (UᵀHU)⁻¹ Uᵀs        Δχ² = sᵀU (UᵀHU)⁻¹ Uᵀs
 //! ```
-//! (C. R. Rao, 1948). `(UᵀHU)⁻¹` counts what is drawn; `(UᵀHU)⁻¹ − (UᵀP⁻¹U)⁻¹` is the covariance of the whole error along U as the rows
-//! tell it. All other errors keep what is known of them.
+//! (C. R. Rao, 1948). `(UᵀHU)⁻¹` counts what is drawn; `(UᵀHU)⁻¹ − (UᵀP⁻¹U)⁻¹` is the covariance of the whole
+//! error along U as the rows tell it. All other errors keep what is known of them.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -72,7 +72,8 @@ impl ErrorScores {
         })
     }
 
-    /// Returns the scores of all errors with those along some directions free: nothing is known of these beforehand.
+    /// Returns the scores of all errors with those along some directions free: nothing is known of these
+    /// beforehand.
     #[must_use]
     pub fn freed(&self, directions: &DMatrix<f64>) -> Self {
         let across = &self.information * directions;
@@ -91,8 +92,8 @@ impl ErrorScores {
 mod tests {
     use super::*;
 
-    /// Rows of two errors and one parameter, solved with and without what is known of the first error: the scores tell the
-    /// second solution from the first.
+    /// Rows of two errors and one parameter, solved with and without what is known of the first error: the
+    /// scores tell the second solution from the first.
     #[test]
     fn scores_tell_the_solution_without_the_prior() {
         let a =

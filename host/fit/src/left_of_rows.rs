@@ -6,8 +6,8 @@ pub(super) const CHUNK: usize = 64;
 /// Rows whose sums go side by side: one alone waits for each of its additions.
 const SIDE_BY_SIDE: usize = 4;
 
-/// Writes the residuals of measurements for values, by rows of as many coefficients; the products of a row are
-/// added in their order.
+/// Writes the residuals of measurements for values, by rows of as many coefficients; the products of a row
+/// are added in their order.
 pub(super) fn left_of_rows(rows: &[f64], measured: &[f64], values: &[f64], out: &mut [f64]) {
     let n = values.len().max(1);
     let lines = rows.chunks(SIDE_BY_SIDE * n).zip(measured.chunks(SIDE_BY_SIDE));

@@ -4,8 +4,8 @@
 //! ```text
 //! y = A φ + Σ_k c_k θ_k,   c_k = ∂/∂θ_k (A(θ) φ̂ + e(θ)) at zero
 //! ```
-//! which at `φ = φ̂` is exact in all that is linear in θ. The columns follow the parameters'; what is known beforehand are
-//! rows `θ_k = 0 ± σ_k`, or those of a normal distribution of errors and parameters.
+//! which at `φ = φ̂` is exact in all that is linear in θ. The columns follow the parameters'; what is known
+//! beforehand are rows `θ_k = 0 ± σ_k`, or those of a normal distribution of errors and parameters.
 
 mod left;
 
@@ -152,8 +152,8 @@ impl Columns {
         self.parameters + self.nuisances.len()
     }
 
-    /// Spreads C rows of the parameters alone, with which `rows` begins, to rows of all columns. `phi` is φ̂, `sensitivities`
-    /// are C rows of the errors of signals, `drift` are the Legendre polynomials of the time.
+    /// Spreads C rows of the parameters alone, with which `rows` begins, to rows of all columns. `phi` is φ̂,
+    /// `sensitivities` are C rows of the errors of signals, `drift` are the Legendre polynomials of the time.
     fn spread(&self, rows: &mut [f64], phi: &[f64], sensitivities: &[f64], drift: [f64; 2]) {
         let (n, all) = (self.parameters, self.all());
         let channels = self.offsets.len();
@@ -261,8 +261,8 @@ pub(super) enum Sensitivities {
 }
 
 impl Sensitivities {
-    /// Returns the columns of a source: its row blocks' own, else half the differences of what it predicts with errors of
-    /// either sign, of the size of their σ.
+    /// Returns the columns of a source: its row blocks' own, else half the differences of what it predicts
+    /// with errors of either sign, of the size of their σ.
     ///
     /// # Errors
     /// [`FitError`] if a source with errors cannot be filtered.
@@ -468,7 +468,8 @@ impl RowBlocks for Linearised<'_> {
     }
 }
 
-/// Rows of noise alone, with the columns of nuisance parameters: half the difference of blocks with noise of either sign.
+/// Rows of noise alone, with the columns of nuisance parameters: half the difference of blocks with noise of
+/// either sign.
 pub(super) struct NoiseColumns<'a> {
     columns: &'a Columns,
     phi: &'a [f64],
@@ -478,7 +479,8 @@ pub(super) struct NoiseColumns<'a> {
 }
 
 impl<'a> NoiseColumns<'a> {
-    /// Returns the columns about φ̂ of two sets of blocks that differ by noise of the size `sigma`, of either sign.
+    /// Returns the columns about φ̂ of two sets of blocks that differ by noise of the size `sigma`, of either
+    /// sign.
     pub(super) fn new(
         columns: &'a Columns,
         phi: &'a [f64],

@@ -150,8 +150,8 @@ impl RowSource for Example {
     }
 }
 
-/// Oracle: normal equations of the same linear model about the estimate, written out column by column with derivatives by
-/// hand. Nothing is known beforehand.
+/// Oracle: normal equations of the same linear model about the estimate, written out column by column with
+/// derivatives by hand. Nothing is known beforehand.
 fn dense(example: &Example, phi: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let (mut normal, mut right) = (DMatrix::<f64>::zeros(10, 10), DVector::<f64>::zeros(10));
     for sample in 0..example.samples {
@@ -191,7 +191,8 @@ fn estimate_and_covariance_are_those_of_the_dense_problem() {
     let estimate = &covariance * right / found.noise.variance_scale;
     for j in 0..N {
         let sd = covariance[(j, j)].sqrt();
-        // The columns move by what is left of the steps, a tenth of sd; products with gain and delay make it a thousandth.
+        // The columns move by what is left of the steps, a tenth of sd; products with gain and delay make it
+        // a thousandth.
         assert!((estimate[j] - phi[j]).abs() < 2e-3 * sd, "{j}: {} {} {sd}", estimate[j], phi[j]);
         assert!((found.estimate.covariance[(j, j)].sqrt() / sd - 1.0).abs() < 2e-3, "{j}");
     }

@@ -102,8 +102,8 @@ pub fn judge(sets: &[RowSet], residual_sum_of_squares: f64, fitted: f64) -> Judg
 mod tests {
     use super::*;
 
-    /// σ from residuals is as certain as the independent readings that are left over: a tenth of 1200 in each of two sets of
-    /// six channels, less the sixteen parameters.
+    /// σ from residuals is as certain as the independent readings that are left over: a tenth of 1200 in each
+    /// of two sets of six channels, less the sixteen parameters.
     #[test]
     fn noise_from_residuals_is_student_s() {
         let set = RowSet { rows: 1200, channels: 6, noise_gain: 0.1, sigma_given: false };
@@ -116,7 +116,8 @@ mod tests {
     #[test]
     fn stated_noise_scales_the_covariance_only_where_residuals_exceed_it() {
         let set = RowSet { rows: 10_000, channels: 1, noise_gain: 1.0, sigma_given: true };
-        // The residual variance of 10 000 rows has a standard deviation of 1.4 %; four of them are surprising.
+        // The residual variance of 10 000 rows has a standard deviation of 1.4 %; four of them are
+        // surprising.
         assert_eq!(judge(&[set], 10_000.0 * 1.05, 3.0).variance_scale, 1.0);
         let larger = judge(&[set], 10_000.0 * 1.07, 3.0);
         assert!((larger.variance_scale - 1.07).abs() < 1e-3);

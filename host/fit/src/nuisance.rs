@@ -1,4 +1,5 @@
-//! Nuisance parameters: errors of sensors and mounting that do not average out, each with what is known of it beforehand.
+//! Nuisance parameters: errors of sensors and mounting that do not average out, each with what is known of it
+//! beforehand.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -41,7 +42,8 @@ pub enum Effect {
         /// The channel that reads it.
         to: usize,
     },
-    /// A channel's offset moves by a Legendre polynomial of the time, which goes from −1 to 1 over the recording.
+    /// A channel's offset moves by a Legendre polynomial of the time, which goes from −1 to 1 over the
+    /// recording.
     Drift {
         /// The channel.
         channel: usize,
@@ -50,7 +52,8 @@ pub enum Effect {
     },
     /// No row has it; [`super::RowSource::error_observations`] do.
     None,
-    /// An error of the signals that the source makes its rows of: its number among [`super::RowBlocks::sensitivities`].
+    /// An error of the signals that the source makes its rows of: its number among
+    /// [`super::RowBlocks::sensitivities`].
     Signal(usize),
 }
 
@@ -77,7 +80,8 @@ pub struct Nuisance {
 pub const FRICTION: &str = "friction";
 
 impl Nuisance {
-    /// Returns true for what the law of a drive's friction leaves open, which is the model's and no error of the rig.
+    /// Returns true for what the law of a drive's friction leaves open, which is the model's and no error of
+    /// the rig.
     pub fn is_of_friction(&self) -> bool {
         matches!(&self.basis, Basis::Class(class) if class == FRICTION)
     }
@@ -88,7 +92,8 @@ impl Nuisance {
     }
 }
 
-/// Something that tells of errors but not of the body: `Σ c_k θ_k = value ± sd`, errors that a source does not have left out.
+/// Something that tells of errors but not of the body: `Σ c_k θ_k = value ± sd`, errors that a source does
+/// not have left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorRow {
     /// Errors by name, and their factors.
@@ -110,8 +115,8 @@ pub struct NuisanceFit {
     pub value: f64,
     /// Its standard deviation.
     pub sd: f64,
-    /// Variance of the estimate if the error is drawn from the prior: `σ² − 2 N⁻¹ + C` with the inverse of the normal matrix and
-    /// the covariance.
+    /// Variance of the estimate if the error is drawn from the prior: `σ² − 2 N⁻¹ + C` with the inverse of
+    /// the normal matrix and the covariance.
     pub drawn: f64,
     /// The contribution of one prior standard deviation to each parameter: `(N⁻¹)_jk / σ_k`, signed; of
     /// correlated errors the part by row k of the prior's whitening ([`super::Gaussian::whitening`]), so that
@@ -123,8 +128,8 @@ pub struct NuisanceFit {
 const TOLD: f64 = 0.1;
 
 impl NuisanceFit {
-    /// Returns how far the estimate is from its value beforehand, in the standard deviations that it has if the error is
-    /// drawn from the prior. Zero where the rows say nothing of it.
+    /// Returns how far the estimate is from its value beforehand, in the standard deviations that it has if
+    /// the error is drawn from the prior. Zero where the rows say nothing of it.
     pub fn pull(&self) -> f64 {
         if self.told() > TOLD { (self.value - self.expected) / self.drawn.sqrt() } else { 0.0 }
     }
@@ -140,14 +145,14 @@ impl NuisanceFit {
     }
 }
 
-/// An error further from its value beforehand than this many of the standard deviations that it was drawn with is not as
-/// stated: one of a hundred thousand is.
+/// An error further from its value beforehand than this many of the standard deviations that it was drawn
+/// with is not as stated: one of a hundred thousand is.
 pub const CONTRADICTED: f64 = 4.42;
 /// All errors together agree less well than in this share of recordings.
 const DISAGREEMENT: f64 = 1e-5;
 
-/// Returns true if errors found contradict what was known of them: one by itself, or all together. Friction that follows
-/// another law is no error of the rig.
+/// Returns true if errors found contradict what was known of them: one by itself, or all together. Friction
+/// that follows another law is no error of the rig.
 pub fn contradict(nuisances: &[NuisanceFit], agreement: Option<Agreement>) -> bool {
     nuisances.iter().any(|k| !k.nuisance.is_of_friction() && k.is_contradicted())
         || agreement.is_some_and(|agreement| agreement.probability() < DISAGREEMENT)
@@ -156,8 +161,8 @@ pub fn contradict(nuisances: &[NuisanceFit], agreement: Option<Agreement>) -> bo
 /// The agreement of the errors found with what was known of them beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// `(θ̂ − μ)ᵀ (Σ − C)⁺ (θ̂ − μ)` of the prior's mean μ and covariance Σ and the posterior's C: χ² if the errors are drawn from
-    /// the prior.
+    /// `(θ̂ − μ)ᵀ (Σ − C)⁺ (θ̂ − μ)` of the prior's mean μ and covariance Σ and the posterior's C: χ² if the
+    /// errors are drawn from the prior.
     pub chi2: f64,
     /// Directions that the rows tell of.
     pub degrees_of_freedom: f64,

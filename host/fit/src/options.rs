@@ -20,8 +20,8 @@ pub struct FitOptions {
 pub enum FitError {
     /// Nothing was left to absorb.
     #[error(
-        "no usable rows: of {samples} samples {rejected} were rejected, and no stretch of the rest without a gap is as long \
-         as the filter of {width_s} s"
+        "no usable rows: of {samples} samples {rejected} were rejected, and no stretch of the rest without a \
+         gap is as long as the filter of {width_s} s"
     )]
     NoRows {
         /// Samples given.
@@ -47,7 +47,8 @@ pub enum FitError {
     },
     /// A σ is not positive and finite.
     #[error(
-        "the noise of channel {channel}, 1 σ = {sigma}, is no positive number: check noise_n_nm in the rig file"
+        "the noise of channel {channel}, 1 σ = {sigma}, is no positive number: check noise_n_nm in the rig \
+         file"
     )]
     Sigma {
         /// Name of the channel.
@@ -57,8 +58,8 @@ pub enum FitError {
     },
     /// The span of forgetting does not fit the rows.
     #[error(
-        "a time constant or window of {span_s} s cannot be kept: it must be a positive number, longer than the filter of \
-         {width_s} s, and still poses have no time to forget by"
+        "a time constant or window of {span_s} s cannot be kept: it must be a positive number, longer than \
+         the filter of {width_s} s, and still poses have no time to forget by"
     )]
     Forgetting {
         /// The time constant or window, s.
@@ -87,7 +88,8 @@ pub enum FitError {
 /// A factor that a device made of the samples of a source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceFactor {
-    /// The factor, columns in the order of the source's parameters, whitened by the σ of the source's channels.
+    /// The factor, columns in the order of the source's parameters, whitened by the σ of the source's
+    /// channels.
     pub factor: Factor,
     /// The addition of the noise of the signals to it, N × N; `None`: the device counts none.
     pub gram: Option<DMatrix<f64>>,

@@ -1,11 +1,11 @@
 //! Outliers: rows far from the answer are given less weight.
 //!
-//! The rule is the firmware's (`rigident_shared::estimator::Reference`) for any number of channels. A row's residual e
-//! against the reference is compared with `k (s + v)`: v is the standard deviation of the filtered noise, or the root mean
-//! square of the residuals so far if that is larger; `s = Σ_j |a_j| sd_j` bounds what the reference's own uncertainty
-//! brings. Beyond that the row is multiplied by `k (s + v) / |e|` (a redescending M-estimator in one step). A deviation
-//! that lasts longer than [`LONGEST`] blocks is no outlier but news: it counts fully until residuals are within the limit
-//! again.
+//! The rule is the firmware's (`rigident_shared::estimator::Reference`) for any number of channels. A row's
+//! residual e against the reference is compared with `k (s + v)`: v is the standard deviation of the filtered
+//! noise, or the root mean square of the residuals so far if that is larger; `s = Σ_j |a_j| sd_j` bounds what
+//! the reference's own uncertainty brings. Beyond that the row is multiplied by `k (s + v) / |e|` (a
+//! redescending M-estimator in one step). A deviation that lasts longer than [`LONGEST`] blocks is no outlier
+//! but news: it counts fully until residuals are within the limit again.
 
 use super::left_of_rows::{CHUNK, dot};
 use super::{Estimate, RowBlocks, parallel};
@@ -22,8 +22,8 @@ pub const MOST_ROUNDS: usize = 3;
 pub struct Reference {
     /// φ.
     pub parameters: Vec<f64>,
-    /// Standard deviation of each parameter; zero where the rows do not determine it, as its value then explains them as
-    /// well as any other.
+    /// Standard deviation of each parameter; zero where the rows do not determine it, as its value then
+    /// explains them as well as any other.
     pub standard_deviation: Vec<f64>,
     /// Variance of the noise relative to σ, as far as it is known to be larger; else 1.
     pub noise_scale: f64,
@@ -98,8 +98,8 @@ impl Watch {
         self.weigh_left(reference, &left, spread, weights)
     }
 
-    /// Writes the same for the residuals of a block against the reference; `spread` gives the share of its own
-    /// uncertainty in a channel, and is asked for few of them.
+    /// Writes the same for the residuals of a block against the reference; `spread` gives the share of its
+    /// own uncertainty in a channel, and is asked for few of them.
     pub fn weigh_left(
         &mut self,
         reference: &Reference,

@@ -60,8 +60,8 @@ pub struct Parameter {
     pub unit: String,
     /// The frame that it is expressed in: `S`, or the link's name; empty where there is none.
     pub frame: String,
-    /// The standard parameters (`arm.m`) that it is a sum of, with their weights, where rows tell combinations apart only;
-    /// empty: it is by itself what its name says.
+    /// The standard parameters (`arm.m`) that it is a sum of, with their weights, where rows tell
+    /// combinations apart only; empty: it is by itself what its name says.
     pub made_of: Vec<(String, f64)>,
 }
 
@@ -106,7 +106,8 @@ impl Parameter {
     }
 }
 
-/// The motion of a drive, a joint's own or one that turns with several: its viscous friction is judged against it.
+/// The motion of a drive, a joint's own or one that turns with several: its viscous friction is judged
+/// against it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveMotion {
     /// Its name.
@@ -117,7 +118,8 @@ pub struct DriveMotion {
     pub rms_rate: f64,
     /// The sum of joints that it turns with: `joint_5+joint_6`.
     pub turns_with: String,
-    /// Its columns by their words, those that others have absorbed not among them: `viscous`, `stribeck:0.05`.
+    /// Its columns by their words, those that others have absorbed not among them: `viscous`,
+    /// `stribeck:0.05`.
     pub terms: Vec<String>,
 }
 
@@ -132,7 +134,8 @@ pub struct Channel {
     pub sigma: Option<f64>,
     /// The place of its offset among the parameters, which no gain error multiplies; `None` if it has none.
     pub offset: Option<usize>,
-    /// Channels of one group are weighed and compared together: forces (0), moments (1), one drive (from 2 on).
+    /// Channels of one group are weighed and compared together: forces (0), moments (1), one drive (from 2
+    /// on).
     pub group: u8,
 }
 

@@ -1,7 +1,7 @@
 //! The load of a link of a tree: its ten parameters from a run with it and runs without it.
 //!
-//! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is rows over
-//! `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).
+//! With K the weights of the ten parameters of the link in the base parameters φ, a run with the payload is
+//! rows over `φ + K τ`, a run without it over φ. Both are merged and φ is eliminated (`difference`).
 //!
 //! Errors of the rig that are the same in all runs ([`super::Scope::Rig`]) do not average out but cancel: the
 //! scale of a torque multiplies what the arm weighs in both. They are columns of both runs' rows
@@ -32,8 +32,9 @@ pub struct Carrier {
 }
 
 impl Tare {
-    /// Returns the fit of what a link carries in a run and not in the runs of this tare, which are of the same tree: one body
-    /// of ten parameters about the carrier's frame. Friction and offsets are each run's own.
+    /// Returns the fit of what a link carries in a run and not in the runs of this tare, which are of the
+    /// same tree: one body of ten parameters about the carrier's frame. Friction and offsets are each run's
+    /// own.
     ///
     /// # Errors
     /// [`TareError`]: the run is one of the tare's, is of another model, or its rows see nothing of that link.
@@ -87,8 +88,8 @@ impl Tare {
     }
 }
 
-/// Returns χ² per degree of freedom of what the payload does not explain of the difference between the runs, where their noise
-/// does not either.
+/// Returns χ² per degree of freedom of what the payload does not explain of the difference between the runs,
+/// where their noise does not either.
 fn disagreement(
     sought: &Factor,
     chi2: f64,
@@ -164,11 +165,13 @@ fn budget(
     }
 }
 
-/// Returns the warning about runs that differ by more than what the link carries; `ratio` is χ² per degree of freedom.
+/// Returns the warning about runs that differ by more than what the link carries; `ratio` is χ² per degree of
+/// freedom.
 pub fn disagreement_in_words(link: &str, ratio: f64) -> String {
     format!(
-        "with and without the payload the arm differs by {:.1} times as much as a body on {link} and noise explain; intervals were \
-         widened: is it on another link, did it slip, are efforts in one unit and the arm equally warm?",
+        "with and without the payload the arm differs by {:.1} times as much as a body on {link} and noise \
+         explain; intervals were widened: is it on another link, did it slip, are efforts in one unit and \
+         the arm equally warm?",
         ratio.sqrt()
     )
 }

@@ -11,7 +11,8 @@ fn carrier() -> Carrier {
     Carrier { link: "link1".into(), to_link: DMatrix::identity(10, 10), frame: "hand".into() }
 }
 
-/// Weights of link1's m, mcx, mcy, Ixx less Iyy, Izz, Iyz, Izx, Ixy in the inertial parameters: what the tree can tell.
+/// Weights of link1's m, mcx, mcy, Ixx less Iyy, Izz, Iyz, Izx, Ixy in the inertial parameters: what the tree
+/// can tell.
 fn weights_of_eight(parameters: &[Parameter]) -> DMatrix<f64> {
     let names = ["m", "mcx", "mcy", "Ixx", "Izz", "Iyz", "Izx", "Ixy"].map(|n| format!("link1.{n}"));
     let all: Vec<&Parameter> = parameters.iter().filter(|p| p.kind.is_inertial()).collect();

@@ -150,7 +150,8 @@ impl PooledFactor {
         self
     }
 
-    /// Returns the same with labels of its runs beside those that they have; a label that is given anew takes the place of the old one.
+    /// Returns the same with labels of its runs beside those that they have; a label that is given anew takes
+    /// the place of the old one.
     #[must_use]
     pub fn labelled(mut self, labels: &BTreeMap<String, String>) -> Self {
         for source in &mut self.sources {
@@ -386,8 +387,9 @@ impl PooledFactor {
             return None;
         }
         let said = if self.runs() > 1 {
-            "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the factors of \
-             the single runs for theirs, or merge with `shared_offset` if they have one between them"
+            "the factor has no wrench offsets: each run has its own, and merging eliminated them; solve the \
+             factors of the single runs for theirs, or merge with `shared_offset` if they have one between \
+             them"
         } else {
             "the factor has no wrench offset: it was known by the rig file (offset_n_nm) and not estimated"
         };
@@ -405,8 +407,8 @@ impl PooledFactor {
 /// Returns a warning for runs that disagree; `ratio` is χ² per degree of freedom.
 pub fn disagreement_in_words(what: &str, ratio: f64) -> String {
     format!(
-        "{what} disagree {:.1} times as much as their noise explains, and the intervals were widened: was the body \
-         mounted differently, or does a sensor drift?",
+        "{what} disagree {:.1} times as much as their noise explains, and the intervals were widened: was \
+         the body mounted differently, or does a sensor drift?",
         ratio.sqrt()
     )
 }

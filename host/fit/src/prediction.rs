@@ -32,12 +32,13 @@ pub struct PredictedBlock {
     pub measured: Vec<f64>,
     /// The prediction, likewise.
     pub predicted: Vec<f64>,
-    /// False where the block tells nothing of a channel, as dry friction at rest is unknown; empty if it tells of all.
+    /// False where the block tells nothing of a channel, as dry friction at rest is unknown; empty if it
+    /// tells of all.
     pub told: Vec<bool>,
 }
 
-/// Returns plain least squares: every row counts alike, in its channel's unit, nothing is known beforehand, nothing is taken for an error of
-/// sensors. The usual way, to compare with.
+/// Returns plain least squares: every row counts alike, in its channel's unit, nothing is known beforehand,
+/// nothing is taken for an error of sensors. The usual way, to compare with.
 ///
 /// # Errors
 /// [`FitError::NoRows`] if nothing is left to fit.
@@ -67,8 +68,8 @@ pub fn plain_factor(
     Ok(blocks.absorb(0..blocks.len(), source.parameters().len(), &whitening, None))
 }
 
-/// Returns what noise of the signals adds to the normal equations of such rows, N × N and, last, to their right side; `None` if there is
-/// none that is felt.
+/// Returns what noise of the signals adds to the normal equations of such rows, N × N and, last, to their
+/// right side; `None` if there is none that is felt.
 ///
 /// # Errors
 /// [`FitError`] if the filter does not fit the rate.
@@ -84,12 +85,12 @@ pub fn plain_noise_gram(
 }
 
 impl Prediction {
-    /// Predicts the samples of a source by `parameters`, in the order of its columns, measured by sensors with these `errors`, by
-    /// their names; what drifts is another time's. Outliers count fully.
+    /// Predicts the samples of a source by `parameters`, in the order of its columns, measured by sensors
+    /// with these `errors`, by their names; what drifts is another time's. Outliers count fully.
     ///
     /// # Errors
-    /// [`FitError::Columns`] if there are not as many parameters as the source has columns, [`FitError::NoRows`] if nothing is left to
-    /// predict.
+    /// [`FitError::Columns`] if there are not as many parameters as the source has columns,
+    /// [`FitError::NoRows`] if nothing is left to predict.
     pub fn of(
         source: &dyn RowSource,
         parameters: &[f64],
@@ -115,7 +116,8 @@ impl Prediction {
         Ok(Self::by(blocks, source.channels().len(), &values))
     }
 
-    /// Predicts the samples of a source by several parameters, one prediction each, without errors of sensors.
+    /// Predicts the samples of a source by several parameters, one prediction each, without errors of
+    /// sensors.
     ///
     /// # Errors
     /// See [`Prediction::of`].

@@ -1,8 +1,9 @@
 //! Motions that are driven several times, and what a model lacks of them each time again.
 //!
-//! Friction, cables and elasticity that a model of drives lacks follow the motion. Where a motion repeats, they are the same each time:
-//! n repetitions say no more of them than one does, though residuals of two repetitions are as far apart as noise of no memory has. The
-//! period is that of the measured efforts; the residuals decide how much of them repeats.
+//! Friction, cables and elasticity that a model of drives lacks follow the motion. Where a motion repeats,
+//! they are the same each time: n repetitions say no more of them than one does, though residuals of two
+//! repetitions are as far apart as noise of no memory has. The period is that of the measured efforts; the
+//! residuals decide how much of them repeats.
 
 /// Instants that are examined, at most.
 const MOST: usize = 3000;
@@ -10,7 +11,8 @@ const MOST: usize = 3000;
 const ALIKE: f64 = 0.9;
 /// after they have been less alike than this.
 const OTHER: f64 = 0.5;
-/// Lags whose correlations are as large as the largest but for this are as good: the shortest of them is the period.
+/// Lags whose correlations are as large as the largest but for this are as good: the shortest of them is the
+/// period.
 const AS_GOOD: f64 = 0.02;
 /// Residuals that repeat less than this, as a correlation, are noise.
 const NOISE: f64 = 0.1;
@@ -20,8 +22,8 @@ pub(super) fn stride(blocks: usize) -> usize {
     blocks.div_ceil(MOST).max(1)
 }
 
-/// Returns by how much intervals are too narrow because residuals repeat with the motion: 1 where nothing repeats. Of each channel the
-/// measurements and the residuals at evenly spaced instants.
+/// Returns by how much intervals are too narrow because residuals repeat with the motion: 1 where nothing
+/// repeats. Of each channel the measurements and the residuals at evenly spaced instants.
 pub(super) fn factor(measured: &[Vec<f64>], residuals: &[Vec<f64>]) -> f64 {
     let Some(period) = period(measured) else { return 1.0 };
     let of = |left: &Vec<f64>| {

@@ -1,8 +1,9 @@
-//! Covariance of residuals by bands of frequency: noise of differentiated rates rises with the frequency, so that what is below
-//! it shows at the lowest ones only.
+//! Covariance of residuals by bands of frequency: noise of differentiated rates rises with the frequency, so
+//! that what is below it shows at the lowest ones only.
 //!
-//! Stretches of row blocks are transformed by sines that end at their ends, which are orthogonal and let little of high
-//! frequencies through to low ones. What noise of unit variance leaves in each follows from its autocovariance.
+//! Stretches of row blocks are transformed by sines that end at their ends, which are orthogonal and let
+//! little of high frequencies through to low ones. What noise of unit variance leaves in each follows from
+//! its autocovariance.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -133,8 +134,8 @@ pub(super) fn measured(blocks: &dyn RowBlocks, channels: usize, parameters: usiz
     bands_of(&all, blocks.filter(), hann)
 }
 
-/// Gives residuals back what the parameters take of the noise, a sum of squares by channels: where there is motion, which is
-/// where what was measured exceeds what is left.
+/// Gives residuals back what the parameters take of the noise, a sum of squares by channels: where there is
+/// motion, which is where what was measured exceeds what is left.
 pub(super) fn restore(residuals: &mut [Band], measured: &[Band], taken: &[f64]) {
     for (c, taken) in taken.iter().enumerate() {
         let moves =
@@ -198,8 +199,8 @@ mod tests {
         (0..12).map(|_| next()).sum()
     }
 
-    /// Noise of a differentiated rate that is a hundred times the channel's own in variance, and as much at 0.4 Hz: of a minute
-    /// the bands tell them apart, where the variance is one number for two.
+    /// Noise of a differentiated rate that is a hundred times the channel's own in variance, and as much at
+    /// 0.4 Hz: of a minute the bands tell them apart, where the variance is one number for two.
     #[test]
     fn noise_of_a_channel_is_found_below_that_of_rates_which_rises() {
         let (rate_hz, own, rising) = (200.0, 0.3, 0.12);
@@ -243,7 +244,8 @@ mod tests {
             let (variance, deviation) = (found.variance[k], found.deviation[k]);
             assert!((variance - truth * truth).abs() < 4.0 * deviation, "{truth}: {variance} ± {deviation}");
         }
-        // Stretches of 2.6 s have two products below 0.4 Hz, and more that see something: some fifty in a minute.
+        // Stretches of 2.6 s have two products below 0.4 Hz, and more that see something: some fifty in a
+        // minute.
         assert!(found.deviation[0] < 0.4 * own * own, "{}", found.deviation[0]);
         assert!(found.deviation[1] < 0.1 * rising * rising, "{}", found.deviation[1]);
     }

@@ -15,7 +15,8 @@ pub struct Autocorrelation {
     pub mean: f64,
     /// Standard deviation of that mean for white noise, whose own mean is nearly zero there.
     pub chance: f64,
-    /// Factor by which white noise's intervals are too narrow where they rest on the residuals' slowest part alone.
+    /// Factor by which white noise's intervals are too narrow where they rest on the residuals' slowest part
+    /// alone.
     pub factor: f64,
 }
 
@@ -32,7 +33,8 @@ pub struct ChannelFit {
     pub measured_rms: f64,
     /// Standard deviation of the filtered measurements.
     pub measured_sd: f64,
-    /// Standard deviation per unfiltered sample as differences of the readings show it; zero where they show none.
+    /// Standard deviation per unfiltered sample as differences of the readings show it; zero where they show
+    /// none.
     pub noise_floor: f64,
     /// Rows that counted less because an outlier spoilt them.
     pub outliers: u32,
@@ -60,8 +62,8 @@ pub struct BlockResidual {
     pub time_s: f64,
     /// Filtered measurement less the prediction, one a channel.
     pub values: Vec<f64>,
-    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it, zero where the block tells nothing of the channel;
-    /// empty if all count fully.
+    /// Weight of each row beside 1/σ: less than 1 where an outlier spoilt it, zero where the block tells
+    /// nothing of the channel; empty if all count fully.
     pub weights: Vec<f64>,
 }
 
@@ -89,8 +91,8 @@ pub struct NoiseCheck {
     pub variance_ratio: f64,
     /// The covariance was multiplied by this.
     pub variance_scale: f64,
-    /// Of that, what efforts of drives leave beside white noise, where errors of the rig would otherwise have to be larger
-    /// than stated; 1 elsewhere.
+    /// Of that, what efforts of drives leave beside white noise, where errors of the rig would otherwise have
+    /// to be larger than stated; 1 elsewhere.
     pub model_error: f64,
     /// Degrees of freedom that parameters and errors took of the rows.
     pub fitted: f64,
@@ -155,7 +157,8 @@ pub struct PriorStatement {
     pub sigma: f64,
     /// True for a plane of symmetry.
     pub is_symmetry: bool,
-    /// Parameters that a plane of symmetry leaves free because the size of its link is not known; empty otherwise.
+    /// Parameters that a plane of symmetry leaves free because the size of its link is not known; empty
+    /// otherwise.
     pub free: Vec<usize>,
     /// The statement in words.
     pub text: String,
@@ -179,19 +182,21 @@ pub struct Fit {
     pub agreement: Option<Agreement>,
     /// The scores of these errors against what was known of them, in their order.
     pub error_scores: Option<ErrorScores>,
-    /// Parameters and these errors together, as far as they are determined; `None` unless something was known of them together
-    /// ([`super::RowSource::beforehand`]).
+    /// Parameters and these errors together, as far as they are determined; `None` unless something was known
+    /// of them together ([`super::RowSource::beforehand`]).
     pub joint: Option<Gaussian>,
     /// Covariance that was added after the fit, by its source: a fixture taken off, several clocks.
     pub added: Vec<(String, DMatrix<f64>)>,
     /// The device's own result from the same samples; `None` without one.
     pub device: Option<Box<Estimate>>,
-    /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the signals.
+    /// All rows, whitened; gain errors eliminated, covariance inflated for autocorrelation and noise of the
+    /// signals.
     pub factor: Factor,
     /// Solution with its covariance, known values and a fixture counted.
     pub estimate: Estimate,
-    /// The rows that `estimate` solves, whitened by their true σ, where these are not those of `factor` with their variance
-    /// scaled: a fixture was taken off, or gain errors were fitted with the larger noise. Known values are not in it.
+    /// The rows that `estimate` solves, whitened by their true σ, where these are not those of `factor` with
+    /// their variance scaled: a fixture was taken off, or gain errors were fitted with the larger noise.
+    /// Known values are not in it.
     pub solved: Option<Factor>,
     /// The rows that `estimate` solves with the errors that other recordings of the rig share as columns;
     /// `None` where these are not known apart. Known values are not in it.
@@ -208,10 +213,11 @@ pub struct Fit {
     pub noise: NoiseCheck,
     /// Factor on the standard deviation of each parameter for autocorrelated residuals; empty: none.
     pub inflation: Vec<f64>,
-    /// Factor by which [`Fit::factor`] holds each standard deviation larger for all that does not average out; empty: none.
+    /// Factor by which [`Fit::factor`] holds each standard deviation larger for all that does not average
+    /// out; empty: none.
     pub widened: Vec<f64>,
-    /// Error of each parameter that noise of the regressor's own signals is expected to make, counted in the intervals;
-    /// empty: none was stated or found.
+    /// Error of each parameter that noise of the regressor's own signals is expected to make, counted in the
+    /// intervals; empty: none was stated or found.
     pub signal_bias: Vec<f64>,
     /// Information that noise of the rates alone brings to a moment of inertia, 1/(kg m²)².
     pub spurious_information: f64,
@@ -260,8 +266,9 @@ impl Fit {
 
     /// Returns the factor with all standard deviations as much larger as the most that one parameter is.
     ///
-    /// Factors that differ from parameter to parameter keep the estimate, also where it is next to undetermined: a direction
-    /// that is no parameter's own then claims what the rows do not say. Bodies have to be judged by the rows.
+    /// Factors that differ from parameter to parameter keep the estimate, also where it is next to
+    /// undetermined: a direction that is no parameter's own then claims what the rows do not say. Bodies have
+    /// to be judged by the rows.
     pub fn evenly_widened(&self) -> Factor {
         let most = self.widened.iter().copied().fold(1.0, f64::max);
         if most <= 1.0 {

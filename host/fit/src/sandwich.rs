@@ -83,8 +83,8 @@ impl Sandwich {
         }
     }
 
-    /// Returns the factor on the standard deviation of each of the first `kept` parameters, 1 or more; 1 where
-    /// nothing is determined. `estimate` is that of white noise, of all columns.
+    /// Returns the factor on the standard deviation of each of the first `kept` parameters, 1 or more; 1
+    /// where nothing is determined. `estimate` is that of white noise, of all columns.
     pub(super) fn inflation(&self, estimate: &Estimate, kept: usize) -> Vec<f64> {
         // Rows lie in what is determined, so that of a parameter that is, the whole row counts.
         let variance = |j: usize, scores: &DMatrix<f64>| {
@@ -263,7 +263,8 @@ fn pieces(blocks: &dyn RowBlocks, noise: &Noise, n: usize) -> Vec<std::ops::Rang
     (0..pieces).map(|k| cut(&(k * count / pieces..count), length)).collect()
 }
 
-/// Returns the mean autocovariance between a row of one sum of `several` rows and a row of the sum `m` later, m = 0, 1, ….
+/// Returns the mean autocovariance between a row of one sum of `several` rows and a row of the sum `m` later,
+/// m = 0, 1, ….
 fn of_sums(gamma: &[f64], several: usize, lags: usize) -> Vec<f64> {
     let q = several as isize;
     let at = |lag: isize| gamma.get(lag.unsigned_abs()).copied().unwrap_or(0.0);

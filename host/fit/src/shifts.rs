@@ -11,9 +11,9 @@ const LEAST_DIRECTION: f64 = 1e-9;
 impl Fit {
     /// Counts errors that move the estimate by `column · η`, each η independent and of unit variance.
     ///
-    /// Rows say `R (φ − S η) = z` then; η is appended, known to be 0 ± 1, and eliminated. The estimate stays, its covariance
-    /// grows by `S Sᵀ`, and a factor that is merged with others takes it along. Each column has an entry for every
-    /// parameter, in its unit.
+    /// Rows say `R (φ − S η) = z` then; η is appended, known to be 0 ± 1, and eliminated. The estimate stays,
+    /// its covariance grows by `S Sᵀ`, and a factor that is merged with others takes it along. Each column
+    /// has an entry for every parameter, in its unit.
     pub fn count_shifts(&mut self, columns: &[Vec<f64>]) {
         let before = self.estimate.covariance.clone();
         let mut rows = self.rows();
@@ -31,8 +31,8 @@ impl Fit {
         self.solved = self.solved.take().map(|_| rows);
     }
 
-    /// Counts errors of a source that move the estimate by `moved · η`, η as above, where `known` has as rows what
-    /// was known of the parameters beforehand. All values stay.
+    /// Counts errors of a source that move the estimate by `moved · η`, η as above, where `known` has as rows
+    /// what was known of the parameters beforehand. All values stay.
     pub fn count_shifts_beside(&mut self, name: &str, moved: &DMatrix<f64>, known: &Factor) {
         if moved.ncols() == 0 {
             return;
@@ -50,8 +50,8 @@ impl Fit {
     }
 }
 
-/// Returns C: what errors move the estimate of rows alone by, R, that move it by D beside rows K that are right:
-/// `RᵀR C = (RᵀR + KᵀK) D`.
+/// Returns C: what errors move the estimate of rows alone by, R, that move it by D beside rows K that are
+/// right: `RᵀR C = (RᵀR + KᵀK) D`.
 fn alone(r: &DMatrix<f64>, moved: &DMatrix<f64>, known: &DMatrix<f64>) -> DMatrix<f64> {
     let norms = r.column_iter().map(|column| column.norm());
     let scale: Vec<f64> = norms.map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();

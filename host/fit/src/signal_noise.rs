@@ -1,10 +1,11 @@
 //! Noise of the signals that coefficients are made of: it is in the rows, and does not average out there.
 //!
-//! With rows `A + Δ` in place of A, the residual of the truth is `w − Δ φ`: its covariance has, beside that of the measured
-//! side, `Σ_s(φ) = E[Δφ (Δφ)ᵀ]`, which weights are made of. And the normal equations have the expectation
-//! `K = E[Δᵀ W Δ]` too much, which draws the estimate to zero; it is taken off (T. Söderström, Errors-in-Variables Methods
-//! in System Identification, 2018, bias-eliminating least squares). Both are found by noise of the same size and either sign
-//! that is added once more: half the difference of the two filtered recordings is Δ to third order, whatever the source.
+//! With rows `A + Δ` in place of A, the residual of the truth is `w − Δ φ`: its covariance has, beside that
+//! of the measured side, `Σ_s(φ) = E[Δφ (Δφ)ᵀ]`, which weights are made of. And the normal equations have the
+//! expectation `K = E[Δᵀ W Δ]` too much, which draws the estimate to zero; it is taken off (T. Söderström,
+//! Errors-in-Variables Methods in System Identification, 2018, bias-eliminating least squares). Both are
+//! found by noise of the same size and either sign that is added once more: half the difference of the two
+//! filtered recordings is Δ to third order, whatever the source.
 //!
 //! If the measured side is made of the same signals, as the forces of springs are of poses, it has the noise
 //! δ: the residual is `w + δ − Δ φ`, and the normal equations have `Δᵀ W δ` too. So it is a last column of
@@ -30,14 +31,15 @@ const LEAST_BLOCKS: usize = 2_000;
 const MOST_REPETITIONS: usize = 8;
 /// Products that a Gram matrix of the rows, or one with nuisance parameters for each repetition, may take.
 const MOST_PRODUCTS: usize = 100_000_000;
-/// Columns of noise are made anew where what is predicted moves by more than this: their squares have a sampling error of
-/// some per cent.
+/// Columns of noise are made anew where what is predicted moves by more than this: their squares have a
+/// sampling error of some per cent.
 const NEAR: f64 = 0.01;
 /// Lags of the rows that coloured noise is examined.
 const CORRELATED_LAGS: usize = 200;
 /// Samples by which it is seen whether noise is felt at all,
 const TRIAL: usize = 500;
-/// as it is by a column that it changes by more than this share: the square is lost in any noise of the measured side.
+/// as it is by a column that it changes by more than this share: the square is lost in any noise of the
+/// measured side.
 const LEAST_CHANGE: f64 = 1e-7;
 
 /// Noise in the rows of a source, by groups of signals.
@@ -86,8 +88,8 @@ struct Difference<'a> {
 }
 
 impl<'a> Difference<'a> {
-    /// Returns half the difference of rows of n parameters and the measured side, with noise of either sign of the size `sigma`, as of
-    /// unit noise.
+    /// Returns half the difference of rows of n parameters and the measured side, with noise of either sign
+    /// of the size `sigma`, as of unit noise.
     fn of([(_, more), (_, less)]: &[Noisy<'a>; 2], n: usize, channels: usize, sigma: f64) -> Self {
         let count = more.len().min(less.len());
         let mut rows = Vec::with_capacity(count * channels * (n + 1));
@@ -105,7 +107,8 @@ impl<'a> Difference<'a> {
         Self { time_s, rows, both: None, features: Vec::new() }
     }
 
-    /// Keeps what the columns of nuisance parameters have of noise in, too. The recording's own blocks have `count` features.
+    /// Keeps what the columns of nuisance parameters have of noise in, too. The recording's own blocks have
+    /// `count` features.
     fn with_nuisances(mut self, both: [Noisy<'a>; 2], sigma: f64, count: usize) -> Self {
         let [(_, more), (_, less)] = &both;
         if count == 0 {
@@ -132,8 +135,8 @@ impl<'a> Difference<'a> {
         self.time_s.len()
     }
 
-    /// Returns true if noise of this size changes a parameter's column of these lengths, root mean square of all rows, by more than
-    /// rounding.
+    /// Returns true if noise of this size changes a parameter's column of these lengths, root mean square of
+    /// all rows, by more than rounding.
     fn is_felt(&self, lengths: &[f64], size: f64) -> bool {
         let width = lengths.len() + 1;
         let rows = (self.rows.len() / width).max(1) as f64;
@@ -207,8 +210,8 @@ impl<'a> Group<'a> {
 }
 
 impl<'a> RowNoise<'a> {
-    /// Returns the noise in the rows; `None` if the source knows of none. `with_nuisances` tells if their columns have noise
-    /// too.
+    /// Returns the noise in the rows; `None` if the source knows of none. `with_nuisances` tells if their
+    /// columns have noise too.
     ///
     /// # Errors
     /// [`FitError`] if the middle of a recording cannot be filtered.
@@ -294,7 +297,8 @@ impl<'a> RowNoise<'a> {
         }))
     }
 
-    /// Returns the covariance of the noise by bands: that of residuals with what all columns of the rows took of it.
+    /// Returns the covariance of the noise by bands: that of residuals with what all columns of the rows took
+    /// of it.
     pub(super) fn restored(&self, residuals: &Residuals, rows: &dyn RowBlocks) -> Vec<Band> {
         let grams = channel_grams(rows, self.channels, residuals.covariance.nrows());
         let taken: Vec<f64> = grams.iter().map(|gram| gram.dot(&residuals.covariance)).collect();
@@ -303,8 +307,8 @@ impl<'a> RowNoise<'a> {
         bands
     }
 
-    /// Returns the number of row blocks that tell as much of a mean square, as that of the noise that was there and of its
-    /// repetitions differ.
+    /// Returns the number of row blocks that tell as much of a mean square, as that of the noise that was
+    /// there and of its repetitions differ.
     pub(super) fn independent_blocks(&self) -> f64 {
         let repeated = |g: &Group| g.repetitions.iter().map(Difference::len).sum::<usize>() as f64;
         let repeated = self.groups.iter().map(repeated).fold(f64::INFINITY, f64::min);
@@ -323,8 +327,8 @@ impl<'a> RowNoise<'a> {
 
     /// Returns, by groups, the spectrum that noise of unit σ leaves in the residuals of `phi`.
     ///
-    /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares fit it by least
-    /// squares.
+    /// The autocovariance is that of white noise and of its derivative, each after the filter; their shares
+    /// fit it by least squares.
     pub(super) fn spectra(&self, phi: &[f64], weighing: &Weighing, filter: &Filter) -> Vec<Spectrum> {
         let channels = weighing.sigma.len();
         let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
@@ -380,8 +384,8 @@ impl<'a> RowNoise<'a> {
         (0..weighing.sigma.len()).map(of_channel).fold(0.0, f64::max)
     }
 
-    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for the parameters and, last, the measured side. Signals of which
-    /// the weighing knows no σ have their own.
+    /// Returns the expectation of `Δᵀ W Δ` over the whole recording, for the parameters and, last, the
+    /// measured side. Signals of which the weighing knows no σ have their own.
     pub(super) fn gram(&self, weighing: &Weighing) -> DMatrix<f64> {
         let reached = |g: usize| self.groups[g].reached.clone();
         self.sum(weighing, self.parameters, reached, |(g, r), block, rows| {
@@ -396,7 +400,8 @@ impl<'a> RowNoise<'a> {
         (self.gram(weighing) * all).rows(0, n).into_owned()
     }
 
-    /// Returns the same with nuisance parameters after the parameters, whose columns are those of `linearised`.
+    /// Returns the same with nuisance parameters after the parameters, whose columns are those of
+    /// `linearised`.
     ///
     /// # Errors
     /// [`FitError`] if a source with errors cannot be filtered.
@@ -432,7 +437,8 @@ impl<'a> RowNoise<'a> {
         ))
     }
 
-    /// Writes the rows of a block of a repetition of a group for the parameters, C × n at the beginning of `rows`, and what is measured.
+    /// Writes the rows of a block of a repetition of a group for the parameters, C × n at the beginning of
+    /// `rows`, and what is measured.
     fn write_own(&self, (g, r): (usize, usize), block: usize, rows: &mut [f64], values: &mut [f64]) {
         let Some(group) = self.groups.get(g) else { return };
         let n = self.parameters;
@@ -476,7 +482,8 @@ impl<'a> RowNoise<'a> {
         Ok(Kept { phi: phi.to_vec(), sensitivities })
     }
 
-    /// Returns true if two estimates predict the same to so little that columns about one serve for the noise about the other.
+    /// Returns true if two estimates predict the same to so little that columns about one serve for the noise
+    /// about the other.
     fn is_near(&self, from: &[f64], to: &[f64]) -> bool {
         let square = |of: &DVector<f64>| of.dot(&(&self.gram * of));
         let (from, to) = (DVector::from_column_slice(from), DVector::from_column_slice(to));
@@ -498,15 +505,17 @@ impl<'a> RowNoise<'a> {
         sum
     }
 
-    /// Returns the factor from squares of `count` blocks of unit noise of a group to those of the whole recording.
+    /// Returns the factor from squares of `count` blocks of unit noise of a group to those of the whole
+    /// recording.
     fn weight(&self, weighing: &Weighing, group: usize, count: usize) -> f64 {
         let own = self.groups.get(group).map_or(0.0, |g| g.noise.size());
         let sigma = weighing.signals.get(group).copied().unwrap_or(own);
         self.blocks * sigma * sigma / count.max(1) as f64
     }
 
-    /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the whole recording, `all` and
-    /// the measured side; `write` appends the rows of a block of a repetition of a group.
+    /// Returns the sum of the squares of whitened rows of noise in the columns that each group has, as of the
+    /// whole recording, `all` and the measured side; `write` appends the rows of a block of a repetition of a
+    /// group.
     fn sum(
         &self,
         weighing: &Weighing,
@@ -558,7 +567,8 @@ fn join<'r>(rows: &'r [f64], values: &'r [f64]) -> impl Iterator<Item = f64> + '
     rows.chunks_exact(width).zip(values).flat_map(|(row, value)| row.iter().chain([value]).copied())
 }
 
-/// Noise of the signals in the rows as they are weighed, with the columns of nuisance parameters if they are linearised.
+/// Noise of the signals in the rows as they are weighed, with the columns of nuisance parameters if they are
+/// linearised.
 pub(super) struct WhitenedNoise<'a> {
     pub(super) noise: &'a RowNoise<'a>,
     pub(super) weighing: &'a Weighing,

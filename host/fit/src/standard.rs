@@ -7,8 +7,8 @@ use super::Parameter;
 /// Names that a tree's base parameters have in the order of the ten.
 const REGROUPED: [&str; 10] = ["M", "MSx", "MSy", "MSz", "Jxx", "Jyy", "Jzz", "Jyz", "Jzx", "Jxy"];
 
-/// Returns the place among a link's ten parameters of what is called `quantity`: `mcx`, `MSx`; not those with a prime,
-/// which are in other axes.
+/// Returns the place among a link's ten parameters of what is called `quantity`: `mcx`, `MSx`; not those with
+/// a prime, which are in other axes.
 fn place(quantity: &str) -> Option<usize> {
     let among = |names: &[&str]| names.iter().position(|name| *name == quantity);
     among(&PARAMETER_NAMES[..10]).or_else(|| among(&REGROUPED))
@@ -20,7 +20,8 @@ fn link_and_place(name: &str) -> Option<(&str, usize)> {
     Some((link, place(quantity)?))
 }
 
-/// Returns the weights of the ten standard parameters of `link` in a parameter; all zero if it has none of them.
+/// Returns the weights of the ten standard parameters of `link` in a parameter; all zero if it has none of
+/// them.
 pub(super) fn weights(parameter: &Parameter, link: &str) -> [f64; 10] {
     let mut weights = [0.0; 10];
     if !parameter.kind.is_inertial() {

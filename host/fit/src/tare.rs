@@ -1,9 +1,10 @@
 //! The bare fixture taken off, with its uncertainty.
 //!
-//! Inertial parameters about one origin add: a run with the fixture and the body sees `φ_total = φ_body + T φ_fixture`, a run
-//! with the bare fixture sees φ_fixture. Both are rows over `[φ_fixture; φ_body]`, and the trailing triangle of the merged
-//! factor is what is known of the body when the fixture is known as well as its runs tell, and no better. T is one for a
-//! fixture of the same parameters; of a fixture on a link of a tree it holds the weights of the link's ten parameters in the
+//! Inertial parameters about one origin add: a run with the fixture and the body sees
+//! `φ_total = φ_body + T φ_fixture`, a run with the bare fixture sees φ_fixture. Both are rows over
+//! `[φ_fixture; φ_body]`, and the trailing triangle of the merged factor is what is known of the body when
+//! the fixture is known as well as its runs tell, and no better. T is one for a fixture of the same
+//! parameters; of a fixture on a link of a tree it holds the weights of the link's ten parameters in the
 //! tree's base parameters.
 
 use nalgebra::DMatrix;
@@ -50,8 +51,8 @@ pub enum TareError {
     },
     /// The run's rows do not see all of the link that the fixture is on.
     #[error(
-        "the tare {fixture} cannot be taken off the link {link}: the run's parameters do not hold {}; a run of the bare \
-         fixture on the same tree works parameter by parameter", missing.join(", ")
+        "the tare {fixture} cannot be taken off the link {link}: the run's parameters do not hold {}; a run \
+         of the bare fixture on the same tree works parameter by parameter", missing.join(", ")
     )]
     Missing {
         /// The fixture's name.
@@ -87,8 +88,8 @@ pub struct Tare {
 }
 
 impl Tare {
-    /// Builds a fixture from the merged runs of it alone. Their offsets are their own, as are frictions: what adds is mass,
-    /// first moment and tensor.
+    /// Builds a fixture from the merged runs of it alone. Their offsets are their own, as are frictions: what
+    /// adds is mass, first moment and tensor.
     ///
     /// # Errors
     /// [`TareError::NotInertial`] if it has none of these.
@@ -120,7 +121,8 @@ impl Tare {
         self.errors.clone().unwrap_or_default()
     }
 
-    /// Returns the same fixture on a link of a tree; it is on the base link otherwise. The fixture's frame is the link's.
+    /// Returns the same fixture on a link of a tree; it is on the base link otherwise. The fixture's frame is
+    /// the link's.
     #[must_use]
     pub fn on_link(self, link: &str) -> Self {
         Self { link: Some(link.to_owned()), ..self }
@@ -141,12 +143,12 @@ impl Tare {
         self.fit.noise.disagreement.map(|ratio| pool::disagreement_in_words("the tare's runs", ratio))
     }
 
-    /// Takes the fixture off the estimate of a run, before anything known beforehand is put in. The run's own factor stays
-    /// that of fixture and body together; offsets and frictions are those of the run.
+    /// Takes the fixture off the estimate of a run, before anything known beforehand is put in. The run's own
+    /// factor stays that of fixture and body together; offsets and frictions are those of the run.
     ///
     /// # Errors
-    /// [`TareError`] if the run is one of the fixture's, or the fixture's parameters do not map into the run's; the fit is
-    /// then as it was.
+    /// [`TareError`] if the run is one of the fixture's, or the fixture's parameters do not map into the
+    /// run's; the fit is then as it was.
     pub fn take_off(&self, fit: &mut Fit) -> Result<(), TareError> {
         self.refuse_repeated(fit)?;
         let map = self.map(fit)?;

@@ -65,7 +65,8 @@ fn a_fixture_on_another_link_goes_where_the_model_s_sums_say() {
     check(&total, &fixture, &map, &(0..10).collect::<Vec<_>>(), &fit);
 }
 
-/// A run of the bare tree: what adds is taken off parameter by parameter, frictions and offsets are the run's own.
+/// A run of the bare tree: what adds is taken off parameter by parameter, frictions and offsets are the run's
+/// own.
 #[test]
 fn a_fixture_of_the_same_tree_is_taken_off_parameter_by_parameter() {
     let parameters = tree(6);

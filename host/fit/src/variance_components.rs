@@ -1,8 +1,9 @@
 //! Variance components: how much of the residuals' covariance each source of noise explains.
 //!
-//! `Σ(θ) = Σ_i θ_i E_i` has the most likelihood for sample covariances S, which the E belong to, where no θ can grow or shrink any
-//! more; the steps `θ_i ← θ_i √(Σ tr(Σ⁻¹SΣ⁻¹E_i) / Σ tr(Σ⁻¹E_i))`, summed over the samples, never lose likelihood and keep signs (H. Zhou, L. Hu, J. Zhou, K. Lange, MM
-//! Algorithms for Variance Components Models, J. Computational and Graphical Statistics 28 (2), 2019).
+//! `Σ(θ) = Σ_i θ_i E_i` has the most likelihood for sample covariances S, which the E belong to, where no θ
+//! can grow or shrink any more; the steps `θ_i ← θ_i √(Σ tr(Σ⁻¹SΣ⁻¹E_i) / Σ tr(Σ⁻¹E_i))`, summed over the
+//! samples, never lose likelihood and keep signs (H. Zhou, L. Hu, J. Zhou, K. Lange, MM Algorithms for
+//! Variance Components Models, J. Computational and Graphical Statistics 28 (2), 2019).
 
 use nalgebra::{Cholesky, DMatrix};
 

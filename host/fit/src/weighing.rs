@@ -29,7 +29,8 @@ pub(super) struct Weighing {
     pub(super) total: Vec<f64>,
     /// 1 σ of the signals by groups; empty if they are taken as exact.
     pub(super) signals: Vec<f64>,
-    /// By how much the square of one of these may be wrong, as a share of itself: differences and residuals disagree.
+    /// By how much the square of one of these may be wrong, as a share of itself: differences and residuals
+    /// disagree.
     pub(super) doubt: f64,
     pub(super) whitening: Whitening,
 }
@@ -62,8 +63,8 @@ impl Weighing {
         Self { doubt, ..self }
     }
 
-    /// Returns the values that the rows say something of, the others zero. Of an estimate that is not compensated all that
-    /// are determined count.
+    /// Returns the values that the rows say something of, the others zero. Of an estimate that is not
+    /// compensated all that are determined count.
     pub(super) fn significant(estimate: &Estimate, all: bool) -> Vec<f64> {
         let values = estimate.values.iter().enumerate();
         values
@@ -89,9 +90,10 @@ impl Weighing {
         Residuals { bands: bands(residuals, filter), covariance }
     }
 
-    /// Returns the weighing by all noise. `spectra` are those of groups of signals of unit σ; `residuals` is the covariance of
-    /// what an estimate leaves, by bands, where some σ is not stated: that of the channels unless `sigma_given`, and those of the
-    /// signals, as far as they bound it, unless `signals_given`. `None` if there is no such covariance.
+    /// Returns the weighing by all noise. `spectra` are those of groups of signals of unit σ; `residuals` is
+    /// the covariance of what an estimate leaves, by bands, where some σ is not stated: that of the channels
+    /// unless `sigma_given`, and those of the signals, as far as they bound it, unless `signals_given`.
+    /// `None` if there is no such covariance.
     pub(super) fn with_signals(
         &self,
         groups: &[&SignalNoise],
@@ -123,9 +125,10 @@ impl Weighing {
 
 /// Returns σ of the channels and of the signals by groups that explain the covariance of residuals.
 ///
-/// What is stated counts as stated. Of the rest, differences of the signals show no less than the noise, as vibration is in
-/// them too; the residuals bound it from above. A channel's variance v of the deviation s is the mean of what it may be,
-/// `v + s²/v`, that of the inverse χ² distribution; too small a one would outweigh all others.
+/// What is stated counts as stated. Of the rest, differences of the signals show no less than the noise, as
+/// vibration is in them too; the residuals bound it from above. A channel's variance v of the deviation s is
+/// the mean of what it may be, `v + s²/v`, that of the inverse χ² distribution; too small a one would
+/// outweigh all others.
 fn components(
     left: &[Band],
     spectra: &[Spectrum],

@@ -1,10 +1,11 @@
-//! Whitening of rows whose noise is correlated from channel to channel and, where rates are differentiated, in time.
+//! Whitening of rows whose noise is correlated from channel to channel and, where rates are differentiated,
+//! in time.
 //!
-//! Noise of the measured side and of accelerometers is white; that of an angular acceleration, which is a filtered rate's
-//! derivative, has a spectrum that rises with the square of the frequency: `S(ω) = Σ + ω² Ω`. With `Σ = L Lᵀ` and
-//! `L⁻¹ Ω L⁻ᵀ = U diag(τ²) Uᵀ` the channels of `T = Uᵀ L⁻¹` are independent, with spectra `1 + ω² τ²`: a low-pass of one pole
-//! of the time constant τ makes each of them white. Rows and measurements go through the same low-pass, so that the
-//! equation stays exact.
+//! Noise of the measured side and of accelerometers is white; that of an angular acceleration, which is a
+//! filtered rate's derivative, has a spectrum that rises with the square of the frequency: `S(ω) = Σ + ω² Ω`.
+//! With `Σ = L Lᵀ` and `L⁻¹ Ω L⁻ᵀ = U diag(τ²) Uᵀ` the channels of `T = Uᵀ L⁻¹` are independent, with spectra
+//! `1 + ω² τ²`: a low-pass of one pole of the time constant τ makes each of them white. Rows and measurements
+//! go through the same low-pass, so that the equation stays exact.
 
 use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
 
@@ -39,8 +40,8 @@ impl Whitening {
         Self { channels, matrix, is_diagonal: true, poles: vec![0.0; channels], period_s: 0.0 }
     }
 
-    /// Returns the whitening of noise of the spectrum `white + ω² rising`, C × C each, times `√factor`; `None` if `white` is
-    /// not positive definite. `period_s` is that of the rows.
+    /// Returns the whitening of noise of the spectrum `white + ω² rising`, C × C each, times `√factor`;
+    /// `None` if `white` is not positive definite. `period_s` is that of the rows.
     pub fn of_spectrum(
         white: &DMatrix<f64>,
         rising: &DMatrix<f64>,
@@ -135,8 +136,8 @@ impl<'a> Whitener<'a> {
         }
     }
 
-    /// Whitens the rows of the next block in place, C rows of n coefficients and C values; `weights` multiply the channels
-    /// before. After a gap in time the low-pass starts anew.
+    /// Whitens the rows of the next block in place, C rows of n coefficients and C values; `weights` multiply
+    /// the channels before. After a gap in time the low-pass starts anew.
     pub fn apply(&mut self, time_s: f64, rows: &mut [f64], values: &mut [f64], weights: Option<&[f64]>) {
         let Whitening { channels, matrix, poles, period_s, is_diagonal } = self.whitening;
         let (channels, n) = (*channels, self.n);

@@ -1,9 +1,10 @@
 //! From a recording to a judged answer.
 //!
-//! A [`problem`] is a recording with the source of its rows; its fit becomes an [`answer`], of which the state of
-//! every parameter is decided in one place. [`diagnosis`] looks for the cause where the data contradict the
-//! model. A [`mod@reference`] body, known weights ([`load_cell`]), still poses of a robot ([`joint_offsets`]) and
-//! known loads on its drives ([`drive_gains`]) calibrate; [`mass_properties`] has tables of parts that are weighed.
+//! A [`problem`] is a recording with the source of its rows; its fit becomes an [`answer`], of which the
+//! state of every parameter is decided in one place. [`diagnosis`] looks for the cause where the data
+//! contradict the model. A [`mod@reference`] body, known weights ([`load_cell`]), still poses of a robot
+//! ([`joint_offsets`]) and known loads on its drives ([`drive_gains`]) calibrate; [`mass_properties`] has
+//! tables of parts that are weighed.
 //!
 //! ```
 //! use rigident_fit::{FitOptions, Silent};

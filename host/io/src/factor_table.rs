@@ -1,4 +1,5 @@
-//! Tables of factors as Parquet files, which engines for large collections read: a factor a row, with the labels of its runs.
+//! Tables of factors as Parquet files, which engines for large collections read: a factor a row, with the
+//! labels of its runs.
 //!
 //! | column | type | content |
 //! |---|---|---|

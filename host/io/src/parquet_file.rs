@@ -39,7 +39,8 @@ pub fn open_bytes(bytes: Vec<u8>) -> Result<SerializedFileReader<Bytes>, String>
     open(Bytes::from(bytes))
 }
 
-/// Returns what `read` makes of a file; where damage makes the decoder panic, which is another's, that is an error as any other.
+/// Returns what `read` makes of a file; where damage makes the decoder panic, which is another's, that is an
+/// error as any other.
 ///
 /// # Errors
 /// That of `read`, or that it panicked.

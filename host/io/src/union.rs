@@ -62,8 +62,8 @@ impl Runs {
     }
 }
 
-/// Returns a fingerprint of what was made of a run's readings; its name and date do not count. Of several runs
-/// means and sums depend on their order, and do not count either.
+/// Returns a fingerprint of what was made of a run's readings; its name and date do not count. Of several
+/// runs means and sums depend on their order, and do not count either.
 fn made(model: u64, source: &FactorSource) -> u64 {
     let mut hash = Fingerprint::default();
     [model, source.samples, source.rejected, source.rows, u64::from(source.sigma_given), source.runs()]
@@ -86,7 +86,8 @@ fn made(model: u64, source: &FactorSource) -> u64 {
 /// Returns which factors count: those whose runs are all in others, made alike, do not.
 ///
 /// # Errors
-/// [`PoolError::Repeated`] if a run is in two factors, and the one is not a part of the other: its rows cannot be taken out again.
+/// [`PoolError::Repeated`] if a run is in two factors, and the one is not a part of the other: its rows
+/// cannot be taken out again.
 pub fn counted_once(all: &[Runs]) -> Result<Vec<bool>, PoolError> {
     let mut order: Vec<(usize, &Runs)> = all.iter().enumerate().collect();
     // Those of many runs first, so that one of some of their runs is left out.

@@ -1,4 +1,5 @@
-//! Recordings of arms as they are run: at rest, in motion, at rest again, with friction in every joint and noise on every signal.
+//! Recordings of arms as they are run: at rest, in motion, at rest again, with friction in every joint and
+//! noise on every signal.
 
 use rigident_shared::tree::BaseMotion;
 
@@ -114,8 +115,9 @@ impl ArmRun {
         self.read(&model, rows, &moves)
     }
 
-    /// Returns what the arm's sensors read while it follows a trajectory, at the trajectory's rate: columns of positions and rates of all joints,
-    /// as they are in a file. Accelerations are differences of the rates, of fourth order. `None` if a column is missing.
+    /// Returns what the arm's sensors read while it follows a trajectory, at the trajectory's rate: columns
+    /// of positions and rates of all joints, as they are in a file. Accelerations are differences of the
+    /// rates, of fourth order. `None` if a column is missing.
     pub fn following(&self, model: &Model, trajectory: &Recording) -> Option<Recording> {
         let model = model.welded();
         let column = |name: String| -> Option<Vec<f64>> {

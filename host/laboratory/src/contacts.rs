@@ -72,7 +72,8 @@ impl Robot {
         places
     }
 
-    /// Moves a robot by the shortest way, joints of `moving` and base, to where all of `wanted` is zero; `None` if it is nowhere near.
+    /// Moves a robot by the shortest way, joints of `moving` and base, to where all of `wanted` is zero;
+    /// `None` if it is nowhere near.
     pub fn settled(
         &self,
         mut stance: Stance,

@@ -1,7 +1,9 @@
-//! A person who steps about on a force plate in front of cameras: markers and forces as a laboratory records them.
+//! A person who steps about on a force plate in front of cameras: markers and forces as a laboratory records
+//! them.
 //!
-//! Feet are planted and lifted in turn, legs follow by inverse kinematics, everything else swings. Forces come from differences of
-//! places in time (Newton and Euler of every segment), and share nothing with the rows that identify them.
+//! Feet are planted and lifted in turn, legs follow by inverse kinematics, everything else swings. Forces
+//! come from differences of places in time (Newton and Euler of every segment), and share nothing with the
+//! rows that identify them.
 
 use std::f64::consts::TAU;
 
@@ -103,8 +105,8 @@ pub struct Somebody {
 }
 
 impl Somebody {
-    /// Returns a person of a model so tall, with anatomical markers near where they belong and clusters of others; `None` if its
-    /// joints do not all turn, or it has no legs.
+    /// Returns a person of a model so tall, with anatomical markers near where they belong and clusters of
+    /// others; `None` if its joints do not all turn, or it has no legs.
     pub fn new(model: &Model, parameters: &[f64], height_m: f64, seed: u64) -> Option<Self> {
         let skeleton = Skeleton::new(model)?;
         let mut noise = Noise(Some(seed));
@@ -146,8 +148,8 @@ impl Somebody {
         self.trial_of(name, laboratory, seed, &|_| 1.0)
     }
 
-    /// Returns a trial in which links swing by shares of what they do in [`Somebody::trial`]: feet are lifted by that of the foot, and the
-    /// weight goes from foot to foot by that of the pelvis.
+    /// Returns a trial in which links swing by shares of what they do in [`Somebody::trial`]: feet are lifted
+    /// by that of the foot, and the weight goes from foot to foot by that of the pelvis.
     pub fn trial_of(
         &self,
         name: &str,
@@ -372,7 +374,8 @@ impl<'a> Dance<'a> {
         let away = target - hip;
         let d = away.norm().min(0.999 * (l + s));
         let bent = ((d * d - l * l - s * s) / (2.0 * l * s)).clamp(-1.0, 1.0).acos();
-        // The ankle in the thigh's axes, and the thigh's turn that brings it there with the knee's axis sideways.
+        // The ankle in the thigh's axes, and the thigh's turn that brings it there with the knee's axis
+        // sideways.
         let ankle = Vector3::new(-s * bent.sin(), 0.0, -l - s * bent.cos());
         let frame = |along: &Vector3<f64>, lateral: &Vector3<f64>| {
             let e = along.normalize();
@@ -521,7 +524,8 @@ mod tests {
         for both in [vec![0, 1], vec![1]] {
             let [a, b] = [&right, &wrong].map(|study| study.together(&both).unwrap());
             let shift = 10.0 * (b.estimate.unjudged().values[0] - a.estimate.unjudged().values[0]);
-            // The vertical zero of the second trial's plate, 1 σ of which is 5 N; 5 N of the whole weight stand for 0.51 kg.
+            // The vertical zero of the second trial's plate, 1 σ of which is 5 N; 5 N of the whole weight
+            // stand for 0.51 kg.
             let zeros = right.moved(&both)[1].1.row(0).into_owned();
             assert!((shift / zeros[8].abs() - 1.0).abs() < 0.1, "{shift} {zeros}");
             assert_eq!(zeros[2] == 0.0, both.len() == 1, "{zeros}");

@@ -38,16 +38,16 @@ pub struct OnFeet {
 }
 
 impl OnFeet {
-    /// Returns what is measured of a robot of these links and masses, as the input of its rows; `None` if the links make no tree, or a
-    /// joint is free.
+    /// Returns what is measured of a robot of these links and masses, as the input of its rows; `None` if the
+    /// links make no tree, or a joint is free.
     pub fn input(&self, truth: &Model) -> Option<Input> {
         let mut input = self.unchosen(truth, &|_| truth)?;
         input.choose_rows().ok()?;
         Some(input)
     }
 
-    /// Returns the same of a robot whose links and masses at a time, s, are those of `at`; which rows are free of what is not measured
-    /// is left open.
+    /// Returns the same of a robot whose links and masses at a time, s, are those of `at`; which rows are
+    /// free of what is not measured is left open.
     pub fn unchosen<'a>(&self, truth: &'a Model, at: &dyn Fn(f64) -> &'a Model) -> Option<Input> {
         let mut noise = Noise(Some(self.seed));
         let count = (self.seconds * self.rate_hz) as usize;

@@ -1,4 +1,5 @@
-//! A humanoid of thirty links that picks something up and drops it, with what its own sensors read: for the watch over a robot.
+//! A humanoid of thirty links that picks something up and drops it, with what its own sensors read: for the
+//! watch over a robot.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -113,7 +114,8 @@ impl PicksUp {
         body(self.mass_kg, GRIP_M, [0.02, 0.03, 0.02])
     }
 
-    /// Returns what is known of the robot, what is measured of it, and the link that picks up; `None` if there is no such link.
+    /// Returns what is known of the robot, what is measured of it, and the link that picks up; `None` if
+    /// there is no such link.
     pub fn input(&self) -> Option<(Model, Input, usize)> {
         let mut noise = Noise(Some(self.seed.wrapping_mul(0x9e37_79b9).wrapping_add(77)));
         let known = humanoid();

@@ -1,7 +1,8 @@
 //! A humanoid that stands with flat soles on a level floor, and what its encoders and its IMU read in poses.
 //!
-//! The legs are those of the check in which the identifiability of offsets was found: hip z, x, y, knee y, shank z, ankle y, x. Where the
-//! soles are is computed here by matrices of four by four and differences, not by the kinematics of the search.
+//! The legs are those of the check in which the identifiability of offsets was found: hip z, x, y, knee y,
+//! shank z, ankle y, x. Where the soles are is computed here by matrices of four by four and differences, not
+//! by the kinematics of the search.
 #![allow(clippy::missing_panics_doc, reason = "of a robot that is made here")]
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
@@ -117,7 +118,8 @@ fn flattened(pelvis: &UnitQuaternion<f64>, mut angles: Vec<f64>) -> Option<Vec<f
     None
 }
 
-/// Returns poses with flat soles and legs that differ, as they are read with these offsets: true less measured angle, rad.
+/// Returns poses with flat soles and legs that differ, as they are read with these offsets: true less
+/// measured angle, rad.
 pub fn random_poses(count: usize, offsets: &[f64], reading: Reading, seed: u64) -> Vec<Pose> {
     let mut noise = Noise(Some(seed));
     let mut poses = Vec::with_capacity(count);

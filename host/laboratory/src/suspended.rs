@@ -1,4 +1,5 @@
-//! The vibration paper's experiment as a laboratory records it: markers on platform and links, poses by registration.
+//! The vibration paper's experiment as a laboratory records it: markers on platform and links, poses by
+//! registration.
 
 use hexapod::{BodyParameters, Mounting};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -21,7 +22,8 @@ const WINDOW_S: [f64; 2] = [3.0, 10.0];
 const LOSS_S: f64 = 1e-3;
 /// Origin of a single body's S in the platform, m.
 const S_IN_P_M: [f64; 3] = [0.0, 0.0, 0.06];
-/// Rates that a blow gives to a single body, rad/s: it turns faster than the paper's links, and comes to rest sooner.
+/// Rates that a blow gives to a single body, rad/s: it turns faster than the paper's links, and comes to rest
+/// sooner.
 const TURNED_RADPS: [f64; 3] = [0.1, 0.15, 0.1];
 /// Half the side of the markers' clusters on platform and links, m.
 const CLUSTERS_M: [f64; 3] = [0.4, 0.4, 0.3];
@@ -35,14 +37,16 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Returns the experiment with the joint at `joint_m` in link 0 and white noise of markers along each axis.
+    /// Returns the experiment with the joint at `joint_m` in link 0 and white noise of markers along each
+    /// axis.
     pub fn new(joint_m: [f64; 3], noise_m: f64, seed: u64) -> Self {
         let mut rig = paper::suspension(joint_m);
         rig.springs = rig.springs.iter().map(|spring| spring.with_loss(LOSS_S)).collect();
         Self { rig, noise_m, seed }
     }
 
-    /// Returns one body on springs as much softer as it is lighter, its frame S above the middle of the platform.
+    /// Returns one body on springs as much softer as it is lighter, its frame S above the middle of the
+    /// platform.
     pub fn of_body(body: BodyParameters, noise_m: f64, seed: u64) -> Self {
         let own = Self::new(paper::JOINT_M, noise_m, seed);
         let mount = Mounting { position_m: S_IN_P_M, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
@@ -102,7 +106,8 @@ impl Experiment {
             return RigFile { suspension: Some(suspension), truth: Some(truth), ..RigFile::default() };
         };
         let links = format!(
-            "[[link]]\nname = \"base\"\n[[link]]\nname = \"arm\"\nparent = \"base\"\njoint = \"spherical\"\nposition_m = {joint_m:?}\n"
+            "[[link]]\nname = \"base\"\n[[link]]\nname = \"arm\"\nparent = \"base\"\njoint \
+             = \"spherical\"\nposition_m = {joint_m:?}\n"
         );
         RigFile { suspension: Some(suspension), ..RigFile::parse(&links).unwrap_or_default() }
     }
@@ -187,7 +192,8 @@ impl Experiment {
     }
 }
 
-/// Returns the base parameters M, MS_0, J_0, MS_1, J_1 of the paper's Table 1 with the joint at the origin, in the order of
+/// Returns the base parameters M, MS_0, J_0, MS_1, J_1 of the paper's Table 1 with the joint at the origin,
+/// in the order of
 /// [`rigident_vibration::suspension::postures`]: kg, kg m, kg m².
 pub fn truth() -> [f64; 19] {
     let (base, arm) = (paper::link_0(), paper::link_1());

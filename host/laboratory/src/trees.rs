@@ -1,7 +1,7 @@
 //! Recordings of trees whose parameters are known, by inverse dynamics that share nothing with the rows.
 //!
-//! Two links with an IMU each on a load cell, seven axes with torques, people, and how far a fit is from the truth. For
-//! tests and for the tables of `docs/trees.md`.
+//! Two links with an IMU each on a load cell, seven axes with torques, people, and how far a fit is from the
+//! truth. For tests and for the tables of `docs/trees.md`.
 #![allow(clippy::missing_panics_doc, reason = "of trees that are made here")]
 
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
@@ -186,8 +186,8 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
     recording
 }
 
-/// Seven axes in motion: positions, rates if wished, torques; noise of these torques; `rubs` times a friction of 0.7 N m s,
-/// 1.5 N m and 0.2 N m.
+/// Seven axes in motion: positions, rates if wished, torques; noise of these torques; `rubs` times a friction
+/// of 0.7 N m s, 1.5 N m and 0.2 N m.
 pub fn seven_axis_recording(
     model: &Model,
     rate_hz: f64,
@@ -305,8 +305,8 @@ impl TreeInstant {
         Self::of_sizes(model, if base_moves { 0.3 } else { 0.0 }, &size, t)
     }
 
-    /// Returns the motion at a time, s, whose swings have these sizes, rad: of the base, held still if zero, and of the joint of each
-    /// link.
+    /// Returns the motion at a time, s, whose swings have these sizes, rad: of the base, held still if zero,
+    /// and of the joint of each link.
     pub fn of_sizes(model: &Model, of_base: f64, size: &dyn Fn(&str, &Joint<f64>) -> f64, t: f64) -> Self {
         let base = if of_base > 0.0 {
             let (r, rate) = attitude(t, 0, of_base);
@@ -345,15 +345,16 @@ impl TreeInstant {
         Self { base, positions: q, rates: v, accelerations: dv, links }
     }
 
-    /// Returns the wrench on the base link of these bodies, N and N m; `None` if a joint is neither spherical nor revolute.
+    /// Returns the wrench on the base link of these bodies, N and N m; `None` if a joint is neither spherical
+    /// nor revolute.
     pub fn wrench(&self, model: &Model) -> Option<[f64; 6]> {
         let all = inverse_dynamics(model, &self.base, &self.positions, &self.rates, &self.accelerations)?;
         all.first_chunk().copied()
     }
 }
 
-/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all links, the wrench on
-/// the base, its offset zero. For people; without noise.
+/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all
+/// links, the wrench on the base, its offset zero. For people; without noise.
 pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording {
     let mut recording =
         Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
@@ -380,8 +381,8 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     recording
 }
 
-/// A tree of revolute joints on a base that is held still: positions, rates if wished, and torques of all joints; without
-/// noise.
+/// A tree of revolute joints on a base that is held still: positions, rates if wished, and torques of all
+/// joints; without noise.
 pub fn arm_recording(model: &Model, rate_hz: f64, seconds: f64, rates: bool) -> Recording {
     let mut recording = Recording { name: "arm".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
     recording.rig = exact_rig(0);
@@ -425,8 +426,8 @@ pub struct TreeNoise {
     pub rate: f64,
 }
 
-/// The same recording with white noise, and an offset of the wrench that is drawn of `offset`, N and N m; returns the offset
-/// too.
+/// The same recording with white noise, and an offset of the wrench that is drawn of `offset`, N and N m;
+/// returns the offset too.
 pub fn with_noise_and_offset(
     recording: &Recording,
     sigma: &TreeNoise,
@@ -469,7 +470,8 @@ pub fn truth(model: &Model, base: &BaseParameters) -> Vec<f64> {
     (base.map() * DVector::from_column_slice(&nominal[skip..])).as_slice().to_vec()
 }
 
-/// Returns the largest error of a fit over the largest parameter of the same unit; `truth` are its first parameters.
+/// Returns the largest error of a fit over the largest parameter of the same unit; `truth` are its first
+/// parameters.
 pub fn worst(truth: &[f64], found: &Fit) -> f64 {
     let mut worst: f64 = 0.0;
     for (j, wanted) in truth.iter().enumerate() {
@@ -491,7 +493,8 @@ pub struct Coverage {
     pub warned: f64,
 }
 
-/// Returns how often the intervals of runs with seeds 1 to `runs` hold the truth, which each run gives beside its fit.
+/// Returns how often the intervals of runs with seeds 1 to `runs` hold the truth, which each run gives beside
+/// its fit.
 pub fn coverage(runs: u64, mut run: impl FnMut(u64) -> (Vec<f64>, Fit)) -> Coverage {
     let (mut inside, mut as_white, mut all, mut warned) = (0.0, 0.0, 0.0, 0.0);
     for seed in 1..=runs {

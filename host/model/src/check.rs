@@ -127,24 +127,25 @@ fn sizes(model: &Model) -> Vec<Finding> {
         let [_, _, largest] = radii(phi);
         if density > DENSEST {
             say(format!(
-                "a body of {:.4} kg with these moments of inertia would have to be denser than osmium ({density:.2e} kg/m³; its \
-                 largest radius of gyration is {:.3} mm): is the mass in kg, and the tensor in kg m²?",
+                "a body of {:.4} kg with these moments of inertia would have to be denser than osmium \
+                 ({density:.2e} kg/m³; its largest radius of gyration is {:.3} mm): is the mass in kg, and \
+                 the tensor in kg m²?",
                 own.mass,
                 largest * 1e3
             ));
         } else if density < LIGHTEST {
             say(format!(
-                "a body of {:.4} kg with these moments of inertia would be a cloud of {density:.1e} kg/m³ (its largest radius of \
-                 gyration is {largest:.3} m; all joints together are {reach:.3} m apart): is the tensor in kg m², and the mass \
-                 in kg?",
+                "a body of {:.4} kg with these moments of inertia would be a cloud of {density:.1e} kg/m³ \
+                 (its largest radius of gyration is {largest:.3} m; all joints together are {reach:.3} m \
+                 apart): is the tensor in kg m², and the mass in kg?",
                 own.mass
             ));
         }
         // A last link may be longer than all that is before it; then it is wide as well.
         if com.norm() > 5.0 * largest && com.norm() > 0.3 * reach {
             say(format!(
-                "its centre of mass is {:.3} m from its origin, {:.0} of its radii of gyration: is it in metres, and in the \
-                 link's own frame?",
+                "its centre of mass is {:.3} m from its origin, {:.0} of its radii of gyration: is it in \
+                 metres, and in the link's own frame?",
                 com.norm(),
                 com.norm() / largest
             ));
@@ -169,8 +170,8 @@ fn outside(model: &Model, shapes: &BTreeMap<String, Shape>) -> Vec<Finding> {
         let mut say = |text: String| found.push(Finding { place: format!("link {name}"), text });
         if beyond > 0.01 * size {
             say(format!(
-                "its centre of mass is {beyond:.3} m outside of the box around its shapes ({size:.3} m across): is it in the \
-                 link's frame, and in metres?"
+                "its centre of mass is {beyond:.3} m outside of the box around its shapes ({size:.3} m \
+                 across): is it in the link's frame, and in metres?"
             ));
             continue;
         }
@@ -179,9 +180,9 @@ fn outside(model: &Model, shapes: &BTreeMap<String, Shape>) -> Vec<Finding> {
         let [_, _, largest] = radii(&phi);
         if largest > furthest * 1.01 {
             say(format!(
-                "its largest radius of gyration is {largest:.3} m, and no point of its shapes is further than {furthest:.3} m \
-                 from its centre of mass: is the tensor about the link's origin and not about the centre of mass, or in \
-                 another unit?"
+                "its largest radius of gyration is {largest:.3} m, and no point of its shapes is further \
+                 than {furthest:.3} m from its centre of mass: is the tensor about the link's origin and not \
+                 about the centre of mass, or in another unit?"
             ));
         }
     }

@@ -1,5 +1,6 @@
-//! Inverse dynamics of a model: recursive Newton and Euler, link by link about centres of mass (J. Luh, M. Walker,
-//! R. Paul, 1980). Another way to forces than the rows, for simulating and for checking models against each other.
+//! Inverse dynamics of a model: recursive Newton and Euler, link by link about centres of mass (J. Luh, M.
+//! Walker, R. Paul, 1980). Another way to forces than the rows, for simulating and for checking models
+//! against each other.
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -20,8 +21,8 @@ struct State {
     force: Vector3<f64>,
 }
 
-/// A joint's share: rotation, position, relative rate and its derivative (own axes), relative velocity and acceleration
-/// (parent axes).
+/// A joint's share: rotation, position, relative rate and its derivative (own axes), relative velocity and
+/// acceleration (parent axes).
 type Step = (Matrix3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>);
 
 fn about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
@@ -41,8 +42,8 @@ pub fn inverse_dynamics(
     inverse_dynamics_with(model, base, positions, rates, accelerations, &[])
 }
 
-/// Returns the same beside wrenches that act on links from outside, each with its link, about the link's origin in its axes, N and
-/// N m: what base and joints have to add to them.
+/// Returns the same beside wrenches that act on links from outside, each with its link, about the link's
+/// origin in its axes, N and N m: what base and joints have to add to them.
 pub fn inverse_dynamics_with(
     model: &Model,
     base: &BaseMotion<f64>,
@@ -55,9 +56,10 @@ pub fn inverse_dynamics_with(
     inverse_dynamics_of(model, &nominal, base, (positions, rates, accelerations), outside)
 }
 
-/// Returns the rows of the parameters of all links, ten a link, column by column: what a change of one of them by one changes in
-/// [`inverse_dynamics`], tensors about the links' origins held (K. Yamane, Humanoids 2011, equations 24 to 28). For a function that
-/// knows nothing of rows; [`super::rows::Moving::all_rows`] says the same at once.
+/// Returns the rows of the parameters of all links, ten a link, column by column: what a change of one of
+/// them by one changes in
+/// [`inverse_dynamics`], tensors about the links' origins held (K. Yamane, Humanoids 2011, equations 24 to
+/// 28). For a function that knows nothing of rows; [`super::rows::Moving::all_rows`] says the same at once.
 pub fn regressor_by_unit_changes(
     model: &Model,
     base: &BaseMotion<f64>,

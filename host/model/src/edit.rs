@@ -22,8 +22,8 @@ pub struct Place {
 }
 
 impl Model {
-    /// Makes joints fixed: `JOINT` at zero, `JOINT=VALUE` at an angle, rad, or a length, m. Who follows a joint that is locked is
-    /// locked with it where it then is, if it is not among them itself.
+    /// Makes joints fixed: `JOINT` at zero, `JOINT=VALUE` at an angle, rad, or a length, m. Who follows a
+    /// joint that is locked is locked with it where it then is, if it is not among them itself.
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such joint, or it cannot be there.
@@ -56,7 +56,8 @@ impl Model {
         }
         let value = value.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
             ModelError::Option(format!(
-                "`lock` {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a length"
+                "`lock` {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a \
+                 length"
             ))
         })?;
         Ok((name, Some(value)))
@@ -69,13 +70,14 @@ impl Model {
             _ if value == 0.0 => {}
             Joint::Fixed => {
                 return Err(ModelError::Option(format!(
-                    "`lock` {name}={value}: it is a fixed joint and stands where the model has it; leave it out"
+                    "`lock` {name}={value}: it is a fixed joint and stands where the model has it; leave it \
+                     out"
                 )));
             }
             _ => {
                 return Err(ModelError::Option(format!(
-                    "`lock` {name}={value}: a joint of several freedoms is locked at zero only; leave =VALUE out, or turn its \
-                     link in the model"
+                    "`lock` {name}={value}: a joint of several freedoms is locked at zero only; leave =VALUE \
+                     out, or turn its link in the model"
                 )));
             }
         }
@@ -119,8 +121,9 @@ impl Model {
         ))
     }
 
-    /// Replaces three revolute joints in a row, whose axes pass through one point and whose two links in between have
-    /// no mass, by one spherical joint. The last link keeps its name and frame, the joint the last one's name.
+    /// Replaces three revolute joints in a row, whose axes pass through one point and whose two links in
+    /// between have no mass, by one spherical joint. The last link keeps its name and frame, the joint the
+    /// last one's name.
     ///
     /// # Errors
     /// [`ModelError::Option`] that says what speaks against it.
@@ -190,8 +193,8 @@ impl Model {
         Ok(())
     }
 
-    /// The same with two revolute joints of a body whose axes meet at its origin as one universal joint, for languages that have
-    /// no body of several joints.
+    /// The same with two revolute joints of a body whose axes meet at its origin as one universal joint, for
+    /// languages that have no body of several joints.
     #[must_use]
     pub(super) fn with_universals(&self) -> Self {
         let mut out = self.clone();
@@ -232,7 +235,8 @@ impl Model {
         out
     }
 
-    /// The same of joints whose angles are known each on its own: the three stay, and the links between them are no bodies.
+    /// The same of joints whose angles are known each on its own: the three stay, and the links between them
+    /// are no bodies.
     ///
     /// # Errors
     /// As those of [`Self::declare_spherical`].
@@ -262,8 +266,8 @@ impl Model {
             .collect();
     }
 
-    /// Returns the place that an option's words say: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of a
-    /// frame in the link's).
+    /// Returns the place that an option's words say: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m
+    /// and degrees, of a frame in the link's).
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.
@@ -288,8 +292,8 @@ impl Model {
         Ok(Place { link: holder, rotation, position })
     }
 
-    /// Returns the link that moves and carries a place, links on fixed joints being one with what they hang on, and the place in
-    /// its frame.
+    /// Returns the link that moves and carries a place, links on fixed joints being one with what they hang
+    /// on, and the place in its frame.
     pub fn moving_place(&self, place: &Place) -> Place {
         let mut found = place.clone();
         while let Some(own) = self.links.get(found.link).filter(|_| found.link > 0) {
@@ -305,8 +309,8 @@ impl Model {
         found
     }
 
-    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of the tool's
-    /// frame in the link's).
+    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of
+    /// the tool's frame in the link's).
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.

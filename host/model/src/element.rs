@@ -1,4 +1,5 @@
-//! Elements of a robot description that can be changed and written anew: files that name other files become one.
+//! Elements of a robot description that can be changed and written anew: files that name other files become
+//! one.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,14 +1,14 @@
-//! People: `human34` (15 links, 34 degrees of freedom) and `human58` (23 links, 58), the models of the papers on
-//! identifying human mass properties from motion.
+//! People: `human34` (15 links, 34 degrees of freedom) and `human58` (23 links, 58), the models of the papers
+//! on identifying human mass properties from motion.
 //!
-//! At zero position the person stands upright with hanging arms, x forward, y to the left, z up. Each link's frame has
-//! its origin at its parent joint, the base's (the lower trunk's) midway between the hips; x and y of that lie in the plane of
-//! its four spines, which leans forward by [`PELVIS_TILT`] when people stand. Knees (of `human34`) and
-//! elbows turn about y, the radius about the forearm's z.
+//! At zero position the person stands upright with hanging arms, x forward, y to the left, z up. Each link's
+//! frame has its origin at its parent joint, the base's (the lower trunk's) midway between the hips; x and y
+//! of that lie in the plane of its four spines, which leans forward by [`PELVIS_TILT`] when people stand.
+//! Knees (of `human34`) and elbows turn about y, the radius about the forearm's z.
 //!
-//! Assumed here, not published: where a segment of the table is split among links (clavicles and scapulae of the upper
-//! trunk, cervical of the head, ulna and radius of the forearm), each has a share of the same distribution of mass, so
-//! that together and at zero position they are the table's segment.
+//! Assumed here, not published: where a segment of the table is split among links (clavicles and scapulae of
+//! the upper trunk, cervical of the head, ulna and radius of the forearm), each has a share of the same
+//! distribution of mass, so that together and at zero position they are the table's segment.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -30,8 +30,8 @@ pub struct Person {
     pub mass_kg: f64,
     /// The sex whose means are taken.
     pub sex: Sex,
-    /// Lengths known otherwise, m: `thigh`, `shank`, `foot`, `upper_arm`, `forearm`, `hand`, `head`, `upper_trunk`,
-    /// `middle_trunk`, `lower_trunk`, `shoulder_width`, `hip_width`, `ankle_height`.
+    /// Lengths known otherwise, m: `thigh`, `shank`, `foot`, `upper_arm`, `forearm`, `hand`, `head`,
+    /// `upper_trunk`, `middle_trunk`, `lower_trunk`, `shoulder_width`, `hip_width`, `ankle_height`.
     pub lengths_m: Vec<(String, f64)>,
 }
 
@@ -81,7 +81,8 @@ const SCAPULA: f64 = 0.10;
 const CERVICAL: f64 = 0.15;
 const ULNA: f64 = 0.5;
 
-/// The plane of the pelvis' four spines leans forward so far in standing, rad (10°); the table's axis of the lower trunk is the vertical.
+/// The plane of the pelvis' four spines leans forward so far in standing, rad (10°); the table's axis of the
+/// lower trunk is the vertical.
 pub const PELVIS_TILT: f64 = 0.175;
 /// The distance of the lowest joint of the spine behind the hips in the axes of the four spines, over the
 /// stature: 35 mm at 1.80 m (30 mm in S. Delp et al. 1990).
@@ -97,8 +98,8 @@ struct Builder {
 type Placed = (Part, f64, Vector3<f64>, Vector3<f64>);
 
 impl Person {
-    /// Returns a length, m, by its name in `lengths_m`: as it is given, else as the table has it for the stature; `None` if there is
-    /// none of that name.
+    /// Returns a length, m, by its name in `lengths_m`: as it is given, else as the table has it for the
+    /// stature; `None` if there is none of that name.
     pub fn length(&self, name: &str) -> Option<f64> {
         let k = LENGTHS.iter().position(|n| *n == name)?;
         let given = self.lengths_m.iter().find(|(n, _)| n == name).map(|(_, length)| *length);
@@ -144,8 +145,8 @@ impl Person {
             let (value, usual) = (positive(&format!("`segment` {name}"), *value)?, lengths[k]);
             if !(usual / ODD_LENGTH..=usual * ODD_LENGTH).contains(&value) {
                 return Err(ModelError::Option(format!(
-                    "`segment` {name}={value}: of a person {h} m tall it is about {usual:.3} m; is it in metres, and is the height \
-                     right?"
+                    "`segment` {name}={value}: of a person {h} m tall it is about {usual:.3} m; is it in \
+                     metres, and is the height right?"
                 )));
             }
             lengths[k] = value;
@@ -227,7 +228,8 @@ impl Person {
         b.head("head", cervical, up * neck, 1.0 - CERVICAL, neck);
         for (side, left) in [("l", 1.0), ("r", -1.0)] {
             let out = Vector3::y() * (left * b.lengths[10] / 2.0);
-            // Joints along the line from the breastbone to the shoulder, at an eighth and at three quarters of it.
+            // Joints along the line from the breastbone to the shoulder, at an eighth and at three quarters
+            // of it.
             let (inner, outer) = (out * 0.125, out * 0.75);
             let clavicle = b.add(
                 &format!("{side}_clavicle"),
@@ -273,8 +275,8 @@ impl Builder {
         self.lengths[part as usize]
     }
 
-    /// The length that a part's body is scaled by, m. Breadth and depth of the trunk do not follow the distances between its joints: its bodies are
-    /// the stature's.
+    /// The length that a part's body is scaled by, m. Breadth and depth of the trunk do not follow the
+    /// distances between its joints: its bodies are the stature's.
     fn body_length(&self, part: Part) -> f64 {
         match part {
             Part::UpperTrunk | Part::MiddleTrunk | Part::LowerTrunk => {
@@ -290,8 +292,8 @@ impl Builder {
         let length = self.body_length(*part);
         let mass = share * s.mass * self.person.mass_kg;
         let [sagittal, transverse, longitudinal] = s.radii.map(|r| (r * length).powi(2) * mass);
-        // The longitudinal axis is the one the part extends along; feet extend forward, and turn about the vertical as
-        // other parts about the sagittal axis.
+        // The longitudinal axis is the one the part extends along; feet extend forward, and turn about the
+        // vertical as other parts about the sagittal axis.
         let moments = if along.x != 0.0 {
             [longitudinal, transverse, sagittal]
         } else {

@@ -1,12 +1,12 @@
-//! Segments of people: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", Journal of
-//! Biomechanics 29 (9), 1996, table 4. Distances between joints that the table has not (shoulders, hips, ankle's
-//! height) are fractions of the stature by R. Drillis and R. Contini, "Body segment parameters", New York University,
-//! 1966, as D. Winter's textbook figure of segment lengths has them.
+//! Segments of people: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters",
+//! Journal of Biomechanics 29 (9), 1996, table 4. Distances between joints that the table has not (shoulders,
+//! hips, ankle's height) are fractions of the stature by R. Drillis and R. Contini, "Body segment
+//! parameters", New York University, 1966, as D. Winter's textbook figure of segment lengths has them.
 //!
-//! Every figure of the table was checked against two independent transcriptions: masses, centres of mass and radii against
-//! the files `BSPmale_ZdeLeva.txt` and `BSPfemale_ZdeLeva.txt` of the course <https://github.com/BMClab/BMC> (segments
-//! `Head 2` and `Shank 2` for head and shank); these and all lengths, statures and masses against R. Gurchiek's function
-//! `deleva` (2018).
+//! Every figure of the table was checked against two independent transcriptions: masses, centres of mass and
+//! radii against the files `BSPmale_ZdeLeva.txt` and `BSPfemale_ZdeLeva.txt` of the course
+//! <https://github.com/BMClab/BMC> (segments `Head 2` and `Shank 2` for head and shank); these and all
+//! lengths, statures and masses against R. Gurchiek's function `deleva` (2018).
 //!
 //! They are means of young adults: a nominal guess, no measurement of anybody.
 
@@ -23,7 +23,8 @@ pub enum Sex {
 }
 
 impl Sex {
-    /// Returns whose means they are, in words: 15 women of 19 years and 100 men of 24 on average, students (V. Zatsiorsky et al. 1990).
+    /// Returns whose means they are, in words: 15 women of 19 years and 100 men of 24 on average, students
+    /// (V. Zatsiorsky et al. 1990).
     pub fn words(self) -> &'static str {
         match self {
             Self::Female => "young women (19 ± 0.3 years)",
@@ -42,8 +43,8 @@ pub struct Segment {
     pub mass: f64,
     /// Centre of mass from the proximal end, over the length.
     pub com: f64,
-    /// Radii of gyration about the sagittal (forward), transverse (sideways) and longitudinal axis through the centre of
-    /// mass, over the length.
+    /// Radii of gyration about the sagittal (forward), transverse (sideways) and longitudinal axis through
+    /// the centre of mass, over the length.
     pub radii: [f64; 3],
 }
 
@@ -102,7 +103,8 @@ const MALE: Table = (
 
 /// Half the distance between the shoulders over the stature.
 pub const SHOULDER: f64 = 0.129;
-/// Half the distance between the hips over the stature: half of the half breadth, where the joints' centres are.
+/// Half the distance between the hips over the stature: half of the half breadth, where the joints' centres
+/// are.
 pub const HIP: f64 = 0.191 / 4.0;
 /// Height of the ankle over the stature.
 pub const ANKLE: f64 = 0.039;

@@ -56,11 +56,11 @@ fn stays(values: &[f64], in_time: bool, largest_noise: f64) -> bool {
     in_time && noise <= largest_noise && deviation <= DEVIATION * noise
 }
 
-/// Joints of the model whose coordinates stay the same, and a base without turning. Frames hold the coordinates of all joints
-/// as [`super::rows::Moving::set`] takes them, and the base's angular rate, rad/s.
+/// Joints of the model whose coordinates stay the same, and a base without turning. Frames hold the
+/// coordinates of all joints as [`super::rows::Moving::set`] takes them, and the base's angular rate, rad/s.
 ///
-/// Of frames in time noise is no motion: what leaves its place by no more than samples differ from one to the next stays. Of
-/// still poses only what is exactly the same does.
+/// Of frames in time noise is no motion: what leaves its place by no more than samples differ from one to the
+/// next stays. Of still poses only what is exactly the same does.
 pub fn idle(model: &Model, frames: &[(&[f64], Vector3<f64>)], in_time: bool) -> Vec<Finding> {
     let finding = |place: String, text: &str| Finding { place, text: text.to_owned() };
     if frames.is_empty() {
@@ -80,8 +80,8 @@ pub fn idle(model: &Model, frames: &[(&[f64], Vector3<f64>)], in_time: bool) -> 
         if !range.is_empty() && !moves {
             found.push(finding(
                 format!("joint {}", link.joint_name),
-                "never moves in these frames: what is beyond it is identified only as one body with what it hangs on; \
-                 move it, or say `lock`",
+                "never moves in these frames: what is beyond it is identified only as one body with what it \
+                 hangs on; move it, or say `lock`",
             ));
         }
     }
@@ -94,8 +94,8 @@ pub fn idle(model: &Model, frames: &[(&[f64], Vector3<f64>)], in_time: bool) -> 
     if !turns {
         found.push(finding(
             format!("link {}", model.links.first().map_or("base", |l| l.name.as_str())),
-            "the base never turns in these frames: its own inertia is not identified, and of what hangs on it only what \
-             joints and gravity show",
+            "the base never turns in these frames: its own inertia is not identified, and of what hangs on \
+             it only what joints and gravity show",
         ));
     }
     found

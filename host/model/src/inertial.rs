@@ -14,8 +14,8 @@ fn steiner(p: &Vector3<f64>, q: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() * (2.0 * p.dot(q)) - p * q.transpose() - q * p.transpose()
 }
 
-/// φ of the same body about the parent's frame: R parent ← link, p the link's origin in the parent. Holds for a mass
-/// of zero too.
+/// φ of the same body about the parent's frame: R parent ← link, p the link's origin in the parent. Holds for
+/// a mass of zero too.
 ///
 /// `ms = M p + R MS`, `I = R J Rᵀ + M S(p) + S(p, R MS) + S(p, R MS)ᵀ`
 pub fn in_parent(phi: &Parameters, rotation: &Matrix3<f64>, position: &Vector3<f64>) -> Parameters {
@@ -57,8 +57,8 @@ pub fn impossibility(phi: &Parameters) -> Option<String> {
     sorted.sort_by(f64::total_cmp);
     let [a, b, c] = sorted;
     Some(format!(
-        "no distribution of mass has its inertia: principal moments {a:.4e}, {b:.4e}, {c:.4e} kg m² about the centre of \
-         mass{}",
+        "no distribution of mass has its inertia: principal moments {a:.4e}, {b:.4e}, {c:.4e} kg m² about \
+         the centre of mass{}",
         if a < 0.0 {
             ", one of them negative"
         } else if a + b < c {

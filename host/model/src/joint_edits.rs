@@ -23,7 +23,8 @@ fn moved<'a>(model: &'a Model, file: &Model, by: f64) -> Vec<&'a ModelLink> {
     model.links.iter().skip(1).filter(differs).collect()
 }
 
-/// Returns the edits that put the joints of a URDF where the model has them; all else of them stays. `file` is what the text says.
+/// Returns the edits that put the joints of a URDF where the model has them; all else of them stays. `file`
+/// is what the text says.
 pub(super) fn edits(model: &Model, file: &Model, text: &str, document: &Document) -> Vec<Edit> {
     let place = |own: &ModelLink| {
         let is_it = |node: &Node| {

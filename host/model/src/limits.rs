@@ -1,7 +1,7 @@
 //! Limits of joints, as robot descriptions state them.
 
-/// Limits of a joint of one freedom; `None` where nothing is stated. Units are those of a turning joint; a sliding one has m for
-/// rad and N for N m.
+/// Limits of a joint of one freedom; `None` where nothing is stated. Units are those of a turning joint; a
+/// sliding one has m for rad and N for N m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
     /// Least and largest position, rad.

@@ -1,7 +1,8 @@
 //! URDFs that are no well-formed XML, as urdfdom's parser takes them.
 //!
-//! Older descriptions have prefixes that nobody declares (`<sensor:camera>`), `--` in comments, `&` in texts, or blanks before the
-//! `<?xml … ?>`. These are made harmless byte by byte, so that every element stays where it is in the file.
+//! Older descriptions have prefixes that nobody declares (`<sensor:camera>`), `--` in comments, `&` in texts,
+//! or blanks before the `<?xml … ?>`. These are made harmless byte by byte, so that every element stays where
+//! it is in the file.
 
 use std::borrow::Cow;
 
@@ -21,8 +22,8 @@ pub(super) fn tidied(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).ok().filter(|tidy| parsed(tidy).is_ok()).map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
-/// Returns a text with a blank between attributes that nothing separates (`name="a"type="b"`), which MuJoCo's and urdfdom's parser
-/// take for two.
+/// Returns a text with a blank between attributes that nothing separates (`name="a"type="b"`), which MuJoCo's
+/// and urdfdom's parser take for two.
 pub(super) fn spaced(text: String) -> String {
     let all = text.as_bytes();
     let mut missing = Vec::new();
@@ -150,8 +151,10 @@ mod tests {
     /// As tinyxml2 reads it.
     #[test]
     fn attributes_that_nothing_separates_are_two() {
-        let text = "<?xml version='1.0'?><a b=\"1\"c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j k=\"'l'm\"n=\"\"/></g>";
-        let right = "<?xml version='1.0'?><a b=\"1\" c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j k=\"'l'm\" n=\"\"/></g>";
+        let text = "<?xml version='1.0'?><a b=\"1\"c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j \
+                    k=\"'l'm\"n=\"\"/></g>";
+        let right = "<?xml version='1.0'?><a b=\"1\" c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j k=\"'l'm\" \
+                     n=\"\"/></g>";
         let wrapped = |text: &str| text.replace("?><a", "?><all><a") + "</all>";
         assert!(parsed(&wrapped(text)).is_err());
         assert_eq!(spaced(text.to_owned()), right);

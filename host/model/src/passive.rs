@@ -11,7 +11,8 @@ const ROUNDING: f64 = 1e-12;
 /// `armature · q̈ + damping · q̇ + friction · sign q̇ +
 /// stiffness · (q − spring_reference)`. All are zero where a file says nothing.
 ///
-/// A ball has one for its three freedoms. Units are those of a turning joint; a sliding one has m for rad and N for N m.
+/// A ball has one for its three freedoms. Units are those of a turning joint; a sliding one has m for rad and
+/// N for N m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Passive {
     /// Inertia of the rotor as the joint feels it, kg m².
@@ -27,8 +28,8 @@ pub struct Passive {
 }
 
 impl Passive {
-    /// Returns the numbers with the words that columns of friction have for them. A spring that is slack at q₀
-    /// adds `stiffness · q` and the constant `−stiffness · q₀`.
+    /// Returns the numbers with the words that columns of friction have for them. A spring that is slack at
+    /// q₀ adds `stiffness · q` and the constant `−stiffness · q₀`.
     pub fn terms(&self) -> [(&'static str, f64); 5] {
         [
             ("viscous", self.damping),
@@ -79,8 +80,8 @@ impl Passive {
         pairs.all(|((_, own), (_, other))| (own - other).abs() <= ROUNDING * own.abs().max(other.abs()))
     }
 
-    /// Returns it as attributes or elements of a joint, or of an axis in SDF; empty where nothing is to be said. Rotors of
-    /// URDF and SDF are elsewhere ([`super::transmission`]).
+    /// Returns it as attributes or elements of a joint, or of an axis in SDF; empty where nothing is to be
+    /// said. Rotors of URDF and SDF are elsewhere ([`super::transmission`]).
     pub(super) fn written(self, language: Language, joint: &Joint<f64>) -> String {
         let own = self.said_in(language, joint);
         if own == Self::default() {
@@ -96,8 +97,7 @@ impl Passive {
                 stated.map(|(name, value)| format!(" {name}=\"{value}\"")).collect()
             }
             Language::Sdf => format!(
-                "<dynamics><damping>{damping}</damping><friction>{friction}</friction><spring_reference>{spring_reference}\
-                 </spring_reference><spring_stiffness>{stiffness}</spring_stiffness></dynamics>"
+                "<dynamics><damping>{damping}</damping><friction>{friction}</friction><spring_reference>{spring_reference}</spring_reference><spring_stiffness>{stiffness}</spring_stiffness></dynamics>"
             ),
         }
     }

@@ -22,8 +22,8 @@ pub(super) struct Changed<'a> {
     old: Passive,
 }
 
-/// Returns the axes of which a model says something else than `file`, what a file says of it. Joints that are of another kind
-/// there, as those that were locked, are left out: of them the file is left as it is.
+/// Returns the axes of which a model says something else than `file`, what a file says of it. Joints that are
+/// of another kind there, as those that were locked, are left out: of them the file is left as it is.
 pub(super) fn changed<'a>(model: &'a Model, file: &Model, language: Language) -> Vec<Changed<'a>> {
     let mut found = Vec::new();
     for link in model.links.iter().skip(1) {
@@ -41,8 +41,8 @@ pub(super) fn changed<'a>(model: &'a Model, file: &Model, language: Language) ->
     found
 }
 
-/// Returns the edits that make a file say what the model does of its joints; all else of them stays. `file` is what the text
-/// says.
+/// Returns the edits that make a file say what the model does of its joints; all else of them stays. `file`
+/// is what the text says.
 pub(super) fn edits(
     model: &Model,
     file: &Model,

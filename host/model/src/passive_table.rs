@@ -11,9 +11,12 @@ use super::xml::Language;
 
 /// The first lines of a table.
 const HEAD: [&str; 4] = [
-    "# What joints do by themselves: effort = armature * acceleration + damping * rate + friction * sign(rate)",
-    "# + stiffness * (position - spring_reference), in kg m2, N m s/rad, N m, N m/rad and rad, of joints that slide in",
-    "# kg, N s/m, N, N/m and m. MuJoCo's joints have the same words, but for frictionloss and springref; Isaac Lab's",
+    "# What joints do by themselves: effort = armature * acceleration + damping * rate + friction * \
+     sign(rate)",
+    "# + stiffness * (position - spring_reference), in kg m2, N m s/rad, N m, N m/rad and rad, of joints \
+     that slide in",
+    "# kg, N s/m, N, N/m and m. MuJoCo's joints have the same words, but for frictionloss and springref; \
+     Isaac Lab's",
     "# actuators and Pinocchio's model have armature, damping and friction, too.",
 ];
 
@@ -32,7 +35,8 @@ pub(super) fn passed_over(model: &Model, language: Language) -> Vec<&str> {
     links.filter(|link| link.passive.iter().any(has)).map(|link| link.joint_name.as_str()).collect()
 }
 
-/// Returns the table of a model in a language, with its path; `None` where every reader of the model has all of it.
+/// Returns the table of a model in a language, with its path; `None` where every reader of the model has all
+/// of it.
 pub(super) fn of(model: &Model, language: Language, path: &Path) -> Option<(PathBuf, String)> {
     if passed_over(model, language).is_empty() {
         return None;

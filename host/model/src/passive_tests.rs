@@ -7,7 +7,8 @@ use super::*;
 const NONE: Passive =
     Passive { armature: 0.0, damping: 0.0, friction: 0.0, stiffness: 0.0, spring_reference: 0.0 };
 
-/// In degrees, with classes: a hinge with an own word beside its class's, a slide, two hinges of one body, a ball.
+/// In degrees, with classes: a hinge with an own word beside its class's, a slide, two hinges of one body, a
+/// ball.
 const MJCF: &str = r#"<mujoco model="m"><compiler angle="degree"/>
   <default><joint armature="0.01"/><default class="soft"><joint stiffness="20" springref="90" damping="0.5"/></default></default>
   <worldbody><body name="a"><joint name="ja" class="soft" damping="0.25" ref="30"/>
@@ -136,12 +137,13 @@ fn a_file_is_written_and_what_it_loses_is_told() {
 /// By Drake's documents a joint feels `gear_ratio² · rotor_inertia` of its actuator.
 #[test]
 fn rotors_of_drake_s_words_are_read_and_kept_with_their_gear() {
-    let text = "<robot name=\"r\" xmlns:drake=\"http://drake.mit.edu\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/>\
-                <joint name=\"ja\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/></joint>\
-                <joint name=\"jb\" type=\"prismatic\"><parent link=\"b\"/><child link=\"c\"/></joint>\
-                <transmission name=\"t\"><type>transmission_interface/SimpleTransmission</type><joint name=\"ja\"/>\
-                <actuator name=\"m\"><drake:gear_ratio value=\"30\"/><drake:rotor_inertia value=\"0.002\"/></actuator>\
-                </transmission></robot>";
+    let text = "<robot name=\"r\" xmlns:drake=\"http://drake.mit.edu\"><link name=\"a\"/><link \
+                name=\"b\"/><link name=\"c\"/><joint name=\"ja\" type=\"continuous\"><parent \
+                link=\"a\"/><child link=\"b\"/></joint><joint name=\"jb\" type=\"prismatic\"><parent \
+                link=\"b\"/><child link=\"c\"/></joint><transmission \
+                name=\"t\"><type>transmission_interface/SimpleTransmission</type><joint \
+                name=\"ja\"/><actuator name=\"m\"><drake:gear_ratio value=\"30\"/><drake:rotor_inertia \
+                value=\"0.002\"/></actuator></transmission></robot>";
     let own = write::parse(text, "r.urdf").unwrap().model;
     assert!((of(&own, "ja").armature - 1.8).abs() < 1e-15);
     assert_eq!(of(&own, "jb"), NONE);
@@ -167,8 +169,8 @@ fn rotors_of_drake_s_words_are_read_and_kept_with_their_gear() {
 fn friction_of_urdf_and_springs_of_sdf_are_read() {
     let urdf = |dynamics: &str, kind: &str| {
         format!(
-            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><joint name=\"j\" type=\"{kind}\"><parent link=\"a\"/><child \
-             link=\"b\"/>{dynamics}</joint></robot>"
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><joint name=\"j\" type=\"{kind}\"><parent \
+             link=\"a\"/><child link=\"b\"/>{dynamics}</joint></robot>"
         )
     };
     let read = |dynamics: &str, kind: &str| urdf::parse(&urdf(dynamics, kind), "r.urdf");
@@ -182,10 +184,9 @@ fn friction_of_urdf_and_springs_of_sdf_are_read() {
     assert!(matches!(refused, ModelError::Structure { .. }), "{refused}");
     let driven = read("<dynamics friction=\"-1\"/>", "continuous").unwrap();
     assert!(findings(&driven, "joint j").contains("negative"));
-    let sdf = "<sdf version=\"1.9\"><model name=\"s\"><link name=\"a\"/><link name=\"b\"/><joint name=\"j\" type=\"revolute\">\
-               <parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz><dynamics><damping>0.5</damping><friction>2</friction>\
-               <spring_reference>0.25</spring_reference><spring_stiffness>8</spring_stiffness></dynamics></axis></joint>\
-               </model></sdf>";
+    let sdf = "<sdf version=\"1.9\"><model name=\"s\"><link name=\"a\"/><link name=\"b\"/><joint name=\"j\" \
+               type=\"revolute\"><parent>a</parent><child>b</child><axis><xyz>0 0 \
+               1</xyz><dynamics><damping>0.5</damping><friction>2</friction><spring_reference>0.25</spring_reference><spring_stiffness>8</spring_stiffness></dynamics></axis></joint></model></sdf>";
     let wanted =
         Passive { armature: 0.0, damping: 0.5, friction: 2.0, stiffness: 8.0, spring_reference: 0.25 };
     assert_eq!(of(&sdf::parse(sdf, "s.sdf").unwrap().model, "j"), wanted);
@@ -219,23 +220,26 @@ fn joints_that_are_locked_or_made_a_ball_lose_what_they_had() {
 const KEPT: [(&str, &str); 3] = [
     (
         "k.urdf",
-        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/>\n<!-- kept --><joint name=\"ja\" type=\"revolute\">\
-         <parent link=\"a\"/><child link=\"b\"/><limit lower=\"-1\" upper=\"1\" effort=\"9\" velocity=\"3\"/><dynamics \
-         friction = '0.5' spring=\"kept\" /></joint><joint name=\"jb\" type=\"continuous\"><parent link=\"b\"/><child \
+        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/>\n<!-- kept --><joint \
+         name=\"ja\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/><limit lower=\"-1\" \
+         upper=\"1\" effort=\"9\" velocity=\"3\"/><dynamics friction = '0.5' spring=\"kept\" \
+         /></joint><joint name=\"jb\" type=\"continuous\"><parent link=\"b\"/><child \
          link=\"c\"/></joint></robot>",
     ),
     (
         "k.sdf",
-        "<sdf version=\"1.9\"><model name=\"s\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint name=\"ja\" \
-         type=\"revolute\"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz><!-- kept --><dynamics><friction>0.5</friction>\
-         </dynamics></axis></joint><joint name=\"jb\" type=\"revolute\"><parent>b</parent><child>c</child><axis><xyz>0 0 1</xyz>\
-         </axis></joint></model></sdf>",
+        "<sdf version=\"1.9\"><model name=\"s\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint \
+         name=\"ja\" type=\"revolute\"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz><!-- kept \
+         --><dynamics><friction>0.5</friction></dynamics></axis></joint><joint name=\"jb\" \
+         type=\"revolute\"><parent>b</parent><child>c</child><axis><xyz>0 0 \
+         1</xyz></axis></joint></model></sdf>",
     ),
     (
         "k.xml",
-        "<mujoco><default><joint frictionloss=\"0.5\"/></default><worldbody><body name=\"b\"><joint name=\"ja\" range=\"0 9\"/>\
-         <!-- kept --><inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/><body name=\"c\"><joint frictionloss='0' ></joint>\
-         <inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/></body></body></worldbody></mujoco>",
+        "<mujoco><default><joint frictionloss=\"0.5\"/></default><worldbody><body name=\"b\"><joint \
+         name=\"ja\" range=\"0 9\"/><!-- kept --><inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 \
+         1\"/><body name=\"c\"><joint frictionloss='0' ></joint><inertial pos=\"0 0 0\" mass=\"1\" \
+         diaginertia=\"1 1 1\"/></body></body></worldbody></mujoco>",
     ),
 ];
 

@@ -16,8 +16,8 @@ const FLATTEST: f64 = 0.01;
 /// Second moments that are negative by less, relative to the largest, are flat ones that were rounded.
 const ROUNDED: f64 = 0.01;
 
-/// Returns the parameters of a body that is as these say, but no flatter than a body can be, and what was done; `None` if they
-/// are too far from any body's, or without mass.
+/// Returns the parameters of a body that is as these say, but no flatter than a body can be, and what was
+/// done; `None` if they are too far from any body's, or without mass.
 fn mended(phi: &Parameters, rounded_only: bool) -> Option<(Parameters, String)> {
     let body = InertialParameters::<Body, f64>::from_vector(*phi);
     if phi.iter().any(|v| !v.is_finite()) || body.mass <= 0.0 {
@@ -60,9 +60,10 @@ pub struct Repair {
 }
 
 impl Model {
-    /// Returns the model with the nearest inertia that a body can have in the place of every one that no body has: the mass and
-    /// its centre stay, and the second moments about it are the nearest, by the sum of squares, that are those of a body no flatter
-    /// than a plate a tenth as thick as wide. What has no mass, or a negative one, stays.
+    /// Returns the model with the nearest inertia that a body can have in the place of every one that no body
+    /// has: the mass and its centre stay, and the second moments about it are the nearest, by the sum of
+    /// squares, that are those of a body no flatter than a plate a tenth as thick as wide. What has no mass,
+    /// or a negative one, stays.
     #[must_use]
     pub fn repaired(&self) -> (Self, Vec<Repair>) {
         let (mut out, mut repairs) = (self.clone(), Vec::new());
@@ -85,7 +86,8 @@ impl Model {
         (out, repairs)
     }
 
-    /// Returns the inertias of all links as bodies have them, and what was found of those that none has: a link's index and why.
+    /// Returns the inertias of all links as bodies have them, and what was found of those that none has: a
+    /// link's index and why.
     ///
     /// What is fixed together is judged as one. If that is a body, each link of it is repaired, or left out
     /// where it has moments and no mass; otherwise only what was rounded is. What cannot be repaired stays as
@@ -127,9 +129,11 @@ mod tests {
     fn the_nearest_inertia_keeps_mass_centre_and_what_is_possible() {
         let urdf = |moments: &str, mass: f64| {
             format!(
-                "<robot name='r'><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2' rpy='0 0 0.3'/><mass \
-                 value='{mass}'/><inertia {moments} ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' type='revolute'><parent \
-                 link='base'/><child link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint></robot>"
+                "<robot name='r'><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2' \
+                 rpy='0 0 0.3'/><mass value='{mass}'/><inertia {moments} ixy='0' ixz='0' \
+                 iyz='0'/></inertial></link><joint name='j' type='revolute'><parent link='base'/><child \
+                 link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' \
+                 velocity='1'/></joint></robot>"
             )
         };
         let read = |text: &str| crate::write::parse(text, "a.urdf").unwrap();
@@ -144,7 +148,8 @@ mod tests {
         assert_eq!((repairs.len(), repairs[0].link.as_str()), (1, "arm"));
         assert_eq!(impossibility(&phi), None);
         assert!((phi[0] - 2.0).abs() < 1e-12 && (phi[1] - 0.2).abs() < 1e-12 && (phi[3] - 0.4).abs() < 1e-12);
-        // Second moments (trace/2 − I) are 0.225, 0.225 and −0.125; the last becomes 0.00225, and I_xx that much more.
+        // Second moments (trace/2 − I) are 0.225, 0.225 and −0.125; the last becomes 0.00225, and I_xx that
+        // much more.
         let tensor = InertialParameters::<Body, f64>::from_vector(phi).inertia_com();
         let mut moments: Vec<f64> = tensor.symmetric_eigenvalues().iter().copied().collect();
         moments.sort_by(f64::total_cmp);

@@ -33,16 +33,17 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         };
         if let Some(names) = joints(&loses) {
             say(format!(
-                "this language has no words for all rotors, springs and friction of {names}; write .xml (MJCF), which has"
+                "this language has no words for all rotors, springs and friction of {names}; write .xml \
+                 (MJCF), which has"
             ));
         }
         let rotors =
             |l: &ModelLink| l.passive.iter().any(|p| p.said_in(language, &l.link.joint).armature != 0.0);
         if let Some(names) = joints(&rotors).filter(|_| language != Language::Mjcf) {
             say(format!(
-                "rotors of {names} are in <drake:rotor_inertia>, which Drake and this program read; Gazebo, Pinocchio, Isaac and \
-                 MuJoCo's reader of URDF pass it over, and these joints then turn too easily: give them `armature` of {}, or write \
-                 .xml (MJCF)",
+                "rotors of {names} are in <drake:rotor_inertia>, which Drake and this program read; Gazebo, \
+                 Pinocchio, Isaac and MuJoCo's reader of URDF pass it over, and these joints then turn too \
+                 easily: give them `armature` of {}, or write .xml (MJCF)",
                 passive_table::path_beside(path).display()
             ));
         } else if !passive_table::passed_over(model, language).is_empty() {
@@ -53,20 +54,23 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         // The rest of it is left as it is.
         return said;
     }
-    say("holds links, joints, inertias and what its language says of friction; shapes, limits and whatever else the model's file may have are left out".to_owned());
+    say("holds links, joints, inertias and what its language says of friction; shapes, limits and whatever \
+         else the model's file may have are left out"
+        .to_owned());
     if !locked.is_empty() {
         say(format!("joints that were locked are fixed in it: {}", locked.join(", ")));
     }
     if language == Some(Language::Urdf) {
         if let Some(names) = joints(&|l| l.link.joint == Joint::Spherical) {
             say(format!(
-                "type=\"spherical\" of {names} is an extension of URDF that urdfdom, and with it ROS, refuses; write .xml (MJCF) or \
-                 .sdf, which have such joints"
+                "type=\"spherical\" of {names} is an extension of URDF that urdfdom, and with it ROS, \
+                 refuses; write .xml (MJCF) or .sdf, which have such joints"
             ));
         }
         if let Some(names) = joints(&|l| matches!(l.link.joint, Joint::Universal(..))) {
             say(format!(
-                "URDF has no universal joint: {names} became two joints each, with a link without mass between"
+                "URDF has no universal joint: {names} became two joints each, with a link without mass \
+                 between"
             ));
         }
     } else if let Some(names) = joints(&|l| l.mimic.is_some()) {
@@ -79,7 +83,8 @@ pub fn remarks(model: &Model, source: Option<&Path>, path: &Path, locked: &[Stri
         let frames: Vec<&str> = own.frames.iter().map(|frame| frame.name.as_str()).collect();
         if !frames.is_empty() {
             say(format!(
-                "SDF gives a kilogram to a link without inertia: {} became frames of the links that they are fixed to",
+                "SDF gives a kilogram to a link without inertia: {} became frames of the links that they are \
+                 fixed to",
                 frames.join(", ")
             ));
         }

@@ -149,7 +149,8 @@ impl Moving {
         self.states.get(i).map(|s| (s.rotation, s.rotation.tr_mul(&s.rate)))
     }
 
-    /// Brings the joints' screws to the present motion and returns them, about the root's origin in its axes, freedom by freedom.
+    /// Brings the joints' screws to the present motion and returns them, about the root's origin in its axes,
+    /// freedom by freedom.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -190,7 +191,8 @@ impl Moving {
         Ok(&self.joint_rows)
     }
 
-    /// The six base rows and then the joints', row by row: what a floating base's generalised forces depend on.
+    /// The six base rows and then the joints', row by row: what a floating base's generalised forces depend
+    /// on.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -208,7 +210,8 @@ impl Moving {
         self.make_by_any(wanted)
     }
 
-    /// Makes rows as [`Moving::make_by_any`] does, by the same operations on four numbers at once: the same bits.
+    /// Makes rows as [`Moving::make_by_any`] does, by the same operations on four numbers at once: the same
+    /// bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn make_by_avx2(&mut self, wanted: Rows) -> Result<(), TreeError> {
@@ -225,8 +228,8 @@ impl Moving {
         }
     }
 
-    /// Returns the six base rows and then the joints', as far as they are wanted, without accelerations; the others are zero, or those
-    /// that were [given back](Moving::give_back).
+    /// Returns the six base rows and then the joints', as far as they are wanted, without accelerations; the
+    /// others are zero, or those that were [given back](Moving::give_back).
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -247,8 +250,8 @@ impl Moving {
         Ok(out)
     }
 
-    /// Takes rows of [`Moving::momentum_rows`] back, whose room serves for the next ones. Entries of links that are not beyond a joint must
-    /// be zero as they were.
+    /// Takes rows of [`Moving::momentum_rows`] back, whose room serves for the next ones. Entries of links
+    /// that are not beyond a joint must be zero as they were.
     pub fn give_back(&mut self, rows: MomentumRows) {
         self.momentum = rows;
     }

@@ -1,7 +1,8 @@
 //! The time that rows and base parameters take, and that which Pinocchio takes for the same.
 //!
-//! Lives here: the trees that are timed, ours and theirs under one clock in one run. Pinocchio's figure is its
-//! `computeJointTorqueRegressor`, called from Python, less the same call on an empty model: so what Python costs is out.
+//! Lives here: the trees that are timed, ours and theirs under one clock in one run. Pinocchio's figure is
+//! its `computeJointTorqueRegressor`, called from Python, less the same call on an empty model: so what
+//! Python costs is out.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -112,8 +113,9 @@ fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
     let link = |out: &mut String, name: &str| {
         let _ = writeln!(
             out,
-            "<link name=\"{name}\"><inertial><origin xyz=\"0.01 0.02 0.1\"/><mass value=\"2\"/><inertia ixx=\"0.02\" \
-             iyy=\"0.025\" izz=\"0.01\" ixy=\"0.001\" ixz=\"0.002\" iyz=\"-0.001\"/></inertial></link>"
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.01 0.02 0.1\"/><mass value=\"2\"/><inertia \
+             ixx=\"0.02\" iyy=\"0.025\" izz=\"0.01\" ixy=\"0.001\" ixz=\"0.002\" \
+             iyz=\"-0.001\"/></inertial></link>"
         );
     };
     link(&mut links, "base");
@@ -127,8 +129,9 @@ fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
             let (x, y) = (0.03 * (k as f64 - 1.0), 0.02 * (limb as f64 - 1.5));
             let _ = writeln!(
                 joints,
-                "<joint name=\"{child}_joint\" type=\"continuous\"><origin xyz=\"{x} {y} 0.21\" rpy=\"0.1 {y} {x}\"/><parent \
-                 link=\"{parent}\"/><child link=\"{child}\"/><axis xyz=\"{axis}\"/></joint>"
+                "<joint name=\"{child}_joint\" type=\"continuous\"><origin xyz=\"{x} {y} 0.21\" rpy=\"0.1 \
+                 {y} {x}\"/><parent link=\"{parent}\"/><child link=\"{child}\"/><axis \
+                 xyz=\"{axis}\"/></joint>"
             );
             parent = child;
         }
@@ -141,8 +144,8 @@ fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
 
 /// The trees that are timed when no model is named: name, URDF, whether the base moves.
 pub fn shapes() -> Vec<(&'static str, String, bool)> {
-    // The humanoid: two joints of the waist with two arms of seven and a neck of two on them, two legs of six, and two
-    // grippers' worth of single joints.
+    // The humanoid: two joints of the waist with two arms of seven and a neck of two on them, two legs of
+    // six, and two grippers' worth of single joints.
     let humanoid = [(2, false), (8, true), (8, true), (2, true), (6, false), (6, false)];
     vec![
         ("arm6", limbs("arm6", &[(6, false)]), false),

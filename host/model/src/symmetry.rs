@@ -56,8 +56,8 @@ fn at_zero(model: &Model) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
     places
 }
 
-/// Returns the pairs of links by their names, each with how far its origins are from being mirror images about the plane y = 0
-/// of the base's frame at zero position, m, and how far all may be off by rounding.
+/// Returns the pairs of links by their names, each with how far its origins are from being mirror images
+/// about the plane y = 0 of the base's frame at zero position, m, and how far all may be off by rounding.
 fn candidates(model: &Model) -> (Vec<(Pair, f64)>, f64) {
     let places = at_zero(model);
     let reach = places.iter().map(|(_, p)| p.norm()).fold(0.0, f64::max);
@@ -86,8 +86,8 @@ pub fn images(model: &Model) -> Vec<Pair> {
     found.into_iter().filter(|(_, miss)| *miss <= rounding).map(|(pair, _)| pair).collect()
 }
 
-/// Pairs of links by their names (`l_…` and `r_…`, `…_L`, `left…`, `FL_…`), mirror images about the plane y = 0 of the base's
-/// frame at zero position.
+/// Pairs of links by their names (`l_…` and `r_…`, `…_L`, `left…`, `FL_…`), mirror images about the plane y =
+/// 0 of the base's frame at zero position.
 ///
 /// # Errors
 /// [`ModelError::Option`] if there is no pair, or a pair's origins are no mirror images.
@@ -96,8 +96,8 @@ pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
     let (found, rounding) = candidates(model);
     if let Some((pair, miss)) = found.iter().find(|(_, miss)| *miss > rounding) {
         return Err(refuse(format!(
-            "links {} and {} are no mirror images about y = 0 of the base's frame at zero position: their origins miss \
-             each other by {:.3} mm",
+            "links {} and {} are no mirror images about y = 0 of the base's frame at zero position: their \
+             origins miss each other by {:.3} mm",
             model.links[pair.left].name,
             model.links[pair.right].name,
             miss * 1e3

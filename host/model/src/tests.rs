@@ -16,7 +16,8 @@ fn link(name: &str) -> String {
 
 fn joint(name: &str, parent: &str, child: &str, rest: &str) -> String {
     format!(
-        "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{rest}</joint>"
+        "<joint name=\"{name}\" type=\"continuous\"><parent link=\"{parent}\"/><child \
+         link=\"{child}\"/>{rest}</joint>"
     )
 }
 
@@ -265,7 +266,8 @@ fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
 /// As in descriptions of iCub, Romeo and Talos, which Pinocchio reads.
 #[test]
 fn a_urdf_is_read_where_only_what_nobody_uses_is_wrong() {
-    let visual = "<visual><geometry><mesh filename=\"x\"/></geometry><material name=\"m\"><texture/></material></visual>";
+    let visual = "<visual><geometry><mesh filename=\"x\"/></geometry><material \
+                  name=\"m\"><texture/></material></visual>";
     let links = link("a").replace("</link>", &format!("{visual}</link>")) + &link("b") + &link("c");
     let follower = |kind: &str, leader: &str| {
         let mimic = format!("<mimic joint=\"{leader}\"/>");
@@ -302,7 +304,8 @@ fn joints_are_locked_where_they_stand_and_their_followers_with_them() {
             "cd",
             "c",
             "d",
-            "<origin xyz=\"0.2 0 0\"/><axis xyz=\"1 0 0\"/><mimic joint=\"ab\" multiplier=\"-2\" offset=\"0.1\"/>",
+            "<origin xyz=\"0.2 0 0\"/><axis xyz=\"1 0 0\"/><mimic joint=\"ab\" multiplier=\"-2\" \
+             offset=\"0.1\"/>",
         )
         + &joint("de", "d", "e", "<origin xyz=\"0.2 0 0.1\"/><axis xyz=\"0 0 1\"/>");
     let whole = urdf(&body).unwrap();
@@ -357,7 +360,8 @@ fn a_urdf_that_is_no_xml_is_read_and_kept_as_it_is() {
     let wanted = urdf(&body).unwrap();
     for text in [
         format!(
-            "<robot name=\"r\"><sensor:camera x:y=\"a:b\"><sensor:at>1:2</sensor:at></sensor:camera>{body}</robot>"
+            "<robot name=\"r\"><sensor:camera \
+             x:y=\"a:b\"><sensor:at>1:2</sensor:at></sensor:camera>{body}</robot>"
         ),
         format!("<robot name=\"r\"><!-- ä -- <b> : -->{body}</robot>"),
         format!("\n <?xml version=\"1.0\"?><robot name=\"r\">{body}</robot>"),

@@ -1,7 +1,8 @@
 //! Rotor inertia in URDF and SDF, in the words of Drake, which neither language has of its own.
 //!
-//! A joint feels `gear_ratio² · rotor_inertia`: in URDF of the actuator of its `<transmission>`, in SDF of the `<joint>` itself
-//! (Drake, "Drake extensions to SDFormat and URDF", tags `drake:rotor_inertia` and `drake:gear_ratio`).
+//! A joint feels `gear_ratio² · rotor_inertia`: in URDF of the actuator of its `<transmission>`, in SDF of
+//! the `<joint>` itself (Drake, "Drake extensions to SDFormat and URDF", tags `drake:rotor_inertia` and
+//! `drake:gear_ratio`).
 
 use std::collections::BTreeMap;
 
@@ -38,7 +39,8 @@ fn gear_ratio(actuator: &Node) -> f64 {
     number(actuator, "gear_ratio").filter(|ratio| *ratio != 0.0).unwrap_or(1.0)
 }
 
-/// Returns the rotor inertia that joints feel, kg m² or kg, by their names, as transmissions of a URDF state it.
+/// Returns the rotor inertia that joints feel, kg m² or kg, by their names, as transmissions of a URDF state
+/// it.
 pub(super) fn rotors<'a>(robot: &Node<'a, '_>) -> BTreeMap<&'a str, f64> {
     let own = |(joint, actuator): (&'a str, Node)| {
         Some((joint, number(&actuator, "rotor_inertia")? * gear_ratio(&actuator).powi(2)))
@@ -50,9 +52,10 @@ pub(super) fn rotors<'a>(robot: &Node<'a, '_>) -> BTreeMap<&'a str, f64> {
 pub(super) fn written(joint: &str, armature: f64) -> String {
     let joint = escaped(joint);
     format!(
-        "<transmission name=\"{joint}_transmission\"><type>transmission_interface/SimpleTransmission</type><joint \
-         name=\"{joint}\"/><actuator name=\"{joint}_actuator\"><drake:gear_ratio value=\"1\"/><drake:rotor_inertia \
-         value=\"{armature}\"/></actuator></transmission>"
+        "<transmission \
+         name=\"{joint}_transmission\"><type>transmission_interface/SimpleTransmission</type><joint \
+         name=\"{joint}\"/><actuator name=\"{joint}_actuator\"><drake:gear_ratio \
+         value=\"1\"/><drake:rotor_inertia value=\"{armature}\"/></actuator></transmission>"
     )
 }
 
@@ -86,7 +89,8 @@ pub(super) fn rotor_at_joint(joint: &Node, armature: f64) -> String {
     format!("<drake:rotor_inertia>{}</drake:rotor_inertia>", armature / ratio.unwrap_or(1.0).powi(2))
 }
 
-/// Returns the edits that make a URDF say these rotors of its joints; a transmission that is there keeps its gear ratio.
+/// Returns the edits that make a URDF say these rotors of its joints; a transmission that is there keeps its
+/// gear ratio.
 pub(super) fn edits(rotors: &[(&str, f64)], text: &str, document: &Document) -> Vec<Edit> {
     let robot = document.root_element();
     let mut out = Vec::new();

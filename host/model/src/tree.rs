@@ -82,8 +82,8 @@ pub struct Model {
     pub gravity_mps2: Option<[f64; 3]>,
 }
 
-/// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's frame here has
-/// its origin at its joint.
+/// A model as a file has it, and where the joint that holds a body sits in the body's own frame: a link's
+/// frame here has its origin at its joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parsed {
     /// The tree.
@@ -105,8 +105,8 @@ impl Model {
     /// Brings links into order.
     ///
     /// # Errors
-    /// [`ModelError::Structure`] where they make no tree: no base or several, a loop, a parent that is not there, a
-    /// name given twice, an axis without direction.
+    /// [`ModelError::Structure`] where they make no tree: no base or several, a loop, a parent that is not
+    /// there, a name given twice, an axis without direction.
     pub fn assemble(name: &str, raw: Vec<RawLink>, findings: Vec<Finding>) -> Result<Self, ModelError> {
         let refuse = |problem: String| ModelError::Structure { what: name.to_owned(), problem };
         let mut names = BTreeSet::new();
@@ -170,7 +170,8 @@ impl Model {
             several => {
                 let all: Vec<&str> = several.iter().map(|i| raw[*i].link.name.as_str()).collect();
                 return Err(refuse(format!(
-                    "{} links hang on nothing: {}; a model has one base, join the others to it (a fixed joint will do)",
+                    "{} links hang on nothing: {}; a model has one base, join the others to it (a fixed \
+                     joint will do)",
                     all.len(),
                     all.join(", ")
                 )));
@@ -320,8 +321,8 @@ impl Model {
             .filter(|(i, body)| *i > 0 && body.nominal.is_none())
             .map(|(_, body)| Finding {
                 place: format!("link {}", body.name),
-                text: "has no mass (no <inertial>, or a mass of zero) though it moves on its own: its parameters are \
-                       taken as unknown, not as zero"
+                text: "has no mass (no <inertial>, or a mass of zero) though it moves on its own: its \
+                       parameters are taken as unknown, not as zero"
                     .to_owned(),
             })
             .collect();
@@ -344,7 +345,8 @@ impl Model {
         self.links.iter().position(|l| !l.joint_name.is_empty() && l.joint_name == name)
     }
 
-    /// Returns names of the joints where no two elements may have one: joints that are named as a link have `_joint` after it.
+    /// Returns names of the joints where no two elements may have one: joints that are named as a link have
+    /// `_joint` after it.
     pub(crate) fn separate_joint_names(&self) -> Vec<String> {
         let mut taken: BTreeSet<String> = self.links.iter().map(|link| link.name.clone()).collect();
         let free = |link: &ModelLink| {

@@ -101,8 +101,8 @@ fn joints<'a, 'i>(
         let link = end(&joint, "child");
         if let Some(other) = held.insert(link, joint) {
             return Err(format!(
-                "joints {} and {} both hold link {link}: the model has a loop; only trees can be identified, cut it at one \
-                 of them",
+                "joints {} and {} both hold link {link}: the model has a loop; only trees can be identified, \
+                 cut it at one of them",
                 name(&other),
                 name(&joint),
             ));
@@ -119,8 +119,8 @@ fn joints<'a, 'i>(
             findings.push(Finding {
                 place: format!("joint {}", name(&joint)),
                 text: format!(
-                    "never moves by its limits ({lower} to {lower}): counted as a joint that does; if it does not, say \
-                     `lock` {}",
+                    "never moves by its limits ({lower} to {lower}): counted as a joint that does; if it \
+                     does not, say `lock` {}",
                     name(&joint)
                 ),
             });
@@ -164,7 +164,8 @@ fn raw_links(
             findings.push(Finding {
                 place: format!("joint {}", name(joint)),
                 text: format!(
-                    "is planar: taken as two slides, {0}#1 and {0}#2, across its axis and {0}, a hinge about it",
+                    "is planar: taken as two slides, {0}#1 and {0}#2, across its axis and {0}, a hinge about \
+                     it",
                     name(joint)
                 ),
             });

@@ -65,8 +65,8 @@ fn joint<'a, 'i>(joint: &Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
     })
 }
 
-/// Attributes of an element that are numbers each, or three of them. Shapes, materials and inertias may be as they like: of
-/// what no one reads nothing is wrong, and of an inertia the reader tells.
+/// Attributes of an element that are numbers each, or three of them. Shapes, materials and inertias may be as
+/// they like: of what no one reads nothing is wrong, and of an inertia the reader tells.
 fn element<'a, 'i>(node: Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
     let (needed, optional, count): (&[&str], &[&str], usize) = match node.tag_name().name() {
         "limit" => (&[], &["lower", "upper", "effort", "velocity"], 1),
@@ -80,8 +80,8 @@ fn element<'a, 'i>(node: Node<'a, 'i>) -> Option<Fault<'a, 'i>> {
     all.filter_map(|(attribute, must)| numbers(&node, attribute, must, count)).next().map(|why| (node, why))
 }
 
-/// Returns the line and the reason if an `<inertial>` is not complete: then a link has the mass that is there, and zero for each
-/// number that is not.
+/// Returns the line and the reason if an `<inertial>` is not complete: then a link has the mass that is
+/// there, and zero for each number that is not.
 pub(super) fn incomplete(inertial: &Node) -> Option<(u32, String)> {
     let found = |tag: &str, attributes: &[&str]| {
         let Some(node) = child(inertial, tag) else {

@@ -40,8 +40,8 @@ pub fn with_parameters<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Pa
     out
 }
 
-/// Returns a model in which the joints of these names do other things by themselves: friction, rotor, spring of their (first)
-/// axis. Joints that it does not have, and fixed ones, are left out.
+/// Returns a model in which the joints of these names do other things by themselves: friction, rotor, spring
+/// of their (first) axis. Joints that it does not have, and fixed ones, are left out.
 #[must_use]
 pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passive)>) -> Model {
     let mut out = model.clone();
@@ -56,7 +56,8 @@ pub fn with_passive<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Passi
 /// Returns whether a file can be written there.
 ///
 /// # Errors
-/// [`ModelError::Option`] if it, or the table of joints beside it, exists, its folder does not, or its ending is not known.
+/// [`ModelError::Option`] if it, or the table of joints beside it, exists, its folder does not, or its ending
+/// is not known.
 pub fn check_target(path: &Path) -> Result<Language, ModelError> {
     let ending = "its name must end in .urdf, .xml, .mjcf or .sdf";
     let language = Language::of_path(path).ok_or_else(|| refused(path, ending))?;
@@ -159,8 +160,8 @@ fn check(model: &Model, text: &str, path: &Path) -> Result<(), ModelError> {
             return Err(ModelError::Structure {
                 what: path.display().to_string(),
                 problem: format!(
-                    "link {} does not come out as it was written: is it in the file under another name, or made by a macro? \
-                     nothing was written; give the file with everything expanded",
+                    "link {} does not come out as it was written: is it in the file under another name, or \
+                     made by a macro? nothing was written; give the file with everything expanded",
                     link.name
                 ),
             });
@@ -201,7 +202,8 @@ fn check_passive(
     }
     Err(ModelError::Structure {
         what: path.display().to_string(),
-        problem: "rotors, friction and springs of its joints do not come out as they were written; nothing was written"
+        problem: "rotors, friction and springs of its joints do not come out as they were written; nothing \
+                  was written"
             .to_owned(),
     })
 }
@@ -296,7 +298,8 @@ fn as_urdf(model: &Model) -> String {
             };
             let _ = writeln!(
                 out,
-                "  <joint name=\"{}\" type=\"{kind}\">{place}<parent link=\"{}\"/><child link=\"{}\"/>{axis}{limit}</joint>",
+                "  <joint name=\"{}\" type=\"{kind}\">{place}<parent link=\"{}\"/><child \
+                 link=\"{}\"/>{axis}{limit}</joint>",
                 escaped(name),
                 escaped(ends.0),
                 escaped(ends.1)
@@ -373,7 +376,8 @@ fn mjcf_body(model: &Model, i: usize, depth: usize, out: &mut String) {
     let _ = writeln!(out, "{pad}</body>");
 }
 
-/// Returns the links whose joints are a body's own, nearest to the base first: links before it that are no bodies, and itself.
+/// Returns the links whose joints are a body's own, nearest to the base first: links before it that are no
+/// bodies, and itself.
 fn joints_of_body(model: &Model, i: usize) -> Vec<usize> {
     let mut chain = vec![i];
     while let Some(before) = chain.last().map(|k| model.links[*k].link.parent)

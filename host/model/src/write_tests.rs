@@ -54,7 +54,8 @@ fn model() -> Model {
     }
 }
 
-/// Base wrench and efforts, by joint: a universal joint's two as one list, for files that make two joints of it.
+/// Base wrench and efforts, by joint: a universal joint's two as one list, for files that make two joints of
+/// it.
 fn forces(model: &Model, states: usize) -> Vec<Vec<f64>> {
     (0..states)
         .map(|s| {
@@ -242,17 +243,18 @@ fn strange_inertias_of_other_people_s_files_are_found() {
     };
     let link = |name: &str, com: &str, inertia: [f64; 3], size: &str| {
         format!(
-            "<link name=\"{name}\"><inertial><origin xyz=\"{com}\"/><mass value=\"2\"/><inertia ixx=\"{}\" iyy=\"{}\" izz=\"{}\" \
-             ixy=\"0.001\" ixz=\"0\" iyz=\"0\"/></inertial><collision><origin xyz=\"0 0 0.1\"/><geometry><box size=\"{size}\"/>\
-             </geometry></collision></link>",
+            "<link name=\"{name}\"><inertial><origin xyz=\"{com}\"/><mass value=\"2\"/><inertia ixx=\"{}\" \
+             iyy=\"{}\" izz=\"{}\" ixy=\"0.001\" ixz=\"0\" iyz=\"0\"/></inertial><collision><origin xyz=\"0 \
+             0 0.1\"/><geometry><box size=\"{size}\"/></geometry></collision></link>",
             inertia[0], inertia[1], inertia[2]
         )
     };
     let robot = |a: String, left: String, right: String| {
         format!(
-            "<robot name=\"r\">{a}{left}{right}<joint name=\"jl\" type=\"continuous\"><origin xyz=\"0 0.2 0.3\"/><parent \
-             link=\"a\"/><child link=\"l_arm\"/></joint><joint name=\"jr\" type=\"continuous\"><origin xyz=\"0 -0.2 \
-             0.3\"/><parent link=\"a\"/><child link=\"r_arm\"/></joint></robot>"
+            "<robot name=\"r\">{a}{left}{right}<joint name=\"jl\" type=\"continuous\"><origin xyz=\"0 0.2 \
+             0.3\"/><parent link=\"a\"/><child link=\"l_arm\"/></joint><joint name=\"jr\" \
+             type=\"continuous\"><origin xyz=\"0 -0.2 0.3\"/><parent link=\"a\"/><child \
+             link=\"r_arm\"/></joint></robot>"
         )
     };
     let good = [0.01, 0.012, 0.008];
@@ -362,22 +364,24 @@ fn followers_and_frames_without_mass_are_written() {
     assert_eq!(again.links[again.link("tip").unwrap()].nominal, None);
 }
 
-/// Flange and tool frame have no mass; the base has that of the link that is fixed to it; the whole is that of the model.
+/// Flange and tool frame have no mass; the base has that of the link that is fixed to it; the whole is that
+/// of the model.
 #[test]
 fn links_without_mass_weigh_nothing_in_sdf() {
-    let body = "<inertial><origin xyz=\"0.1 0.2 0\"/><mass value=\"2\"/><inertia ixx=\"0.1\" ixy=\"0\" ixz=\"0\" iyy=\"0.12\" \
-                iyz=\"0.01\" izz=\"0.1\"/></inertial>";
+    let body = "<inertial><origin xyz=\"0.1 0.2 0\"/><mass value=\"2\"/><inertia ixx=\"0.1\" ixy=\"0\" \
+                ixz=\"0\" iyy=\"0.12\" iyz=\"0.01\" izz=\"0.1\"/></inertial>";
     let fixed = |name: &str, parent: &str, child: &str| {
         format!(
-            "<joint name=\"{name}\" type=\"fixed\"><origin xyz=\"0.1 0 0.3\" rpy=\"0.2 0.1 0.4\"/><parent link=\"{parent}\"/><child \
-             link=\"{child}\"/></joint>"
+            "<joint name=\"{name}\" type=\"fixed\"><origin xyz=\"0.1 0 0.3\" rpy=\"0.2 0.1 0.4\"/><parent \
+             link=\"{parent}\"/><child link=\"{child}\"/></joint>"
         )
     };
     let urdf = |foot: &str| {
         format!(
-            "<robot name=\"r\"><link name=\"base\"/><link name=\"foot\">{foot}</link><link name=\"arm\">{body}</link><link \
-             name=\"flange\"/><link name=\"tool\"/><link name=\"hand\">{body}</link>{}{}{}{}<joint name=\"turn\" \
-             type=\"continuous\"><origin xyz=\"0 0 0.5\"/><parent link=\"foot\"/><child link=\"arm\"/><axis xyz=\"0 1 0\"/></joint></robot>",
+            "<robot name=\"r\"><link name=\"base\"/><link name=\"foot\">{foot}</link><link \
+             name=\"arm\">{body}</link><link name=\"flange\"/><link name=\"tool\"/><link \
+             name=\"hand\">{body}</link>{}{}{}{}<joint name=\"turn\" type=\"continuous\"><origin xyz=\"0 0 \
+             0.5\"/><parent link=\"foot\"/><child link=\"arm\"/><axis xyz=\"0 1 0\"/></joint></robot>",
             fixed("f0", "base", "foot"),
             fixed("f1", "arm", "flange"),
             fixed("f2", "flange", "tool"),
@@ -416,15 +420,16 @@ fn bodies_denser_or_thinner_than_anything_are_found_and_copies_turned_about_are_
     let found = |mass: f64, moment: f64, turn: &str| -> Vec<String> {
         let link = |name: &str, mass: f64, i: f64| {
             format!(
-                "<link name=\"{name}\"><inertial><origin xyz=\"0.02 0 0.03\"/><mass value=\"{mass}\"/><inertia ixx=\"{i}\" iyy=\"{i}\" \
-                 izz=\"{i}\" ixy=\"{}\" ixz=\"0\" iyz=\"0\"/></inertial></link>",
+                "<link name=\"{name}\"><inertial><origin xyz=\"0.02 0 0.03\"/><mass \
+                 value=\"{mass}\"/><inertia ixx=\"{i}\" iyy=\"{i}\" izz=\"{i}\" ixy=\"{}\" ixz=\"0\" \
+                 iyz=\"0\"/></inertial></link>",
                 0.1 * i
             )
         };
         let joint = |child: &str, y: f64, turn: &str| {
             format!(
-                "<joint name=\"j_{child}\" type=\"continuous\"><origin xyz=\"0 {y} 0.3\" rpy=\"{turn}\"/><parent link=\"a\"/><child \
-                 link=\"{child}\"/></joint>"
+                "<joint name=\"j_{child}\" type=\"continuous\"><origin xyz=\"0 {y} 0.3\" \
+                 rpy=\"{turn}\"/><parent link=\"a\"/><child link=\"{child}\"/></joint>"
             )
         };
         let text = format!(

@@ -155,7 +155,8 @@ pub(super) fn rpy(r: &Matrix3<f64>) -> String {
 /// A range of a text, and its replacement.
 pub(super) type Edit = (Range<usize>, String);
 
-/// Returns the edit that puts `new` in place of a parent's first child of a tag, or at the parent's beginning if it has none.
+/// Returns the edit that puts `new` in place of a parent's first child of a tag, or at the parent's beginning
+/// if it has none.
 pub(super) fn replace_child(text: &str, parent: &Node, tag: &str, new: String) -> Edit {
     if let Some(old) = child(parent, tag) {
         return (old.range(), new);
@@ -234,8 +235,9 @@ pub(super) fn inertial(phi: &Parameters, language: Language) -> String {
     let (xy, xz, yz) = (i.m12, i.m13, i.m23);
     match language {
         Language::Urdf => format!(
-            "<inertial>\n      <origin xyz=\"{x} {y} {z}\" rpy=\"0 0 0\"/>\n      <mass value=\"{m}\"/>\n      <inertia \
-             ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>"
+            "<inertial>\n      <origin xyz=\"{x} {y} {z}\" rpy=\"0 0 0\"/>\n      <mass \
+             value=\"{m}\"/>\n      <inertia ixx=\"{xx}\" ixy=\"{xy}\" ixz=\"{xz}\" iyy=\"{yy}\" \
+             iyz=\"{yz}\" izz=\"{zz}\"/>\n    </inertial>"
         ),
         Language::Mjcf => {
             format!(
@@ -243,8 +245,8 @@ pub(super) fn inertial(phi: &Parameters, language: Language) -> String {
             )
         }
         Language::Sdf => format!(
-            "<inertial>\n        <pose>{x} {y} {z} 0 0 0</pose>\n        <mass>{m}</mass>\n        <inertia><ixx>{xx}</ixx>\
-             <ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
+            "<inertial>\n        <pose>{x} {y} {z} 0 0 0</pose>\n        <mass>{m}</mass>\n        \
+             <inertia><ixx>{xx}</ixx><ixy>{xy}</ixy><ixz>{xz}</ixz><iyy>{yy}</iyy><iyz>{yz}</iyz><izz>{zz}</izz></inertia>\n      </inertial>"
         ),
     }
 }

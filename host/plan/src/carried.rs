@@ -1,8 +1,8 @@
 //! The load of the plate, as far as anything is known of it before it has been identified.
 //!
-//! Nothing is guessed: a rig file, or options, say how heavy the body may be and how far from the load cell a part of it may
-//! be; the load cell at rest says how heavy it is and where across the vertical its centre of mass lies, as well as its
-//! offset is known. `[truth]` has no part in it.
+//! Nothing is guessed: a rig file, or options, say how heavy the body may be and how far from the load cell a
+//! part of it may be; the load cell at rest says how heavy it is and where across the vertical its centre of
+//! mass lies, as well as its offset is known. `[truth]` has no part in it.
 
 use hexapod::{Bodies, BodyParameters, BodySet, Limits, Load, Pose};
 use nalgebra::{Matrix3, Vector3};
@@ -10,8 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::machine::{self, MachineError};
 use rigident_io::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
 
-/// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what data sheets of
-/// multi-axis load cells give as zero balance.
+/// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what
+/// data sheets of multi-axis load cells give as zero balance.
 const OFFSET_SHARE: f64 = 0.01;
 /// And within this many standard deviations of its noise, where that is the coarser.
 const OFFSET_SD: f64 = 3.0;
@@ -25,9 +25,9 @@ const MOST_AT_REST: f64 = 0.9;
 pub enum CarriedError {
     /// Forces are limited, and nothing bounds them.
     #[error(
-        "{limited} is limited, and nothing says what the plate may carry: give [platform] load_max_kg and load_within_m in the rig \
-         file (or `load_max_kg` and `load_within_m`): the heaviest body that is put on it, and how far from the load cell's origin a \
-         part of it may be"
+        "{limited} is limited, and nothing says what the plate may carry: give [platform] load_max_kg and \
+         load_within_m in the rig file (or `load_max_kg` and `load_within_m`): the heaviest body that is put \
+         on it, and how far from the load cell's origin a part of it may be"
     )]
     NoBound {
         /// The quantity that has a limit, in words.
@@ -35,8 +35,8 @@ pub enum CarriedError {
     },
     /// More than is ever put on it.
     #[error(
-        "the load cell carries {least:.2} kg at least, and load_max_kg says {bound} kg at most: one of the two is wrong, or the load \
-         cell's sign, its calibration or offset_within_n_nm"
+        "the load cell carries {least:.2} kg at least, and load_max_kg says {bound} kg at most: one of the \
+         two is wrong, or the load cell's sign, its calibration or offset_within_n_nm"
     )]
     Heavier {
         /// The reading less all that its offset may be, kg.
@@ -46,8 +46,8 @@ pub enum CarriedError {
     },
     /// Farther out than any part of it is said to be.
     #[error(
-        "the centre of mass lies {least:.3} m at least from the vertical through the load cell's origin, and load_within_m says that \
-         no part of the body is farther away than {bound} m"
+        "the centre of mass lies {least:.3} m at least from the vertical through the load cell's origin, and \
+         load_within_m says that no part of the body is farther away than {bound} m"
     )]
     Farther {
         /// m.
@@ -57,8 +57,8 @@ pub enum CarriedError {
     },
     /// A range that is used up at rest.
     #[error(
-        "the load cell's {channel} reads {value:.1} of {range:.1} {unit} at rest: the motion would overload it. Take a larger load \
-         cell, a lighter body, or mount it nearer to the load cell's axis"
+        "the load cell's {channel} reads {value:.1} of {range:.1} {unit} at rest: the motion would overload \
+         it. Take a larger load cell, a lighter body, or mount it nearer to the load cell's axis"
     )]
     Overloaded {
         /// Of the wrench.
@@ -72,8 +72,9 @@ pub enum CarriedError {
     },
     /// No material is so dense.
     #[error(
-        "the load cell carries {least:.2} kg, and load_within_m = {within} m leaves them a ball of {density:.0} kg/m³, denser than any \
-         material: no part of the body is farther from the load cell's origin than load_within_m"
+        "the load cell carries {least:.2} kg, and load_within_m = {within} m leaves them a ball of \
+         {density:.0} kg/m³, denser than any material: no part of the body is farther from the load cell's \
+         origin than load_within_m"
     )]
     Denser {
         /// kg.
@@ -98,8 +99,8 @@ pub struct LoadBound {
 }
 
 impl LoadBound {
-    /// Returns the bound of a rig file; `None` if it lacks either of them. Its heaviest body may be left out where the load
-    /// cell's range is known: it cannot weigh more than that.
+    /// Returns the bound of a rig file; `None` if it lacks either of them. Its heaviest body may be left out
+    /// where the load cell's range is known: it cannot weigh more than that.
     pub fn of(rig: &RigFile) -> Option<Self> {
         let table = rig.platform.as_ref()?;
         let of_range = || {
@@ -228,8 +229,8 @@ pub fn limited(limits: &Limits, wrench_range_n_nm: &[f64; 6]) -> Option<&'static
     }
 }
 
-/// Mountings are not more exact than so, rad, nor are bases more level: a plate that is tilted otherwise by more is not
-/// where its platform says.
+/// Mountings are not more exact than so, rad, nor are bases more level: a plate that is tilted otherwise by
+/// more is not where its platform says.
 pub const LEVEL_RAD: f64 = 0.09;
 
 /// Returns the angle between "up" in the plate's axes and that of a plate at a pose over a level base, rad.
@@ -239,7 +240,8 @@ pub fn off_level_rad(up: &Vector3<f64>, stands: &Pose) -> f64 {
     up.cross(&expected).norm().atan2(up.dot(&expected))
 }
 
-/// Returns what the legs carry: the parts that the rig file names, and one of a set of bodies on the load cell (S).
+/// Returns what the legs carry: the parts that the rig file names, and one of a set of bodies on the load
+/// cell (S).
 ///
 /// # Errors
 /// A rotation of the load cell that is none.
@@ -273,7 +275,8 @@ pub fn up_when_level(rig: &RigFile) -> Result<[f64; 3], MachineError> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "[load_cell]\nrange_n_nm = [660, 660, 1980, 60, 60, 60]\nnoise_n_nm = [5, 5, 10, 0.4, 0.4, 0.4]\n\
+    const TEXT: &str = "[load_cell]\nrange_n_nm = [660, 660, 1980, 60, 60, 60]\nnoise_n_nm = [5, 5, 10, 0.4, \
+                        0.4, 0.4]\n\
                         [platform]\nload_max_kg = 40\nload_within_m = 0.4\n";
 
     fn weighed(body: &BodyParameters, up: [f64; 3], more: &str) -> Result<BodySet, CarriedError> {

@@ -1,5 +1,6 @@
-//! The search for the motion of the greatest merit inside limits: an interior-point method, a quasi-Newton step
-//! (limited-memory BFGS, two-loop recursion of Nocedal) at a time, from several random beginnings on all cores.
+//! The search for the motion of the greatest merit inside limits: an interior-point method, a quasi-Newton
+//! step (limited-memory BFGS, two-loop recursion of Nocedal) at a time, from several random beginnings on all
+//! cores.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -38,7 +39,8 @@ pub trait Descent: Sync {
     /// Returns `weight Σ barrier − merit`, its gradient, and the merit; `None` outside the limits.
     fn cost(&self, z: &[f64], weight: f64) -> Option<(f64, Vec<f64>, f64)>;
 
-    /// Returns a random beginning inside the limits, as large as they let it be within a quarter; `None` if not even a tiny one is.
+    /// Returns a random beginning inside the limits, as large as they let it be within a quarter; `None` if
+    /// not even a tiny one is.
     fn begin(&self, seed: u64) -> Option<Vec<f64>> {
         // SplitMix64 (Steele, Lea, Flood 2014), uniform within ±1.
         let mut state = seed;

@@ -24,7 +24,8 @@ pub enum MachineError {
     Missing(&'static str),
     /// A request that depends on joints to a machine without them.
     #[error(
-        "[platform] gives no joints, and what its plate reaches at once depends on them: `plan_motion()` and `run()` do with travel_m and travel_rad"
+        "[platform] gives no joints, and what its plate reaches at once depends on them: `plan_motion()` and \
+         `run()` do with travel_m and travel_rad"
     )]
     NoJoints,
     /// Axes of joints that are not limited, or of length zero.
@@ -35,8 +36,8 @@ pub enum MachineError {
     LoadCell,
     /// Limits that contradict each other: no level pose keeps them.
     #[error(
-        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is {at}, where \
-         {violation}{advice}"
+        "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is {at}, \
+         where {violation}{advice}"
     )]
     NoLevelPose {
         /// The best level pose.
@@ -48,7 +49,8 @@ pub enum MachineError {
     },
 }
 
-/// The limits of a rig file's platform that are single numbers: all but the joints' cones and the thickness of the parts.
+/// The limits of a rig file's platform that are single numbers: all but the joints' cones and the thickness
+/// of the parts.
 pub fn limits(table: &PlatformTable) -> Limits {
     Limits {
         leg_acceleration_mps2: table.leg_acceleration_mps2,
@@ -64,7 +66,8 @@ pub fn limits(table: &PlatformTable) -> Limits {
     }
 }
 
-/// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is 40 then.
+/// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is
+/// 40 then.
 ///
 /// # Errors
 /// What the table lacks, or limits that no level pose keeps.
@@ -175,7 +178,8 @@ fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineE
     move |(pose, violation)| {
         let advice = match violation.limit {
             Limit::Conditioning if !guard_is_given => {
-                "; no cond_max is given and 40 is taken: the joints of base and plate may be entered wrongly, or lie nearly alike"
+                "; no cond_max is given and 40 is taken: the joints of base and plate may be entered \
+                 wrongly, or lie nearly alike"
             }
             limit if limit.is_of_force() => ": the legs are too weak for the weight of [[platform.part]]",
             Limit::Clearance => {
@@ -253,7 +257,8 @@ fn travel(table: &PlatformTable) -> Result<Option<Travel>, MachineError> {
     let Some(of_plate) = first(&of_plate) else { return Ok(None) };
     if let Some(of_legs) = first(&of_legs) {
         return Err(MachineError::Axes(format!(
-            "{of_plate} is for a machine whose joints are not published, and {of_legs} needs them: leave one of them out"
+            "{of_plate} is for a machine whose joints are not published, and {of_legs} needs them: leave one \
+             of them out"
         )));
     }
     let shift_m = table.travel_m.ok_or(MachineError::Missing(
@@ -282,14 +287,15 @@ fn bulk(table: &PlatformTable) -> Result<Option<Bulk>, MachineError> {
         ];
         return match others.into_iter().find(|(_, value)| value.is_some()) {
             Some((name, _)) => Err(MachineError::Axes(format!(
-                "{name} is there to keep legs, plate and base apart, but leg_radius_m, how thick a leg is, is missing"
+                "{name} is there to keep legs, plate and base apart, but leg_radius_m, how thick a leg is, \
+                 is missing"
             ))),
             None => Ok(None),
         };
     };
     let joint_length_m = table.joint_length_m.ok_or(MachineError::Missing(
-        "joint_length_m: what of a leg belongs to its joint at either end, where it touches others by design; it goes with \
-         leg_radius_m",
+        "joint_length_m: what of a leg belongs to its joint at either end, where it touches others by \
+         design; it goes with leg_radius_m",
     ))?;
     if table.leg_length_m.is_some_and(|[shortest, _]| 2.0 * joint_length_m >= shortest) {
         return Err(MachineError::Axes(format!(
@@ -315,7 +321,8 @@ fn cones(
     match (half_angle_rad, axes) {
         (None, None) => Ok(None),
         (None, Some(_)) => Err(MachineError::Axes(format!(
-            "{joint}_joint_axes says about which axes the joints turn, but {joint}_joint_angle_rad, how far, is missing"
+            "{joint}_joint_axes says about which axes the joints turn, but {joint}_joint_angle_rad, how far, \
+             is missing"
         ))),
         (Some(half_angle), None) => Ok(Some(geometry.cones_about_home(half_angle))),
         (Some(half_angle_rad), Some(axes)) => {
@@ -366,9 +373,11 @@ mod tests {
             }),
         };
         let read = file(
-            "leg_length_m = [0.55, 0.8548]\nleg_rate_mps = 0.8\nleg_acceleration_mps2 = 8\nleg_force_n = 2000\n\
+            "leg_length_m = [0.55, 0.8548]\nleg_rate_mps = 0.8\nleg_acceleration_mps2 = 8\nleg_force_n = \
+             2000\n\
              leg_jerk_mps3 = 90\nleg_push_n = 1900\nleg_pull_n = 500\nleg_buckling_nm2 = 1000\n\
-             base_joint_angle_rad = 0.9\nbase_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]\n\
+             base_joint_angle_rad = 0.9\nbase_joint_axes = \
+             [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]\n\
              plate_joint_angle_rad = 0.8\ncond_max = 30\nleg_radius_m = 0.025\njoint_length_m = 0.08\n\
              plate_radius_m = 0.02\nclearance_m = 0.005",
         );

@@ -71,8 +71,8 @@ pub enum PlanFileError {
     },
     /// Another machine.
     #[error(
-        "plan {path} is for another rig: {joint} joint {number} is at {planned:.4?} m in the plan and at {actual:.4?} m \
-         in the rig; make it anew with `plan(…, rig)`"
+        "plan {path} is for another rig: {joint} joint {number} is at {planned:.4?} m in the plan and at \
+         {actual:.4?} m in the rig; make it anew with `plan(…, rig)`"
     )]
     AnotherRig {
         /// Which.
@@ -88,8 +88,8 @@ pub enum PlanFileError {
     },
     /// A machine of another kind.
     #[error(
-        "plan {path} is for another rig: it was made for a machine {} its joints, and the rig file describes one {} them; make it anew with \
-         `plan_motion(rig)`",
+        "plan {path} is for another rig: it was made for a machine {} its joints, and the rig file describes \
+         one {} them; make it anew with `plan_motion(rig)`",
         if *planned { "with" } else { "without" }, if *planned { "without" } else { "with" }
     )]
     OtherKnowledge {
@@ -100,8 +100,8 @@ pub enum PlanFileError {
     },
     /// What it carries is no body.
     #[error(
-        "plan {path}: carries: no body has these parameters: the mass must be positive, and about any axis the moment at most the sum \
-         of the other two"
+        "plan {path}: carries: no body has these parameters: the mass must be positive, and about any axis \
+         the moment at most the sum of the other two"
     )]
     Carries {
         /// Which.
@@ -151,7 +151,8 @@ impl PlanFile {
         write_new_text(path, &(text + "\n"))
     }
 
-    /// Reads a plan for this machine and checks that it can do it, at every instant. What its legs can carry is
+    /// Reads a plan for this machine and checks that it can do it, at every instant. What its legs can carry
+    /// is
     /// [`rigident_device::platform::check`]'s concern.
     ///
     /// # Errors

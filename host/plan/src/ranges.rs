@@ -19,8 +19,8 @@ const MOST_LOOKS: f64 = 100_000.0;
 pub enum RangeError {
     /// Beyond a range.
     #[error(
-        "the program takes {what} to {value:.3} {unit} at t = {time_s:.2} s, and its range is {range:.3} {unit}: use a smaller or slower \
-         motion"
+        "the program takes {what} to {value:.3} {unit} at t = {time_s:.2} s, and its range is {range:.3} \
+         {unit}: use a smaller or slower motion"
     )]
     Beyond {
         /// The channel.
@@ -76,7 +76,8 @@ impl fmt::Display for RangePeaks {
             } else if peak.at_worst > peak.range {
                 writeln!(
                     f,
-                    "of {:.2} {} with the worst body that may be on it: the motion is ended before the range is reached",
+                    "of {:.2} {} with the worst body that may be on it: the motion is ended before the range \
+                     is reached",
                     peak.range, peak.unit
                 )?;
             } else {
@@ -87,12 +88,12 @@ impl fmt::Display for RangePeaks {
     }
 }
 
-/// Returns what load cell, gyro and accelerometer read at most while the plate follows a motion with any of a set of bodies
-/// (S) on the load cell.
+/// Returns what load cell, gyro and accelerometer read at most while the plate follows a motion with any of a
+/// set of bodies (S) on the load cell.
 ///
 /// # Errors
-/// A range that is not enough, with channel and time: of the load cell for the middle of the bodies, as it ends a motion itself
-/// before it is overloaded.
+/// A range that is not enough, with channel and time: of the load cell for the middle of the bodies, as it
+/// ends a motion itself before it is overloaded.
 pub fn peaks(
     trajectory: &Trajectory,
     rig: &RigFile,
@@ -160,8 +161,8 @@ pub struct CellStopped {
     pub time_s: f64,
 }
 
-/// Returns what the load cell reads at most if the plate is brought to rest on its path in `stop_s` from the worst
-/// instant, with any of a set of bodies (S) on it; `None` without a range.
+/// Returns what the load cell reads at most if the plate is brought to rest on its path in `stop_s` from the
+/// worst instant, with any of a set of bodies (S) on it; `None` without a range.
 ///
 /// # Errors
 /// A rotation of the load cell that is none.
@@ -213,7 +214,8 @@ mod tests {
 
     #[test]
     fn what_a_sensor_does_not_follow_is_named_with_its_time() {
-        let text = "[[imu]]\nrange_radps = 1\nrange_mps2 = 30\n[load_cell]\nrange_n_nm = [500, 500, 500, 40, 40, 40]\n";
+        let text = "[[imu]]\nrange_radps = 1\nrange_mps2 = 30\n[load_cell]\nrange_n_nm = [500, 500, 500, 40, \
+                    40, 40]\n";
         let rig = RigFile::parse(text).unwrap();
         let home = Geometry::thesis().home();
         let mut over = home;
@@ -237,7 +239,8 @@ mod tests {
         let perhaps = BodySet::bounded(60.0, [0.0; 3], 0.3);
         let said = peaks(&turn(4.0), &rig, Some(&perhaps)).unwrap().to_string();
         assert!(said.contains("with the worst body that may be on it"), "{said}");
-        // Straight down with a known body: Fz of a stop is m (g + v/T 15/8) at most, of the program m (g + 10/√3 way/T²).
+        // Straight down with a known body: Fz of a stop is m (g + v/T 15/8) at most, of the program m (g +
+        // 10/√3 way/T²).
         let mut down = home;
         down.position_m[2] -= 0.08;
         let segments = vec![Segment::Move { to: down, duration_s: 1.0 }];

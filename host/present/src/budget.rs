@@ -110,9 +110,10 @@ pub(super) fn budget(budget: &[Budget], improvement: Option<&str>) -> String {
     };
     let improvement = improvement.map_or_else(String::new, |text| format!("<p>{}</p>\n", escape(text)));
     format!(
-        "<h2>Uncertainty budget</h2>\n<p class=\"soft\">Standard uncertainty of each quantity, and the share of its variance \
-         that each source brings, after JCGM 100.</p>\n{improvement}<div class=\"scroll\"><table class=\"tight\"><thead><tr>\
-         {head}</tr></thead>\n<tbody>{rows}</tbody></table></div>\n"
+        "<h2>Uncertainty budget</h2>\n<p class=\"soft\">Standard uncertainty of each quantity, and the share \
+         of its variance that each source brings, after JCGM 100.</p>\n{improvement}<div \
+         class=\"scroll\"><table \
+         class=\"tight\"><thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>\n"
     )
 }
 
@@ -126,8 +127,9 @@ fn errors(answer: &Answer) -> String {
             .map_or((String::new(), String::new()), |r| (number(&r.value_alone()), number(&r.u95_alone())));
         let sd = error.value / error.sigma;
         format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"right\">{value}</td><td>± {u95}{}</td><td class=\"right\">{}</td>\
-             <td class=\"right\">{}</td><td class=\"right\">{:.0}</td><td>{}{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td class=\"right\">{value}</td><td>± {u95}{}</td><td \
+             class=\"right\">{}</td><td class=\"right\">{}</td><td \
+             class=\"right\">{:.0}</td><td>{}{}</td></tr>\n",
             escape(&error.name),
             escape(&unit),
             number(&significant(error.sigma, 2)),
@@ -143,10 +145,10 @@ fn errors(answer: &Answer) -> String {
     format!(
         "<h2>Errors of the rig</h2>\n<p class=\"soft\">Estimated with the body and eliminated: each is zero \
          beforehand, give or take σ, and the recording has told the share of that variance.{unusable}</p>\n\
-         <div class=\"scroll\"><table class=\"tight\">\
-         <thead><tr><th scope=\"col\">error</th><th class=\"right\" scope=\"col\">estimate</th><th scope=\"col\">± U95</th>\
-         <th class=\"right\" scope=\"col\">σ beforehand</th><th class=\"right\" scope=\"col\">in σ</th>\
-         <th class=\"right\" scope=\"col\">told, %</th><th scope=\"col\">from</th></tr></thead>\n<tbody>{rows}</tbody>\
-         </table></div>\n"
+         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th scope=\"col\">error</th><th \
+         class=\"right\" scope=\"col\">estimate</th><th scope=\"col\">± U95</th><th class=\"right\" \
+         scope=\"col\">σ beforehand</th><th class=\"right\" scope=\"col\">in σ</th><th class=\"right\" \
+         scope=\"col\">told, %</th><th \
+         scope=\"col\">from</th></tr></thead>\n<tbody>{rows}</tbody></table></div>\n"
     )
 }

@@ -144,8 +144,8 @@ pub enum Along {
     Poses,
 }
 
-/// A segment that was decided on while the experiment lasted. Ratios are of the worst 95 % uncertainty over what is asked
-/// for; infinite while something is not determined.
+/// A segment that was decided on while the experiment lasted. Ratios are of the worst 95 % uncertainty over
+/// what is asked for; infinite while something is not determined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decided {
     /// The time when it began, s.

@@ -1,4 +1,5 @@
-//! The directions that vectors point into, on the sphere: two discs of equal area, the upper and the lower half, both seen from above.
+//! The directions that vectors point into, on the sphere: two discs of equal area, the upper and the lower
+//! half, both seen from above.
 
 use super::plot::{line, open_alone, text};
 
@@ -21,8 +22,8 @@ pub struct Directions {
     pub vectors: Vec<[f64; 3]>,
 }
 
-/// Returns the spheres one below the other, as an SVG that needs no style sheet. Lambert's projection: equal areas of the
-/// sphere are equal areas of the disc.
+/// Returns the spheres one below the other, as an SVG that needs no style sheet. Lambert's projection: equal
+/// areas of the sphere are equal areas of the disc.
 pub fn svg(title: &str, spheres: &[Directions]) -> String {
     let [beside, above, below] = ROOM;
     let width = 2.0 * (2.0 * RADIUS + 2.0 * beside);

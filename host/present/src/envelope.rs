@@ -1,8 +1,8 @@
 //! Long series made short without losing their extremes.
 
-/// A series with at most `2 · buckets` points: the smallest and the largest value of each bucket of time, in the
-/// order in which they occur. A series that is short enough is returned as it is. Values that are not finite
-/// break the line: one point `(time, NaN)` represents a bucket of them.
+/// A series with at most `2 · buckets` points: the smallest and the largest value of each bucket of time, in
+/// the order in which they occur. A series that is short enough is returned as it is. Values that are not
+/// finite break the line: one point `(time, NaN)` represents a bucket of them.
 pub fn envelope(time_s: &[f64], values: &[f64], buckets: usize) -> Vec<(f64, f64)> {
     envelope_of(time_s.len().min(values.len()), |k| (time_s[k], values[k]), buckets)
 }
@@ -154,7 +154,8 @@ mod tests {
             let i = (point.0 * 1e3).round() as usize;
             assert_eq!(*point, (time[i], values[i]));
         }
-        // The oracle: any window as wide as two buckets holds at least one whole bucket, whose range is shown.
+        // The oracle: any window as wide as two buckets holds at least one whole bucket, whose range is
+        // shown.
         for window in 0..250 {
             let (from, to) = (window as f64 * 0.24, (window as f64 + 1.0) * 0.24);
             let shown = short.iter().filter(|p| (from - 0.12..to + 0.12).contains(&p.0)).map(|p| p.1);

@@ -239,8 +239,8 @@ pub fn drift(drift: &Drift) -> String {
     } else {
         // 1 − 0.95⁶ = 0.26.
         format!(
-            "<b>{}</b> changed by more than the uncertainty. By chance alone one of six channels does so in a \
-             quarter of all experiments; far outside the band, the sensor drifted or the mounting moved.",
+            "<b>{}</b> changed by more than the uncertainty. By chance alone one of six channels does so in \
+             a quarter of all experiments; far outside the band, the sensor drifted or the mounting moved.",
             escape(&moved.join(", "))
         )
     };

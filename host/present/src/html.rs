@@ -1,4 +1,5 @@
-//! The page of an answer: one for every kind of body. Well-formed XML as well as HTML; no script, nothing loaded.
+//! The page of an answer: one for every kind of body. Well-formed XML as well as HTML; no script, nothing
+//! loaded.
 
 use super::data::Along;
 use super::figures;
@@ -175,8 +176,8 @@ fn results(answer: &Answer, series: &Series) -> String {
     } else {
         tables.extend(groups.iter().map(|g| table(g, true)));
         if answer.model.is_some() {
-            note = "<p class=\"soft\">All that rows of this kind can tell apart, in the axes of each link and about its \
-                    origin. Each stands for a combination, named beside it.</p>\n"
+            note = "<p class=\"soft\">All that rows of this kind can tell apart, in the axes of each link \
+                    and about its origin. Each stands for a combination, named beside it.</p>\n"
                 .to_owned();
         }
     }
@@ -205,7 +206,10 @@ fn table(group: &Group, with_made_of: bool) -> String {
     let with_made_of = with_made_of && (0..group.quantities.len()).any(|k| !made_of(k).is_empty());
     let mut heads = String::new();
     if with_truth {
-        heads.push_str("<th class=\"right\" scope=\"col\">truth</th><th class=\"right\" scope=\"col\">deviation</th><th></th>");
+        heads.push_str(
+            "<th class=\"right\" scope=\"col\">truth</th><th class=\"right\" \
+                        scope=\"col\">deviation</th><th></th>",
+        );
     }
     if with_made_of {
         heads.push_str("<th scope=\"col\">with</th>");
@@ -232,9 +236,9 @@ fn table(group: &Group, with_made_of: bool) -> String {
     let long = with_made_of && (0..group.quantities.len()).any(|k| made_of(k).chars().count() > BESIDE);
     let place = if long { "scroll whole" } else { "scroll" };
     format!(
-        "<div class=\"{place}\"><table class=\"{}\"><caption>{}</caption>\n<thead><tr><th></th><th class=\"value\" \
-         scope=\"col\">estimate</th><th scope=\"col\">± U95</th><th scope=\"col\">unit</th>{heads}</tr></thead>\n<tbody>\n{}\
-         </tbody></table></div>\n",
+        "<div class=\"{place}\"><table class=\"{}\"><caption>{}</caption>\n<thead><tr><th></th><th \
+         class=\"value\" scope=\"col\">estimate</th><th scope=\"col\">± U95</th><th \
+         scope=\"col\">unit</th>{heads}</tr></thead>\n<tbody>\n{}</tbody></table></div>\n",
         if with_truth { "full" } else { "short" },
         escape(&group.title),
         (0..group.quantities.len()).map(row).collect::<String>()
@@ -295,9 +299,11 @@ fn standard_parameters(found: &StandardParameters) -> String {
             .map(|head| format!("<th class=\"right\" scope=\"col\">{head}</th>"))
             .concat();
     format!(
-        "<h2>Standard parameters <span class=\"tag\">{NOT_IDENTIFIED}</span></h2>\n<p class=\"soft\">{}. Centre of mass in the \
-         link's frame, tensor about it. Their base parameters are {:.2} standard deviations from those identified.</p>\n\
-         <div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
+        "<h2>Standard parameters <span class=\"tag\">{NOT_IDENTIFIED}</span></h2>\n<p class=\"soft\">{}. \
+         Centre of mass in the link's frame, tensor about it. Their base parameters are {:.2} standard \
+         deviations from those identified.</p>\n\
+         <div class=\"scroll\"><table \
+         class=\"tight\"><thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
         escape(&found.note),
         found.distance_sd
     )
@@ -313,7 +319,8 @@ fn drives(found: &Complete) -> String {
     };
     let rows: String = found.drives.iter().map(row).collect();
     format!(
-        "<h2>Drives</h2>\n<p class=\"soft\">Beside these links, to predict with.</p>\n<div class=\"scroll\"><table class=\"tight\">\n\
+        "<h2>Drives</h2>\n<p class=\"soft\">Beside these links, to predict with.</p>\n<div \
+         class=\"scroll\"><table class=\"tight\">\n\
          <tbody>\n{rows}</tbody></table></div>\n"
     )
 }
@@ -328,13 +335,21 @@ fn residual_table(channels: &[Channel]) -> String {
     let rows: String = channels
         .iter()
         .map(|c| {
-            let share = c.residual_rms.zip(c.measured_rms).map(|(residual, measured)| 100.0 * residual / measured);
+            let share =
+                c.residual_rms.zip(c.measured_rms).map(|(residual, measured)| 100.0 * residual / measured);
             let share = share.filter(|s| s.is_finite()).map_or_else(String::new, |s| format!("{s:.1} %"));
-            let noise =
-                c.autocorrelation.map_or_else(|| "white".to_owned(), |factor| format!("slow part × {factor:.1}"));
+            let noise = c.autocorrelation.map_or_else(
+                || "white".to_owned(),
+                |factor| {
+                    format!(
+                        "slow part × \
+                    {factor:.1}"
+                    )
+                },
+            );
             format!(
-                "<tr><th scope=\"row\">{}</th>{}{}<td>{}</td><td class=\"right\">{share}</td>{}<td class=\"right\">{}</td>\
-                 <td>{noise}</td></tr>\n",
+                "<tr><th scope=\"row\">{}</th>{}{}<td>{}</td><td class=\"right\">{share}</td>{}<td \
+                 class=\"right\">{}</td><td>{noise}</td></tr>\n",
                 symbol(&c.name),
                 figure(c.residual_rms),
                 figure(c.measured_rms),
@@ -346,9 +361,10 @@ fn residual_table(channels: &[Channel]) -> String {
         .collect();
     let right = |head: &str| format!("<th class=\"right\" scope=\"col\">{head}</th>");
     format!(
-        "<h2>Residuals by channel</h2>\n<p class=\"soft\">Root mean squares after the filter; σ is that of one sample before \
-         it.</p>\n<div class=\"scroll\"><table class=\"short\"><thead><tr><th></th>{}{}<th scope=\"col\">unit</th>{}{}{}\
-         <th scope=\"col\">noise</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
+        "<h2>Residuals by channel</h2>\n<p class=\"soft\">Root mean squares after the filter; σ is that of \
+         one sample before it.</p>\n<div class=\"scroll\"><table class=\"short\"><thead><tr><th></th>{}{}<th \
+         scope=\"col\">unit</th>{}{}{}<th \
+         scope=\"col\">noise</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
         right("residual"),
         right("measured"),
         right("share"),
@@ -366,7 +382,8 @@ fn plots(answer: &Answer, series: &Series) -> String {
     let residual_note = if poses {
         "Measurement less what the answer predicts, pose by pose."
     } else {
-        "Filtered measurement less what the answer predicts; every drawn interval shows its smallest and largest value."
+        "Filtered measurement less what the answer predicts; every drawn interval shows its smallest and \
+         largest value."
     };
     let own = quantities::parameters(answer);
     if !series.convergence.is_empty() {
@@ -390,14 +407,16 @@ fn provenance(answer: &Answer, series: &Series) -> String {
 
 fn footer(answer: &Answer) -> String {
     let frames = if is_body(answer) {
-        "S is the wrench sensor's frame. Products of inertia are tensor elements: I<sub>xy</sub> = \u{2212}\u{222b} x y dm."
+        "S is the wrench sensor's frame. Products of inertia are tensor elements: I<sub>xy</sub> \
+         = \u{2212}\u{222b} x y dm."
             .to_owned()
     } else {
         let names = answer.parameters.iter().map(|p| p.name.as_str());
         legend(names).map_or_else(String::new, |legend| escape(&legend))
     };
     format!(
-        "<footer><p>{frames}</p>\n<p>\u{b1} is the 95 % expanded uncertainty U95; \u{3c3} = U95 / 1.96. The deviation is \
-         estimate minus truth. In the small diagrams the bar is the interval, the upright line the truth.</p></footer>\n"
+        "<footer><p>{frames}</p>\n<p>\u{b1} is the 95 % expanded uncertainty U95; \u{3c3} = U95 / 1.96. The \
+         deviation is estimate minus truth. In the small diagrams the bar is the interval, the upright line \
+         the truth.</p></footer>\n"
     )
 }

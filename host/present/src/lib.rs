@@ -1,9 +1,11 @@
 //! An answer as text ([`plain`]) and as a page ([`report`]).
 //!
 //! Lives here: the terminal's columns (`table`), the self-contained HTML page with
-//! its plots and the series that they show ([`Series`]), and figures that are files of their own: normal probability plots
-//! ([`probability`]), the map of a [`workspace`], uncertainty over the number of poses ([`over_n`]), [`directions`] on the sphere; a
-//! growing answer in a terminal and in Foxglove ([`monitor`]). May not live here: estimation, files, rounding ([`rigident_fit::figures`]), the JSON object, which is the answer itself. Before this:
+//! its plots and the series that they show ([`Series`]), and figures that are files of their own: normal
+//! probability plots ([`probability`]), the map of a [`workspace`], uncertainty over the number of poses
+//! ([`over_n`]), [`directions`] on the sphere; a growing answer in a terminal and in Foxglove ([`monitor`]).
+//! May not live here: estimation, files, rounding ([`rigident_fit::figures`]), the JSON object, which is the
+//! answer itself. Before this:
 //! [`rigident_identify::answer`].
 
 mod budget;

@@ -40,7 +40,8 @@ fn unnamed<'a>(rigs: impl Iterator<Item = &'a RigRows>) -> String {
     words.join(" and ")
 }
 
-/// Returns the instruments that errors are of, those of a kind together: `one load cell (FT 17)`, `2 IMUs (a, b)`.
+/// Returns the instruments that errors are of, those of a kind together: `one load cell (FT 17)`,
+/// `2 IMUs (a, b)`.
 fn instruments(rigs: &[RigRows]) -> Vec<String> {
     // Where an IMU sits makes no other one.
     let is_place = |error: &&RigError| matches!(error.group.as_str(), "lever arm" | "IMU rotation");
@@ -80,21 +81,22 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
             if unnamed.is_empty() || rigs < 2 { "" } else { ", as their rig files state different things" };
         let several = if rigs > 1 { "; those of different ones are independent" } else { "" };
         said.push(format!(
-            "the {runs} runs count as taken with {}{how}: errors of one instrument do not average out{several}",
+            "the {runs} runs count as taken with {}{how}: errors of one instrument do not average \
+             out{several}",
             instruments.join(" and ")
         ));
     }
     if !pooled.overlapping.is_empty() {
         said.push(format!(
-            "{} have readings in common, so that these count twice and the intervals are too narrow: leave one of each \
-             two out",
+            "{} have readings in common, so that these count twice and the intervals are too narrow: leave \
+             one of each two out",
             names_in_words(&pooled.overlapping, ", ")
         ));
     }
     if !unnamed.is_empty() && rigs < runs {
         said.push(format!(
-            "no serial number names the {unnamed}: runs whose rig files state the same count as taken with one, whose \
-             errors do not average out; {NAME_THEM}"
+            "no serial number names the {unnamed}: runs whose rig files state the same count as taken with \
+             one, whose errors do not average out; {NAME_THEM}"
         ));
     } else if !unnamed.is_empty() {
         said.push(format!("no serial number names the {unnamed}; {NAME_THEM}"));
@@ -113,7 +115,8 @@ pub fn assumptions(pooled: &PooledFactor) -> Vec<String> {
     let noisy: Vec<String> = noisy.map(times).collect();
     if !noisy.is_empty() {
         said.push(format!(
-            "residuals are larger than the noise stated in {}: each of these counts by what it shows, and widens no other",
+            "residuals are larger than the noise stated in {}: each of these counts by what it shows, and \
+             widens no other",
             names_in_words(&noisy, ", ")
         ));
     }
@@ -141,12 +144,13 @@ pub fn rigs_of_tare(total: &RigRows, fixture: &RigRows) -> Option<String> {
     let unnamed = unnamed([total, fixture].into_iter());
     match differ {
         Some(error) if shared == 0 || error.group.contains("load-cell") => Some(format!(
-            "tare: by their rig files the fixture was recorded with another rig ({}): its errors count as independent, and \
-             do not cancel; state the same of both where it was one",
+            "tare: by their rig files the fixture was recorded with another rig ({}): its errors count as \
+             independent, and do not cancel; state the same of both where it was one",
             error.instrument
         )),
         _ if !unnamed.is_empty() => Some(format!(
-            "tare: no serial number names the {unnamed}: both runs count as taken with one, whose errors cancel; {NAME_THEM}"
+            "tare: no serial number names the {unnamed}: both runs count as taken with one, whose errors \
+             cancel; {NAME_THEM}"
         )),
         _ => None,
     }

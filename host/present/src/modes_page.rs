@@ -1,4 +1,5 @@
-//! A page of modes: each drawn on the platform and animated, the spectrum, and what was found. No script; nothing is loaded.
+//! A page of modes: each drawn on the platform and animated, the spectrum, and what was found. No script;
+//! nothing is loaded.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -23,9 +24,8 @@ const HALF_SIDE_M: f64 = 0.4;
 const RIM: f64 = 1.12;
 /// Length of a spring that is drawn, as a share of the platform's side.
 const SPRING: f64 = 0.35;
-const STYLE: &str = "<style>figure svg{width:100%}.plate{fill:var(--band);stroke:var(--x);stroke-width:1.4}.rest{fill:none;stroke:var(--soft);stroke-dasharray:3 3}\
-                     .spring{stroke:var(--soft);stroke-width:2}.com{fill:var(--y)}figure{margin:0}figcaption{color:var(--soft)}pre{overflow-x:auto;font-size:13px}\
-                     @media (prefers-reduced-motion: reduce){animate{display:none}}</style>\n";
+const STYLE: &str = "<style>figure \
+                     svg{width:100%}.plate{fill:var(--band);stroke:var(--x);stroke-width:1.4}.rest{fill:none;stroke:var(--soft);stroke-dasharray:3 3}.spring{stroke:var(--soft);stroke-width:2}.com{fill:var(--y)}figure{margin:0}figcaption{color:var(--soft)}pre{overflow-x:auto;font-size:13px}@media (prefers-reduced-motion: reduce){animate{display:none}}</style>\n";
 
 /// The body on the springs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,8 +54,9 @@ pub fn page(
         html.push_str(&format!("<h2>Noticed</h2>\n<ul class=\"warnings\">\n{items}</ul>\n"));
     }
     html.push_str(
-        "<h2>Modes</h2>\n<p class=\"soft\">Each at the same size, whatever it was, and slowed down; x points to the right, y away, z upward. \
-         Dashed: rest. The dot is the body's centre of mass.</p>\n<div class=\"grid\">\n",
+        "<h2>Modes</h2>\n<p class=\"soft\">Each at the same size, whatever it was, and slowed down; x points \
+         to the right, y away, z upward. Dashed: rest. The dot is the body's centre of mass.</p>\n<div \
+         class=\"grid\">\n",
     );
     for (k, mode) in modes.iter().enumerate() {
         html.push_str(&figure(k, mode, scene));
@@ -127,7 +128,8 @@ fn figure(number: usize, mode: &ModeRow, scene: &Scene) -> String {
     let animated = |attribute: &str, of: &dyn Fn(usize) -> String| {
         let values: Vec<String> = (0..=PICTURES).map(of).collect();
         format!(
-            "<animate attributeName=\"{attribute}\" dur=\"{period:.2}s\" repeatCount=\"indefinite\" values=\"{}\"/>",
+            "<animate attributeName=\"{attribute}\" dur=\"{period:.2}s\" repeatCount=\"indefinite\" \
+             values=\"{}\"/>",
             values.join(";")
         )
     };

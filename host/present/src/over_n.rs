@@ -8,8 +8,7 @@ const SIDE: (f64, f64) = (400.0, 320.0);
 /// Room around it: left, top, right, bottom.
 const ROOM: [f64; 4] = [58.0, 84.0, 18.0, 46.0];
 /// Style of dots and lines, one colour for each curve.
-const STYLE: &str = "path{fill:none;stroke-width:1.5}.line0{stroke:var(--a)}.line1{stroke:var(--b)}.line2{stroke:var(--c)}.line3{stroke:var(--d)}\
-                     .dot0{fill:var(--a)}.dot1{fill:var(--b)}.dot2{fill:var(--c)}.dot3{fill:var(--d)}";
+const STYLE: &str = "path{fill:none;stroke-width:1.5}.line0{stroke:var(--a)}.line1{stroke:var(--b)}.line2{stroke:var(--c)}.line3{stroke:var(--d)}.dot0{fill:var(--a)}.dot1{fill:var(--b)}.dot2{fill:var(--c)}.dot3{fill:var(--d)}";
 
 /// One estimator. Points are (number of poses, uncertainty).
 #[derive(Clone, Debug)]

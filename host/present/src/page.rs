@@ -1,4 +1,5 @@
-//! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing loaded.
+//! The page: headline, tables, figures, provenance. Well-formed XML as well as HTML; no script, nothing
+//! loaded.
 
 use super::data::{Decided, PrincipalAxis, Quantity};
 use rigident_fit::figures::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
@@ -35,8 +36,9 @@ pub(super) fn decisions(decided: &[Decided]) -> String {
             let lasted = d.lasted_s.map_or("–".to_owned(), |s| format!("{s:.1}"));
             let ended = if d.whole { "" } else { ", ended early" };
             format!(
-                "<tr><td class=\"right\">{:.1}</td><td>{}{ended}</td><td>{}</td><td class=\"right\">{}</td>\
-                 <td class=\"right\">{}</td><td class=\"right\">{got}</td><td class=\"right\">{lasted}</td></tr>\n",
+                "<tr><td class=\"right\">{:.1}</td><td>{}{ended}</td><td>{}</td><td \
+                 class=\"right\">{}</td><td class=\"right\">{}</td><td class=\"right\">{got}</td><td \
+                 class=\"right\">{lasted}</td></tr>\n",
                 d.begun_s,
                 escape(&d.name),
                 escape(&d.purpose),
@@ -46,11 +48,12 @@ pub(super) fn decisions(decided: &[Decided]) -> String {
         })
         .collect();
     format!(
-        "<h2>Decisions</h2>\n<p class=\"soft\">Worst 95 % uncertainty over what is asked for: before a segment, expected at its \
-         end, and got. All is reached at 1.</p>\n<div class=\"scroll\"><table class=\"tight\"><thead><tr>\
-         <th class=\"right\" scope=\"col\">from, s</th><th scope=\"col\">segment</th><th scope=\"col\">furthest off</th>\
-         <th class=\"right\" scope=\"col\">before</th><th class=\"right\" scope=\"col\">expected</th>\
-         <th class=\"right\" scope=\"col\">got</th><th class=\"right\" scope=\"col\">lasted, s</th></tr></thead>\n\
+        "<h2>Decisions</h2>\n<p class=\"soft\">Worst 95 % uncertainty over what is asked for: before a \
+         segment, expected at its end, and got. All is reached at 1.</p>\n<div class=\"scroll\"><table \
+         class=\"tight\"><thead><tr><th class=\"right\" scope=\"col\">from, s</th><th \
+         scope=\"col\">segment</th><th scope=\"col\">furthest off</th><th class=\"right\" \
+         scope=\"col\">before</th><th class=\"right\" scope=\"col\">expected</th><th class=\"right\" \
+         scope=\"col\">got</th><th class=\"right\" scope=\"col\">lasted, s</th></tr></thead>\n\
          <tbody>{rows}</tbody></table></div>\n"
     )
 }
@@ -142,9 +145,10 @@ fn glyph(deviation: f64) -> String {
     let class = if deviation.abs() > 1.0 { " class=\"off\"" } else { "" };
     let (from, mean, to) = (x(deviation - 1.0), x(deviation), x(deviation + 1.0));
     format!(
-        "<svg viewBox=\"0 0 92 14\" aria-hidden=\"true\"><line class=\"rail\" x1=\"1\" y1=\"7\" x2=\"91\" y2=\"7\"/>\
-         <rect{class} x=\"{from:.1}\" y=\"4\" width=\"{:.1}\" height=\"6\"/><line class=\"mean\" x1=\"{mean:.1}\" \
-         y1=\"3\" x2=\"{mean:.1}\" y2=\"11\"/><line class=\"at\" x1=\"46\" y1=\"0\" x2=\"46\" y2=\"14\"/></svg>",
+        "<svg viewBox=\"0 0 92 14\" aria-hidden=\"true\"><line class=\"rail\" x1=\"1\" y1=\"7\" x2=\"91\" \
+         y2=\"7\"/><rect{class} x=\"{from:.1}\" y=\"4\" width=\"{:.1}\" height=\"6\"/><line class=\"mean\" \
+         x1=\"{mean:.1}\" y1=\"3\" x2=\"{mean:.1}\" y2=\"11\"/><line class=\"at\" x1=\"46\" y1=\"0\" \
+         x2=\"46\" y2=\"14\"/></svg>",
         (to - from).max(0.5)
     )
 }
@@ -160,9 +164,10 @@ pub(super) fn principal(axes: &[PrincipalAxis]) -> String {
         ""
     };
     let mut html = format!(
-        "<div class=\"scroll\"><table class=\"tight\"><caption>Principal moments, kg m², and their axes in S</caption>\n<thead><tr>\
-         <th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± U95</th>{truth_head}\
-         <th scope=\"col\">axis</th><th scope=\"col\">± U95</th></tr></thead>\n<tbody>\n"
+        "<div class=\"scroll\"><table class=\"tight\"><caption>Principal moments, kg m², and their axes in \
+         S</caption>\n<thead><tr><th class=\"value\" scope=\"col\">moment</th><th scope=\"col\">± \
+         U95</th>{truth_head}<th scope=\"col\">axis</th><th scope=\"col\">± \
+         U95</th></tr></thead>\n<tbody>\n"
     );
     for axis in axes {
         html.push_str(&format!("<tr>{}", value_cells(&axis.moment)));

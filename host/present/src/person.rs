@@ -98,8 +98,8 @@ fn masses(found: &PersonResult) -> String {
         }
     };
     format!(
-        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people knows of the segments; its centre {}. The table \
-         ({}) is scaled to {} kg and {} m.</p>{segments}",
+        "<h2>Whole mass</h2>\n<p>{} by the plates and the motion alone; {} with what the table of people \
+         knows of the segments; its centre {}. The table ({}) is scaled to {} kg and {} m.</p>{segments}",
         escape(&mass(found.mass_kg)),
         escape(&mass(found.mass_with_table_kg)),
         escape(&centre(found)),
@@ -130,8 +130,8 @@ fn held(tool: &ToolResult) -> String {
 
 fn on_device(device: &DeviceResult) -> String {
     format!(
-        "microcontroller ({}): {} frames, {} rows; its parameters are those of the same rows in double precision to {} standard deviations \
-         ({}), {} of what is allowed",
+        "microcontroller ({}): {} frames, {} rows; its parameters are those of the same rows in double \
+         precision to {} standard deviations ({}), {} of what is allowed",
         device.mcu,
         device.frames,
         device.rows,
@@ -151,9 +151,9 @@ pub(super) fn html(found: &PersonResult) -> String {
         .chain(found.device.as_ref().map(on_device))
         .collect();
     format!(
-        "{}{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of \
-         what is left and its mean, by the person's own parameters and by the scaled table; then without the means of both; moments about the \
-         pelvis, in per cent of weight times stature.</p>\n{}{}",
+        "{}{}<h2>{}</h2>\n<p class=\"soft\">Root mean square of what is left and its mean, by the person's \
+         own parameters and by the scaled table; then without the means of both; moments about the pelvis, \
+         in per cent of weight times stature.</p>\n{}{}",
         masses(found),
         time_lines(found),
         escape(&how_left_out(found)),
@@ -182,15 +182,18 @@ fn table(rows: &[Vec<String>]) -> String {
     let head = rows.first().map_or_else(String::new, |row| line(row, true));
     let body: String = rows.iter().skip(1).map(|row| line(row, false)).collect();
     format!(
-        "<div class=\"scroll\"><table class=\"tight\"><thead>{head}</thead>\n<tbody>\n{body}</tbody></table></div>\n"
+        "<div class=\"scroll\"><table \
+         class=\"tight\"><thead>{head}</thead>\n<tbody>\n{body}</tbody></table></div>\n"
     )
 }
 
 /// The meaning of the columns of the segments.
-const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the segment from its proximal joint (feet: before it), ± U95, the \
-                             table's beside with how far one person is from it; radii of gyration about the axes forward, left and up; how much of the table's \
-                             variance of the mass the plates took away. Where that is less than a quarter the motions tell nothing of the segment, and \
-                             only the table's values are there.";
+const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the segment from its proximal joint \
+                             (feet: before it), ± U95, the table's beside with how far one person is from \
+                             it; radii of gyration about the axes forward, left and up; how much of the \
+                             table's variance of the mass the plates took away. Where that is less than a \
+                             quarter the motions tell nothing of the segment, and only the table's values \
+                             are there.";
 
 fn how_left_out(found: &PersonResult) -> String {
     match (found.motions, found.trials.len()) {
@@ -265,8 +268,9 @@ fn left_out(found: &PersonResult) -> Vec<Vec<String>> {
 }
 
 /// The meaning of the columns of the choices.
-const CHOICES_NOTE: &str = "Ways to choose motions: parameters known to 5 %, to 15 %, worse, and small ones (1 σ, the table known beforehand); condition \
-                            number of the rows, and with columns of unit length; log10 of the determinant of the information; root mean \
+const CHOICES_NOTE: &str = "Ways to choose motions: parameters known to 5 %, to 15 %, worse, and small ones \
+                            (1 σ, the table known beforehand); condition number of the rows, and with \
+                            columns of unit length; log10 of the determinant of the information; root mean \
                             square of what is left of the whitened rows of the other motions.";
 
 fn choices(found: &PersonResult) -> Vec<Vec<String>> {
@@ -317,7 +321,8 @@ fn frames(trial: &TrialResult) -> String {
     let far: Vec<String> =
         trial.farthest.iter().map(|f| format!("{} {:.0}", printable(&f.name), 1e3 * f.rms_m)).collect();
     format!(
-        "{}: {} of {} frames used{dropped}; smoothed at {} Hz{delay}{beside}; markers {:.1} mm off the model, most {} mm; {} filled in",
+        "{}: {} of {} frames used{dropped}; smoothed at {} Hz{delay}{beside}; markers {:.1} mm off the \
+         model, most {} mm; {} filled in",
         printable(&trial.name),
         trial.used,
         trial.frames,

@@ -57,8 +57,8 @@ pub(super) fn drawn(found: &PersonResult) -> String {
             ("table", segment.table_mass_kg)
         };
         lines.push_str(&format!(
-            "<line class=\"{class}\" x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke-width=\"{:.1}\" \
-             stroke-opacity=\"{:.2}\"><title>{}</title></line>\n",
+            "<line class=\"{class}\" x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" \
+             stroke-width=\"{:.1}\" stroke-opacity=\"{:.2}\"><title>{}</title></line>\n",
             THICK * kg.max(0.2).sqrt(),
             if segment.identified { 0.4 + 0.6 * segment.informed } else { 0.35 },
             escape(&words(segment))
@@ -80,9 +80,11 @@ pub(super) fn drawn(found: &PersonResult) -> String {
         }
     }
     format!(
-        "<figure class=\"person\"><svg viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"The person from the front\">\n\
-         {lines}{ellipses}{names}</svg>\n<figcaption>Upright, facing you, as thick as heavy. Green: the motions tell the mass, the more \
-         the deeper; the dot is the centre of mass, the ellipse its U95. Grey: the table's alone.</figcaption></figure>\n",
+        "<figure class=\"person\"><svg viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"The person \
+         from the front\">\n\
+         {lines}{ellipses}{names}</svg>\n<figcaption>Upright, facing you, as thick as heavy. Green: the \
+         motions tell the mass, the more the deeper; the dot is the centre of mass, the ellipse its U95. \
+         Grey: the table's alone.</figcaption></figure>\n",
         SCALE * (highest - lowest)
     )
 }
@@ -103,8 +105,8 @@ pub(super) fn time_lines(found: &PersonResult) -> String {
         return lines;
     }
     format!(
-        "<h2>Contacts that no plate measures</h2>\n<p class=\"soft\">Mean force beside the plates over the time of each trial, s; these \
-         frames are left out.</p>\n{lines}"
+        "<h2>Contacts that no plate measures</h2>\n<p class=\"soft\">Mean force beside the plates over the \
+         time of each trial, s; these frames are left out.</p>\n{lines}"
     )
 }
 
@@ -117,8 +119,8 @@ fn time_line(trial: &TrialResult) -> String {
         let force = Vector3::from(c.force_n).norm();
         let near = c.near.as_deref().map_or_else(String::new, |near| format!(", {}", near.replace('_', " ")));
         format!(
-            "<rect class=\"pushed\" x=\"{from:.1}\" y=\"20\" width=\"{:.1}\" height=\"14\"/><text class=\"mid\" x=\"{:.1}\" \
-             y=\"14\">{} N{}</text>\n",
+            "<rect class=\"pushed\" x=\"{from:.1}\" y=\"20\" width=\"{:.1}\" height=\"14\"/><text \
+             class=\"mid\" x=\"{:.1}\" y=\"14\">{} N{}</text>\n",
             (to - from).max(1.0),
             (from + to) / 2.0,
             significant(force, 2),
@@ -127,9 +129,10 @@ fn time_line(trial: &TrialResult) -> String {
     };
     let marks: String = trial.unmeasured.iter().map(contact).collect();
     format!(
-        "<figure><svg viewBox=\"0 0 {WIDTH} {HIGH}\" role=\"img\" aria-label=\"Time line of contacts\">\n<rect class=\"whole-time\" x=\"8\" \
-         y=\"20\" width=\"{:.1}\" height=\"14\"/>\n{marks}<text x=\"8\" y=\"{:.1}\">0</text><text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{} \
-         s</text></svg><figcaption>{}</figcaption></figure>\n",
+        "<figure><svg viewBox=\"0 0 {WIDTH} {HIGH}\" role=\"img\" aria-label=\"Time line of \
+         contacts\">\n<rect class=\"whole-time\" x=\"8\" y=\"20\" width=\"{:.1}\" \
+         height=\"14\"/>\n{marks}<text x=\"8\" y=\"{:.1}\">0</text><text class=\"end\" x=\"{:.1}\" \
+         y=\"{:.1}\">{} s</text></svg><figcaption>{}</figcaption></figure>\n",
         WIDTH - 16.0,
         HIGH - 4.0,
         WIDTH - 8.0,

@@ -145,8 +145,9 @@ fn table(found: &Predictions) -> String {
         })
         .collect();
     format!(
-        "<h2>Measured against predicted</h2>\n<p class=\"soft\">NRMSE is the root mean square of measured less predicted over the \
-         {}.</p>\n<div class=\"scroll\"><table class=\"tight\"><thead><tr><th></th><th class=\"right\" scope=\"col\">measured, \
+        "<h2>Measured against predicted</h2>\n<p class=\"soft\">NRMSE is the root mean square of measured \
+         less predicted over the {}.</p>\n<div class=\"scroll\"><table \
+         class=\"tight\"><thead><tr><th></th><th class=\"right\" scope=\"col\">measured, \
          sd</th><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n",
         escape(&found.normalised_by)
     )

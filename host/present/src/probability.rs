@@ -48,8 +48,9 @@ fn points(values: &[f64]) -> Vec<(f64, f64)> {
     sorted.into_iter().enumerate().map(|(i, v)| (v, standard.inverse_cdf((i as f64 + 0.5) / count))).collect()
 }
 
-/// Correlation of a sample's sorted values with the normal quantiles (Filliben 1975): 1 for a normal sample, below 0.9992
-/// in one of a hundred normal samples of 2 500. `None` for fewer than three values, or equal ones.
+/// Correlation of a sample's sorted values with the normal quantiles (Filliben 1975): 1 for a normal sample,
+/// below 0.9992 in one of a hundred normal samples of 2 500. `None` for fewer than three values, or equal
+/// ones.
 pub fn straightness(values: &[f64]) -> Option<f64> {
     let points = points(values);
     let n = points.len() as f64;
@@ -63,8 +64,8 @@ pub fn straightness(values: &[f64]) -> Option<f64> {
     (points.len() >= 3 && xx > 0.0).then(|| xz / (xx * zz).sqrt())
 }
 
-/// The panels beside each other, as an SVG that needs no style sheet. Each sample's straight line goes through its
-/// quartiles.
+/// The panels beside each other, as an SVG that needs no style sheet. Each sample's straight line goes
+/// through its quartiles.
 pub fn svg(panels: &[Panel]) -> String {
     let drawn = panels.iter().map(|panel| (panel.title.clone(), panel.render()));
     beside(["probability", "Normal probability plot", STYLE], (SIDE, ROOM), drawn)

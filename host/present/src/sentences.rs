@@ -7,7 +7,8 @@ use rigident_identify::answer::result::{NearestBody, TimeBase};
 pub fn nearest_words(nearest: &NearestBody, distance_sd: f64) -> String {
     let list = |values: &[f64]| values.iter().map(|v| significant(*v, 4)).collect::<Vec<_>>().join(", ");
     format!(
-        "{} standard deviations away: m {} kg; centre of mass {} m; Ixx, Iyy, Izz, Iyz, Izx, Ixy about it {} kg m²",
+        "{} standard deviations away: m {} kg; centre of mass {} m; Ixx, Iyy, Izz, Iyz, Izx, Ixy about it {} \
+         kg m²",
         significant(distance_sd, 2),
         significant(nearest.mass_kg, 6),
         list(&nearest.com_m),

@@ -1,4 +1,5 @@
-//! Modes of a platform on springs, and a body by two ways beside each other, for the terminal; the spectrum as a figure.
+//! Modes of a platform on springs, and a body by two ways beside each other, for the terminal; the spectrum
+//! as a figure.
 
 use serde::Serialize;
 
@@ -13,8 +14,7 @@ use rigident_vibration::modal_analysis::{Shapes, Spectrum};
 const SIDE: (f64, f64) = (520.0, 320.0);
 /// Room around it: left, top, right, bottom.
 const ROOM: [f64; 4] = [70.0, 62.0, 18.0, 46.0];
-const STYLE: &str = "path{fill:none;stroke-width:1.2}.line0{stroke:var(--a)}.line1{stroke:var(--b)}.line2{stroke:var(--c)}.peak{stroke:var(--d);stroke-dasharray:3 3}\
-                     .dot0{fill:var(--a)}.dot1{fill:var(--b)}.dot2{fill:var(--c)}";
+const STYLE: &str = "path{fill:none;stroke-width:1.2}.line0{stroke:var(--a)}.line1{stroke:var(--b)}.line2{stroke:var(--c)}.peak{stroke:var(--d);stroke-dasharray:3 3}.dot0{fill:var(--a)}.dot1{fill:var(--b)}.dot2{fill:var(--c)}";
 
 /// A mode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -66,7 +66,8 @@ fn quantities(answer: &Answer) -> Vec<(String, &'static str, f64, f64)> {
     all
 }
 
-/// Returns how far two answers are apart, by the root of the sum of the squares of their uncertainties, quantity by quantity.
+/// Returns how far two answers are apart, by the root of the sum of the squares of their uncertainties,
+/// quantity by quantity.
 pub fn differences(answers: [Option<&Answer>; 2]) -> Vec<(String, f64)> {
     let [Some(a), Some(b)] = answers else { return Vec::new() };
     let theirs = quantities(b);
@@ -131,7 +132,8 @@ pub fn text(modes: &[ModeRow], answers: [Option<&Answer>; 2]) -> String {
     out
 }
 
-/// Returns the spectrum with the modes as dashed lines: shifts and turns beside each other, as an SVG that needs no style sheet.
+/// Returns the spectrum with the modes as dashed lines: shifts and turns beside each other, as an SVG that
+/// needs no style sheet.
 pub fn spectrum_svg(spectrum: &Spectrum, names: &[&str], modes: &[ModeRow]) -> String {
     let highest = modes.iter().map(|m| m.hz).fold(1.0, f64::max) * 1.6;
     let shifts: Vec<usize> =

@@ -1,4 +1,5 @@
-//! The workspace over roll and pitch: where the legs can hold the plate, and on top where no singular pose is near.
+//! The workspace over roll and pitch: where the legs can hold the plate, and on top where no singular pose is
+//! near.
 
 use super::plot::axis::Axis;
 use super::plot::{line, open_alone, text};
@@ -8,10 +9,7 @@ const SIDE: f64 = 540.0;
 /// Room around it: left, top, right, bottom.
 const ROOM: [f64; 4] = [58.0, 100.0, 18.0, 46.0];
 /// Style of the maps.
-const STYLE: &str = ".title{font-size:16px}.held{fill:var(--sand)}.free{fill:var(--a);fill-opacity:.78}\
-                     .tilt{fill:none;stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 4}\
-                     .pose{fill:var(--ink);stroke:var(--rule);stroke-width:1.5}\
-                     .halo{paint-order:stroke;stroke:var(--rule);stroke-width:3px;stroke-linejoin:round;fill:var(--ink)}";
+const STYLE: &str = ".title{font-size:16px}.held{fill:var(--sand)}.free{fill:var(--a);fill-opacity:.78}.tilt{fill:none;stroke:var(--ink);stroke-width:1.2;stroke-dasharray:2 4}.pose{fill:var(--ink);stroke:var(--rule);stroke-width:1.5}.halo{paint-order:stroke;stroke:var(--rule);stroke-width:3px;stroke-linejoin:round;fill:var(--ink)}";
 
 /// The content of the figure. Rows are rolls, columns pitches.
 #[derive(Clone, Copy, Debug)]

@@ -1,4 +1,5 @@
-//! An IMU against the motion that it was driven through: turns calibrate the gyro, gravity and accelerations the accelerometer.
+//! An IMU against the motion that it was driven through: turns calibrate the gyro, gravity and accelerations
+//! the accelerometer.
 //!
 //! Each axis reads `b + Σ_j M_j u_j`, with `u` the angular rate or the specific force that the program
 //! predicts at the IMU, in its axes as the rig file has them: a bias, a scale (the axis' own `M`) and two
@@ -111,8 +112,8 @@ impl<'a> ImuRun<'a> {
         if count == 0.0 { f64::INFINITY } else { squares - sum.iter().map(|s| s * s).sum::<f64>() / count }
     }
 
-    /// Returns what the program does not explain with these parameters, as a share of the RMS by which the gyro and the accelerometer
-    /// vary: near 0 if the IMU was driven through it, near 1 if it was not.
+    /// Returns what the program does not explain with these parameters, as a share of the RMS by which the
+    /// gyro and the accelerometer vary: near 0 if the IMU was driven through it, near 1 if it was not.
     pub fn unexplained(&self, parameters: &[f64]) -> [f64; 2] {
         // Sums and sums of squares of what was read, and of what the program leaves of it.
         let (mut sums, mut squares) = ([[0.0; 6]; 2], [[0.0; 6]; 2]);

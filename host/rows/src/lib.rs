@@ -1,8 +1,8 @@
 //! Rows of one rigid body and of trees of links, made from recordings.
 //!
-//! [`body`] makes the six rows an instant of a wrench on a load cell, in motion or in still poses; [`tree`] those
-//! of joint torques, base wrenches and contacts. [`smoothing`] filters and differentiates what they need, and
-//! `white_noise` finds what it is uncertain by. The solution of the rows is in [`rigident_fit`].
+//! [`body`] makes the six rows an instant of a wrench on a load cell, in motion or in still poses; [`tree`]
+//! those of joint torques, base wrenches and contacts. [`smoothing`] filters and differentiates what they
+//! need, and `white_noise` finds what it is uncertain by. The solution of the rows is in [`rigident_fit`].
 //!
 //! ```
 //! use rigident_fit::RowSource;

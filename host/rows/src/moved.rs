@@ -2,8 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// Coordinates of a frame and their rates: first the base's position and quaternion (w, x, y, z) in laboratory axes, then the
-/// joints', as [`rigident_model::rows::Moving::set`] takes them.
+/// Coordinates of a frame and their rates: first the base's position and quaternion (w, x, y, z) in
+/// laboratory axes, then the joints', as [`rigident_model::rows::Moving::set`] takes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moved {
     /// Positions, m and rad, and quaternions.
@@ -34,7 +34,8 @@ impl Part {
     }
 }
 
-/// Returns positions and rates of numbers and their slopes (per second), of a base's place and attitude, then the joints'.
+/// Returns positions and rates of numbers and their slopes (per second), of a base's place and attitude, then
+/// the joints'.
 pub fn moved(parts: &[Part], values: &[f64], slopes: &[f64]) -> Moved {
     let mut moved = Moved { positions: Vec::with_capacity(values.len()), rates: Vec::new() };
     let mut at = 0;

@@ -1,7 +1,8 @@
 //! Zero-phase smoothing of tracked coordinates and of wrenches by one kernel, and how wide it should be.
 //!
-//! The kernel is the one that rows are filtered by, `(1 − x²)⁸` on its width: symmetric, so nothing is delayed. Coordinates are
-//! smoothed on their frames, wrenches on their own samples at the times of the frames: the same low-pass on both sides.
+//! The kernel is the one that rows are filtered by, `(1 − x²)⁸` on its width: symmetric, so nothing is
+//! delayed. Coordinates are smoothed on their frames, wrenches on their own samples at the times of the
+//! frames: the same low-pass on both sides.
 
 use rigident_shared::conditioning::Kernel;
 
@@ -27,8 +28,8 @@ pub struct Smoother {
 }
 
 impl Smoother {
-    /// Returns the smoother of this cut-off (−3 dB), for samples at a rate; `None` if it would take fewer than three of them or more
-    /// than there is room for.
+    /// Returns the smoother of this cut-off (−3 dB), for samples at a rate; `None` if it would take fewer
+    /// than three of them or more than there is room for.
     pub fn new(cut_off_hz: f64, rate_hz: f64) -> Option<Self> {
         let kernel = Kernel::<f64, TAPS>::new(rate_hz, width_s(cut_off_hz), 1).ok()?;
         (kernel.smooth().len() >= 3).then(|| Self {
@@ -54,8 +55,8 @@ impl Smoother {
         (sum(&self.smooth), sum(&self.slope))
     }
 
-    /// Returns the logarithm of the generalised cross-validation of a series: `mean (x − h∗x)² / (1 − h₀)²`; `None` if it is too
-    /// short.
+    /// Returns the logarithm of the generalised cross-validation of a series: `mean (x − h∗x)² / (1 − h₀)²`;
+    /// `None` if it is too short.
     fn cross_validation(&self, series: &[f32]) -> Option<f64> {
         let middle = self.smooth.get(self.half()).copied()?;
         let windows = series.windows(self.smooth.len());
@@ -104,9 +105,11 @@ pub fn best_cut_off(
     best.map_or(candidates_hz.get(3).copied().unwrap_or(CUT_OFFS_HZ[3]), |(_, cut_off)| cut_off)
 }
 
-/// Returns a plate's wrench smoothed at an instant; `None` near either end, or where a sample under the kernel is not finite.
+/// Returns a plate's wrench smoothed at an instant; `None` near either end, or where a sample under the
+/// kernel is not finite.
 ///
-/// The kernel's variance is `h²/19`, h half its width: where samples are means over T, it is narrower by their `T²/12`.
+/// The kernel's variance is `h²/19`, h half its width: where samples are means over T, it is narrower by
+/// their `T²/12`.
 pub fn smoothed_at(plate: &GroundWrench, cut_off_hz: f64, time_s: f64) -> Option<[f64; 6]> {
     let wide = width_s(cut_off_hz) / 2.0;
     let half = (wide * wide - plate.mean_s * plate.mean_s * 19.0 / 12.0).max(0.25 * wide * wide).sqrt();

@@ -1,4 +1,5 @@
-//! White noise of signals: how much there is, and signs by chance, the same on every machine, to make more of it.
+//! White noise of signals: how much there is, and signs by chance, the same on every machine, to make more of
+//! it.
 
 /// Steele's splitmix64, a sign from the top bit of each number.
 #[derive(Clone, Debug)]
@@ -22,7 +23,8 @@ impl Signs {
 
 /// Share of the differences that counts: knocks and jumps are not noise.
 const COUNTED: f64 = 0.95;
-/// Mean of the least 95 % of a χ² of three degrees of freedom over its mean: `F₅(q)/0.95` at the quantile q of F₃;
+/// Mean of the least 95 % of a χ² of three degrees of freedom over its mean: `F₅(q)/0.95` at the quantile q
+/// of F₃;
 const COUNTED_OF_THREE: f64 = 0.877;
 /// of one: `F₃(q)/0.95` at the quantile q of F₁.
 const COUNTED_OF_ONE: f64 = 0.759;
@@ -38,9 +40,9 @@ pub const TENTH: [f64; 11] = [1.0, -10.0, 45.0, -120.0, 210.0, -252.0, 210.0, -1
 /// Noise is white as far as differences show if sixth and tenth ones agree as well: some per cent are chance.
 const WHITE: f64 = 0.1;
 
-/// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters, noise by √924.
-/// Each signal is given with its time, ns; a step of more than one and a half times the usual one is none. Its N numbers have
-/// one freedom or three.
+/// Returns σ of a sensor, the root mean square over its axes, from sixth differences: motion hardly enters,
+/// noise by √924. Each signal is given with its time, ns; a step of more than one and a half times the usual
+/// one is none. Its N numbers have one freedom or three.
 pub fn sixth_differences<const N: usize>(signals: &[(u64, [f64; N])], freedoms: u8) -> f64 {
     sixth_differences_of(signals, |signal| *signal, freedoms)
 }
@@ -54,8 +56,8 @@ pub fn sixth_differences_of<R, const N: usize>(
     differences(readings, of, freedoms, &SIXTH)
 }
 
-/// Returns the same if the noise is white. Tenth differences show another one where a sensor has a low-pass, which hides its noise, and where
-/// vibration resembles noise; zero then.
+/// Returns the same if the noise is white. Tenth differences show another one where a sensor has a low-pass,
+/// which hides its noise, and where vibration resembles noise; zero then.
 pub fn certain_noise<R, const N: usize>(
     readings: &[R],
     of: impl Fn(&R) -> (u64, [f64; N]),
@@ -123,7 +125,8 @@ mod tests {
         assert!((found / 0.02 - 1.0).abs() < 0.05, "{found}");
         assert_eq!(sixth_differences(&signals[..6], 3), 0.0);
         assert_eq!(certain_noise(&signals, |signal| *signal, 3), found);
-        // A mean of neighbours takes most of what differences show; the noise that is left is none to be certain of.
+        // A mean of neighbours takes most of what differences show; the noise that is left is none to be
+        // certain of.
         let mean = |w: &[(u64, [f64; 3])]| std::array::from_fn(|k| 0.5 * (w[0].1[k] + w[1].1[k]));
         let smoothed: Vec<(u64, [f64; 3])> = signals.windows(2).map(|w| (w[1].0, mean(w))).collect();
         assert!(

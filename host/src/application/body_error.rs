@@ -49,7 +49,8 @@ pub enum BodyError {
     OsimText(#[from] OpenSimError),
     /// No marker follows the link that holds the tool; holds its name.
     #[error(
-        "no marker follows {0} in all trials, so that what it holds cannot be found: put markers on it, or name the link that has some"
+        "no marker follows {0} in all trials, so that what it holds cannot be found: put markers on it, or \
+         name the link that has some"
     )]
     ToolLink(String),
     /// It was stopped while the firmware took a motion; holds the motion.

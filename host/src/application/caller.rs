@@ -35,12 +35,14 @@ impl fmt::Debug for Caller<'_> {
 }
 
 impl<'a> Caller<'a> {
-    /// Returns a caller that sees stages: their names, and their shares done, 0 to 1 (zero where that is not known).
+    /// Returns a caller that sees stages: their names, and their shares done, 0 to 1 (zero where that is not
+    /// known).
     pub fn new(progress: &'a (dyn Progress + Sync)) -> Self {
         Self { progress, ..Self::default() }
     }
 
-    /// Returns the same caller with a token: where it becomes true the job ends at its next stage with [`Error::Stopped`].
+    /// Returns the same caller with a token: where it becomes true the job ends at its next stage with
+    /// [`Error::Stopped`].
     #[must_use]
     pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }

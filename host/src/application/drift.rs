@@ -8,8 +8,8 @@ use rigident_identify::answer::{Drift, DriftChange};
 /// The edges of a pose still shake, s.
 const MARGIN_S: f64 = 0.2;
 
-/// Returns the mean wrench of the second span less that of the first, spans in s from the first reading; `None` where a
-/// span has no readings.
+/// Returns the mean wrench of the second span less that of the first, spans in s from the first reading;
+/// `None` where a span has no readings.
 pub(super) fn of_body(readings: &[Reading<f64>], spans: [(f64, f64); 2], found: &Fit) -> Option<Drift> {
     let origin_ns = readings.first()?.time_ns;
     let mean = |(from, to): (f64, f64)| -> Option<([f64; 6], f64)> {

@@ -36,7 +36,8 @@ pub struct DriveGainOptions {
     pub friction: Friction,
     /// Drives that turn with several joints: `NAME=J1+J2`.
     pub drives: Vec<String>,
-    /// A recording with a load, and the link that carries it, `LINK` or `LINK@x,y,z,roll,pitch,yaw` in m and degrees.
+    /// A recording with a load, and the link that carries it, `LINK` or `LINK@x,y,z,roll,pitch,yaw` in m and
+    /// degrees.
     pub loaded: Option<(PathBuf, String)>,
     /// What is known of the load, or, without one, of the links.
     pub known: KnownValues,
@@ -59,7 +60,8 @@ pub struct DriveGain {
     pub u95: f64,
     /// True if that is at most a tenth of the gain; otherwise the gain says nothing.
     pub is_identified: bool,
-    /// The ratio to the gain of the reference with its 95 % expanded uncertainty, where that is at most a tenth of it.
+    /// The ratio to the gain of the reference with its 95 % expanded uncertainty, where that is at most a
+    /// tenth of it.
     pub ratio: Option<(f64, f64)>,
 }
 
@@ -70,7 +72,8 @@ pub struct DriveGains {
     pub drives: Vec<DriveGain>,
     /// The drive that ratios are to, where there are any.
     pub reference: Option<usize>,
-    /// The rig file with the gains that are identified, and standard deviations that hold for all combinations of them.
+    /// The rig file with the gains that are identified, and standard deviations that hold for all
+    /// combinations of them.
     pub rig: RigFile,
     /// Rounds of scaling.
     pub rounds: usize,
@@ -144,7 +147,8 @@ fn found(bare: &[PathBuf], options: &DriveGainOptions, caller: &Caller<'_>) -> R
         }
         gains.iter_mut().enumerate().for_each(|(k, gain)| *gain *= step(k));
     };
-    // As with the rig file that comes of it: gains of which nothing is known take the place of friction that the model lacks.
+    // As with the rig file that comes of it: gains of which nothing is known take the place of friction that
+    // the model lacks.
     let judged = fit(&runs, (&gains, 0.5 * COARSEST), options, caller)?;
     for (loaded, own) in judged.loaded.iter().zip(&judged.fits) {
         refuse_impossible(loaded, own)?;
@@ -284,8 +288,8 @@ fn answer(runs: &Runs, gains: &[f64], fitted: &Fitted, round: Round, rounds: usi
     let Round { errors, coverage, is_settled, mut warnings } = round;
     if !is_settled {
         warnings.push(format!(
-            "the gains have not settled after {rounds} rounds, and none is identified: record more motion, or state friction that the \
-             joints have"
+            "the gains have not settled after {rounds} rounds, and none is identified: record more motion, \
+             or state friction that the joints have"
         ));
     }
     let reference = errors.reference(coverage).filter(|_| is_settled);

@@ -5,7 +5,8 @@
 pub enum DriveGainsError {
     /// No joint has an effort.
     #[error(
-        "{0} has no efforts of joints: name their columns in the rig file, [[joint]] effort, or JOINT_a if they are currents in A"
+        "{0} has no efforts of joints: name their columns in the rig file, [[joint]] effort, or JOINT_a if \
+         they are currents in A"
     )]
     NoEfforts(String),
     /// Recordings with efforts of other joints.
@@ -16,7 +17,8 @@ pub enum DriveGainsError {
     NoMasses(String),
     /// The nominal torques explain nothing of the efforts.
     #[error(
-        "nothing of the efforts in {0} is explained by the model's torques: are the columns those of these joints, and do they move?"
+        "nothing of the efforts in {0} is explained by the model's torques: are the columns those of these \
+         joints, and do they move?"
     )]
     NothingExplained(String),
     /// Rows that say nothing of the gains.
@@ -32,7 +34,8 @@ pub enum DriveGainsError {
     },
     /// The trust in the nominal model is no standard deviation, or is given beside a load.
     #[error(
-        "the nominal model's links are trusted within a share above zero, and only where there is no load: {0}"
+        "the nominal model's links are trusted within a share above zero, and only where there is no load: \
+         {0}"
     )]
     NominalSigma(f64),
 }

@@ -1,4 +1,5 @@
-//! Gains of an arm whose efforts are currents: forces by Newton and Euler about the centres of mass, each over a gain of its own.
+//! Gains of an arm whose efforts are currents: forces by Newton and Euler about the centres of mass, each
+//! over a gain of its own.
 
 use std::path::{Path, PathBuf};
 

@@ -30,7 +30,8 @@ use rigident_people::body_segments::opensim::OsimFault;
 use rigident_plan::poses::statics::StaticsError;
 use rigident_rows::tree::TreePrepareError;
 
-/// Why a job has no answer: its kind, with what a caller needs to word the remedy. Its text is for users of this library.
+/// Why a job has no answer: its kind, with what a caller needs to word the remedy. Its text is for users of
+/// this library.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A recording or its rig file.
@@ -111,7 +112,8 @@ pub enum Error {
     },
     /// It is no recording of a body, but has columns of a robot's joints.
     #[error(
-        "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description as the model"
+        "{error}. Its columns {joint}_… are of a robot's joints: to identify its links give its description \
+         as the model"
     )]
     OfRobot {
         /// Why it is none of a body.
@@ -154,8 +156,8 @@ pub enum Error {
     SpanOfTree(Span<f64>),
     /// Forgetting, where several files have clocks of their own.
     #[error(
-        "forgetting: not of several files with clocks of their own, as the uncertainty of their skews is that of a whole run; give \
-         one recording"
+        "forgetting: not of several files with clocks of their own, as the uncertainty of their skews is \
+         that of a whole run; give one recording"
     )]
     SpanOfStreams,
     /// The trust in a nominal model is no standard deviation.
@@ -163,7 +165,8 @@ pub enum Error {
     NominalSigma(f64),
     /// A payload is asked for together with the links' standard parameters.
     #[error(
-        "the answer about a payload is about what a link carries; a written model and symmetric sides are about the links"
+        "the answer about a payload is about what a link carries; a written model and symmetric sides are \
+         about the links"
     )]
     PayloadAndLinks,
     /// A payload of one body.
@@ -185,8 +188,8 @@ pub enum Error {
     },
     /// The rig file's links are not those that a factor is of.
     #[error(
-        "the rig file: the factor is of {factor}, and the rig file of {rig}; give the rig file that the recordings were taken with, \
-         or none"
+        "the rig file: the factor is of {factor}, and the rig file of {rig}; give the rig file that the \
+         recordings were taken with, or none"
     )]
     OtherLinks {
         /// The subject of the factor.
@@ -199,7 +202,8 @@ pub enum Error {
     NoOffset(String),
     /// The platform is to be taken off, and nothing states it.
     #[error(
-        "the platform cannot be taken off: the rig file states neither [suspension.platform] nor the mass of a spring"
+        "the platform cannot be taken off: the rig file states neither [suspension.platform] nor the mass of \
+         a spring"
     )]
     NoPlatform,
     /// Runs that are merged disagree too much to be of one body.
@@ -214,7 +218,8 @@ pub enum Error {
     },
     /// The recording that plain least squares are trained on has other parameters.
     #[error(
-        "the recording to train on has other parameters than the recording: columns are missing in one of them"
+        "the recording to train on has other parameters than the recording: columns are missing in one of \
+         them"
     )]
     OtherParameters,
     /// A result of a tree, without the tree's description; holds the file.
@@ -388,14 +393,15 @@ pub enum ListingError {
     TwoRigs(PathBuf),
     /// A folder with neither a bag nor a rig file that lists its files.
     #[error(
-        "{} is a folder without a bag of ROS 2 (metadata.yaml with .mcap or .db3): of files with clocks of their own give the rig \
-         file that lists them as [[stream]], too",
+        "{} is a folder without a bag of ROS 2 (metadata.yaml with .mcap or .db3): of files with clocks of \
+         their own give the rig file that lists them as [[stream]], too",
         .0.display()
     )]
     Folder(PathBuf),
     /// A rig file lists several files, and one of them was given.
     #[error(
-        "{listing} lists several files as one recording ([[stream]]): give the rig file itself, {listing}, in place of {}",
+        "{listing} lists several files as one recording ([[stream]]): give the rig file itself, {listing}, \
+         in place of {}",
         given.display(), listing = listing.display()
     )]
     OneOfSeveral {
@@ -479,8 +485,8 @@ fn seconds(span: Span<f64>) -> f64 {
 /// Says how much runs disagree, without a remedy.
 fn disagree(recordings: &str, ratio: f64, shared_offset: bool) -> String {
     format!(
-        "{recordings} disagree {ratio:.1} times as much as their noise explains: they are not runs of one body, mounted alike, with \
-         one sensor{}; the answer of each tells which does not belong",
+        "{recordings} disagree {ratio:.1} times as much as their noise explains: they are not runs of one \
+         body, mounted alike, with one sensor{}; the answer of each tells which does not belong",
         if shared_offset { ", or its offset is not one between them" } else { "" }
     )
 }

@@ -22,7 +22,8 @@ use rigident_rows::tree::drive::Friction;
 /// The way a recording is identified.
 #[derive(Clone, Debug)]
 pub struct IdentifyOptions {
-    /// Rig file. Default: `NAME.rig.toml` beside the recording; a recording in memory has its own, and this one is of the fixture's.
+    /// Rig file. Default: `NAME.rig.toml` beside the recording; a recording in memory has its own, and this
+    /// one is of the fixture's.
     pub rig: Option<PathBuf>,
     /// Calibration of the rig. Default: that of the rig file.
     pub calibration: Option<PathBuf>,
@@ -40,13 +41,16 @@ pub struct IdentifyOptions {
     pub friction: Friction,
     /// Drives that turn with several joints: `NAME=J1+J2`.
     pub drives: Vec<String>,
-    /// Relative standard deviation (1 σ) that the nominal model is trusted with where the data leave something open.
+    /// Relative standard deviation (1 σ) that the nominal model is trusted with where the data leave
+    /// something open.
     pub nominal_sigma: f64,
     /// In the standard parameters right links mirror left ones.
     pub symmetric_sides: bool,
-    /// The file that a model with the standard parameters is to be written to: [`Identified::model`] writes it.
+    /// The file that a model with the standard parameters is to be written to: [`Identified::model`] writes
+    /// it.
     pub write_model: Option<PathBuf>,
-    /// The link whose payload is identified, beyond what the tare has: `LINK` or `LINK@x,y,z,roll,pitch,yaw` in m and degrees.
+    /// The link whose payload is identified, beyond what the tare has: `LINK` or `LINK@x,y,z,roll,pitch,yaw`
+    /// in m and degrees.
     pub payload: Option<String>,
 }
 

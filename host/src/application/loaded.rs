@@ -43,8 +43,8 @@ pub struct Loaded {
     nominal: Option<(Model, Option<PathBuf>)>,
     /// Date of the recording, RFC 3339.
     recorded: Option<String>,
-    /// The recording as it was read, of several files on one time base, for the search for a fault; `None` of a tree's files
-    /// and of what a device read.
+    /// The recording as it was read, of several files on one time base, for the search for a fault; `None` of
+    /// a tree's files and of what a device read.
     case: Option<Case>,
 }
 
@@ -288,7 +288,8 @@ impl Loaded {
         Ok(self.with_unused(found))
     }
 
-    /// Judges the answer of a fit by the faults that a recording may have; returns the one that explains it, to be explained.
+    /// Judges the answer of a fit by the faults that a recording may have; returns the one that explains it,
+    /// to be explained.
     pub fn judge(&self, fit: &Fit, answer: &mut Answer, caller: &Caller<'_>) -> Option<Cause> {
         let case = self.case.as_ref()?;
         caller.stage("looking for the cause", 0.0);
@@ -347,8 +348,8 @@ impl Loaded {
         }
     }
 
-    /// Wraps what a device read of a tree; accelerometers of links beyond the base have served their attitudes and are not
-    /// among the rows.
+    /// Wraps what a device read of a tree; accelerometers of links beyond the base have served their
+    /// attitudes and are not among the rows.
     ///
     /// # Errors
     /// The recording does not fit the model.
@@ -376,7 +377,8 @@ impl Loaded {
         model.map_or_else(Vec::new, |model| model.links.into_iter().map(|l| l.name).collect())
     }
 
-    /// Returns the mean wrench of the same pose at the end less that at the beginning; `None` where a pose has no readings.
+    /// Returns the mean wrench of the same pose at the end less that at the beginning; `None` where a pose
+    /// has no readings.
     pub fn drift(&self, spans: [(f64, f64); 2], found: &Fit) -> Option<Drift> {
         let Subject::Body { source, .. } = &self.problem.subject else { return None };
         drift::of_body(&source.input().readings, spans, found)

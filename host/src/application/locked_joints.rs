@@ -12,7 +12,8 @@ use rigident_model::idle::{DEVIATION, Spread};
 use rigident_rows::tree::columns::{self, Column, Quantity};
 use rigident_rows::tree::joints::{Resolved, Seen, attitude, resolve};
 
-/// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let it sag by as much.
+/// A joint that leaves its place by no more is held, rad or m, 1 σ, encoders and attitudes: controllers let
+/// it sag by as much.
 const HELD: f64 = 2e-3;
 const HELD_BY_ATTITUDES: f64 = 0.02;
 
@@ -80,8 +81,8 @@ pub(super) fn lock(
     Ok(notes)
 }
 
-/// Declares three revolute joints each that are one spherical joint: where the angles of all three are recorded they stay, and
-/// what is between them is no body.
+/// Declares three revolute joints each that are one spherical joint: where the angles of all three are
+/// recorded they stay, and what is between them is no body.
 ///
 /// # Errors
 /// They are no such joint.

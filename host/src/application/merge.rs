@@ -8,8 +8,8 @@ use rigident_fit::Progress;
 use rigident_fit::pool::{PooledFactor, disagreement_in_words};
 use rigident_io::union::{Union, union, union_of_files};
 
-/// Runs that disagree by more than this many times their noise are of different bodies or rigs. What drifts from run to run
-/// of one body, offsets apart, stays below.
+/// Runs that disagree by more than this many times their noise are of different bodies or rigs. What drifts
+/// from run to run of one body, offsets apart, stays below.
 const FOREIGN: f64 = 10.0;
 
 /// Factors as one.
@@ -27,11 +27,12 @@ pub struct Merged {
 
 /// Merges factors of one body: in any order, and one whose recordings are all in others counts once.
 ///
-/// `shared_offset` says that all have one wrench offset between them, `force` that those are merged, too, that disagree more than ten
-/// times as much as their noise explains.
+/// `shared_offset` says that all have one wrench offset between them, `force` that those are merged, too,
+/// that disagree more than ten times as much as their noise explains.
 ///
 /// # Errors
-/// [`Error::Factors`] if they are of other models or have only some recordings in common, [`Error::Disagree`].
+/// [`Error::Factors`] if they are of other models or have only some recordings in common,
+/// [`Error::Disagree`].
 pub fn merge(factors: Vec<PooledFactor>, shared_offset: bool, force: bool) -> Result<Merged, Error> {
     judged(union(factors, shared_offset)?, shared_offset, force)
 }

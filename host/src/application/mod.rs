@@ -1,4 +1,5 @@
-//! The jobs of Rigident as plain functions: typed options in, typed answers out; nothing is printed, and no process ends.
+//! The jobs of Rigident as plain functions: typed options in, typed answers out; nothing is printed, and no
+//! process ends.
 //!
 //! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its
 //! body, [`merge`] joins factors, [`solve`] answers by one, [`predict`](predict()) computes what a model
@@ -19,8 +20,8 @@
 //! # Ok::<(), rigident::application::Error>(())
 //! ```
 //!
-//! Lives here: what a job takes and in which order it is done. May not live here: words of options, printing, exit statuses; and
-//! mathematics, which is in the rooms below.
+//! Lives here: what a job takes and in which order it is done. May not live here: words of options, printing,
+//! exit statuses; and mathematics, which is in the rooms below.
 
 pub mod bare_platform;
 pub mod body;

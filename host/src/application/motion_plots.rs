@@ -5,8 +5,8 @@ use rigident_shared::calibration::Reading;
 use rigident_present::TimePlot;
 use rigident_rows::body::Input;
 
-/// Returns angular rate and specific force of one body's IMU; times in s from the first reading, or the number of the
-/// still pose.
+/// Returns angular rate and specific force of one body's IMU; times in s from the first reading, or the
+/// number of the still pose.
 pub(super) fn of_body(input: &Input, gravity_columns: bool) -> Vec<TimePlot> {
     let start_ns = input.readings.first().map_or(0, |r| r.time_ns);
     let readings = &input.readings;

@@ -20,7 +20,8 @@ pub enum Notice {
         /// The link that holds it.
         link: String,
     },
-    /// The recording with the payload cannot be true, so nothing is said of the payload. Holds the link as it was given.
+    /// The recording with the payload cannot be true, so nothing is said of the payload. Holds the link as it
+    /// was given.
     PayloadNotUsed(String),
     /// The subject of the answer: the payload of a link.
     Payload {
@@ -54,34 +55,37 @@ impl fmt::Display for Notice {
         match self {
             Self::ColumnsAssumed(assumed) => write!(
                 f,
-                "{assumed}; the wrench is taken to be that on the body. Where that is wrong, say it in a rig file"
+                "{assumed}; the wrench is taken to be that on the body. Where that is wrong, say it in a rig \
+                 file"
             ),
             Self::ColumnsLeftOut(columns) => write!(
                 f,
-                "one rigid body is identified, and columns of other links are not used: {}. Several links need [[link]] tables in \
-                 the rig file, or a model",
+                "one rigid body is identified, and columns of other links are not used: {}. Several links \
+                 need [[link]] tables in the rig file, or a model",
                 columns.join(", ")
             ),
-            Self::LockedAtZero(joints) => write!(
-                f,
-                "{}; state the position (rad or m) if it stood elsewhere",
-                locked_at_zero(joints)
-            ),
-            Self::Tool { words, link } => write!(f, "tool {words} changes nothing of the answer: {}", tool(link)),
+            Self::LockedAtZero(joints) => {
+                write!(f, "{}; state the position (rad or m) if it stood elsewhere", locked_at_zero(joints))
+            }
+            Self::Tool { words, link } => {
+                write!(f, "tool {words} changes nothing of the answer: {}", tool(link))
+            }
             Self::PayloadNotUsed(link) => write!(
                 f,
-                "payload of {link}: nothing is said of it, because the recording with it cannot be true; this is the answer about \
-                 the arm"
+                "payload of {link}: nothing is said of it, because the recording with it cannot be true; \
+                 this is the answer about the arm"
             ),
             Self::Payload { link, without } => {
                 write!(f, "{} need a run with the bare flange as the tare", payload(link, without))
             }
             Self::MassContradicted { given_kg, plates } => write!(
                 f,
-                "the mass that was given, {given_kg} kg, contradicts the plates, which say {plates}: weigh again, or leave it out"
+                "the mass that was given, {given_kg} kg, contradicts the plates, which say {plates}: weigh \
+                 again, or leave it out"
             ),
             Self::PlatformNotTakenOff => f.write_str(
-                "the rig file states the platform; it is to be taken off an answer of factors that have it on",
+                "the rig file states the platform; it is to be taken off an answer of factors that have it \
+                 on",
             ),
             Self::LoadOrigin { with, without } => write!(f, "payload by rigident: {with} less {without}"),
             Self::LoadTurned => f.write_str("turned as the payload's frame"),
@@ -98,16 +102,16 @@ pub fn locked_at_zero(joints: &[String]) -> String {
 /// Says why a tool that a link holds changes nothing.
 pub fn tool(link: &str) -> String {
     format!(
-        "what {link} holds is one body with it, and {link}'s base parameters are those of both. It has no nominal model, so that it \
-         is not among the full parameters and not written: they count it to {link}. Identify without the tool, too, and take the \
-         difference"
+        "what {link} holds is one body with it, and {link}'s base parameters are those of both. It has no \
+         nominal model, so that it is not among the full parameters and not written: they count it to \
+         {link}. Identify without the tool, too, and take the difference"
     )
 }
 
 /// Says what an answer about a payload is about, up to what controllers that want all beyond the flange need.
 pub fn payload(link: &str, without: &str) -> String {
     format!(
-        "payload: what {link} carries beyond {without}; friction and offsets are each run's own. Controllers that want all beyond \
-         the flange"
+        "payload: what {link} carries beyond {without}; friction and offsets are each run's own. Controllers \
+         that want all beyond the flange"
     )
 }

@@ -25,7 +25,8 @@ pub(super) struct Found {
     pub(super) warnings: Vec<String>,
 }
 
-/// Returns the link that carries the payload as rows and answer name it; `words` are `LINK` or `LINK@x,y,z,roll,pitch,yaw`.
+/// Returns the link that carries the payload as rows and answer name it; `words` are `LINK` or
+/// `LINK@x,y,z,roll,pitch,yaw`.
 ///
 /// # Errors
 /// [`Error::PayloadOfBody`] of no tree, [`Error::PayloadPlace`] if there is no such link.
@@ -48,7 +49,8 @@ pub(super) fn carrier(loaded: &Loaded, words: &str) -> Result<(Carrier, PayloadR
     Ok((Carrier { link: name(moving.link), to_link, frame }, result))
 }
 
-/// Returns the fit of the payload of a run of an arm; `None` if the run cannot be true: the answer about the arm says why.
+/// Returns the fit of the payload of a run of an arm; `None` if the run cannot be true: the answer about the
+/// arm says why.
 ///
 /// # Errors
 /// Runs of different trees, or rows that see nothing of the link.

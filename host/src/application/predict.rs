@@ -25,7 +25,8 @@ pub struct PredictOptions {
     pub tree: Tree,
     /// A recording that plain least squares are trained on, to be compared with.
     pub train: Option<PathBuf>,
-    /// The recording has what is predicted, to be compared with; otherwise efforts that it lacks are predicted.
+    /// The recording has what is predicted, to be compared with; otherwise efforts that it lacks are
+    /// predicted.
     pub needs_measured: bool,
 }
 
@@ -44,7 +45,8 @@ impl Predicted {
         prediction::page(&self.found, &self.columns)
     }
 
-    /// Returns what is predicted over time as CSV: one row a filtered sample, cells empty where dry friction is unknown at rest.
+    /// Returns what is predicted over time as CSV: one row a filtered sample, cells empty where dry friction
+    /// is unknown at rest.
     pub fn csv(&self) -> String {
         csv(&self.found, &self.columns)
     }
@@ -196,7 +198,8 @@ fn predictions(
     }
 }
 
-/// Returns what is predicted over time: one row a filtered sample, cells empty where dry friction is unknown at rest.
+/// Returns what is predicted over time: one row a filtered sample, cells empty where dry friction is unknown
+/// at rest.
 fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
     let has_measured = found.channels.iter().any(|channel| channel.measured_sd.is_some());
     let unit = |channel: &PredictedChannel| channel.unit.replace(' ', "").to_lowercase();
@@ -251,8 +254,8 @@ fn read(path: &Path) -> Result<Given, Error> {
         return match &answer.error {
             Some(error) => refuse(format!("this run failed: {error}")),
             None if answer.is_contradicted() => refuse(
-                "its recording cannot be true, so nothing of it is identified and nothing can be predicted: the warnings in it say \
-                 why"
+                "its recording cannot be true, so nothing of it is identified and nothing can be predicted: \
+                 the warnings in it say why"
                     .to_owned(),
             ),
             None => Ok(Given::Answer(Box::new(answer))),

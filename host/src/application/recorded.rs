@@ -54,8 +54,8 @@ impl Recorded {
     }
 }
 
-/// Returns the files with clocks of their own that a path names: a rig file that lists `[[stream]]` files, or their folder, `rig`
-/// listing them; `None` of a single recording.
+/// Returns the files with clocks of their own that a path names: a rig file that lists `[[stream]]` files, or
+/// their folder, `rig` listing them; `None` of a single recording.
 ///
 /// # Errors
 /// A listing that cannot be read, or is not given as one.
@@ -78,7 +78,8 @@ pub fn stream_set(path: &Path, rig: Option<&Path>) -> Result<Option<StreamSet>, 
     Ok(Some(set?))
 }
 
-/// Returns the rig file, or the folder, by which a path names several files with clocks of their own; `None` of a single recording.
+/// Returns the rig file, or the folder, by which a path names several files with clocks of their own; `None`
+/// of a single recording.
 pub fn listing_of(path: &Path, rig: Option<&Path>) -> Option<PathBuf> {
     let given = (is_rig_file(path) || path.is_dir()).then(|| rig.filter(|_| path.is_dir()).unwrap_or(path));
     given.map(Path::to_owned).or_else(|| listing(path, rig))
@@ -94,7 +95,8 @@ pub fn refuse_several(path: &Path, rig: Option<&Path>, job: &'static str) -> Res
     listing_of(path, rig).map_or(Ok(()), |listing| Err(several(listing).into()))
 }
 
-/// Returns the rig file of a recording if it lists `[[stream]]` files. One that cannot be read is another's to complain of.
+/// Returns the rig file of a recording if it lists `[[stream]]` files. One that cannot be read is another's
+/// to complain of.
 fn listing(path: &Path, rig: Option<&Path>) -> Option<PathBuf> {
     let rig = rig.map_or_else(|| rig_path(path), Path::to_owned);
     RigFile::load(&rig).is_ok_and(|file| !file.stream.is_empty()).then_some(rig)
@@ -117,7 +119,8 @@ pub fn joints_of(recording: &Recording) -> Vec<String> {
         .collect()
 }
 
-/// Returns what to say of columns of a recording of several links that have no part where one body is identified.
+/// Returns what to say of columns of a recording of several links that have no part where one body is
+/// identified.
 pub(super) fn left_out_columns(recording: &Recording, joints: &[String]) -> Option<Notice> {
     let mut columns: Vec<String> = Vec::new();
     for (j, imu) in recording.imus.iter().enumerate().skip(1) {
@@ -136,14 +139,15 @@ pub(super) fn assumed_columns(recording: &Recording, caller: &Caller<'_>) -> Opt
     Some(caller.words(&Notice::ColumnsAssumed(assumed.to_string())))
 }
 
-/// Returns the recording that a path names where files with clocks of their own are taken: of a folder that `live` wrote its
-/// streams.
+/// Returns the recording that a path names where files with clocks of their own are taken: of a folder that
+/// `live` wrote its streams.
 pub fn listed(path: PathBuf) -> PathBuf {
     let streams = path.join(STREAMS);
     if streams.is_file() { streams } else { named(path) }
 }
 
-/// Returns the one file that a path names: of a folder that `demo`, `run` or `live` wrote the one beside their result, else the path.
+/// Returns the one file that a path names: of a folder that `demo`, `run` or `live` wrote the one beside
+/// their result, else the path.
 pub fn named(path: PathBuf) -> PathBuf {
     let names = ["run.mcap", "demo.mcap", "demo.csv", "live.mcap"];
     let own = names.iter().map(|name| path.join(name)).find(|file| file.is_file());

@@ -14,8 +14,8 @@ use rigident_rows::named_model;
 /// The tree that a recording is of.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tree {
-    /// human34, human58, or the path of a URDF, MJCF, SDF or rig file; `None`: the `[[link]]` tables of the recording's rig file, if
-    /// there are several, else one body.
+    /// human34, human58, or the path of a URDF, MJCF, SDF or rig file; `None`: the `[[link]]` tables of the
+    /// recording's rig file, if there are several, else one body.
     pub model: Option<String>,
     /// The changes to it.
     pub changes: Changes,
@@ -68,7 +68,8 @@ pub fn open(name: &str, changes: &Changes) -> Result<(Model, bool), Error> {
 /// Returns the model of a name, nothing changed yet, and whether it is a person's.
 ///
 /// # Errors
-/// [`Error::Model`] if it cannot be read as a tree, [`Error::NoPerson`] if a person is described and it is none.
+/// [`Error::Model`] if it cannot be read as a tree, [`Error::NoPerson`] if a person is described and it is
+/// none.
 pub fn read(name: &str, changes: &Changes) -> Result<(Model, bool), Error> {
     let (model, is_person) = named_model::open(name, &changes.person)?;
     if !is_person && changes.describe_a_person() {
@@ -92,8 +93,9 @@ pub fn change(model: &mut Model, changes: &Changes) -> Result<(), Error> {
     Ok(())
 }
 
-/// Returns the tree that a recording is of, as its source has it, and the robot description that it was read from: by the model that
-/// is named, or the `[[link]]` tables of its rig file if there are several; `None` if it is of a single body.
+/// Returns the tree that a recording is of, as its source has it, and the robot description that it was read
+/// from: by the model that is named, or the `[[link]]` tables of its rig file if there are several; `None` if
+/// it is of a single body.
 ///
 /// # Errors
 /// The tree is none.

@@ -85,8 +85,8 @@ fn is_own(drive: &CompleteDrive) -> bool {
 }
 
 impl<'a> Drives<'a> {
-    /// Chooses the rotors that no motion tells from links to be parts of these: where readers of the language pass over rotors, and
-    /// where the nominal link has more inertia than link and rotor together.
+    /// Chooses the rotors that no motion tells from links to be parts of these: where readers of the language
+    /// pass over rotors, and where the nominal link has more inertia than link and rotor together.
     fn choose_inside(&mut self, path: &Path) {
         let is_passed_over = Language::of_path(path) != Some(Language::Mjcf);
         let rotor = |drive: &'a CompleteDrive| {
@@ -102,13 +102,14 @@ impl<'a> Drives<'a> {
 
     fn say_inside(&mut self) {
         self.said.push(format!(
-            "rotors of {}, which no motion tells from the inertia of links, are in that of the links: right as long as the base stands \
-             still",
+            "rotors of {}, which no motion tells from the inertia of links, are in that of the links: right \
+             as long as the base stands still",
             self.inside.join(", ")
         ));
     }
 
-    /// Returns what the joints of a model do by themselves, all of which the answer has: what it has no term of is zero.
+    /// Returns what the joints of a model do by themselves, all of which the answer has: what it has no term
+    /// of is zero.
     fn passive(&mut self, model: &Model) -> Vec<(String, Passive)> {
         let one = |joint: &Joint<f64>| matches!(joint, Joint::Revolute(_) | Joint::Prismatic(_));
         let links = model.links.iter().skip(1).filter(|link| one(&link.link.joint));

@@ -14,16 +14,16 @@ type Wrench = SVector<f64, 6>;
 type Block = SMatrix<f64, 6, 6>;
 type Rows = SMatrix<f64, 6, JOINT>;
 
-/// The Cramér–Rao bound, a covariance, of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` and the six constant
-/// wrench offsets, SI: every sample of the load cell and of the IMU with its white noise, the motion known through the IMU
-/// alone, the gain errors unknown but for their distribution. Nothing that has seen the same samples and believes no more
-/// can do better.
+/// The Cramér–Rao bound, a covariance, of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` and the six
+/// constant wrench offsets, SI: every sample of the load cell and of the IMU with its white noise, the motion
+/// known through the IMU alone, the gain errors unknown but for their distribution. Nothing that has seen the
+/// same samples and believes no more can do better.
 ///
-/// `J⁻¹` with `J = aᵀ C⁻¹ a`, rows `a = [(A φ)_c at its gain; row c of A; 1 at its offset]` of all samples, `1/σ_g²` added
-/// for each gain, the gains' rows and columns left out. C is the covariance of `w + J_a a + J_ω g + J_α ġ`, noise of the load
-/// cell, the accelerometer and the gyro; with ġ as a central difference it is banded and factorised as it comes. The columns
-/// of A are wrenches of unit bodies on this motion by the simulator's own mechanics. `None` if the motion leaves something
-/// undetermined.
+/// `J⁻¹` with `J = aᵀ C⁻¹ a`, rows `a = [(A φ)_c at its gain; row c of A; 1 at its offset]` of all samples,
+/// `1/σ_g²` added for each gain, the gains' rows and columns left out. C is the covariance of
+/// `w + J_a a + J_ω g + J_α ġ`, noise of the load cell, the accelerometer and the gyro; with ġ as a central
+/// difference it is banded and factorised as it comes. The columns of A are wrenches of unit bodies on this
+/// motion by the simulator's own mechanics. `None` if the motion leaves something undetermined.
 ///
 /// # Errors
 /// A program that the platform cannot follow, or a rate that makes no sense.
@@ -72,7 +72,8 @@ struct Whitened {
     /// `Q = J_α / 2T`: the gyro's noise of the samples after and before.
     slope: SMatrix<f64, 6, 3>,
     gyro_variance: f64,
-    /// The two samples before, the last one first: diagonal block of the factor, that beside it, J_ω, whitened rows.
+    /// The two samples before, the last one first: diagonal block of the factor, that beside it, J_ω,
+    /// whitened rows.
     before: Option<(Block, Block, SMatrix<f64, 6, 3>, Rows)>,
     earlier: Option<(Block, Rows)>,
 }
@@ -145,7 +146,8 @@ fn right_solve(matrix: &Block, lower: &Block) -> Option<Block> {
     Some(lower.solve_lower_triangular(&matrix.transpose())?.transpose())
 }
 
-/// The wrench on the body about the load cell's origin, by Newton and Euler, from what the IMU at a lever arm reads.
+/// The wrench on the body about the load cell's origin, by Newton and Euler, from what the IMU at a lever arm
+/// reads.
 fn wrench(
     body: &BodyParameters,
     lever_arm: &Vector3<f64>,
@@ -184,8 +186,8 @@ fn ideal(
     Ok(Readings::new(&config, program, rate_hz)?.ideal().to_vec())
 }
 
-/// The linear map from the ten parameters to the wrench, column by column. A first moment is a unit mass at a unit
-/// distance less what else that is: a mass, and two moments of inertia about the origin.
+/// The linear map from the ten parameters to the wrench, column by column. A first moment is a unit mass at a
+/// unit distance less what else that is: a mass, and two moments of inertia about the origin.
 fn unit_wrenches(
     config: &RigConfig,
     program: &MotionProgram,
@@ -219,9 +221,10 @@ mod tests {
     use rigident_fit::Estimate;
     use rigident_identify::answer::derived;
 
-    /// Independently computed figures for a body of 20 kg on a motion of 30 s at 200 Hz, ±0.5 rad of roll, pitch and yaw
-    /// at 0.23, 0.31 and 0.41 Hz with soft ends, unknown offsets, Table 1's noise: mass 14.6 g, centre of mass 0.10, 0.10, 0.09 mm,
-    /// tensor about it 1.12, 1.16, 0.72, 0.59, 0.54, 0.79 % of its largest element.
+    /// Independently computed figures for a body of 20 kg on a motion of 30 s at 200 Hz, ±0.5 rad of roll,
+    /// pitch and yaw at 0.23, 0.31 and 0.41 Hz with soft ends, unknown offsets, Table 1's noise: mass 14.6 g,
+    /// centre of mass 0.10, 0.10, 0.09 mm, tensor about it 1.12, 1.16, 0.72, 0.59, 0.54, 0.79 % of its
+    /// largest element.
     #[test]
     fn the_bound_is_the_published_one_of_a_published_motion() {
         let mut config = RigConfig::thesis_horizontal();

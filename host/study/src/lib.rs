@@ -76,17 +76,17 @@ pub struct Campaign {
     pub tell_noise: bool,
 }
 
-/// Table 1's 95 % figures of the load cell as the share of the range that they are: 1 σ of gain errors that are
-/// constant over an experiment and drawn for each anew.
+/// Table 1's 95 % figures of the load cell as the share of the range that they are: 1 σ of gain errors that
+/// are constant over an experiment and drawn for each anew.
 fn table_1_as_gain_error() -> PerExperiment<6> {
     let thesis = SensorModels::thesis().load_cell;
     let figure = thesis.noise_n_nm.map(|sigma| sigma * K95);
     PerExperiment::spread(std::array::from_fn(|c| figure[c] / thesis.range_n_nm[c] / K95))
 }
 
-/// The load cell of the thesis with Table 1's figure as a gain error; its resolution/√12 is the white noise. The IMU
-/// is perfect: at so little noise its own would be the larger part of every residual, and the question is what gains
-/// do.
+/// The load cell of the thesis with Table 1's figure as a gain error; its resolution/√12 is the white noise.
+/// The IMU is perfect: at so little noise its own would be the larger part of every residual, and the
+/// question is what gains do.
 pub fn gain_error_sensors() -> SensorModels {
     let thesis = SensorModels::thesis().load_cell;
     let mut sensors = SensorModels::ideal();
@@ -127,8 +127,8 @@ pub enum CampaignError {
     TooFast(f64),
     /// More readings than fit into memory.
     #[error(
-        "{rate_hz} Hz for {duration_s} s: an experiment of a campaign has {MOST_READINGS} readings at most; take a lower rate or \
-         a shorter time"
+        "{rate_hz} Hz for {duration_s} s: an experiment of a campaign has {MOST_READINGS} readings at most; \
+         take a lower rate or a shorter time"
     )]
     TooMany {
         /// Rate of the readings, 1/s.
@@ -209,8 +209,8 @@ impl Judgement {
 
 /// The limits that an estimator must meet over `runs` experiments to be called calibrated and efficient.
 ///
-/// The figures asked for are those of 2 000 experiments; there a calibrated interval misses 93–97 % once in 20 000
-/// times. With fewer the chance of the draw is allowed for, by as many standard errors.
+/// The figures asked for are those of 2 000 experiments; there a calibrated interval misses 93–97 % once in
+/// 20 000 times. With fewer the chance of the draw is allowed for, by as many standard errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits95 {
     /// Least efficiency.
@@ -337,8 +337,8 @@ impl Prepared {
         std::array::from_fn(|j| self.crb_std[j])
     }
 
-    /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures, whatever
-    /// the number of cores. `done` receives how many are done; `stop` ends early with what there is.
+    /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures,
+    /// whatever the number of cores. `done` receives how many are done; `stop` ends early with what there is.
     ///
     /// # Errors
     /// An experiment that cannot be identified, or fewer than two of them.
@@ -483,8 +483,8 @@ impl Prepared {
     }
 }
 
-/// The body in S, and the offsets that an estimator finds which believes the accelerometer's zero: what its bias
-/// moves the wrench by is read with the load cell's gain.
+/// The body in S, and the offsets that an estimator finds which believes the accelerometer's zero: what its
+/// bias moves the wrench by is read with the load cell's gain.
 fn true_parameters(truth: &Truth) -> [f64; PARAMETERS] {
     let phi = truth.body.parameters();
     let (offset, apparent) = (truth.experiment.load_cell_offset_n_nm, truth.apparent_offset_n_nm);

@@ -1,5 +1,5 @@
-//! Experiments with a tree of links: its joints and its base swing, an IMU on every link, the wrench on the base; or an arm
-//! on a base held still, with the torques of its joints.
+//! Experiments with a tree of links: its joints and its base swing, an IMU on every link, the wrench on the
+//! base; or an arm on a base held still, with the torques of its joints.
 
 use std::sync::atomic::AtomicBool;
 
@@ -63,8 +63,8 @@ impl TreeCampaign {
     /// Simulates the motion of a tree and computes the bound.
     ///
     /// # Errors
-    /// [`CampaignError`] if a joint cannot be simulated, a link has no body, there are too many readings, or the motion
-    /// leaves a parameter undetermined.
+    /// [`CampaignError`] if a joint cannot be simulated, a link has no body, there are too many readings, or
+    /// the motion leaves a parameter undetermined.
     pub fn new(model: &Model, experiment: TreeExperiment) -> Result<Self, CampaignError> {
         let TreeExperiment { rate_hz, duration_s, has_torques, .. } = experiment;
         if rate_hz * duration_s > MOST_READINGS {
@@ -92,8 +92,8 @@ impl TreeCampaign {
         Ok(Self { truth: truth(&model, &base), model, experiment, recording, crb_std })
     }
 
-    /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures, whatever the
-    /// number of cores. `done` receives how many are done; `stop` ends early with what there is.
+    /// Runs `runs` experiments on every core. Their seeds follow from `seed` alone, and so do the figures,
+    /// whatever the number of cores. `done` receives how many are done; `stop` ends early with what there is.
     ///
     /// # Errors
     /// [`CampaignError`] if an experiment cannot be identified, or there are fewer than two of them.

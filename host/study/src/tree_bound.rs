@@ -13,21 +13,23 @@ use rigident_model::dynamics::inverse_dynamics;
 /// Step of differences by angles, rad.
 const STEP: f64 = 1e-6;
 
-/// Returns the Cramér–Rao bound of base parameters and offsets, 1 σ; `None` if the motion leaves something undetermined.
+/// Returns the Cramér–Rao bound of base parameters and offsets, 1 σ; `None` if the motion leaves something
+/// undetermined.
 ///
-/// `J⁻¹` with `J = aᵀ C⁻¹ a` over every sample. Forces are linear in the standard parameters, `w = Y φ`, the columns of Y
-/// being forces of unit bodies by Newton and Euler. With `β = M φ` and `M_L` the columns of M of those that
-/// represent β, `w = Y_L M_L⁻¹ β`. The motion is known through the signals alone: C is the covariance of the
-/// noise of load cell or torques and of what noise of the signals moves the forces by, to first order.
-/// Accelerations are central differences of rates, or of positions where these alone are measured, so that C
-/// is banded.
+/// `J⁻¹` with `J = aᵀ C⁻¹ a` over every sample. Forces are linear in the standard parameters, `w = Y φ`, the
+/// columns of Y being forces of unit bodies by Newton and Euler. With `β = M φ` and `M_L` the columns of M of
+/// those that represent β, `w = Y_L M_L⁻¹ β`. The motion is known through the signals alone: C is the
+/// covariance of the noise of load cell or torques and of what noise of the signals moves the forces by, to
+/// first order. Accelerations are central differences of rates, or of positions where these alone are
+/// measured, so that C is banded.
 pub(super) fn bound(model: &Model, base: &BaseParameters, experiment: &TreeExperiment) -> Option<Vec<f64>> {
     let map = base.map();
     let skip = 10 * model.links.len() - base.standard.len();
     let leads: Vec<usize> = base.parameters.iter().filter_map(|p| Some(p.terms.first()?.0)).collect();
     let count = leads.len();
     let mix = map.select_columns(&leads).try_inverse()?;
-    // Mechanics by centre of mass and tensor about it know no massless body: what a parameter adds to a kilogram.
+    // Mechanics by centre of mass and tensor about it know no massless body: what a parameter adds to a
+    // kilogram.
     let bodies = |lead: &usize| {
         let (own, mass) = (skip + lead, (skip + lead) / 10 * 10);
         (unit_body(model, own), (own != mass).then(|| unit_body(model, mass)))
@@ -65,8 +67,8 @@ pub(super) fn bound(model: &Model, base: &BaseParameters, experiment: &TreeExper
     Some((0..columns).map(|j| inverse[(j, j)].sqrt() * scale[j]).collect())
 }
 
-/// Returns the same tree with a body of one link alone: of a kilogram, and with one standard parameter more if `parameter`
-/// is not the link's mass.
+/// Returns the same tree with a body of one link alone: of a kilogram, and with one standard parameter more
+/// if `parameter` is not the link's mass.
 fn unit_body(model: &Model, parameter: usize) -> Model {
     let mut unit = model.clone();
     for (i, link) in unit.links.iter_mut().enumerate() {
@@ -177,7 +179,8 @@ impl Way<'_> {
         }
     }
 
-    /// Returns the number of signals: accelerometer and gyros, then attitudes; or rates, then positions of joints.
+    /// Returns the number of signals: accelerometer and gyros, then attitudes; or rates, then positions of
+    /// joints.
     fn signals(&self) -> usize {
         if self.experiment.has_torques { 2 * self.freedoms() } else { 3 + 6 * self.model.links.len() }
     }
@@ -230,8 +233,8 @@ impl Way<'_> {
         out
     }
 
-    /// Visits every joint with the rows of its freedoms, F_i × S: the signals of its link and of the parent, the freedoms'
-    /// directions, F_i × 3, and the rotation link axes ← parent axes.
+    /// Visits every joint with the rows of its freedoms, F_i × S: the signals of its link and of the parent,
+    /// the freedoms' directions, F_i × 3, and the rotation link axes ← parent axes.
     fn of_links(
         &self,
         now: &TreeInstant,

@@ -1,9 +1,9 @@
-//! Two steps beside one: mass and centre of mass from the poses, then the tensor from the motion with these held, against one
-//! estimate of everything.
+//! Two steps beside one: mass and centre of mass from the poses, then the tensor from the motion with these
+//! held, against one estimate of everything.
 //!
-//! With `p = [m, mc]`, the motion's own estimate `(p₂, I₂)` and its covariance `Σ`, and `p₁` of the poses with covariance `C`,
-//! the tensor is `I₂ + G (p₁ − p₂)`, `G = Σ_Ip Σ_pp⁻¹`; its covariance is `Σ_II − G Σ_pI` if `p₁` is believed, and `G C Gᵀ` more
-//! if it is not.
+//! With `p = [m, mc]`, the motion's own estimate `(p₂, I₂)` and its covariance `Σ`, and `p₁` of the poses
+//! with covariance `C`, the tensor is `I₂ + G (p₁ − p₂)`, `G = Σ_Ip Σ_pp⁻¹`; its covariance is
+//! `Σ_II − G Σ_pI` if `p₁` is believed, and `G C Gᵀ` more if it is not.
 
 use std::sync::atomic::AtomicBool;
 
@@ -146,8 +146,9 @@ impl Prepared {
 
 /// Markdown.
 pub fn table(all: &[TwoSteps]) -> String {
-    let mut text = "| mounting | motion | errors in two steps over joint, worst element | coverage of 95 %, joint | two steps, the first believed | two \
-                    steps, with its covariance |\n|---|---|---|---|---|---|\n"
+    let mut text = "| mounting | motion | errors in two steps over joint, worst element | coverage of 95 %, \
+                    joint | two steps, the first believed | two steps, with its covariance \
+                    |\n|---|---|---|---|---|---|\n"
         .to_owned();
     let range = |judged: &Judged| {
         let (least, most) =

@@ -353,7 +353,8 @@ fn combine<T: Scalar>(a: &Sym4<T>, b: &Sym4<T>, alpha: T, beta: T) -> Sym4<T> {
     core::array::from_fn(|i| core::array::from_fn(|j| alpha * a[i][j] + beta * b[i][j]))
 }
 
-/// The longest of a few step lengths α ≤ 1 for which `s + (α / margin) d` is positive definite for both directions.
+/// The longest of a few step lengths α ≤ 1 for which `s + (α / margin) d` is positive definite for both
+/// directions.
 #[derive(Clone, Copy, Debug)]
 struct StepLength<T: Scalar> {
     alpha: T,

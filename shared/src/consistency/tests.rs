@@ -23,8 +23,8 @@ fn body(random: &mut Random, thin: f64) -> [f64; 10] {
     Parameters::from_centre_of_mass(mass, com, inertia).to_vector()
 }
 
-/// Rows of N parameters whose answer is `phi` with a standard deviation of about `noise` of a unit each, mixed
-/// by a random matrix; offsets of zero.
+/// Rows of N parameters whose answer is `phi` with a standard deviation of about `noise` of a unit each,
+/// mixed by a random matrix; offsets of zero.
 fn factor<const N: usize>(
     random: &mut Random,
     phi: &[f64; 10],
@@ -92,8 +92,8 @@ fn projected<const N: usize>(factor: &InformationFactor<f64, N>, free: &[f64; N]
     }
 }
 
-/// Alternating directions (Boyd et al. 2011, §5.2) with the eigenvalue projection, in coordinates in which the
-/// map from φ to K is an isometry up to units: another method, another decomposition.
+/// Alternating directions (Boyd et al. 2011, §5.2) with the eigenvalue projection, in coordinates in which
+/// the map from φ to K is an isometry up to units: another method, another decomposition.
 fn alternating_directions(factor: &InformationFactor<f64, 10>) -> DVector<f64> {
     // K in balanced units: kg, 0.05 m.
     let unit = Vector3::repeat(1.0 / 0.05).push(1.0);
@@ -164,8 +164,8 @@ fn the_answer_satisfies_the_conditions_of_optimality() {
                 multiplier[(*i, *j)] = packed[e];
                 multiplier[(*j, *i)] = packed[e];
             }
-            // The promise of the tolerance: ‖R(φ − φ*)‖² ≤ 2 tr(KΛ), with what may be left of the gradient, at
-            // most the tolerance, times the body's size in standard deviations.
+            // The promise of the tolerance: ‖R(φ − φ*)‖² ≤ 2 tr(KΛ), with what may be left of the gradient,
+            // at most the tolerance, times the body's size in standard deviations.
             let tolerance = f64::EPSILON.sqrt() * 32.0_f64.max(4.0 * found.distance_sd);
             let left = tolerance * norm(&times(&factor.r(), &found.parameters));
             let gap = (k * multiplier).trace();
@@ -262,8 +262,8 @@ fn another_frame_gives_the_same_body() {
             let found = projected(&moved, &free_answer(&moved).unwrap());
             let expected: [f64; 10] =
                 core::array::from_fn(|i| (0..10).map(|j| forth[i][j] * here.parameters[j]).sum());
-            // In standard deviations. The floor is 2⁻¹⁷ tr(Σ) in whichever frame: shifting the origin moves the
-            // edge by less than 2⁻¹⁷ (tr Σ + tr Σ′); rotating it, not at all.
+            // In standard deviations. The floor is 2⁻¹⁷ tr(Σ) in whichever frame: shifting the origin moves
+            // the edge by less than 2⁻¹⁷ (tr Σ + tr Σ′); rotating it, not at all.
             let apart: [f64; 10] = core::array::from_fn(|j| found.parameters[j] - expected[j]);
             let allowed = if origin == [0.0; 3] {
                 1e-6 * here.distance_sd.max(1.0)
@@ -299,7 +299,8 @@ fn single_precision_agrees_within_its_tolerance() {
             most = most.max(found.iterations);
             let phi: [f64; 16] = found.parameters.map(f64::from);
             let apart = norm(&times(&factor.r(), &core::array::from_fn(|j| phi[j] - exact.parameters[j])));
-            // The promised tolerance, √ε·max(32, 4·distance), and what rounding φ and R to f32 is worth: ε ‖R‖ ‖φ‖.
+            // The promised tolerance, √ε·max(32, 4·distance), and what rounding φ and R to f32 is worth: ε
+            // ‖R‖ ‖φ‖.
             let size = norm(&times(&factor.r(), &free));
             let allowed = f64::from(f32::EPSILON).sqrt() * 32.0_f64.max(4.0 * exact.distance_sd)
                 + 20.0 * f64::from(f32::EPSILON) * size;
@@ -347,8 +348,8 @@ fn whatever_the_factor_nothing_leaves_the_cone() {
         assert!(InertialParameters::<Sensor, f32>::from_vector(ten).is_physically_consistent());
         assert!(Parameters::from_vector(ten.map(f64::from)).is_physically_consistent(), "{answer:?}");
     }
-    // Rows whose weights differ by more than 1e3 and columns that repeat are more than f32 can hold; their free
-    // answer may be 1e8 standard deviations from any body. That must not be rare here, nor be the rule.
+    // Rows whose weights differ by more than 1e3 and columns that repeat are more than f32 can hold; their
+    // free answer may be 1e8 standard deviations from any body. That must not be rare here, nor be the rule.
     assert!(projected > 2000 && not > 10 && other > 10 && other * 5 < projected, "{projected} {other} {not}");
 }
 

@@ -18,7 +18,8 @@ pub struct Counters {
     pub gaps: u32,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Of these, those in which a channel was given less weight, per channel of the wrench; see [`super::Reference`].
+    /// Of these, those in which a channel was given less weight, per channel of the wrench; see
+    /// [`super::Reference`].
     pub knocks: [u16; 6],
     /// The last rejection.
     pub last_rejection: Option<Rejection>,
@@ -43,15 +44,15 @@ impl Default for Counters {
     }
 }
 
-/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m. Rows that a knock has spoilt count
-/// as they are weighted.
+/// Sums over the innovations of each wrench channel, unwhitened and filtered: N, N m. Rows that a knock has
+/// spoilt count as they are weighted.
 ///
 /// The innovation is the filtered wrench less what the reference parameters predict, so its mean square is
 /// [`Kernel::noise_gain`] times the raw variance if the rows leave nothing unexplained.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChannelStatistics<T: Scalar> {
-    /// Of the sums, those of whole parts of [`PART`] innovations: in single precision one innovation would not change a sum of
-    /// 2²⁴ of them, and the mean would sink.
+    /// Of the sums, those of whole parts of [`PART`] innovations: in single precision one innovation would
+    /// not change a sum of 2²⁴ of them, and the mean would sink.
     parts: [[T; 6]; 2],
     /// Σ e² and Σ e_k e_(k−1) since the last whole part.
     recent: [[T; 6]; 2],
@@ -60,7 +61,8 @@ pub struct ChannelStatistics<T: Scalar> {
     last: [T; 6],
 }
 
-/// Innovations of a part: parts of 2¹⁶ add up to 2⁴⁰ innovations before one of them no longer changes the sum.
+/// Innovations of a part: parts of 2¹⁶ add up to 2⁴⁰ innovations before one of them no longer changes the
+/// sum.
 const PART: u32 = 1 << 16;
 
 impl<T: Scalar> ChannelStatistics<T> {
@@ -117,8 +119,8 @@ impl<T: Scalar> ChannelStatistics<T> {
 mod tests {
     use super::*;
 
-    /// Seven hours at a thousand blocks a second, in single precision: in one sum the mean sinks by a third, because after 2²⁴
-    /// innovations nothing is added any more.
+    /// Seven hours at a thousand blocks a second, in single precision: in one sum the mean sinks by a third,
+    /// because after 2²⁴ innovations nothing is added any more.
     #[test]
     fn the_mean_square_of_seven_hours_is_that_of_one_second() {
         let mut statistics = ChannelStatistics::<f32>::NONE;

@@ -1,9 +1,10 @@
 //! Trees of links from streamed frames: who streams knows how every link moves, and the wrench on the base.
 //!
-//! A frame of a base with an IMU brings attitude, rate and angular acceleration of every link, so nothing is filtered here. One of a
-//! base that cameras track brings positions and rates alone; its rows are made of momentum and filtered ([`TrackedFrame`]). Two rows of
-//! blocks are absorbed together, twelve rows. There is room for one level of a factor of up to 128 parameters, so it is handed to the host
-//! row by row ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
+//! A frame of a base with an IMU brings attitude, rate and angular acceleration of every link, so nothing is
+//! filtered here. One of a base that cameras track brings positions and rates alone; its rows are made of
+//! momentum and filtered ([`TrackedFrame`]). Two rows of blocks are absorbed together, twelve rows. There is
+//! room for one level of a factor of up to 128 parameters, so it is handed to the host row by row
+//! ([`PackedFactor`]) and merged there; at the latest after [`LEVEL_FRAMES`] nothing more is taken in.
 
 mod link;
 mod suspension;
@@ -382,8 +383,8 @@ impl<T: Scalar> FrameEstimator<T> {
         }
     }
 
-    /// Takes in one frame of a base that is tracked. On springs it brings the platform's displacement instead of a wrench, and the
-    /// platform's attitude and rate instead of the base link's.
+    /// Takes in one frame of a base that is tracked. On springs it brings the platform's displacement instead
+    /// of a wrench, and the platform's attitude and rate instead of the base link's.
     ///
     /// # Errors
     /// Why it was left out; rows of frames before it and after it are made apart then.
@@ -535,7 +536,8 @@ impl<T: Scalar> FrameEstimator<T> {
         self.written();
     }
 
-    /// Adds a frame on springs to the rows that are not complete, and writes the whitened rows of those that become so.
+    /// Adds a frame on springs to the rows that are not complete, and writes the whitened rows of those that
+    /// become so.
     #[inline(never)]
     fn write_suspended(&mut self, frame: &TrackedFrame<'_, T>) {
         let links = self.links.get(..usize::from(self.count)).unwrap_or_default();

@@ -1,13 +1,13 @@
 //! Rows that a knock has spoilt are given less weight.
 //!
-//! A row block's innovation e is compared with `k (s + v)`: v is the standard deviation of the filtered noise, or
-//! the root mean square of the innovations so far if that is larger; s bounds what the reference's own uncertainty
-//! brings, `Σ_j |a_j| sd_j ≥ √(a C aᵀ)` whatever the correlations. Beyond that the row is multiplied by
-//! `k (s + v) / |e|`, so that its residual is at the limit and its pull on the answer falls as 1 / |e| (a
-//! redescending M-estimator in one step). Noise alone is beyond k = 6 twice in 1e9 rows.
+//! A row block's innovation e is compared with `k (s + v)`: v is the standard deviation of the filtered
+//! noise, or the root mean square of the innovations so far if that is larger; s bounds what the reference's
+//! own uncertainty brings, `Σ_j |a_j| sd_j ≥ √(a C aᵀ)` whatever the correlations. Beyond that the row is
+//! multiplied by `k (s + v) / |e|`, so that its residual is at the limit and its pull on the answer falls as
+//! 1 / |e| (a redescending M-estimator in one step). Noise alone is beyond k = 6 twice in 1e9 rows.
 //!
-//! A deviation that lasts longer than [`LONGEST`] is not a knock but news, say of a body that has changed: it counts
-//! fully until the innovations are within the limit again.
+//! A deviation that lasts longer than [`LONGEST`] is not a knock but news, say of a body that has changed: it
+//! counts fully until the innovations are within the limit again.
 
 use super::ChannelStatistics;
 use crate::Scalar;
@@ -22,7 +22,8 @@ pub struct Reference<T: Scalar, const N: usize> {
     pub parameters: [T; N],
     /// Of each parameter.
     pub standard_deviation: [T; N],
-    /// Variance of the noise relative to the σ of the configuration, as far as it is known to be larger; else 1.
+    /// Variance of the noise relative to the σ of the configuration, as far as it is known to be larger; else
+    /// 1.
     pub noise_scale: T,
     /// k: a row is weighted if its innovation is larger than this many standard deviations; zero: never.
     pub knock_limit: T,

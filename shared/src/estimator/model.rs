@@ -13,8 +13,8 @@ use crate::screening::{Rejection, Screen};
 
 /// Makes rows: six rows of `N` columns from a reading, by way of `S` signals that are filtered alike.
 ///
-/// Every coefficient and the wrench must be linear, with constant coefficients, in the signals; then one FIR over the
-/// signals is the same FIR over the rows.
+/// Every coefficient and the wrench must be linear, with constant coefficients, in the signals; then one FIR
+/// over the signals is the same FIR over the rows.
 pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     /// Tells what the sensors said at one instant.
     type Reading;
@@ -43,7 +43,8 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     fn residual(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], parameters: &[T; N]) -> [T; 6];
     /// `Σ_j |a_j| sd_j` of channel c.
     fn spread(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], sd: &[T; N], c: usize) -> T;
-    /// Absorbs the six rows, each multiplied by its weight and its factor, or by its factor and whitened together.
+    /// Absorbs the six rows, each multiplied by its weight and its factor, or by its factor and whitened
+    /// together.
     fn absorb(
         config: &EstimatorConfig<T>,
         model: &Self,

@@ -1,13 +1,15 @@
 //! Noise of the IMU in the rows: what rows are whitened by, and what it adds to the factor.
 //!
-//! With noise Δ in the coefficients the residual of the truth is `w − Δ φ`: its covariance has, beside the load cell's, that of
-//! `Δ φ`, which follows from the estimate so far. And `RᵀR` has the expectation `K = E[ΔᵀΔ]` of the whitened Δ too much, which
-//! is summed up beside the factor and taken off when it is solved ([`Compensation`]).
+//! With noise Δ in the coefficients the residual of the truth is `w − Δ φ`: its covariance has, beside the
+//! load cell's, that of `Δ φ`, which follows from the estimate so far. And `RᵀR` has the expectation
+//! `K = E[ΔᵀΔ]` of the whitened Δ too much, which is summed up beside the factor and taken off when it is
+//! solved ([`Compensation`]).
 //!
-//! Of one body Δ is linear in six signals, the accelerometer's axes and the gyro's by their derivative; what the gyro brings to
-//! the products of the rates is smaller by its bandwidth and left out. Whitening and K of one row block are
-//! made anew at a check, in steps, when a fifth of all rows has come since the last time. Weights that an
-//! early estimate made too large are not retained: what was absorbed with them is scaled down.
+//! Of one body Δ is linear in six signals, the accelerometer's axes and the gyro's by their derivative; what
+//! the gyro brings to the products of the rates is smaller by its bandwidth and left out. Whitening and K of
+//! one row block are made anew at a check, in steps, when a fifth of all rows has come since the last time.
+//! Weights that an early estimate made too large are not retained: what was absorbed with them is scaled
+//! down.
 
 use super::{EstimatorConfig, Reference};
 use crate::Scalar;
@@ -24,7 +26,8 @@ pub const BODY: usize = 10;
 const SEEN_BY_ACCEL: usize = 4;
 /// Noisy signals: three axes of the accelerometer, three of the gyro.
 const NOISY: usize = 6;
-/// Lags, in row blocks, over which the filter's noise is correlated; if it reaches further there is no low-pass.
+/// Lags, in row blocks, over which the filter's noise is correlated; if it reaches further there is no
+/// low-pass.
 const LAGS: usize = 16;
 /// A parameter counts in the covariance of the noise if it differs from zero by this many standard
 /// deviations.
@@ -36,7 +39,8 @@ const NEGLIGIBLE_SHARE: f32 = 0.01;
 const TOO_LARGE: f32 = 1.1;
 /// A variance that exceeds that of any load cell's noise, N² and N² m².
 const WHATEVER_IS_FOUND: f32 = 1e12;
-/// The square of how many standard deviations of the estimate count as its uncertainty, as early ones are too small.
+/// The square of how many standard deviations of the estimate count as its uncertainty, as early ones are too
+/// small.
 const UNCERTAINTY: u32 = 9;
 
 /// The result of a step.
@@ -73,7 +77,8 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn close_segment(&mut self, blocks: u32);
     /// Returns what was added to that segment.
     fn segment(&self) -> Option<&Gram<T, BODY>>;
-    /// Keeps what has been added to what has been absorbed up to this row block, a waiting segment and a memory's share included.
+    /// Keeps what has been added to what has been absorbed up to this row block, a waiting segment and a
+    /// memory's share included.
     fn take_snapshot(&mut self, blocks: u32, waiting_segment: bool, memory: Option<&Gram<T, ROOM>>);
     /// Returns what was retained.
     fn snapshot(&self) -> Option<&Gram<T, ROOM>>;
@@ -91,7 +96,8 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn begin_refresh(&mut self, config: &EstimatorConfig<T>, reference: &Reference<T, N>, blocks: u32);
     /// Does a step of that.
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T>;
-    /// Steps of [`Self::refresh`] before the one after which rows are whitened together for the first time, where it is near.
+    /// Steps of [`Self::refresh`] before the one after which rows are whitened together for the first time,
+    /// where it is near.
     fn steps_to_together(&self) -> Option<u8> {
         None
     }
@@ -102,7 +108,8 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn restore(&mut self, gram: &Gram<T, BODY>, blocks: u32);
     /// Receives that the first check after that is over.
     fn restored(&mut self, config: &EstimatorConfig<T>);
-    /// Root mean square, per whitened row, of what noise brings to the coefficients of each parameter; `None` if nothing is known.
+    /// Root mean square, per whitened row, of what noise brings to the coefficients of each parameter; `None`
+    /// if nothing is known.
     fn per_row(&self) -> Option<[T; N]>;
 }
 
@@ -161,7 +168,8 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for Noiseless {
 pub struct BodyNoise<T: Scalar> {
     imu: ImuNoise<T>,
     counts: bool,
-    /// Of white noise of unit variance after the filter, at the lags of the row blocks; and of its derivative.
+    /// Of white noise of unit variance after the filter, at the lags of the row blocks; and of its
+    /// derivative.
     autocovariance: [[T; LAGS]; 2],
     /// From one row block to the next, s.
     period_s: T,
@@ -259,7 +267,8 @@ fn change<T: Scalar>(config: &EstimatorConfig<T>, k: usize) -> RegressorBlock<T>
     regressor::block(&signals, &mounting.position)
 }
 
-/// Adds what noisy signal `k`, of which each channel has these variances, brings to a row block; above the diagonal.
+/// Adds what noisy signal `k`, of which each channel has these variances, brings to a row block; above the
+/// diagonal.
 #[inline(never)]
 fn add_signal<T: Scalar>(
     config: &EstimatorConfig<T>,
@@ -498,7 +507,8 @@ impl<T: Scalar> BodyNoise<T> {
                 }
                 let Refresh { whitening, gains, unit, .. } = &mut self.refresh;
                 add_signal(config, whitening, gains, usize::from(k), unit);
-                // The axes of a sensor have the same; those of the gyro are reckoned with the last of the accelerometer.
+                // The axes of a sensor have the same; those of the gyro are reckoned with the last of the
+                // accelerometer.
                 if k == 2 {
                     self.refresh.gains = self.signal_gains(&self.refresh.whitening, 3);
                 }

@@ -103,8 +103,9 @@ fn whitened_noise_is_white_and_rises_as_its_poles_say() {
     assert!(noise.whitening.poles[0] > 1.0, "this gyro's noise is felt: {:?}", noise.whitening.poles);
 }
 
-/// The covariance of filtered residuals of the truth is what the rows are whitened by, times the filter's gain; and the Gram
-/// matrix of noise alone is K. Noise alone goes through the pipeline, as everything is linear but for the products.
+/// The covariance of filtered residuals of the truth is what the rows are whitened by, times the filter's
+/// gain; and the Gram matrix of noise alone is K. Noise alone goes through the pipeline, as everything is
+/// linear but for the products.
 #[test]
 fn noise_alone_has_the_covariance_and_the_gram_matrix_that_are_reckoned_with() {
     let mut pipeline = estimator();
@@ -163,8 +164,9 @@ fn noise_alone_has_the_covariance_and_the_gram_matrix_that_are_reckoned_with() {
     }
 }
 
-/// In f32 and in steps as `(RᵀR − K)⁻¹ Rᵀz` in f64 by normal equations, with the sandwich; for noise of a tenth of the
-/// information. With more than half of a direction's, that direction is as uncertain as what was found there.
+/// In f32 and in steps as `(RᵀR − K)⁻¹ Rᵀz` in f64 by normal equations, with the sandwich; for noise of a
+/// tenth of the information. With more than half of a direction's, that direction is as uncertain as what was
+/// found there.
 #[test]
 fn compensation_is_the_solution_of_the_compensated_normal_equations() {
     let mut random = Random(7);
@@ -208,8 +210,8 @@ fn compensation_is_the_solution_of_the_compensated_normal_equations() {
     assert!((0..10).any(|j| sd[j] > 2.0 * solved.standard_deviation[j]), "{sd:?}");
 }
 
-/// Noise of the IMU that is ten times the load cell's: the device's estimate is unbiased and its deviations are right, in f32 and in
-/// f64 alike; a gap starts the low-passes anew.
+/// Noise of the IMU that is ten times the load cell's: the device's estimate is unbiased and its deviations
+/// are right, in f32 and in f64 alike; a gap starts the low-passes anew.
 #[test]
 fn an_estimate_beside_the_imu_s_noise_is_calibrated() {
     let truth = body().to_vector();

@@ -281,8 +281,8 @@ fn a_memory_that_does_not_fit_is_refused_and_changes_nothing() {
     assert_eq!(poses.set_memory(&memory(Span::Window(5.0))), Err(ConfigError::Memory));
 }
 
-/// Finds what the IMU's noise alone brings into the rows, by putting noise alone through the pipeline: the reason for what
-/// counts as excited.
+/// Finds what the IMU's noise alone brings into the rows, by putting noise alone through the pipeline: the
+/// reason for what counts as excited.
 #[test]
 fn noise_at_rest_is_no_excitation() {
     let noise = ImuNoise { accel: 0.02, gyro: 2e-3 };
@@ -309,8 +309,8 @@ fn noise_at_rest_is_no_excitation() {
     }
 }
 
-/// At rest next to nothing is known of the body. What such a reference leaves unexplained must not pass for noise later on,
-/// or no knock is ever large against it.
+/// At rest next to nothing is known of the body. What such a reference leaves unexplained must not pass for
+/// noise later on, or no knock is ever large against it.
 #[test]
 fn a_knock_is_told_after_a_run_that_began_at_rest() {
     for span in [Span::TimeConstant(1e6), Span::TimeConstant(10.0), Span::Window(10.0)] {
@@ -353,8 +353,10 @@ fn a_knock_is_told_after_a_run_that_began_at_rest() {
     }
 }
 
-/// Days at 1 kHz in single precision: a sum that stalls would leave residuals or uncertainties behind, a counter that wraps its
-/// count. The same twenty seconds come again and again, so that the truth is known: what double precision makes of ten and of twenty times. An hour after a change, 72 hours where `RIGIDENT_NIGHTLY` is set.
+/// Days at 1 kHz in single precision: a sum that stalls would leave residuals or uncertainties behind, a
+/// counter that wraps its count. The same twenty seconds come again and again, so that the truth is known:
+/// what double precision makes of ten and of twenty times. An hour after a change, 72 hours where
+/// `RIGIDENT_NIGHTLY` is set.
 #[test]
 fn in_days_at_1_khz_no_sum_stalls_and_no_counter_wraps() {
     const RATE_HZ: f64 = 1000.0;
@@ -383,7 +385,8 @@ fn in_days_at_1_khz_no_sum_stalls_and_no_counter_wraps() {
         }
         wide.factor()
     });
-    // What the second ten cycles have added, every further ten add, too; the first one has no jump from an end to a beginning.
+    // What the second ten cycles have added, every further ten add, too; the first one has no jump from an
+    // end to a beginning.
     let more = (cycles - FEW) as f64 / FEW as f64;
     let expected = |first: f64, second: f64| first + more * (second - first);
     let mut device = Box::new(Estimator::<f32, 16, TAPS>::new(&config(RATE_HZ, false)).unwrap());
@@ -407,8 +410,8 @@ fn in_days_at_1_khz_no_sum_stalls_and_no_counter_wraps() {
     for j in 0..16 {
         let sd = [few.standard_deviation[j], twice.standard_deviation[j]];
         close(weight(f64::from(many.standard_deviation[j])), weight(sd[0]), weight(sd[1]), 5e-3);
-        // What the first cycle lacks is worth less with every further one: the estimate goes as a constant and a part by their
-        // number.
+        // What the first cycle lacks is worth less with every further one: the estimate goes as a constant
+        // and a part by their number.
         let by_number = 2.0 * (few.estimate[j] - twice.estimate[j]);
         let limit = twice.estimate[j] - 0.5 * by_number;
         let expected = limit + by_number * FEW as f64 / cycles as f64;

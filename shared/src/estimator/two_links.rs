@@ -1,16 +1,16 @@
 //! Two links that a spherical joint holds together, the first on the load cell, with one IMU each.
 //!
-//! The rows are those of [`crate::tree::momentum`], which know no acceleration: about the base IMU's origin, where gravity
-//! and acceleration are one measured thing, and moved to S behind the filter. Of the second link's mass nothing can
-//! be determined ([`crate::tree`]: it belongs to the base's ten), so its column is left out: 10 + 9
-//! parameters, and six more for the wrench offset.
+//! The rows are those of [`crate::tree::momentum`], which know no acceleration: about the base IMU's origin,
+//! where gravity and acceleration are one measured thing, and moved to S behind the filter. Of the second
+//! link's mass nothing can be determined ([`crate::tree`]: it belongs to the base's ten), so its column is
+//! left out: 10 + 9 parameters, and six more for the wrench offset.
 //!
 //! # The joint's attitude
-//! is streamed with the readings, or found here: both gyros turn it (`Ṙ = R [ω₁]× − [ω₀]× R`), and what is left over
-//! between the two accelerometers' ideas of the specific force *at the joint* turns it back, slowly. At the joint and
-//! behind the filter the two must agree exactly, whatever the motion: the lever arms' terms enter as in the
-//! rows, by the filter's derivative. A turn about the specific force shows only as far as its direction changes; at the
-//! start the attitude must therefore be known about the vertical.
+//! is streamed with the readings, or found here: both gyros turn it (`Ṙ = R [ω₁]× − [ω₀]× R`), and what is
+//! left over between the two accelerometers' ideas of the specific force *at the joint* turns it back,
+//! slowly. At the joint and behind the filter the two must agree exactly, whatever the motion: the lever
+//! arms' terms enter as in the rows, by the filter's derivative. A turn about the specific force shows only
+//! as far as its direction changes; at the start the attitude must therefore be known about the vertical.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -281,7 +281,13 @@ impl<T: Scalar, const N: usize> Model<T, N, SIGNALS> for TwoLinks<T> {
     const UNUSED: Self = Self::NONE;
 
     fn restart(&mut self, config: &EstimatorConfig<T>) {
-        const { assert!(N == PARAMETERS || N == PARAMETERS + 6, "nineteen parameters, or 25 with the offset") }
+        const {
+            assert!(
+                N == PARAMETERS || N == PARAMETERS + 6,
+                "nineteen parameters, or 25 with the \
+            offset"
+            )
+        }
         let limits = &config.limits;
         let [w0, w1, w2, w3, w4, w5] = limits.wrench;
         let (a, g) = (limits.specific_force, limits.angular_rate);

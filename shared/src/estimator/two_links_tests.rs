@@ -223,7 +223,8 @@ fn two_links_give_their_base_parameters_whatever_the_motion() {
     let mut random = Random(3);
     for _ in 0..2 {
         let case = case(&mut random);
-        // The filter's aliasing is below 2e-9 of the rates' derivatives, the differences of this test about as much.
+        // The filter's aliasing is below 2e-9 of the rates' derivatives, the differences of this test about
+        // as much.
         let known = estimated::<19>(&case, JointAttitude::Streamed, 20);
         assert!(error(&case, &known) < 1e-6, "{}", error(&case, &known));
         let free = estimated::<25>(&case, JointAttitude::Streamed, 20);
@@ -237,7 +238,8 @@ fn both_imus_find_the_joint_s_attitude_and_with_it_the_parameters() {
     let case = case(&mut Random(5));
     let start = quaternion(&case.joint.rotation(0.0));
     let from = |initial, time_constant_s| JointAttitude::FromImus { initial, time_constant_s };
-    // The gyros alone: trapezoids of 1 ms leave h²/12 of the rates' third derivative and the coning of one step.
+    // The gyros alone: trapezoids of 1 ms leave h²/12 of the rates' third derivative and the coning of one
+    // step.
     let gyros = estimated::<25>(&case, from(start, 0.0), 20);
     let last = case.joint.rotation(19.999);
     let off = |e: &TwoLinkEstimator<f64, 25, TAPS>| {
@@ -246,7 +248,8 @@ fn both_imus_find_the_joint_s_attitude_and_with_it_the_parameters() {
     };
     assert!(off(&gyros) < 3e-5, "{}", off(&gyros));
     assert!(error(&case, &gyros) < 1e-4, "{}", error(&case, &gyros));
-    // Tilted at the start by 0.1 rad about what is level there: the accelerometers bring it back before the first row.
+    // Tilted at the start by 0.1 rad about what is level there: the accelerometers bring it back before the
+    // first row.
     let level = case.base.rotation(0.0).transpose() * Vector3::x();
     let tilted = quaternion(
         &(crate::tree::joint::turn(&level, 0.1_f64.sin(), 0.1_f64.cos()) * case.joint.rotation(0.0)),

@@ -21,19 +21,21 @@ const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a block of rows that see all parameters.
 const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
-/// For each parameter this many pairs of columns are reduced at once, where the rest has time: a tenth of a reduction.
+/// For each parameter this many pairs of columns are reduced at once, where the rest has time: a tenth of a
+/// reduction.
 const SOME: usize = 2;
 /// Wrenches in a full absorbing level.
 const FULL: u16 = 1600;
 /// The same of rows that see all parameters, as one triangle takes all of them.
 const FULL_TOGETHER: u16 = FULL / 2;
 
-/// The cascade of a rigid body's `N` parameters, ten or sixteen, that knows which entries of its regressor are zero.
+/// The cascade of a rigid body's `N` parameters, ten or sixteen, that knows which entries of its regressor
+/// are zero.
 ///
-/// Forces do not see the tensor, moments do not see the mass. So the absorbing level is two small triangles, one of the
-/// force rows and one of the moment rows, each fed with twelve rows, of four wrenches; when the level is full, both are
-/// merged into one factor of all parameters. At N = 10 four wrenches meet 10 + 45 pairs of columns of twelve rows;
-/// without that knowledge it would be 2 × 55.
+/// Forces do not see the tensor, moments do not see the mass. So the absorbing level is two small triangles,
+/// one of the force rows and one of the moment rows, each fed with twelve rows, of four wrenches; when the
+/// level is full, both are merged into one factor of all parameters. At N = 10 four wrenches meet 10 + 45
+/// pairs of columns of twelve rows; without that knowledge it would be 2 × 55.
 ///
 /// If the noise of forces and moments is correlated, every whitened row sees every parameter: the moments'
 /// triangle then takes all of them, twelve rows of two wrenches at a time.
@@ -56,7 +58,8 @@ pub struct BodyCascade<T: Scalar, const N: usize> {
     upper: Upper<T, N>,
 }
 
-/// Tells what is above the absorbing level. The tag of the first variant is 0: an empty cascade is all zero bits.
+/// Tells what is above the absorbing level. The tag of the first variant is 0: an empty cascade is all zero
+/// bits.
 #[derive(Clone, Copy, Debug)]
 #[repr(u8)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
@@ -100,8 +103,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.upper = Upper::Memory(Memory::new(plan));
     }
 
-    /// Puts a factor of everything absorbed before into the highest level of an empty cascade. False, and nothing is done, if a memory
-    /// keeps what is absorbed.
+    /// Puts a factor of everything absorbed before into the highest level of an empty cascade. False, and
+    /// nothing is done, if a memory keeps what is absorbed.
     pub fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
         match &mut self.upper {
             Upper::Levels(levels) => {
@@ -169,14 +172,15 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Returns whether forces and moments of four wrenches, or of those whose reduction has begun, are still to be reduced.
+    /// Returns whether forces and moments of four wrenches, or of those whose reduction has begun, are still
+    /// to be reduced.
     #[inline]
     fn is_full(&self) -> bool {
         !self.together && (self.waiting >= WRENCHES || self.reduced > 0)
     }
 
-    /// Absorbs the six rows of a wrench, each multiplied by its factor and then whitened together. All rows from the first such
-    /// on must be absorbed so: [`Self::see_together`] goes before.
+    /// Absorbs the six rows of a wrench, each multiplied by its factor and then whitened together. All rows
+    /// from the first such on must be absorbed so: [`Self::see_together`] goes before.
     #[inline(always)]
     pub fn absorb_together(
         &mut self,
@@ -204,8 +208,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Does a part of what absorbing has left to be done, which it else does itself, later: reduces rows that fill a block, or, where
-    /// rows see all parameters, hands a part of a full level up. Returns whether that took about as long as absorbing does.
+    /// Does a part of what absorbing has left to be done, which it else does itself, later: reduces rows that
+    /// fill a block, or, where rows see all parameters, hands a part of a full level up. Returns whether that
+    /// took about as long as absorbing does.
     #[inline]
     pub fn settle(&mut self) -> bool {
         if !self.together {
@@ -226,8 +231,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         is_full
     }
 
-    /// Does a part of what [`Self::see_together`] will do, which is then at most one reading away, and [`Self::settle`] goes on with
-    /// it. Returns whether there was something to begin with. The bits are those of all in one go.
+    /// Does a part of what [`Self::see_together`] will do, which is then at most one reading away, and
+    /// [`Self::settle`] goes on with it. Returns whether there was something to begin with. The bits are
+    /// those of all in one go.
     #[inline(never)]
     pub fn begin_together(&mut self) -> bool {
         let begins = !self.together && self.waiting > 0 && self.reduced == 0 && self.parts_merged == 0;
@@ -296,8 +302,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.parts_merged = 0;
     }
 
-    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is that. Nothing
-    /// may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is
+    /// that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
     pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         if self.is_full() {
             self.reduce_waiting();
@@ -383,9 +389,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         whole
     }
 
-    /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of it. True
-    /// when `gathering` holds it: what was absorbed before the first step, and perhaps some of what arrived
-    /// since.
+    /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of
+    /// it. True when `gathering` holds it: what was absorbed before the first step, and perhaps some of what
+    /// arrived since.
     pub fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
         if *step == 0 && whole.rows > 0 {

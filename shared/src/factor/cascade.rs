@@ -57,7 +57,8 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         false
     }
 
-    /// The same into a factor that began empty, and is a copy of the first level in use. How many steps that took.
+    /// The same into a factor that began empty, and is a copy of the first level in use. How many steps that
+    /// took.
     pub(super) fn fold(&self, step: usize, whole: &mut InformationFactor<T, N>) -> u8 {
         match self.part(step).filter(|(level, _)| level.rows() > 0) {
             Some((level, 0)) if whole.rows() == 0 => {
@@ -79,7 +80,8 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         }
     }
 
-    /// Merges one level that is full into the next: with each block one, so that no block waits for all of them.
+    /// Merges one level that is full into the next: with each block one, so that no block waits for all of
+    /// them.
     #[inline]
     pub(super) fn carry(&mut self) {
         for k in 1..LEVELS {
@@ -108,8 +110,8 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
 /// A factor in levels, so that a new block always meets numbers of its own size.
 ///
 /// In `f32` a single factor stagnates: beyond about 1e7 samples one sample's share of R is less than half a
-/// unit in the last place. The first level absorbs the blocks; every hundred of them it is merged into the next one
-/// and cleared, and so on. The last of the `1 + UPPER` levels takes whatever comes.
+/// unit in the last place. The first level absorbs the blocks; every hundred of them it is merged into the
+/// next one and cleared, and so on. The last of the `1 + UPPER` levels takes whatever comes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cascade<T: Scalar, const N: usize, const UPPER: usize> {
     absorbing: InformationFactor<T, N>,
@@ -139,7 +141,8 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         }
     }
 
-    /// Puts a factor of everything absorbed before into the highest level of an empty cascade, and returns true.
+    /// Puts a factor of everything absorbed before into the highest level of an empty cascade, and returns
+    /// true.
     pub fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool {
         self.upper.restore(factor);
         true
@@ -184,8 +187,8 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         self.blocks = 0;
     }
 
-    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is that. Nothing
-    /// may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is
+    /// that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
     pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         let upper = Levels::<T, N, UPPER>::PARTS;
         let k = usize::from(*step);
@@ -215,8 +218,8 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         whole
     }
 
-    /// Does one step towards a factor of everything absorbed; see [`super::BodyCascade::gather`]. Rows that wait for a block
-    /// are left out.
+    /// Does one step towards a factor of everything absorbed; see [`super::BodyCascade::gather`]. Rows that
+    /// wait for a block are left out.
     pub fn gather(&self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
         if *step == 0 && whole.rows > 0 {

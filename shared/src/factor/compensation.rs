@@ -1,10 +1,11 @@
 //! Compensation: what noise in the coefficients adds to `RᵀR` is taken off again.
 //!
-//! The estimate solves `(RᵀR − K) φ = Rᵀz`. With `C = R⁻ᵀ K R⁻¹` these are the rows `(1 − C) R φ = z`: nothing is squared, and as
-//! z has unit covariance they are the factor of the compensated estimate and of its covariance
-//! `(RᵀR − K)⁻¹ RᵀR (RᵀR − K)⁻¹`. Where the eigenvalues of C are below one half that is all. Else noise has more than half of the
-//! information in some directions: the eigenvectors of C are found, and these directions count as not determined: their standard
-//! deviation is at least twice the size of what may be there, what was found over the share that is no noise.
+//! The estimate solves `(RᵀR − K) φ = Rᵀz`. With `C = R⁻ᵀ K R⁻¹` these are the rows `(1 − C) R φ = z`:
+//! nothing is squared, and as z has unit covariance they are the factor of the compensated estimate and of
+//! its covariance `(RᵀR − K)⁻¹ RᵀR (RᵀR − K)⁻¹`. Where the eigenvalues of C are below one half that is all.
+//! Else noise has more than half of the information in some directions: the eigenvectors of C are found, and
+//! these directions count as not determined: their standard deviation is at least twice the size of what may
+//! be there, what was found over the share that is no noise.
 
 use super::{BLOCK_ROWS, Column, Gram, InformationFactor, Triangle};
 use crate::Scalar;

@@ -1,4 +1,5 @@
-//! The absorbing level of a rigid body's cascade: two small triangles, and how rows come into and out of them.
+//! The absorbing level of a rigid body's cascade: two small triangles, and how rows come into and out of
+//! them.
 
 use super::{BLOCK_ROWS, Block, Column, InformationFactor};
 use crate::Scalar;
@@ -13,8 +14,8 @@ const ALL: [usize; 16] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15, 0, 10, 11, 12];
 /// The same where the offset is known.
 const TEN: [usize; 10] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 0];
 
-/// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last that the rows
-/// see.
+/// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last
+/// that the rows see.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level<T: Scalar> {
     pub(super) force: [[T; FORCE.len()]; FORCE.len() + 1],
@@ -41,8 +42,8 @@ impl<T: Scalar> Level<T> {
         }
     }
 
-    /// Reduces some columns, from the `first`th of the forces' and the moments' on: as many as cost about `most`, one at least.
-    /// Returns what is then the first one, none if all are done.
+    /// Reduces some columns, from the `first`th of the forces' and the moments' on: as many as cost about
+    /// `most`, one at least. Returns what is then the first one, none if all are done.
     #[inline(never)]
     pub(super) fn reduce(
         &mut self,
@@ -86,7 +87,8 @@ impl<T: Scalar> Level<T> {
         self.moment.swap(moment, all);
     }
 
-    /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such part.
+    /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such
+    /// part.
     #[inline(never)]
     pub(super) fn merge_part<const N: usize>(
         &self,
@@ -115,8 +117,8 @@ impl<T: Scalar> Level<T> {
     }
 }
 
-/// Writes the rows of `[R z]`, whose columns are these parameters and whose first row is row `above` of all, as far as they are
-/// among the twelve from row `first` on.
+/// Writes the rows of `[R z]`, whose columns are these parameters and whose first row is row `above` of all,
+/// as far as they are among the twelve from row `first` on.
 #[inline(always)]
 fn place<T: Scalar, const N: usize, const K: usize>(
     block: &mut Block<T, N>,
@@ -150,8 +152,8 @@ pub(super) const fn estimated(offset: bool) -> (usize, usize) {
     if offset { (FORCE.len(), 12) } else { (4, 9) }
 }
 
-/// The columns of the moments and their right-hand side, then those of the forces, then what is not used. Of rows that see
-/// all parameters: the columns of all and their right-hand side.
+/// The columns of the moments and their right-hand side, then those of the forces, then what is not used. Of
+/// rows that see all parameters: the columns of all and their right-hand side.
 pub(super) type Columns<T> = [Column<T>; COLUMNS];
 pub(super) const COLUMNS: usize = 12 + FORCE.len() + 2;
 

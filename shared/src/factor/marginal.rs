@@ -2,10 +2,11 @@ use super::{InformationFactor, Triangle};
 use crate::Scalar;
 
 impl<T: Scalar, const N: usize> InformationFactor<T, N> {
-    /// The factor of the last `K` parameters with the others eliminated: what all rows say about those `K` when
-    /// nothing else is known about the rest. Nuisance parameters are therefore absorbed first in order.
+    /// The factor of the last `K` parameters with the others eliminated: what all rows say about those `K`
+    /// when nothing else is known about the rest. Nuisance parameters are therefore absorbed first in order.
     ///
-    /// The trailing rows of a triangle hold no earlier column, so they are the marginal information themselves.
+    /// The trailing rows of a triangle hold no earlier column, so they are the marginal information
+    /// themselves.
     pub fn trailing<const K: usize>(&self) -> InformationFactor<T, K> {
         const { assert!(K <= N, "no more parameters than there are") }
         let first = N - K;

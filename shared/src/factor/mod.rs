@@ -233,14 +233,15 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         entries.next().is_none().then_some(factor)
     }
 
-    /// [`Self::from_entries`] of the first [`Self::ENTRIES`] of these numbers, for whoever knows `N` by a value alone.
+    /// [`Self::from_entries`] of the first [`Self::ENTRIES`] of these numbers, for whoever knows `N` by a
+    /// value alone.
     #[inline(never)]
     pub fn like(&self, entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
         Self::from_entries(entries.into_iter().take(Self::ENTRIES), rows)
     }
 
-    /// The same rows about other parameters: `z − R φ_r`. To the last bit the same for a reference of zero, or if the
-    /// numbers would not be finite.
+    /// The same rows about other parameters: `z − R φ_r`. To the last bit the same for a reference of zero,
+    /// or if the numbers would not be finite.
     #[inline(never)]
     pub(crate) fn about(&self, reference: &[T; N]) -> Self {
         let mut shifted = *self;
@@ -252,7 +253,8 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         if shifted.triangle.z.iter().all(|z| z.is_finite()) { shifted } else { *self }
     }
 
-    /// The same rows, solution `estimate`, with standard deviations `by` times as large and correlations as they are.
+    /// The same rows, solution `estimate`, with standard deviations `by` times as large and correlations as
+    /// they are.
     pub fn stretched(&self, estimate: &[T; N], by: &[T; N]) -> Self {
         let mut stretched = self.about(estimate);
         for (column, by) in stretched.triangle.r.iter_mut().zip(by) {
@@ -295,14 +297,16 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         solution::covariance(self)
     }
 
-    /// `√(RᵀR)⁻¹_jj` at the price of a triangular inverse; infinite where R is singular. Without the judgement of
+    /// `√(RᵀR)⁻¹_jj` at the price of a triangular inverse; infinite where R is singular. Without the
+    /// judgement of
     /// [`InformationFactor::solve`] about what is determined, and many times cheaper.
     pub fn standard_deviations(&self) -> [T; N] {
         solution::standard_deviations(&self.triangle.r)
     }
 
-    /// The estimate by back substitution, at a price of `N²`; `None` unless every parameter's variance inflation factor
-    /// `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are [`InformationFactor::standard_deviations`].
+    /// The estimate by back substitution, at a price of `N²`; `None` unless every parameter's variance
+    /// inflation factor `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are
+    /// [`InformationFactor::standard_deviations`].
     pub fn well_determined(&self, deviations: &[T; N]) -> Option<[T; N]> {
         solution::well_determined(self, deviations)
     }

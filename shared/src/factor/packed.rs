@@ -1,8 +1,9 @@
 //! One level of a factor, in half the room, that is handed over row by row.
 //!
 //! Every row of `[R z]` is a whitened equation of its own. A row may therefore be taken out at any time
-//! ([`PackedFactor::forget_row`]) and absorbed elsewhere; what is left is the factor of what is left. So a device without
-//! room for a second copy gives its level away while it goes on absorbing, and no row is counted twice or lost.
+//! ([`PackedFactor::forget_row`]) and absorbed elsewhere; what is left is the factor of what is left. So a
+//! device without room for a second copy gives its level away while it goes on absorbing, and no row is
+//! counted twice or lost.
 
 use super::{BLOCK_ROWS, Column};
 use crate::Scalar;
@@ -12,9 +13,9 @@ pub const fn packed_entries(n: usize) -> usize {
     n * (n + 1) / 2 + n
 }
 
-/// `[R z]` of up to `N` parameters by columns, only what is not zero by construction: column j has j + 1 numbers and
-/// starts at j (j + 1) / 2. `E` must be [`packed_entries`] of N. One level: in `f32` it is to be handed over at
-/// least every 1e5 samples.
+/// `[R z]` of up to `N` parameters by columns, only what is not zero by construction: column j has j + 1
+/// numbers and starts at j (j + 1) / 2. `E` must be [`packed_entries`] of N. One level: in `f32` it is to be
+/// handed over at least every 1e5 samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedFactor<T: Scalar, const N: usize, const E: usize> {
     entries: [T; E],
@@ -59,14 +60,16 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         self.residual_sum_of_squares *= by * by;
     }
 
-    /// Returns the sum of squares of the right-hand side that the parameters from `first` on explain beside those before them.
+    /// Returns the sum of squares of the right-hand side that the parameters from `first` on explain beside
+    /// those before them.
     pub fn explained_from(&self, first: usize) -> T {
         let n = self.parameters();
         let z = self.entries.iter().skip(n * (n + 1) / 2).take(n);
         z.skip(first).map(|z| *z * *z).sum()
     }
 
-    /// Returns the values of the last parameters, from `first` on, by back substitution; zero of one that nothing is known of.
+    /// Returns the values of the last parameters, from `first` on, by back substitution; zero of one that
+    /// nothing is known of.
     pub fn last<const L: usize>(&self, first: usize) -> [T; L] {
         let n = self.parameters();
         let entry = |i: usize, j: usize| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO);
@@ -108,9 +111,9 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         self.residual_sum_of_squares
     }
 
-    /// Absorbs `rows` of the rows of a block: a column for every parameter, then the right-hand side; the others are
-    /// zero. The columns are used up. Not-finite rows must be kept out by the caller. Nothing is done if the columns are
-    /// not those of the parameters.
+    /// Absorbs `rows` of the rows of a block: a column for every parameter, then the right-hand side; the
+    /// others are zero. The columns are used up. Not-finite rows must be kept out by the caller. Nothing is
+    /// done if the columns are not those of the parameters.
     #[inline]
     pub fn absorb(&mut self, columns: &mut [Column<T>], rows: usize) {
         if columns.len() != self.parameters() + 1 || rows > BLOCK_ROWS {
@@ -126,8 +129,9 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         columns.map(move |j| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO))
     }
 
-    /// Returns the standard deviation of parameter `j`, the length of row j of `R⁻¹`: `x R = e_j` from the diagonal on.
-    /// Infinite where the rows do not determine what comes after it, or there is no such parameter.
+    /// Returns the standard deviation of parameter `j`, the length of row j of `R⁻¹`: `x R = e_j` from the
+    /// diagonal on. Infinite where the rows do not determine what comes after it, or there is no such
+    /// parameter.
     #[inline(never)]
     pub fn standard_deviation(&self, j: usize) -> T {
         let mut x = [T::ZERO; N];
@@ -170,8 +174,8 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         (core::mem::take(&mut self.residual_sum_of_squares), core::mem::take(&mut self.rows))
     }
 
-    /// Absorbs a row that was handed over: its coefficients from parameter `first` on, then its right-hand side. Nothing is
-    /// done if it is not that long.
+    /// Absorbs a row that was handed over: its coefficients from parameter `first` on, then its right-hand
+    /// side. Nothing is done if it is not that long.
     pub fn merge_row(&mut self, first: usize, row: &[T]) {
         if first + row.len() != self.parameters() + 1 {
             return;

@@ -7,9 +7,9 @@
 //! u = k (y·c − ρ)   ρ ← ρ + u   c ← c − u y       for every later column c with its entry ρ in r's row
 //! ```
 //!
-//! which is `1 − τ v vᵀ` with `v = [−|x|²/(r + r′); x]`, the reflection that keeps the diagonal positive, scaled so
-//! that M rows of a column cost 4M + 2 operations. ρ is only ever added to: with the textbook sign each block would
-//! round it anew.
+//! which is `1 − τ v vᵀ` with `v = [−|x|²/(r + r′); x]`, the reflection that keeps the diagonal positive,
+//! scaled so that M rows of a column cost 4M + 2 operations. ρ is only ever added to: with the textbook sign
+//! each block would round it anew.
 
 use core::ops::Range;
 
@@ -69,9 +69,9 @@ fn dot<T: Scalar>(a: &[T; BLOCK_ROWS], b: &[T; BLOCK_ROWS], from: T) -> T {
     even + odd
 }
 
-/// Reduces the columns, the last one being the right-hand side, into `[R z]`, whose column j, of at least j + 1
-/// numbers, starts at `j stride`: those of `range` alone, when those before have been. Returned is, with the last one, the sum
-/// of squares of what is left in the right-hand side. The columns are used up.
+/// Reduces the columns, the last one being the right-hand side, into `[R z]`, whose column j, of at least j +
+/// 1 numbers, starts at `j stride`: those of `range` alone, when those before have been. Returned is, with
+/// the last one, the sum of squares of what is left in the right-hand side. The columns are used up.
 #[inline]
 pub(crate) fn reduce<T: Scalar>(
     triangle: &mut [T],
@@ -105,8 +105,8 @@ pub(crate) fn reduce_packed<T: Scalar>(triangle: &mut [T], columns: &mut [Column
     columns.last().map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
 }
 
-/// Applies the reflections of the earlier columns to column j and its entries, and makes its own, unless it is the
-/// last.
+/// Applies the reflections of the earlier columns to column j and its entries, and makes its own, unless it
+/// is the last.
 #[inline(always)]
 fn reduce_column<T: Scalar>(entries: &mut [T], j: usize, columns: &mut [Column<T>]) {
     let pivots = columns.len().saturating_sub(1);
@@ -127,8 +127,8 @@ fn reduce_column<T: Scalar>(entries: &mut [T], j: usize, columns: &mut [Column<T
     };
 }
 
-/// y and k of the column `x`; `r` becomes r′. A column of (near) zeros reflects nothing. With one division: the
-/// entries may be up to 1e8 in f32.
+/// y and k of the column `x`; `r` becomes r′. A column of (near) zeros reflects nothing. With one division:
+/// the entries may be up to 1e8 in f32.
 #[inline(always)]
 fn reflection<T: Scalar>(x: &[T; BLOCK_ROWS], r: &mut T) -> Column<T> {
     let xx = dot(x, x, T::ZERO);
@@ -191,8 +191,9 @@ pub(crate) fn reduce_on_core(
         let sum = unsafe { rigident_reduce_part(r_z, 4 * stride, pivots, columns, start, end) };
         return if end > pivots { sum } else { 0.0 };
     }
-    // SAFETY: the kernels read and write the first `pivots` numbers of the columns 0..=pivots of `[R z]`, and as many
-    // columns of the block, `repr(C)` of thirteen floats each. Both slices hold that, as was just checked.
+    // SAFETY: the kernels read and write the first `pivots` numbers of the columns 0..=pivots of `[R z]`, and
+    // as many columns of the block, `repr(C)` of thirteen floats each. Both slices hold that, as was just
+    // checked.
     unsafe {
         if pivots > 16 {
             rigident_reduce_large(r_z, 4 * stride, pivots, columns)
@@ -217,8 +218,8 @@ pub(crate) fn reduce_packed_on_core(triangle: &mut [f32], columns: &mut [Column<
     if pivots == 0 || triangle.len() < pivots * (pivots + 1) / 2 + pivots {
         return 0.0;
     }
-    // SAFETY: as above; column j starts at j (j + 1) / 2, the right-hand side's after all others, and the slice holds
-    // its `pivots` numbers, as was just checked.
+    // SAFETY: as above; column j starts at j (j + 1) / 2, the right-hand side's after all others, and the
+    // slice holds its `pivots` numbers, as was just checked.
     unsafe { rigident_reduce_packed(triangle.as_mut_ptr(), 4, pivots, columns.as_mut_ptr()) }
 }
 

@@ -49,7 +49,8 @@ fn rank_floor<T: Scalar>(n: usize) -> T {
     T::EPSILON * T::from_u32(n as u32)
 }
 
-/// Solves a factor of at most `M` parameters in steps of bounded size: [`Self::begin`], [`Self::rotate`] until it is done,
+/// Solves a factor of at most `M` parameters in steps of bounded size: [`Self::begin`], [`Self::rotate`]
+/// until it is done,
 /// [`Self::finish`]. [`InformationFactor::solve`] does it in one go, with the same operations.
 #[derive(Clone, Copy, Debug)]
 pub struct Solver<T: Scalar, const M: usize> {

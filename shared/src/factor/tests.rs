@@ -274,8 +274,8 @@ fn a_large_dense_factor_merges_into_an_empty_one() {
     check::<128>();
 }
 
-/// The kernel that knows the body's zeros against the one that does not: other reflections, the same factor. f64, so that
-/// what is left is rounding.
+/// The kernel that knows the body's zeros against the one that does not: other reflections, the same factor.
+/// f64, so that what is left is rounding.
 #[test]
 fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
     fn check<const N: usize>(wrenches: usize) {
@@ -343,8 +343,8 @@ fn the_cascade_holds_what_a_single_level_loses() {
     assert!(deviation(&cascade.factor()) < deviation(&single));
 }
 
-/// Rows that are whitened together, from some wrench on, against the factor of the same rows: blocks, levels that are handed up
-/// in the middle, settled between the wrenches never, once or twice.
+/// Rows that are whitened together, from some wrench on, against the factor of the same rows: blocks, levels
+/// that are handed up in the middle, settled between the wrenches never, once or twice.
 #[test]
 fn the_body_s_cascade_of_rows_whitened_together_is_the_factor_of_these_rows() {
     fn check<const N: usize>(from: usize, wrenches: usize, settles: usize) {
@@ -413,8 +413,8 @@ fn the_body_s_cascade_of_rows_whitened_together_is_the_factor_of_these_rows() {
     }
 }
 
-/// Reductions that begin before rows are whitened together, after any number of wrenches and settled or not in between, have the
-/// bits of those in one go, and an estimate in between too.
+/// Reductions that begin before rows are whitened together, after any number of wrenches and settled or not
+/// in between, have the bits of those in one go, and an estimate in between too.
 #[test]
 fn a_reduction_that_begins_early_has_the_bits_of_one_in_one_go() {
     fn check<const N: usize>(wrenches: usize, settles: usize) {

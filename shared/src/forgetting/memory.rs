@@ -6,7 +6,8 @@ use crate::factor::{Gram, InformationFactor};
 const SEGMENTS: u32 = 20;
 /// Row blocks in a segment, at least and at most: half a second at a hundred blocks a second.
 const SEGMENT_BLOCKS: (u32, u32) = (10, 50);
-/// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at least.
+/// Parts that a window is divided into, of which the newest is being filled: four fifths of it are held at
+/// least.
 const PARTS: usize = 5;
 
 /// Parameters of a body, which may have noise in their coefficients.
@@ -59,9 +60,11 @@ pub(crate) struct Rows<T> {
 }
 
 impl<T: Scalar> Rows<T> {
-    /// Root mean square, per whitened row, of what the IMU's noise brings to the coefficients of each parameter.
+    /// Root mean square, per whitened row, of what the IMU's noise brings to the coefficients of each
+    /// parameter.
     ///
-    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its bandwidth.
+    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its
+    /// bandwidth.
     fn regressor_noise<const N: usize>(&self, imu: &ImuNoise<T>) -> [T; N] {
         let turning = imu.gyro * imu.gyro * self.derivative_noise_gain;
         let specific = imu.accel * imu.accel * self.noise_gain + self.lever_arm2 * turning;
@@ -119,8 +122,8 @@ pub struct Plan<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Plan<T, N> {
-    /// `None` if the span is no positive number, or a window so short that a part of it holds no row block, or a noise
-    /// is negative or not finite.
+    /// `None` if the span is no positive number, or a window so short that a part of it holds no row block,
+    /// or a noise is negative or not finite.
     #[inline(never)]
     pub(crate) fn new(config: &MemoryConfig<T>, rows: &Rows<T>) -> Option<Self> {
         let (Span::TimeConstant(span_s) | Span::Window(span_s)) = config.span;

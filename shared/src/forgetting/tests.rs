@@ -169,8 +169,8 @@ fn standing_still_winds_up_plain_forgetting_and_not_this() {
     assert!(off > 20.0, "{off}");
 }
 
-/// A still segment, in its triangle already: the Bartlett decomposition of 60 rows would be the exact law; its mean
-/// with random signs and a spread does for a hundred thousand of them.
+/// A still segment, in its triangle already: the Bartlett decomposition of 60 rows would be the exact law;
+/// its mean with random signs and a spread does for a hundred thousand of them.
 fn segment_of_noise(random: &mut Random, n: usize) -> InformationFactor<f64, 4> {
     if n.is_multiple_of(1000) {
         return segment(random, &TRUTH, &STILL);
@@ -223,8 +223,8 @@ fn partial_excitation_keeps_the_rest() {
     }
 }
 
-/// Largest difference of f32 from f64 over 20 000 segments of all kinds, in standard deviations; signals 1e4 times
-/// the noise.
+/// Largest difference of f32 from f64 over 20 000 segments of all kinds, in standard deviations; signals 1e4
+/// times the noise.
 fn single_against_double(recentred: bool) -> f64 {
     let mut random = Random(17);
     let lambda = retention(0.5, 20.0);

@@ -3,8 +3,8 @@ use crate::factor::InformationFactor;
 
 /// The last `K` segments, each counting fully: a sliding window of `K` times a segment's length.
 ///
-/// Holds `K` factors: `K (N² + N + 2)` words (f32: 448 bytes a segment for N = 10, 1 096 for N = 16). Nothing is ever
-/// subtracted, so a window that has slid for a year is as good as a new one.
+/// Holds `K` factors: `K (N² + N + 2)` words (f32: 448 bytes a segment for N = 10, 1 096 for N = 16). Nothing
+/// is ever subtracted, so a window that has slid for a year is as good as a new one.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<T: Scalar, const N: usize, const K: usize> {
     segments: [InformationFactor<T, N>; K],

@@ -3,11 +3,11 @@ use crate::Scalar;
 /// Sweeps at most: six to eight are usual at N = 16; the bound is for bad luck.
 const SWEEPS: u8 = 30;
 
-/// One-sided Jacobi: `A V = W` with orthogonal columns W; their squared lengths are the squared singular values
-/// (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
+/// One-sided Jacobi: `A V = W` with orthogonal columns W; their squared lengths are the squared singular
+/// values (Hestenes 1958; accurate to relative precision on column-scaled matrices, Demmel and Veselić 1992).
 ///
-/// There is room for `M` columns; the first `n` of them, with `n` numbers each, are used. The rotations can be done some
-/// pairs of columns at a time.
+/// There is room for `M` columns; the first `n` of them, with `n` numbers each, are used. The rotations can
+/// be done some pairs of columns at a time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Jacobi<T: Scalar, const M: usize> {
     /// Columns of W.
@@ -44,8 +44,8 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
         sweeps: 0,
     };
 
-    /// Begins with the matrix A whose columns are the first `n` of W. A column of zeros stays one, with a unit vector of its own
-    /// in V.
+    /// Begins with the matrix A whose columns are the first `n` of W. A column of zeros stays one, with a
+    /// unit vector of its own in V.
     pub(crate) fn begin(&mut self, n: usize) {
         self.n = n.min(M);
         for (j, column) in self.v.iter_mut().enumerate().take(self.n) {

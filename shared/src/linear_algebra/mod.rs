@@ -1,7 +1,7 @@
 //! Small dense linear algebra: sums over slices and the one-sided Jacobi decomposition.
 //!
-//! Lives here: what [`crate::factor`], [`crate::whitening`] and the estimator all need, and nothing that knows of rows or
-//! parameters.
+//! Lives here: what [`crate::factor`], [`crate::whitening`] and the estimator all need, and nothing that
+//! knows of rows or parameters.
 
 mod jacobi;
 pub(crate) mod vector;

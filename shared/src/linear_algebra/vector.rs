@@ -1,5 +1,5 @@
-//! Sums over slices, in one copy of each whatever the number of parameters. On the reference core they are written in its
-//! assembly: the same operations in the same order, so the same bits.
+//! Sums over slices, in one copy of each whatever the number of parameters. On the reference core they are
+//! written in its assembly: the same operations in the same order, so the same bits.
 
 use crate::Scalar;
 
@@ -105,7 +105,8 @@ pub(crate) mod on_core {
 
     #[inline(always)]
     pub(crate) fn add_scaled(to: &mut [f32], from: &[f32], by: f32) {
-        // SAFETY: the kernel reads and writes as many numbers as the shorter slice has; the slices do not overlap.
+        // SAFETY: the kernel reads and writes as many numbers as the shorter slice has; the slices do not
+        // overlap.
         unsafe { rigident_add_scaled(to.as_mut_ptr(), to.len(), from.as_ptr(), from.len(), by) }
     }
 

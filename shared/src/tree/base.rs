@@ -1,11 +1,12 @@
 //! The columns of a link's base rows that stay when what the rows cannot tell apart is regrouped to its
 //! parent.
 //!
-//! Regrouping moves parameters, not columns: `Y φ = Y_B φ_B` with `Y_B` a subset of Y's columns, one for every base
-//! parameter. Which ones is a matter of the joint alone: it keeps the rules of G. Venture, K. Ayusawa, Y. Nakamura
-//! (SYSID 2009) for a base that moves freely.
+//! Regrouping moves parameters, not columns: `Y φ = Y_B φ_B` with `Y_B` a subset of Y's columns, one for
+//! every base parameter. Which ones is a matter of the joint alone: it keeps the rules of G. Venture, K.
+//! Ayusawa, Y. Nakamura (SYSID 2009) for a base that moves freely.
 
-/// The joint above a link, for a tree whose joints do not slide. The first link has none and keeps all ten columns.
+/// The joint above a link, for a tree whose joints do not slide. The first link has none and keeps all ten
+/// columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TurningJoint {
     /// Does not turn: all goes to the parent.
@@ -16,8 +17,8 @@ pub enum TurningJoint {
     Spherical,
 }
 
-/// Bit k: column k of φ stays. Of a revolute joint about z (x, y, z in a circle) the mass, MSz and Jyy go to the parent,
-/// and the column of Jxx represents Jxx − Jyy. `None` if there is no such axis.
+/// Bit k: column k of φ stays. Of a revolute joint about z (x, y, z in a circle) the mass, MSz and Jyy go to
+/// the parent, and the column of Jxx represents Jxx − Jyy. `None` if there is no such axis.
 pub const fn kept_columns(joint: TurningJoint) -> Option<u16> {
     const ALL: u16 = 0x3FF;
     match joint {

@@ -14,8 +14,8 @@ pub enum Joint<T: Scalar> {
     Revolute(Vector3<T>),
     /// Slides along an axis, given in the link's frame.
     Prismatic(Vector3<T>),
-    /// Turns about the first axis, then about the second, both given in the link's frame at zero angles; between
-    /// them is nothing that has mass.
+    /// Turns about the first axis, then about the second, both given in the link's frame at zero angles;
+    /// between them is nothing that has mass.
     Universal(Vector3<T>, Vector3<T>),
     /// Turns about its origin.
     Spherical,
@@ -35,7 +35,8 @@ impl<T: Scalar> Joint<T> {
         }
     }
 
-    /// Entries of its position: an angle (rad) or a length (m), a quaternion w, x, y, z, or a position (m) and a quaternion.
+    /// Entries of its position: an angle (rad) or a length (m), a quaternion w, x, y, z, or a position (m)
+    /// and a quaternion.
     pub fn coordinates(&self) -> usize {
         match self {
             Self::Spherical => 4,
@@ -194,8 +195,8 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a free joint: position of the origin from its place at zero and attitude, both in the axes at zero; velocity
-    /// and rate, then their derivatives, as components in link axes.
+    /// Of a free joint: position of the origin from its place at zero and attitude, both in the axes at zero;
+    /// velocity and rate, then their derivatives, as components in link axes.
     #[inline(always)]
     pub fn free(
         link: &Link<T>,

@@ -1,12 +1,15 @@
-//! The same rows without accelerations: two parts, of which one is smoothed and the other differentiated by the filter.
+//! The same rows without accelerations: two parts, of which one is smoothed and the other differentiated by
+//! the filter.
 //!
-//! Let h be the momentum of the links relative to a frame that moves with S without turning: `P' = Σ m u + ω × mc`, and
-//! `H'` about S. In that frame the base's acceleration and gravity act together as the specific force a, so that
+//! Let h be the momentum of the links relative to a frame that moves with S without turning:
+//! `P' = Σ m u + ω × mc`, and `H'` about S. In that frame the base's acceleration and gravity act together as
+//! the specific force a, so that
 //! ```text
 //! w = ∂h + ω₀ × h + [m a; mc × a],          τ_j = s_j · w = ∂(s_j · h) + s_j · (ω₀ × h + [m a; mc × a]) − (∂s_j) · h
 //! ```
-//! with ∂ the derivative of components in S and s_j the joint's screw. h is linear in φ and knows rates alone. A filter
-//! with kernel k on both sides: `k ∗ w = k ∗ smoothed + k̇ ∗ differentiated`: nothing is differentiated numerically.
+//! with ∂ the derivative of components in S and s_j the joint's screw. h is linear in φ and knows rates
+//! alone. A filter with kernel k on both sides: `k ∗ w = k ∗ smoothed + k̇ ∗ differentiated`: nothing is
+//! differentiated numerically.
 
 use nalgebra::Vector3;
 
@@ -24,7 +27,8 @@ pub struct Parts<T: Scalar> {
     pub differentiated: Block<T>,
 }
 
-/// The momentum of one link about the base's origin, in base axes: h. Its velocity is that of [`LinkState::velocity`].
+/// The momentum of one link about the base's origin, in base axes: h. Its velocity is that of
+/// [`LinkState::velocity`].
 #[inline(never)]
 pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
     let mut momentum = zero_block();
@@ -100,7 +104,8 @@ pub fn base_rows<T: Scalar>(
     Ok(())
 }
 
-/// The rows of all joints in two parts; as [`super::rows::joint_rows`], entries that are always zero are left alone.
+/// The rows of all joints in two parts; as [`super::rows::joint_rows`], entries that are always zero are left
+/// alone.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if the arrays do not fit the tree.

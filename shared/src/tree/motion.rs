@@ -132,8 +132,8 @@ fn step_by<T: Scalar, const SLIDES: bool>(
     }
 }
 
-/// One freedom of a joint in base axes about the base's origin: with it `τ = screw · [F; M]`, `[F; M]` the wrench on the
-/// links beyond the joint about the base's origin.
+/// One freedom of a joint in base axes about the base's origin: with it `τ = screw · [F; M]`, `[F; M]` the
+/// wrench on the links beyond the joint about the base's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Screw<T: Scalar> {
     /// Weights of Fx, Fy, Fz, Mx, My, Mz.

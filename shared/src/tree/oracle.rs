@@ -1,5 +1,5 @@
-//! Another way to a tree's forces: d'Alembert's principle on the motion of the links' centres of mass, which comes from
-//! twice differentiated homogeneous transformations. For tests.
+//! Another way to a tree's forces: d'Alembert's principle on the motion of the links' centres of mass, which
+//! comes from twice differentiated homogeneous transformations. For tests.
 
 extern crate std;
 use std::vec;
@@ -126,7 +126,8 @@ pub fn point(jet: &Jet, c: Vector3<f64>, k: usize) -> Vector3<f64> {
     (jet.0[k] * c.push(1.0)).xyz()
 }
 
-/// Generalised forces of all freedoms, the free base's six first, as the sum of (m(p̈ − g), İω + …) on virtual motions.
+/// Generalised forces of all freedoms, the free base's six first, as the sum of (m(p̈ − g), İω + …) on
+/// virtual motions.
 pub fn inverse_dynamics(links: &[Link<f64>], drives: &[Drive], bodies: &[Body], g: Vector3<f64>) -> Vec<f64> {
     let jets = world(links, drives);
     let mut forces = Vec::new();

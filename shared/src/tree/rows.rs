@@ -1,7 +1,7 @@
 //! The rows of base link and joints, from positions, rates and accelerations.
 //!
-//! `w = Y φ`: six base rows, the wrench exerted on the tree at the base link's origin, in its axes; and for every
-//! freedom of every joint the force or torque of its drive. A base held still has the same rows.
+//! `w = Y φ`: six base rows, the wrench exerted on the tree at the base link's origin, in its axes; and for
+//! every freedom of every joint the force or torque of its drive. A base held still has the same rows.
 
 use nalgebra::Vector3;
 
@@ -127,7 +127,8 @@ fn turning<T: Scalar>(w: &Vector3<T>, c: &Vector3<T>) -> [[T; 3]; 3] {
 }
 
 impl<T: Scalar> Lines<T> {
-    /// Returns [`block`] to the last bit, by operations on whole rows, of which a processor does several numbers at once.
+    /// Returns [`block`] to the last bit, by operations on whole rows, of which a processor does several
+    /// numbers at once.
     #[inline(always)]
     fn new(state: &LinkState<T>) -> Self {
         let (arm, a) = (&state.position, &state.specific_force);
@@ -216,9 +217,9 @@ pub fn base_rows<T: Scalar>(states: &[LinkState<T>], rows: &mut [T]) -> Result<(
     Ok(())
 }
 
-/// The rows of all joints, row by row in the order of links and freedoms, `10 · links` columns each. Entries of links
-/// that are not beyond a joint are left as they are: they are zero always, so an array that was zeroed once serves. Of the
-/// workspace's screws only the weights are brought to this instant.
+/// The rows of all joints, row by row in the order of links and freedoms, `10 · links` columns each. Entries
+/// of links that are not beyond a joint are left as they are: they are zero always, so an array that was
+/// zeroed once serves. Of the workspace's screws only the weights are brought to this instant.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if workspace or rows do not fit the tree.
@@ -240,7 +241,8 @@ pub fn joint_rows<T: Scalar>(
     Ok(())
 }
 
-/// Base rows and joint rows together: six, then those of all joints, row by row. Each link's block is made once.
+/// Base rows and joint rows together: six, then those of all joints, row by row. Each link's block is made
+/// once.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if workspace or rows do not fit the tree.

@@ -209,7 +209,8 @@ fn rows_have_the_bits_of_the_blocks_that_devices_make() {
     }
 }
 
-/// `∂` of the momentum by Richardson's central differences of the drives' motion, against the rows with accelerations.
+/// `∂` of the momentum by Richardson's central differences of the drives' motion, against the rows with
+/// accelerations.
 #[test]
 fn rows_without_accelerations_are_the_same_rows() {
     let mut random = Random(0xd1b5_4a32_d192_ed03);
@@ -252,7 +253,8 @@ fn rows_without_accelerations_are_the_same_rows() {
     }
 }
 
-/// The drive after a short time: constant accelerations, the attitude to the sixth order by small steps of a quaternion.
+/// The drive after a short time: constant accelerations, the attitude to the sixth order by small steps of a
+/// quaternion.
 fn later(link: &Link<f64>, s: &Drive, t: f64) -> Drive {
     let v: Vec<f64> = s.v.iter().zip(&s.dv).map(|(v, dv)| v + dv * t).collect();
     let mut q = s.q.clone();

@@ -1,6 +1,7 @@
 //! The last events of a device, kept in memory that survives a reset.
 //!
-//! An event travels as numbers, so that a host that is older than the device can show those that it has no word for.
+//! An event travels as numbers, so that a host that is older than the device can show those that it has no
+//! word for.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -117,8 +118,8 @@ const RESETS: [ResetReason; 9] = [
     ResetReason::Unknown,
 ];
 
-/// Returns the number of a reason as the detail of an event: below 16 it is none of a sensor's, else 16 for each sensor and its
-/// fault.
+/// Returns the number of a reason as the detail of an event: below 16 it is none of a sensor's, else 16 for
+/// each sensor and its fault.
 pub fn number_of_reason(reason: Reason) -> u8 {
     let of = |sensor: u8, fault: SensorFault| {
         16 * sensor + FAULTS.iter().position(|f| *f == fault).unwrap_or(15) as u8

@@ -143,7 +143,8 @@ impl Decoder {
         Self { incoming: Vec::new(), decoded: Vec::new(), overflow: false }
     }
 
-    /// Takes a byte. At the end of a frame, the frame or what is wrong with it; zeros between frames are nothing.
+    /// Takes a byte. At the end of a frame, the frame or what is wrong with it; zeros between frames are
+    /// nothing.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, DecodeError>> {
         if byte != 0 {
             if self.incoming.push(byte).is_err() {

@@ -28,12 +28,14 @@ pub enum ModelSettings {
     Body,
     /// Two links that a spherical joint holds together: 19 parameters, or 25 with the offset.
     TwoLinks(TwoLinkSettings),
-    /// A tree of links from frames that are streamed to the device: up to 128 parameters, the offset known. The first link
-    /// is the base. If its joint is [`LinkJoint::Free`], cameras track it: its frames bring positions and rates alone, and the
-    /// rows' filter is the device's ([`super::Settings::filter_width_s`], [`super::Settings::row_every`]).
+    /// A tree of links from frames that are streamed to the device: up to 128 parameters, the offset known.
+    /// The first link is the base. If its joint is [`LinkJoint::Free`], cameras track it: its frames bring
+    /// positions and rates alone, and the rows' filter is the device's ([`super::Settings::filter_width_s`],
+    /// [`super::Settings::row_every`]).
     Tree(Vec<LinkSettings, MAX_LINKS>),
-    /// A tree of at most [`crate::estimator::frames::SUSPENDED_LINKS`] links from frames, on a platform that springs carry and that
-    /// is tracked: the springs are the load cell. Parameters are the base's, then what springs carry at rest, of every free coordinate.
+    /// A tree of at most [`crate::estimator::frames::SUSPENDED_LINKS`] links from frames, on a platform that
+    /// springs carry and that is tracked: the springs are the load cell. Parameters are the base's, then what
+    /// springs carry at rest, of every free coordinate.
     Suspended(Vec<LinkSettings, MAX_LINKS>, SuspensionSettings),
     /// A robot that is watched for changes of a link, from frames.
     #[cfg_attr(not(feature = "watch"), serde(skip))]
@@ -43,7 +45,8 @@ pub enum ModelSettings {
 /// The springs under a platform, about its point O and in its axes at rest, z up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SuspensionSettings {
-    /// Stiffness from the first row's diagonal on, then the second's: forces (N) and moments (N m) against shifts (m) and turns (rad).
+    /// Stiffness from the first row's diagonal on, then the second's: forces (N) and moments (N m) against
+    /// shifts (m) and turns (rad).
     pub stiffness: [f32; 21],
     /// Origin of the base link against O, axes of the platform, m.
     pub base_position_m: [f32; 3],
@@ -169,10 +172,11 @@ pub struct FactorRow {
     pub parameters: u8,
     /// From the diagonal on, then the right-hand side.
     pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
-    /// From the diagonal on: what noise of the signals has added to `RᵀR`, in the same units; none: nothing. It is taken off where
-    /// the factor is solved.
+    /// From the diagonal on: what noise of the signals has added to `RᵀR`, in the same units; none: nothing.
+    /// It is taken off where the factor is solved.
     pub gram: Vec<f32, MAX_NOISY_PARAMETERS>,
-    /// With row 0: the sum of squares that no parameters explain. Of a tree: of all rows since it was last taken.
+    /// With row 0: the sum of squares that no parameters explain. Of a tree: of all rows since it was last
+    /// taken.
     pub residual_sum_of_squares: f32,
     /// With row 0: how many these were.
     pub rows: u32,

@@ -1,7 +1,7 @@
 //! The messages. Both sides compile this one file; [`SCHEMA_HASH`] tells whether they compiled the same.
 //!
-//! SI units, the suffix says which; frames and signs as everywhere: wrench on the body in S, IMU values in the
-//! IMU's axes. Numbers on the line are f32, as in the firmware.
+//! SI units, the suffix says which; frames and signs as everywhere: wrench on the body in S, IMU values in
+//! the IMU's axes. Numbers on the line are f32, as in the firmware.
 
 use heapless::Vec;
 use postcard_schema::Schema;
@@ -36,8 +36,8 @@ pub enum Command {
     Hello,
     /// Take these settings: Idle, Configured or Holding → Configured. Nothing changes on an error.
     Configure(Settings),
-    /// Configured or Holding → Running. From Configured the estimate starts empty, from Holding it goes on; if
-    /// the stop rule had ended the run, without the rule.
+    /// Configured or Holding → Running. From Configured the estimate starts empty, from Holding it goes on;
+    /// if the stop rule had ended the run, without the rule.
     Start,
     /// Running → Holding; the estimate stays.
     Hold,
@@ -51,13 +51,14 @@ pub enum Command {
     ReadSettings,
     /// Tells what happened so far.
     ReadCounters,
-    /// The estimate now, while no samples of the sensors are absorbed: making it takes as long as several. Else there is
+    /// The estimate now, while no samples of the sensors are absorbed: making it takes as long as several.
+    /// Else there is
     /// [`Telemetry::Estimate`].
     ReadEstimate,
-    /// Hand over a row of the factor. Row 0 begins. Of one body and of two links it is the factor of everything absorbed up
-    /// to row 0, and the device keeps what it has. A tree's is taken out of the device, and a repeat of the command is
-    /// answered from memory as every other; with row 0 what waits is absorbed first, and the level's frames are counted
-    /// anew.
+    /// Hand over a row of the factor. Row 0 begins. Of one body and of two links it is the factor of
+    /// everything absorbed up to row 0, and the device keeps what it has. A tree's is taken out of the
+    /// device, and a repeat of the command is answered from memory as every other; with row 0 what waits is
+    /// absorbed first, and the level's frames are counted anew.
     TakeRow {
         /// The row, and so the first parameter with a coefficient in it.
         row: u8,
@@ -69,8 +70,8 @@ pub enum Command {
     Resume {
         /// The run's number; another one is refused.
         run: u32,
-        /// Number of the next reading that is streamed, if it is larger than that of the checkpoint: what the host has received
-        /// since has numbers of its own.
+        /// Number of the next reading that is streamed, if it is larger than that of the checkpoint: what the
+        /// host has received since has numbers of its own.
         next_reading: u32,
     },
     /// Start anew, as after power-on: any state. The answer is sent first.
@@ -85,8 +86,9 @@ pub enum Command {
         /// The knowledge of it.
         settings: WatchLinkSettings,
     },
-    /// The line has another rate from now on; the answer is the last thing at the old one: Configured, of a robot that is watched. The
-    /// device goes back by itself when it holds, fails, is reset, or has heard nothing whole for [`LINE_RATE_MS`].
+    /// The line has another rate from now on; the answer is the last thing at the old one: Configured, of a
+    /// robot that is watched. The device goes back by itself when it holds, fails, is reset, or has heard
+    /// nothing whole for [`LINE_RATE_MS`].
     #[cfg_attr(not(feature = "watch"), serde(skip))]
     LineRate {
         /// The rate, baud.
@@ -201,7 +203,8 @@ pub enum Reason {
     Command,
     /// The host was not heard for the time set.
     HostQuiet,
-    /// Every asked-for parameter has its asked-for uncertainty; while running, the rule is one that lets the run go on.
+    /// Every asked-for parameter has its asked-for uncertainty; while running, the rule is one that lets the
+    /// run go on.
     StopRule,
     /// The load cell's converter does not answer as it should.
     LoadCell(SensorFault),
@@ -211,7 +214,8 @@ pub enum Reason {
     SecondImu(SensorFault),
     /// No frames come, or none that are whole.
     Frames(SensorFault),
-    /// The level of a tree's factor holds as many frames as single precision bears: take its rows, then start again.
+    /// The level of a tree's factor holds as many frames as single precision bears: take its rows, then start
+    /// again.
     LevelFull,
 }
 
@@ -604,8 +608,8 @@ pub enum ClockSource {
     Simulated,
     /// A crystal: to some 50 parts in a million.
     Crystal,
-    /// The chip's own oscillator, because the crystal does not start: times are off by up to 1 % at 25 °C and 4 %
-    /// from −10 to 85 °C.
+    /// The chip's own oscillator, because the crystal does not start: times are off by up to 1 % at 25 °C and
+    /// 4 % from −10 to 85 °C.
     Internal,
     /// The chip's own oscillator without the multiplier, which does not lock: too slow for sensors.
     Slow,
@@ -650,8 +654,8 @@ pub struct CounterReport {
     pub overdue_transfers: u32,
     /// Transfers with the sensors that ended with an error of the bus.
     pub failed_transfers: u32,
-    /// Rates of load cell, IMU and second IMU by the device's clock, less those asked for, parts in a million of these; `None`: not
-    /// measured yet.
+    /// Rates of load cell, IMU and second IMU by the device's clock, less those asked for, parts in a million
+    /// of these; `None`: not measured yet.
     pub rate_error_ppm: [Option<i32>; 3],
     /// The depth of the stack so far, and its size, bytes; zeros: the device does not know.
     pub stack_bytes: [u32; 2],
@@ -679,8 +683,8 @@ pub struct CounterReport {
 /// Tells what physical consistency leaves of the free answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Consistency {
-    /// The rows do not determine every parameter, so that no body is nearest; or base parameters of several links, which
-    /// may be those of bodies in many ways.
+    /// The rows do not determine every parameter, so that no body is nearest; or base parameters of several
+    /// links, which may be those of bodies in many ways.
     NotDetermined,
     /// The free answer is a body's.
     Free,
@@ -699,7 +703,8 @@ pub struct EstimateReport {
     pub time_ns: u64,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined. Of two links 19, or 25.
+    /// Ten parameters, or sixteen: those of a body, unless `consistency` says that none is determined. Of two
+    /// links 19, or 25.
     pub estimate: Vec<f32, MAX_PARAMETERS>,
     /// Tells what became of the free answer.
     pub consistency: Consistency,

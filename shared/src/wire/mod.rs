@@ -1,7 +1,8 @@
 //! The messages between host and device, and how they travel.
 //!
 //! Lives here: framing and checks ([`frame`]), the messages ([`messages`]), the sensor bus of emulated boards
-//! ([`bus`]), frames of a tree in motion ([`tree_frame`]) and of a robot that is watched ([`watch_frame`]). May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
+//! ([`bus`]), frames of a tree in motion ([`tree_frame`]) and of a robot that is watched ([`watch_frame`]).
+//! May not live here: mathematics, I/O, a clock. Next: the firmware's `link` and the host's.
 //!
 //! One frame on the line:
 //!

@@ -1,4 +1,5 @@
-//! A frame of a tree in motion, as a source of frames clocks it out: from motion capture and force plates say.
+//! A frame of a tree in motion, as a source of frames clocks it out: from motion capture and force plates
+//! say.
 //!
 //! | part | bytes | |
 //! |---|---|---|
@@ -13,7 +14,8 @@
 //! | each further link, version 2 | 28 | 7 f32 LE: attitude (w, x, y, z), laboratory's axes from the link's, rate (3) in the link's axes |
 //! | CRC-32 | 4 | little-endian, ISO-HDLC, over everything before it |
 //!
-//! At 15 links and 100 frames a second 63 kB/s, tracked 47 kB/s: a serial line of 1 Mbit/s holds it, 115200 do not.
+//! At 15 links and 100 frames a second 63 kB/s, tracked 47 kB/s: a serial line of 1 Mbit/s holds it, 115200
+//! do not.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
@@ -94,7 +96,8 @@ impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<
         self.links.chunks_exact(4 * LINK).map(numbers)
     }
 
-    /// Writes a frame into `out`; how many bytes of it are used. `None` if it does not fit or there are too many links.
+    /// Writes a frame into `out`; how many bytes of it are used. `None` if it does not fit or there are too
+    /// many links.
     pub fn encode(number: u32, base: &[f32; BASE], links: &[[f32; LINK]], out: &mut [u8]) -> Option<usize> {
         let count = u8::try_from(links.len() + 1).ok().filter(|n| usize::from(*n) <= MAX_LINKS)?;
         let length = Self::bytes(usize::from(count));

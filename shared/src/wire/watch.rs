@@ -11,8 +11,8 @@ pub const MAX_WATCH_FEET: usize = 4;
 /// A robot whose inertial parameters are known but for those of one link, which may change. Its links are
 /// given one by one, with [`super::Command::WatchLink`], before it starts. Frames bring joints, the base's
 /// IMU and the wrenches of sensors. The base link has the axes of the IMU, and its origin is the IMU's
-/// place. The other settings that count: rate, filter, rows, and the load cell's noise, which is that of the wrench on the whole robot
-/// about the IMU's place, and range, which is each sensor's.
+/// place. The other settings that count: rate, filter, rows, and the load cell's noise, which is that of the
+/// wrench on the whole robot about the IMU's place, and range, which is each sensor's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct WatchSettings {
     /// Links, the base included.
@@ -59,8 +59,8 @@ pub struct WatchLinkSettings {
     pub parameters: [f32; 10],
 }
 
-/// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch` does not know these commands, and
-/// asks this to say so.
+/// Returns whether the payload of a command tells of a robot to watch. Firmware without the feature `watch`
+/// does not know these commands, and asks this to say so.
 pub fn asks_to_watch(payload: &[u8]) -> bool {
     // Configure, its rate, its source, and the model; WatchLink; LineRate.
     matches!(payload, [1, _, _, _, _, _, 4, ..] | [15 | 16, ..])
@@ -104,7 +104,8 @@ pub struct ChangeSize {
     pub standard_deviation: [f32; 10],
 }
 
-/// Writes a report of nothing: a zero for each of its eight numbers, none of which takes more than a byte then.
+/// Writes a report of nothing: a zero for each of its eight numbers, none of which takes more than a byte
+/// then.
 #[cfg(not(feature = "watch"))]
 pub(super) fn nothing_watched<S: serde::Serializer>(
     _: &WatchReport,
@@ -128,7 +129,8 @@ pub struct WatchReport {
     pub stream: StreamReport,
 }
 
-/// Counts frames on the link by their sequence numbers, since the start of the run. One that is damaged is lost.
+/// Counts frames on the link by their sequence numbers, since the start of the run. One that is damaged is
+/// lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct StreamReport {
     /// That had not come when a later one did.

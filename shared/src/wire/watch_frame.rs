@@ -1,4 +1,5 @@
-//! A frame of a robot that is watched: what its own sensors read, as it travels on the link ([`super::Kind::Stream`]).
+//! A frame of a robot that is watched: what its own sensors read, as it travels on the link
+//! ([`super::Kind::Stream`]).
 //!
 //! | part | bytes | |
 //! |---|---|---|
@@ -9,7 +10,8 @@
 //! | each sensor of forces | 24 | 6 f32 LE: force (N) and moment (N m), its axes |
 //! | each further link | 8 | 2 f32 LE: place and rate of its joint: rad and rad/s, m and m/s; zero of a fixed one |
 //!
-//! The frame around it has the check. Of 30 links and two feet it is 310 bytes, 321 on the line: at 500 a second 161 kB/s.
+//! The frame around it has the check. Of 30 links and two feet it is 310 bytes, 321 on the line: at 500 a
+//! second 161 kB/s.
 
 use super::watch::{MAX_WATCH_FEET, MAX_WATCHED_LINKS};
 
@@ -80,8 +82,8 @@ impl<'a> WatchFrame<'a> {
         self.joints.chunks_exact(8).map(numbers)
     }
 
-    /// Writes a frame into `out` and returns how many bytes of it are used; `None` if there are more links or sensors than a robot
-    /// may have, or no room.
+    /// Writes a frame into `out` and returns how many bytes of it are used; `None` if there are more links or
+    /// sensors than a robot may have, or no room.
     pub fn encode(
         number: u32,
         imu: &[f32; SIX],

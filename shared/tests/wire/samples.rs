@@ -367,8 +367,8 @@ pub fn samples() -> Vec<(&'static str, Message)> {
     ]
 }
 
-/// The messages with lists at their longest and numbers at their widest: postcard writes up to ten bytes for a
-/// `u64` and five for a `u32`.
+/// The messages with lists at their longest and numbers at their widest: postcard writes up to ten bytes for
+/// a `u64` and five for a `u32`.
 pub fn longest() -> Vec<(&'static str, Message)> {
     let widest = ReadingMessage { time_ns: u64::MAX, ..reading(1) };
     let full = EstimateReport {

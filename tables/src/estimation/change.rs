@@ -1,8 +1,8 @@
 //! Changes, drift and bodies that are not rigid: what is reported of them, and how often an honest recording
 //! is accused.
 //!
-//! A body of 3.2 kg on a load cell of 0.05 N and 2 mN m, turned by ±0.5 rad about all axes for 20 s at 200 Hz; every run has its own
-//! frequencies and phases, noise, time and place.
+//! A body of 3.2 kg on a load cell of 0.05 N and 2 mN m, turned by ±0.5 rad about all axes for 20 s at 200
+//! Hz; every run has its own frequencies and phases, noise, time and place.
 
 use hexapod::{Axis, BodyParameters, FrameMotion, Geometry, MotionProgram, Segment, SineTerm};
 use nalgebra::Vector3;
@@ -163,8 +163,8 @@ fn motion(normal: &mut Normal, (rest_s, moving_s, faster): (f64, f64, f64)) -> M
     MotionProgram { start: Geometry::thesis().home(), segments: rest.into_iter().chain([moving]).collect() }
 }
 
-/// 1/f noise whose density is that of white noise of unit variance per sample at [`CORNER_HZ`]: exponentially correlated noise
-/// of time constants an octave apart.
+/// 1/f noise whose density is that of white noise of unit variance per sample at [`CORNER_HZ`]: exponentially
+/// correlated noise of time constants an octave apart.
 struct Flicker {
     states: Vec<(f64, f64)>,
 }
@@ -485,8 +485,9 @@ pub fn not_rigid_table() -> String {
 
 fn table_of(cases: &[(Case, usize)], first: u64) -> String {
     let mut text = String::from(
-        "| recording | runs | body changed | offset jumped | either | resonance (median, Hz) | spring | bursts | nothing | time within 0.2 s | \
-         within its U95 | median error of time, s | rms error of mass (stated 1 σ), g |\n\
+        "| recording | runs | body changed | offset jumped | either | resonance (median, Hz) | spring | \
+         bursts | nothing | time within 0.2 s | within its U95 | median error of time, s | rms error of mass \
+         (stated 1 σ), g |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (k, (case, runs)) in cases.iter().enumerate() {

@@ -17,7 +17,8 @@ const TIMES_S: [f64; 7] = [0.0, 0.002, 0.01, 0.02, 0.05, 0.2, 1.0];
 /// One way of knowing σ.
 #[derive(Clone, Copy, Default)]
 pub struct Told {
-    /// Runs times the share of the intervals that hold the truth: as they are, and had they not counted colour.
+    /// Runs times the share of the intervals that hold the truth: as they are, and had they not counted
+    /// colour.
     pub held: f64,
     pub held_as_white: f64,
     /// Sum of the shipped standard deviations of the mass, the first, and of all over the exact ones.
@@ -99,7 +100,8 @@ pub fn table() -> String {
         .into_iter()
         .zip(1..)
         .map(|(time_s, seed)| -> Job<'_, Line> { Box::new(move || line(study, time_s, 1000 * seed, RUNS)) });
-    let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | autocorrelation not counted | warned | largest factor reported, mean |\n\
+    let mut text = "| correlation time, s | σ | batch means / spread | shipped / spread | coverage | \
+                    autocorrelation not counted | warned | largest factor reported, mean |\n\
                     |---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let runs = RUNS as f64;

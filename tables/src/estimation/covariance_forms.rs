@@ -131,8 +131,8 @@ fn square_root_information<const N: usize>(blocks: &[Block<N>]) -> Vec<f64> {
     cascade.factor().solve().estimate.iter().map(|v| f64::from(*v)).collect()
 }
 
-/// An earlier study's figures for a problem: three priors of each of the four covariance forms (plain, symmetrised, Joseph,
-/// f64), then the information sum and the square root. Empty where there is none.
+/// An earlier study's figures for a problem: three priors of each of the four covariance forms (plain,
+/// symmetrised, Joseph, f64), then the information sum and the square root. Empty where there is none.
 struct Printed {
     forms: [[&'static str; 4]; 3],
     sum: &'static str,
@@ -179,7 +179,8 @@ fn random(condition: f64, seed: u64) -> Vec<Block<128>> {
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| problem | P₀ | plain | + symmetrised | Joseph | plain, f64 | information sum | square root (ours) |\n\
+    let mut text = "| problem | P₀ | plain | + symmetrised | Joseph | plain, f64 | information sum | square \
+                    root (ours) |\n\
                     |---|---|---|---|---|---|---|---|\n"
         .to_owned();
     text += &lines(

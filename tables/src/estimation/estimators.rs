@@ -1,11 +1,12 @@
-//! Ways to estimate from coefficients that are noisy, on the same recordings: the weighted least squares of the channels,
-//! instrumental variables, total least squares, and the compensated least squares that ship.
+//! Ways to estimate from coefficients that are noisy, on the same recordings: the weighted least squares of
+//! the channels, instrumental variables, total least squares, and the compensated least squares that ship.
 //!
-//! Instrumental variables: `ẑ = (Zᵀ A)⁻¹ Zᵀ y` with whitened rows Z whose noise has nothing to do with that of A, here those
-//! of the recording itself before and after, further away than the filter reaches, or those of the same motion without noise,
-//! as a platform's command would give them at best. Total least squares: the least λ for which `[A y]ᵀ[A y] − λ K` is
-//! singular, K being the expectation of the noise's products (S. Van Huffel, J. Vandewalle, The Total Least Squares Problem,
-//! SIAM 1991, chapter 10); its null vector has the estimate. Each needs only sums of products, and could run in fixed size.
+//! Instrumental variables: `ẑ = (Zᵀ A)⁻¹ Zᵀ y` with whitened rows Z whose noise has nothing to do with that
+//! of A, here those of the recording itself before and after, further away than the filter reaches, or those
+//! of the same motion without noise, as a platform's command would give them at best. Total least squares:
+//! the least λ for which `[A y]ᵀ[A y] − λ K` is singular, K being the expectation of the noise's products (S.
+//! Van Huffel, J. Vandewalle, The Total Least Squares Problem, SIAM 1991, chapter 10); its null vector has
+//! the estimate. Each needs only sums of products, and could run in fixed size.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rigident::fit::{Channel, FitOptions, RowBlocks, RowSource, SignalNoise, Silent, fit};

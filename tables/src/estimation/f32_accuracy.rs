@@ -48,7 +48,8 @@ fn estimate<const N: usize>(factor: &InformationFactor<f32, N>) -> Vec<f64> {
     factor.solve().estimate.iter().map(|v| f64::from(*v)).collect()
 }
 
-/// Random rows, six a sample, through the cascade; a line at each of `checkpoints` (ascending numbers of samples).
+/// Random rows, six a sample, through the cascade; a line at each of `checkpoints` (ascending numbers of
+/// samples).
 pub fn random<const N: usize>(condition: f64, checkpoints: &[u64], seed: u64) -> Vec<Line> {
     let mut rows = Mixed::<N>::new(condition, NOISE, 1.0, seed);
     let mut cascade = Box::new(Cascade::<f32, N, 4>::new());
@@ -120,8 +121,8 @@ fn one_period(config: &RigConfig) -> Vec<ReadingRow> {
     readings.ideal().iter().skip(200).take(2000).copied().collect()
 }
 
-/// A body on the experiment's multisine, again and again, at 100 Hz with Table 1 noise, through the whole estimator.
-/// The reference absorbs the rows that the estimator made.
+/// A body on the experiment's multisine, again and again, at 100 Hz with Table 1 noise, through the whole
+/// estimator. The reference absorbs the rows that the estimator made.
 pub fn body<const N: usize>(checkpoints: &[u64], seed: u64) -> Vec<Line> {
     let sensors = SensorModels::thesis();
     let sigma = sensors.load_cell.noise_n_nm;
@@ -194,7 +195,8 @@ pub fn body<const N: usize>(checkpoints: &[u64], seed: u64) -> Vec<Line> {
 }
 
 fn markdown(lines: &[Line]) -> String {
-    let mut text = "| rows | N | samples | cond, columns scaled | deviation, sd | deviation / allowed | one level / allowed |\n\
+    let mut text = "| rows | N | samples | cond, columns scaled | deviation, sd | deviation / allowed | one \
+                    level / allowed |\n\
                     |---|---|---|---|---|---|---|\n"
         .to_owned();
     for line in lines {

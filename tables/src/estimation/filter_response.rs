@@ -28,7 +28,8 @@ fn told(value: f64) -> String {
     if value.abs() < ROUNDING { format!("< {}", short(ROUNDING)) } else { short(value) }
 }
 
-/// Returns the filter's impulse response, by asking the pipeline itself: what a unit force at one reading leaves in the rows.
+/// Returns the filter's impulse response, by asking the pipeline itself: what a unit force at one reading
+/// leaves in the rows.
 ///
 /// `config` with a filter; empty if the estimator cannot be made of it.
 pub fn impulse_response(config: &EstimatorConfig<f64>) -> Vec<f64> {
@@ -56,8 +57,8 @@ pub fn impulse_response(config: &EstimatorConfig<f64>) -> Vec<f64> {
         }
         (rows, 0)
     };
-    // A window is as long as the first row takes; the row of the window that began `i` windows later holds the
-    // unit at `i every` taps less.
+    // A window is as long as the first row takes; the row of the window that began `i` windows later holds
+    // the unit at `i every` taps less.
     let (_, taps) = first_block(&mut pipeline, 0, 1);
     let windows = taps.div_ceil(every);
     let mut response = vec![0.0; windows * every];
@@ -74,14 +75,17 @@ pub fn impulse_response(config: &EstimatorConfig<f64>) -> Vec<f64> {
     response
 }
 
-/// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0, 1, … rows.
+/// Returns the autocovariance of the rows for white noise of unit variance before the filter, at lags of 0,
+/// 1, … rows.
 pub fn white_autocovariance(response: &[f64], every: u16) -> Vec<f64> {
     Filter { every, response: response.to_vec(), ..Filter::default() }.white_autocovariance()
 }
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| rate, Hz | a row every | averaged | readings under the filter | σ² after/before | \\|H\\| at 2 Hz | at the row rate | twice | three times | `row_every Σ γ(m row_every)` − 1 |\n\
+    let mut text = "| rate, Hz | a row every | averaged | readings under the filter | σ² after/before \
+                    | \\|H\\| at 2 Hz | at the row rate | twice | three times | `row_every Σ γ(m row_every)` \
+                    − 1 |\n\
                     |---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for rate_hz in RATES_HZ {

@@ -1,5 +1,5 @@
-//! The covariance that ships against the exact sandwich, batch means, the spread of many runs, and what scaling by
-//! the filtered residuals would say; on the default experiment, 20 s.
+//! The covariance that ships against the exact sandwich, batch means, the spread of many runs, and what
+//! scaling by the filtered residuals would say; on the default experiment, 20 s.
 
 use hexapod::experiment::thesis_program;
 use nalgebra::DMatrix;
@@ -83,8 +83,8 @@ fn sandwich(inverse: &DMatrix<f64>, meat: &DMatrix<f64>) -> [f64; N] {
 }
 
 impl Study {
-    /// Shipped formula, from the fit, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the covariance that white noise
-    /// has after the filter, row by row.
+    /// Shipped formula, from the fit, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the covariance that
+    /// white noise has after the filter, row by row.
     pub fn new(rate_hz: f64) -> Self {
         let config = RigConfig::thesis_horizontal();
         let program = thesis_program(&config.geometry, 20.0);
@@ -235,9 +235,9 @@ fn batch_rows(settings: &EstimatorConfig<f64>) -> usize {
     (settings.rate_hz / f64::from(settings.row_every)).round() as usize
 }
 
-/// Sum of the squares of the scores of batches, of a second each, and the estimator at the end. Batches are of the true
-/// errors, which only a simulation knows: with sixteen parameters fitted to twenty batches, those of the residuals would be
-/// far too small.
+/// Sum of the squares of the scores of batches, of a second each, and the estimator at the end. Batches are
+/// of the true errors, which only a simulation knows: with sixteen parameters fitted to twenty batches, those
+/// of the residuals would be far too small.
 pub fn batch_meat(
     settings: &EstimatorConfig<f64>,
     readings: impl Iterator<Item = Reading<f64>>,
@@ -316,8 +316,9 @@ fn percent(shares: [f64; N], runs: f64) -> String {
 
 /// The table: a line for each rate, then one for each parameter at 1 kHz.
 pub fn table() -> String {
-    let mut text = "| rate, Hz | a row every | σ² after/before | runs | shipped | batch means | spread of runs | residual scaling | \
-                    coverage, shipped | coverage, residual scaling |\n|---|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| rate, Hz | a row every | σ² after/before | runs | shipped | batch means | spread of \
+                    runs | residual scaling | coverage, shipped | coverage, residual scaling \
+                    |\n|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let mut details = String::new();
     for (rate_hz, runs) in [(100.0, 500), (200.0, 2000), (250.0, 500), (500.0, 500), (1000.0, 2000)] {
@@ -354,8 +355,8 @@ pub fn table() -> String {
             }
         }
     }
-    text += "\n| 1 kHz | sandwich, SI | shipped | batch means | spread of runs | residual scaling | coverage, shipped | \
-             coverage, residual scaling |\n|---|---|---|---|---|---|---|---|\n";
+    text += "\n| 1 kHz | sandwich, SI | shipped | batch means | spread of runs | residual scaling | \
+             coverage, shipped | coverage, residual scaling |\n|---|---|---|---|---|---|---|---|\n";
     text + &details
 }
 

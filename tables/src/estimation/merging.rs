@@ -252,8 +252,9 @@ fn study(rows: &[RowOf]) -> String {
     let rigs = rows.iter().map(|(_, _, count)| (*count).min(most)).max().unwrap_or(0);
     let made = &in_parallel((0..rigs).map(|rig| of_rig(rig, each)).collect());
     let mut text = String::from(
-        "| recordings | rigs drawn | inside U95, % | sums, differences | c, I_c | principal moments, axes | predicted \
-         wrenches | rms error, σ | U95 by the best, least–largest | U95 by that of one recording |\n\
+        "| recordings | rigs drawn | inside U95, % | sums, differences | c, I_c | principal moments, axes | \
+         predicted wrenches | rms error, σ | U95 by the best, least–largest | U95 by that of one recording \
+         |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for (name, case, count) in rows {

@@ -1,7 +1,9 @@
 //! The tables of `docs/estimation.md`, `docs/calibration.md` and `docs/diagnosis.md`.
 //!
-//! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`] and
-//! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how they fail.
+//! One file per study, each a function that gives Markdown and draws everything from fixed seeds; [`problem`]
+//! and
+//! [`mod@reference`] are what they share. The covariance forms in [`covariance_forms`] exist only to show how
+//! they fail.
 
 mod change;
 mod coloured_noise;

@@ -1,5 +1,6 @@
-//! `rigident montecarlo`: the default experiment two thousand times over, once with the sensors' white noise and once with
-//! their figure as a gain error, by parameter; then at other rates, with both at once, and by the firmware's estimator.
+//! `rigident montecarlo`: the default experiment two thousand times over, once with the sensors' white noise
+//! and once with their figure as a gain error, by parameter; then at other rates, with both at once, and by
+//! the firmware's estimator.
 
 use std::sync::atomic::AtomicBool;
 
@@ -25,7 +26,8 @@ pub fn table() -> String {
     let host = verdict(Campaign::new(white.clone()), RUNS, 1);
     let told = verdict(Campaign::new(gains.clone()), RUNS, 1);
     let untold = verdict(Campaign { tell_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
-    let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | gains not stated: coverage |\n\
+    let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | \
+                    gains not stated: coverage |\n\
                     |---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for j in 0..PARAMETERS {

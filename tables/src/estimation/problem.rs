@@ -26,8 +26,8 @@ impl Normal {
 }
 
 /// 30 s at 200 Hz of a body on a platform: roll, pitch and yaw of 0.5 rad at 0.23, 0.31 and 0.41 Hz, in full
-/// swing from the first row, or with a second of swelling from rest before that. The regressor is exact, the wrench
-/// noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
+/// swing from the first row, or with a second of swelling from rest before that. The regressor is exact, the
+/// wrench noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
 pub fn rigid_body<const N: usize>(sigma: [f64; 6], from_rest: bool, seed: u64) -> Vec<Block<N>> {
     let term = |axis, frequency_hz| SineTerm { axis, amplitude: 0.5, frequency_hz, phase_rad: 0.0 };
     let program = MotionProgram {
@@ -86,8 +86,9 @@ pub fn rigid_body<const N: usize>(sigma: [f64; 6], from_rest: bool, seed: u64) -
         .collect()
 }
 
-/// Random rows `g M` with independent normal g. M has geometrically spaced singular values and columns of unit
-/// length, so that many rows have this condition number with their columns scaled, whatever scaling they get.
+/// Random rows `g M` with independent normal g. M has geometrically spaced singular values and columns of
+/// unit length, so that many rows have this condition number with their columns scaled, whatever scaling they
+/// get.
 pub struct Mixed<const N: usize> {
     /// Row k of M.
     m: Vec<[f64; N]>,
@@ -128,8 +129,8 @@ impl<const N: usize> Mixed<N> {
     }
 }
 
-/// `S Vᵀ` with `diag(V S² Vᵀ) = 1`: a random orthogonal V, then a rotation for each diagonal entry of the Gram matrix
-/// (Bendel and Mickey, *Population correlation matrices for sampling experiments*, 1978).
+/// `S Vᵀ` with `diag(V S² Vᵀ) = 1`: a random orthogonal V, then a rotation for each diagonal entry of the
+/// Gram matrix (Bendel and Mickey, *Population correlation matrices for sampling experiments*, 1978).
 fn with_unit_columns<const N: usize>(condition: f64, normal: &mut Normal) -> Vec<[f64; N]> {
     let mut singular: [f64; N] = std::array::from_fn(|k| condition.powf(-(k as f64) / (N as f64 - 1.0)));
     let norm = singular.iter().map(|s| s * s).sum::<f64>() / N as f64;

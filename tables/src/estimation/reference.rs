@@ -1,5 +1,5 @@
-//! Least squares in f64 by another implementation: nalgebra's Householder QR, block of rows by block of rows, the
-//! triangle so far on top of each.
+//! Least squares in f64 by another implementation: nalgebra's Householder QR, block of rows by block of rows,
+//! the triangle so far on top of each.
 
 use nalgebra::{DMatrix, DVector};
 

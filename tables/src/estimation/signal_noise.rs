@@ -1,4 +1,5 @@
-//! Noise of the IMU's signals over three decades: efficiency against the bound that includes it, bias and coverage.
+//! Noise of the IMU's signals over three decades: efficiency against the bound that includes it, bias and
+//! coverage.
 
 use std::sync::atomic::AtomicBool;
 
@@ -61,7 +62,8 @@ struct Case {
 impl Case {
     fn lines(&self) -> String {
         let mut text =
-            "| motion | accelerometer, m/s² | gyro, rad/s | noise | estimated by | efficiency | largest bias, sd | coverage |\n\
+            "| motion | accelerometer, m/s² | gyro, rad/s | noise | estimated by | efficiency | largest \
+                        bias, sd | coverage |\n\
                         |---|---|---|---|---|---|---|---|\n"
                 .to_owned();
         for (slow, imu) in [false, true].into_iter().flat_map(|slow| IMU.map(|imu| (slow, imu))) {

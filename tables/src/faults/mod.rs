@@ -1,8 +1,9 @@
-//! The table of `docs/faults.md`: everything that the simulator can make go wrong with a device, its sensors, line, clock, flash and
-//! supply, and what becomes of it. `cargo xtask faults`.
+//! The table of `docs/faults.md`: everything that the simulator can make go wrong with a device, its sensors,
+//! line, clock, flash and supply, and what becomes of it. `cargo xtask faults`.
 //!
-//! The list is made from the simulator's types by matches that leave nothing out ([`catalogue`]): a new kind of fault does not compile
-//! until it has a case. Cases run against the release image on the emulated board, or in this process where the table says so.
+//! The list is made from the simulator's types by matches that leave nothing out ([`catalogue`]): a new kind
+//! of fault does not compile until it has a case. Cases run against the release image on the emulated board,
+//! or in this process where the table says so.
 
 mod catalogue;
 mod experiment;

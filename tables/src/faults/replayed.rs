@@ -1,7 +1,9 @@
-//! A recording sent to a device that loses its supply again and again, or whose flash fails: every reading is to be in its factor once.
+//! A recording sent to a device that loses its supply again and again, or whose flash fails: every reading is
+//! to be in its factor once.
 //!
-//! The oracle: readings of still poses make a row block each, with no filter between them. So the factor's rows are six times the
-//! readings if and only if none is lost and none is there twice, and its `RᵀR` is that of a device that was left alone.
+//! The oracle: readings of still poses make a row block each, with no filter between them. So the factor's
+//! rows are six times the readings if and only if none is lost and none is there twice, and its `RᵀR` is that
+//! of a device that was left alone.
 
 use std::io;
 use std::sync::Arc;
@@ -26,7 +28,8 @@ use super::{Extent, Verdict};
 
 /// Readings in the recording.
 const READINGS: u32 = 4000;
-/// Cuts in one recording at most, and writes of the host from one to the next at most: a batch of sixteen readings is one.
+/// Cuts in one recording at most, and writes of the host from one to the next at most: a batch of sixteen
+/// readings is one.
 const CUTS_AT_MOST: usize = 100;
 const CUT_WITHIN: u64 = 12;
 /// Recordings at the same time.
@@ -157,7 +160,8 @@ impl Transport for Restarting {
         if self.supply.cuts > 0 {
             self.supply.until -= 1;
             if self.supply.until == 0 {
-                // Half of the cuts come in the middle of whatever the flash does next, the others before what the host says is heard.
+                // Half of the cuts come in the middle of whatever the flash does next, the others before what
+                // the host says is heard.
                 if self.supply.random.next_u64().is_multiple_of(2) {
                     let after = self.supply.random.next_u64() % 1500;
                     self.flash.lock().fail(FlashFault::PowerCut { after });
@@ -177,7 +181,8 @@ impl Transport for Restarting {
     }
 }
 
-/// Sends the recording to a device; its factor, readings that it counts, and restarts of which the host knows.
+/// Sends the recording to a device; its factor, readings that it counts, and restarts of which the host
+/// knows.
 fn replay(restarting: Restarting) -> Result<(TakenFactor, u32, usize), String> {
     let mut session = Session::open(Client::new(Box::new(restarting))).map_err(|e| e.to_string())?;
     session.configure(&settings()).map_err(|e| e.to_string())?;

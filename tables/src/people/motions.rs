@@ -61,7 +61,8 @@ pub fn table() -> String {
         .expect("motions");
     let (_, found) = choices(&study, Way::DOptimal, CHOSEN).expect("choices");
     let mut out = String::from(
-        "| motions | condition | columns of unit length | < 5 % | 5–15 % | > 15 % | small | log10 det | left-out motions, sd |\n\
+        "| motions | condition | columns of unit length | < 5 % | 5–15 % | > 15 % | small | log10 det | \
+         left-out motions, sd |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for row in found {

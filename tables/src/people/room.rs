@@ -28,7 +28,8 @@ pub fn table() -> String {
     write(&folder, &own, &own.somebody.standing(&laboratory, 1));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut out = String::from(
-        "| frames | cores | time, s | most memory, MB | of it markers and plate, MB | mass less truth, kg | U95, kg |\n\
+        "| frames | cores | time, s | most memory, MB | of it markers and plate, MB | mass less truth, kg | \
+         U95, kg |\n\
          |---|---|---|---|---|---|---|\n",
     );
     for (frames, one) in RUNS {

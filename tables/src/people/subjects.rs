@@ -1,5 +1,5 @@
-//! Simulated people of known parameters, from markers and a force plate to their base parameters: 34 and 58 degrees of freedom, and 34
-//! with a racket.
+//! Simulated people of known parameters, from markers and a force plate to their base parameters: 34 and 58
+//! degrees of freedom, and 34 with a racket.
 
 use nalgebra::DVector;
 use rigident::fit::{FitOptions, Measured, Silent};
@@ -133,7 +133,8 @@ pub fn table() -> String {
         ("34 and a racket", HumanModel::Human34, Some(RACKET)),
     ];
     let mut out = String::from(
-        "| degrees of freedom | parameters | condition | < 5 % | 5–15 % | > 15 % | small | inside U95 | with the table | whole mass off, kg | left out, N | table, N |\n\
+        "| degrees of freedom | parameters | condition | < 5 % | 5–15 % | > 15 % | small | inside U95 | with \
+         the table | whole mass off, kg | left out, N | table, N |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (name, kind, tool) in kinds {
@@ -144,7 +145,8 @@ pub fn table() -> String {
         let total = |of: &dyn Fn(&Found) -> usize| all.iter().map(of).sum::<usize>() as f64;
         let count = |k: usize| mean(&|f: &Found| f.counts[k] as f64);
         out.push_str(&format!(
-            "| {name} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.1} % of {:.0} | {:.1} % | {:.2} (U95 {:.2}) | {:.1} | {:.1} |\n",
+            "| {name} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.1} % of {:.0} | {:.1} % | {:.2} (U95 \
+             {:.2}) | {:.1} | {:.1} |\n",
             all[0].parameters,
             mean(&|f| f.condition),
             count(0),
@@ -166,7 +168,8 @@ pub fn table() -> String {
 /// The racket alone, from the difference of two factors.
 pub fn racket_table() -> String {
     let mut out = String::from(
-        "| person | mass, kg | centre below the wrist, m | Ixx, kg m² | Iyy, kg m² | inside U95, of 10 |\n|---|---|---|---|---|---|\n",
+        "| person | mass, kg | centre below the wrist, m | Ixx, kg m² | Iyy, kg m² | inside U95, of 10 \
+         |\n|---|---|---|---|---|---|\n",
     );
     let centre = -RACKET[3] / RACKET[0];
     out.push_str(&format!("| true | {} | {centre:.3} | {} | {} | |\n", RACKET[0], RACKET[4], RACKET[5]));

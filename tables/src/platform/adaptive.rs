@@ -20,7 +20,8 @@ const LONGEST_S: f64 = 240.0;
 /// Mounting, readings per second, case; rig time of each way.
 pub fn table() -> String {
     let mut text = String::from(
-        "| mounting, rate | the rig | fixed, 60 s | fixed, shortest that does | its motion alone | D-optimal plan | decided |\n\
+        "| mounting, rate | the rig | fixed, 60 s | fixed, shortest that does | its motion alone | D-optimal \
+         plan | decided |\n\
          |---|---|---|---|---|---|---|\n",
     );
     for (mounting, config, rate_hz) in [

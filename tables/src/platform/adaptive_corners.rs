@@ -83,8 +83,9 @@ pub fn table() -> String {
     let corners = corners();
     let outcomes = run(&corners);
     let mut text = String::from(
-        "| limits, of nominal | noise, of the thesis' | experiments | 1 % reached | median, s | what can be reached was said | off by, at most \
-         | ended in words before it was known | largest share of a limit | largest error over U95 asked for | longest decision, s |\n\
+        "| limits, of nominal | noise, of the thesis' | experiments | 1 % reached | median, s | what can be \
+         reached was said | off by, at most | ended in words before it was known | largest share of a limit \
+         | largest error over U95 asked for | longest decision, s |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for limits in LIMITS {
@@ -134,8 +135,8 @@ fn run(corners: &[Corner]) -> Vec<(Corner, Outcome)> {
             let outcome =
                 corner.rehearsal().adaptive(&ASKED, corner.seed, LONGEST_S).expect("a rig that moves");
             eprintln!(
-                "{} kg at {:?}, limits {}, noise {}, seed {}: {:?} s of {:.1}, worst {:.3}, promised {:?}, off {:?}, taken {:.3}, error {:.4}, {} segments, \
-                 decisions up to {:.1} s{}",
+                "{} kg at {:?}, limits {}, noise {}, seed {}: {:?} s of {:.1}, worst {:.3}, promised {:?}, \
+                 off {:?}, taken {:.3}, error {:.4}, {} segments, decisions up to {:.1} s{}",
                 corner.mass_kg,
                 corner.com_m,
                 corner.limits,

@@ -1,4 +1,5 @@
-//! Still poses and motion together: what the factor predicts, what repeated experiments show, in both mountings.
+//! Still poses and motion together: what the factor predicts, what repeated experiments show, in both
+//! mountings.
 
 use std::sync::atomic::AtomicBool;
 
@@ -10,9 +11,11 @@ const K95: f64 = 1.96;
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| mounting | noise | rate, Hz | runs | U95 of the centre of mass, mm | U95 of the tensor about it, % of the largest moment: Ixx Iyy Izz | Iyz Izx Ixy | \
-                    spread found / predicted |\n|---|---|---|---|---|---|---|---|\n"
-        .to_owned();
+    let mut text =
+        "| mounting | noise | rate, Hz | runs | U95 of the centre of mass, mm | U95 of the tensor \
+                    about it, % of the largest moment: Ixx Iyy Izz | Iyz Izx Ixy | spread found / predicted \
+                    |\n|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
     for (name, config) in
         [("lying", RigConfig::thesis_horizontal()), ("standing", RigConfig::thesis_vertical())]
     {

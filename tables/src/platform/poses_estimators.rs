@@ -6,10 +6,12 @@ use super::poses_montecarlo::find;
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| n | standing: measured forces (thesis) | relative (thesis) | modelled, offsets unknown | and mass weighed | lying: measured \
-                    forces | relative | modelled | and mass weighed | found / predicted, all axes |\n\
+    let mut text =
+        "| n | standing: measured forces (thesis) | relative (thesis) | modelled, offsets unknown \
+                    | and mass weighed | lying: measured forces | relative | modelled | and mass weighed | \
+                    found / predicted, all axes |\n\
                     |---|---|---|---|---|---|---|---|---|---|\n"
-        .to_owned();
+            .to_owned();
     for n in 2..=10 {
         text += &format!("| {n} |");
         let (mut least, mut most) = (f64::INFINITY, 0.0_f64);

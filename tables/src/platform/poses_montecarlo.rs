@@ -22,8 +22,8 @@ fn axes(spread: &Spread) -> String {
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| n | standing, precision | bias | both | lying, precision | bias | both | reduction of the worst axis: precision | bias | \
-                    both |\n|---|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| n | standing, precision | bias | both | lying, precision | bias | both | reduction of \
+                    the worst axis: precision | bias | both |\n|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for n in 2..=10 {
         text += &format!("| {n} |");

@@ -12,9 +12,11 @@ pub fn table() -> String {
     let [_, _, _, mx, my, mz] = task.noise_n_nm;
     let worst =
         Objective::WorstUncertainty { moment_sigma_nm: [mx, my, mz], plate_to_cell: task.plate_to_cell };
-    let mut text = "| objective | condition number, normal | determinant | worst U95 of the first moment, kg m | U95 of the mass, kg |\n\
+    let mut text =
+        "| objective | condition number, normal | determinant | worst U95 of the first moment, kg \
+                    m | U95 of the mass, kg |\n\
                     |---|---|---|---|---|\n"
-        .to_owned();
+            .to_owned();
     for (name, objective) in [
         ("condition", Objective::Condition),
         ("determinant", Objective::Determinant),

@@ -16,7 +16,8 @@ pub fn table() -> String {
     let cone = Region::cone(TILT_DEG.to_radians());
     let (least, largest) = platform.region.tilt_range_rad();
     let mut text = format!(
-        "| n | CNT printed | closed form, cone of {TILT_DEG}° | search, same cone | search, our geometry ({:.1}–{:.1}°) |\n\
+        "| n | CNT printed | closed form, cone of {TILT_DEG}° | search, same cone | search, our geometry \
+         ({:.1}–{:.1}°) |\n\
          |---|---|---|---|---|\n",
         least.to_degrees(),
         largest.to_degrees()

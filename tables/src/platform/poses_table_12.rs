@@ -19,8 +19,9 @@ const TABLE_12: [(f64, f64, Option<f64>); 4] =
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| n | largest tilt | stacked [F] | normal matrix | CNT printed | difference | relative, normal matrix | CNR printed \
-                    (lying, standing) | difference |\n|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| n | largest tilt | stacked [F] | normal matrix | CNT printed | difference | relative, \
+                    normal matrix | CNR printed (lying, standing) | difference \
+                    |\n|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for ((poses, printed), n) in TABLE_11.into_iter().zip(TABLE_12).zip(2..) {
         if n == 4 {

@@ -13,8 +13,9 @@ const AZIMUTHS: usize = 180;
 /// The table.
 pub fn table() -> String {
     let mut text = String::from(
-        "| stroke | orientations kept by legs and joints | and by cond(H) ≤ 40 | tilt in every direction: legs and joints | \
-         and cond(H) | in the best direction, both | printed |\n|---|---|---|---|---|---|---|\n",
+        "| stroke | orientations kept by legs and joints | and by cond(H) ≤ 40 | tilt in every direction: \
+         legs and joints | and cond(H) | in the best direction, both | printed \
+         |\n|---|---|---|---|---|---|---|\n",
     );
     for (stroke_m, printed) in STROKES {
         let geometry = Geometry::thesis().with_stroke(stroke_m).expect("a stroke of the thesis' legs");

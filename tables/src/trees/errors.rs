@@ -1,5 +1,5 @@
-//! Errors of sensors, joints and mounting of trees that do not average out, as they are in what the sensors read; through the
-//! program as a user would run it with a rig file.
+//! Errors of sensors, joints and mounting of trees that do not average out, as they are in what the sensors
+//! read; through the program as a user would run it with a rig file.
 
 use std::collections::BTreeMap;
 
@@ -385,7 +385,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Returns the table.
 pub fn table() -> String {
-    let mut text = "| tree | error | coverage, mean | least–largest | not identified at 5 σ | named first | found, median |\n\
+    let mut text = "| tree | error | coverage, mean | least–largest | not identified at 5 σ | named first | \
+                    found, median |\n\
                     |---|---|---|---|---|---|---|\n"
         .to_owned();
     for rig in [Rig::TwoLinks, Rig::SevenAxes] {

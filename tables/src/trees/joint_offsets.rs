@@ -1,8 +1,8 @@
 //! The number of poses that are enough for the offsets of joints: errors and intervals over the number of
 //! poses; and how often poses in which nothing is wrong are refused.
 //!
-//! The humanoid stands in random flat poses, or in symmetric squats; its encoders have noise of 0.05°, its IMU of 0.2° (1 σ). Corners
-//! stand on the floor exactly, and their heights are said to be known to 0.1 mm.
+//! The humanoid stands in random flat poses, or in symmetric squats; its encoders have noise of 0.05°, its
+//! IMU of 0.2° (1 σ). Corners stand on the floor exactly, and their heights are said to be known to 0.1 mm.
 
 use std::fmt::Write as _;
 
@@ -98,7 +98,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Returns the table.
 pub fn table() -> String {
-    let mut out = "| poses | number | identified of 14, mean | error of these, RMS | U95, median | largest U95 of a set, median | coverage |\n\
+    let mut out = "| poses | number | identified of 14, mean | error of these, RMS | U95, median | largest \
+                   U95 of a set, median | coverage |\n\
                    |---|---|---|---|---|---|---|\n"
         .to_owned();
     let kinds: [(&str, Poses); 2] = [("random, flat soles", random_poses), ("symmetric squats", squats)];

@@ -1,4 +1,5 @@
-//! A humanoid of 23 links on its feet, with a nominal model that is off: ways to masses side by side, as in the paper's Table I.
+//! A humanoid of 23 links on its feet, with a nominal model that is off: ways to masses side by side, as in
+//! the paper's Table I.
 
 use std::fmt::Write as _;
 
@@ -41,7 +42,8 @@ fn number(k: usize) -> f64 {
     ((k as f64 * 12.9898).sin() * 43_758.545_3).fract()
 }
 
-/// A nominal model whose links are off, mirror images alike: mass, and the second moments of its mass by a linear map of space.
+/// A nominal model whose links are off, mirror images alike: mass, and the second moments of its mass by a
+/// linear map of space.
 fn nominal(truth: &Model) -> Model {
     let mut model = truth.clone();
     for link in &mut model.links {
@@ -129,7 +131,10 @@ pub fn table() -> String {
     let nominal = nominal(&truth);
     let mut out = String::new();
     let mut conditions = Vec::new();
-    out.push_str("| each of three motions | unknowns | way | setting | cost | left out | masses ≤ 0 | links that cannot be |\n|---|---|---|---|---|---|---|---|\n");
+    out.push_str(
+        "| each of three motions | unknowns | way | setting | cost | left out | masses ≤ 0 | links \
+                  that cannot be |\n|---|---|---|---|---|---|---|---|\n",
+    );
     for case in &CASES {
         let (source, factors) = factors(&truth, case);
         for symmetric in [false, true] {
@@ -163,8 +168,8 @@ pub fn table() -> String {
     let believed = found.map_or(f64::NAN, |found| found.outcomes[0].direct / found.nominal);
     let _ = write!(
         out,
-        "\nCondition numbers of 6 s: {}. Were the horizontal forces used, which read 0.7 times their value, the consistent bodies would leave \
-         {believed:.3} of 6 s.\n",
+        "\nCondition numbers of 6 s: {}. Were the horizontal forces used, which read 0.7 times their value, \
+         the consistent bodies would leave {believed:.3} of 6 s.\n",
         conditions.join("; ")
     );
     out

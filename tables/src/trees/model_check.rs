@@ -1,7 +1,8 @@
 //! The findings of `rigident model check` in published descriptions, and in the same with mistakes put into
 //! them.
 //!
-//! The descriptions are those of the wheel `example-robot-data`. Of links with the same numbers in several files the first counts.
+//! The descriptions are those of the wheel `example-robot-data`. Of links with the same numbers in several
+//! files the first counts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,8 +16,8 @@ use rigident::model::{Finding, Model, symmetry, urdf};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::{Body, Position};
 
-/// The change of a tensor, or twice the distance of a centre of mass from the plane over the radius of gyration, from which a
-/// mistake is counted apart: it is as large as the body.
+/// The change of a tensor, or twice the distance of a centre of mass from the plane over the radius of
+/// gyration, from which a mistake is counted apart: it is as large as the body.
 const LARGE: f64 = 1.0;
 /// The same from which it is counted at all.
 const SMALL: f64 = 0.1;
@@ -178,8 +179,8 @@ pub fn table() -> String {
     let robots = robots();
     let distinct: usize = robots.iter().map(|robot| robot.links.len()).sum();
     let mut out = format!(
-        "{} descriptions, {distinct} distinct links whose inertia a body can have.\n\n| mistake in one link | told | of links with shapes \
-         or a twin | smaller mistakes |\n|---|---|---|---|\n",
+        "{} descriptions, {distinct} distinct links whose inertia a body can have.\n\n| mistake in one link \
+         | told | of links with shapes or a twin | smaller mistakes |\n|---|---|---|---|\n",
         robots.len()
     );
     let mut lopsided = Count::default();
@@ -252,7 +253,8 @@ pub fn table() -> String {
         }
     }
     out += &format!(
-        " In all links of a file, three or more of which have such shapes, they are told of as its convention: {}.\n",
+        " In all links of a file, three or more of which have such shapes, they are told of as its \
+         convention: {}.\n",
         whole.words()
     );
     out += &as_published(&robots, distinct);

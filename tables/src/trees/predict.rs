@@ -1,4 +1,5 @@
-//! One recording predicts another, as `rigident identify` and `rigident validate` do it: an arm's, and those of simulated ones.
+//! One recording predicts another, as `rigident identify` and `rigident validate` do it: an arm's, and those
+//! of simulated ones.
 
 use rigident::answer::predictor::Predictor;
 use rigident::answer::{Answer, Context, Links, StandardRequest};

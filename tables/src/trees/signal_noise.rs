@@ -1,4 +1,5 @@
-//! Noise of all signals of two links and of an arm: efficiency against the bound that includes it, bias and coverage.
+//! Noise of all signals of two links and of an arm: efficiency against the bound that includes it, bias and
+//! coverage.
 
 use std::sync::atomic::AtomicBool;
 
@@ -31,7 +32,8 @@ fn row(tree: &str, noise: &str, model: &Model, experiment: TreeExperiment) -> St
 /// Returns the table.
 pub fn table() -> String {
     let mut text =
-        "| tree | noise of the signals, 1 σ a sample | noise | efficiency, mean | least | bias, sd, rms | σ said/spread | coverage, mean | least |\n\
+        "| tree | noise of the signals, 1 σ a sample | noise | efficiency, mean | least | bias, sd, rms | σ \
+         said/spread | coverage, mean | least |\n\
          |---|---|---|---|---|---|---|---|---|\n"
             .to_owned();
     let (two, seven) = (two_links(), seven_axes());

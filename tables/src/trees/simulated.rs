@@ -68,11 +68,17 @@ pub fn table() -> String {
             covered.map_or("–".to_owned(), |c| format!("{:.1} %", 100.0 * c.inside))
         )
     };
-    "| tree and recording | parameters | largest error without noise | condition number | inside U95 with noise, 200 runs |\n\
+    "| tree and recording | parameters | largest error without noise | condition number | inside U95 with \
+     noise, 200 runs |\n\
      |---|---|---|---|---|\n"
         .to_owned()
         + &row("two links, an IMU each, load cell at the base", &exact[0], worst[0], Some(covered[0]))
-        + &row("seven axes, angles, rates and torques (with noise: and friction)", &exact[1], worst[1], Some(covered[1]))
+        + &row(
+            "seven axes, angles, rates and torques (with noise: and friction)",
+            &exact[1],
+            worst[1],
+            Some(covered[1]),
+        )
         + &row("seven axes, angles and torques alone", &exact[2], worst[2], None)
 }
 
@@ -90,7 +96,9 @@ pub fn coloured_table() -> String {
             friction(),
         ),
     ];
-    let mut out = "| tree | correlation time, s | inside U95 | autocorrelation not counted | warned |\n|---|---|---|---|---|\n".to_owned();
+    let mut out = "| tree | correlation time, s | inside U95 | autocorrelation not counted | warned \
+                   |\n|---|---|---|---|---|\n"
+        .to_owned();
     for (name, exact, model, options) in &bodies {
         let lines = TIMES_S.map(|time_s| {
             let run = move |seed: u64| {
@@ -133,8 +141,9 @@ pub fn nearest_table() -> String {
     let recording = seven_axis_recording(&model, 200.0, 20.0, true, Some(1), 1.0);
     let found = identified(&recording, &model, &friction());
     let found = BaseEstimate::of(&found.fit, &found.base);
-    let mut out = "| nominal model off by | from the identified base parameters, sd | largest of one, sd | worst error of a link's \
-                   mass, nominal model | full parameters |\n|---|---|---|---|---|\n"
+    let mut out = "| nominal model off by | from the identified base parameters, sd | largest of one, sd | \
+                   worst error of a link's mass, nominal model | full parameters \
+                   |\n|---|---|---|---|---|\n"
         .to_owned();
     for off in [0.0, 0.1, 0.2, 0.4] {
         let guess = guess(&model, off);

@@ -1,7 +1,8 @@
 //! A real arm, Stäubli TX40: one part of its recording predicts the other.
 //!
-//! Plain least squares, for comparison, as it is usually done: positions and torques through a zero-phase Butterworth
-//! filter of 40 Hz, rates and accelerations by central differences, every 25th sample, no weights.
+//! Plain least squares, for comparison, as it is usually done: positions and torques through a zero-phase
+//! Butterworth filter of 40 Hz, rates and accelerations by central differences, every 25th sample, no
+//! weights.
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +41,8 @@ fn columns(file: &str) -> [Vec<f64>; 6] {
     out
 }
 
-/// Joint angles and torques from motor angles and motor torques: the wrist's last motor turns with two joints.
+/// Joint angles and torques from motor angles and motor torques: the wrist's last motor turns with two
+/// joints.
 fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
     let ratio = [32.0, 32.0, 45.0, -48.0, 45.0, 32.0];
     let (motor, current) = (columns("pos_read_data_rows0_29999.csv"), columns("curr_data_rows0_29999.csv"));
@@ -92,8 +94,8 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
         ..ProblemOptions::default()
     };
     let PreparedTree { mut input, .. } = prepare(&recording, model, &options).expect("frames");
-    // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second, which crosses the
-    // first at a right angle, nothing but inertia of the second.
+    // A rotor on the first axis is nothing but inertia of the first link about it, and one on the second,
+    // which crosses the first at a right angle, nothing but inertia of the second.
     for drive in input.drives.iter_mut().filter(|d| d.name == "joint_1" || d.name == "joint_2") {
         drive.terms.retain(|t| *t != Term::Rotor);
     }
@@ -217,7 +219,9 @@ pub fn table() -> String {
     let (q, tau) = joints();
     let half = q[0].len() / 2;
     let ranges = [0..half, half..q[0].len()];
-    let mut out = "| fitted to | predicts | by | joint 1 | 2 | 3 | 4 | 5 | 6 |\n|---|---|---|---|---|---|---|---|---|\n".to_owned();
+    let mut out = "| fitted to | predicts | by | joint 1 | 2 | 3 | 4 | 5 | 6 \
+                   |\n|---|---|---|---|---|---|---|---|---|\n"
+        .to_owned();
     let names = ["first half", "second half"];
     let mut counts = String::new();
     let (mut halves, mut inflated) = (Vec::new(), Vec::new());
@@ -239,7 +243,8 @@ pub fn table() -> String {
         let states = states(&found, Some(&links), false);
         let identified = states.iter().filter(|s| s.measured().is_some()).count();
         counts += &format!(
-            "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition number {:.0}. ",
+            "{}: {identified} of {} parameters identified ({} base parameters, {} of drives), condition \
+             number {:.0}. ",
             names[from],
             states.len(),
             base.parameters.len(),
@@ -274,8 +279,8 @@ pub fn table() -> String {
     let apart: Vec<f64> = both.map(|(a, b)| (a.value - b.value).abs() / a.u95.hypot(b.u95)).collect();
     let all = fitted(&part(&model, &q, &tau, 0..q[0].len()));
     counts += &format!(
-        "Of {} parameters identified by both halves {} agree within their joint U95. Autocorrelation inflated intervals by up \
-         to {:.1} and {:.1}, of all six seconds {:.1}.",
+        "Of {} parameters identified by both halves {} agree within their joint U95. Autocorrelation \
+         inflated intervals by up to {:.1} and {:.1}, of all six seconds {:.1}.",
         apart.len(),
         apart.iter().filter(|d| **d <= 1.0).count(),
         inflated[0],

@@ -1,4 +1,5 @@
-//! A humanoid of 31 links that the firmware watches: what it finds of what hands pick up and lose, and what it tells where nothing changes.
+//! A humanoid of 31 links that the firmware watches: what it finds of what hands pick up and lose, and what
+//! it tells where nothing changes.
 //!
 //! The seeds here judge. They were drawn after the constants of the watch were set, and have been run once.
 
@@ -206,7 +207,10 @@ pub fn table() -> String {
     for ((row, _), tally) in jobs.iter().zip(done) {
         rows[*row].add(tally);
     }
-    let mut text = "| what changes, known parameters | changes found | after, s: half, 95 %, all | time within its interval | mass within its U95 | first moments within theirs | U95 of mass, kg: half, 95 % | other alarms |\n|---|---|---|---|---|---|---|---|\n".to_owned();
+    let mut text = "| what changes, known parameters | changes found | after, s: half, 95 %, all | time \
+                    within its interval | mass within its U95 | first moments within theirs | U95 of mass, \
+                    kg: half, 95 % | other alarms |\n|---|---|---|---|---|---|---|---|\n"
+        .to_owned();
     for (case, tally) in CASES.iter().zip(&rows).filter(|(case, _)| case.masses.is_some()) {
         let delay = |part| quantile(&tally.delays, part);
         let _ = writeln!(
@@ -232,7 +236,8 @@ pub fn table() -> String {
     let stated = WatchOptions::default().false_alarms_per_hour;
     let _ = writeln!(
         text,
-        "\n| what changes, known parameters | watched, min | false alarms | expected at the stated {stated} an hour | at 95 % no more an hour than |\n|---|---|---|---|---|"
+        "\n| what changes, known parameters | watched, min | false alarms | expected at the stated {stated} \
+         an hour | at 95 % no more an hour than |\n|---|---|---|---|---|"
     );
     for (case, tally) in CASES.iter().zip(&rows).filter(|(case, _)| case.masses.is_none()) {
         let hours = tally.watched_s / 3600.0;

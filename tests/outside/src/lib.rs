@@ -1,1 +1,2 @@
-//! A body, a tree of links and a person, identified by a program that has only the published library. See `tests/`.
+//! A body, a tree of links and a person, identified by a program that has only the published library. See
+//! `tests/`.

@@ -22,8 +22,8 @@ const BUDGETS: [(&str, u32, f64, f64); 12] = [
     (WATCH_PATH, 30, f64::INFINITY, 168_000.0),
 ];
 
-/// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and all else that
-/// happens with it.
+/// Part, N, and instructions of the worst sample at most: steps of the stop check, slices of an estimate and
+/// all else that happens with it.
 const WORST: [(&str, u32, u64); 6] = [
     // Slices of a check and pieces of a row block, evened out: at 4 kHz a sample has 42 000 cycles of 168
     // MHz.

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use crate::elf::thumb::{Class, Flow, Instruction};
 
 /// The model in words, printed with every figure it gives.
-pub const MODEL: &str = "an estimate, no measurement. One cycle for an integer or float operation; VMLA and VFMA 3, VDIV and \
-VSQRT 14, integer division 12; a load 2 and a store 1, but a load right after a load or store 1; several words 1 + words; \
-a taken branch 3 (pipeline refill of 2), one not taken 1; a float result used by the next instruction 1 more. Memory without \
-wait states.";
+pub const MODEL: &str = "an estimate, no measurement. One cycle for an integer or float operation; VMLA and \
+VFMA 3, VDIV and VSQRT 14, integer division 12; a load 2 and a store 1, but a load right after a load or \
+store 1; several words 1 + words; a taken branch 3 (pipeline refill of 2), one not taken 1; a float result \
+used by the next instruction 1 more. Memory without wait states.";
 
 /// Kinds in the order they are printed.
 pub const KINDS: [&str; 12] = [

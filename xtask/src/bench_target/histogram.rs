@@ -61,7 +61,8 @@ fn bins(counts: &Counts) -> Vec<(u64, u64)> {
     bins
 }
 
-/// Prints a case's quantiles, its worst sample and its bins, if there are any; a bar is as long as the logarithm of its count.
+/// Prints a case's quantiles, its worst sample and its bins, if there are any; a bar is as long as the
+/// logarithm of its count.
 pub fn print(name: &str, counts: &Counts, worst: u64) {
     if counts.is_empty() {
         return;

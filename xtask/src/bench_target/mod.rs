@@ -1,8 +1,9 @@
 //! The verb `bench-target`: what a sample costs on the target, counted in the emulator.
 //!
-//! The board's `bench` binary runs each case between two marks. It runs twice: once as it is, counting its own
-//! instructions by the emulated clock, and once traced, which gives the mix and, by
-//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed: [`table`]; how many samples take how much:
+//! The board's `bench` binary runs each case between two marks. It runs twice: once as it is, counting its
+//! own instructions by the emulated clock, and once traced, which gives the mix and, by
+//! the model of [`cycles`], an estimate of Cortex-M4 cycles. The two counts must agree. What is printed:
+//! [`table`]; how many samples take how much:
 //! [`histogram`]; what it may cost: [`budget`].
 
 mod budget;

@@ -44,7 +44,8 @@ fn baseline(entries: &[Entry]) {
     }
     println!("\nAgainst the dense Householder in C, which gets its rows given:\n");
     println!(
-        "| N | C: instructions | cycles, estimated | ours: instructions | cycles, estimated | cycles, ours to C |"
+        "| N | C: instructions | cycles, estimated | ours: instructions | cycles, estimated | cycles, ours \
+         to C |"
     );
     println!("|---|---|---|---|---|---|");
     for (e, c) in pairs {
@@ -63,7 +64,8 @@ fn baseline(entries: &[Entry]) {
 fn worst(cases: &[Case]) {
     println!("\nWorst sample:\n");
     println!(
-        "| case | searched | instructions, ± 40 | of the mean | traced | instructions | cycles, estimated | of the mean |"
+        "| case | searched | instructions, ± 40 | of the mean | traced | instructions | cycles, estimated | \
+         of the mean |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for case in cases.iter().filter(|case| case.reported.worst_of > 0) {

@@ -1,7 +1,7 @@
 //! Building: the first answer from nothing, a changed line, the last run of all tests.
 //!
-//! Machines differ, so the unit is a *reference build*: the processor time of `cargo build --release` from nothing of
-//! an empty program with four common libraries of fixed versions.
+//! Machines differ, so the unit is a *reference build*: the processor time of `cargo build --release` from
+//! nothing of an empty program with four common libraries of fixed versions.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -50,7 +50,8 @@ pub fn reference_build_s(setting: &Setting) -> Result<f64> {
         std::fs::write(half.join("src/main.rs"), "fn main() {}\n")?;
         std::fs::write(
             half.join("Cargo.toml"),
-            "[package]\nname = \"reference\"\nversion = \"0.1.0\"\nedition = \"2024\"\n\n[workspace]\n\n[dependencies]\n\
+            "[package]\nname = \"reference\"\nversion = \"0.1.0\"\nedition \
+             = \"2024\"\n\n[workspace]\n\n[dependencies]\n\
              nalgebra = \"=0.34.0\"\nclap = { version = \"=4.5.40\", features = [\"derive\"] }\n\
              regex = \"=1.11.1\"\nserde_json = \"=1.0.140\"\n",
         )?;

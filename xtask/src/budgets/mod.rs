@@ -1,8 +1,8 @@
 //! The verb `budgets`: measures speed and memory against their limits, side by side with what others use.
 //!
-//! A figure is a ratio of two programs that ran in turn on this machine, a size, or a count of instructions, because
-//! seconds by themselves say as much of the machine as of the program. Building is counted in *reference builds*
-//! ([`building`]). The table is in docs/measuring.md.
+//! A figure is a ratio of two programs that ran in turn on this machine, a size, or a count of instructions,
+//! because seconds by themselves say as much of the machine as of the program. Building is counted in
+//! *reference builds* ([`building`]). The table is in docs/measuring.md.
 
 mod building;
 mod device;

@@ -1,4 +1,5 @@
-//! Ratios to what a user would write in Python, and to Pinocchio's C++. The scripts are in `../shared/cases/speed`.
+//! Ratios to what a user would write in Python, and to Pinocchio's C++. The scripts are in
+//! `../shared/cases/speed`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -73,7 +73,8 @@ fn exits(program: &Program, index: usize) -> Exits {
     let instructions = program.instructions(function);
     for (k, (address, instruction)) in instructions.iter().enumerate() {
         let address = *address;
-        // The compiler's table of far jumps: what follows are nothing else, and they are read like all others.
+        // The compiler's table of far jumps: what follows are nothing else, and they are read like all
+        // others.
         let is_table = || {
             let mut next = instructions.iter().skip(k + 1).map(|(_, next)| next);
             let inside =

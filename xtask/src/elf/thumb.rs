@@ -1,5 +1,6 @@
-//! A decoder for the Thumb-2 instructions of an Armv7E-M with single-precision floating point: length, control
-//! flow, stack, and the class that the cycle model counts by. Encodings: Armv7-M Architecture Reference Manual, A5–A7.
+//! A decoder for the Thumb-2 instructions of an Armv7E-M with single-precision floating point: length,
+//! control flow, stack, and the class that the cycle model counts by. Encodings: Armv7-M Architecture
+//! Reference Manual, A5–A7.
 
 /// The destination of control after an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +94,8 @@ fn sign_extend(value: u32, bits: u32) -> u32 {
 
 /// Decodes the instruction at `address` from its first halfword and the one after it.
 ///
-/// Coprocessor 11, the double-precision registers, is decoded as to its length alone: the target has none of it.
+/// Coprocessor 11, the double-precision registers, is decoded as to its length alone: the target has none of
+/// it.
 pub fn decode(address: u32, first: u16, second: u16) -> Instruction {
     if first >> 11 >= 0b11101 { decode_wide(address, first, second) } else { decode_narrow(address, first) }
 }
@@ -344,7 +346,8 @@ mod tests {
 
     #[test]
     fn calls_and_jumps_go_where_the_assembler_put_them() {
-        // 1000: bl 0x1234; 1000: bl 0xf00; 1000: b.w 0x2000; 1000: beq.w 0xff0; 1000: b 0x1000; 1000: cbz r3, 0x1040
+        // 1000: bl 0x1234; 1000: bl 0xf00; 1000: b.w 0x2000; 1000: beq.w 0xff0; 1000: b 0x1000; 1000: cbz r3,
+        // 0x1040
         assert_eq!(at(0x1000, 0xf000, 0xf918).flow, Flow::Call { to: 0x1234 });
         assert_eq!(at(0x1000, 0xf7ff, 0xff7e).flow, Flow::Call { to: 0xf00 });
         assert_eq!(at(0x1000, 0xf000, 0xbffe).flow, Flow::Jump { to: 0x2000, conditional: false });

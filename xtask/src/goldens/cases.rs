@@ -81,7 +81,8 @@ pub const CASES: &[Case] = &[
     device("replay-short", "replay short/demo.mcap --out replay-short"),
     device(
         "replay-poses",
-        "replay {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig {docs}/endeffector.rig.toml --estimate m,mc,offset --out replay-poses",
+        "replay {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig \
+         {docs}/endeffector.rig.toml --estimate m,mc,offset --out replay-poses",
     ),
     // One body in batch.
     batch("identify", "identify demo/demo.mcap --out identify"),
@@ -104,15 +105,19 @@ pub const CASES: &[Case] = &[
     batch("identify-noise-unstated", "identify demo/demo.mcap --rig plain.rig.toml --out identify-unstated"),
     batch(
         "identify-poses",
-        "identify {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig {docs}/endeffector.rig.toml --estimate m,mc,offset --out identify-poses",
+        "identify {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig \
+         {docs}/endeffector.rig.toml --estimate m,mc,offset --out identify-poses",
     ),
     batch(
         "identify-poses-accelerometer",
-        "identify {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig {docs}/endeffector-accelerometer.rig.toml --estimate m,mc,offset --out identify-poses-accelerometer",
+        "identify {data}/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv --rig \
+         {docs}/endeffector-accelerometer.rig.toml --estimate m,mc,offset --out \
+         identify-poses-accelerometer",
     ),
     batch(
         "identify-turn",
-        "identify {data}/endeffector_ati_gamma_imu --rig {docs}/endeffector-turn.rig.toml --estimate m,mc,offset --out identify-turn",
+        "identify {data}/endeffector_ati_gamma_imu --rig {docs}/endeffector-turn.rig.toml --estimate \
+         m,mc,offset --out identify-turn",
     ),
     // Factors.
     batch("factor", "factor demo/demo.mcap -o demo.factor"),
@@ -150,7 +155,8 @@ pub const CASES: &[Case] = &[
     ),
     slow(batch(
         "identify-staubli",
-        "identify staubli.csv --model {data}/robot_staubli_tx40/tx40_mdh_modified.urdf --friction viscous,coulomb,offset,rotor --drive m6=joint_5+joint_6 --out identify-staubli",
+        "identify staubli.csv --model {data}/robot_staubli_tx40/tx40_mdh_modified.urdf --friction \
+         viscous,coulomb,offset,rotor --drive m6=joint_5+joint_6 --out identify-staubli",
     )),
     // Models.
     batch("base-params-human34", "model base-params human34 --json"),

@@ -68,7 +68,8 @@ fn parameters(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
 /// Other numbers: those that another schema has not are not missed.
 fn numbers(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
     for (path, old) in &golden.numbers {
-        // Numbers of one array are of one kind: the largest is their scale, so that rounding about zero is not judged.
+        // Numbers of one array are of one kind: the largest is their scale, so that rounding about zero is
+        // not judged.
         let family = path.trim_end_matches(|c: char| c.is_ascii_digit() || c == '.');
         let of_family =
             golden.numbers.iter().filter(|(p, _)| p.starts_with(family) && family.len() < path.len());

@@ -1,8 +1,8 @@
 //! The verb `goldens`: what the program printed once, compared with what it prints now.
 //!
-//! Every case of [`cases`] is one command, run in a folder of its own in the order of the list, so that later ones may
-//! read what earlier ones wrote. [`seen`] says what of a command's output is stored, [`compare`] when two are
-//! the same.
+//! Every case of [`cases`] is one command, run in a folder of its own in the order of the list, so that later
+//! ones may read what earlier ones wrote. [`seen`] says what of a command's output is stored, [`compare`]
+//! when two are the same.
 
 mod cases;
 mod compare;

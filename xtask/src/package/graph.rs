@@ -36,7 +36,8 @@ pub fn metadata(target: Option<&str>) -> Result<Value> {
     Ok(serde_json::from_str(&process::output(&mut command)?)?)
 }
 
-/// Returns the packages of others that are linked into the program, by name and version. What only builds or tests is left out.
+/// Returns the packages of others that are linked into the program, by name and version. What only builds or
+/// tests is left out.
 pub fn parts(target: &str) -> Result<Vec<Part>> {
     let metadata = metadata(Some(target))?;
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();

@@ -1,5 +1,6 @@
-//! The verb `package`: what a release holds for a system, made and tried here: program, manual, completions, notices of third
-//! parties, bill of materials, checksums; and the Python wheel. The release workflow calls nothing else.
+//! The verb `package`: what a release holds for a system, made and tried here: program, manual, completions,
+//! notices of third parties, bill of materials, checksums; and the Python wheel. The release workflow calls
+//! nothing else.
 
 mod graph;
 mod notices;
@@ -27,8 +28,8 @@ const STATIC: &str = "x86_64-unknown-linux-musl";
 /// Says what is packaged.
 #[derive(clap::Args, Clone, Default)]
 pub struct Options {
-    /// The target triple; without it this system's. `x86_64-pc-windows-gnu` is built here and tried in Wine, `x86_64-unknown-linux-musl`
-    /// is static.
+    /// The target triple; without it this system's. `x86_64-pc-windows-gnu` is built here and tried in Wine,
+    /// `x86_64-unknown-linux-musl` is static.
     #[arg(long, value_name = "TRIPLE")]
     pub target: Option<String>,
     /// Folder that the archive is put into.

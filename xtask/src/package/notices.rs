@@ -23,8 +23,8 @@ const NAMES: [&str; 5] = ["license", "licence", "copying", "notice", "unlicense"
 /// A package names no licence.
 pub fn text(parts: &[Part]) -> Result<String> {
     let mut out = format!(
-        "Rigident is under MIT OR Apache-2.0. It holds {} packages of others. Sources of each, those under MPL-2.0 among them, are at the \
-         address beside it and at https://crates.io.\n\n",
+        "Rigident is under MIT OR Apache-2.0. It holds {} packages of others. Sources of each, those under \
+         MPL-2.0 among them, are at the address beside it and at https://crates.io.\n\n",
         parts.len()
     );
     let mut texts: BTreeMap<String, Vec<String>> = BTreeMap::new();

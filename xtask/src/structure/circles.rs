@@ -1,4 +1,5 @@
-//! Circles among rooms: the folders and files right below a source folder, and those right below each of them.
+//! Circles among rooms: the folders and files right below a source folder, and those right below each of
+//! them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;

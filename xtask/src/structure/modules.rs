@@ -40,7 +40,8 @@ struct Module {
 }
 
 impl Crate {
-    /// Parses what `lib.rs` leads to. `sources` holds the files below the source folder by their paths from there.
+    /// Parses what `lib.rs` leads to. `sources` holds the files below the source folder by their paths from
+    /// there.
     ///
     /// # Errors
     /// A file that is missing or cannot be parsed.
@@ -215,7 +216,8 @@ fn imported(items: &[Item]) -> Vec<(String, Vec<String>)> {
     found
 }
 
-/// Calls `leaf` with every path of a `use` and the name that it gets; a star's path is that before it, its name `*`.
+/// Calls `leaf` with every path of a `use` and the name that it gets; a star's path is that before it, its
+/// name `*`.
 fn leaves(tree: &UseTree, before: &mut Vec<String>, leaf: &mut impl FnMut(Vec<String>, String)) {
     match tree {
         UseTree::Path(path) => {

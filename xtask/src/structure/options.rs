@@ -5,7 +5,8 @@ use syn::{Attribute, Item, LitStr, Macro, Meta};
 
 use super::modules::{is_test, item_attributes};
 
-/// Returns true if code that is no test has a text with an option (`--x`) or a command (`rigident x`) in it; comments do not count.
+/// Returns true if code that is no test has a text with an option (`--x`) or a command (`rigident x`) in it;
+/// comments do not count.
 pub fn names_the_command_line(items: &[Item]) -> bool {
     let mut texts = Texts::default();
     items.iter().filter(|item| !matches!(item, Item::Mod(_))).for_each(|item| texts.visit_item(item));
@@ -86,7 +87,8 @@ mod tests {
             ("fn f() -> &'static str { \"make it anew with `rigident factor`\" }", true),
             ("#[serde(expecting = \"what rigident calibrate rig writes\")] struct S;", true),
             (
-                "/// As `rigident factor` does.\nfn f() -> &'static str { \"of this version of rigident; rigident-sim serve\" }",
+                "/// As `rigident factor` does.\nfn f() -> &'static str \
+                 { \"of this version of rigident; rigident-sim serve\" }",
                 false,
             ),
             ("fn f() -> &'static str { \"say `lock` JOINT=VALUE, or `plan_motion(no_poses)`\" }", false),

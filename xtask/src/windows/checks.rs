@@ -13,8 +13,9 @@ use super::wine::Wine;
 use crate::places;
 use crate::process::{self, Steps};
 
-/// The most that a number may differ from this system's, in its U95. Libraries round sines and roots differently in the last bit,
-/// which rows multiply by their condition; a thousandth of a U95 changes no digit that is printed.
+/// The most that a number may differ from this system's, in its U95. Libraries round sines and roots
+/// differently in the last bit, which rows multiply by their condition; a thousandth of a U95 changes no
+/// digit that is printed.
 const MOST_U95: f64 = 1e-3;
 
 /// The data that the checks need.

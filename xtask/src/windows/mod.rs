@@ -20,7 +20,8 @@ use wine::Wine;
 /// The target triple.
 pub const TARGET: &str = "x86_64-pc-windows-gnu";
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
-/// The crates whose tests run in Wine. The firmware in this process and the simulated rig are in `rigident-cli`'s.
+/// The crates whose tests run in Wine. The firmware in this process and the simulated rig are in
+/// `rigident-cli`'s.
 const TESTED: [&str; 15] = [
     "rigident-shared",
     "hexapod",

@@ -13,8 +13,8 @@ const SET_PENDING: usize = 0xe000_e200;
 #[inline]
 fn mark(registers: usize, number: u16) {
     let number = usize::from(number);
-    // SAFETY: a register of the controller (ARMv7-M, B3.4), for boards give fixed numbers, below its number of lines. No
-    // critical section here relies on a masked line.
+    // SAFETY: a register of the controller (ARMv7-M, B3.4), for boards give fixed numbers, below its number
+    // of lines. No critical section here relies on a masked line.
     let register = unsafe { Register::new(registers + 4 * (number / LINES)) };
     register.write(1 << (number % LINES));
 }

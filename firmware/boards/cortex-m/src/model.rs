@@ -1,4 +1,5 @@
-//! The place of a model of the chip, which stands for registers and the core where the drivers run on a computer.
+//! The place of a model of the chip, which stands for registers and the core where the drivers run on a
+//! computer.
 
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -14,8 +14,8 @@ impl Register {
     /// Returns the register at an address.
     ///
     /// # Safety
-    /// A 32-bit register must be at the address, which must be a multiple of four, and no value written to it may harm memory:
-    /// one that names memory is an [`AddressRegister`].
+    /// A 32-bit register must be at the address, which must be a multiple of four, and no value written to it
+    /// may harm memory: one that names memory is an [`AddressRegister`].
     pub const unsafe fn new(address: usize) -> Self {
         Self(address)
     }
@@ -74,8 +74,8 @@ impl AddressRegister {
     /// Names memory.
     ///
     /// # Safety
-    /// What the peripheral does to the memory from here on must be sound: it lives as long, it is long enough, and whoever else
-    /// uses it expects that.
+    /// What the peripheral does to the memory from here on must be sound: it lives as long, it is long
+    /// enough, and whoever else uses it expects that.
     #[inline]
     pub unsafe fn write(self, address: usize) {
         #[cfg(not(target_os = "none"))]

@@ -12,7 +12,8 @@ use crate::ring::Ring;
 
 /// The queues of the link to the host.
 pub struct Queues {
-    /// Holds what the host has said: a full frame of the wire and some, so that one command at a time never fills it.
+    /// Holds what the host has said: a full frame of the wire and some, so that one command at a time never
+    /// fills it.
     pub from_host: Ring<2048>,
     /// Holds what the firmware has to say.
     pub to_host: Ring<4096>,
@@ -54,8 +55,8 @@ impl Queues {
         count
     }
 
-    /// Moves what the firmware has to say into its queue, as far as there is room, and returns whether there was something. The port's
-    /// interrupt has to be woken then.
+    /// Moves what the firmware has to say into its queue, as far as there is room, and returns whether there
+    /// was something. The port's interrupt has to be woken then.
     pub fn fill<P, A, I, F, D>(&self, instrument: &mut Instrument<P, A, I, F, D>, chunk: &mut [u8]) -> bool
     where
         P: DerefMut<Target = Path>,

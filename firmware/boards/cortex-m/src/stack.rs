@@ -21,12 +21,12 @@ const MPU_RASR: usize = 0xe000_eda0;
 /// The address at which the guard begins, once there is one.
 static GUARDED: AtomicUsize = AtomicUsize::new(0);
 
-/// Has the core fault where the stack would run over what lies below it. Its fault handler works on all the same: the guard does
-/// not hold there.
+/// Has the core fault where the stack would run over what lies below it. Its fault handler works on all the
+/// same: the guard does not hold there.
 pub fn guard() {
     let from = (&raw const _stack_end as usize).next_multiple_of(GUARD);
-    // SAFETY: registers of the core's protection unit, by the architecture's manual: region 0, nobody's, 2⁸ bytes; everything
-    // else as without the unit. Nothing lives in the guard: it is the stack's own end.
+    // SAFETY: registers of the core's protection unit, by the architecture's manual: region 0, nobody's, 2⁸
+    // bytes; everything else as without the unit. Nothing lives in the guard: it is the stack's own end.
     unsafe {
         ptr::write_volatile(MPU_RBAR as *mut u32, from as u32 | 1 << 4);
         ptr::write_volatile(MPU_RASR as *mut u32, 1 << 28 | 7 << 1 | 1);

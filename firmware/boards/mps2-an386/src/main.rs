@@ -53,8 +53,8 @@ fn main() -> ! {
             uart::send();
         }
         if instrument.tx_pending() > 0 {
-            // A sample is asked for when its output will find room. On a board with real sensors samples do not
-            // wait; here they can, and none is lost however slow the host reads.
+            // A sample is asked for when its output will find room. On a board with real sensors samples do
+            // not wait; here they can, and none is lost however slow the host reads.
             QUEUES.wait();
             continue;
         }
@@ -93,7 +93,8 @@ fn instrument(pipes: &'static RefCell<Pipes>) -> &'static mut Board {
     singleton!(: Board = Instrument::new("mps2-an386", path, buses, NoWait)).expect("taken once")
 }
 
-/// Longer than the two instructions of Arm's erratum 776924 of the Cortex-M4: a result of a division may be lost by them.
+/// Longer than the two instructions of Arm's erratum 776924 of the Cortex-M4: a result of a division may be
+/// lost by them.
 #[exception]
 fn SysTick() {
     core::hint::black_box([0_u32; 4]);

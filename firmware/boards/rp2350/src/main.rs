@@ -1,8 +1,8 @@
-//! The firmware on a Raspberry Pi Pico 2, of which the link to the host is here: recordings can be replayed. Its sensors' bus
-//! is not written yet.
+//! The firmware on a Raspberry Pi Pico 2, of which the link to the host is here: recordings can be replayed.
+//! Its sensors' bus is not written yet.
 //!
-//! Crystal and PLL with bounded waits; UART0 on GP0 and GP1. No emulator has the chip: this image is built and not run. The
-//! kernels' bits are compared on the same core (`src/bin/kernel_bits.rs`).
+//! Crystal and PLL with bounded waits; UART0 on GP0 and GP1. No emulator has the chip: this image is built
+//! and not run. The kernels' bits are compared on the same core (`src/bin/kernel_bits.rs`).
 #![no_std]
 #![no_main]
 
@@ -98,8 +98,9 @@ fn instrument() -> &'static mut Board {
     singleton!(: Board = Instrument::new("rp2350", path, buses, NoWait)).expect("taken once")
 }
 
-/// Crystal, PLL, and what runs by them; frequency of the core, Hz, and where it comes from. The chip's ring oscillator, whose
-/// frequency nobody knows, is left to run where the crystal does not start: the port is then silent.
+/// Crystal, PLL, and what runs by them; frequency of the core, Hz, and where it comes from. The chip's ring
+/// oscillator, whose frequency nobody knows, is left to run where the crystal does not start: the port is
+/// then silent.
 fn clocks() -> (u32, ClockSource) {
     const RING_HZ: u32 = 11_000_000;
     // IO_BANK0, PADS_BANK0, PLL_SYS, TIMER0, UART0.
@@ -144,7 +145,8 @@ fn start_pll() -> bool {
 
 fn start_uart(clock_hz: u32) {
     for (function, pad) in [(GPIO0_CTRL, GPIO0_PAD), (GPIO1_CTRL, GPIO1_PAD)] {
-        // Input on, pulled up and no longer down: a line that is open is silent, and does not stay at 2.2 V (erratum E9).
+        // Input on, pulled up and no longer down: a line that is open is silent, and does not stay at 2.2 V
+        // (erratum E9).
         set(pad, 1 << 6 | 1 << 3);
         clear(pad, 1 << 2);
         function.write(2);
@@ -169,7 +171,8 @@ const BUSY: u32 = 1 << 3;
 const EMPTY: u32 = 1 << 4;
 const FULL: u32 = 1 << 5;
 
-/// Takes what has come and sends what can be sent. Without room it is silent until the main loop has made some.
+/// Takes what has come and sends what can be sent. Without room it is silent until the main loop has made
+/// some.
 fn on_uart() {
     UART_ICR.write(RECEIVE | SEND);
     let mut listen = true;
@@ -219,7 +222,8 @@ fn start_watchdog() {
     WATCHDOG_CTRL.write(1 << 30 | 0b111 << 24);
 }
 
-/// Returns why the chip started, and where the last program ended if that was a panic or a fault. Asking forgets it.
+/// Returns why the chip started, and where the last program ended if that was a panic or a fault. Asking
+/// forgets it.
 fn reason() -> (ResetReason, Option<BadEnd>) {
     let [mark, first, second, third] = WATCHDOG_SCRATCH.map(Register::read);
     WATCHDOG_SCRATCH.iter().for_each(|register| register.write(0));

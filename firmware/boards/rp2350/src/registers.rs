@@ -1,4 +1,5 @@
-//! Registers of the RP2350 (data sheet, chapters of the blocks); every block has aliases that set and clear bits.
+//! Registers of the RP2350 (data sheet, chapters of the blocks); every block has aliases that set and clear
+//! bits.
 
 pub use rigident_cortex_m::registers::{Register, wait_for};
 

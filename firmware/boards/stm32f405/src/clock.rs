@@ -15,7 +15,8 @@ pub const CRYSTAL_MHZ: u32 = if cfg!(feature = "f411") { 25 } else { 8 };
 /// The core, MHz.
 const CORE_MHZ: u32 = if cfg!(feature = "f411") { 96 } else { 168 };
 const INTERNAL_MHZ: u32 = 16;
-/// The core by the chip's own oscillator, MHz, which may be 4 % fast: so that the buses' limits hold all the same.
+/// The core by the chip's own oscillator, MHz, which may be 4 % fast: so that the buses' limits hold all the
+/// same.
 const CORE_MHZ_WITHOUT_CRYSTAL: u32 = if cfg!(feature = "f411") { 96 } else { 160 };
 
 /// Reads of a ready bit, of five cycles at 16 MHz each: 60 ms for a crystal, which takes 2 ms, and 3 ms for

@@ -11,8 +11,9 @@ use crate::start::{self, FAULTED, PANICKED, digest_of, end};
 const MEMORY_ADDRESS_IS_KNOWN: u32 = 1 << 7;
 const BUS_ADDRESS_IS_KNOWN: u32 = 1 << 15;
 
-// The loader may jump here with its interrupts on, whose sources nobody serves: none comes before the memory is set up.
-// SAFETY of what is in there: the function of this name is called before memory is set up, and touches none.
+// The loader may jump here with its interrupts on, whose sources nobody serves: none comes before the memory
+// is set up. SAFETY of what is in there: the function of this name is called before memory is set up, and
+// touches none.
 core::arch::global_asm!(
     ".global __pre_init",
     ".type __pre_init, %function",

@@ -1,9 +1,10 @@
 //! The chip's own flash, where settings and checkpoints are stored: sectors 8 to 11 of an STM32F405, 128 KB
 //! each.
 //!
-//! By RM0090, section 3.6. Code is not fetched while a sector is erased or a word is programmed: one second, two at most, and 16 µs, 100 at
-//! most. So sectors are erased where no sample is taken, and the watchdog is fed before each. What was written is read back, since the
-//! emulator's controller takes everything and does nothing.
+//! By RM0090, section 3.6. Code is not fetched while a sector is erased or a word is programmed: one second,
+//! two at most, and 16 µs, 100 at most. So sectors are erased where no sample is taken, and the watchdog is
+//! fed before each. What was written is read back, since the emulator's controller takes everything and does
+//! nothing.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -60,14 +61,15 @@ const FAILED: Failed = Failed(NorFlashErrorKind::Other);
 const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 const OPTION_LOCK: u32 = 1;
 const OPTION_START: u32 = 1 << 1;
-/// The chip is held in reset below 2.7 to 3.0 V: level 3, whose bits are both clear. From the factory it is off.
+/// The chip is held in reset below 2.7 to 3.0 V: level 3, whose bits are both clear. From the factory it is
+/// off.
 const BROWN_OUT: u32 = 0b11 << 2;
 /// The supply is watched: 2.9 V, and says if it is below.
 const WATCH_SUPPLY: u32 = 0b111 << 5 | 1 << 4;
 const SUPPLY_IS_LOW: u32 = 1 << 2;
 
-/// Has the chip stop where the supply is too low to program flash, if it does not yet: words of 32 bits need 2.7 V, and code
-/// that runs on below it may write anything. Returns whether it does from the next start on.
+/// Has the chip stop where the supply is too low to program flash, if it does not yet: words of 32 bits need
+/// 2.7 V, and code that runs on below it may write anything. Returns whether it does from the next start on.
 pub fn guard_supply() -> bool {
     PWR_CR.change(0, WATCH_SUPPLY);
     if FLASH_OPTCR.read() & BROWN_OUT == 0 {
@@ -85,8 +87,8 @@ pub fn guard_supply() -> bool {
     done && FLASH_OPTCR.read() & BROWN_OUT == 0
 }
 
-/// Returns the store: half of the room for settings, half for checkpoints. `None` if it does not fit, or the supply is not guarded. To be
-/// called once.
+/// Returns the store: half of the room for settings, half for checkpoints. `None` if it does not fit, or the
+/// supply is not guarded. To be called once.
 pub fn store() -> Option<Store<Flash>> {
     if !guard_supply() {
         return None;

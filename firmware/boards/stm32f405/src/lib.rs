@@ -1,11 +1,12 @@
 //! Boards with an STM32F405, F446 or F411: registers, clocks, buses, interrupts, start and end.
 //!
-//! Written on the register level: the hardware abstraction layers wait for ready bits without a bound, so that a
-//! crystal that does not start would hang the board in silence. Every wait here ends. The registers are named here
-//! ([`registers`]), because the published descriptions of three chips are 51 to 230 MB of sources and 8 to 18 seconds of
-//! compilation for each chip, of which these boards use sixty words.
+//! Written on the register level: the hardware abstraction layers wait for ready bits without a bound, so
+//! that a crystal that does not start would hang the board in silence. Every wait here ends. The registers
+//! are named here ([`registers`]), because the published descriptions of three chips are 51 to 230 MB of
+//! sources and 8 to 18 seconds of compilation for each chip, of which these boards use sixty words.
 //!
-//! All of it but [`ends`] runs on a computer, too, against a model of the chip's registers (`hil-sim/tests/board`).
+//! All of it but [`ends`] runs on a computer, too, against a model of the chip's registers
+//! (`hil-sim/tests/board`).
 //!
 //! The same image runs in QEMU's `netduinoplus2`, where the clock registers read zero ([`clock`]).
 //!

@@ -46,8 +46,8 @@ fn instrument() -> (&'static mut Board, &'static Place) {
     (singleton!(: Board = program::instrument(path, place)).expect("taken once"), place)
 }
 
-/// A handler of one or two instructions may lose the result of a division or root that it interrupts (Arm's erratum 776924 of the
-/// Cortex-M4, revision r0p1): this one is longer.
+/// A handler of one or two instructions may lose the result of a division or root that it interrupts (Arm's
+/// erratum 776924 of the Cortex-M4, revision r0p1): this one is longer.
 #[exception]
 fn SysTick() {
     program::on_timer();

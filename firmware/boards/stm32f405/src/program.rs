@@ -64,8 +64,8 @@ pub fn instrument(path: &'static mut Path, place: &'static Place) -> Board {
     Instrument::new(CHIP, path, buses, Wait)
 }
 
-/// Holds what the main loop knows between two turns. `S` returns how deep the stack has been, and its size, bytes; a type, so that
-/// the stack's bound can be computed.
+/// Holds what the main loop knows between two turns. `S` returns how deep the stack has been, and its size,
+/// bytes; a type, so that the stack's bound can be computed.
 pub struct Program<'a, S: Fn() -> (usize, usize)> {
     instrument: &'a mut Board,
     samples: Samples<'static>,

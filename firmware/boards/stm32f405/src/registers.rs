@@ -1,11 +1,12 @@
-//! Registers of the chip: addresses from the reference manuals RM0090 (F405), RM0390 (F446) and RM0383 (F411), which
-//! have all of these at the same places.
+//! Registers of the chip: addresses from the reference manuals RM0090 (F405), RM0390 (F446) and RM0383
+//! (F411), which have all of these at the same places.
 
 pub use rigident_cortex_m::registers::{AddressRegister, Register, wait_for};
 
 /// Returns the register at an offset in a block.
 const fn at(block: usize, offset: usize) -> Register {
-    // SAFETY: this module alone calls it, with addresses of the manuals. None of them names memory: those that do are in
+    // SAFETY: this module alone calls it, with addresses of the manuals. None of them names memory: those
+    // that do are in
     // [`Stream`].
     unsafe { Register::new(block + offset) }
 }
@@ -188,11 +189,12 @@ impl Stream {
     /// Begins to move `count` bytes between SPI1 and memory, as `control` says.
     ///
     /// # Safety
-    /// The memory must be a static of at least `count` bytes that may be read and, where `control` says so, written at any time
-    /// until [`Self::stop`].
+    /// The memory must be a static of at least `count` bytes that may be read and, where `control` says so,
+    /// written at any time until [`Self::stop`].
     pub unsafe fn begin(&self, memory: *const u8, count: u32, control: u32) {
         self.count.write(count);
-        // SAFETY: the data register of SPI1 is no memory; of the other address the caller has promised what is asked for.
+        // SAFETY: the data register of SPI1 is no memory; of the other address the caller has promised what
+        // is asked for.
         unsafe {
             self.peripheral.write(SPI1_DR.address());
             self.memory.write(memory as usize);

@@ -22,8 +22,8 @@ const EDGES: [(Sensor, Pin, usize); 3] = [
     (Sensor::SecondImu, SECOND_IMU_READY, 1),
 ];
 
-/// Times that the bus is asked for while a sample is read: more than 10 ms, where one takes 30 µs and a transfer that does not end is
-/// given up after 3 ms.
+/// Times that the bus is asked for while a sample is read: more than 10 ms, where one takes 30 µs and a
+/// transfer that does not end is given up after 3 ms.
 const LOOKS: u32 = 100_000;
 
 static CAPTURE: Mutex<RefCell<Option<Capture<'static>>>> = Mutex::new(RefCell::new(None));
@@ -108,7 +108,8 @@ pub fn on_transferred() {
     }
 }
 
-/// Interrupt, every millisecond: gives up a transfer that does not end, and tries a bus again that has failed.
+/// Interrupt, every millisecond: gives up a transfer that does not end, and tries a bus again that has
+/// failed.
 pub fn on_look() {
     let overdue = interrupts::free(|section| {
         CAPTURE.borrow(section).borrow_mut().as_mut().is_some_and(Capture::on_look)

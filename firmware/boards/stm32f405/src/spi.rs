@@ -79,7 +79,8 @@ fn select(sensor: Sensor) {
     chip_select(sensor).set(false);
 }
 
-/// Ends what was begun with [`select`]. Where bits do not come to their end the port is reset before anything moves.
+/// Ends what was begun with [`select`]. Where bits do not come to their end the port is reset before anything
+/// moves.
 fn deselect(sensor: Sensor) {
     if wait_for(SPI1_SR, BUSY, 0, LOOKS) {
         chip_select(sensor).set(true);
@@ -148,8 +149,8 @@ pub fn begin(order: &Order) {
     REQUEST.iter().zip(order.request).for_each(|(to, from)| to.store(*from, Ordering::Relaxed));
     // The request is in memory before the DMA reads it.
     fence(Ordering::Release);
-    // SAFETY: both are statics of atomics, of `MAX_CAPTURED` bytes, which `count` is no more than; the DMA writes into the first
-    // one alone, and what it holds is read after the end.
+    // SAFETY: both are statics of atomics, of `MAX_CAPTURED` bytes, which `count` is no more than; the DMA
+    // writes into the first one alone, and what it holds is read after the end.
     unsafe {
         DMA2_FROM_SPI1.begin(BYTES.as_ptr().cast(), count, FROM);
         DMA2_TO_SPI1.begin(REQUEST.as_ptr().cast(), count, TO);

@@ -56,7 +56,8 @@ fn note() -> Option<(u32, BadEnd)> {
     Some((mark.checked_sub(MARK)?, BadEnd { pc, lr, status, address, line, file }))
 }
 
-/// Returns why the chip started, and where the last program ended if that was a panic or a fault. Asking forgets it.
+/// Returns why the chip started, and where the last program ended if that was a panic or a fault. Asking
+/// forgets it.
 pub fn reason() -> (ResetReason, Option<BadEnd>) {
     let flags = RCC_CSR.read();
     RCC_CSR.change(0, CLEAR_FLAGS);
@@ -100,7 +101,8 @@ pub fn restart() -> ! {
     }
 }
 
-/// Forgets what the chip's own loader has left on: interrupts, and the core's timer. Until [`go`] no interrupt comes.
+/// Forgets what the chip's own loader has left on: interrupts, and the core's timer. Until [`go`] no
+/// interrupt comes.
 pub fn forget_the_loader() {
     SYST_CSR.write(0);
     NVIC_ICER.into_iter().chain(NVIC_ICPR).for_each(|register| register.write(u32::MAX));

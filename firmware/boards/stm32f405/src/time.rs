@@ -22,7 +22,8 @@ pub fn start(clocks: &Clocks) {
     TIM2_ARR.write(u32::MAX);
     // The divider is taken over.
     TIM2_EGR.write(1);
-    // Each channel captures its own input once it has had a level for eight cycles of the timer's clock, 0.1 µs.
+    // Each channel captures its own input once it has had a level for eight cycles of the timer's clock, 0.1
+    // µs.
     TIM2_CCMR[0].write(1 | EIGHT << 4 | 1 << 8 | EIGHT << 12);
     TIM2_CCMR[1].write(1 | EIGHT << 4);
     TIM2_CCER.write(1 | 1 << 4 | 1 << 5 | 1 << 8);
@@ -30,8 +31,8 @@ pub fn start(clocks: &Clocks) {
     TIM2_CR1.write(1);
 }
 
-/// Returns what a channel (1 to 4) has latched last, and whether it had latched another one unread before; `None` if it has
-/// latched nothing.
+/// Returns what a channel (1 to 4) has latched last, and whether it had latched another one unread before;
+/// `None` if it has latched nothing.
 pub fn latched(channel: usize) -> Option<(u32, bool)> {
     // The filter is later than the interrupt may be.
     if !wait_for(TIM2_SR, 1 << channel, 1 << channel, FILTER_LOOKS) {

@@ -1,4 +1,5 @@
-//! USART2, the link to the host: 921 600 baud unless the host asks for more, 8N1, driven by interrupts on both sides.
+//! USART2, the link to the host: 921 600 baud unless the host asks for more, 8N1, driven by interrupts on
+//! both sides.
 
 use rigident_cortex_m::interrupts::{free, pend, unmask};
 use rigident_cortex_m::serial::Queues;
@@ -84,8 +85,8 @@ pub fn send() {
     pend(lines::USART2);
 }
 
-/// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the next one
-/// overruns it, which is counted, and the host repeats a command that is not answered.
+/// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the
+/// next one overruns it, which is counted, and the host repeats a command that is not answered.
 pub fn on_interrupt() {
     let mut listen = true;
     loop {

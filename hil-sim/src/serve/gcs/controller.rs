@@ -334,8 +334,8 @@ impl Hexapod {
         Ok(())
     }
 
-    /// A move's duration: its peak rate, 15/8 of the mean, stays below the velocity; a rotation counts as the way of a point
-    /// 0.25 m from the axis.
+    /// A move's duration: its peak rate, 15/8 of the mean, stays below the velocity; a rotation counts as the
+    /// way of a point 0.25 m from the axis.
     fn duration_s(&self, from: &GcsPosition, to: &GcsPosition) -> f64 {
         let way =
             |range: std::ops::Range<usize>| range.map(|i| (to.0[i] - from.0[i]).powi(2)).sum::<f64>().sqrt();

@@ -1,7 +1,7 @@
 //! The pivot point and the coordinate systems in force.
 //!
-//! Either moves the point of the plate that X, Y, Z are of and that U, V, W turn about, by an offset along the plate's axes. Of a
-//! coordinate system that is all that is simulated here; a real one may be turned too.
+//! Either moves the point of the plate that X, Y, Z are of and that U, V, W turn about, by an offset along
+//! the plate's axes. Of a coordinate system that is all that is simulated here; a real one may be turned too.
 
 use hexapod::Pose;
 use hexapod::gcs::{GcsPosition, answer, error, read_pairs};

@@ -1,15 +1,16 @@
-//! The platform's controller as PI hexapods speak: General Command Set 2.0, in ASCII over TCP or a serial line.
+//! The platform's controller as PI hexapods speak: General Command Set 2.0, in ASCII over TCP or a serial
+//! line.
 //!
-//! Lives here: the commands' syntax (`syntax`), the controller that obeys them ([`Hexapod`]), and the servers. May
-//! not live here: how the plate moves ([`crate::rig`]).
+//! Lives here: the commands' syntax (`syntax`), the controller that obeys them ([`Hexapod`]), and the
+//! servers. May not live here: how the plate moves ([`crate::rig`]).
 //!
 //! Its commands are those that a C-887 hexapod controller needs to be driven; `HLP?` lists it. What the lines
 //! mean, and from where that is known, is in [`hexapod::gcs`], which the driver reads too.
 //!
-//! Differences from the vendor's: a stream whose points cease brakes and sets error 220; a client that goes away stops what
-//! it had started. How long a stop takes is not published: here 0.3 s smoothly (`HLT`) and 0.05 s abruptly
-//! (`STP`, `#24`). `SCT` is rounded to tenths of a millisecond, as a controller with a cycle of its own must
-//! round somewhere.
+//! Differences from the vendor's: a stream whose points cease brakes and sets error 220; a client that goes
+//! away stops what it had started. How long a stop takes is not published: here 0.3 s smoothly (`HLT`) and
+//! 0.05 s abruptly (`STP`, `#24`). `SCT` is rounded to tenths of a millisecond, as a controller with a cycle
+//! of its own must round somewhere.
 
 mod controller;
 mod frames;

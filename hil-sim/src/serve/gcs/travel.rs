@@ -3,7 +3,8 @@
 use hexapod::gcs::GcsPosition;
 use hexapod::{Geometry, Pose};
 
-/// Travel of each axis by itself from the reference pose, lowest and highest, mm and degrees: as far as the legs reach.
+/// Travel of each axis by itself from the reference pose, lowest and highest, mm and degrees: as far as the
+/// legs reach.
 pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
     let home = geometry.home();
     let reaches = |axis: usize, value: f64| {
@@ -46,7 +47,8 @@ mod tests {
         let all = limits(&geometry);
         // Straight up a leg is as long as it can be: the height follows from Pythagoras.
         let [lo, hi] = geometry.leg_length_m;
-        // The plate's joints are 0.123 m below its origin; leg² = height² + (a constant distance in the plane)².
+        // The plate's joints are 0.123 m below its origin; leg² = height² + (a constant distance in the
+        // plane)².
         let height = geometry.home().position_m[2] - 0.123;
         let plane = (0.5 * (lo + hi)).powi(2) - height * height;
         for (limit, l) in all[2].iter().zip([lo, hi]) {
@@ -56,8 +58,8 @@ mod tests {
         assert!(all.iter().all(|[low, high]| *low < 0.0 && *high > 0.0));
     }
 
-    /// What is published of a machine, each axis by itself, on one whose legs are known: shares that add up to one are
-    /// reached, most of the poses that use each at will are not.
+    /// What is published of a machine, each axis by itself, on one whose legs are known: shares that add up
+    /// to one are reached, most of the poses that use each at will are not.
     #[test]
     fn poses_whose_shares_of_the_travel_add_up_to_one_are_reached_by_the_legs() {
         let geometry = Geometry::thesis();

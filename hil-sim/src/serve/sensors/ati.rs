@@ -23,8 +23,8 @@ pub struct AtiServer {
 }
 
 impl AtiServer {
-    /// Listens at an address for requests of records, with the page and the port beside it on free ones. The sensor reads what the
-    /// body does to it: the reaction.
+    /// Listens at an address for requests of records, with the page and the port beside it on free ones. The
+    /// sensor reads what the body does to it: the reaction.
     ///
     /// # Errors
     /// An address is taken.
@@ -133,7 +133,8 @@ fn answer_page(mut stream: TcpStream, rate_hz: f64) -> io::Result<()> {
     }
     let [force, torque] = COUNTS;
     let body = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\r\n<netFTApi>\r\n<runstat>0x00000000</runstat>\r\n<comrdte>Enabled</comrdte>\r\n\
+        "<?xml version=\"1.0\" \
+         encoding=\"UTF-8\"?>\r\n<netFTApi>\r\n<runstat>0x00000000</runstat>\r\n<comrdte>Enabled</comrdte>\r\n\
          <comrdtrate>{rate_hz}</comrdtrate>\r\n<scfgfu>N</scfgfu>\r\n<scfgtu>Nm</scfgtu>\r\n<cfgcpf>{force}</cfgcpf>\r\n\
          <cfgcpt>{torque}</cfgcpt>\r\n</netFTApi>\r\n"
     );

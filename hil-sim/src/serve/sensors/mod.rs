@@ -1,7 +1,8 @@
-//! Sensors of other makes on the moving body, each as its maker's device speaks: what `rigident live` listens to.
+//! Sensors of other makes on the moving body, each as its maker's device speaks: what `rigident live` listens
+//! to.
 //!
-//! Lives here: the body's motion as it is sampled by each device's own clock ([`Played`]), and the servers. May not live here: the
-//! host's decoders; what is written is taken from the makers' documents.
+//! Lives here: the body's motion as it is sampled by each device's own clock ([`Played`]), and the servers.
+//! May not live here: the host's decoders; what is written is taken from the makers' documents.
 
 mod ati;
 mod foxglove;

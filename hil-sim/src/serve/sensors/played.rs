@@ -26,9 +26,12 @@ pub fn sensors_rig_file(config: &RigConfig, more: &str) -> String {
     let norm = config.imu.rotation_wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
     let body = config.body;
     format!(
-        "# A simulated body with sensors of other makes.\n[[imu]]\nclass = \"exact\"\nposition_m = {:?}\nrotation_wxyz = {:?}\n\
-         accel_noise_mps2 = {:?}\ngyro_noise_radps = {:?}\n\n[load_cell]\nclass = \"exact\"\nnoise_n_nm = {:?}\n\
-         offset_n_nm = \"estimate\"\n\n[truth]\nmass_kg = {:?}\ncom_m = {:?}\ninertia_com_kgm2 = {:?}\n{more}",
+        "# A simulated body with sensors of other makes.\n[[imu]]\nclass = \"exact\"\nposition_m = \
+         {:?}\nrotation_wxyz = {:?}\n\
+         accel_noise_mps2 = {:?}\ngyro_noise_radps = {:?}\n\n[load_cell]\nclass = \"exact\"\nnoise_n_nm = \
+         {:?}\n\
+         offset_n_nm = \"estimate\"\n\n[truth]\nmass_kg = {:?}\ncom_m = {:?}\ninertia_com_kgm2 = \
+         {:?}\n{more}",
         config.imu.position_m,
         config.imu.rotation_wxyz.map(|v| v / norm),
         largest(imu.accel_noise_mps2),
@@ -86,7 +89,8 @@ pub struct Played {
 }
 
 impl Played {
-    /// A device that samples at `rate_hz` of a clock that is fast by `drift` and begins at `zero_s`; the motion begins at `begun`.
+    /// A device that samples at `rate_hz` of a clock that is fast by `drift` and begins at `zero_s`; the
+    /// motion begins at `begun`.
     ///
     /// # Errors
     /// A motion that the platform cannot make.

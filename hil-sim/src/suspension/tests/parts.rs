@@ -7,7 +7,8 @@ use super::{GRAVITY, chain, moving, rests};
 
 #[test]
 fn stiffness_is_the_slope_of_the_springs_forces() {
-    // Without gravity nothing but the springs acts, so the finite differences behind the modes see them alone.
+    // Without gravity nothing but the springs acts, so the finite differences behind the modes see them
+    // alone.
     let rig = Suspension { gravity_mps2: 0.0, ..chain() }.at_rest(&rests()).unwrap();
     let state = rig.state(&Start::resting(&rests())).unwrap();
     let (ours, slope) = (rig.spring_stiffness(), rig.rigid_stiffness(&state));
@@ -43,7 +44,8 @@ fn plain() -> Suspension {
 #[test]
 fn modes_of_a_plain_platform_are_those_of_six_oscillators() {
     let modes = plain().at_rest(&[]).unwrap().modes(&[]).unwrap();
-    // 20 kg; 1, 1.2, 1.4 kg m²; k y², k x², k_lateral (x² + y²); no arm of the weight, for the centre of mass is O.
+    // 20 kg; 1, 1.2, 1.4 kg m²; k y², k x², k_lateral (x² + y²); no arm of the weight, for the centre of mass
+    // is O.
     let omega2: [f64; 6] =
         [800.0 / 20.0, 800.0 / 20.0, 4000.0 / 20.0, 4000.0 * 0.09, 4000.0 * 0.16 / 1.2, 800.0 * 0.25 / 1.4];
     let loss = [8.0 / 20.0, 8.0 / 20.0, 16.0 / 20.0, 16.0 * 0.09, 16.0 * 0.16 / 1.2, 8.0 * 0.25 / 1.4];

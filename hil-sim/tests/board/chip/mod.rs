@@ -1,9 +1,10 @@
 //! A model of the STM32F405 as its drivers see it: registers, interrupts and time.
 //!
-//! Made from the reference manual RM0090 (sections in each file), the data sheet DS8626 and the ARMv7-M manual, not from the
-//! drivers. What the manual forbids is kept in [`Machine::breaches`]: silicon would do something else there, and nobody knows
-//! what. Time moves by accesses, each of which takes [`CYCLES`] of the core; whatever the chip does by itself (transfers,
-//! bytes on the line, the timers, erasing) happens at its own time, and interrupts come between two accesses.
+//! Made from the reference manual RM0090 (sections in each file), the data sheet DS8626 and the ARMv7-M
+//! manual, not from the drivers. What the manual forbids is kept in [`Machine::breaches`]: silicon would do
+//! something else there, and nobody knows what. Time moves by accesses, each of which takes [`CYCLES`] of the
+//! core; whatever the chip does by itself (transfers, bytes on the line, the timers, erasing) happens at its
+//! own time, and interrupts come between two accesses.
 
 mod clocks;
 mod flash;
@@ -155,7 +156,8 @@ impl Chip {
         result
     }
 
-    /// The main loop looks at the time now and then; between these looks it computes. Interrupts come in between.
+    /// The main loop looks at the time now and then; between these looks it computes. Interrupts come in
+    /// between.
     fn compute(&self) {
         let mut left = self.machine.borrow_mut().time_computed();
         while left > 0 {
@@ -280,8 +282,8 @@ impl Machine {
         }
     }
 
-    /// Time goes by in which nothing happens: what was to come comes as much later. Sensors are silent from then on, and the line
-    /// must be.
+    /// Time goes by in which nothing happens: what was to come comes as much later. Sensors are silent from
+    /// then on, and the line must be.
     pub fn skip(&mut self, time: u64) {
         self.now += time;
         self.next_sensors = u64::MAX;

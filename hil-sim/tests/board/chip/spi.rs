@@ -183,8 +183,8 @@ impl Machine {
             let steps = if stream.control & 1 << 10 != 0 { stream.done as usize } else { 0 };
             let place = (stream.memory + steps) as *mut u8;
             (stream.count, stream.done) = (stream.count - 1, stream.done + 1);
-            // SAFETY: the driver has named statics of at least as many bytes, of atomics; the model runs in the one thread that
-            // looks at them.
+            // SAFETY: the driver has named statics of at least as many bytes, of atomics; the model runs in
+            // the one thread that looks at them.
             unsafe {
                 if k == 0 {
                     place.write_volatile(self.spi.received.take().unwrap_or_default());
@@ -234,7 +234,8 @@ impl Machine {
                     self.breach("SPI1 is changed while it is on");
                 }
                 if before & 1 << 6 != 0 && value & 1 << 6 == 0 && self.spi.is_clocking() {
-                    // Section 28.3.8: not before the last bit. The byte is lost, and the sensor has half of it.
+                    // Section 28.3.8: not before the last bit. The byte is lost, and the sensor has half of
+                    // it.
                     self.breach("SPI1 is switched off within a byte");
                     self.spi.shifts = None;
                 }

@@ -1,5 +1,5 @@
-//! `pipython` of the vendor, from PyPI, drives the server. `RIGIDENT_PYTHON` names an interpreter that has it, as
-//! `cargo xtask setup` installs it.
+//! `pipython` of the vendor, from PyPI, drives the server. `RIGIDENT_PYTHON` names an interpreter that has
+//! it, as `cargo xtask setup` installs it.
 
 use std::path::Path;
 use std::process::Command;

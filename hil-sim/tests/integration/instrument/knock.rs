@@ -65,7 +65,8 @@ fn a_knock_spoils_the_answer_unless_its_rows_are_weighted_and_is_counted() {
         let weighted = run(&on, &knocked(&clean));
         assert!(largest_change(&planted, &reference) > 3.0);
         assert!(largest_change(&weighted, &reference) < 1.0);
-        // Of the blocks whose filter of 60 ms sees the 20 ms, a hundred a second, all but the faint ends; no channel else.
+        // Of the blocks whose filter of 60 ms sees the 20 ms, a hundred a second, all but the faint ends; no
+        // channel else.
         let [fx, _, _, _, my, _] = weighted.knocks;
         assert!((4..=8).contains(&fx) && (4..=8).contains(&my), "{:?}", weighted.knocks);
         assert_eq!(weighted.knocks, [fx, 0, 0, 0, my, 0]);

@@ -1,4 +1,5 @@
-//! Two links that swing on springs, from frames at 1 kHz over the lock-step bus: the springs are the load cell.
+//! Two links that swing on springs, from frames at 1 kHz over the lock-step bus: the springs are the load
+//! cell.
 
 use hexapod::Mounting;
 use nalgebra::{Matrix6, SMatrix, Vector3};

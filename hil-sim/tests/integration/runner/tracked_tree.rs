@@ -78,7 +78,8 @@ fn positions_and_rates_alone_give_the_human() {
     let (found, ..) = solved(estimator.factor());
     let mass: f64 = tree.links.iter().map(|l| l.body.mass_kg).sum();
     assert!((found[0] / mass - 1.0).abs() < 1e-5, "{} {mass}", found[0]);
-    // Links at the ends of chains keep their own first moments, and their tensors if their joint is a ball; in the order of links.
+    // Links at the ends of chains keep their own first moments, and their tensors if their joint is a ball;
+    // in the order of links.
     let mut first = 10;
     for (i, link) in tree.links.iter().enumerate().skip(1) {
         let is_hinge = [5, 8, 11, 14].contains(&i);

@@ -156,8 +156,8 @@ pub(super) fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) 
     (&inverse * z, sd, singular.max() / singular.min())
 }
 
-/// Holds a factor to that of double precision: parameters within max(0.05 sd, 20 ε cond ‖φ‖). Returns these parameters, the standard
-/// deviations, and the second of the limits.
+/// Holds a factor to that of double precision: parameters within max(0.05 sd, 20 ε cond ‖φ‖). Returns these
+/// parameters, the standard deviations, and the second of the limits.
 #[track_caller]
 pub(super) fn as_good_as(
     found: &TreeFactor<f64>,

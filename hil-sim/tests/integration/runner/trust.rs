@@ -50,7 +50,8 @@ fn rest(change: impl Fn(&mut Settings), happens: impl Fn(&mut Rig), later: impl 
 
 fn nothing(_: &mut Rig) {}
 
-/// A logic regulator that drifts by 1 % is 1 % of every mass, unless the gauges are divided by what it gives them.
+/// A logic regulator that drifts by 1 % is 1 % of every mass, unless the gauges are divided by what it gives
+/// them.
 #[test]
 fn an_excitation_that_drifts_is_divided_out_where_it_is_measured() {
     let drifts = |rig: &mut Rig| rig.add_fault(Fault::Excitation { to: 0.99, during: 1.0..3.0 });

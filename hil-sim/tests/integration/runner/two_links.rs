@@ -140,7 +140,8 @@ fn perfect_sensors_give_the_base_parameters_of_both_links() {
     assert!(solution.determined.iter().all(|d| *d));
     let truth = truth(&config);
     for (j, (value, truth)) in solution.estimate.iter().zip(&truth).enumerate() {
-        // Words of 16 bits cost up to 5e-4 of a tensor unfiltered; a gyro's step of 1e-3 rad/s integrates to some of it.
+        // Words of 16 bits cost up to 5e-4 of a tensor unfiltered; a gyro's step of 1e-3 rad/s integrates to
+        // some of it.
         let scale: f64 = if j < 10 { 1.0 } else { 0.2 };
         assert!((value - truth).abs() < 2e-3 * scale.max(truth.abs()), "{j}: {value} {truth}");
     }

@@ -44,7 +44,8 @@ fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
     let theirs = pinocchio(&python, &asked);
     if let Err(why) = &theirs {
         tell!(
-            "rigident: no times of Pinocchio: {why}; `pip install pin`, and name that Python by --python or RIGIDENT_PYTHON"
+            "rigident: no times of Pinocchio: {why}; `pip install pin`, and name that Python by --python or \
+             RIGIDENT_PYTHON"
         );
     }
     let theirs = theirs.ok();
@@ -68,8 +69,9 @@ fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
     }
     let version = theirs.as_ref().map_or("not there".to_owned(), |t| t.version.clone());
     say(format_args!(
-        "regressor of all rows, one core, best of many; Pinocchio {version} through Python: computeJointTorqueRegressor less the call, \
-         Python's copy of the matrix with it, so that its C++ is faster than this"
+        "regressor of all rows, one core, best of many; Pinocchio {version} through Python: \
+         computeJointTorqueRegressor less the call, Python's copy of the matrix with it, so that its C++ is \
+         faster than this"
     ));
     say("model                 freedoms      here   Pinocchio   unit changes         base parameters");
     for (k, ((name, _, _), own)) in models.iter().zip(&ours).enumerate() {

@@ -35,8 +35,8 @@ pub(crate) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
     let changes = wanted.as_ref().map(|wanted| settings_file::changes(held.as_ref(), wanted));
     if sends && session.identity().state == StateName::Running {
         return Err(Failure::input(format!(
-            "{port}: the device is running, and new settings would end that run: end it first, by Ctrl-C where it was started. Nothing \
-             was sent"
+            "{port}: the device is running, and new settings would end that run: end it first, by Ctrl-C \
+             where it was started. Nothing was sent"
         )));
     }
     if let Some(wanted) = wanted.as_ref().filter(|_| sends) {
@@ -86,7 +86,8 @@ fn write(path: &Path, settings: &Settings) -> Result<(), Failure> {
     let text = match extension(path).as_str() {
         "json" => format!("{:#}\n", settings_file::to_json(settings)),
         _ => format!(
-            "# Settings of a Rigident device; send them by `rigident configure --from`. Keys: docs/formats.md\n{}",
+            "# Settings of a Rigident device; send them by `rigident configure --from`. Keys: \
+             docs/formats.md\n{}",
             settings_file::to_toml(settings)
         ),
     };

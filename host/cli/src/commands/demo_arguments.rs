@@ -13,10 +13,12 @@ use crate::options::stop_criterion::StopCriterion;
 /// `rigident demo`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body vertical --seed 7 --out \
-                        answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01 --estimate m,Ixx\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo --forget 20\n  \
-                        rigident demo --plan motion.json\n  rigident demo --mass 3 --com 0,10,50mm --noise 2 --explain\n\nSeveral links:\n  rigident demo --body two-links\n  rigident demo --body human34 \
-                        --mcu qemu --duration-s 20"
+    after_help = "Examples:\n  rigident demo\n  rigident demo --mcu qemu --json\n  rigident demo --body \
+                        vertical --seed 7 --out answers/demo7\n  rigident demo --until m=0.05,Ixx=0.01 \
+                        --estimate m,Ixx\n  rigident demo --adaptive --until-relative 0.01\n  rigident demo \
+                        --forget 20\n  rigident demo --plan motion.json\n  rigident demo --mass 3 --com \
+                        0,10,50mm --noise 2 --explain\n\nSeveral links:\n  rigident demo --body two-links\n  \
+                        rigident demo --body human34 --mcu qemu --duration-s 20"
 )]
 pub struct Demo {
     /// Where the firmware runs

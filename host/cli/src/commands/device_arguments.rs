@@ -15,7 +15,8 @@ pub struct PortOption {
 /// `rigident ports`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Opening a port restarts some boards: Arduinos, for one.\n\nExamples:\n  rigident ports\n  rigident ports --no-hello --json"
+    after_help = "Opening a port restarts some boards: Arduinos, for one.\n\nExamples:\n  rigident ports\n  \
+                  rigident ports --no-hello --json"
 )]
 pub struct Ports {
     /// Only list: open no port, and ask nobody who is there
@@ -28,9 +29,8 @@ pub struct Ports {
 
 /// `rigident info`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident info\n  rigident info --port /dev/ttyACM0\n  rigident info --restart\n  rigident info --port ./rigident-rig --json"
-)]
+#[command(after_help = "Examples:\n  rigident info\n  rigident info --port /dev/ttyACM0\n  rigident info \
+                  --restart\n  rigident info --port ./rigident-rig --json")]
 pub struct Info {
     #[command(flatten)]
     #[allow(missing_docs)]
@@ -46,9 +46,10 @@ pub struct Info {
 /// `rigident configure`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident configure                                   # prints the settings in force\n  rigident configure --write \
-                  bracket.settings.toml\n  rigident configure --rig bracket.rig.toml --dry-run\n  rigident configure --from \
-                  bracket.settings.toml --port /dev/ttyACM0"
+    after_help = "Examples:\n  rigident configure                                   # prints the settings in \
+                  force\n  rigident configure --write bracket.settings.toml\n  rigident configure --rig \
+                  bracket.rig.toml --dry-run\n  rigident configure --from bracket.settings.toml --port \
+                  /dev/ttyACM0"
 )]
 pub struct Configure {
     #[command(flatten)]
@@ -74,9 +75,10 @@ pub struct Configure {
 /// `rigident doctor`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Exit status 1 if something is to be done. What is not here and not needed, such as a device or the emulator, is no fault.\n\n\
-                  Examples:\n  rigident doctor\n  rigident doctor --port /dev/ttyACM0 --json\n  rigident doctor --udev-rule | sudo tee \
-                  /etc/udev/rules.d/60-rigident.rules"
+    after_help = "Exit status 1 if something is to be done. What is not here and not needed, such as a \
+                  device or the emulator, is no fault.\n\n\
+                  Examples:\n  rigident doctor\n  rigident doctor --port /dev/ttyACM0 --json\n  rigident \
+                  doctor --udev-rule | sudo tee /etc/udev/rules.d/60-rigident.rules"
 )]
 pub struct Doctor {
     #[command(flatten)]
@@ -92,10 +94,10 @@ pub struct Doctor {
 
 /// `rigident completions`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident completions bash > ~/.local/share/bash-completion/completions/rigident\n  rigident completions zsh > \
-                  ~/.zfunc/_rigident\n  rigident completions fish > ~/.config/fish/completions/rigident.fish"
-)]
+#[command(after_help = "Examples:\n  rigident completions bash > \
+                  ~/.local/share/bash-completion/completions/rigident\n  rigident completions zsh > \
+                  ~/.zfunc/_rigident\n  rigident completions fish > \
+                  ~/.config/fish/completions/rigident.fish")]
 pub struct Completions {
     /// The shell
     #[arg(value_enum)]
@@ -105,7 +107,8 @@ pub struct Completions {
 /// `rigident man`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident man --out man && man -l man/rigident-identify.1\n  rigident man | man -l -"
+    after_help = "Examples:\n  rigident man --out man && man -l man/rigident-identify.1\n  rigident man | \
+                  man -l -"
 )]
 pub struct Man {
     /// Folder for a page of each command; must be new or empty. Default: the first page, on standard output
@@ -116,10 +119,12 @@ pub struct Man {
 /// `rigident monitor`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Keys: q or Ctrl-C quits, up and down choose a parameter. Without colours: NO_COLOR=1.\n\nA device that another program runs, \
-                  such as `rigident run`, is watched by following that program's recording.\n\nExamples:\n  rigident monitor --demo\n  rigident \
-                  monitor rigident-run-001/run.mcap\n  rigident monitor --port /dev/ttyACM0\n  rigident monitor --rig bracket.rig.toml --start       \
-                  # moved by hand\n  rigident monitor --demo --foxglove\n  rigident monitor run.mcap --once"
+    after_help = "Keys: q or Ctrl-C quits, up and down choose a parameter. Without colours: NO_COLOR=1.\n\nA \
+                  device that another program runs, such as `rigident run`, is watched by following that \
+                  program's recording.\n\nExamples:\n  rigident monitor --demo\n  rigident monitor \
+                  rigident-run-001/run.mcap\n  rigident monitor --port /dev/ttyACM0\n  rigident monitor \
+                  --rig bracket.rig.toml --start       # moved by hand\n  rigident monitor --demo \
+                  --foxglove\n  rigident monitor run.mcap --once"
 )]
 pub struct Monitor {
     /// A recording, CSV or MCAP, that is finished or being written. Default: the device on a port
@@ -140,7 +145,8 @@ pub struct Monitor {
     /// Send the same to Foxglove; PORT may be ADDRESS:PORT, and is one of this machine alone without
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765")]
     pub foxglove: Option<String>,
-    /// Print the last picture as text and end: of a recording or the demonstration as a whole, of a device after its first answer
+    /// Print the last picture as text and end: of a recording or the demonstration as a whole, of a device
+    /// after its first answer
     #[arg(long)]
     pub once: bool,
     /// Print a JSON object for every new answer, one a line, and nothing else

@@ -63,7 +63,8 @@ fn listed(list: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Merges the factors of each combination of labels by themselves. Nothing is written unless all of them can be merged.
+/// Merges the factors of each combination of labels by themselves. Nothing is written unless all of them can
+/// be merged.
 fn merge_by(arguments: &Merge, files: &[PathBuf]) -> Result<ExitCode, Failure> {
     let table = is_table(&arguments.output);
     if table {
@@ -122,7 +123,8 @@ fn sorted(files: &[PathBuf], keys: &[String]) -> Result<BTreeMap<Values, Vec<Par
     Ok(grouped(found.into_iter().flat_map(of_part)))
 }
 
-/// Returns the name of a group, `body=a,rig=2`; what no file's name may have is written as `%` and its two digits.
+/// Returns the name of a group, `body=a,rig=2`; what no file's name may have is written as `%` and its two
+/// digits.
 fn file_name(keys: &[String], values: &Values) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_. ".contains(&byte);
     let escaped = |value: &str| -> String {

@@ -146,9 +146,9 @@ fn text(model: &Model, situation: &Situation, found: &BaseParameters) -> String 
     let kinds: Vec<String> = bodies.kinds().iter().map(|(kind, n)| format!("{n} {kind}")).collect();
     let followers = bodies.links.iter().filter(|l| l.mimic.is_some()).count();
     let mut out = format!(
-        "{}: {} bodies, {} degrees of freedom in joints ({}){}; {}\n{} base parameters of {} standard ones\nsingular values, \
-         of random motions over the largest column: smallest kept {:.1e}, dropped ones below {:.1e}; rules and random \
-         motions agree to {:.0e}\n",
+        "{}: {} bodies, {} degrees of freedom in joints ({}){}; {}\n{} base parameters of {} standard \
+         ones\nsingular values, of random motions over the largest column: smallest kept {:.1e}, dropped \
+         ones below {:.1e}; rules and random motions agree to {:.0e}\n",
         model.name,
         bodies.links.iter().filter(|link| link.is_body()).count(),
         bodies.freedoms(),

@@ -8,10 +8,12 @@ use crate::options::test_body::DemoBody;
 #[derive(Args, Debug, Clone)]
 #[command(
     args_conflicts_with_subcommands = true,
-    after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % (with fewer than 2000 runs the \
-                        limits allow for chance).\n\nExamples:\n  rigident montecarlo\n  rigident montecarlo --noise gain --runs 500 \
-                        --json\n  rigident montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo --accel-noise \
-                        0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model two-links --runs 200\n  rigident montecarlo --model seven-axes --torques \
+    after_help = "Exit status 1 if a parameter's efficiency is below 0.9 or its coverage outside 93-97 % \
+                        (with fewer than 2000 runs the limits allow for chance).\n\nExamples:\n  rigident \
+                        montecarlo\n  rigident montecarlo --noise gain --runs 500 --json\n  rigident \
+                        montecarlo --rate-hz 1000 --mcu inproc --body vertical\n  rigident montecarlo \
+                        --accel-noise 0.1 --gyro-noise 0.006 --not-stated\n  rigident montecarlo --model \
+                        two-links --runs 200\n  rigident montecarlo --model seven-axes --torques \
                         --rate-noise 0.01"
 )]
 pub struct Montecarlo {
@@ -27,14 +29,16 @@ pub struct Montecarlo {
     /// Length of each experiment, s
     #[arg(long, default_value_t = 20.0, value_name = "S")]
     pub duration_s: f64,
-    /// Do this instead of the default experiment: a plan that `rigident plan … --out` wrote for the built-in platform
+    /// Do this instead of the default experiment: a plan that `rigident plan … --out` wrote for the built-in
+    /// platform
     #[arg(long, value_name = "FILE", conflicts_with_all = ["duration_s", "model"])]
     pub plan: Option<PathBuf>,
     /// Rate of the readings, 1/s
     #[arg(long, default_value_t = 200.0, value_name = "HZ")]
     pub rate_hz: f64,
-    /// A tree of links in place of the thesis' body: two-links, seven-axes, human34, human58, a URDF, MJCF or SDF, or a rig file
-    /// with [[link]] tables. Every joint and the base swing; white noise, by the batch pipeline
+    /// A tree of links in place of the thesis' body: two-links, seven-axes, human34, human58, a URDF, MJCF or
+    /// SDF, or a rig file with [[link]] tables. Every joint and the base swing; white noise, by the batch
+    /// pipeline
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["body", "noise", "mcu"])]
     pub model: Option<String>,
     /// The thesis' test body with plates, in either of its mountings
@@ -43,7 +47,8 @@ pub struct Montecarlo {
     /// How the load cell's uncertainty in the thesis' Table 1 is read
     #[arg(long, value_enum, default_value_t)]
     pub noise: NoiseReading,
-    /// Of a tree: torques of revolute joints on a base held still, in place of the wrench on a base that moves
+    /// Of a tree: torques of revolute joints on a base held still, in place of the wrench on a base that
+    /// moves
     #[arg(long, requires = "model")]
     pub torques: bool,
     /// White noise of the accelerometer in place of the thesis', 1 σ a sample, m/s²
@@ -86,11 +91,13 @@ fn sigma(text: &str) -> Result<f64, String> {
 /// What can be repeated instead.
 #[derive(Subcommand, Debug, Clone)]
 pub enum Repeated {
-    /// Still poses only: the centre of mass by the thesis' estimators and ours, bias and precision errors apart
+    /// Still poses only: the centre of mass by the thesis' estimators and ours, bias and precision errors
+    /// apart
     Poses(MontecarloPoses),
     /// The planned motions in both mountings: what was predicted of each against what many experiments find
     Motions(MontecarloMotions),
-    /// The tensor in two steps, mass and centre of mass from the poses first, beside one estimate of everything
+    /// The tensor in two steps, mass and centre of mass from the poses first, beside one estimate of
+    /// everything
     TwoSteps(MontecarloMotions),
 }
 
@@ -100,8 +107,8 @@ pub enum NoiseReading {
     /// White noise of each sample, 1.96 σ; the IMU with the thesis' noise and biases
     #[default]
     White,
-    /// Gain errors, constant over an experiment, as the share of the range that they are; resolution/√12 as white
-    /// noise; a perfect IMU
+    /// Gain errors, constant over an experiment, as the share of the range that they are; resolution/√12 as
+    /// white noise; a perfect IMU
     Gain,
     /// Both at once, with the thesis' IMU
     Both,
@@ -120,8 +127,9 @@ pub enum Estimating {
 /// `rigident montecarlo motions` and `two-steps`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The motions are those of `rigident plan compare`, each after its static step, with the sensors of the thesis.\n\nExamples:\n  \
-                        rigident montecarlo motions\n  rigident montecarlo motions --runs 2000 --json\n  rigident montecarlo two-steps"
+    after_help = "The motions are those of `rigident plan compare`, each after its static step, with the \
+                        sensors of the thesis.\n\nExamples:\n  rigident montecarlo motions\n  rigident \
+                        montecarlo motions --runs 2000 --json\n  rigident montecarlo two-steps"
 )]
 pub struct MontecarloMotions {
     /// Number of experiments of each motion
@@ -144,10 +152,11 @@ pub struct MontecarloMotions {
 /// `rigident montecarlo poses`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Each run draws the load cell's offset once and its noise for every reading (the thesis' Table 1 / 1.96 for both); both are also \
-                        tried by themselves. Uncertainties are 99.7 % (3 standard deviations), in mm.\n\nExamples:\n  rigident montecarlo \
-                        poses\n  rigident montecarlo poses --runs 10000 --json\n  rigident montecarlo poses --plot probability.svg \
-                        --plot-n 5"
+    after_help = "Each run draws the load cell's offset once and its noise for every reading (the thesis' \
+                        Table 1 / 1.96 for both); both are also tried by themselves. Uncertainties are 99.7 \
+                        % (3 standard deviations), in mm.\n\nExamples:\n  rigident montecarlo poses\n  \
+                        rigident montecarlo poses --runs 10000 --json\n  rigident montecarlo poses --plot \
+                        probability.svg --plot-n 5"
 )]
 pub struct MontecarloPoses {
     /// Number of experiments of each kind

@@ -17,9 +17,8 @@ pub(crate) fn run(arguments: &Ports) -> Result<ExitCode, Failure> {
     if arguments.json {
         say(Value::from(found.iter().map(as_json).collect::<Vec<_>>()));
     } else if found.is_empty() {
-        say(
-            "no serial ports; a simulated one: `rigident-sim serve`. `rigident doctor` says what may be missing",
-        );
+        say("no serial ports; a simulated one: `rigident-sim serve`. `rigident doctor` says what may be \
+             missing");
     } else {
         found.iter().for_each(|port| say(in_words(port)));
     }

@@ -132,9 +132,9 @@ fn describe(geometry: &Geometry, span: &Span) -> String {
 fn summary(geometry: &Geometry, span: &Span, map: &Map, reach: &[Reach]) -> String {
     let cond_max = geometry.limits.cond_max;
     let mut text = format!(
-        "Workspace over roll and pitch, {}: {} orientations.\n  within the limits of legs and joints {:>5.1} %\n  and \
-         cond(H) ≤ {cond_max:<18} {:>5.1} %\n\nLargest tilt, all smaller ones included:\n\n  leaning to   legs and joints   \
-         and cond(H)\n           °                 °             °",
+        "Workspace over roll and pitch, {}: {} orientations.\n  within the limits of legs and joints {:>5.1} \
+         %\n  and cond(H) ≤ {cond_max:<18} {:>5.1} %\n\nLargest tilt, all smaller ones included:\n\n  \
+         leaning to   legs and joints   and cond(H)\n           °                 °             °",
         describe(geometry, span),
         map.roll_deg.len() * map.pitch_deg.len(),
         100.0 * share(&map.reachable),

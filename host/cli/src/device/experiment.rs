@@ -26,7 +26,8 @@ pub(crate) fn check_duration(duration_s: f64) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(format!(
-        "--duration-s {duration_s}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s are enough"
+        "--duration-s {duration_s}: the five poses and the motion take {SHORTEST_S} s at least, and 3600 s \
+         are enough"
     )))
 }
 

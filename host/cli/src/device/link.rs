@@ -34,7 +34,8 @@ pub(crate) fn device_settings(
     settings(rig, timing, noise, None).map_err(Failure::input)
 }
 
-/// Opens a device's port and says hello; without a name the only device's, left out `others` that belong to something else.
+/// Opens a device's port and says hello; without a name the only device's, left out `others` that belong to
+/// something else.
 ///
 /// # Errors
 /// The link: no device, or none that can be used. Bad usage: several, and nobody to ask which.

@@ -9,13 +9,13 @@ pub(crate) use rigident::device::session::state_memory as put_into;
 /// How long rows are remembered.
 #[derive(Args, Debug, Clone, Default)]
 pub struct Forgetting {
-    /// For a body that changes: forget what the motion renews with this time constant, s; what it does not renew is kept.
-    /// The answer is the one at the end, with the uncertainty of S seconds. With --until the run ends when what is
-    /// remembered is that well known, which a short memory may never be
+    /// For a body that changes: forget what the motion renews with this time constant, s; what it does not
+    /// renew is kept. The answer is the one at the end, with the uncertainty of S seconds. With --until the
+    /// run ends when what is remembered is that well known, which a short memory may never be
     #[arg(long, value_name = "S", conflicts_with = "window")]
     pub forget: Option<f64>,
-    /// The answer of the last S seconds alone (of four fifths of it at least); where these did not move, nothing is
-    /// identified. With --until as --forget
+    /// The answer of the last S seconds alone (of four fifths of it at least); where these did not move,
+    /// nothing is identified. With --until as --forget
     #[arg(long, value_name = "S")]
     pub window: Option<f64>,
 }

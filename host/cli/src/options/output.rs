@@ -11,12 +11,12 @@ pub struct Output {
     /// Folder for the files; must be new or empty. Default: a new folder here
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx; of several links their
-    /// names, or single parameters as arm.MSx
+    /// What must be identified for exit status 0: any of m, mc, I, offset, or single names as Ixx; of several
+    /// links their names, or single parameters as arm.MSx
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub estimate: Vec<String>,
-    /// Write a certificate to print (A4) to this new file: part, equipment, results with k = 2, what they rest on. What [certificate]
-    /// of the rig file does not state is listed, or asked for
+    /// Write a certificate to print (A4) to this new file: part, equipment, results with k = 2, what they
+    /// rest on. What [certificate] of the rig file does not state is listed, or asked for
     #[arg(long, value_name = "FILE.html")]
     pub certificate: Option<PathBuf>,
     /// State a key of [certificate], as number=2026-117; may be given several times

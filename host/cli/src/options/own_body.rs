@@ -22,8 +22,8 @@ pub struct OwnBody {
     /// Its centre of mass in S, in m, or as 0,10,50mm. Default: half an edge of the cube above the load cell
     #[arg(long, value_name = "X,Y,Z", requires = "mass", allow_hyphen_values = true, value_parser = place)]
     pub com: Option<[f64; 3]>,
-    /// Its tensor about the centre of mass: Ixx,Iyy,Izz or Ixx,Iyy,Izz,Iyz,Izx,Ixy in kg m², or as 60,50,40kgcm2. Default: that of a
-    /// cube of aluminium
+    /// Its tensor about the centre of mass: Ixx,Iyy,Izz or Ixx,Iyy,Izz,Iyz,Izx,Ixy in kg m², or as
+    /// 60,50,40kgcm2. Default: that of a cube of aluminium
     #[arg(long, value_name = "TENSOR", requires = "mass", allow_hyphen_values = true, value_parser = tensor)]
     pub inertia: Option<[f64; 6]>,
     /// Multiply the noise of load cell and IMU by this
@@ -66,15 +66,16 @@ impl OwnBody {
         };
         if !body.is_possible() {
             return Err(Failure::input(
-                "--inertia: no body has this tensor: each principal moment is above zero and none larger than the sum of the other two",
+                "--inertia: no body has this tensor: each principal moment is above zero and none larger \
+                 than the sum of the other two",
             ));
         }
         let [most_kg, within_m] = bound;
         let far_m = body.com_m.iter().map(|c| c * c).sum::<f64>().sqrt();
         if mass_kg > most_kg || far_m > within_m {
             return Err(Failure::input(format!(
-                "--mass and --com: the simulated platform carries {most_kg} kg with its centre of mass within {within_m} m of the load \
-                 cell's origin, and this is {mass_kg} kg at {far_m:.3} m"
+                "--mass and --com: the simulated platform carries {most_kg} kg with its centre of mass \
+                 within {within_m} m of the load cell's origin, and this is {mass_kg} kg at {far_m:.3} m"
             )));
         }
         Ok((config.with_body(body), Some(format!("a body of {mass_kg} kg"))))

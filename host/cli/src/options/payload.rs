@@ -8,12 +8,12 @@ use clap::Args;
 #[derive(Args, Debug, Clone, Default)]
 #[command(next_help_heading = "Payload")]
 pub struct PayloadOptions {
-    /// Identify what this link carries here and not in the runs of --tare: ten parameters in the link's frame, or in one that
-    /// is placed in it in m and degrees
+    /// Identify what this link carries here and not in the runs of --tare: ten parameters in the link's
+    /// frame, or in one that is placed in it in m and degrees
     #[arg(long, value_name = "LINK[@x,y,z[,roll,pitch,yaw]]", requires = "tare", allow_hyphen_values = true)]
     pub payload: Option<String>,
-    /// Write the load as a controller takes it, about the frame of --payload: .script (URScript), .cpp (libfranka), .json
-    /// (Franka), .dat (KUKA) or .urdf; must not exist. Repeatable
+    /// Write the load as a controller takes it, about the frame of --payload: .script (URScript), .cpp
+    /// (libfranka), .json (Franka), .dat (KUKA) or .urdf; must not exist. Repeatable
     #[arg(long, value_name = "FILE", requires = "payload")]
     pub write_load: Vec<PathBuf>,
 }

@@ -9,8 +9,9 @@ use rigident_fit::Parameter;
 /// What the device does while it estimates.
 #[derive(Args, Debug, Clone, Default)]
 pub struct StopCriterion {
-    /// End as soon as these have at most these 95 % uncertainties, SI, in the load cell's frame: Ixx=0.002,m=0.01. Any of m,
-    /// mc, I, offset, a link, and single names. The device decides; Ctrl-C ends sooner
+    /// End as soon as these have at most these 95 % uncertainties, SI, in the load cell's frame:
+    /// Ixx=0.002,m=0.01. Any of m, mc, I, offset, a link, and single names. The device decides; Ctrl-C ends
+    /// sooner
     #[arg(long, value_name = "NAME=U95", value_delimiter = ',')]
     pub until: Vec<String>,
     /// With --until: report when the uncertainties are reached, but finish the program

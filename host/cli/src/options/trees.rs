@@ -17,7 +17,8 @@ pub struct ModelCommand {
 pub enum ModelVerb {
     /// Count and name the base parameters, and say what each is made of
     BaseParams(BaseParams),
-    /// Look for inertias that no body has, and for ones that are in another frame, unit or place than they should be
+    /// Look for inertias that no body has, and for ones that are in another frame, unit or place than they
+    /// should be
     Check(ModelCheck),
     /// Write a model in which inertias that no body has are the nearest ones that a body can have
     Repair(ModelRepair),
@@ -26,15 +27,17 @@ pub enum ModelVerb {
 /// `rigident model repair`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Mass and centre of mass stay as they are. A file of the same kind is kept but for these inertias. Exit status 0 if \
-                        all are possible now, 1 if one cannot be repaired (no mass, or a negative one), 2 if the model cannot be \
-                        read.\n\nExamples:\n  rigident model repair robot.urdf --write repaired.urdf\n  rigident model repair robot.xml \
+    after_help = "Mass and centre of mass stay as they are. A file of the same kind is kept but for these \
+                        inertias. Exit status 0 if all are possible now, 1 if one cannot be repaired (no \
+                        mass, or a negative one), 2 if the model cannot be read.\n\nExamples:\n  rigident \
+                        model repair robot.urdf --write repaired.urdf\n  rigident model repair robot.xml \
                         --write repaired.urdf --json"
 )]
 pub struct ModelRepair {
     /// The tree: a URDF, MJCF (.xml, .mjcf) or SDF
     pub model: std::path::PathBuf,
-    /// The file to write: .urdf, .xml (MJCF) or .sdf; must not exist. Not written if nothing is to be repaired
+    /// The file to write: .urdf, .xml (MJCF) or .sdf; must not exist. Not written if nothing is to be
+    /// repaired
     #[arg(long, value_name = "FILE")]
     pub write: std::path::PathBuf,
     /// Print one object on standard output, and nothing else there
@@ -45,8 +48,9 @@ pub struct ModelRepair {
 /// `rigident model check`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Exit status 0 if nothing was found, 1 if something was, 2 if the model cannot be read as a tree.\n\nExamples:\n  \
-                        rigident model check robot.urdf\n  rigident model check robot.xml --json\n  rigident model check robot.sdf"
+    after_help = "Exit status 0 if nothing was found, 1 if something was, 2 if the model cannot be read as a \
+                        tree.\n\nExamples:\n  rigident model check robot.urdf\n  rigident model check \
+                        robot.xml --json\n  rigident model check robot.sdf"
 )]
 pub struct ModelCheck {
     /// The tree: human34, human58, a rig file (.toml), a URDF, MJCF (.xml, .mjcf) or SDF
@@ -60,7 +64,8 @@ pub struct ModelCheck {
 #[derive(Args, Debug, Clone)]
 #[command(next_help_heading = "Trees of links")]
 pub struct TreeModel {
-    /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if there are several
+    /// The tree: human34, human58, a URDF, MJCF or SDF. Default: the [[link]] tables of the rig file, if
+    /// there are several
     #[arg(long, value_name = "MODEL")]
     pub model: Option<String>,
     #[command(flatten)]
@@ -85,24 +90,26 @@ pub struct TreeOptions {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub of: TreeModel,
-    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor, spring, or none. What
-    /// the model states of its joints has columns beside these; none takes them out. Geared arms need rotor.
-    /// coulomb turns over at the speed that the recording shows, coulomb:SPEED at that one, coulomb:0 at once;
-    /// stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is proportional to the measured effort. Repeatable
+    /// Friction columns of every joint, or of one: any of viscous, coulomb, stribeck, load, offset, rotor,
+    /// spring, or none. What the model states of its joints has columns beside these; none takes them out.
+    /// Geared arms need rotor. coulomb turns over at the speed that the recording shows, coulomb:SPEED at
+    /// that one, coulomb:0 at once; stribeck:RATE says how fast it falls (0.1 rad/s, 0.01 m/s); load is
+    /// proportional to the measured effort. Repeatable
     #[arg(long, value_name = "[JOINT=]LIST")]
     pub friction: Vec<String>,
-    /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6, or by any gear m6=0.5*joint_5-joint_6.
-    /// Repeatable
+    /// A drive that turns with several joints, with the same columns: m6=joint_5+joint_6, or by any gear
+    /// m6=0.5*joint_5-joint_6. Repeatable
     #[arg(long, value_name = "NAME=JOINT+JOINT")]
     pub drive: Vec<String>,
     /// How well the nominal model is trusted where the data leave something open: 1 σ, relative
     #[arg(long, default_value_t = 1.0, value_name = "SHARE")]
     pub nominal_sigma: f64,
-    /// In the full parameters the links of the right side mirror those of the left, about y = 0 of the base's frame
+    /// In the full parameters the links of the right side mirror those of the left, about y = 0 of the base's
+    /// frame
     #[arg(long)]
     pub symmetric_sides: bool,
-    /// Write the model with the full parameters: .urdf, .xml (MJCF) or .sdf; must not exist. A file of the same kind given
-    /// by --model is kept but for its inertias
+    /// Write the model with the full parameters: .urdf, .xml (MJCF) or .sdf; must not exist. A file of the
+    /// same kind given by --model is kept but for its inertias
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<std::path::PathBuf>,
 }
@@ -110,11 +117,13 @@ pub struct TreeOptions {
 /// `rigident model base-params`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "A file has a fixed base, held still, and joint rows unless --floating is given, then base rows; people have no fixed \
-                        base. Links on fixed joints are one with what they hang on.\n\nExamples:\n  rigident model base-params \
-                        robot.urdf\n  rigident model base-params robot.urdf --floating --json\n  rigident model base-params \
-                        panda.urdf --lock panda_finger_joint1,panda_finger_joint2\n  rigident model base-params human34 \
-                        --height-m 1.65 --tool r_hand@0,0,-0.08\n  rigident model base-params two_links.rig.toml --floating"
+    after_help = "A file has a fixed base, held still, and joint rows unless --floating is given, then base \
+                        rows; people have no fixed base. Links on fixed joints are one with what they hang \
+                        on.\n\nExamples:\n  rigident model base-params robot.urdf\n  rigident model \
+                        base-params robot.urdf --floating --json\n  rigident model base-params panda.urdf \
+                        --lock panda_finger_joint1,panda_finger_joint2\n  rigident model base-params human34 \
+                        --height-m 1.65 --tool r_hand@0,0,-0.08\n  rigident model base-params \
+                        two_links.rig.toml --floating"
 )]
 pub struct BaseParams {
     #[command(flatten)]
@@ -147,10 +156,12 @@ pub struct ModelOptions {
 /// What is changed about a model, and whose body a person's is.
 #[derive(Args, Debug, Clone)]
 pub struct ModelChanges {
-    /// Joints that do not move, at an angle (rad) or a length (m); without it where the recording has them, else at zero
+    /// Joints that do not move, at an angle (rad) or a length (m); without it where the recording has them,
+    /// else at zero
     #[arg(long, value_name = "JOINT[=VALUE]", value_delimiter = ',')]
     pub lock: Vec<String>,
-    /// Three revolute joints in a row, nearest to the base first, that are one spherical joint, links without mass between them
+    /// Three revolute joints in a row, nearest to the base first, that are one spherical joint, links without
+    /// mass between them
     #[arg(long, value_name = "J1,J2,J3")]
     pub spherical: Vec<String>,
     /// A body held rigidly by a link; its frame in the link's in m and degrees
@@ -242,13 +253,11 @@ pub enum BenchVerb {
 
 /// `rigident bench regressors`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident bench regressors\n  rigident bench regressors ur5_robot.urdf jvrc1.urdf:floating \
-                        --python .venv/bin/python"
-)]
+#[command(after_help = "Examples:\n  rigident bench regressors\n  rigident bench regressors ur5_robot.urdf \
+                        jvrc1.urdf:floating --python .venv/bin/python")]
 pub struct BenchRegressors {
-    /// URDFs; :floating after one gives it a moving base. Default: an arm of six and one of seven axes, a quadruped of 18
-    /// and a humanoid of 38 degrees of freedom
+    /// URDFs; :floating after one gives it a moving base. Default: an arm of six and one of seven axes, a
+    /// quadruped of 18 and a humanoid of 38 degrees of freedom
     #[arg(value_name = "URDF[:floating]")]
     pub models: Vec<String>,
     /// The Python that has the wheel `pin`

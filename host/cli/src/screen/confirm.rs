@@ -40,7 +40,8 @@ pub(crate) fn can_be_asked(yes: bool) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(
-        "nothing was moved: there is no terminal to ask at, give --yes if nobody stands in the platform's way",
+        "nothing was moved: there is no terminal to ask at, give --yes if nobody stands in the platform's \
+         way",
     ))
 }
 

@@ -121,8 +121,8 @@ impl Failure {
     }
 }
 
-/// Words a message in the terms of the command line. Names in it are as strangers wrote them: nothing of them steers a terminal, a
-/// log or a notebook.
+/// Words a message in the terms of the command line. Names in it are as strangers wrote them: nothing of them
+/// steers a terminal, a log or a notebook.
 fn worded(message: &str) -> String {
     printable::lines(&in_own_terms(message)).to_string()
 }

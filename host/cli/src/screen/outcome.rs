@@ -29,8 +29,8 @@ pub(crate) fn failed(error: &str) -> serde_json::Value {
     serde_json::json!({ "status": "failed", "error": error.trim_end() })
 }
 
-/// Prints a line on standard output in the terms of the command line, or keeps it for the program that called the command. What
-/// standard output does not take is in [`unwritten`].
+/// Prints a line on standard output in the terms of the command line, or keeps it for the program that called
+/// the command. What standard output does not take is in [`unwritten`].
 pub(crate) fn say(text: impl std::fmt::Display) {
     say_as_it_is(in_own_terms(&text.to_string()));
 }
@@ -68,7 +68,8 @@ pub(crate) fn say_as_it_is(text: impl std::fmt::Display) {
     }
 }
 
-/// Returns a text as a terminal may have it. An object keeps all that its strings hold, written as JSON escapes it.
+/// Returns a text as a terminal may have it. An object keeps all that its strings hold, written as JSON
+/// escapes it.
 fn shown(text: &str) -> String {
     if !text.starts_with('{') {
         return printable::page(text).to_string();
@@ -103,8 +104,8 @@ fn print(to: &mut impl Write, text: &impl std::fmt::Display) -> io::Result<()> {
     }
 }
 
-/// Tells whether nobody reads any more. On Windows a pipe whose reader never connected, or left early, says so by a number that
-/// `std` has no kind for: ERROR_PIPE_NOT_CONNECTED.
+/// Tells whether nobody reads any more. On Windows a pipe whose reader never connected, or left early, says
+/// so by a number that `std` has no kind for: ERROR_PIPE_NOT_CONNECTED.
 fn is_reader_gone(error: &io::Error) -> bool {
     const PIPE_NOT_CONNECTED: i32 = 233;
     let is_windows_own = cfg!(windows) && error.raw_os_error() == Some(PIPE_NOT_CONNECTED);

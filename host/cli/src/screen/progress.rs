@@ -85,7 +85,8 @@ impl Drop for Progress {
 /// The interval between checks of the stage.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Shows what is being done, how much of it, and for how long, from a thread of its own while the work goes on.
+/// Shows what is being done, how much of it, and for how long, from a thread of its own while the work goes
+/// on.
 pub(crate) struct Stages {
     stage: Arc<Mutex<(String, f64)>>,
     end: Option<Sender<()>>,

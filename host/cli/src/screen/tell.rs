@@ -46,15 +46,17 @@ pub(crate) fn write(text: &str) -> std::io::Result<()> {
     }
 }
 
-/// Prints a line on standard error, or keeps it for the program that called the command. A reader that has gone away is no
-/// failure, and no reason to stop a platform's program in the middle, as `eprintln!` would by a panic.
+/// Prints a line on standard error, or keeps it for the program that called the command. A reader that has
+/// gone away is no failure, and no reason to stop a platform's program in the middle, as `eprintln!` would by
+/// a panic.
 macro_rules! tell {
     ($($words:tt)*) => {
         $crate::screen::tell::tell(format_args!($($words)*), "\n")
     };
 }
 
-/// Prints words in the terms of the command line, then `end`; characters of names that would steer the terminal are replaced.
+/// Prints words in the terms of the command line, then `end`; characters of names that would steer the
+/// terminal are replaced.
 pub(crate) fn tell(words: fmt::Arguments<'_>, end: &str) {
     let text = words.to_string();
     let text = in_own_terms(&text);

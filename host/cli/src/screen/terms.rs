@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
-/// The words before a backticked name that is no parameter: a key of a file, as its reader names it, or a command of
-/// the device's protocol. Further names of such a list follow it.
+/// The words before a backticked name that is no parameter: a key of a file, as its reader names it, or a
+/// command of the device's protocol. Further names of such a list follow it.
 const OF_OTHERS: [&str; 9] =
     ["field ", "variant ", "key ", "expected ", "one of ", "answer ", "answers ", "answered ", "refuses "];
 
@@ -18,8 +18,9 @@ struct Terms {
     commands: BTreeMap<String, String>,
 }
 
-/// Returns a text with the library's names in the terms of the command line: `` `write_model` `` is `--write-model`,
-/// `` `configure(write=FILE)` `` is `` `rigident configure --write FILE` ``. Other words in backticks stay as they are.
+/// Returns a text with the library's names in the terms of the command line: `` `write_model` `` is
+/// `--write-model`, `` `configure(write=FILE)` `` is `` `rigident configure --write FILE` ``. Other words in
+/// backticks stay as they are.
 pub(crate) fn in_own_terms(text: &str) -> Cow<'_, str> {
     if !text.contains('`') {
         return Cow::Borrowed(text);

@@ -22,11 +22,12 @@ pub(crate) fn notice(notice: &Notice) -> String {
     use rigident::application::notice as words;
     match notice {
         Notice::ColumnsAssumed(assumed) => format!(
-            "{assumed}; the wrench is taken to be that on the body. `rigident import` writes a rig file that says so, to be changed"
+            "{assumed}; the wrench is taken to be that on the body. `rigident import` writes a rig file that \
+             says so, to be changed"
         ),
         Notice::ColumnsLeftOut(columns) => format!(
-            "one rigid body is identified, and columns of other links are not used: {}. Several links need [[link]] tables in the rig \
-             file, or --model",
+            "one rigid body is identified, and columns of other links are not used: {}. Several links need \
+             [[link]] tables in the rig file, or --model",
             columns.join(", ")
         ),
         Notice::LockedAtZero(joints) => {
@@ -42,7 +43,8 @@ pub(crate) fn notice(notice: &Notice) -> String {
             format!("{} need a run with the bare flange as --tare", words::payload(link, without))
         }
         Notice::PayloadNotUsed(link) => format!(
-            "--payload {link}: nothing is said of it, because the recording with it cannot be true; this is the answer about the arm"
+            "--payload {link}: nothing is said of it, because the recording with it cannot be true; this is \
+             the answer about the arm"
         ),
         Notice::MassContradicted { given_kg, plates } => format!(
             "--mass-kg {given_kg} contradicts the plates, which say {plates}: weigh again, or leave it out"
@@ -64,14 +66,17 @@ pub(crate) fn error(error: &Error) -> String {
         Error::Listing(own) => listing(own),
         Error::Factors(own) => factors(own),
         Error::OfRobot { error: own, joint } => format!(
-            "{own}. Its columns {joint}_… are of a robot's joints: to identify its links give its description by --model FILE"
+            "{own}. Its columns {joint}_… are of a robot's joints: to identify its links give its \
+             description by --model FILE"
         ),
         Error::OnlyForTrees(option) => format!(
             "{} is for trees of links: say which by --model, or by [[link]] tables in the rig file",
             option_of(*option)
         ),
         Error::NoPerson => {
-            "--height-m, --mass-kg, --sex and --segment describe human34 and human58; the model given is neither".to_owned()
+            "--height-m, --mass-kg, --sex and --segment describe human34 and human58; the model given is \
+             neither"
+                .to_owned()
         }
         Error::LockedMoves { joint, moves } => format!(
             "--lock {joint}: {moves}: a joint that moves cannot be taken for locked; leave it out of --lock"
@@ -84,16 +89,16 @@ pub(crate) fn error(error: &Error) -> String {
             Span::Window(s) => format!("--window {s}: {why}"),
         },
         Error::SpanOfStreams => {
-            "--forget and --window: not of several files with clocks of their own, as the uncertainty of their skews is that of a whole \
-             run; give one recording"
+            "--forget and --window: not of several files with clocks of their own, as the uncertainty of \
+             their skews is that of a whole run; give one recording"
                 .to_owned()
         }
         Error::NominalSigma(sigma) => {
             format!("--nominal-sigma {sigma}: must be finite and greater than zero")
         }
         Error::PayloadAndLinks => {
-            "--payload: the answer is about what a link carries; --write-model and --symmetric-sides are about the links: identify \
-             these without it"
+            "--payload: the answer is about what a link carries; --write-model and --symmetric-sides are \
+             about the links: identify these without it"
                 .to_owned()
         }
         Error::PayloadOfBody => {
@@ -101,16 +106,19 @@ pub(crate) fn error(error: &Error) -> String {
         }
         Error::LoadFile { path, why } => format!("--write-load {}: {why}", path.display()),
         Error::OtherLinks { factor, rig } => format!(
-            "--rig: the factor is of {factor}, and the rig file of {rig}; give the rig file that the recordings were taken with, or none"
+            "--rig: the factor is of {factor}, and the rig file of {rig}; give the rig file that the \
+             recordings were taken with, or none"
         ),
         Error::NoOffset(why) => format!("--estimate offset: {why}"),
         Error::NoPlatform => {
-            "--without-platform: the rig file states neither [suspension.platform] nor the mass of a spring".to_owned()
+            "--without-platform: the rig file states neither [suspension.platform] nor the mass of a \
+             spring"
+                .to_owned()
         }
         Error::Disagree { recordings, ratio, shared_offset } => format!(
-            "{recordings} disagree {ratio:.1} times as much as their noise explains: they are not runs of one body, mounted alike, \
-             with one sensor{}; `rigident solve` of each tells which does not belong. --force merges them all the same, the \
-             intervals widened as much",
+            "{recordings} disagree {ratio:.1} times as much as their noise explains: they are not runs of \
+             one body, mounted alike, with one sensor{}; `rigident solve` of each tells which does not \
+             belong. --force merges them all the same, the intervals widened as much",
             if *shared_offset { ", or its offset is not one between them" } else { "" }
         ),
         Error::OtherParameters => {
@@ -155,8 +163,8 @@ fn body(error: &BodyError) -> String {
             path.display()
         ),
         BodyError::ToolLink(link) => format!(
-            "--tool-link {link}: no marker follows {link} in all trials, so that what it holds cannot be found: put markers on it, or name \
-             the link that has some"
+            "--tool-link {link}: no marker follows {link} in all trials, so that what it holds cannot be \
+             found: put markers on it, or name the link that has some"
         ),
         other => other.to_string(),
     }
@@ -169,8 +177,8 @@ fn listing(error: &ListingError) -> String {
             path.display()
         ),
         ListingError::Folder(path) => format!(
-            "{} is a folder without a bag of ROS 2 (metadata.yaml with .mcap or .db3): of files with clocks of their own give the rig \
-             file that lists them as [[stream]] by --rig",
+            "{} is a folder without a bag of ROS 2 (metadata.yaml with .mcap or .db3): of files with clocks \
+             of their own give the rig file that lists them as [[stream]] by --rig",
             path.display()
         ),
         ListingError::OneOfSeveral { .. } => error.to_string(),

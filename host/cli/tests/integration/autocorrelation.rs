@@ -120,7 +120,8 @@ fn autocorrelated_noise_is_named_in_a_second_too() {
     assert_eq!(found(200.0, rho, 0.7, 1), [], "too few rows");
 }
 
-/// Autoregressive noise of correlation time τ: the spectrum at zero frequency is (1 + ρ)/(1 − ρ) times the white one's.
+/// Autoregressive noise of correlation time τ: the spectrum at zero frequency is (1 + ρ)/(1 − ρ) times the
+/// white one's.
 #[test]
 fn autocorrelated_noise_is_named_with_its_factor() {
     for (tau_s, seconds) in [(0.05, 60.0), (0.2, 240.0)] {

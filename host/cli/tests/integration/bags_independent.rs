@@ -1,5 +1,6 @@
-//! Bags that ROS 2's own definitions made (`rosbags` in Python, which shares no code with this project): SQLite and MCAP, joint states,
-//! wrenches, IMUs and transforms. `RIGIDENT_PYTHON` names an interpreter that has it, as `cargo xtask setup` installs it.
+//! Bags that ROS 2's own definitions made (`rosbags` in Python, which shares no code with this project):
+//! SQLite and MCAP, joint states, wrenches, IMUs and transforms. `RIGIDENT_PYTHON` names an interpreter that
+//! has it, as `cargo xtask setup` installs it.
 
 use std::fmt::Write as _;
 use std::path::Path;

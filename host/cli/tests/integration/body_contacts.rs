@@ -1,4 +1,5 @@
-//! `rigident body identify` of people who sit, hold on, jump off boxes and run: what no plate measures is named, and what plates measure is used.
+//! `rigident body identify` of people who sit, hold on, jump off boxes and run: what no plate measures is
+//! named, and what plates measure is used.
 
 use std::f64::consts::PI;
 use std::path::Path;

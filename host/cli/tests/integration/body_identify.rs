@@ -1,4 +1,5 @@
-//! `rigident body identify` on recorded people: whole masses against scales and plates, and motions that were left out.
+//! `rigident body identify` on recorded people: whole masses against scales and plates, and motions that were
+//! left out.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -78,7 +79,8 @@ fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
     let weighed = run("weighed", &["--height-m", "1.8", "--mass-kg", "72.6"], GAIT);
     weighs(&weighed, 72.6);
     assert!(mass(&weighed, "mass_with_table_kg").1 < 0.9 * mass(&gait, "mass_with_table_kg").1);
-    // One part of the walk after the other is left out: on every axis no worse than the table, and better but for the lateral force.
+    // One part of the walk after the other is left out: on every axis no worse than the table, and better but
+    // for the lateral force.
     no_worse(&gait);
     for channel in gait["person"]["left_out"].as_array().unwrap() {
         let of = |field: &str| channel[field].as_f64().unwrap();
@@ -111,8 +113,8 @@ fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
         ("--ground", "human_rajagopal2016_walk/grf_walk.mot"),
     ];
     weighs(&run("rajagopal", &[], &files), 85.27);
-    // A step of 0.4 s alone does not tell the mass to 10 %, and no number is given; with the standing trial it does. By the plates
-    // 46.30 kg.
+    // A step of 0.4 s alone does not tell the mass to 10 %, and no number is given; with the standing trial
+    // it does. By the plates 46.30 kg.
     let walk = ("", "human_btk_pig_47kg_fullbody/PiG_Motion-FlatFoot-Full.c3d");
     let standing = "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d";
     let short = run("short", &["--height-m", "1.505"], &[walk, ("--static", standing)]);
@@ -134,13 +136,15 @@ fn standing_alone_shared_data_tell_the_mass_and_little_else() {
     let (value, u95) = mass(&found, "mass_kg");
     // Two plates that were always loaded, each with a zero known to 5 N: 1.96 · √2 · 5 N / g = 1.41 kg; and a
     // scale of 1 % that both share and 1 % of each: 1.96 · 1 % · √1.5 · 60.75 kg = 1.46 kg. Together 2.03 kg.
-    // The plates' own scales follow the moments, which the joints' errors blur: the mass may move by half of that.
+    // The plates' own scales follow the moments, which the joints' errors blur: the mass may move by half of
+    // that.
     assert!((value - 60.75).abs() < 0.6 * u95 && (1.9..2.4).contains(&u95), "{value} ± {u95}");
-    // Breathing and skin move as much as the segments do, and count as slow noise: of these nothing is said beyond the table.
+    // Breathing and skin move as much as the segments do, and count as slow noise: of these nothing is said
+    // beyond the table.
     let segments = found["person"]["segments"].as_array().unwrap();
     assert!(segments.iter().all(|segment| segment["identified"] == false), "{segments:?}");
-    // With the walk, in which both plates have time without load, their zeros are known. Standing, they read 595.72 N together;
-    // without load in the walk 0.80 N and −2.77 N (medians): 597.69 N, 60.95 kg.
+    // With the walk, in which both plates have time without load, their zeros are known. Standing, they read
+    // 595.72 N together; without load in the walk 0.80 N and −2.77 N (medians): 597.69 N, 60.95 kg.
     let files = [files[0], ("", "human_btk_pig_60kg_functional/FunctionalWalk.c3d")];
     let both = tempfile::tempdir().unwrap();
     let both = identify(both.path(), &["--height-m", "1.68"], &files);
@@ -186,7 +190,8 @@ const FULL_BODY: &[(&str, &str)] = &[
     ("--static", "human_btk_pig_47kg_fullbody/PiG_Calibration-FlatFoot-Full.c3d"),
 ];
 
-/// All 128 parameters at 100 frames a second: the firmware's rows are those of the same frames in double precision.
+/// All 128 parameters at 100 frames a second: the firmware's rows are those of the same frames in double
+/// precision.
 fn streams_to(mcu: &str) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let result = identify(folder.path(), &["--height-m", "1.505", "--mcu", mcu], FULL_BODY);
@@ -232,7 +237,8 @@ fn who_holds_nothing_in_shared_data_holds_nothing_within_its_interval() {
     assert!(tool.get("com_m").is_none());
 }
 
-/// Writes the walk on a treadmill with forces turned about the transverse axis by some degrees into a folder, with the standing trial.
+/// Writes the walk on a treadmill with forces turned about the transverse axis by some degrees into a folder,
+/// with the standing trial.
 fn turned_walk(folder: &Path, degrees: f64) {
     let read =
         |name: &str| std::fs::read_to_string(data("human_gait2354_subject01_walk").join(name)).unwrap();

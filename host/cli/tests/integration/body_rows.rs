@@ -1,7 +1,8 @@
-//! One body's compact form of its rows, the firmware's pipeline on filtered signals, against the rows themselves, which
-//! know nothing of it: the same factor and the same conclusions.
+//! One body's compact form of its rows, the firmware's pipeline on filtered signals, against the rows
+//! themselves, which know nothing of it: the same factor and the same conclusions.
 //!
-//! At 100 readings a second each has a row, and both filters are one; faster ones average neighbours in the pipeline alone.
+//! At 100 readings a second each has a row, and both filters are one; faster ones average neighbours in the
+//! pipeline alone.
 
 use std::ops::Range;
 
@@ -34,7 +35,8 @@ fn mounted(turn: Vector3<f64>) -> Rotation<Sensor, Imu, f64> {
     Rotation::from_quaternion([q.w, q.i, q.j, q.k]).unwrap()
 }
 
-/// Both sum the same numbers in another order: some hundred roundings of 1e-16 each, times the condition number.
+/// Both sum the same numbers in another order: some hundred roundings of 1e-16 each, times the condition
+/// number.
 const ROUNDING: f64 = 1e-10;
 
 /// The rows of one body without their compact form.
@@ -127,8 +129,8 @@ impl RowSource for PlainRows {
     }
 }
 
-/// Readings of a body of 2 kg, by its equation at angular rates and specific forces that are sums of sines, with white
-/// noise of 0.5 N, 0.03 N m, 0.02 m/s² and 1e-3 rad/s.
+/// Readings of a body of 2 kg, by its equation at angular rates and specific forces that are sums of sines,
+/// with white noise of 0.5 N, 0.03 N m, 0.02 m/s² and 1e-3 rad/s.
 fn readings(seconds: f64) -> Vec<Reading<f64>> {
     const PHI: [f64; 10] = [2.0, 0.02, -0.03, 0.1, 0.03, 0.02, 0.025, 1e-3, -2e-3, 3e-3];
     const OFFSET: [f64; 6] = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
@@ -327,7 +329,8 @@ fn forgetting_and_a_window() {
     }
 }
 
-/// The columns of the IMU's errors, by derivatives of the signals, against differences of readings with these errors.
+/// The columns of the IMU's errors, by derivatives of the signals, against differences of readings with these
+/// errors.
 #[test]
 fn errors_of_the_imu() {
     let mut input = input(readings(30.0));

@@ -1,5 +1,5 @@
-//! C3D files against `ezc3d`, which shares no code with this project. `RIGIDENT_PYTHON` names an interpreter that has it, as
-//! `cargo xtask setup` installs it.
+//! C3D files against `ezc3d`, which shares no code with this project. `RIGIDENT_PYTHON` names an interpreter
+//! that has it, as `cargo xtask setup` installs it.
 
 use crate::program::python;
 use std::path::Path;

@@ -219,7 +219,8 @@ fn corners_may_be_sites_of_an_mjcf() {
         .iter()
         .map(|side| {
             format!(
-                "[[sole]]\nname = \"{side}\"\nlink = \"{side}_ankle_x_link\"\ncorner_sites = [\"{side}0\", \"{side}1\", \"{side}2\", \"{side}3\"]\n"
+                "[[sole]]\nname = \"{side}\"\nlink = \"{side}_ankle_x_link\"\ncorner_sites = \
+                 [\"{side}0\", \"{side}1\", \"{side}2\", \"{side}3\"]\n"
             )
         })
         .collect();

@@ -1,4 +1,5 @@
-//! Contacts of every kind, robots of every kind: intervals hold the truth of poses that other kinematics made.
+//! Contacts of every kind, robots of every kind: intervals hold the truth of poses that other kinematics
+//! made.
 
 use std::path::Path;
 
@@ -43,8 +44,9 @@ impl Coverage {
         (self.known - before) as usize
     }
 
-    /// Hundreds of intervals, those of one set correlated as if half of them counted: a standard error of at most 1.8 %. Corners are
-    /// exact, and said to be so to 0.1 mm, so that intervals may be too wide, but by no more than a half.
+    /// Hundreds of intervals, those of one set correlated as if half of them counted: a standard error of at
+    /// most 1.8 %. Corners are exact, and said to be so to 0.1 mm, so that intervals may be too wide, but by
+    /// no more than a half.
     fn holds(&self) {
         let (share, square) = (self.inside / self.known, self.squares / self.known);
         assert!(
@@ -54,8 +56,8 @@ impl Coverage {
     }
 }
 
-/// Poses of the humanoid with flat soles, `shape` applied to where each begins; links `stiff` do not move, the left sole is higher
-/// and leans by `raised`, m and rad.
+/// Poses of the humanoid with flat soles, `shape` applied to where each begins; links `stiff` do not move,
+/// the left sole is higher and leans by `raised`, m and rad.
 pub fn flat_poses(
     setup: &Setup,
     count: usize,
@@ -90,7 +92,8 @@ pub fn flat_poses(
     poses
 }
 
-/// A crouch with legs that differ: hip, knee and ankle pitch at 1 + the places given, all else spread at random.
+/// A crouch with legs that differ: hip, knee and ankle pitch at 1 + the places given, all else spread at
+/// random.
 fn crouched(links: usize, legs: &[[usize; 4]], spread: f64, seed: u64) -> Stance {
     let random = uniform(links + 4, seed);
     let mut positions: Vec<f64> = random[..links].iter().map(|v| spread * v).collect();
@@ -113,7 +116,8 @@ fn exact() -> Noise {
     Noise { height_m: 1e-4, floor_rad: 0.0, ..Noise::default() }
 }
 
-/// Feet bolted to blocks that are neither level nor equally high: nothing of the world is known but that they stay.
+/// Feet bolted to blocks that are neither level nor equally high: nothing of the world is known but that they
+/// stay.
 #[test]
 fn feet_that_are_held_tell_offsets_and_not_those_that_their_unknown_attitudes_hide() {
     let model = humanoid();
@@ -134,7 +138,8 @@ fn feet_that_are_held_tell_offsets_and_not_those_that_their_unknown_attitudes_hi
         let there = robot.places(&first);
         let mut poses = Vec::new();
         for k in 0..40_u64 {
-            // What holds the feet gives as much as is stated: of a uniform play between ±a the standard deviation is a/√3.
+            // What holds the feet gives as much as is stated: of a uniform play between ±a the standard
+            // deviation is a/√3.
             let play: Vec<f64> = uniform(12, 300_000 + 100 * set + k)
                 .into_iter()
                 .enumerate()

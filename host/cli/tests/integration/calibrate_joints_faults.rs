@@ -1,4 +1,5 @@
-//! Bad input of `rigident calibrate joints`: what is wrong is named, and no wrong number comes with a small interval.
+//! Bad input of `rigident calibrate joints`: what is wrong is named, and no wrong number comes with a small
+//! interval.
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rigident::joint_offsets::Pose;

@@ -1,4 +1,5 @@
-//! A rig calibrated by a steel cylinder, and verified: recordings by Newton's and Euler's laws, with errors of the rig.
+//! A rig calibrated by a steel cylinder, and verified: recordings by Newton's and Euler's laws, with errors
+//! of the rig.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -16,10 +17,13 @@ use crate::program::{json, rigident, said};
 const RATE_HZ: f64 = 200.0;
 const GRAVITY: f64 = 9.80665;
 
-const RIG: &str = "[[imu]]\nposition_m = [0.04, -0.03, 0.02]\naccel_noise_mps2 = 0.01\ngyro_noise_radps = 5e-4\n\n\
-                   [load_cell]\nnoise_n_nm = [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015]\nrange_n_nm = [100, 100, 100, 5, 5, 5]\n";
+const RIG: &str = "[[imu]]\nposition_m = [0.04, -0.03, 0.02]\naccel_noise_mps2 = 0.01\ngyro_noise_radps = \
+                   5e-4\n\n\
+                   [load_cell]\nnoise_n_nm = [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015]\nrange_n_nm = [100, \
+                   100, 100, 5, 5, 5]\n";
 
-const CYLINDER: &str = "name = \"steel cylinder 3\"\nmass_kg = 3.32\nmass_std_kg = 3.3e-4\n\n[cylinder]\ndiameter_m = 0.07\n\
+const CYLINDER: &str = "name = \"steel cylinder 3\"\nmass_kg = 3.32\nmass_std_kg = \
+                        3.3e-4\n\n[cylinder]\ndiameter_m = 0.07\n\
                         diameter_tolerance_m = 2e-5\nlength_m = 0.11\nlength_tolerance_m = 2e-5\n\n[place]\n\
                         position_m = [0, 0, 0.012]\nposition_tolerance_m = [3.5e-5, 3.5e-5, 3.5e-5]\n\
                         rotation_tolerance_deg = [0.05, 0.05, 0.05]\n\n[[mounting]]\nname = \"lying\"\n\
@@ -279,8 +283,8 @@ fn what_is_not_the_reference_or_not_the_rig_calibrates_nothing() {
     assert!(json(&output)["warnings"].to_string().contains("calibrate the rig again"));
 }
 
-/// A body that weighs 1.8 % less than its file says, and one weighed in pounds: both commands refuse both, by the mass. A χ² of ten
-/// parameters lets the first pass.
+/// A body that weighs 1.8 % less than its file says, and one weighed in pounds: both commands refuse both, by
+/// the mass. A χ² of ten parameters lets the first pass.
 #[test]
 fn a_reference_weighed_wrongly_is_refused_by_both_commands() {
     let folder = tempfile::tempdir().unwrap();

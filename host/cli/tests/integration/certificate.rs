@@ -1,4 +1,5 @@
-//! `--certificate`: numbers of the result in the customer's units, what is missing, hashes, hostile names, and what has none.
+//! `--certificate`: numbers of the result in the customer's units, what is missing, hashes, hostile names,
+//! and what has none.
 
 use std::fs;
 use std::path::Path;

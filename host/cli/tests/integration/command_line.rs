@@ -44,7 +44,8 @@ fn completions_of_every_shell_name_every_command_and_the_shell_reads_them() {
 #[test]
 fn bash_completes_a_command_by_its_first_letters() {
     let script = rigident_anywhere(&["completions", "bash"]).stdout;
-    let asked = "\nCOMP_WORDS=(rigident ident); COMP_CWORD=1; _rigident rigident ident rigident; echo \"${COMPREPLY[*]}\"\n";
+    let asked = "\nCOMP_WORDS=(rigident ident); COMP_CWORD=1; _rigident rigident ident rigident; \
+                 echo \"${COMPREPLY[*]}\"\n";
     let Some(read) = fed("bash", &["--norc"], &[script, asked.as_bytes().to_vec()].concat()) else { return };
     assert_eq!(String::from_utf8_lossy(&read.stdout).trim(), "identify", "{}", said(&read));
 }

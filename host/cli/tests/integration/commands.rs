@@ -45,7 +45,8 @@ fn a_demonstration_ends_when_the_uncertainties_asked_for_are_reached() {
     assert!(early < 50_000, "{early}");
     for (name, u95) in [(0, 0.03), (4, 0.0015)] {
         let (_, reached) = values(&result)[name].unwrap();
-        // The answer widens its uncertainties where the residuals exceed the noise that was stated: some per cent at most.
+        // The answer widens its uncertainties where the residuals exceed the noise that was stated: some per
+        // cent at most.
         assert!(reached <= 1.1 * u95, "{reached} {u95}");
     }
     let (whole, _) = rows(&["--keep-going"], "whole");
@@ -202,8 +203,8 @@ fn example(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples").join(name).display().to_string()
 }
 
-/// 24 poses of a real load cell. Least squares over the poses by another program gives 0.9323 kg, 43.90 mm and the
-/// offsets below, on the sensor; the tensor is not in the data.
+/// 24 poses of a real load cell. Least squares over the poses by another program gives 0.9323 kg, 43.90 mm
+/// and the offsets below, on the sensor; the tensor is not in the data.
 fn check_end_effector(result: &Value) {
     let v = values(result);
     let (m, u) = v[0].unwrap();

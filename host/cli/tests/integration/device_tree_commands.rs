@@ -43,8 +43,8 @@ fn deviations(object: &Value) -> Vec<f64> {
     known.map(|p| 1.96 * (number(&p["value"]) - number(&p["truth"])) / number(&p["u95"])).collect()
 }
 
-/// Errors of many parameters are those of their intervals: their mean square is one, and the largest is not far out. With
-/// correlations whose sum of squares is that of some 12 independent ones at least.
+/// Errors of many parameters are those of their intervals: their mean square is one, and the largest is not
+/// far out. With correlations whose sum of squares is that of some 12 independent ones at least.
 fn agree_with_their_intervals(deviations: &[f64]) {
     let mean = deviations.iter().map(|d| d * d).sum::<f64>() / deviations.len() as f64;
     // χ² of 12: outside of this once in ten thousand.
@@ -80,8 +80,8 @@ fn two_links_are_identified_live_recorded_replayed_to_the_bit_and_identified_aga
     // A recording is worth the same in the other form.
     assert!(rigident(place, "convert a/demo.mcap c.csv").status.success());
     assert_eq!(numbers(&answer(place, "replay c.csv --out c --json")), numbers(&live));
-    // In a batch the rows are the same but for the first third of a second, in which the device's attitude settles: what it
-    // leaves out is less than a fiftieth, sd² of the difference less than a fiftieth of sd².
+    // In a batch the rows are the same but for the first third of a second, in which the device's attitude
+    // settles: what it leaves out is less than a fiftieth, sd² of the difference less than a fiftieth of sd².
     let batch = answer(place, "identify a/demo.mcap --out d --json");
     for p in parameters(&live) {
         let q = named(&batch, &p["name"]);
@@ -137,8 +137,9 @@ fn a_person_comes_off_the_device_level_by_level_and_identify_finds_the_same() {
     // χ² of 128, correlated as they are, of which half at least are independent: 64 ± 5 sd.
     let mean = known.iter().map(|d| d * d).sum::<f64>() / known.len() as f64;
     assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 64.0).sqrt(), "{mean}");
-    // Filtered momentum against single frames: two ways through the same noise, whose spreads differ by a few per cent; of
-    // two estimates of one quantity, one efficient, the difference has the difference of the variances.
+    // Filtered momentum against single frames: two ways through the same noise, whose spreads differ by a few
+    // per cent; of two estimates of one quantity, one efficient, the difference has the difference of the
+    // variances.
     let batch = answer(place, "identify a/demo.csv --model human34 --out b --json");
     for p in parameters(&live).iter().filter(|p| p["state"] == "identified") {
         let q = named(&batch, &p["name"]);
@@ -147,7 +148,8 @@ fn a_person_comes_off_the_device_level_by_level_and_identify_finds_the_same() {
         let spread = (1.1_f64.powi(2) - 1.0).sqrt() * number(&p["u95"]) / 1.96;
         assert!((number(&p["value"]) - number(&q["value"])).abs() < 4.5 * spread, "{p} {q}");
     }
-    // The frames again; where a level ends depends on the time that passes, and with it the last digits of single precision.
+    // The frames again; where a level ends depends on the time that passes, and with it the last digits of
+    // single precision.
     let replayed = answer(place, "replay a/demo.csv --model human34 --out c --json");
     for (p, q) in
         parameters(&live).iter().zip(parameters(&replayed)).filter(|(p, _)| p["state"] == "identified")
@@ -266,7 +268,8 @@ fn the_device_decides_when_two_links_and_a_person_are_known_well_enough() {
             if asked == "I" { name.contains(".J") } else { name.starts_with("torso.") }
         };
         for p in parameters(&found).iter().filter(is_asked).filter(|p| p["state"] == "identified") {
-            // The device judges by the noise stated; noise of the rates and autocorrelation widen the intervals.
+            // The device judges by the noise stated; noise of the rates and autocorrelation widen the
+            // intervals.
             assert!(number(&p["u95"]) < 1.5 * u95, "{p}");
         }
         // The same again where it is only reported.
@@ -311,7 +314,8 @@ fn wrenches_far_off_count_less_on_a_device_of_two_links() {
     std::fs::write(place.join("a.csv"), spoilt.join("\n")).unwrap();
     let found = answer(place, "replay a.csv --out c --json");
     let (before, after) = (&parameters(&clean)[0], &parameters(&found)[0]);
-    // 400 N for 4 % of half of the time are 8 N on average, 0.8 kg; a redescending weight leaves a small part of that.
+    // 400 N for 4 % of half of the time are 8 N on average, 0.8 kg; a redescending weight leaves a small part
+    // of that.
     assert!((number(&before["value"]) - number(&after["value"])).abs() < 0.08, "{before} {after}");
     let fz = found["channels"].as_array().unwrap().iter().find(|c| c["name"] == "fz").unwrap();
     assert!(number(&fz["outliers"]) > 20.0, "{fz}");

@@ -1,7 +1,8 @@
-//! The image that is flashed onto an STM32F405, as it is, in QEMU's machine with that chip, over its own serial port.
+//! The image that is flashed onto an STM32F405, as it is, in QEMU's machine with that chip, over its own
+//! serial port.
 //!
-//! The machine has core, FPU, timers and USART of the chip. Clock tree, DMA, pins and sensors it has not: what the board
-//! does with edges is tested on the host (`rigident_firmware::capture`).
+//! The machine has core, FPU, timers and USART of the chip. Clock tree, DMA, pins and sensors it has not:
+//! what the board does with edges is tested on the host (`rigident_firmware::capture`).
 #![cfg(feature = "emulator")]
 
 use std::fs::{self, File};
@@ -160,8 +161,8 @@ fn it_replays_a_recording_with_the_bits_of_the_firmware_in_this_process() {
     assert_eq!(counters["bad_frames"], 0);
 }
 
-/// Frames over the board's own port, each when it is due, at its usual rate and at a faster one, which the emulator has not but both ends
-/// change to and back.
+/// Frames over the board's own port, each when it is due, at its usual rate and at a faster one, which the
+/// emulator has not but both ends change to and back.
 #[test]
 #[ignore = "needs the STM32F405's image"]
 fn it_watches_a_recording_with_the_bits_of_the_firmware_in_this_process() {

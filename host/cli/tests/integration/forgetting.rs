@@ -1,5 +1,5 @@
-//! A body that changes, and a motion that stops: what `--forget` and `--window` promise, against a simulator that shares
-//! none of the estimator's algebra.
+//! A body that changes, and a motion that stops: what `--forget` and `--window` promise, against a simulator
+//! that shares none of the estimator's algebra.
 #![cfg(feature = "simulator")]
 
 use std::process::Command;

@@ -27,8 +27,8 @@ fn survives(name: &str, check: fn(&[u8])) {
     }
 }
 
-/// Returns an input of the corpus with up to four faults: a bit, a byte, a piece lost, repeated or of another input, an
-/// end cut off.
+/// Returns an input of the corpus with up to four faults: a bit, a byte, a piece lost, repeated or of another
+/// input, an end cut off.
 fn damaged(corpus: &[Vec<u8>], rng: &mut ChaCha8Rng) -> Vec<u8> {
     /// Bytes of a piece, at most.
     const PIECE: usize = 40;

@@ -146,9 +146,10 @@ fn an_impossible_model_is_repaired_and_written() {
     let folder = tempfile::tempdir().unwrap();
     let urdf = |izz: &str| {
         format!(
-            "<?xml version='1.0'?>\n<robot name='r'><!-- kept --><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2'/>\
-             <mass value='2'/><inertia ixx='0.1' iyy='0.1' izz='{izz}' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' \
-             type='revolute'><parent link='base'/><child link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' \
+            "<?xml version='1.0'?>\n<robot name='r'><!-- kept --><link name='base'/><link \
+             name='arm'><inertial><origin xyz='0.1 0 0.2'/><mass value='2'/><inertia ixx='0.1' iyy='0.1' \
+             izz='{izz}' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' type='revolute'><parent \
+             link='base'/><child link='arm'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' \
              velocity='1'/></joint></robot>\n"
         )
     };
@@ -181,8 +182,7 @@ fn markers_are_shown_with_their_places_and_what_is_missing() {
         format!("{}\t{:.3}\t{}\n", frame + 1, 0.01 * frame as f64, points.collect::<Vec<_>>().join("\t"))
     };
     let text = format!(
-        "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\t\
-         OrigNumFrames\n100\t100\t20\t{}\tmm\t100\t1\t20\nFrame#\tTime\t{head}\n\t\t{axes}\n\n{}",
+        "PathFileType\t4\t(X/Y/Z)\twalk.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100\t100\t20\t{}\tmm\t100\t1\t20\nFrame#\tTime\t{head}\n\t\t{axes}\n\n{}",
         labels.len(),
         (0..20).map(row).collect::<String>()
     );

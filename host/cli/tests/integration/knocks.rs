@@ -64,7 +64,8 @@ fn a_knock_in_a_recording_is_found_and_its_rows_count_little() {
             let answer = with(&knocked(&clean));
             assert!(change_unweighted(&knocked(&clean), &reference) > if given { 3.0 } else { 2.0 });
             assert!(largest_change(&answer, &reference) < 0.5);
-            // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first and last.
+            // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the
+            // first and last.
             let spoilt = outliers(&answer);
             let (fx, my) = (spoilt[0], spoilt[4]);
             assert!((4..=12).contains(&fx) && (4..=12).contains(&my), "{spoilt:?}");

@@ -65,7 +65,8 @@ fn a_known_mass_narrows_a_recording_s_answer_and_bad_statements_write_nothing() 
     }
 }
 
-/// The real load cell's still poses: they say nothing of the tensor, so what a person says of it is all there is.
+/// The real load cell's still poses: they say nothing of the tensor, so what a person says of it is all there
+/// is.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn what_is_only_known_beforehand_is_prior_dominated_in_shared_data() {
@@ -95,7 +96,8 @@ fn what_is_only_known_beforehand_is_prior_dominated_in_shared_data() {
         assert_eq!(parameter(&result, name)["state"], state, "{name}");
     }
     let ixx = parameter(&result, "Ixx");
-    // Nothing else is known of it: the value as stated, and σ times a coverage factor from the data's residuals.
+    // Nothing else is known of it: the value as stated, and σ times a coverage factor from the data's
+    // residuals.
     assert!((number(ixx, "value") - 0.0029).abs() < 1e-12);
     assert!((1.95e-5..2.2e-5).contains(&number(ixx, "u95")), "{ixx}");
     assert!(parameter(&result, "Iyz").get("value").is_none());

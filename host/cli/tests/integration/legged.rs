@@ -1,4 +1,5 @@
-//! Robots on their feet, simulated in MuJoCo: the rows, the states of contact, `rigident identify` and `rigident calibrate masses`.
+//! Robots on their feet, simulated in MuJoCo: the rows, the states of contact, `rigident identify` and
+//! `rigident calibrate masses`.
 //!
 //! The recordings and what is true of them are in `mujoco/`, whose README says how they were made.
 
@@ -95,8 +96,8 @@ impl Robot {
 
     fn rig(&self, feet: Feet) -> String {
         let mut out = format!(
-            "[recording]\nfrozen_after = 0\n[[imu]]\nposition_m = {}\nclass = \"exact\"\n[tree]\nclass = \"exact\"\n[load_cell]\nclass = \
-             \"exact\"\n",
+            "[recording]\nfrozen_after = 0\n[[imu]]\nposition_m = {}\nclass = \"exact\"\n[tree]\nclass \
+             = \"exact\"\n[load_cell]\nclass = \"exact\"\n",
             self.truth["imu_position_m"]
         );
         for foot in self.tables("foot") {
@@ -113,7 +114,8 @@ impl Robot {
         out
     }
 
-    /// Writes the recording and its rig file, with noise where there is a seed, and returns the recording's path.
+    /// Writes the recording and its rig file, with noise where there is a seed, and returns the recording's
+    /// path.
     fn write(&self, folder: &Path, feet: Feet, seed: Option<u64>) -> PathBuf {
         let path = folder.join(format!("{}.csv", self.name));
         let mut header = self.header.clone();
@@ -162,8 +164,8 @@ impl Robot {
         TreeSource::new(input).unwrap()
     }
 
-    /// The longest time on the ground, with a constant force on the base's origin, in its axes: the foot that bears most and its leg
-    /// carry it, by virtual work.
+    /// The longest time on the ground, with a constant force on the base's origin, in its axes: the foot that
+    /// bears most and its leg carry it, by virtual work.
     fn pulled(&self, force: Vector3<f64>) -> Self {
         let model = self.nominal();
         let at = |name: &str| self.header.iter().position(|own| own == name).unwrap();
@@ -265,8 +267,8 @@ fn object(output: &Output) -> Value {
         .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// Returns by channels the median of what the truth leaves, over the standard deviation of what is measured; landings, where forces
-/// change within a sample, are few.
+/// Returns by channels the median of what the truth leaves, over the standard deviation of what is measured;
+/// landings, where forces change within a sample, are few.
 fn left_of_truth(robot: &Robot, feet: Feet) -> Vec<(String, f64)> {
     let folder = tempfile::tempdir().unwrap();
     let source = robot.source(folder.path(), feet);
@@ -437,8 +439,9 @@ fn off(robot: &Robot, found: &Value, key: &str) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// A twentieth of the weight pulls at the base of a quadruped: it is found and eliminated, and masses are as good as where nothing
-/// pulls, which they are not if it is taken for none; nothing is found where nothing pulls, and the whole mass is in its interval.
+/// A twentieth of the weight pulls at the base of a quadruped: it is found and eliminated, and masses are as
+/// good as where nothing pulls, which they are not if it is taken for none; nothing is found where nothing
+/// pulls, and the whole mass is in its interval.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn a_pull_at_the_base_of_a_shared_data_quadruped_is_found_and_takes_no_part_in_masses() {

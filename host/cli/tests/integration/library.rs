@@ -1,4 +1,5 @@
-//! The library is the program: what a command prints of a recording its function of `rigident::application` returns, to the last bit.
+//! The library is the program: what a command prints of a recording its function of `rigident::application`
+//! returns, to the last bit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -153,8 +154,8 @@ fn recordings(at: &Path) {
     }
 }
 
-/// Compares an object that a command printed with that of the library, line by line, but for the time of the run and how long it took.
-/// Words of a remedy may differ where the command names an option of its own.
+/// Compares an object that a command printed with that of the library, line by line, but for the time of the
+/// run and how long it took. Words of a remedy may differ where the command names an option of its own.
 #[track_caller]
 fn assert_same(at: &Path, name: &str, printed: &str, found: &impl serde::Serialize) {
     let folder = format!("{}/", at.display());

@@ -1,4 +1,5 @@
-//! Calibrations, vibration, still poses and summaries of the library are those of the commands, to the last bit.
+//! Calibrations, vibration, still poses and summaries of the library are those of the commands, to the last
+//! bit.
 
 use std::fs;
 use std::path::Path;
@@ -15,16 +16,19 @@ use crate::library::{example, still_poses};
 use crate::program::{rigident, said, status};
 
 /// A body whose parameters are known: that of `bracket.csv`.
-const BRACKET: &str = "name = \"bracket\"\nmass_kg = 3.2\nmass_std_kg = 1e-3\n[measured]\ncom_m = [0.0, 0.01, 0.053]\n\
+const BRACKET: &str = "name = \"bracket\"\nmass_kg = 3.2\nmass_std_kg = 1e-3\n[measured]\ncom_m = [0.0, \
+     0.01, 0.053]\n\
      com_std_m = [1e-4, 1e-4, 1e-4]\ninertia_com_kgm2 = [0.021, 0.017, 0.012, 0.0004, -0.0003, 0.0002]\n\
      inertia_com_std_kgm2 = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4]\n";
 
 /// The body that `rigident vibration demo --body horizontal` has on its springs.
-const HORIZONTAL: &str = "name = \"horizontal\"\nmass_kg = 20.0\nmass_std_kg = 2e-3\n[measured]\ncom_m = [0.0, 0.0, 0.053]\n\
+const HORIZONTAL: &str = "name = \"horizontal\"\nmass_kg = 20.0\nmass_std_kg = 2e-3\n[measured]\ncom_m = \
+     [0.0, 0.0, 0.053]\n\
      com_std_m = [1e-4, 1e-4, 1e-4]\ninertia_com_kgm2 = [0.3813, 0.0185, 0.3791, 0.0, 0.0, 0.0]\n\
      inertia_com_std_kgm2 = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]\n";
 
-/// Runs a command, and compares its object with what the library found, but for words of a remedy that name an option.
+/// Runs a command, and compares its object with what the library found, but for words of a remedy that name
+/// an option.
 #[track_caller]
 fn assert_prints(at: &Path, words: &[&str], found: &impl Serialize, is_good: bool) {
     let printed = rigident(at, &[words, &["--json"]].concat());

@@ -1,7 +1,8 @@
-//! Rigident from outside, as a program and as a library: `cargo test -p rigident-cli --test integration NAME`.
+//! Rigident from outside, as a program and as a library:
+//! `cargo test -p rigident-cli --test integration NAME`.
 //!
-//! One program for all of them, because linking costs more than most of what they test. Tests that hold the wall clock
-//! are in `real_time`.
+//! One program for all of them, because linking costs more than most of what they test. Tests that hold the
+//! wall clock are in `real_time`.
 
 mod accuracy;
 mod autocorrelation;

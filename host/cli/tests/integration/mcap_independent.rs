@@ -1,5 +1,6 @@
 //! Recordings against MCAP software that shares no code with this project: the `mcap` and `mcap-ros2-support`
-//! packages of Python. `RIGIDENT_PYTHON` names an interpreter that has them, as `cargo xtask setup` installs it.
+//! packages of Python. `RIGIDENT_PYTHON` names an interpreter that has them, as `cargo xtask setup` installs
+//! it.
 
 use crate::program::python;
 use std::path::Path;
@@ -137,7 +138,8 @@ fn bags_of_the_mcap_reader_in_python_are_brought_onto_the_times_of_the_wrench() 
         for (row, time) in times.iter().enumerate() {
             let t = (time - EPOCH) as f64 * 1e-9;
             assert_eq!(wrench[row], [(t * 100.0).round(), -2.0, 3.0, 0.1, 0.2, 0.3]);
-            // Straight lines over h = 2.5 ms are off by less than h²/8 · max|f″| = 3.2e-6, with f″ = 4 sin 2t.
+            // Straight lines over h = 2.5 ms are off by less than h²/8 · max|f″| = 3.2e-6, with f″ = 4 sin
+            // 2t.
             assert!((accel[row][0] - (2.0 * t).sin()).abs() < 3.2e-6, "{packing}, {t}");
             assert!((gyro[row][0] - 0.5 * t.cos()).abs() < 3.2e-6, "{packing}, {t}");
             assert!((accel[row][2] - 9.8).abs() < 1e-12 && (gyro[row][2] - 0.25).abs() < 1e-12);

@@ -194,8 +194,8 @@ fn moved(away: [f64; 3]) -> DMatrix<f64> {
     DMatrix::from_fn(10, 10, |i, j| columns[j][i])
 }
 
-/// Which instruments count as one is said: of one rig, of one under two names, of two under one, of one without a name,
-/// and of one of which different things are stated.
+/// Which instruments count as one is said: of one rig, of one under two names, of two under one, of one
+/// without a name, and of one of which different things are stated.
 #[test]
 fn merging_says_which_instruments_it_takes_for_one() {
     let body = Body::of_mass(3.2);
@@ -229,7 +229,8 @@ fn merging_says_which_instruments_it_takes_for_one() {
     assert!(rigs == 1 && said.contains("runs of one rig state different standard deviations of"), "{said}");
 }
 
-/// A thousand recordings of a rig, at night ten thousand: one factor no larger than that of a hundred, in any grouping.
+/// A thousand recordings of a rig, at night ten thousand: one factor no larger than that of a hundred, in any
+/// grouping.
 #[test]
 fn a_thousand_recordings_of_a_rig_take_no_more_than_a_hundred() {
     let body = Body::of_mass(3.2);

@@ -1,5 +1,5 @@
-//! Checks the promises of intervals and spread over many experiments (two thousand at night), against a bound of its
-//! own.
+//! Checks the promises of intervals and spread over many experiments (two thousand at night), against a bound
+//! of its own.
 #![cfg(feature = "simulator")]
 
 use std::sync::atomic::AtomicBool;
@@ -25,15 +25,17 @@ fn run(campaign: Campaign, runs: u64, seed: u64) -> Verdict {
     campaign.prepare().unwrap().run(runs, seed, &AtomicBool::new(false), |_| ()).unwrap()
 }
 
-/// Efficiency of 0.9 and more, coverage of 95 % to 4.1 standard errors, at 2 000 runs 93 to 97 %: a calibrated interval misses
-/// that band with a probability of 4e-5 per parameter, and the standard error of an efficiency is 1.6 % then. The mean error of
-/// an unbiased estimator exceeds 5 standard errors once in 2e6; a tenth of the spread is allowed for what is linearised.
+/// Efficiency of 0.9 and more, coverage of 95 % to 4.1 standard errors, at 2 000 runs 93 to 97 %: a
+/// calibrated interval misses that band with a probability of 4e-5 per parameter, and the standard error of
+/// an efficiency is 1.6 % then. The mean error of an unbiased estimator exceeds 5 standard errors once in
+/// 2e6; a tenth of the spread is allowed for what is linearised.
 fn promises(campaign: Campaign, runs: u64, seed: u64) {
     let verdict = run(campaign, runs, seed);
     let of_chance = 4.1 * (0.95_f64 * 0.05 / runs as f64).sqrt();
     for (name, p) in PARAMETER_NAMES.iter().zip(verdict.parameters) {
         let efficiency = p.efficiency();
-        // No unbiased estimator beats the bound; five standard errors of chance, which few runs have below 0.9, too.
+        // No unbiased estimator beats the bound; five standard errors of chance, which few runs have below
+        // 0.9, too.
         let chance = 5.0 / (2.0 * runs as f64).sqrt();
         let least = f64::min(0.9, 1.0 - chance);
         assert!((least..=1.0 + chance).contains(&efficiency), "{name}: efficiency {efficiency}");
@@ -77,8 +79,8 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
     }
 }
 
-/// What no estimator can average makes the intervals worthless if they do not contain it; what shows of it in the residuals,
-/// and widens them as colour, is little.
+/// What no estimator can average makes the intervals worthless if they do not contain it; what shows of it in
+/// the residuals, and widens them as colour, is little.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
     let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, runs(100, 40), 1);
@@ -92,8 +94,8 @@ fn experiment(duration_s: f64) -> TreeExperiment {
     TreeExperiment { rate_hz: 100.0, duration_s, ..TreeExperiment::default() }
 }
 
-/// Checks a tree by experiments, 60 at night, which show a spread to 9 %, 1 σ, a mean to 0.13 of the spread, and the coverage of
-/// all parameters together.
+/// Checks a tree by experiments, 60 at night, which show a spread to 9 %, 1 σ, a mean to 0.13 of the spread,
+/// and the coverage of all parameters together.
 fn tree_promises(model: &Model, experiment: TreeExperiment) {
     let all = runs(60, 20);
     let campaign = TreeCampaign::new(model, experiment).unwrap();
@@ -104,7 +106,8 @@ fn tree_promises(model: &Model, experiment: TreeExperiment) {
     let mut held = 0.0;
     for p in &verdict.parameters {
         let (name, p) = (&p.name, p.judgement);
-        // No unbiased estimator beats the bound, and ours loses a tenth at most; five standard errors of chance.
+        // No unbiased estimator beats the bound, and ours loses a tenth at most; five standard errors of
+        // chance.
         let share = p.std / p.crb_std;
         assert!(share > 1.0 - 5.0 * chance && share < (1.0 + 5.0 * chance) / 0.9, "{name}: {share}");
         let said = p.std / p.predicted_std;
@@ -117,7 +120,8 @@ fn tree_promises(model: &Model, experiment: TreeExperiment) {
         assert!(p.coverage95 >= least, "{name}: coverage {}", p.coverage95);
     }
     let coverage = held / verdict.parameters.len() as f64;
-    // Twelve independent parameters at least: 0.8 % each standard error of 60 runs, five of them and what is promised.
+    // Twelve independent parameters at least: 0.8 % each standard error of 60 runs, five of them and what is
+    // promised.
     let band = 5.0 * (0.95_f64 * 0.05 / (12.0 * all as f64)).sqrt();
     assert!((0.95 - band..=(0.95 + band).min(1.0)).contains(&coverage), "{coverage}");
     // The seed gives the figures, whatever core was first.

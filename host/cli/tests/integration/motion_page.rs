@@ -1,5 +1,5 @@
-//! The page that plays a motion, in a browser: what a reader clicks, presses and sees. `RIGIDENT_BROWSER` names the browser, as
-//! `cargo xtask setup` installs it.
+//! The page that plays a motion, in a browser: what a reader clicks, presses and sees. `RIGIDENT_BROWSER`
+//! names the browser, as `cargo xtask setup` installs it.
 
 mod browser;
 mod figure;
@@ -14,7 +14,8 @@ const MEASURED: [u8; 3] = [0x1f, 0x5f, 0xa8];
 const PREDICTED: [u8; 3] = [0xc2, 0x57, 0x0c];
 const MEASURED_IN_DARK: [u8; 3] = [0x6f, 0xb0, 0xf5];
 const MARKER: [u8; 3] = [0x1d, 0x7a, 0x4f];
-/// Pixels at edges that a browser smooths otherwise when it draws the same once more; what is hidden or turned changes far more.
+/// Pixels at edges that a browser smooths otherwise when it draws the same once more; what is hidden or
+/// turned changes far more.
 const SAME: f64 = 20.0;
 const FRAME: &str = "+document.querySelector('#time').value";
 
@@ -40,7 +41,8 @@ fn opened(name: &str, motion: &MotionPage) -> Browser {
 /// Sets the slider to a frame.
 fn slide(browser: &mut Browser, frame: u32) {
     browser.value(&format!(
-        "(() => {{ const s = document.querySelector('#time'); s.value = {frame}; s.dispatchEvent(new Event('input')); }})()"
+        "(() => \
+         {{ const s = document.querySelector('#time'); s.value = {frame}; s.dispatchEvent(new Event('input')); }})()"
     ));
 }
 
@@ -114,8 +116,10 @@ fn in_a_browser_a_motion_plays_pauses_and_goes_where_it_is_told() {
     let x = browser.number("document.querySelector('.curve svg .cursor').getBoundingClientRect().left");
     assert!((x - browser.point(".curve svg svg", [0.75, 0.5])[0]).abs() < 3.0, "{x}");
 
-    // Six hundredths of a second take more than half a second at a tenth of the speed, however busy the machine.
-    browser.value("(() => { const s = document.querySelector('#speed'); s.value = '0.1'; s.dispatchEvent(new Event('change')); })()");
+    // Six hundredths of a second take more than half a second at a tenth of the speed, however busy the
+    // machine.
+    browser.value("(() => \
+                   { const s = document.querySelector('#speed'); s.value = '0.1'; s.dispatchEvent(new Event('change')); })()");
     seek(&mut browser, 0);
     let begun = browser.number("performance.now()");
     browser.click("#play");
@@ -197,7 +201,10 @@ fn in_a_browser_the_figure_is_turned_shifted_zoomed_and_reset() {
 
     // Without a mouse: Tab leads to the picture first, and there the arrow keys turn it.
     browser.click("#reset");
-    browser.value("document.activeElement.blur(); document.querySelector('h1').tabIndex = -1; document.querySelector('h1').focus()");
+    browser.value(
+        "document.activeElement.blur(); document.querySelector('h1').tabIndex = -1; \
+                   document.querySelector('h1').focus()",
+    );
     browser.key("Tab", 0);
     assert_eq!(browser.value("document.activeElement.id"), "scene");
     let frame = browser.number(FRAME);
@@ -217,7 +224,8 @@ fn in_a_browser_the_figure_is_turned_shifted_zoomed_and_reset() {
 
     for (width, height) in [(420, 800), (1600, 900)] {
         browser.resize(width, height);
-        browser.wait("(() => { const c = document.querySelector('#scene'); return c.width === Math.round(c.getBoundingClientRect().width); })()");
+        browser.wait("(() => \
+                      { const c = document.querySelector('#scene'); return c.width === Math.round(c.getBoundingClientRect().width); })()");
         assert_eq!(browser.value(FITS_THE_WIDTH), true, "{width} wide");
         browser.picture("resized", "#scene");
         assert!(browser.colours("resized") > 100.0 && browser.pixels_of("resized", MEASURED) > 60.0);
@@ -228,7 +236,8 @@ fn in_a_browser_the_figure_is_turned_shifted_zoomed_and_reset() {
 #[test]
 #[ignore = "needs Chromium"]
 fn in_a_browser_a_page_in_the_dark_plays_by_itself_and_its_titles_stay_text() {
-    let title = "</title></script><script>document.body.id = 'hit'</script><img src=x onerror=\"document.body.id = 'hit'\">&amp;{last}";
+    let title = "</title></script><script>document.body.id = 'hit'</script><img src=x \
+                 onerror=\"document.body.id = 'hit'\">&amp;{last}";
     let mut motion = figure::walk(title, 4.0);
     for name in
         [&mut motion.bones[0].name, &mut motion.forces[2].name, &mut motion.curves[0].name, &mut motion.about]

@@ -1,4 +1,5 @@
-//! The program without the simulated rig: `cargo test -p rigident-cli --no-default-features --test integration`.
+//! The program without the simulated rig:
+//! `cargo test -p rigident-cli --no-default-features --test integration`.
 #![cfg(not(feature = "simulator"))]
 
 use crate::program::rigident_anywhere as rigident;

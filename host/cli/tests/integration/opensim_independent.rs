@@ -1,5 +1,5 @@
-//! Files of OpenSim's against OpenSim itself (the wheel `opensim`), which shares no code with this project. `RIGIDENT_PYTHON` names an
-//! interpreter that has it, as `cargo xtask setup` installs it.
+//! Files of OpenSim's against OpenSim itself (the wheel `opensim`), which shares no code with this project.
+//! `RIGIDENT_PYTHON` names an interpreter that has it, as `cargo xtask setup` installs it.
 
 use crate::program::python;
 use std::path::{Path, PathBuf};
@@ -152,7 +152,8 @@ fn models_of_shared_data_are_read_as_independent_opensim_reads_them() {
     }
 }
 
-/// Bodies as one, by OpenSim's numbers: mass, centre of mass about the first one's joint, radii of gyration, in the ground's axes.
+/// Bodies as one, by OpenSim's numbers: mass, centre of mass about the first one's joint, radii of gyration,
+/// in the ground's axes.
 fn together(model: &Value, names: &[&str]) -> (f64, Vector3<f64>, Vector3<f64>) {
     let bodies = model["bodies"].as_array().unwrap();
     let of = |name: &&str| bodies.iter().find(|b| b["name"] == **name).unwrap();
@@ -175,7 +176,8 @@ fn together(model: &Value, names: &[&str]) -> (f64, Vector3<f64>, Vector3<f64>) 
     (whole, middle - vector(&own[0]["joint"]), radii)
 }
 
-/// Identifies a person, writes her segments into a model, and returns the result with the model as OpenSim reads it.
+/// Identifies a person, writes her segments into a model, and returns the result with the model as OpenSim
+/// reads it.
 fn written(folder: &Path, template: &Path, trials: &[&str]) -> (Value, Value) {
     let path = folder.join("written.osim");
     let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
@@ -219,8 +221,8 @@ fn same(result: &Value, model: &Value, pairs: Pairs) {
             assert!((kg - mass(own)).abs() < 1e-9 * kg, "{own}");
             let com: [f64; 3] = std::array::from_fn(|k| own["com_m"][k]["value"].as_f64().unwrap());
             let radius = floats(&own["radii_m"]);
-            // x forward, y up, z to the right there; x forward, y to the left, z up here. Where joints of theirs are at rest is
-            // known to 0.1 mm.
+            // x forward, y up, z to the right there; x forward, y to the left, z up here. Where joints of
+            // theirs are at rest is known to 0.1 mm.
             assert!((centre - Vector3::new(com[0], com[2], -com[1])).norm() < 2e-4, "{centre:?} {own}");
             assert!((radii - Vector3::new(radius[0], radius[2], radius[1])).norm() < 2e-4, "{radii:?} {own}");
         }

@@ -214,7 +214,8 @@ fn what_is_no_payload_is_named() {
     assert!(other.contains("is of another model than the run"), "{other}");
 }
 
-/// Efforts of both runs in mN m: the arm is 1000 times too heavy, and nothing is said of the payload. Of one run alone as well.
+/// Efforts of both runs in mN m: the arm is 1000 times too heavy, and nothing is said of the payload. Of one
+/// run alone as well.
 #[test]
 fn efforts_in_another_unit_say_nothing_of_a_payload() {
     let place = tempfile::tempdir().unwrap();
@@ -255,7 +256,8 @@ fn fitted(model: &Model, recording: &Recording) -> Fit {
     problem.fit(&FitOptions::default(), &Silent).unwrap()
 }
 
-/// Scales of the efforts that are off alike in both runs, 2 % (1 σ): the arm weighs some 15 kg, the payload 3.
+/// Scales of the efforts that are off alike in both runs, 2 % (1 σ): the arm weighs some 15 kg, the payload
+/// 3.
 #[test]
 fn intervals_hold_the_truth_where_scales_of_torques_are_off() {
     let load = payload(3.0, 0.25);
@@ -294,8 +296,10 @@ fn intervals_hold_the_truth_where_scales_of_torques_are_off() {
         }
         mass_u95 += found.estimate.measured(0).unwrap().u95 / count as f64;
     }
-    // By chance 3 of 60 values are outside; of ten of one run, which are correlated, as many as three runs' worth of two.
+    // By chance 3 of 60 values are outside; of ten of one run, which are correlated, as many as three runs'
+    // worth of two.
     assert!(inside >= all - 8 * all / 60 - 1, "{inside} of {all}");
-    // The payload's own 2 % and what the noise leaves; errors of each run's own would leave 2 % of the arm as well.
+    // The payload's own 2 % and what the noise leaves; errors of each run's own would leave 2 % of the arm as
+    // well.
     assert!(mass_u95 < 0.1, "{mass_u95}");
 }

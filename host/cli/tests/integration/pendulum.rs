@@ -33,7 +33,8 @@ fn intervals_of_a_pendulum_hold_the_truth_as_often_as_stated() {
     assert!((share - 0.95).abs() < 3.0 * (0.05_f64 * 0.95 / 120.0).sqrt(), "{share}");
 }
 
-/// The noise is found: 0.3 N and 0.02 N m, to three standard deviations of 2000 filtered samples worth some 500.
+/// The noise is found: 0.3 N and 0.02 N m, to three standard deviations of 2000 filtered samples worth some
+/// 500.
 #[test]
 fn noise_of_a_pendulum_s_channels_is_found() {
     let fit = fit(&source::simulated(BODY, 20, 7, 0.0), &FitOptions::default(), &Silent).unwrap();
@@ -55,7 +56,8 @@ fn a_knock_on_a_pendulum_counts_less() {
     }
 }
 
-/// Factor files of two runs merge, each with its own offsets, and the answer has a text, an object and a page.
+/// Factor files of two runs merge, each with its own offsets, and the answer has a text, an object and a
+/// page.
 #[test]
 fn a_pendulum_has_a_factor_file_runs_that_merge_and_a_report() {
     let options = FitOptions { convergence_points: 20, ..FitOptions::default() };

@@ -1,4 +1,5 @@
-//! `rigident plan motion` and `rigident plan compare`, as a user types them, and what their predictions are worth.
+//! `rigident plan motion` and `rigident plan compare`, as a user types them, and what their predictions are
+//! worth.
 
 #![cfg(feature = "simulator")]
 
@@ -69,7 +70,8 @@ fn a_plan_leaves_a_twentieth_of_the_stroke_unused_unless_told_otherwise() {
     assert!(refused(&["plan", "motion", "--reserve", "1"]).contains("--reserve"));
 }
 
-/// The body of a rig file is what the legs carry: twice the mass, twice the forces and the same uncertainties.
+/// The body of a rig file is what the legs carry: twice the mass, twice the forces and the same
+/// uncertainties.
 #[test]
 fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
     let folder = tempfile::tempdir().unwrap();
@@ -78,7 +80,8 @@ fn the_body_is_any_that_the_rig_file_allows_and_never_its_truth() {
         let (g, b) = (&config.geometry, config.body);
         let path = folder.path().join(format!("{name}.rig.toml"));
         let text = format!(
-            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = {:?}\nleg_rate_mps = {}\n{platform}\n\
+            "[platform]\nbase_joints_m = {:?}\nplate_joints_m = {:?}\nleg_length_m = {:?}\nleg_rate_mps = \
+             {}\n{platform}\n\
              [truth]\nmass_kg = {truth_kg:?}\ncom_m = {:?}\ninertia_com_kgm2 = {:?}\n",
             g.base_joints_m, g.plate_joints_m, g.leg_length_m, g.leg_rate_mps, b.com_m, b.inertia_com_kgm2
         );
@@ -124,7 +127,8 @@ fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.contains("stopped by Ctrl-C"), "{said}");
-        // One step of the search and the guarantee of ten minutes: seconds, and 82 s where twenty others shared two cores.
+        // One step of the search and the guarantee of ten minutes: seconds, and 82 s where twenty others
+        // shared two cores.
         assert!(begun.elapsed().as_secs() < 600, "{:?}", begun.elapsed());
         let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(!object[key].is_null(), "{object}");
@@ -138,8 +142,8 @@ fn a_duration_that_is_too_short_says_how_much_is_needed() {
     assert!(refusal.contains("too short") && refusal.contains("--duration-s"), "{refusal}");
 }
 
-/// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % at night. All ten together within 10 %, each
-/// within 10 % and two and a half of its standard errors.
+/// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % at night. All ten together
+/// within 10 %, each within 10 % and two and a half of its standard errors.
 #[test]
 fn what_is_predicted_is_what_many_runs_find() {
     let count = runs(300, 80);

@@ -37,8 +37,8 @@ fn the_thesis_table_9_is_reached_and_the_object_is_that_of_the_contract() {
     }
 }
 
-/// Tables 11 and 12: CNT 3.52, 2.99, 3.27, 3.25 and, relative to the level pose, CNR 13, 1.7, 1.8, 1.8; for n = 4 with the pitch
-/// of −15° that gives both.
+/// Tables 11 and 12: CNT 3.52, 2.99, 3.27, 3.25 and, relative to the level pose, CNR 13, 1.7, 1.8, 1.8; for n
+/// = 4 with the pitch of −15° that gives both.
 #[test]
 fn the_thesis_poses_have_the_condition_numbers_that_it_prints() {
     for (angles, normal, relative, digit) in [
@@ -128,8 +128,10 @@ fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output()
         std::fs::write(&path, text).unwrap();
         path.to_str().unwrap().to_owned()
     };
-    let joints = "base_joints_m = [[0.45,0,0],[-0.2,0.4,0],[-0.2,-0.4,0],[0.3,0.3,0],[-0.45,0,0],[0.3,-0.3,0]]\n\
-                  plate_joints_m = [[0.2,0.1,0],[-0.2,0.1,0],[-0.2,-0.1,0],[0.2,0.1,0],[-0.2,0,0],[0.2,-0.1,0]]\n";
+    let joints = "base_joints_m = \
+                  [[0.45,0,0],[-0.2,0.4,0],[-0.2,-0.4,0],[0.3,0.3,0],[-0.45,0,0],[0.3,-0.3,0]]\n\
+                  plate_joints_m = \
+                  [[0.2,0.1,0],[-0.2,0.1,0],[-0.2,-0.1,0],[0.2,0.1,0],[-0.2,0,0],[0.2,-0.1,0]]\n";
     let without = rig("without.rig.toml", "[recording]\nrate_hz = 200.0\n");
     let unreachable =
         rig("unreachable.rig.toml", &format!("[platform]\n{joints}leg_length_m = [0.02, 0.03]\n"));
@@ -189,7 +191,8 @@ fn a_plan_on_disk_is_driven_by_the_demonstration_and_by_no_other_machine() {
     json(&["plan", "poses", "--n", "4", "--hold-s", "1", "--json", "--out", &plan]);
     let result = json(&["demo", "--plan", &plan, "--estimate", "m,mc", "--json", "--out", &path("answer")]);
     let (com, mass) = (&result["com_m"], result["mass_kg"].as_f64().unwrap());
-    // 4 s of 1 kHz: the prediction of one reading, 0.65 kg and 0.08 kg m, over √4000, and the offset of a minute's poses.
+    // 4 s of 1 kHz: the prediction of one reading, 0.65 kg and 0.08 kg m, over √4000, and the offset of a
+    // minute's poses.
     assert!((mass - 20.0).abs() < 0.1, "{mass}");
     assert!((com[2].as_f64().unwrap() - 0.053).abs() < 1e-3, "{com}");
     let again = rigident(&["plan", "poses", "--n", "4", "--out", &plan]);

@@ -124,8 +124,8 @@ fn noisy() -> ArmRun {
     ArmRun { position_noise: 1e-5, rate_noise: 2e-3, rotor: 0.2, ..ArmRun::default() }
 }
 
-/// Six and seven axes at rest, in motion and at rest again, by noisy encoders: what is identified predicts another motion as well as
-/// plain least squares, in every joint.
+/// Six and seven axes at rest, in motion and at rest again, by noisy encoders: what is identified predicts
+/// another motion as well as plain least squares, in every joint.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn arms_of_shared_data_are_predicted_as_well_as_by_plain_least_squares() {
@@ -145,7 +145,8 @@ fn moving() -> ArmRun {
     ArmRun { rest_s: 0.0, position_noise: 1e-5, rate_noise: 1e-4, rotor: 0.2, ..ArmRun::default() }
 }
 
-/// Plain least squares are what they are called: Pinocchio's rows with accelerations and numpy's solution leave as much.
+/// Plain least squares are what they are called: Pinocchio's rows with accelerations and numpy's solution
+/// leave as much.
 #[test]
 #[ignore = "needs ../shared/data and Pinocchio in Python"]
 fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
@@ -172,8 +173,9 @@ fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
     }
 }
 
-/// Every language holds what was identified, rotors included: read back, it predicts another motion as the result does. Rotors of the
-/// first two joints, which no motion tells from their links, are in these where readers pass rotors over.
+/// Every language holds what was identified, rotors included: read back, it predicts another motion as the
+/// result does. Rotors of the first two joints, which no motion tells from their links, are in these where
+/// readers pass rotors over.
 #[test]
 fn written_models_predict_as_their_result_does() {
     let folder_of = tempfile::tempdir().unwrap();
@@ -210,8 +212,8 @@ fn written_models_predict_as_their_result_does() {
     }
 }
 
-/// Efforts by MuJoCo (`mj_inverse`), of files that state gravity, a total mass, a reference and a spring; of an SDF before 1.5 by
-/// Pinocchio's of the same robot.
+/// Efforts by MuJoCo (`mj_inverse`), of files that state gravity, a total mass, a reference and a spring; of
+/// an SDF before 1.5 by Pinocchio's of the same robot.
 #[test]
 #[ignore = "needs ../shared/cases"]
 fn shared_cases_are_predicted_as_simulators_do() {

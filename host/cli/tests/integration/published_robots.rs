@@ -1,7 +1,7 @@
 //! Robot descriptions that others published, read as Pinocchio reads them.
 //!
-//! The wheel `example-robot-data` has 69 URDFs; `pinocchio/robots.py` asks Pinocchio. `RIGIDENT_PYTHON` (or `python3`) must have
-//! both, which `cargo xtask setup` installs.
+//! The wheel `example-robot-data` has 69 URDFs; `pinocchio/robots.py` asks Pinocchio. `RIGIDENT_PYTHON` (or
+//! `python3`) must have both, which `cargo xtask setup` installs.
 
 use crate::program::python;
 use std::io::Write;
@@ -122,7 +122,8 @@ const ODD: [(&str, &str, &str); 24] = [
     (
         "continuous",
         "",
-        "<visual><geometry><sphere radius=\"1\"/></geometry><material name=\"m\"><texture/></material></visual>",
+        "<visual><geometry><sphere radius=\"1\"/></geometry><material \
+         name=\"m\"><texture/></material></visual>",
     ),
     ("continuous", "", "<visual><geometry><sphere radius=\"1\"/></geometry><material/></visual>"),
 ];
@@ -132,8 +133,8 @@ const ODD: [(&str, &str, &str); 24] = [
 fn odd_descriptions_that_a_live_pinocchio_reads_are_read() {
     let text = |(kind, joint, link): &(&str, &str, &str)| {
         format!(
-            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{link}</link><joint name=\"j\" type=\"{kind}\"><parent \
-             link=\"a\"/><child link=\"b\"/>{joint}</joint></robot>"
+            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{link}</link><joint name=\"j\" \
+             type=\"{kind}\"><parent link=\"a\"/><child link=\"b\"/>{joint}</joint></robot>"
         )
     };
     let loose = [

@@ -1,5 +1,5 @@
-//! Recordings from 5 to 200 readings a second, made by mechanics that share nothing with the estimator: a rate that is too
-//! low costs certainty, never truth.
+//! Recordings from 5 to 200 readings a second, made by mechanics that share nothing with the estimator: a
+//! rate that is too low costs certainty, never truth.
 #![cfg(feature = "simulator")]
 
 use hexapod::experiment::thesis_program;
@@ -33,8 +33,8 @@ fn seeds() -> u64 {
     runs(8, 4)
 }
 
-/// Largest share of intervals that may fail to hold the truth among `count`: three standard deviations above 5 %, those of
-/// one run sharing its noise, which counts as five independent ones (as for trees).
+/// Largest share of intervals that may fail to hold the truth among `count`: three standard deviations above
+/// 5 %, those of one run sharing its noise, which counts as five independent ones (as for trees).
 fn most_outside(runs: u64) -> f64 {
     0.05 + 3.0 * (0.05_f64 * 0.95 / (5.0 * runs as f64)).sqrt()
 }
@@ -85,8 +85,9 @@ fn intervals_of_one_body_hold_the_truth_at_every_rate() {
         for (j, state) in states(&exact).iter().take(10).enumerate() {
             let Some(m) = state.measured() else { continue };
             let share = (m.value - phi[j]).abs() / m.u95;
-            // A bias of a quarter of U95 is half a standard deviation: 92 % of the intervals would hold the truth. At 5 Hz
-            // the fastest motion of 2.3 Hz is next to half the rate, and the filter is off by more: 84 %.
+            // A bias of a quarter of U95 is half a standard deviation: 92 % of the intervals would hold the
+            // truth. At 5 Hz the fastest motion of 2.3 Hz is next to half the rate, and the filter is off by
+            // more: 84 %.
             let limit = if rate_hz < 8.0 { 0.5 } else { 0.25 };
             assert!(share < limit, "{rate_hz} Hz, parameter {j}: {share} of U95 without noise");
         }

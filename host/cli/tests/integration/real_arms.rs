@@ -1,4 +1,5 @@
-//! A real arm, whose friction no column has: identified in part, predicts what it has not seen, and its faults are named.
+//! A real arm, whose friction no column has: identified in part, predicts what it has not seen, and its
+//! faults are named.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

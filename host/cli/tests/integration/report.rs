@@ -68,7 +68,8 @@ fn every_parameter_channel_and_motion_has_its_plot() {
     assert_eq!(titles.len(), 10 + 6 + 2 + 1);
 }
 
-/// Numbers that could only come from parameters that are not identified are planted everywhere they could leak.
+/// Numbers that could only come from parameters that are not identified are planted everywhere they could
+/// leak.
 #[test]
 fn what_is_not_identified_shows_no_number() {
     let mut data = synthetic::still_poses();
@@ -248,8 +249,8 @@ fn an_answer_that_no_body_has_comes_with_the_nearest_one() {
     };
     data.answer.consistency =
         Some(Consistency { distance_sd: 1.2345, nearest_body: Some(nearest_body), ..Consistency::default() });
-    let words = "1.2 standard deviations away: m 2.5 kg; centre of mass 0.1, -0.02, 0 m; Ixx, Iyy, Izz, Iyz, Izx, Ixy \
-                 about it 0.01, 0.2, 0.2, 0, 0, 0.001 kg m²";
+    let words = "1.2 standard deviations away: m 2.5 kg; centre of mass 0.1, -0.02, 0 m; Ixx, Iyy, Izz, Iyz, \
+                 Izx, Ixy about it 0.01, 0.2, 0.2, 0, 0, 0.001 kg m²";
     assert!(data.text().contains(words), "{}", data.text());
     assert!(data.page().contains(words));
 }

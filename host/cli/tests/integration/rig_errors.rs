@@ -1,5 +1,5 @@
-//! Errors of a rig that are larger than stated: named, with their size, and not blamed on one that the recording cannot tell from
-//! another. The body's motion and its wrench are written out here.
+//! Errors of a rig that are larger than stated: named, with their size, and not blamed on one that the
+//! recording cannot tell from another. The body's motion and its wrench are written out here.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -64,8 +64,8 @@ struct Errors {
 const NONE: Errors =
     Errors { gyro_scale: 0.0, accel_scale: 0.0, gain: [0.0; 6], rest_s: 0.0, faster: 1.0, imu: [0.01, 5e-4] };
 
-/// Returns attitude and body rate at a time: three angles, each a sum of three sines from 0.2 to 1.6 Hz. From rest the acceleration
-/// begins without a jump.
+/// Returns attitude and body rate at a time: three angles, each a sum of three sines from 0.2 to 1.6 Hz. From
+/// rest the acceleration begins without a jump.
 fn motion(t: f64, faster: f64, from_rest: bool) -> (Rotation3<f64>, Vector3<f64>) {
     let (mut angles, mut rates) = ([0.0; 3], [0.0; 3]);
     let (u, by) = if from_rest { (t * t / (t + 0.5), t * (t + 1.0) / (t + 0.5).powi(2)) } else { (t, 1.0) };
@@ -136,7 +136,8 @@ fn identified(rig: &str, errors: &Errors, seed: u64) -> Fit {
     fit(&source, &FitOptions::default(), &Silent).unwrap()
 }
 
-/// A size as a sentence tells it: value, U95, standard deviations, and the standard deviation that these are of.
+/// A size as a sentence tells it: value, U95, standard deviations, and the standard deviation that these are
+/// of.
 fn size(said: &str, name: &str) -> [f64; 4] {
     let after = said.split_once(name).unwrap_or_else(|| panic!("{name} in {said}")).1;
     let number = |text: &str| -> f64 {
@@ -170,8 +171,8 @@ fn an_error_larger_than_stated_is_named_with_its_size() {
     told(&moment[0], "gain_mx", 0.01);
 }
 
-/// At rest in one attitude |g| is 2 % too large: the accelerometer's bias, its scale or gravity. The sensor is good to a percent, and
-/// gravity to a tenth of that.
+/// At rest in one attitude |g| is 2 % too large: the accelerometer's bias, its scale or gravity. The sensor
+/// is good to a percent, and gravity to a tenth of that.
 #[test]
 fn errors_that_cannot_be_told_apart_are_all_named_the_likeliest_first() {
     let errors = Errors { accel_scale: 0.02, rest_s: 4.0, ..NONE };
@@ -222,7 +223,8 @@ fn identified_poses(drift_n: f64, seed: u64) -> Fit {
     fit(&source, &FitOptions::default(), &Silent).unwrap()
 }
 
-/// Nothing is stated of the load cell: neither its noise nor its class. What drifts may not make its own tolerance larger.
+/// Nothing is stated of the load cell: neither its noise nor its class. What drifts may not make its own
+/// tolerance larger.
 #[test]
 fn poses_that_drift_are_told_whatever_the_drift() {
     let tolerance = |found: &Fit| {
@@ -283,8 +285,9 @@ fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
     }
 }
 
-/// Recordings that begin with rest, and ones of slow motion, with IMUs from good to poor, noise stated or not: nothing is accused,
-/// and what is determined is right. An interval of 95 % is left by more than its double once in ten thousand.
+/// Recordings that begin with rest, and ones of slow motion, with IMUs from good to poor, noise stated or
+/// not: nothing is accused, and what is determined is right. An interval of 95 % is left by more than its
+/// double once in ten thousand.
 #[test]
 fn honest_recordings_with_noisy_imus_are_neither_accused_nor_wrong() {
     let (com, inertia) = body();

@@ -1,5 +1,6 @@
-//! People in the computer who share nothing with the program: another table (men's masses by R. Dumas et al. 2007), other joints, skin that slides over bone, forces from
-//! differences of places in time, and files as laboratories write them. They move in one plane, y to the left and z up.
+//! People in the computer who share nothing with the program: another table (men's masses by R. Dumas et al.
+//! 2007), other joints, skin that slides over bone, forces from differences of places in time, and files as
+//! laboratories write them. They move in one plane, y to the left and z up.
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -53,7 +54,8 @@ pub(crate) enum Carried {
     Both,
     /// One foot, on its plate, with the centre of pressure so far before its ankle, m.
     One(usize, f64),
-    /// Both feet, and a seat whose vertical push is at this x, m, as balance has it about the middle of the feet.
+    /// Both feet, and a seat whose vertical push is at this x, m, as balance has it about the middle of the
+    /// feet.
     Seat(f64),
     /// Both feet, and a seat that carries this share of the weight, where balance about the middle of the
     /// feet has it.
@@ -219,7 +221,8 @@ impl Somebody {
         sum
     }
 
-    /// Forces of the plates under the left and right foot, [fx, fz, px, py, free moment], and what no plate measures, N.
+    /// Forces of the plates under the left and right foot, [fx, fz, px, py, free moment], and what no plate
+    /// measures, N.
     fn plates(&self, motion: &dyn Fn(f64) -> Posture, carried: Carried, t: f64) -> ([[f64; 5]; 2], f64) {
         let mut all = self.needed(motion, t);
         let p = motion(t);
@@ -438,7 +441,8 @@ impl Gait {
         let (_, since) = self.phase(t);
         let (tc, ts) = (self.stance_s, self.step_s);
         let peak = GRAVITY * ts * PI / (2.0 * tc);
-        // Twice the integral of peak sin(π t / tc) − g from the beginning of the stance on, whose speed is that of half a flight.
+        // Twice the integral of peak sin(π t / tc) − g from the beginning of the stance on, whose speed is
+        // that of half a flight.
         let k = PI / tc;
         let down = -GRAVITY * (ts - tc) / 2.0;
         let z = |t: f64| down * t + peak / k * (t - (k * t).sin() / k) - GRAVITY * t * t / 2.0;

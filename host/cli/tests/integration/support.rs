@@ -1,5 +1,5 @@
-//! One test for each feature and kind of body in README's support matrix, of what `identify` does with a recording:
-//! `support::two_links::forgetting`. xtask/src/support.rs has the list of cells.
+//! One test for each feature and kind of body in README's support matrix, of what `identify` does with a
+//! recording: `support::two_links::forgetting`. xtask/src/support.rs has the list of cells.
 #![cfg(feature = "simulator")]
 
 mod simulated;
@@ -136,7 +136,8 @@ fn outliers(subject: Subject) {
     });
     knocked.write(place.path(), "knocked", &rig);
     let [clean, found] = ["a", "knocked"].map(|name| identify(subject, place.path(), name, &[]));
-    // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first and last.
+    // The filter of 0.1 s, a hundred blocks a second, sees the 20 ms in twelve blocks, faintly in the first
+    // and last.
     let count = found.channel("fx")["outliers"].as_u64().unwrap();
     assert!((4..=12).contains(&count), "{count}");
     for name in clean.names() {
@@ -145,8 +146,8 @@ fn outliers(subject: Subject) {
     }
 }
 
-/// Each channel has a gain of its own, six at most tell the mass: no combination of them is better than 1/√6 = 0.41 of one gain's
-/// σ, none worse than one alone.
+/// Each channel has a gain of its own, six at most tell the mass: no combination of them is better than 1/√6
+/// = 0.41 of one gain's σ, none worse than one alone.
 fn gain_errors(subject: Subject) {
     let (place, table, _) = plain(subject);
     let gain = 0.01;
@@ -161,7 +162,8 @@ fn gain_errors(subject: Subject) {
     assert!((0.4..1.0).contains(&of_gain), "{of_gain}");
 }
 
-/// The IMU sits 10 mm from where the rig file has it: within what is stated that is found, beyond it is named.
+/// The IMU sits 10 mm from where the rig file has it: within what is stated that is found, beyond it is
+/// named.
 fn rig_errors(subject: Subject) {
     let (place, table, _) = plain(subject);
     let off = 0.01;
@@ -198,9 +200,9 @@ fn known_values(subject: Subject) {
     assert_eq!(status(&output), 2, "{}", said(&output));
 }
 
-/// The body is not symmetric about y: a loose statement narrows what it names, a tight one contradicts the data. The mass of a link
-/// behind a joint is determined in sums only, so that metres off a plane are no first moment: the refusal
-/// names the mass.
+/// The body is not symmetric about y: a loose statement narrows what it names, a tight one contradicts the
+/// data. The mass of a link behind a joint is determined in sums only, so that metres off a plane are no
+/// first moment: the refusal names the mass.
 fn symmetry(subject: Subject) {
     let (place, _, _) = plain(subject);
     let refused = |plane: &str| {
@@ -242,7 +244,8 @@ fn with_encoder(table: &Table) -> Table {
     table
 }
 
-/// Skews and parameters are within 4.5 sd of the truth; the parameters' is what the recording of one clock says without noise.
+/// Skews and parameters are within 4.5 sd of the truth; the parameters' is what the recording of one clock
+/// says without noise.
 fn several_clocks(subject: Subject) {
     let (place, table, rig) = plain(subject);
     let quiet = table.changed(|row, cells| {
@@ -339,7 +342,8 @@ fn factor_files(subject: Subject) {
     for name in whole.names() {
         let ((v, u95), (w, _)) = (early.of(&name), solved.of(&name));
         assert!((v - w).abs() < subject.rounding(u95), "{name}: {v} {w}");
-        // A fiftieth of the rows at most is lost where the halves meet, which moves an estimate by a seventh of its sd.
+        // A fiftieth of the rows at most is lost where the halves meet, which moves an estimate by a seventh
+        // of its sd.
         let ((v, u95), (w, t)) = (whole.of(&name), merged.of(&name));
         assert!(
             (v - w).abs() < 4.5 / 7.0 / 1.96 * u95 && (t / u95 - 1.0).abs() < 0.05,
@@ -348,7 +352,8 @@ fn factor_files(subject: Subject) {
     }
 }
 
-/// The wrench is linear in the parameters: half as much again is a body half as heavy again, until a quarter of the time.
+/// The wrench is linear in the parameters: half as much again is a body half as heavy again, until a quarter
+/// of the time.
 fn forgetting(subject: Subject) {
     let (place, table, rig) = plain(subject);
     let heavy = table.changed(|row, cells| {

@@ -1,12 +1,14 @@
-//! A trajectory for ROS 2 as a reader of YAML and ROS 2's own definition of the message see it (`ruamel.yaml` and `rosbags`), which share no
-//! code with this project. `RIGIDENT_PYTHON` names an interpreter that has them, as `cargo xtask setup` installs it.
+//! A trajectory for ROS 2 as a reader of YAML and ROS 2's own definition of the message see it (`ruamel.yaml`
+//! and `rosbags`), which share no code with this project. `RIGIDENT_PYTHON` names an interpreter that has
+//! them, as `cargo xtask setup` installs it.
 
 use std::process::Command;
 
 use crate::plan_excitation::ARM;
 use crate::program::{python, rigident, said, status};
 
-/// Reads the message, builds it by its definition, sends it through ROS 2's binary form, and holds it against the table.
+/// Reads the message, builds it by its definition, sends it through ROS 2's binary form, and holds it against
+/// the table.
 const SCRIPT: &str = r"
 import sys
 import numpy as np

@@ -132,7 +132,8 @@ const LEG: &str = r#"<mujoco model="leg"><compiler angle="radian"/><worldbody>
       <inertial pos="0.01 0.01 -0.2" mass="2" fullinertia="0.03 0.03 0.01 0.001 0.001 0.002"/></body>
   </body></worldbody></mujoco>"#;
 
-/// A body of three hinges, as MuJoCo's files have them: its joints' columns, base and full parameters, the file written again.
+/// A body of three hinges, as MuJoCo's files have them: its joints' columns, base and full parameters, the
+/// file written again.
 #[test]
 fn a_leg_with_three_hinges_in_one_body_is_identified_and_written() {
     let place = tempfile::tempdir().unwrap();
@@ -165,7 +166,8 @@ fn a_leg_with_three_hinges_in_one_body_is_identified_and_written() {
         assert_eq!(found["status"], "identified", "{} {}", found["warnings"], found["advice"]);
         let parameters = found["parameters"].as_array().unwrap();
         let links = found["standard_parameters"]["links"].as_array().unwrap();
-        // Two bodies of ten parameters, less what joints on a base held still leave open; no link between the hinges.
+        // Two bodies of ten parameters, less what joints on a base held still leave open; no link between the
+        // hinges.
         assert!(parameters.len() < 20 && links.len() == 2, "{}", parameters.len());
         for (j, parameter) in parameters.iter().enumerate() {
             assert!(!parameter["name"].as_str().unwrap().contains('#'), "{j}: {parameter}");
@@ -273,8 +275,10 @@ fn what_is_missing_or_does_not_fit_is_named() {
     .unwrap();
     let streams = said("t_s,shoulder_rad,elbow_rad,shoulder_nm,elbow_nm", &[]);
     assert!(streams.contains("[[stream]]"), "{streams}");
-    let rig = "[load_cell]\ngain_uncertainty = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]\n[body]\nname = \"b\"\n[truth]\nmass_kg = 1.0\n\
-               com_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n[[joint]]\nname = \"elbow\"\neffort_noise = 0.05\n";
+    let rig = "[load_cell]\ngain_uncertainty = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01]\n[body]\nname \
+               = \"b\"\n[truth]\nmass_kg = 1.0\n\
+               com_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n[[joint]]\nname \
+               = \"elbow\"\neffort_noise = 0.05\n";
     std::fs::write(place.path().join("one.rig.toml"), rig).unwrap();
     let words = ["identify", "one.csv", "--model", "arm.urdf", "--json", "--out", "noted"];
     let warnings = told(&answer(&rigident(place.path(), &[&words[..], &FRICTION].concat())));
@@ -315,7 +319,8 @@ fn two_links(place: &Path, axis: Vector3<f64>) {
     std::fs::write(place.join("two.rig.toml"), RIG).unwrap();
     let nominal = |k: f64| {
         format!(
-            "nominal_mass_kg = {}\nnominal_com_m = [0.02, {}, 0.05]\nnominal_inertia_com_kgm2 = [0.02, 0.025, 0.015, 0.001, 0.002, 0.003]\n",
+            "nominal_mass_kg = {}\nnominal_com_m = [0.02, {}, 0.05]\nnominal_inertia_com_kgm2 = [0.02, \
+             0.025, 0.015, 0.001, 0.002, 0.003]\n",
             2.0 * k,
             0.03 * k
         )
@@ -326,8 +331,7 @@ fn two_links(place: &Path, axis: Vector3<f64>) {
         .replace("axis = ", &format!("{}axis = ", nominal(0.7)));
     std::fs::write(place.join("truth.toml"), truth).unwrap();
     let model = rig_links::read(&place.join("truth.toml")).unwrap();
-    let mut text = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,imu_gy_radps,imu_gz_radps,\
-                    imu1_gx_radps,imu1_gy_radps,imu1_gz_radps,q1_w,q1_x,q1_y,q1_z\n"
+    let mut text = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,imu_gx_radps,imu_gy_radps,imu_gz_radps,imu1_gx_radps,imu1_gy_radps,imu1_gz_radps,q1_w,q1_x,q1_y,q1_z\n"
         .to_owned();
     for row in 0..4000 {
         let t = f64::from(row) / 200.0;

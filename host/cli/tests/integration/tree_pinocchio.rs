@@ -1,8 +1,9 @@
 //! Rows and base parameters against Pinocchio, another library from the kinematics up.
 //!
-//! `pinocchio/vectors.json` holds what it said of a tree with every kind of joint, `pinocchio/record.py` how it was
-//! asked. Counts of base parameters are checked against its regressors live in tests that are ignored unless
-//! asked for: `RIGIDENT_PYTHON` (or `python3`) must have the wheel `pin`, which `cargo xtask setup` installs.
+//! `pinocchio/vectors.json` holds what it said of a tree with every kind of joint, `pinocchio/record.py` how
+//! it was asked. Counts of base parameters are checked against its regressors live in tests that are ignored
+//! unless asked for: `RIGIDENT_PYTHON` (or `python3`) must have the wheel `pin`, which `cargo xtask setup`
+//! installs.
 
 use crate::program::python;
 use std::path::{Path, PathBuf};

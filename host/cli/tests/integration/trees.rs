@@ -1,4 +1,5 @@
-//! Trees whose parameters are known come out as they are, and with noise as often inside their intervals as stated.
+//! Trees whose parameters are known come out as they are, and with noise as often inside their intervals as
+//! stated.
 
 use nalgebra::{DMatrix, DVector};
 use rigident::answer::result::{ParameterState, Status};
@@ -104,8 +105,8 @@ fn two_links_without_noise_come_out_to_a_millionth() {
 fn seven_axes_without_noise_come_out_to_a_millionth_by_rates_and_by_positions_alone() {
     let model = seven_axes();
     for rates in [true, false] {
-        // Without friction: where a rate changes its sign between two samples, a smoothed Coulomb column is off by part of
-        // one of them.
+        // Without friction: where a rate changes its sign between two samples, a smoothed Coulomb column is
+        // off by part of one of them.
         let recording = seven_axis_recording(&model, 1000.0, 30.0, rates, None, 0.0);
         let found = Identified::of(&recording, &model, &plain());
         assert!(found.worst(&model) < 1e-6, "rates {rates}: {:e}", found.worst(&model));
@@ -126,8 +127,8 @@ fn what_a_short_motion_leaves_open_is_advised() {
     assert_eq!(answer.parameters.iter().filter(|p| !p.state.is_identified()).count(), open);
 }
 
-/// The engine against its own definition: the factor is that of the normal equations of the filtered, whitened rows, and
-/// its residuals are what the estimate leaves of them.
+/// The engine against its own definition: the factor is that of the normal equations of the filtered,
+/// whitened rows, and its residuals are what the estimate leaves of them.
 #[test]
 fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
     let model = seven_axes();
@@ -168,7 +169,8 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
     let scale = found.fit.noise.variance_scale;
     let covariance = gram.clone().try_inverse().unwrap();
     let estimate = &covariance * &right;
-    // Rounding of the normal equations: ε times the square of the columns' condition, some 30, and as many rows.
+    // Rounding of the normal equations: ε times the square of the columns' condition, some 30, and as many
+    // rows.
     for j in 0..n {
         let sd = (covariance[(j, j)] * scale).sqrt();
         assert!((found.value(j) - estimate[j]).abs() < 1e-7 * sd, "{j}: {} {}", found.value(j), estimate[j]);
@@ -187,7 +189,8 @@ fn the_factor_of_a_tree_is_that_of_its_normal_equations() {
     assert_eq!(few, FitError::Columns { given: n - 1, wanted: n });
 }
 
-/// Parameters of one run share its noise: counted as five independent ones a run, 0.95 ± 3 √(0.05 · 0.95 / (5 runs)).
+/// Parameters of one run share its noise: counted as five independent ones a run, 0.95 ± 3 √(0.05 · 0.95 / (5
+/// runs)).
 fn allowed(runs: u64) -> f64 {
     3.0 * (0.05_f64 * 0.95 / (5.0 * runs as f64)).sqrt()
 }
@@ -214,8 +217,9 @@ fn seven_axes_with_noise_are_inside_their_intervals_as_often_as_stated() {
     assert!((share.inside - 0.95).abs() < allowed(runs), "{share:?}");
 }
 
-/// As of one body (`coloured-noise` in docs/estimation.md): with noise that lasts some share of the motion's periods
-/// intervals hold the truth about nine times in ten or more, where they had held it not even seven times.
+/// As of one body (`coloured-noise` in docs/estimation.md): with noise that lasts some share of the motion's
+/// periods intervals hold the truth about nine times in ten or more, where they had held it not even seven
+/// times.
 #[test]
 fn intervals_count_noise_that_is_autocorrelated() {
     let (two, seven) = (two_links(), seven_axes());
@@ -233,8 +237,9 @@ fn intervals_count_noise_that_is_autocorrelated() {
     }
 }
 
-/// Gain errors of 1 % on top of noise that is small beside them: intervals that count them hold the truth as often as
-/// stated, others hardly ever. Parameters of one run share six gains: counted as two independent ones a run.
+/// Gain errors of 1 % on top of noise that is small beside them: intervals that count them hold the truth as
+/// often as stated, others hardly ever. Parameters of one run share six gains: counted as two independent
+/// ones a run.
 #[test]
 fn intervals_count_gain_errors_of_the_load_cell() {
     let model = two_links();
@@ -309,7 +314,8 @@ fn a_person_s_base_parameters_come_out_to_a_millionth_and_the_full_ones_are_bodi
     }
 }
 
-/// Coarse rates draw the estimate by ten standard deviations and more, all parameters together, where that is not taken off.
+/// Coarse rates draw the estimate by ten standard deviations and more, all parameters together, where that is
+/// not taken off.
 #[test]
 fn noise_of_the_rates_moves_no_parameter() {
     let model = seven_axes();
@@ -325,7 +331,8 @@ fn noise_of_the_rates_moves_no_parameter() {
         (truth, found)
     });
     let norm = errors.iter().map(|x| x * x).sum::<f64>().sqrt();
-    // Eight runs leave of a mean of 43 numbers √(43/8) = 2.3, and by chance 3.1 once in a thousand times, where σ is as said.
+    // Eight runs leave of a mean of 43 numbers √(43/8) = 2.3, and by chance 3.1 once in a thousand times,
+    // where σ is as said.
     assert!(norm < 3.1, "{norm}");
     assert!(share.inside > 0.95 - allowed(runs), "{share:?}");
 }

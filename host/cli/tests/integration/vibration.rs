@@ -58,7 +58,8 @@ fn the_paper_s_experiment_is_identified_better_than_by_the_paper() {
     for seed in seeds {
         let found = object(place.path(), &["vibration", "demo", "--seed", seed, "--out", seed, "--json"]);
         for row in found["table_5"].as_array().unwrap() {
-            // The largest of both links in the paper's Table 5, of one experiment: on average, and nearly each time.
+            // The largest of both links in the paper's Table 5, of one experiment: on average, and nearly
+            // each time.
             let papers = [("first_moment_by_mass_m", 0.7e-3), ("tensor_by_largest", 0.0037)];
             for ((quantity, paper), sum) in papers.into_iter().zip(&mut ratios) {
                 let ratio = number(&row[quantity]) / paper;
@@ -335,7 +336,8 @@ fn what_is_wrong_is_named() {
     assert!(status(&output) == 1 && said(&output).contains("again adds no rank"), "{}", said(&output));
     assert!(table.contains("not identified"), "{table}");
     // Springs.
-    let springs = "[suspension]\nanchor_height_m = 0.0\nstiffness = [[1.0,0,0,0,0,0],[0,1.0,0,0,0,0],[0,0,1.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
+    let springs = "[suspension]\nanchor_height_m = 0.0\nstiffness = \
+                   [[1.0,0,0,0,0,0],[0,1.0,0,0,0,0],[0,0,1.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
     let rows: String = (0..400).map(|k| format!("{},0,0,0,1,0,0,0\n", f64::from(k) * 0.01)).collect();
     fs::write(place.path().join("s.csv"), format!("t_s,x_m,y_m,z_m,qw,qx,qy,qz\n{rows}")).unwrap();
     for (from, to, words) in [

@@ -115,7 +115,8 @@ fn says_with(readings: &[Reading<f64>], knows_offset: bool, expected: &[&str]) {
 
 #[test]
 fn still_poses_lack_rotation_and_too_few_of_them_lack_tilt() {
-    let no_rotation = "no rotation to and fro about S.x, S.y or S.z that is fast enough: turn the body about S.x, S.y and S.z";
+    let no_rotation = "no rotation to and fro about S.x, S.y or S.z that is fast enough: turn the body about \
+                       S.x, S.y and S.z";
     says(&still(&[[0.0, 0.0]]), &["one still pose only: hold the body still in three or more attitudes"]);
     says(&still(&[[10.0, 5.0]; 3]), &["one still pose only"]);
     let along_y = "no tilt about S.y: the centre of mass along S.y cannot be told from the wrench offset";
@@ -146,7 +147,8 @@ fn the_axes_without_rotation_are_named_and_no_others() {
         says(&joined(turning(60.0, sines), poses.clone()), &[expected]);
     }
     // ω̇ × mc shows the first moments across the axis.
-    let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be told from the wrench offset";
+    let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be told from the \
+                 wrench offset";
     says(&turning(60.0, &YAW), &[level, "no rotation to and fro about S.x or S.y"]);
 }
 
@@ -185,8 +187,8 @@ fn an_axis_between_those_of_s_is_told_by_its_components() {
 
 #[test]
 fn rotation_at_one_frequency_is_told_from_missing_rotation() {
-    let one = "all rotation about S.x and S.y is at one frequency: the tensor and the first moment are collinear; \
-               add a second, well-separated frequency";
+    let one = "all rotation about S.x and S.y is at one frequency: the tensor and the first moment are \
+               collinear; add a second, well-separated frequency";
     let cone = turning(40.0, &CONE);
     says(&cone, &["too little rotation about S.z", one]);
     // Either remedy that the sentence names.

@@ -1,4 +1,5 @@
-//! Trials that cannot be used, or are not what they are said to be: each is refused in words that say what, where and what to do.
+//! Trials that cannot be used, or are not what they are said to be: each is refused in words that say what,
+//! where and what to do.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +20,8 @@ fn c3d() -> Vec<u8> {
     std::fs::read(data("human_btk_pig_60kg_functional/FunctionalWalk.c3d")).unwrap()
 }
 
-/// Runs `body identify` in a folder; exit status and what was said on standard error or, with an answer, on output.
+/// Runs `body identify` in a folder; exit status and what was said on standard error or, with an answer, on
+/// output.
 fn identify(folder: &Path, line: &[&str]) -> (i32, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_rigident"));
     let output = command.current_dir(folder).args(["body", "identify"]).args(line).output().unwrap();

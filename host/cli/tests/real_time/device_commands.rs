@@ -1,4 +1,5 @@
-//! The commands around a device, with one on a port: firmware that is ours, and one built from other definitions.
+//! The commands around a device, with one on a port: firmware that is ours, and one built from other
+//! definitions.
 
 use std::process::{Command, Output};
 use std::sync::Arc;

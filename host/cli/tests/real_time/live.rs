@@ -1,4 +1,5 @@
-//! `rigident live` with simulated sensors of other makes, in real time: what they carry, what is lost, what goes wrong.
+//! `rigident live` with simulated sensors of other makes, in real time: what they carry, what is lost, what
+//! goes wrong.
 
 use std::io::Write;
 use std::net::UdpSocket;
@@ -65,8 +66,8 @@ impl Scene {
     }
 }
 
-/// Holds what is identified against the body that was played. Of ten 95 % intervals one run in a hundred has more than two without
-/// the truth; three times the interval holds it always.
+/// Holds what is identified against the body that was played. Of ten 95 % intervals one run in a hundred has
+/// more than two without the truth; three times the interval holds it always.
 fn check_truth(result: &Value, least: usize) {
     let (mut identified, mut outside) = (0, 0);
     for found in result["parameters"].as_array().unwrap() {

@@ -1,5 +1,5 @@
-//! Platforms driven over a network or a line, as the simulator offers them in real time: a program of its own, so that no
-//! other test takes the processor from the simulated clock.
+//! Platforms driven over a network or a line, as the simulator offers them in real time: a program of its
+//! own, so that no other test takes the processor from the simulated clock.
 #![cfg(feature = "emulator")]
 
 mod device_commands;
@@ -73,8 +73,8 @@ impl Drop for Served {
     }
 }
 
-/// Root mean square of how far poses are from the path of a trajectory, m; an angle counts by what it moves the joints of
-/// the plate, 0.2 m from its centre.
+/// Root mean square of how far poses are from the path of a trajectory, m; an angle counts by what it moves
+/// the joints of the plate, 0.2 m from its centre.
 ///
 /// The time at which a pose was reached does not count. On a busy machine the host asks and the simulated
 /// controller answers late, by as much as the system pleases; the path stays the same.

@@ -343,7 +343,8 @@ fn a_motion_is_ended_before_it_overloads_the_load_cell() {
     assert!(served.path("out/run.mcap").metadata().unwrap().len() > 10_000);
 }
 
-/// A program that is stopped for longer than the device waits for it: the device stops absorbing, the hexapod moves on.
+/// A program that is stopped for longer than the device waits for it: the device stops absorbing, the hexapod
+/// moves on.
 #[test]
 fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
     let served = Served::new();

@@ -170,7 +170,8 @@ fn a_stream_that_nobody_watches_is_led_to_rest_on_its_path_and_known_to_be_at_re
     let fastest = speeds.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     assert!(fastest > 0.01, "it moved: {fastest}");
     assert!(speeds[speeds.len() - 15..].iter().all(|v| *v == 0.0), "it is led to rest");
-    // From full speed within half a second by the quintic, whose slope is 1.875 at most; as much again for the path itself.
+    // From full speed within half a second by the quintic, whose slope is 1.875 at most; as much again for
+    // the path itself.
     let steepest = speeds.windows(2).fold(0.0_f64, |m, v| m.max((v[1] - v[0]).abs() / 0.01));
     assert!(steepest < 2.0 * 1.875 * fastest / 0.5, "without a jump: {steepest} of {fastest}");
 }

@@ -30,13 +30,14 @@ pub enum LinkError {
     Gone(#[from] io::Error),
     /// No answer.
     #[error(
-        "the device does not answer `{0}`: is the right port given, the device powered, no other program on the port?"
+        "the device does not answer `{0}`: is the right port given, the device powered, no other program on \
+         the port?"
     )]
     Silent(&'static str),
     /// The device speaks another protocol version.
     #[error(
-        "the device's firmware speaks protocol {device}, this program {PROTOCOL_VERSION}: flash the firmware that \
-         belongs to this version of rigident"
+        "the device's firmware speaks protocol {device}, this program {PROTOCOL_VERSION}: flash the firmware \
+         that belongs to this version of rigident"
     )]
     OtherProtocol {
         /// The device's version.
@@ -44,8 +45,8 @@ pub enum LinkError {
     },
     /// Same protocol, other messages.
     #[error(
-        "the device's firmware was built with other messages (schema {device:016x}, here {SCHEMA_HASH:016x}): flash \
-         the firmware that belongs to this version of rigident"
+        "the device's firmware was built with other messages (schema {device:016x}, here \
+         {SCHEMA_HASH:016x}): flash the firmware that belongs to this version of rigident"
     )]
     OtherSchema {
         /// The device's hash.
@@ -53,8 +54,8 @@ pub enum LinkError {
     },
     /// It answers, and not in messages that are known here.
     #[error(
-        "the device answers `{0}` in messages that this program does not know: its firmware was built from other definitions; flash the \
-         firmware that belongs to this version of rigident"
+        "the device answers `{0}` in messages that this program does not know: its firmware was built from \
+         other definitions; flash the firmware that belongs to this version of rigident"
     )]
     OtherMessages(&'static str),
     /// The device refused.
@@ -67,13 +68,14 @@ pub enum LinkError {
     },
     /// An answer that makes no sense.
     #[error(
-        "the device answered `{0}` with something else: flash the firmware that belongs to this version of rigident"
+        "the device answered `{0}` with something else: flash the firmware that belongs to this version of \
+         rigident"
     )]
     Nonsense(&'static str),
     /// The factor is beyond the range of the device's numbers.
     #[error(
-        "the device's factor is not finite: rows divided by their noise are beyond single precision; state a larger \
-         noise_n_nm in the rig file, or check the recording for readings far off all others"
+        "the device's factor is not finite: rows divided by their noise are beyond single precision; state a \
+         larger noise_n_nm in the rig file, or check the recording for readings far off all others"
     )]
     NotFinite,
 }
@@ -87,7 +89,11 @@ fn explain(code: &ErrorCode) -> String {
         ErrorCode::OutOfOrder { expected } => format!("it expects reading {expected}"),
         ErrorCode::NoEstimate => "nothing has been estimated yet".to_owned(),
         ErrorCode::Sensors => "its sensors do not come up: check their supply and wiring".to_owned(),
-        ErrorCode::NotBuiltIn => "its image was built without it: `cargo xtask firmware` builds one that has it, given the feature (docs/measuring.md lists them)".to_owned(),
+        ErrorCode::NotBuiltIn => {
+            "its image was built without it: `cargo xtask firmware` builds one that has \
+                                  it, given the feature (docs/measuring.md lists them)"
+                .to_owned()
+        }
         ErrorCode::NotKept => "it keeps no such run in its flash, or cannot read it".to_owned(),
         ErrorCode::Stale => "a late copy of an earlier command came; it was not obeyed".to_owned(),
     }

@@ -25,7 +25,8 @@ pub trait Transport: Send {
         Err(io::ErrorKind::Unsupported.into())
     }
 
-    /// Returns whether the line is out and is expected back: what is written meanwhile is lost, and nothing comes.
+    /// Returns whether the line is out and is expected back: what is written meanwhile is lost, and nothing
+    /// comes.
     fn is_out(&self) -> bool {
         false
     }

@@ -141,8 +141,8 @@ impl Address {
     }
 }
 
-/// Returns the names of the serial port that an address is of, as it is given and as the system lists it; none if it is of
-/// another kind.
+/// Returns the names of the serial port that an address is of, as it is given and as the system lists it;
+/// none if it is of another kind.
 pub fn port_of(address: &str) -> Vec<String> {
     let place = Address::parse(address).map(|address| address.place).unwrap_or_default();
     let is_port = place.starts_with('/') || place.starts_with("COM");
@@ -156,16 +156,18 @@ pub fn checks_itself(address: &str) -> bool {
     address.starts_with("tcp://")
 }
 
-/// Connects to the platform at an address; nothing moves. `geometry` says where the plate is at home, and the legs' lengths.
+/// Connects to the platform at an address; nothing moves. `geometry` says where the plate is at home, and the
+/// legs' lengths.
 ///
 /// # Errors
-/// The address is not one, or nobody is there; a driver that needs the joints of a machine of which they are not known.
+/// The address is not one, or nobody is there; a driver that needs the joints of a machine of which they are
+/// not known.
 pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, PlatformError> {
     let parsed = Address::parse(address)?;
     if !geometry.has_joints() && (parsed.scheme == "tcp" || parsed.scheme.starts_with("legs+")) {
         return Err(PlatformError::Refused(format!(
-            "{}:// depends on where the joints are, and the rig file gives travel_m in their place: gcs:// and pose+…:// count from the \
-             reference pose",
+            "{}:// depends on where the joints are, and the rig file gives travel_m in their place: gcs:// \
+             and pose+…:// count from the reference pose",
             parsed.scheme
         )));
     }
@@ -191,8 +193,8 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
     }
 }
 
-/// Connects to a platform of a simulated world, over a wire of that world; nothing moves. Its scheme is `gcs`, `pose+tcp`
-/// or `legs+tcp`.
+/// Connects to a platform of a simulated world, over a wire of that world; nothing moves. Its scheme is
+/// `gcs`, `pose+tcp` or `legs+tcp`.
 ///
 /// # Errors
 /// As [`connect`].

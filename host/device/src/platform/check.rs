@@ -13,13 +13,14 @@ use super::stops::{Stopped, stopped};
 const STEP_S: f64 = 0.004;
 const MOST_STEPS: f64 = 50_000.0;
 
-/// The stops that are shown, s: that on the path, and one by the controller itself, of which nothing says how long it
-/// takes.
+/// The stops that are shown, s: that on the path, and one by the controller itself, of which nothing says how
+/// long it takes.
 pub const STOPS_S: [f64; 2] = [SLOW_S, 0.1];
 
 /// The statements that cannot be made about a machine whose joints are not published.
-pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every pose inside the travel, their \
-                                  speeds, accelerations and forces, singular poses, collisions";
+pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every \
+                                  pose inside the travel, their speeds, accelerations and forces, singular \
+                                  poses, collisions";
 
 /// The further limits of the legs' forces: name, unit and key.
 const FURTHER: [(&str, &str, &str); 3] = [
@@ -192,8 +193,8 @@ impl fmt::Display for Summary {
         if let Some([led, stopped]) = self.stops {
             writeln!(
                 f,
-                "  stops     leg force up to {:.1} N led to rest in {} s, {:.1} N if a stop takes {} s; leg acceleration up to {:.2} \
-                 and {:.2} m/s2",
+                "  stops     leg force up to {:.1} N led to rest in {} s, {:.1} N if a stop takes {} s; leg \
+                 acceleration up to {:.2} and {:.2} m/s2",
                 led.leg_force_n,
                 led.stop_s,
                 stopped.leg_force_n,
@@ -225,7 +226,8 @@ impl Summary {
     fn plate(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s, {:.2} m/s2 and {:.2} rad/s2",
+            "  plate     up to {:.1} mm from home and {:.1} degrees of tilt, {:.3} m/s and {:.2} rad/s, \
+             {:.2} m/s2 and {:.2} rad/s2",
             1e3 * self.travel_m,
             self.tilt_rad.to_degrees(),
             self.velocity_mps,
@@ -244,10 +246,12 @@ pub fn words(pose: &Pose) -> String {
     format!("x {x:.1}, y {y:.1}, z {z:.1} mm, roll {roll:.1}, pitch {pitch:.1}, yaw {yaw:.1} degrees")
 }
 
-/// Holds a whole program against the legs' limits, at every instant; with what they carry, `load`, their forces too.
+/// Holds a whole program against the legs' limits, at every instant; with what they carry, `load`, their
+/// forces too.
 ///
 /// # Errors
-/// A segment that makes no sense; a leg that is too short, too long, too fast or too much loaded, with the time.
+/// A segment that makes no sense; a leg that is too short, too long, too fast or too much loaded, with the
+/// time.
 pub fn check(
     program: &MotionProgram,
     geometry: &Geometry,

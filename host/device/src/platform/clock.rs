@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use super::pace::Watch;
 
-/// A simulated world, in which time goes on only while somebody waits: a motion is driven to its end by whoever starts
-/// it, and everything else happens while it waits.
+/// A simulated world, in which time goes on only while somebody waits: a motion is driven to its end by
+/// whoever starts it, and everything else happens while it waits.
 pub trait World: Send + Sync {
     /// Returns the time, s.
     fn now_s(&self) -> f64;

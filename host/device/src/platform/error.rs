@@ -54,8 +54,8 @@ pub enum PlatformError {
     Unwatched(f64),
     /// Set points could not be sent in time.
     #[error(
-        "a set point came {:.0} ms after its time, so the motion was ended: this machine or the line to the platform was too busy, \
-         or asleep; use a larger lead_s",
+        "a set point came {:.0} ms after its time, so the motion was ended: this machine or the line to the \
+         platform was too busy, or asleep; use a larger lead_s",
         1e3 * .0
     )]
     Late(f64),
@@ -64,8 +64,8 @@ pub enum PlatformError {
     Unseen(String),
     /// It stopped before the end, and not by this program's command.
     #[error(
-        "the platform stopped after {at_s:.1} of {of_s:.1} s, and not by a command from here: is another program connected \
-         to it, or was it not heard from here?"
+        "the platform stopped after {at_s:.1} of {of_s:.1} s, and not by a command from here: is another \
+         program connected to it, or was it not heard from here?"
     )]
     Cut {
         /// The time, s since the start.
@@ -75,7 +75,8 @@ pub enum PlatformError {
     },
     /// More than the controller takes.
     #[error(
-        "the plan is {bytes} bytes as the platform's controller gets it, and it takes {most}: make a plan of fewer segments"
+        "the plan is {bytes} bytes as the platform's controller gets it, and it takes {most}: make a plan of \
+         fewer segments"
     )]
     TooLong {
         /// Of the command.
@@ -89,6 +90,7 @@ pub enum PlatformError {
 }
 
 /// The form of addresses.
-const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or gcs:///dev/ttyUSB0 (PI hexapods), \
-                   pose+tcp://HOST:PORT, legs+udp://HOST:PORT or pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100, \
-                   &lead_s=0.2, &follows=time and &baud=115200 where they apply";
+const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or \
+                   gcs:///dev/ttyUSB0 (PI hexapods), pose+tcp://HOST:PORT, legs+udp://HOST:PORT or \
+                   pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100, &lead_s=0.2, &follows=time and \
+                   &baud=115200 where they apply";

@@ -1,10 +1,12 @@
 //! The drive of the rig's plate.
 //!
-//! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig in this
-//! process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set points ([`stream`]);
-//! what is checked before ([`check`]) and compared after ([`tracking`]). May not live here: planning of motions, sensors.
+//! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig
+//! in this process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set
+//! points ([`stream`]); what is checked before ([`check`]) and compared after ([`tracking`]). May not live
+//! here: planning of motions, sensors.
 //!
-//! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own time.
+//! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own
+//! time.
 
 mod address;
 mod by_hand;

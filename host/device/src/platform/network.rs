@@ -43,7 +43,8 @@ pub struct NetworkPlatform {
 
 /// The longest answer, bytes.
 const LONGEST_ANSWER: usize = 64 << 10;
-/// An answer is whole within this time while the plate may move, s: before the controller stops it for having heard nothing.
+/// An answer is whole within this time while the plate may move, s: before the controller stops it for having
+/// heard nothing.
 const ANSWER_S: f64 = 0.8 * QUIET_S;
 
 /// The line to the controller.
@@ -61,8 +62,8 @@ struct Line {
     trace: Option<Trace>,
 }
 
-/// Lets the controller hear something while the plate moves, as long as somebody watches it: a host that has hung or was stopped
-/// says nothing, and then the controller stops the plate.
+/// Lets the controller hear something while the plate moves, as long as somebody watches it: a host that has
+/// hung or was stopped says nothing, and then the controller stops the plate.
 struct Keeper {
     leave: Arc<AtomicBool>,
     watched: Arc<Mutex<Instant>>,
@@ -258,7 +259,8 @@ impl Line {
     }
 }
 
-/// Takes a line that is whole within this time, of at most [`LONGEST_ANSWER`] bytes; `None` at the end of the stream.
+/// Takes a line that is whole within this time, of at most [`LONGEST_ANSWER`] bytes; `None` at the end of the
+/// stream.
 fn answer(stream: &mut BufReader<TcpStream>, within: Duration) -> std::io::Result<Option<Vec<u8>>> {
     let (begun, mut line) = (Instant::now(), Vec::new());
     loop {
@@ -327,7 +329,8 @@ impl Platform for NetworkPlatform {
         if started_s != self.loaded_s {
             self.stop(Stop::Alarm)?;
             return Err(PlatformError::Refused(
-                "another program has loaded another motion meanwhile; it was stopped: let one program at a time have the platform"
+                "another program has loaded another motion meanwhile; it was stopped: let one program at a \
+                 time have the platform"
                     .to_owned(),
             ));
         }
@@ -394,8 +397,8 @@ mod tests {
 
     use super::*;
 
-    /// A controller that answers in order until somebody asks for the state of a moving plate, and then does as `then` says; gives
-    /// the lines that it heard.
+    /// A controller that answers in order until somebody asks for the state of a moving plate, and then does
+    /// as `then` says; gives the lines that it heard.
     fn controller(then: impl Fn(&mut TcpStream) + Send + 'static) -> (NetworkPlatform, Receiver<String>) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = format!("tcp://{}", listener.local_addr().unwrap());

@@ -1,9 +1,9 @@
 //! A program sent as set points at a fixed rate, and its result.
 //!
-//! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its own or the line
-//! itself is broken. No point follows the one before sooner than a share of their interval ([`Follows::closest`]),
-//! so that a host that stood still makes up for it with no burst: a controller that may take points as they come
-//! never moves faster than the path by more than a twentieth.
+//! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its
+//! own or the line itself is broken. No point follows the one before sooner than a share of their interval
+//! ([`Follows::closest`]), so that a host that stood still makes up for it with no burst: a controller that
+//! may take points as they come never moves faster than the path by more than a twentieth.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -30,8 +30,8 @@ const LINGER_S: f64 = 1.5;
 const SETTLE_S: f64 = 0.3;
 /// A gap after which the motion does not go on, s.
 pub(super) const GAP_S: f64 = 0.5;
-/// The shortest time between two points, as a share of their interval, where the controller may take them as they
-/// come: what sleep makes late is caught up, and no more at once.
+/// The shortest time between two points, as a share of their interval, where the controller may take them as
+/// they come: what sleep makes late is caught up, and no more at once.
 const CLOSEST: f64 = 0.95;
 /// Likewise, where it is known to have a clock of its own: its buffer is filled again.
 const CLOSEST_OF_TIME: f64 = 0.25;
@@ -476,7 +476,8 @@ impl<S: Sink> Run<S> {
         match rest(&self.clock, &mut self.sink, ended == Ended::Halted) {
             Ok(Some(true)) => End::AtRest,
             Ok(Some(false)) => End::Unseen(format!(
-                "its controller says that it still moved {REST_S} s after the last set point, though it was told to stop"
+                "its controller says that it still moved {REST_S} s after the last set point, though it was \
+                 told to stop"
             )),
             Ok(None) if ended != Ended::Broken => {
                 // Nothing more can be known: the last points were those of a plate at rest.

@@ -22,8 +22,9 @@ fn slowed(state: &PlateState, s: f64, ds: f64) -> PlateState {
     }
 }
 
-/// Returns the states of a plate that is brought to rest on its path in `stop_s`, with the times of the program at
-/// which that begins, s. The way that it goes meanwhile is left out, which is less than half of `stop_s` of it.
+/// Returns the states of a plate that is brought to rest on its path in `stop_s`, with the times of the
+/// program at which that begins, s. The way that it goes meanwhile is left out, which is less than half of
+/// `stop_s` of it.
 pub fn states(trajectory: &Trajectory, stop_s: f64) -> impl Iterator<Item = (f64, PlateState)> + '_ {
     let step_s = (trajectory.duration_s() / INSTANTS).max(STEP_S);
     (0..=(trajectory.duration_s() / step_s).ceil() as usize).flat_map(move |k| {
@@ -90,8 +91,8 @@ mod tests {
 
     use super::*;
 
-    /// Straight down with 20 kg above the joints: each leg carries a sixth of m (g + z''), over the cosine of its slope. The stop is
-    /// gone through in time steps, and z'' is taken from second differences.
+    /// Straight down with 20 kg above the joints: each leg carries a sixth of m (g + z''), over the cosine of
+    /// its slope. The stop is gone through in time steps, and z'' is taken from second differences.
     #[test]
     fn a_stop_on_the_way_down_loads_the_legs_as_its_deceleration_does() {
         let geometry = Geometry::thesis();

@@ -5,15 +5,15 @@
 //! | `pose+tcp://`, `pose+udp://`, `pose+serial://` | `t_s,x_m,y_m,z_m,qw,qx,qy,qz`: the plate in A |
 //! | `legs+tcp://`, `legs+udp://`, `legs+serial://` | `t_s,l1_m,l2_m,l3_m,l4_m,l5_m,l6_m` |
 //!
-//! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent `lead_s` before its time, and one that would be sent
-//! after its time ends the motion. With `follows=arrival` a line is sent at its time, and where this machine
-//! stood still, all times to come are later by that. No line is sent sooner than 0.95 steps after the one
-//! before but the first of a stream, `lead_s` of them. The first stream
-//! of a connection begins with the plate at home, every further one where the last one ended, its time at zero again.
-//! Each ends with the last pose repeated. The way to a program's start is a stream of its own, and at the end of an experiment one
-//! more leads the plate home, for the next connection. A stop, and whatever goes wrong while lines can be sent, leads the plate to
-//! rest on its path within half a second after the lines sent already; there it stays. Where the plate really is, nobody
-//! says: nothing is measured.
+//! Time goes from the beginning of the stream in steps of `1/rate_hz`; a line is sent `lead_s` before its
+//! time, and one that would be sent after its time ends the motion. With `follows=arrival` a line is sent at
+//! its time, and where this machine stood still, all times to come are later by that. No line is sent sooner
+//! than 0.95 steps after the one before but the first of a stream, `lead_s` of them. The first stream
+//! of a connection begins with the plate at home, every further one where the last one ended, its time at
+//! zero again. Each ends with the last pose repeated. The way to a program's start is a stream of its own,
+//! and at the end of an experiment one more leads the plate home, for the next connection. A stop, and
+//! whatever goes wrong while lines can be sent, leads the plate to rest on its path within half a second
+//! after the lines sent already; there it stays. Where the plate really is, nobody says: nothing is measured.
 
 use hexapod::set_points::SetPoint;
 use hexapod::{Geometry, Load, MotionProgram, Pose};

@@ -51,8 +51,8 @@ pub(super) fn between(
     }
     if let Err(violation) = geometry.check_pose(from) {
         return Err(PlatformError::Refused(format!(
-            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its own program first, or correct \
-             [platform]",
+            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its \
+             own program first, or correct [platform]",
             check::words(from)
         )));
     }

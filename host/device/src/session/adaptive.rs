@@ -47,8 +47,8 @@ enum Ended {
 }
 
 impl Session {
-    /// As [`Session::follow`], with programs decided one after the other. The device runs all the while; its factor is
-    /// read between segments.
+    /// As [`Session::follow`], with programs decided one after the other. The device runs all the while; its
+    /// factor is read between segments.
     ///
     /// # Errors
     /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
@@ -136,7 +136,8 @@ impl Session {
         }
     }
 
-    /// Does something that takes its time. A device that waits for nobody is heard meanwhile; one in lock-step waits.
+    /// Does something that takes its time. A device that waits for nobody is heard meanwhile; one in
+    /// lock-step waits.
     fn meanwhile<T: Send>(
         &mut self,
         taking: &mut Taking,

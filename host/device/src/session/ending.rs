@@ -56,7 +56,8 @@ impl Session {
         const WHERE: &str = "on the way home after the experiment";
         let failed = |e: PlatformError| format!("{WHERE}: {e}");
         let Some(way) = platform.go_home().map_err(failed)? else { return Ok(()) };
-        // The way is watched as the experiment was. A device that holds says nothing: set anew it reads, and absorbs nothing.
+        // The way is watched as the experiment was. A device that holds says nothing: set anew it reads, and
+        // absorbs nothing.
         if let Some(settings) = self.settings.clone() {
             self.identity.state = StateName::Holding;
             self.configure(&settings).map_err(|e| format!("{WHERE}: {e}"))?;

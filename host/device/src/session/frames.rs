@@ -1,7 +1,8 @@
 //! Frames of a tree as a recording, and back.
 //!
-//! A frame holds what a recording's columns hold, and angular accelerations. These have columns of their own, `alpha0_x_radps2`,
-//! `alpha0_y_radps2`, `alpha0_z_radps2`, then `alpha1_…`: of link j, in its own axes. `rigident identify` does not need them.
+//! A frame holds what a recording's columns hold, and angular accelerations. These have columns of their own,
+//! `alpha0_x_radps2`, `alpha0_y_radps2`, `alpha0_z_radps2`, then `alpha1_…`: of link j, in its own axes.
+//! `rigident identify` does not need them.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::wire::tree_frame::{LINK_NUMBERS, MAX_TREE_FRAME, TreeFrame};
@@ -17,8 +18,8 @@ use rigident_rows::tree::joints::attitude;
 pub enum NoFrames {
     /// Columns, or what they are to be understood by.
     #[error(
-        "{name} lacks what frames are made of: {what}. On the device nothing is differentiated; `identify()` needs no \
-         accelerations, and takes joints' own columns"
+        "{name} lacks what frames are made of: {what}. On the device nothing is differentiated; `identify()` \
+         needs no accelerations, and takes joints' own columns"
     )]
     Missing {
         /// The recording.

@@ -81,14 +81,15 @@ pub enum SessionError {
     Restarted(String),
     /// The line does not take another rate, baud.
     #[error(
-        "`baud` {0}: {1}; take a slower rate or another serial adapter, and keep its wires short. The line has its usual rate again"
+        "`baud` {0}: {1}; take a slower rate or another serial adapter, and keep its wires short. The line \
+         has its usual rate again"
     )]
     Line(u32, &'static str),
     /// The load cell would be overloaded.
     #[error(
-        "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it overloads the load cell. \
-         Take a slower or smaller motion, a lighter body, or a load cell with a larger range; load_max_kg and load_within_m of the \
-         rig file bound what is planned for"
+        "the load cell's {channel} came to {value:.1} of {range:.1} {unit}: the motion was ended before it \
+         overloads the load cell. Take a slower or smaller motion, a lighter body, or a load cell with a \
+         larger range; load_max_kg and load_within_m of the rig file bound what is planned for"
     )]
     NearRange {
         /// Of the wrench.
@@ -102,14 +103,14 @@ pub enum SessionError {
     },
     /// The plate does not do what the program says.
     #[error(
-        "{0}: the motion was ended. Is the platform switched on and in the mode that it should be in, the rig file's [[imu]] turned as \
-         the IMU is, the body free to move?"
+        "{0}: the motion was ended. Is the platform switched on and in the mode that it should be in, the \
+         rig file's [[imu]] turned as the IMU is, the body free to move?"
     )]
     NotFollowed(String),
     /// Readings cease.
     #[error(
-        "the device has sent no reading for {0} s while the plate moves, and without readings nobody sees it: the motion was ended. Check \
-         its cable and supply"
+        "the device has sent no reading for {0} s while the plate moves, and without readings nobody sees \
+         it: the motion was ended. Check its cable and supply"
     )]
     Unheard(f64),
     /// The observer could not do its part, such as writing.
@@ -313,8 +314,8 @@ impl Session {
         self.client.ask("start", &Command::Start).map(drop)
     }
 
-    /// Starts again what the device has stopped because it did not hear the host, as long as the platform still moves: the
-    /// readings of that time are missing, the others are one experiment.
+    /// Starts again what the device has stopped because it did not hear the host, as long as the platform
+    /// still moves: the readings of that time are missing, the others are one experiment.
     ///
     /// # Errors
     /// [`SessionError::Stopped`] if the motion is over: its rest was not taken in.
@@ -466,8 +467,8 @@ fn advice(reason: Reason) -> &'static str {
         }
         Reason::LevelFull => "take the factor's rows, then start again: nothing of it is lost",
         Reason::HostQuiet => {
-            "the host was too busy or the cable was out for longer than the device waits, and the rest of the motion was not taken \
-             in; run again on a host that is less busy, and not in the background"
+            "the host was too busy or the cable was out for longer than the device waits, and the rest of \
+             the motion was not taken in; run again on a host that is less busy, and not in the background"
         }
         Reason::Boot | Reason::Command | Reason::StopRule => "run again",
     }

@@ -35,7 +35,8 @@ const RESTS: f64 = 0.01;
 const ABOVE_NOISE: f64 = 4.0;
 /// So few of the readings may be far off, knocks and spikes: they are left out.
 const OUTLIERS: usize = 3;
-/// Less than this share of the motion is none; an axis that makes more than [`MOST`] of it does not follow either.
+/// Less than this share of the motion is none; an axis that makes more than [`MOST`] of it does not follow
+/// either.
 const DEAD: f64 = 0.3;
 const MOST: f64 = 2.0;
 /// Of the angular rate or the acceleration an axis must make at least this share to be judged by itself.
@@ -63,7 +64,8 @@ const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 pub enum Axes {
     /// It ends the motion.
     Each,
-    /// It is found, and done without, by whoever decides: only a plate that does not move, or late, ends the motion.
+    /// It is found, and done without, by whoever decides: only a plate that does not move, or late, ends the
+    /// motion.
     LeftToPlanner,
 }
 
@@ -112,12 +114,14 @@ struct Bin {
 type Six = [f64; 6];
 
 impl MotionGuard {
-    /// Watches by an IMU at a place on the plate, `to_plate` = `R_PU`, whose gyro reads `gyro_zero` at rest, rad/s in U.
+    /// Watches by an IMU at a place on the plate, `to_plate` = `R_PU`, whose gyro reads `gyro_zero` at rest,
+    /// rad/s in U.
     pub fn new(sensors: IdealSensors, to_plate: Matrix3<f64>, gyro_zero: [f64; 3], axes: Axes) -> Self {
         Self { sensors, to_plate, gyro_zero, axes, offset_s: f64::INFINITY, bias: None, course: None }
     }
 
-    /// A program begins; `at_host_s` is the time on the host, s, or none in lock-step, where the first reading is its beginning.
+    /// A program begins; `at_host_s` is the time on the host, s, or none in lock-step, where the first
+    /// reading is its beginning.
     ///
     /// # Errors
     /// A segment that makes no sense.
@@ -143,7 +147,8 @@ impl MotionGuard {
         self.course = None;
     }
 
-    /// Takes in a reading: its time by the device, s, the host's time of its arrival, s, and what the IMU read, in U.
+    /// Takes in a reading: its time by the device, s, the host's time of its arrival, s, and what the IMU
+    /// read, in U.
     ///
     /// # Errors
     /// The plate does not follow.
@@ -194,7 +199,8 @@ impl MotionGuard {
             return Ok(());
         }
         Err(SessionError::NotFollowed(format!(
-            "the platform's own reading is {:.0} mm from the program at t = {:.2} s, at any delay from {} to {} s",
+            "the platform's own reading is {:.0} mm from the program at t = {:.2} s, at any delay from {} to \
+             {} s",
             1e3 * off_m,
             sample.time_s,
             DELAYS_S[0],
@@ -404,7 +410,8 @@ impl Look<'_> {
         (Seen::Late(lags.find(|(_, rest)| *rest < LAGS).map(|(delay_s, _)| delay_s)), None)
     }
 
-    /// The axis that does not follow, with its share: turns first, as a missing turn changes what is felt along the others.
+    /// The axis that does not follow, with its share: turns first, as a missing turn changes what is felt
+    /// along the others.
     fn axis(&self, measured: &[Six], foretold: &[Foretold], noise: f64) -> Option<(usize, f64)> {
         let turns = [0, 1, 2].map(|k| {
             let pairs: Vec<[f64; 2]> = measured.iter().zip(foretold).map(|(m, f)| [m[k], f.six[k]]).collect();

@@ -1,8 +1,9 @@
 //! The least σ that the device can weigh rows by, in single precision.
 //!
-//! A row is `Σ aⱼ φⱼ = y` of up to 25 terms, each of which the device rounds by up to half a step, `ε/2` of its size with
-//! `ε = 2⁻²³`. Were σ less than what that comes to, rounding would be taken for information; and whitened rows grow as 1/σ
-//! while the reflections multiply four of their numbers, which single precision holds up to about 1e9 each.
+//! A row is `Σ aⱼ φⱼ = y` of up to 25 terms, each of which the device rounds by up to half a step, `ε/2` of
+//! its size with `ε = 2⁻²³`. Were σ less than what that comes to, rounding would be taken for information;
+//! and whitened rows grow as 1/σ while the reflections multiply four of their numbers, which single precision
+//! holds up to about 1e9 each.
 
 use rigident_shared::screening::CHANNEL_NAMES;
 
@@ -34,7 +35,8 @@ pub fn largest_numbers(source: &dyn RowSource, progress: &dyn Progress) -> Resul
     Ok(largest)
 }
 
-/// Raises each σ to the least that the device can weigh its channel by; returns the indices of those that were less.
+/// Raises each σ to the least that the device can weigh its channel by; returns the indices of those that
+/// were less.
 pub fn raise(sigma: &mut [f64], largest: &[f64]) -> Vec<usize> {
     let mut raised = Vec::new();
     for (c, (sigma, largest)) in sigma.iter_mut().zip(largest).enumerate() {
@@ -53,8 +55,9 @@ pub fn told(sigma: &[f64; 6], raised: &[usize]) -> Option<String> {
     let most = raised.iter().filter_map(|c| sigma.get(*c)).fold(0.0_f64, |most, s| most.max(*s));
     (!raised.is_empty()).then(|| {
         format!(
-            "the device counts in single precision, which bears no smaller noise than {most:.1e} N or N m of {}: it was told that, and its own \
-             estimate holds six digits; the answer is counted in double precision here",
+            "the device counts in single precision, which bears no smaller noise than {most:.1e} N or N m of \
+             {}: it was told that, and its own estimate holds six digits; the answer is counted in double \
+             precision here",
             names.join(", ")
         )
     })
@@ -73,7 +76,8 @@ mod tests {
 
     #[test]
     fn whitened_rows_of_the_least_sigma_stay_within_single_precision() {
-        // Every tenth reading makes a row, a hundred a second: R of an hour, and the product that a merge makes of it.
+        // Every tenth reading makes a row, a hundred a second: R of an hour, and the product that a merge
+        // makes of it.
         let r = 10_f64.sqrt() / STEPS * (3600.0 * 100.0_f64).sqrt();
         let tenth = r / 10.0;
         assert!(2.0 * r * r * tenth * tenth < f64::from(f32::MAX));

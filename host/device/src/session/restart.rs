@@ -25,8 +25,8 @@ impl SessionError {
 }
 
 impl Session {
-    /// Says hello to a device that restarted and lets it hold what its flash keeps of the run: how many readings it has taken, and
-    /// the index of the one that it expects. `None`: it keeps nothing of it.
+    /// Says hello to a device that restarted and lets it hold what its flash keeps of the run: how many
+    /// readings it has taken, and the index of the one that it expects. `None`: it keeps nothing of it.
     fn take_up(&mut self, next_reading: u32) -> Result<Option<(u32, u32)>, LinkError> {
         self.identity = self.client.hello()?;
         // What was said until now was of the restart.
@@ -51,8 +51,8 @@ impl Session {
         }
     }
 
-    /// Goes on with a recording that is sent to the device: the index of the reading that it expects next. Nothing of it is lost, since
-    /// all of it is here.
+    /// Goes on with a recording that is sent to the device: the index of the reading that it expects next.
+    /// Nothing of it is lost, since all of it is here.
     ///
     /// # Errors
     /// What was wrong, if it was no restart; or that there were too many.
@@ -73,7 +73,8 @@ impl Session {
         Err(error)
     }
 
-    /// Lets a device that restarted absorb again: the index of the reading that it expects next. `None`: it has not restarted.
+    /// Lets a device that restarted absorb again: the index of the reading that it expects next. `None`: it
+    /// has not restarted.
     fn begin_again(&mut self) -> Result<Option<u32>, LinkError> {
         let held = self.take_up(0)?;
         if held.is_none() && self.identity.state != StateName::Idle {
@@ -100,8 +101,8 @@ impl Session {
         }
         let came = taking.readings.len() + taking.links.len();
         let mut words = format!(
-            "the device restarted in the middle of the experiment: check its supply. {came} readings had come, and {} of those \
-             that it numbered before had not",
+            "the device restarted in the middle of the experiment: check its supply. {came} readings had \
+             come, and {} of those that it numbered before had not",
             taking.gaps.missing
         );
         let held = self.take_up(taking.streamed);
@@ -109,8 +110,8 @@ impl Session {
             Ok(Some((readings, _))) => {
                 let _ = write!(
                     words,
-                    "; its flash kept a checkpoint of {readings} readings, so that its own estimate lacks {} that are here. What it \
-                     read between the last that came and the restart is in neither",
+                    "; its flash kept a checkpoint of {readings} readings, so that its own estimate lacks {} \
+                     that are here. What it read between the last that came and the restart is in neither",
                     came.saturating_sub(readings as usize)
                 );
                 if let Ok(Reply::Counters(counters)) =

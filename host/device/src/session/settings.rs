@@ -31,12 +31,14 @@ pub struct DeviceTiming {
 pub enum SettingsError {
     /// The gauges' matrix is needed and not there.
     #[error(
-        "the rig file has no [load_cell] calibration: the device needs the 6x6 matrix from gauge volts to N and N m"
+        "the rig file has no [load_cell] calibration: the device needs the 6x6 matrix from gauge volts to N \
+         and N m"
     )]
     NoCalibration,
     /// The word from_poses where the device needs numbers.
     #[error(
-        "the rig file says {0} = \"from_poses\": the device needs numbers; `identify()` calibrates on a recording"
+        "the rig file says {0} = \"from_poses\": the device needs numbers; `identify()` calibrates on a \
+         recording"
     )]
     FromPoses(&'static str),
     /// No σ.

@@ -27,8 +27,9 @@ pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[Reading<f6
     }
 }
 
-/// Leaves out of a take what its recording shows to be wrong: spikes of an IMU, which the device's factor holds still, so that it is
-/// dropped; a channel that is dead breaks the take. Returns what was left out, in words.
+/// Leaves out of a take what its recording shows to be wrong: spikes of an IMU, which the device's factor
+/// holds still, so that it is dropped; a channel that is dead breaks the take. Returns what was left out, in
+/// words.
 pub fn judge(recording: &mut Recording, take: &mut Take) -> Vec<String> {
     let left_out = leave_out_spikes(recording, &mut take.readings);
     if !left_out.is_empty() {
@@ -45,15 +46,15 @@ pub fn dead(recording: &Recording) -> Option<String> {
     let dead = recording.dead_channels();
     (!dead.is_empty()).then(|| {
         format!(
-            "{} never changed, to the last digit, while the other channels of the same sensor have noise: dead, or not \
-             connected; check that sensor's cable and supply",
+            "{} never changed, to the last digit, while the other channels of the same sensor have noise: \
+             dead, or not connected; check that sensor's cable and supply",
             dead.join(", ")
         )
     })
 }
 
-/// Leaves out the rows of a run in which an IMU's channel is far off, and the readings of one body that they are; returns
-/// what was left out, in words. The device's factor holds these rows still.
+/// Leaves out the rows of a run in which an IMU's channel is far off, and the readings of one body that they
+/// are; returns what was left out, in words. The device's factor holds these rows still.
 pub fn leave_out_spikes(recording: &mut Recording, readings: &mut Vec<Reading<f64>>) -> Vec<String> {
     recording.leave_out_spikes();
     let said = std::mem::take(&mut recording.warnings);

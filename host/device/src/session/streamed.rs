@@ -1,7 +1,9 @@
-//! Frames of a robot that is watched, streamed to the device over its link, and the changes that it tells meanwhile.
+//! Frames of a robot that is watched, streamed to the device over its link, and the changes that it tells
+//! meanwhile.
 //!
-//! No frame is answered: the device counts what became of them. Firmware in this process or in the emulator takes them as fast as it can,
-//! `WINDOW` under way at most; a device that one can buy takes them when they are due, so that its line must be fast enough ([`line_need`]).
+//! No frame is answered: the device counts what became of them. Firmware in this process or in the emulator
+//! takes them as fast as it can, `WINDOW` under way at most; a device that one can buy takes them when they
+//! are due, so that its line must be fast enough ([`line_need`]).
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -62,8 +64,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Returns how many of the frames sent the device did not take in, those among them of which it never heard; zero where it was not
-    /// asked at the end.
+    /// Returns how many of the frames sent the device did not take in, those among them of which it never
+    /// heard; zero where it was not asked at the end.
     pub fn lost(&self) -> u32 {
         if self.broken.is_some() { 0 } else { self.sent.saturating_sub(self.counters.frames.frames) }
     }
@@ -98,7 +100,8 @@ impl Session {
         Ok(watched)
     }
 
-    /// Gives both ends of the line another rate, and both the old one again where they do not understand each other.
+    /// Gives both ends of the line another rate, and both the old one again where they do not understand each
+    /// other.
     fn quicken(&mut self, baud: u32) -> Result<(), SessionError> {
         // Twice, before the device goes back by itself.
         const ATTEMPTS: u32 = 2;

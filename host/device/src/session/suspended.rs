@@ -29,8 +29,8 @@ pub fn frames(source: &SuspendedSource) -> Result<Vec<Vec<u8>>, NoFrames> {
     source.instants().iter().enumerate().map(frame).collect()
 }
 
-/// The device's settings for such frames beside the noise of the springs' six channels, and what brings its parameters into the order
-/// of the source's: `φ_device = map φ`.
+/// The device's settings for such frames beside the noise of the springs' six channels, and what brings its
+/// parameters into the order of the source's: `φ_device = map φ`.
 ///
 /// # Errors
 /// [`DeviceTreeError`] says what does not fit onto the device.
@@ -66,7 +66,8 @@ pub fn settings(
         anchor_height_m: support.preload.height_m() as f32,
         locked: (0..6).filter(|k| !free.contains(k)).fold(0, |locked, k| locked | 1 << k),
     };
-    // Base parameters by name, as one body's have other names in the source; then what springs carry, in the same order.
+    // Base parameters by name, as one body's have other names in the source; then what springs carry, in the
+    // same order.
     let place = |j: usize| match parameters.get(j) {
         Some(p) => base.iter().position(|own| own.name == p.name),
         None => Some(j - parameters.len() + base.len()),
@@ -75,7 +76,8 @@ pub fn settings(
     Ok((settings_of(ModelSettings::Suspended(links, springs), input.rate_hz, sigma)?, map))
 }
 
-/// Returns by how much the springs' wrench differs from that of their matrix at most, which is what the device has: N, N m.
+/// Returns by how much the springs' wrench differs from that of their matrix at most, which is what the
+/// device has: N, N m.
 pub fn beyond_matrix(source: &SuspendedSource) -> [f64; 6] {
     let springs = source.springs();
     let stiffness: Matrix6<f64> = springs.stiffness();

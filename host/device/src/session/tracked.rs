@@ -11,7 +11,8 @@ use rigident_fit::RowSource;
 use rigident_io::rig::{LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile};
 use rigident_rows::tree::{Frame, Input, TreeSource};
 
-/// The frames of a source whose base is tracked. Their numbers tell gaps in time: one more is one period later.
+/// The frames of a source whose base is tracked. Their numbers tell gaps in time: one more is one period
+/// later.
 ///
 /// # Errors
 /// [`NoFrames`] if a frame holds fewer links.

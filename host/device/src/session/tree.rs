@@ -1,8 +1,9 @@
 //! A tree of links on the device: what it is given, its factor as it hands it over, and what became of its
 //! frames.
 //!
-//! The device holds one level of the factor in single precision; it is taken row by row and merged here in double
-//! ([`take_level`]), at the latest every [`LEVEL_FRAMES`] frames; a [`Session`] does so while it follows them.
+//! The device holds one level of the factor in single precision; it is taken row by row and merged here in
+//! double ([`take_level`]), at the latest every [`LEVEL_FRAMES`] frames; a [`Session`] does so while it
+//! follows them.
 
 use std::sync::atomic::Ordering;
 
@@ -34,41 +35,44 @@ pub enum DeviceTreeError {
     Settings(#[from] SettingsError),
     /// The offset is to be estimated.
     #[error(
-        "on the device a tree has no room for the wrench's offset: give it in [load_cell] offset_n_nm as six numbers, or as \
-         \"zero\""
+        "on the device a tree has no room for the wrench's offset: give it in [load_cell] offset_n_nm as six \
+         numbers, or as \"zero\""
     )]
     Offset,
     /// Too many links.
     #[error(
-        "the model has {0} links that move against each other, the device takes {MAX_LINKS}: weld some of them"
+        "the model has {0} links that move against each other, the device takes {MAX_LINKS}: weld some of \
+         them"
     )]
     Links(usize),
     /// Too many links on springs.
     #[error(
-        "the model has {0} links that move against each other, the device takes {SUSPENDED_LINKS} on springs: weld some of them, or lock \
-         their joints"
+        "the model has {0} links that move against each other, the device takes {SUSPENDED_LINKS} on \
+         springs: weld some of them, or lock their joints"
     )]
     OnSprings(usize),
     /// Springs whose weight does more than act at a height.
     #[error(
-        "springs that lean, have a length or a preload of their own change their stiffness with the weight: the device has one matrix and one          height of the anchors; use `identify()`"
+        "springs that lean, have a length or a preload of their own change their stiffness with the weight: \
+         the device has one matrix and one          height of the anchors; use `identify()`"
     )]
     Preload,
     /// Too many parameters.
     #[error(
-        "the model has {0} base parameters, the device has room for {MAX_TREE_PARAMETERS}: weld some of its links"
+        "the model has {0} base parameters, the device has room for {MAX_TREE_PARAMETERS}: weld some of its \
+         links"
     )]
     Parameters(usize),
     /// A joint that is not a turning one, or turns about an axis that is none of the link's.
     #[error(
-        "link {0}: on the device joints are fixed, spherical, universal, or revolute about x, y or z of their link; \
-         `identify()` takes every other kind"
+        "link {0}: on the device joints are fixed, spherical, universal, or revolute about x, y or z of \
+         their link; `identify()` takes every other kind"
     )]
     Joint(String),
     /// A link that is no body: no attitude can be streamed of it.
     #[error(
-        "link {0} is no body but the place where two joints of one body meet: on the device declare three hinges through one \
-         point to be one ball (`spherical`); `identify()` takes them as they are"
+        "link {0} is no body but the place where two joints of one body meet: on the device declare three \
+         hinges through one point to be one ball (`spherical`); `identify()` takes them as they are"
     )]
     NoBody(String),
 }
@@ -298,8 +302,8 @@ pub fn complaints(report: &FrameReport, links: &[String]) -> Vec<String> {
         (
             report.wrong_links,
             format!(
-                "are of a tree with another number of links (the last of {}, the model has {expected}): stream the \
-                 model's links, in its order",
+                "are of a tree with another number of links (the last of {}, the model has {expected}): \
+                 stream the model's links, in its order",
                 report.last_link
             ),
         ),
@@ -311,8 +315,8 @@ pub fn complaints(report: &FrameReport, links: &[String]) -> Vec<String> {
         (report.saturated, "have a wrench at the range of the sensor".to_owned()),
         (
             report.without_motion,
-            "are without motion: it repeats itself to the last bit while the wrench changes; the motion capture has \
-             lost the body"
+            "are without motion: it repeats itself to the last bit while the wrench changes; the motion \
+             capture has lost the body"
                 .to_owned(),
         ),
         (report.full, format!("came after {full} others without the factor being taken, and were left out")),
@@ -343,8 +347,9 @@ mod tests {
 
     #[test]
     fn joints_that_share_a_body_must_be_one_on_the_device() {
-        let text = "<mujoco model=\"m\"><worldbody><body name=\"b\"><freejoint/><body name=\"t\"><joint name=\"x\" axis=\"1 0 0\"/>\
-                    <joint name=\"z\" axis=\"0 0 1\"/><joint name=\"y\" axis=\"0 1 0\"/></body></body></worldbody></mujoco>";
+        let text = "<mujoco model=\"m\"><worldbody><body name=\"b\"><freejoint/><body name=\"t\"><joint \
+                    name=\"x\" axis=\"1 0 0\"/><joint name=\"z\" axis=\"0 0 1\"/><joint name=\"y\" axis=\"0 \
+                    1 0\"/></body></body></worldbody></mujoco>";
         let mut model = rigident_model::write::parse(text, "m.xml").unwrap().model;
         let error = device_tree(&model).unwrap_err();
         assert!(

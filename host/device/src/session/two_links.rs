@@ -1,5 +1,5 @@
-//! Two links on the device: its settings from a rig file with two `[[link]]` and two `[[imu]]` tables, its readings as a
-//! recording and back, and its factor.
+//! Two links on the device: its settings from a rig file with two `[[link]]` and two `[[imu]]` tables, its
+//! readings as a recording and back, and its factor.
 
 use rigident_shared::calibration::GaugeCalibration;
 use rigident_shared::tree::Joint;
@@ -28,8 +28,8 @@ pub enum TwoLinkError {
     Settings(#[from] SettingsError),
     /// Not two links with a spherical joint between them.
     #[error(
-        "the device identifies two links with a spherical joint between them; the rig file has {0}. `identify()` \
-         takes every tree"
+        "the device identifies two links with a spherical joint between them; the rig file has {0}. \
+         `identify()` takes every tree"
     )]
     Links(String),
     /// A link without an IMU.
@@ -37,8 +37,8 @@ pub enum TwoLinkError {
     NoImu(String, usize),
     /// From sensors the attitude is found from both IMUs, which need a beginning.
     #[error(
-        "[[link]] {0} has no initial_wxyz: from sensors the device finds the joint's attitude from both IMUs, and must know how the \
-         link hangs at the start (R_SL, w, x, y, z)"
+        "[[link]] {0} has no initial_wxyz: from sensors the device finds the joint's attitude from both \
+         IMUs, and must know how the link hangs at the start (R_SL, w, x, y, z)"
     )]
     NoInitial(String),
     /// A recording without what the device reads.
@@ -51,7 +51,8 @@ pub enum TwoLinkError {
     },
 }
 
-/// The device's settings for two links; `attitude` as the device wants it, `R_SL` of the second link at the start.
+/// The device's settings for two links; `attitude` as the device wants it, `R_SL` of the second link at the
+/// start.
 ///
 /// # Errors
 /// [`TwoLinkError`] says what does not fit.

@@ -34,7 +34,8 @@ const UNLIKE: f64 = 2.5;
 pub enum WatchError {
     /// Too many links.
     #[error(
-        "the model has {0} links that move against each other, the device watches {MAX_WATCHED_LINKS}: weld some of them"
+        "the model has {0} links that move against each other, the device watches {MAX_WATCHED_LINKS}: weld \
+         some of them"
     )]
     Links(usize),
     /// Too many sensors of forces.
@@ -42,18 +43,21 @@ pub enum WatchError {
     Feet(usize),
     /// A component of a foot's wrench is not measured.
     #[error(
-        "{0} of foot {1} is not measured: to watch a link the device needs all that pushes the robot; add what is missing, or a sensor"
+        "{0} of foot {1} is not measured: to watch a link the device needs all that pushes the robot; add \
+         what is missing, or a sensor"
     )]
     NotMeasured(&'static str, String),
     /// Nothing tells what pushes the robot.
     #[error(
-        "the device watches by the wrenches on the robot: its feet ([[foot]] in the rig file) or its base (fx_n … mz_nm), and there are none"
+        "the device watches by the wrenches on the robot: its feet ([[foot]] in the rig file) or its base \
+         (fx_n … mz_nm), and there are none"
     )]
     NoWrench,
     /// The pushing force is far from the weight, N.
     #[error(
-        "the wrenches push by {0:.0} N in the mean, and the model weighs {1:.0} N: are they in another unit (a scale in columns of the rig file), does something \
-         push or hold the robot that is not measured, or is it another model?"
+        "the wrenches push by {0:.0} N in the mean, and the model weighs {1:.0} N: are they in another unit \
+         (a scale in columns of the rig file), does something push or hold the robot that is not measured, \
+         or is it another model?"
     )]
     Weight(f64, f64),
     /// No link of that name.
@@ -61,12 +65,14 @@ pub enum WatchError {
     NoLink(String, String),
     /// A link without parameters.
     #[error(
-        "link {0} has no inertial parameters in the model: the device needs those of all links, identify them first"
+        "link {0} has no inertial parameters in the model: the device needs those of all links, identify \
+         them first"
     )]
     NoParameters(String),
     /// A joint of several freedoms.
     #[error(
-        "joint {0} has several freedoms: the device watches robots whose joints turn or slide about one axis each"
+        "joint {0} has several freedoms: the device watches robots whose joints turn or slide about one axis \
+         each"
     )]
     Joint(String),
     /// A base that cameras track, or still poses.
@@ -96,9 +102,10 @@ impl Default for WatchOptions {
 }
 
 impl WatchOptions {
-    /// Returns what a change must explain: ten times the F of ten degrees of freedom that noise exceeds so seldom, at any of all borders
-    /// that are asked, ten times a second. The sum of the probabilities is an upper bound (Bonferroni), as they go together. Of n successive
-    /// differences of white noise two thirds are degrees of freedom (von Neumann).
+    /// Returns what a change must explain: ten times the F of ten degrees of freedom that noise exceeds so
+    /// seldom, at any of all borders that are asked, ten times a second. The sum of the probabilities is an
+    /// upper bound (Bonferroni), as they go together. Of n successive differences of white noise two thirds
+    /// are degrees of freedom (von Neumann).
     pub fn limit(&self, bins_per_s: f64) -> f64 {
         let asked = (BINS - 1) as f64 * bins_per_s * 3600.0;
         let probability = (self.false_alarms_per_hour / asked).clamp(1e-15, 0.1);
@@ -216,7 +223,8 @@ fn told_link(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkS
     })
 }
 
-/// The parameters about another origin in the same axes, a body without mass included: mc less m d, and the tensor by Steiner, twice.
+/// The parameters about another origin in the same axes, a body without mass included: mc less m d, and the
+/// tensor by Steiner, twice.
 fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
     let (m, c, one) = (own.mass, own.first_moment, Matrix3::identity());
     // Σ m (|p − d|² 1 − (p − d)(p − d)ᵀ)
@@ -227,7 +235,8 @@ fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
     [m, c.x, c.y, c.z, xx, yy, zz, yz, zx, xy]
 }
 
-/// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors and by the IMU.
+/// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors
+/// and by the IMU.
 fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64; 6]), WatchError> {
     let one = Matrix3::identity();
     // Link, rotation and position there, 1 σ.

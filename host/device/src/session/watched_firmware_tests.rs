@@ -163,7 +163,8 @@ fn in_real_time_frames_go_out_when_they_are_due() {
     assert_eq!((watched.lost(), frames.absorbed, frames.missing), (0, 740, 60));
 }
 
-/// A load cell and an IMU that signal samples all the time have not been set up for a watch, which would be faults.
+/// A load cell and an IMU that signal samples all the time have not been set up for a watch, which would be
+/// faults.
 #[test]
 fn sensors_that_a_watch_does_not_need_are_left_alone() {
     let robot = short();

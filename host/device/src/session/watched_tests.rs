@@ -78,7 +78,8 @@ fn robot(case: &PicksUp) -> WatchedRobot {
     WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap()
 }
 
-/// Time from the change until it is found, s; whether the interval of time holds it; errors of mass and first moment in 1 σ.
+/// Time from the change until it is found, s; whether the interval of time holds it; errors of mass and first
+/// moment in 1 σ.
 fn judged(change: (&Change<f32>, &Change<f32>), at_s: f64, wanted: &[f64; 10]) -> (f64, bool, [f64; 4]) {
     let (found, measured) = change;
     let (size, sd) = measured.size.unwrap();
@@ -176,7 +177,8 @@ fn a_base_about_its_imu_is_the_same_body() {
 fn the_line_must_carry_what_frames_need() {
     let (_, input, _) = PicksUp { seconds: 0.1, ..PicksUp::default() }.input().unwrap();
     let robot = WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap();
-    // 31 links, two feet: 6 + 6·4 + 2·24 + 30·8 bytes, header and check of 8, COBS of 2, a zero; 10 bits each.
+    // 31 links, two feet: 6 + 6·4 + 2·24 + 30·8 bytes, header and check of 8, COBS of 2, a zero; 10 bits
+    // each.
     let need = crate::session::streamed::line_need(&robot.frames, RATE_HZ);
     assert!((need - 10.0 * 329.0 * RATE_HZ).abs() < 10.0 * RATE_HZ + 1.0, "{need}");
 }

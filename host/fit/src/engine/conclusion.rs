@@ -40,10 +40,11 @@ impl BeyondWhite {
 impl Engine<'_> {
     /// Draws the conclusions from a factor; where a model of drives lacks something, beside that.
     ///
-    /// What a model of friction lacks follows the motion and is no white noise: taken as such it has errors of the rig explain
-    /// it, and these then contradict what is known of them, or a law of friction that is not that of its columns. So in that
-    /// case all rows count as noisier, by the largest factor that the autocorrelation of the residuals and the repetitions of a
-    /// motion have on any interval, until the errors are as stated or nothing is left.
+    /// What a model of friction lacks follows the motion and is no white noise: taken as such it has errors
+    /// of the rig explain it, and these then contradict what is known of them, or a law of friction that is
+    /// not that of its columns. So in that case all rows count as noisier, by the largest factor that the
+    /// autocorrelation of the residuals and the repetitions of a motion have on any interval, until the
+    /// errors are as stated or nothing is left.
     pub(super) fn conclude(&self, pass: &Pass, sigma_given: bool) -> Conclusion {
         let mut conclusion = self.concluded(pass, sigma_given, 1.0);
         let has_drives = self.source.channels().iter().any(Channel::is_drive);
@@ -78,7 +79,8 @@ impl Engine<'_> {
         BeyondWhite { slow, repeated, inflation }
     }
 
-    /// Returns by how much intervals are too narrow because what the model of the drives lacks repeats with the motion.
+    /// Returns by how much intervals are too narrow because what the model of the drives lacks repeats with
+    /// the motion.
     fn repeated(&self, conclusion: &Conclusion) -> f64 {
         let channels = self.source.channels();
         let drives: Vec<usize> = (0..channels.len()).filter(|c| channels[*c].is_drive()).collect();

@@ -29,8 +29,8 @@ impl Engine<'_> {
             .collect()
     }
 
-    /// Returns parameters and errors together, as far as they are determined, if something is known of them together;
-    /// autocorrelated rows count as this much noisier.
+    /// Returns parameters and errors together, as far as they are determined, if something is known of them
+    /// together; autocorrelated rows count as this much noisier.
     pub(super) fn joint(
         &self,
         pass: &Pass,

@@ -38,8 +38,9 @@ impl Engine<'_> {
         self.finish(pass, conclusion, convergence, Some(span))
     }
 
-    /// Returns what errors that are not estimated bring to an estimate that has forgotten older rows: of the rows in the span
-    /// `φ̂ − φ = (AᵀWA)⁻¹ AᵀW c_k θ_k` (S. F. Schmidt, 1966, consider parameters); then how much of it is known beforehand.
+    /// Returns what errors that are not estimated bring to an estimate that has forgotten older rows: of the
+    /// rows in the span `φ̂ − φ = (AᵀWA)⁻¹ AᵀW c_k θ_k` (S. F. Schmidt, 1966, consider parameters); then how
+    /// much of it is known beforehand.
     pub(super) fn considered(
         &self,
         pass: &Pass,
@@ -90,7 +91,8 @@ impl Engine<'_> {
         raw_sigma(&*self.blocks, channels, &self.measured_rms, &fitted, recent(&residuals, span))
     }
 
-    /// Returns the root mean square, per whitened row, of what noise of the signals brings to the coefficients.
+    /// Returns the root mean square, per whitened row, of what noise of the signals brings to the
+    /// coefficients.
     pub(super) fn coefficient_noise(&self, weighing: &Weighing) -> Vec<f64> {
         let rows = (self.blocks.len() * weighing.sigma.len()).max(1) as f64;
         match &self.noise {

@@ -34,11 +34,12 @@ const SIGMA_ROUNDS: usize = 2;
 
 /// Fits the parameters of a source to its rows.
 ///
-/// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by the covariance of all noise: that
-/// of the channels, and that which noise of the signals in the coefficients leaves in the residuals. What the latter adds to
-/// the normal equations is taken off. Noise that is not stated comes from the residuals and from differences of the signals.
-/// Errors that do not average out are nuisance parameters; outliers are given less weight; the covariance is inflated where residuals are
-/// larger than stated or autocorrelated.
+/// Samples are filtered to row blocks ([`RowSource::condition`]) and absorbed, whitened by the covariance of
+/// all noise: that of the channels, and that which noise of the signals in the coefficients leaves in the
+/// residuals. What the latter adds to the normal equations is taken off. Noise that is not stated comes from
+/// the residuals and from differences of the signals. Errors that do not average out are nuisance parameters;
+/// outliers are given less weight; the covariance is inflated where residuals are larger than stated or
+/// autocorrelated.
 ///
 /// # Errors
 /// [`FitError`] if there are no rows, or a setting is impossible.
@@ -166,7 +167,8 @@ impl<'a> Engine<'a> {
         let (channels, parameters) = (source.channels(), source.parameters().len());
         let columns = Columns::of(source);
         let noise = RowNoise::of(source, &*blocks, !columns.is_empty())?;
-        // Where rows are forgotten the nuisance parameters are not estimated, and errors may exceed the noise.
+        // Where rows are forgotten the nuisance parameters are not estimated, and errors may exceed the
+        // noise.
         let unweighted = options.forgetting.is_some() && !columns.is_empty();
         let measured = measured_rms(&*blocks, channels.len(), parameters);
         Ok(Self {

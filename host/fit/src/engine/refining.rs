@@ -18,8 +18,8 @@ const NEGLIGIBLE_SHARE: f64 = 0.01;
 const NEGLIGIBLE_SD: f64 = 0.02;
 
 impl Engine<'_> {
-    /// Weighs the rows by the covariance of all noise, takes off what noise in the coefficients adds, and linearises the
-    /// columns of nuisance parameters, until the estimate stays where it is.
+    /// Weighs the rows by the covariance of all noise, takes off what noise in the coefficients adds, and
+    /// linearises the columns of nuisance parameters, until the estimate stays where it is.
     pub(super) fn refine<'e>(&'e self, pass: Pass<'e>, sigma_given: bool) -> Result<Pass<'e>, FitError> {
         let noise = self.noise.as_ref().filter(|_| self.source.signal_noise_is_known());
         if noise.is_none() && self.columns.is_empty() {
@@ -77,7 +77,8 @@ impl Engine<'_> {
         if all_stated {
             return by(true);
         }
-        // Residuals of an estimate that noise has drawn to zero say nothing of it, nor those of directions that it fills.
+        // Residuals of an estimate that noise has drawn to zero say nothing of it, nor those of directions
+        // that it fills.
         let as_shown = by(true)?;
         if !pass.weighing.is_compensated() {
             return Some(as_shown);
@@ -100,8 +101,8 @@ impl Engine<'_> {
         }
     }
 
-    /// Returns true if noise of the signals is a small part of that in the residuals, and moves no parameter by much of its
-    /// standard deviation: the channels' own weights are then as good, and cost less.
+    /// Returns true if noise of the signals is a small part of that in the residuals, and moves no parameter
+    /// by much of its standard deviation: the channels' own weights are then as good, and cost less.
     pub(super) fn is_negligible(&self, noise: &RowNoise, pass: &Pass, estimate: &Estimate) -> bool {
         if pass.weighing.is_compensated() {
             return false;

@@ -12,7 +12,8 @@ pub const LEAST_EXCITATION: f64 = 20.0;
 const MOSTLY_NOISE: f64 = 2.0;
 
 impl Engine<'_> {
-    /// Returns the information that noise of the rates alone brings to a moment of inertia in all row blocks, 1/(kg m²)².
+    /// Returns the information that noise of the rates alone brings to a moment of inertia in all row blocks,
+    /// 1/(kg m²)².
     pub(super) fn spurious_information(&self, sigma: &[f64]) -> f64 {
         let filter = self.blocks.filter();
         self.blocks.len() as f64
@@ -22,8 +23,9 @@ impl Engine<'_> {
             / self.moment_sigma(sigma).powi(2)
     }
 
-    /// Returns the estimate without the values of moments of inertia that are mostly noise of the rates: they are drawn to
-    /// nothing already. A moment that is less attenuated than that moves the others, informed or not.
+    /// Returns the estimate without the values of moments of inertia that are mostly noise of the rates: they
+    /// are drawn to nothing already. A moment that is less attenuated than that moves the others, informed or
+    /// not.
     pub(super) fn without_spurious(&self, estimate: &Estimate, spurious_information: f64) -> Estimate {
         let mut informed = estimate.clone();
         for (j, parameter) in self.source.parameters().iter().enumerate() {

@@ -21,8 +21,8 @@ pub(super) struct StoredError<N> {
     sigma: N,
 }
 
-/// The errors of a rig, and their correlations; an error's numbers are places in the list of all, or themselves up
-/// to version 7.
+/// The errors of a rig, and their correlations; an error's numbers are places in the list of all, or
+/// themselves up to version 7.
 #[derive(Serialize, Deserialize)]
 #[serde(bound(deserialize = "N: Deserialize<'de>"))]
 pub(super) struct StoredRig<N = u32> {

@@ -1,8 +1,9 @@
 //! Means of whitened rows over bins of time: what is slow in a recording, in a size that every pair of bins
 //! can be examined.
 //!
-//! Any mean of rows leaves the equation exact. Bins are at least as long as the filter, so that white noise is all but
-//! independent from bin to bin; a sum of w rows over `√w` then has the variance that the rows' covariance states, 1.
+//! Any mean of rows leaves the equation exact. Bins are at least as long as the filter, so that white noise
+//! is all but independent from bin to bin; a sum of w rows over `√w` then has the variance that the rows'
+//! covariance states, 1.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -43,7 +44,8 @@ pub(super) struct Bins {
 pub(super) struct BinNoise {
     /// `κ = E[ΔᵀΔ]`, of one more column, the measured side's.
     pub(super) gram: DMatrix<f64>,
-    /// Variance of a row's product with its residual beyond that of independent ones, over `κφ (κφ)ᵀ`: one of the noise that is there, the rest of the series that κ is a mean of.
+    /// Variance of a row's product with its residual beyond that of independent ones, over `κφ (κφ)ᵀ`: one of
+    /// the noise that is there, the rest of the series that κ is a mean of.
     pub(super) uncertain: f64,
     /// By how much κ may be wrong, as a share of itself.
     pub(super) doubt: f64,
@@ -100,8 +102,8 @@ impl Bins {
         Self::with(rows, 0..rows.blocks.len(), rows.values.len(), |_, _, _| ())
     }
 
-    /// Returns the bins of some whitened rows of `wide` columns, which `extend` writes behind those of the estimate: it takes
-    /// the block, its rows of `wide` columns, and its residuals.
+    /// Returns the bins of some whitened rows of `wide` columns, which `extend` writes behind those of the
+    /// estimate: it takes the block, its rows of `wide` columns, and its residuals.
     pub(super) fn with(
         rows: &Rows,
         range: std::ops::Range<usize>,

@@ -1,12 +1,12 @@
 //! A change at one time: something loosened, added or lost while the recording was made.
 //!
-//! The supremum over time of the score test of a step in the parameters (D. W. K. Andrews, Tests for parameter instability
-//! and structural change with unknown change point, Econometrica 61, 1993), on means of whitened rows over bins of time
-//! (`bins`). A first test takes the bins' noise as white; what it suspects is tested again with white,
-//! flicker and walking noise as the residuals beside the step show them (`noise`), a line and a curve in time
-//! of every channel eliminated. A step of the body counts only beside a step of the channels' offsets: what a
-//! load cell does by itself is no change of the body. Nothing here knows of bodies: columns say themselves
-//! whose they are.
+//! The supremum over time of the score test of a step in the parameters (D. W. K. Andrews, Tests for
+//! parameter instability and structural change with unknown change point, Econometrica 61, 1993), on means of
+//! whitened rows over bins of time (`bins`). A first test takes the bins' noise as white; what it suspects is
+//! tested again with white, flicker and walking noise as the residuals beside the step show them (`noise`), a
+//! line and a curve in time of every channel eliminated. A step of the body counts only beside a step of the
+//! channels' offsets: what a load cell does by itself is no change of the body. Nothing here knows of bodies:
+//! columns say themselves whose they are.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -33,12 +33,14 @@ const ROUNDS: usize = 4;
 const MOST_FILLED: usize = 16;
 /// Steps at all times are worth this many independent ones.
 const INDEPENDENT: f64 = 4.0;
-/// A change of bodies on drives explains this share of the residuals at least: less is no more than a model of friction lacks.
+/// A change of bodies on drives explains this share of the residuals at least: less is no more than a model
+/// of friction lacks.
 const LEAST_SHARE: f64 = 0.25;
 /// Bins about the change in which its time is searched for row by row.
 const NEAR: usize = 3;
-/// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in units of its noise
-/// (J. Bai, Estimation of a change point in multiple regression models, Review of Economics and Statistics 79, 1997).
+/// The 95 % interval of the time is `11/L` to either side, L being the mean square of the step in a row, in
+/// units of its noise (J. Bai, Estimation of a change point in multiple regression models, Review of
+/// Economics and Statistics 79, 1997).
 const BAI_95: f64 = 11.0;
 
 /// The change.
@@ -151,8 +153,8 @@ impl Search<'_> {
         largest.map(|(_, found)| found)
     }
 
-    /// Returns the largest step beside noise of the channels as it is beside that step, and beside directions that
-    /// noise of the signals could fill; `None` where there is none beyond chance.
+    /// Returns the largest step beside noise of the channels as it is beside that step, and beside directions
+    /// that noise of the signals could fill; `None` where there is none beyond chance.
     fn find(&self, rows: &Rows) -> Option<Change> {
         let noise: Vec<PowerLaw> = self.bins.residuals.iter().map(noise::successive).collect();
         let first = self.largest(&Common::new(self.bins, &self.metrics(&noise), self.columns), &[])?;
@@ -187,8 +189,9 @@ impl Search<'_> {
         None
     }
 
-    /// Returns true if a step at another time, beside the largest, explains so much that the largest may be of its kind: what a
-    /// model lacks of friction is everywhere, more in one move than in another, and a change is at one time.
+    /// Returns true if a step at another time, beside the largest, explains so much that the largest may be
+    /// of its kind: what a model lacks of friction is everywhere, more in one move than in another, and a
+    /// change is at one time.
     fn is_everywhere(&self, metrics: &[Metric], largest: &Largest) -> bool {
         let squares = metrics.iter().zip(&self.bins.residuals).map(|(metric, left)| {
             let weighted = metric.apply(&DMatrix::from_column_slice(left.len(), 1, left.as_slice()));
@@ -210,7 +213,8 @@ impl Search<'_> {
         chance > FALSE_ALARM
     }
 
-    /// Returns the noise of every channel as it is beside the largest step, and the largest step beside that noise.
+    /// Returns the noise of every channel as it is beside the largest step, and the largest step beside that
+    /// noise.
     fn second_look(&self, first: Largest, filled: &[DVector<f64>]) -> Option<(Vec<PowerLaw>, Largest)> {
         let (mut noise, mut found) = (Vec::new(), first);
         for _ in 0..ROUNDS {
@@ -294,8 +298,8 @@ impl Search<'_> {
         Change { time_s, time_u95_s, changed, probability, explained, steps }
     }
 
-    /// Returns what the drift of a channel is in a row near a bin, beside a step from there on: the common fit leaves it, as it says
-    /// nothing of a step.
+    /// Returns what the drift of a channel is in a row near a bin, beside a step from there on: the common
+    /// fit leaves it, as it says nothing of a step.
     fn level(&self, channel: usize, step: &Step, bin: usize) -> f64 {
         let rows = &self.bins.rows[channel];
         let mut left = &self.bins.residuals[channel] - rows * &step.fitted;

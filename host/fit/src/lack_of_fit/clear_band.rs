@@ -1,9 +1,10 @@
 //! Frequencies at which motion is clear of noise, without a rest that would show the noise.
 //!
-//! Of an honest recording rows predict `p = s + n`, s of the motion and n by noise of the signals, and leave the
-//! residual `r = e − n`: their cross spectrum is `−S_n`, whatever filter that noise went through. What swings far
-//! above the motion would move by that noise as by a motion, and its wrench resembles the residual, which has the
-//! noise too. So where that is seen above the motion, only what is slower is evidence.
+//! Of an honest recording rows predict `p = s + n`, s of the motion and n by noise of the signals, and leave
+//! the residual `r = e − n`: their cross spectrum is `−S_n`, whatever filter that noise went through. What
+//! swings far above the motion would move by that noise as by a motion, and its wrench resembles the
+//! residual, which has the noise too. So where that is seen above the motion, only what is slower is
+//! evidence.
 
 use std::f64::consts::TAU;
 
@@ -27,9 +28,9 @@ struct Powers {
     both: f64,
 }
 
-/// Returns the highest frequency at which motion is clear of noise, Hz, if residuals above it have noise of the
-/// rows; `None` if they have none, or rows are too few to tell. Series are those of the channels, of the given
-/// rate, Hz.
+/// Returns the highest frequency at which motion is clear of noise, Hz, if residuals above it have noise of
+/// the rows; `None` if they have none, or rows are too few to tell. Series are those of the channels, of the
+/// given rate, Hz.
 pub(super) fn highest_hz(predicted: &[Vec<f64>], left: &[Vec<f64>], rate_hz: f64) -> Option<f64> {
     let spectrum = spectrum(predicted, left)?;
     let whole: f64 = spectrum.iter().map(|own| own.predicted).sum();
@@ -48,8 +49,8 @@ pub(super) fn highest_hz(predicted: &[Vec<f64>], left: &[Vec<f64>], rate_hz: f64
     found.map(|k| (k.max(1) as f64) * rate_hz / LONG as f64)
 }
 
-/// Returns powers by frequency, from 1 on in steps of the rate over [`LONG`], of stretches through Hann's window;
-/// `None` of too few rows.
+/// Returns powers by frequency, from 1 on in steps of the rate over [`LONG`], of stretches through Hann's
+/// window; `None` of too few rows.
 fn spectrum(predicted: &[Vec<f64>], left: &[Vec<f64>]) -> Option<Vec<Powers>> {
     let count = left.first().map_or(0, Vec::len);
     if count < LONG + (FEWEST - 1) * STEP {

@@ -7,8 +7,8 @@ pub(super) const LEAST: f64 = 1e-9;
 /// Noise that could be more than this share of what is known of a direction fills it.
 const FILLED: f64 = 0.1;
 
-/// Returns directions of unit information, a column each, that span all that is seen; `None` if that is nothing, or
-/// no number.
+/// Returns directions of unit information, a column each, that span all that is seen; `None` if that is
+/// nothing, or no number.
 pub(super) fn seen(known: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = known.nrows();
     let scale = known.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });

@@ -1,8 +1,9 @@
 //! Lack of fit: what the residuals say against one unchanging rigid body, whatever the source of the rows.
 //!
-//! A change at one time ([`change`]), bodies that are not rigid ([`rigidity`]), and drift from still pose to still pose
-//! ([`pose_drift`]). Each is a score test (C. R. Rao 1948) of columns that the model does not have, beside the common fit of all
-//! that it has. Nothing here knows of bodies: columns say themselves what they are.
+//! A change at one time ([`change`]), bodies that are not rigid ([`rigidity`]), and drift from still pose to
+//! still pose ([`pose_drift`]). Each is a score test (C. R. Rao 1948) of columns that the model does not
+//! have, beside the common fit of all that it has. Nothing here knows of bodies: columns say themselves what
+//! they are.
 
 mod bins;
 pub mod change;
@@ -25,8 +26,8 @@ pub use change::{Change, Changed, ColumnStep};
 pub use pose_drift::PoseDrift;
 pub use rigidity::{Motion, NotRigid};
 
-/// Residuals of less than this share of the measurements are no noise but rounding, and what the filter leaves of fast motion: a
-/// recording that was computed.
+/// Residuals of less than this share of the measurements are no noise but rounding, and what the filter
+/// leaves of fast motion: a recording that was computed.
 const NOISE_FREE: f64 = 1e-4;
 
 /// Variance of the residuals, over the stated one, from which on a cause is searched for.
@@ -78,8 +79,8 @@ pub trait NoiseRows {
     /// Returns by how much the squares may be wrong, as a share of themselves.
     fn doubt(&self) -> f64;
 
-    /// Calls `visit` with the time and the whitened rows of each block of a series, C rows of all columns and, last, of the measured
-    /// side.
+    /// Calls `visit` with the time and the whitened rows of each block of a series, C rows of all columns
+    /// and, last, of the measured side.
     fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64]));
 }
 
@@ -166,8 +167,8 @@ pub fn look(rows: &Rows) -> LackOfFit {
     }
 }
 
-/// Returns the probability that r independent numbers of unit variance have this sum of squares or more, the variance being
-/// known by ν others (Fisher and Snedecor).
+/// Returns the probability that r independent numbers of unit variance have this sum of squares or more, the
+/// variance being known by ν others (Fisher and Snedecor).
 fn tail(square: f64, r: usize, others: f64) -> f64 {
     if r == 0 || square <= 0.0 {
         return 1.0;

@@ -1,11 +1,13 @@
-//! Noise of a channel over bins of time: white, flicker (1/f) and a random walk (1/f²), and the inverse of its covariance.
+//! Noise of a channel over bins of time: white, flicker (1/f) and a random walk (1/f²), and the inverse of
+//! its covariance.
 //!
-//! These are the slopes −½, 0 and +½ of an Allan deviation. Flicker noise is a sum of exponentially correlated noise of time
-//! constants an octave apart (A. van der Ziel, On the noise spectra of semi-conductor noise and of flicker effect, Physica
-//! 16, 1950). Their variances are those of the most likelihood for the periodogram of residuals: with the rows of the model
-//! projected out, a cosine coefficient has the variance `μ_j = Σ_k v_k M_jk`, M exactly that of the projected noise, and
-//! `v_k ← v_k √(Σ_j (I_j/μ_j) M_jk/μ_j / Σ_j M_jk/μ_j)` never loses likelihood (C. Févotte, J. Idier, Neural Computation
-//! 23, 2011).
+//! These are the slopes −½, 0 and +½ of an Allan deviation. Flicker noise is a sum of exponentially
+//! correlated noise of time constants an octave apart (A. van der Ziel, On the noise spectra of
+//! semi-conductor noise and of flicker effect, Physica 16, 1950). Their variances are those of the most
+//! likelihood for the periodogram of residuals: with the rows of the model projected out, a cosine
+//! coefficient has the variance `μ_j = Σ_k v_k M_jk`, M exactly that of the projected noise, and
+//! `v_k ← v_k √(Σ_j (I_j/μ_j) M_jk/μ_j / Σ_j M_jk/μ_j)` never loses likelihood (C. Févotte, J. Idier, Neural
+//! Computation 23, 2011).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,8 +23,8 @@ const LEAST_LEFT: f64 = 0.05;
 const UPPER_SD: f64 = 2.0;
 /// Of a column less than this is rounding.
 pub(super) const ROUNDING: f64 = 1e-8;
-/// Least variance of white noise, of that which the residuals have, and of that which was stated: residuals that are smaller by
-/// far are none of a sensor's.
+/// Least variance of white noise, of that which the residuals have, and of that which was stated: residuals
+/// that are smaller by far are none of a sensor's.
 const LEAST_WHITE: f64 = 1e-3;
 
 /// Variances of white, flicker and walking noise.
@@ -62,7 +64,8 @@ fn cosine(count: usize, j: usize) -> DVector<f64> {
     DVector::from_fn(count, |b, _| scale * (step * (b as f64 + 0.5)).cos())
 }
 
-/// Returns an orthonormal basis of the columns of a matrix; of a column at least the share `least` must be new.
+/// Returns an orthonormal basis of the columns of a matrix; of a column at least the share `least` must be
+/// new.
 pub(super) fn basis(columns: &DMatrix<f64>, least: f64) -> DMatrix<f64> {
     let mut kept: Vec<DVector<f64>> = Vec::new();
     for column in columns.column_iter() {
@@ -86,7 +89,8 @@ pub(super) fn basis(columns: &DMatrix<f64>, least: f64) -> DMatrix<f64> {
     if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
 }
 
-/// The mean power of some coefficients, their number, and the shares of white noise, flicker noise and a walk.
+/// The mean power of some coefficients, their number, and the shares of white noise, flicker noise and a
+/// walk.
 type Line = (f64, f64, [f64; 3]);
 
 impl PowerLaw {
@@ -209,8 +213,8 @@ impl PowerLaw {
     }
 }
 
-/// Returns the filter that leaves the error of prediction from all values before, its own first, and the error's variance
-/// (Levinson and Durbin).
+/// Returns the filter that leaves the error of prediction from all values before, its own first, and the
+/// error's variance (Levinson and Durbin).
 fn prediction(gamma: &[f64]) -> (Vec<f64>, f64) {
     let mut filter = vec![1.0];
     let mut variance = gamma.first().copied().unwrap_or(1.0);

@@ -1,12 +1,12 @@
 //! Directions of a step that noise could fill.
 //!
 //! At rest an accelerometer shows gravity and noise, so that noise alone tells a mass from an offset there.
-//! This is wrong by as much as the size of the noise in the rows is, which is not known to better than a factor
-//! where the noise is not white: filters, steps and repeated samples make it larger in the band of the rows than
-//! differences of samples show. So the noise is taken as the larger of what those differences say and of the
-//! scatter κ of the rows in a rest, of which no more counts than the residuals have room for, `φᵀ κ φ` of a bin:
-//! the rest may not be still. A direction in which noise could be more than a tenth of what is known on either
-//! side of a step, offsets given, is no evidence of a change.
+//! This is wrong by as much as the size of the noise in the rows is, which is not known to better than a
+//! factor where the noise is not white: filters, steps and repeated samples make it larger in the band of the
+//! rows than differences of samples show. So the noise is taken as the larger of what those differences say
+//! and of the scatter κ of the rows in a rest, of which no more counts than the residuals have room for,
+//! `φᵀ κ φ` of a bin: the rest may not be still. A direction in which noise could be more than a tenth of
+//! what is known on either side of a step, offsets given, is no evidence of a change.
 
 use std::ops::Range;
 
@@ -104,8 +104,8 @@ impl<'a> NoiseFilled<'a> {
         Self { bins, offsets, could: [stated.collect(), shown], own, quiet }
     }
 
-    /// Returns the directions that noise could fill before or after a bin; `noise` is that of the residuals beside a step
-    /// there.
+    /// Returns the directions that noise could fill before or after a bin; `noise` is that of the residuals
+    /// beside a step there.
     pub(super) fn at(&self, bin: usize, metrics: &[Metric], noise: &[PowerLaw]) -> Vec<DVector<f64>> {
         let room: Vec<f64> = (0..self.own.len()).map(|c| self.quiet.room(c, noise)).collect();
         let sides = [0..bin, bin..self.bins.len()];

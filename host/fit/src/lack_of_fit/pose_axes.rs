@@ -1,8 +1,9 @@
-//! Channels of still poses that follow the columns of other channels: axes, signs or frames that are not those
-//! of the model.
+//! Channels of still poses that follow the columns of other channels: axes, signs or frames that are not
+//! those of the model.
 //!
-//! A force along one axis has no part of the gravity along the others. These are columns of an F-test beside all
-//! that the model has. Small parts are cross-talk and tilt, so that the size of what is left decides beside it.
+//! A force along one axis has no part of the gravity along the others. These are columns of an F-test beside
+//! all that the model has. Small parts are cross-talk and tilt, so that the size of what is left decides
+//! beside it.
 
 use nalgebra::DMatrix;
 

@@ -1,8 +1,9 @@
 //! Drift from still pose to still pose, in the order in which they were taken.
 //!
-//! A line and a curve over the number of the pose are added to one channel: an F-test of two columns beside all that the model
-//! has. And the residuals of a channel follow one another: their correlation from pose to pose is nearly normal about zero
-//! with the variance 1/n (T. W. Anderson, Distribution of the serial correlation coefficient, 1942).
+//! A line and a curve over the number of the pose are added to one channel: an F-test of two columns beside
+//! all that the model has. And the residuals of a channel follow one another: their correlation from pose to
+//! pose is nearly normal about zero with the variance 1/n (T. W. Anderson, Distribution of the serial
+//! correlation coefficient, 1942).
 
 use nalgebra::{DMatrix, DVector};
 use statrs::function::erf::erfc;
@@ -48,8 +49,8 @@ pub(super) fn metrics(bins: &Bins) -> Vec<Metric> {
     (0..bins.channels).map(metric).collect()
 }
 
-/// Returns what columns explain of one channel of poses beside the common fit of all, by an F-test; `None` if there
-/// are too few poses.
+/// Returns what columns explain of one channel of poses beside the common fit of all, by an F-test; `None` if
+/// there are too few poses.
 pub(super) fn explained(
     bins: &Bins,
     common: &Common,

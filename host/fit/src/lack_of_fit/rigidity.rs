@@ -1,10 +1,10 @@
 //! Bodies that are not rigid, recognised by the form of their residuals.
 //!
-//! - *Resonance* (an elastic mount, liquid, a load that swings): a part of the body on a spring of the frequency ω₀ and the
-//!   damping ζ moves against the rest by z, `z̈ + 2ζω₀ ż + ω₀² z = −u`, u being what moves the body. The wrench has `z̈` times the
-//!   part's mass too much: the rows of the body through the filter `−s²/(s² + 2ζω₀ s + ω₀²)`, whatever the source. Frequencies and
-//!   dampings are tried one after the other.
-//!   The part makes no larger a wrench than the whole.
+//! - *Resonance* (an elastic mount, liquid, a load that swings): a part of the body on a spring of the
+//!   frequency ω₀ and the damping ζ moves against the rest by z, `z̈ + 2ζω₀ ż + ω₀² z = −u`, u being what
+//!   moves the body. The wrench has `z̈` times the part's mass too much: the rows of the body through the
+//!   filter `−s²/(s² + 2ζω₀ s + ω₀²)`, whatever the source. Frequencies and dampings are tried one after the
+//!   other. The part makes no larger a wrench than the whole.
 //! - *Spring* (a cable, a hose): channels follow the angles, the second integrals of rows that contain
 //!   angular accelerations.
 //! - *Bursts* (a loose bolt): the noise is much larger at some times than at others.
@@ -12,8 +12,8 @@
 //! If efforts of drives are measured, friction that is left out resembles all of these, and of many
 //! parameters something always does: nothing is named there.
 //!
-//! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one that explains most is
-//! named, less 7 for each of its columns.
+//! A candidate counts with white, flicker and walking noise as the residuals beside it show them; the one
+//! that explains most is named, less 7 for each of its columns.
 
 use nalgebra::DMatrix;
 
@@ -81,8 +81,9 @@ pub struct NotRigid {
     pub explained: f64,
 }
 
-/// Returns the second integral over time with its sign turned, `1/(ω² + ω_f²)` at the frequency ω: one that forgets, forwards and
-/// then backwards, so that no phase is lost; each without its mean, as where it began is not known.
+/// Returns the second integral over time with its sign turned, `1/(ω² + ω_f²)` at the frequency ω: one that
+/// forgets, forwards and then backwards, so that no phase is lost; each without its mean, as where it began
+/// is not known.
 fn second_integral(input: impl Iterator<Item = f64>, rate_hz: f64) -> Vec<f64> {
     let step = 0.5 / rate_hz;
     let forget = std::f64::consts::TAU * FORGET_HZ * step;
@@ -111,7 +112,8 @@ struct Section {
 }
 
 impl Section {
-    /// Returns `(b₂ s² + b₀)/(s² + 2ζω₀ s + ω₀²)` at a frequency in Hz by the bilinear transform, right at that frequency.
+    /// Returns `(b₂ s² + b₀)/(s² + 2ζω₀ s + ω₀²)` at a frequency in Hz by the bilinear transform, right at
+    /// that frequency.
     fn new(frequency_hz: f64, damping: f64, squared: f64, constant: f64, rate_hz: f64) -> Self {
         let omega = std::f64::consts::TAU * frequency_hz;
         let k = omega / (0.5 * omega / rate_hz).tan();
@@ -240,8 +242,8 @@ impl<'a> Stretch<'a> {
         Self { rows, bins, columns, residuals, first, rate_hz, noise, quiet }
     }
 
-    /// Returns the same of what is slower than motion that is clear of noise, where noise above it is in rows and
-    /// residuals alike.
+    /// Returns the same of what is slower than motion that is clear of noise, where noise above it is in rows
+    /// and residuals alike.
     fn clear(self) -> Self {
         let of_channel = |own: &Vec<Vec<f64>>| {
             let mut sum = vec![0.0; own.first().map_or(0, Vec::len)];
@@ -257,7 +259,8 @@ impl<'a> Stretch<'a> {
         }
     }
 
-    /// Returns the rows, the residuals and the noise below a frequency, in bins that are as long as that allows.
+    /// Returns the rows, the residuals and the noise below a frequency, in bins that are as long as that
+    /// allows.
     fn below(mut self, hz: f64) -> Self {
         let section = DAMPINGS_OF_FOUR.map(|damping| Section::low_pass(hz, damping, self.rate_hz));
         let smooth = |series: &mut Vec<f64>| {
@@ -299,8 +302,8 @@ impl<'a> Stretch<'a> {
         Self { bins, quiet, ..self }
     }
 
-    /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that with all columns as
-    /// noise of the signals makes it.
+    /// Returns what `of` makes of the rows over time of each channel, in bins, and the mean product of that
+    /// with all columns as noise of the signals makes it.
     fn candidate(&self, of: impl Fn(&Series, usize) -> Vec<Vec<f64>>) -> Candidate {
         let Bins { channels, columns: p, several, .. } = self.bins;
         let first: Vec<usize> = self.bins.first.iter().map(|b| b - self.first).collect();
@@ -369,7 +372,8 @@ impl<'a> Stretch<'a> {
         all.into_iter().enumerate().map(own).collect()
     }
 
-    /// Returns what a candidate explains beside the common fit, with noise as it is beside both, and its probability.
+    /// Returns what a candidate explains beside the common fit, with noise as it is beside both, and its
+    /// probability.
     fn judge(&self, candidate: &Candidate, tried: f64) -> (f64, f64) {
         let bins = &self.bins;
         let (count, n) = (bins.len(), bins.columns);

@@ -1,9 +1,11 @@
-//! The score test of further columns, and of a step in some columns at every time, beside the common fit of all.
+//! The score test of further columns, and of a step in some columns at every time, beside the common fit of
+//! all.
 //!
-//! With the residuals r of the common fit, the score of a step from bin t on is `S_t = Σ_{b≥t} D_bᵀ (W r)_b`, D being the columns
-//! that may step and W the inverse of the noise's covariance with a line and a curve in time taken out of every channel. Its
-//! covariance is `V_t = D_tᵀ W D_t − D_tᵀ W X (XᵀWX)⁺ XᵀW D_t`, and `S_tᵀ V_t⁺ S_t` is χ² with as many degrees of freedom as V_t
-//! has rank (D. W. K. Andrews, Econometrica 61, 1993).
+//! With the residuals r of the common fit, the score of a step from bin t on is `S_t = Σ_{b≥t} D_bᵀ (W r)_b`,
+//! D being the columns that may step and W the inverse of the noise's covariance with a line and a curve in
+//! time taken out of every channel. Its covariance is `V_t = D_tᵀ W D_t − D_tᵀ W X (XᵀWX)⁺ XᵀW D_t`, and
+//! `S_tᵀ V_t⁺ S_t` is χ² with as many degrees of freedom as V_t has rank (D. W. K. Andrews, Econometrica 61,
+//! 1993).
 //!
 //! Noise Δ of the signals is in D and in r alike: a bin's score is less by `κ φ`, `κ = E[ΔᵀΔ]`, which is
 //! given back, and taken off the information of the common fit, `G = XᵀWX − K`. With `H_t = D_tᵀWX − K_t` the
@@ -20,7 +22,8 @@ use super::noise::PowerLaw;
 use super::noise_filled::Quiet;
 use crate::compensation::{MOST_UNCERTAIN, possible, uncertainty};
 
-/// A column with less than this part in a direction, of that of the largest, that noise could fill has its step by itself.
+/// A column with less than this part in a direction, of that of the largest, that noise could fill has its
+/// step by itself.
 const MOST_PART: f64 = 0.5;
 /// The part that a column has to explain by itself.
 pub(super) const PER_COLUMN: f64 = 7.0;
@@ -144,8 +147,8 @@ impl<'a> Common<'a> {
         Self { bins, metrics, steps, weighted, gram, inverse, loose, fitted, drawn, left, whole, is_noisy }
     }
 
-    /// Returns what the common fit gives of further columns, and what it adds to the covariance of their score: `shared` is
-    /// `DᵀWX`, `true_shared` the same without noise.
+    /// Returns what the common fit gives of further columns, and what it adds to the covariance of their
+    /// score: `shared` is `DᵀWX`, `true_shared` the same without noise.
     fn eliminated(&self, shared: &DMatrix<f64>, true_shared: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         let taken = &self.inverse * true_shared.transpose();
         let across = shared * &taken;
@@ -220,8 +223,9 @@ impl<'a> Common<'a> {
         }
     }
 
-    /// Returns the decrease of χ² and its degrees of freedom by further columns, given by channels, and what they are
-    /// multiplied by. What noise of the signals could fill of them, with residuals of some `noise`, is no evidence.
+    /// Returns the decrease of χ² and its degrees of freedom by further columns, given by channels, and what
+    /// they are multiplied by. What noise of the signals could fill of them, with residuals of some `noise`,
+    /// is no evidence.
     pub(super) fn added(&self, candidate: &Candidate, quiet: Option<(&Quiet, &[PowerLaw])>) -> Added {
         let k = candidate.first().map_or(0, |own| own.columns.ncols());
         let (mut score, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
@@ -264,14 +268,14 @@ impl<'a> Common<'a> {
         found
     }
 
-    /// Returns the decrease of χ² and its degrees of freedom by steps in a first set of columns, then in a second beside
-    /// them; columns are places among those that may step.
+    /// Returns the decrease of χ² and its degrees of freedom by steps in a first set of columns, then in a
+    /// second beside them; columns are places among those that may step.
     pub(super) fn explained(&self, score: &Score, sets: [&[usize]; 2]) -> [(f64, usize); 2] {
         explained(&score.score, &score.information, &self.whole, sets)
     }
 
-    /// Returns the steps in some columns that explain most, their covariance, and true where they are determined and have
-    /// no part in directions that noise could fill.
+    /// Returns the steps in some columns that explain most, their covariance, and true where they are
+    /// determined and have no part in directions that noise could fill.
     pub(super) fn step(&self, score: &Score, set: &[usize], filled: &[DVector<f64>]) -> Step {
         let own = score.information.select_rows(set).select_columns(set);
         let right = score.score.select_rows(set);
@@ -292,8 +296,9 @@ impl<'a> Common<'a> {
     }
 }
 
-/// Returns the decrease of χ² and its degrees of freedom by a first set of columns, then by a second beside them: the rows
-/// of a Cholesky factor one after the other, without what is next to nothing of a column's `whole` information.
+/// Returns the decrease of χ² and its degrees of freedom by a first set of columns, then by a second beside
+/// them: the rows of a Cholesky factor one after the other, without what is next to nothing of a column's
+/// `whole` information.
 fn explained(
     score: &DVector<f64>,
     information: &DMatrix<f64>,
@@ -323,8 +328,8 @@ fn explained(
     })
 }
 
-/// Returns `(V − K)⁻¹` over what is determined, V being `XᵀWX`, and the directions that are not as noise fills them, each as long
-/// as what it may be wrong by: twice the size of what is found.
+/// Returns `(V − K)⁻¹` over what is determined, V being `XᵀWX`, and the directions that are not as noise
+/// fills them, each as long as what it may be wrong by: twice the size of what is found.
 fn determined(
     gram: &DMatrix<f64>,
     noise: &DMatrix<f64>,
@@ -360,7 +365,8 @@ pub(super) struct Step {
     pub(super) fitted: DVector<f64>,
 }
 
-/// Returns the inverse over the directions that are determined, and the coordinates that have no part in others.
+/// Returns the inverse over the directions that are determined, and the coordinates that have no part in
+/// others.
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> (DMatrix<f64>, Vec<bool>) {
     let n = matrix.nrows();
     let scale = matrix.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });

@@ -123,8 +123,9 @@ impl RowBlocks for Blocks {
     }
 }
 
-/// 0.1 kg beside 0.5 N at some 7 m/s² in rows of 100 Hz: a row of the step is 1.4 standard deviations. The filter's centre is half a
-/// width and half a row before the row that shows it. Every other load cell drifts by 4 N meanwhile.
+/// 0.1 kg beside 0.5 N at some 7 m/s² in rows of 100 Hz: a row of the step is 1.4 standard deviations. The
+/// filter's centre is half a width and half a row before the row that shows it. Every other load cell drifts
+/// by 4 N meanwhile.
 #[test]
 fn a_step_of_the_body_is_found_with_its_time_and_size() {
     for seed in 0..10 {
@@ -154,8 +155,8 @@ fn a_step_of_an_offset_is_none_of_the_body() {
     }
 }
 
-/// The probability that is reported is an upper bound: of recordings of noise, white or wandering, at most 5 % and four
-/// standard errors have one below 5 %. And no empty one: some have one below 90 %.
+/// The probability that is reported is an upper bound: of recordings of noise, white or wandering, at most 5
+/// % and four standard errors have one below 5 %. And no empty one: some have one below 90 %.
 #[test]
 fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
     let count = runs(400, 60);
@@ -202,7 +203,8 @@ fn what_was_computed_is_not_accused_and_nothing_is_found_by_no_columns() {
     assert!(found.not_rigid.is_none() && found.change.is_some(), "{found:?}");
 }
 
-/// White noise, and noise that wanders: a line, a curve, exponentially correlated noise of the size of the white noise in a bin.
+/// White noise, and noise that wanders: a line, a curve, exponentially correlated noise of the size of the
+/// white noise in a bin.
 #[test]
 fn an_honest_recording_shows_no_change() {
     for seed in 0..40 {
@@ -218,8 +220,9 @@ fn an_honest_recording_shows_no_change() {
     }
 }
 
-/// A rest of 10 s in which what pushes is gravity with noise of some 10 Hz, of which differences of samples show next to nothing; the noise
-/// is in the rows all the time, and not in what is measured. With `lost` 300 g go 10 s after the rest.
+/// A rest of 10 s in which what pushes is gravity with noise of some 10 Hz, of which differences of samples
+/// show next to nothing; the noise is in the rows all the time, and not in what is measured. With `lost` 300
+/// g go 10 s after the rest.
 fn after_a_rest(seed: u64, lost: bool) -> Blocks {
     let mut normal = Normal::new(700 + seed);
     let mut smooth = [0.0; 2];
@@ -352,7 +355,8 @@ fn bursts_are_told_and_do_not_contradict() {
     assert!((14..=17).contains(&count) && !found.contradicts(), "{count}");
 }
 
-/// A drift of two standard deviations from the first to the last of 40 poses, and none; and white noise in 200 recordings.
+/// A drift of two standard deviations from the first to the last of 40 poses, and none; and white noise in
+/// 200 recordings.
 #[test]
 fn poses_that_drift_are_told_and_others_are_not() {
     let drifting = Blocks::new(40, 3, |t, _| [0.0, 0.6 * (t * RATE_HZ / 40.0)]).still().look();
@@ -392,7 +396,8 @@ fn the_inverse_of_the_covariance_is_that_of_the_noise() {
     assert!((product - DMatrix::identity(count, count)).abs().max() < 1e-9);
 }
 
-/// The mean over 60 drawings of what is found, a line projected out; slow noise is taken as larger than found.
+/// The mean over 60 drawings of what is found, a line projected out; slow noise is taken as larger than
+/// found.
 #[test]
 fn white_and_slow_noise_are_told_apart() {
     let count = 200;
@@ -422,7 +427,8 @@ fn white_and_slow_noise_are_told_apart() {
     assert!(walk > 8.0 && walk < 40.0, "{walk}");
 }
 
-/// The decrease of χ² by a step is that of the residual sums of squares of two dense fits, noise of any covariance.
+/// The decrease of χ² by a step is that of the residual sums of squares of two dense fits, noise of any
+/// covariance.
 #[test]
 fn a_score_is_the_difference_of_two_fits() {
     let blocks = Blocks::new(600, 2, |t, _| [0.1 * t, 0.0]);
@@ -507,8 +513,9 @@ impl NoiseRows for Noise {
     }
 }
 
-/// Ten seconds of rest, then motion, both with noise in the rows. What is expected of a step at the end of the rest is taken
-/// off: two more columns explain two on average; without that, far more. The fit is the truth, or off by what noise draws.
+/// Ten seconds of rest, then motion, both with noise in the rows. What is expected of a step at the end of
+/// the rest is taken off: two more columns explain two on average; without that, far more. The fit is the
+/// truth, or off by what noise draws.
 #[test]
 fn rest_before_motion_is_no_change_where_noise_is_in_the_rows() {
     let sigma: [f64; 2] = std::array::from_fn(|c| SIGMA[c].hypot(NOISE[c] * PHI[c]));

@@ -25,8 +25,8 @@ enum Entry {
 }
 
 impl Columns {
-    /// Returns the entries of a channel's row that are not zero, in the order of the columns, each with the value
-    /// of its column.
+    /// Returns the entries of a channel's row that are not zero, in the order of the columns, each with the
+    /// value of its column.
     fn entries(&self, channel: usize, values: &[f64]) -> Vec<(Entry, f64)> {
         let values = values.iter().skip(self.parameters).copied();
         let of = |effect: Effect| match effect {

@@ -10,7 +10,8 @@ use crate::Factor;
 pub const GOOD: f64 = 0.05;
 /// The same for parameters that are known roughly.
 pub const FAIR: f64 = 0.15;
-/// Parameters below this, kg, kg m or kg m², are counted apart: relative to next to nothing nothing is known well.
+/// Parameters below this, kg, kg m or kg m², are counted apart: relative to next to nothing nothing is known
+/// well.
 pub const SMALL: f64 = 0.05;
 /// Singular values below this share of the largest tell nothing.
 const ROUNDING: f64 = 1e-10;
@@ -34,7 +35,8 @@ pub struct Choice {
     pub condition: [f64; 2],
     /// log10 of the determinant of the information.
     pub log10_determinant: f64,
-    /// Root mean square of what the parameters leave of the whitened rows of the motions that were not chosen; `None` if all were.
+    /// Root mean square of what the parameters leave of the whitened rows of the motions that were not
+    /// chosen; `None` if all were.
     pub left_out: Option<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! Condition numbers of groups of columns.
 //!
-//! The rows of a motion are `A = Q R` with orthonormal Q, so that the columns of a group have the singular values of the same
-//! columns of R.
+//! The rows of a motion are `A = Q R` with orthonormal Q, so that the columns of a group have the singular
+//! values of the same columns of R.
 
 use nalgebra::DMatrix;
 

@@ -1,7 +1,9 @@
-//! Choices one motion after the other: by the determinant of the information, by its least eigenvalue, or by chance.
+//! Choices one motion after the other: by the determinant of the information, by its least eigenvalue, or by
+//! chance.
 //!
-//! Columns are scaled to unit length over all candidates, so that units do not matter. The information begins with δ on its diagonal:
-//! where nothing is known yet, a motion is worth what it adds to the directions that it tells.
+//! Columns are scaled to unit length over all candidates, so that units do not matter. The information begins
+//! with δ on its diagonal: where nothing is known yet, a motion is worth what it adds to the directions that
+//! it tells.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -77,8 +79,9 @@ impl Ord for Offer {
     }
 }
 
-/// Returns the motions that add most to the logarithm of the determinant of the information, one after the other, in the order of
-/// their choice: at least `1 − 1/e` of what any choice of the same size adds (G. Nemhauser, L. Wolsey, M. Fisher 1978).
+/// Returns the motions that add most to the logarithm of the determinant of the information, one after the
+/// other, in the order of their choice: at least `1 − 1/e` of what any choice of the same size adds (G.
+/// Nemhauser, L. Wolsey, M. Fisher 1978).
 ///
 /// What a motion adds never grows while others are chosen, so that only the best offers are examined again:
 /// some n p³ operations for n motions of p columns, and few more for each choice.
@@ -128,8 +131,9 @@ fn added(information: &DMatrix<f64>, triangle: &DMatrix<f64>) -> DMatrix<f64> {
     sum
 }
 
-/// Returns the motions that raise the least eigenvalue of the information most, one after the other, in the order of their choice.
-/// Motions are first compared in the directions of the least eigenvalues, the best of them by the least eigenvalue itself.
+/// Returns the motions that raise the least eigenvalue of the information most, one after the other, in the
+/// order of their choice. Motions are first compared in the directions of the least eigenvalues, the best of
+/// them by the least eigenvalue itself.
 ///
 /// # Errors
 /// [`SelectionError`] if there is nothing to choose from.

@@ -1,10 +1,10 @@
 //! The choice of motions to identify from: by conditions of parts of the rows, by their information, or by
 //! chance.
 //!
-//! Lives here: what a motion's factor tells of groups of columns ([`conditions`]), the choice by it that the human paper makes
-//! ([`published`]), greedy choices by the determinant and the least eigenvalue of the information ([`greedy`]), and the comparison of
-//! choices of equal size ([`compare`]). All from the factors: no row is examined. May not live here: where
-//! factors come from.
+//! Lives here: what a motion's factor tells of groups of columns ([`conditions`]), the choice by it that the
+//! human paper makes ([`published`]), greedy choices by the determinant and the least eigenvalue of the
+//! information ([`greedy`]), and the comparison of choices of equal size ([`compare`]). All from the factors:
+//! no row is examined. May not live here: where factors come from.
 
 pub mod compare;
 pub mod conditions;

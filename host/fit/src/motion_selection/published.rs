@@ -1,5 +1,5 @@
-//! The choice of G. Venture, K. Ayusawa and Y. Nakamura (2009): motions that excite at least one part of the body well, without
-//! near-duplicates.
+//! The choice of G. Venture, K. Ayusawa and Y. Nakamura (2009): motions that excite at least one part of the
+//! body well, without near-duplicates.
 //!
 //! The paper gives neither the threshold nor the formula of the "variance" by which motions are
 //! distinguished. Here the signature of motion k are the logarithms `s_ki = log10 cond` of its groups i, the
@@ -13,8 +13,8 @@ use super::{Candidate, SelectionError, check};
 /// A condition beyond this counts as this: nothing is reported.
 const WORST: f64 = 1e12;
 
-/// Returns the motions whose best group has a condition number below `threshold`, near-duplicates taken away until `count` are left,
-/// in the order of the candidates.
+/// Returns the motions whose best group has a condition number below `threshold`, near-duplicates taken away
+/// until `count` are left, in the order of the candidates.
 ///
 /// # Errors
 /// [`SelectionError`] if there is nothing to choose from.

@@ -26,8 +26,8 @@ pub enum PoolError {
     },
     /// The same readings are in two factors.
     #[error(
-        "the recording {recording} is in it twice ({first} and {second}): counting the same noise twice would halve \
-         the variance without knowing more; leave one of them out"
+        "the recording {recording} is in it twice ({first} and {second}): counting the same noise twice \
+         would halve the variance without knowing more; leave one of them out"
     )]
     Repeated {
         /// The recording.
@@ -49,8 +49,8 @@ pub enum PoolError {
     },
     /// A factor holds what is known of errors in its rows.
     #[error(
-        "{name} was written by an older program: it does not hold the errors of its rig apart, and merged they would average \
-         out as noise does; write it anew from its recording"
+        "{name} was written by an older program: it does not hold the errors of its rig apart, and merged \
+         they would average out as noise does; write it anew from its recording"
     )]
     Old {
         /// The factor.
@@ -102,7 +102,9 @@ impl std::fmt::Display for ModelDifference {
         }
         if said.is_empty() {
             said.push(
-                "its parameters have the same names, the links' geometry differs: use the same model file for all".to_owned(),
+                "its parameters have the same names, the links' geometry differs: use the same model file \
+                 for all"
+                    .to_owned(),
             );
         }
         f.write_str(&said.join("; "))

@@ -5,12 +5,14 @@
 pub enum KnownError {
     /// Not of the form `NAME=VALUE±SIGMA`.
     #[error(
-        "`known` {0}: write NAME=VALUE±SIGMA with a standard uncertainty (1 σ), for example `known` mass_kg=20.013±0.005; `+-` and `+/-` do as well"
+        "`known` {0}: write NAME=VALUE±SIGMA with a standard uncertainty (1 σ), for example `known` \
+         mass_kg=20.013±0.005; `+-` and `+/-` do as well"
     )]
     Form(String),
     /// Not of the form `AXIS` or `AXIS±SIGMA`.
     #[error(
-        "`symmetry` {0}: write the normal of the plane, x, y or z of the frame, and how far out it may be, 1 σ in m: y±0.002; of a link of a tree with its name before: arm:y±0.002"
+        "`symmetry` {0}: write the normal of the plane, x, y or z of the frame, and how far out it may be, 1 \
+         σ in m: y±0.002; of a link of a tree with its name before: arm:y±0.002"
     )]
     SymmetryForm(String),
     /// No such quantity.
@@ -31,7 +33,8 @@ pub enum KnownError {
     },
     /// The rows tell a sum only, of which the statement is about a part.
     #[error(
-        "{name} cannot be used: {needed} is no parameter by itself; the rows tell {parameter} = {terms} only. State {parameter}={}, or the full parameters by the model's nominal values",
+        "{name} cannot be used: {needed} is no parameter by itself; the rows tell {parameter} = {terms} \
+         only. State {parameter}={}, or the full parameters by the model's nominal values",
         "VALUE±SIGMA"
     )]
     Combination {
@@ -54,7 +57,8 @@ pub enum KnownError {
     },
     /// A weighted row needs a positive σ.
     #[error(
-        "{name}: a standard uncertainty of {sigma} is impossible; state how well it is known, however well, as a positive number"
+        "{name}: a standard uncertainty of {sigma} is impossible; state how well it is known, however well, \
+         as a positive number"
     )]
     Sigma {
         /// The statement.
@@ -64,7 +68,9 @@ pub enum KnownError {
     },
     /// Rounding would spoil what else is known.
     #[error(
-        "{name}: a standard uncertainty of {sigma:e} is below what double precision can hold beside the data; the smallest usable is {least:.1e}, and nothing is known that well: state that or a larger one"
+        "{name}: a standard uncertainty of {sigma:e} is below what double precision can hold beside the \
+         data; the smallest usable is {least:.1e}, and nothing is known that well: state that or a larger \
+         one"
     )]
     TooTight {
         /// The statement.
@@ -75,7 +81,8 @@ pub enum KnownError {
         least: f64,
     },
     /// The value is not finite, or a mass or a moment is not positive.
-    #[error("{name} = {}: no value that a body can have; numbers are finite, masses and moments of inertia positive", plain(*.value))]
+    #[error("{name} = {}: no value that a body can have; numbers are finite, masses and moments of inertia \
+             positive", plain(*.value))]
     Value {
         /// The statement.
         name: String,
@@ -106,7 +113,8 @@ pub enum KnownError {
     },
     /// The rig file fixes the offset.
     #[error(
-        "{name} cannot be used: the wrench offset is not estimated here (offset_n_nm in the rig file fixes it); remove one of the two"
+        "{name} cannot be used: the wrench offset is not estimated here (offset_n_nm in the rig file fixes \
+         it); remove one of the two"
     )]
     NoOffset {
         /// The statement.
@@ -124,7 +132,8 @@ pub enum KnownError {
     },
     /// The data, or the other known values, say otherwise.
     #[error(
-        "{name} = {} ± {} contradicts the data and what else is known: they give {} (1 σ), {} σ away; check its unit and frame, the sensors' scales, or state a larger σ",
+        "{name} = {} ± {} contradicts the data and what else is known: they give {} (1 σ), {} σ away; check \
+         its unit and frame, the sensors' scales, or state a larger σ",
         plain(*.value), plain(*.sigma), rounded(*.found, *.found_sigma), significant(*.deviation, 4)
     )]
     Contradiction {

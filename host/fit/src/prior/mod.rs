@@ -1,10 +1,10 @@
 //! The prior knowledge, as rows with a σ.
 //!
 //! `m = 20.013 ± 0.005` is one whitened row `m/σ = 20.013/σ` like any other. A centre of mass is
-//! `mcx − cx m = 0 ± σ m`: linear in φ, its σ taken at the estimated mass. A tensor about the centre of mass is
-//! `I − (|mc|² 1 − mc mcᵀ)/m`, linearised about the estimate and iterated. A plane of symmetry normal to y
-//! through the origin of a link's frame makes `mcy`, `Iyz` and `Ixy` vanish; where the plane is out by σ at the body's
-//! middle and, tilting, by σ at its radius of gyration ℓ, their σ are `σ m`, `σ m ℓ` and `σ m ℓ`.
+//! `mcx − cx m = 0 ± σ m`: linear in φ, its σ taken at the estimated mass. A tensor about the centre of mass
+//! is `I − (|mc|² 1 − mc mcᵀ)/m`, linearised about the estimate and iterated. A plane of symmetry normal to y
+//! through the origin of a link's frame makes `mcy`, `Iyz` and `Ixy` vanish; where the plane is out by σ at
+//! the body's middle and, tilting, by σ at its radius of gyration ℓ, their σ are `σ m`, `σ m ℓ` and `σ m ℓ`.
 
 mod error;
 mod rows;
@@ -60,11 +60,11 @@ pub struct KnownValues {
 }
 
 impl KnownValues {
-    /// Reads statements: `NAME=VALUE±SIGMA` each, and planes of symmetry `AXIS±SIGMA` or `LINK:AXIS±SIGMA` each. `+-` and
-    /// `+/-` do for `±`.
+    /// Reads statements: `NAME=VALUE±SIGMA` each, and planes of symmetry `AXIS±SIGMA` or `LINK:AXIS±SIGMA`
+    /// each. `+-` and `+/-` do for `±`.
     ///
-    /// A name is that of a parameter, or `mass_kg`, `mcx_kgm`, `ixx_kgm2`, `com_x_m`, `ixx_com_kgm2` and so on of a body; of
-    /// a link in a tree with its name before: `arm.com_x_m`.
+    /// A name is that of a parameter, or `mass_kg`, `mcx_kgm`, `ixx_kgm2`, `com_x_m`, `ixx_com_kgm2` and so
+    /// on of a body; of a link in a tree with its name before: `arm.com_x_m`.
     ///
     /// # Errors
     /// [`KnownError`] names the first that is of no such form.
@@ -87,8 +87,9 @@ impl KnownValues {
         self.resolve(parameters).map(|_| ())
     }
 
-    /// Puts the statements into the estimate of a fit, whose factor stays that of the data alone. Each is judged against the
-    /// data and those before it; their order does not matter. Intervals keep the coverage factor of the data's noise.
+    /// Puts the statements into the estimate of a fit, whose factor stays that of the data alone. Each is
+    /// judged against the data and those before it; their order does not matter. Intervals keep the coverage
+    /// factor of the data's noise.
     ///
     /// # Errors
     /// [`KnownError`] if a statement cannot be used or contradicts the rest; the fit is then as it was.
@@ -107,8 +108,8 @@ impl KnownValues {
         Ok(())
     }
 
-    /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true σ;
-    /// errors of a rig may follow.
+    /// Puts the statements into rows whose first columns are those of the parameters, whitened by their true
+    /// σ; errors of a rig may follow.
     ///
     /// # Errors
     /// As [`KnownValues::apply`]; the rows are then as they were.
@@ -142,8 +143,8 @@ impl KnownValues {
     }
 }
 
-/// Puts a normal distribution of parameters into the estimate of a fit, whose factor stays that of the data alone: what it says of
-/// names that the fit does not have counts for nothing.
+/// Puts a normal distribution of parameters into the estimate of a fit, whose factor stays that of the data
+/// alone: what it says of names that the fit does not have counts for nothing.
 pub fn apply_distribution(fit: &mut Fit, known: &Gaussian) {
     let place = |name: &str| fit.parameters.iter().position(|p| p.name == name);
     let known = known.only(|name| place(name).is_some());

@@ -11,8 +11,8 @@ use crate::{Factor, Noise};
 /// with.
 const ROUNDS: usize = 4;
 
-/// A row `a φ = y ± σ` rounds the others by about `ε |a φ| / σ` of their standard deviations, as all share one
-/// triangle: σ is at least this many times `ε |a| (|φ| + sd)`, which leaves 1e-4 of a standard deviation.
+/// A row `a φ = y ± σ` rounds the others by about `ε |a φ| / σ` of their standard deviations, as all share
+/// one triangle: σ is at least this many times `ε |a| (|φ| + sd)`, which leaves 1e-4 of a standard deviation.
 const LEAST_SIGMA_OVER_ROUNDING: f64 = 1e4;
 
 /// `a φ = y ± σ`; a by the parameters that it is not zero for.

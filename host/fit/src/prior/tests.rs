@@ -309,8 +309,8 @@ fn what_cannot_be_used_is_named() {
     assert!(matches!(needs, KnownError::Needs { needs: "the mass", .. }));
 }
 
-/// Until a row of a known value is refused, what it does to the others is exact: a row a thousand times as loose, itself
-/// far tighter than the data, gives the same.
+/// Until a row of a known value is refused, what it does to the others is exact: a row a thousand times as
+/// loose, itself far tighter than the data, gives the same.
 #[test]
 fn a_sigma_too_small_to_be_held_is_refused_and_the_smallest_that_is_told_spoils_nothing() {
     let fit = data(&truth(), 0.05);

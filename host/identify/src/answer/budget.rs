@@ -1,8 +1,9 @@
 //! The budget: what the uncertainty of each quantity is made of (JCGM 100:2008, 5.1 and 8).
 //!
-//! Noise, each group of errors and what was added after the fit are independent, so that their variances add. An error
-//! that is known to ± σ_k beforehand brings `(N⁻¹)_jk/σ_k` to parameter j, N being the normal matrix; what is known of the body takes the same share off all
-//! of them: with the covariance Σ before and Σ′ after, `c′ = Σ′ Σ⁻¹ c`. Derived quantities follow to first order.
+//! Noise, each group of errors and what was added after the fit are independent, so that their variances add.
+//! An error that is known to ± σ_k beforehand brings `(N⁻¹)_jk/σ_k` to parameter j, N being the normal
+//! matrix; what is known of the body takes the same share off all of them: with the covariance Σ before and
+//! Σ′ after, `c′ = Σ′ Σ⁻¹ c`. Derived quantities follow to first order.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,8 +22,8 @@ struct Source {
     columns: DMatrix<f64>,
 }
 
-/// Returns the budget of mass, centre of mass and tensor about it of one body, or of the parameters of anything else, as
-/// far as they are `known`; empty where nothing is known but the factor.
+/// Returns the budget of mass, centre of mass and tensor about it of one body, or of the parameters of
+/// anything else, as far as they are `known`; empty where nothing is known but the factor.
 pub(super) fn budget(fit: &Fit, is_body: bool, known: impl Fn(usize) -> bool) -> Vec<Budget> {
     if fit.nuisances.is_empty() && fit.added.is_empty() {
         return Vec::new();
@@ -53,7 +54,8 @@ pub(super) fn budget(fit: &Fit, is_body: bool, known: impl Fn(usize) -> bool) ->
     all
 }
 
-/// Returns the source that an error is counted to: those of a calibration are correlated, and one source between them.
+/// Returns the source that an error is counted to: those of a calibration are correlated, and one source
+/// between them.
 fn group(nuisance: &Nuisance) -> &str {
     match &nuisance.basis {
         Basis::Calibration(_) => CALIBRATION,
@@ -124,7 +126,8 @@ fn split(
     })
 }
 
-/// Returns what would make the uncertainties smaller, by the source that has the largest share of most of them.
+/// Returns what would make the uncertainties smaller, by the source that has the largest share of most of
+/// them.
 pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
     let mut shares: Vec<(&str, f64)> = Vec::new();
     for contribution in budget.iter().flat_map(|b| &b.contributions) {
@@ -141,7 +144,8 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
             "calibrate the rig with a reference body that is known better, in longer runs, or turned as well"
         }
         "load-cell gain" | "cross-talk" => {
-            "run a body of known properties with `calibrate_rig()`, or state what the load cell's calibration says"
+            "run a body of known properties with `calibrate_rig()`, or state what the load cell's \
+             calibration says"
         }
         "accelerometer scale"
         | "gyro scale"

@@ -21,8 +21,8 @@ fn with_errors(sigma: [f64; 2]) -> Fit {
     fit(&source as &dyn RowSource, &FitOptions::default(), &Silent).unwrap()
 }
 
-/// Shares sum to one; the share of a source is what the variance loses if that source were known, as far as nothing else
-/// takes its place.
+/// Shares sum to one; the share of a source is what the variance loses if that source were known, as far as
+/// nothing else takes its place.
 #[test]
 fn shares_are_what_the_variance_is_made_of() {
     let fit = with_errors([0.01, 0.02]);

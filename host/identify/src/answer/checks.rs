@@ -33,8 +33,8 @@ impl Answer {
         all
     }
 
-    /// Adds the fault that explains why the recording cannot be true. What else was said follows from it, and is information: all
-    /// but the first `kept` warnings, those of reading the recording.
+    /// Adds the fault that explains why the recording cannot be true. What else was said follows from it, and
+    /// is information: all but the first `kept` warnings, those of reading the recording.
     pub fn explain(&mut self, cause: Option<Cause>, kept: usize) {
         let Some(cause) = cause else { return };
         let others: Vec<String> = cause.alternatives.iter().map(|what| format!(", or {what}")).collect();
@@ -67,8 +67,8 @@ impl Answer {
             };
             if run.checks.is_none() {
                 self.warnings.push(format!(
-                    "{name}: its factor carries no checks of the recording, so that nothing says if it is plausible; write the \
-                     factor anew with `factor()`"
+                    "{name}: its factor carries no checks of the recording, so that nothing says if it is \
+                     plausible; write the factor anew with `factor()`"
                 ));
             }
             // Of a single run the residuals say the same here.

@@ -1,9 +1,9 @@
 //! A value for every column of a tree's rows: what predicts.
 //!
-//! Base parameters are those of the standard parameters nearest to the nominal model, where there is one, and friction and rotors
-//! those that fit best beside them. Without a nominal model all are those that fit best while no column brings more than all that
-//! was measured, which leaves what the rows determine as it is. What is not identified is marked, and nothing here has an
-//! uncertainty.
+//! Base parameters are those of the standard parameters nearest to the nominal model, where there is one, and
+//! friction and rotors those that fit best beside them. Without a nominal model all are those that fit best
+//! while no column brings more than all that was measured, which leaves what the rows determine as it is.
+//! What is not identified is marked, and nothing here has an uncertainty.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,10 +16,12 @@ use rigident_fit::{Factor, Fit, Owner, Parameter};
 const ROUNDING: f64 = 1e-12;
 
 /// The note about the values.
-const NOTE: &str = "values of all columns to predict with, which belong together; those that are not identified are such that all \
-                    fit best, beside the nominal model where there is one, and by themselves they mean nothing";
+const NOTE: &str = "values of all columns to predict with, which belong together; those that are not \
+                    identified are such that all fit best, beside the nominal model where there is one, and \
+                    by themselves they mean nothing";
 
-/// Returns the values of all columns; `base` are the base parameters of the standard parameters of links, without rotors.
+/// Returns the values of all columns; `base` are the base parameters of the standard parameters of links,
+/// without rotors.
 pub(super) fn complete(
     fit: &Fit,
     links: &Links,
@@ -87,8 +89,8 @@ pub(super) fn complete(
     })
 }
 
-/// Returns the values of all columns after the first that fit best beside these values of the first. No column is taken to bring
-/// more than all that was measured.
+/// Returns the values of all columns after the first that fit best beside these values of the first. No
+/// column is taken to bring more than all that was measured.
 fn beside(factor: &Factor, first: &[f64]) -> Option<Vec<f64>> {
     let (r, z) = (factor.r(), DVector::from_column_slice(factor.z()));
     let (n, count) = (factor.parameters(), first.len());

@@ -109,7 +109,8 @@ pub struct Links<'a> {
     pub situation: Situation,
     /// Motion of the drives that have parameters.
     pub drives: Vec<DriveMotion>,
-    /// Parameters of drives that there are because the model states them, by name: without them an answer is whole.
+    /// Parameters of drives that there are because the model states them, by name: without them an answer is
+    /// whole.
     pub as_stated: &'a [String],
     /// Why some parameters cannot be identified in this motion, as found before the fit.
     pub idle: Vec<String>,

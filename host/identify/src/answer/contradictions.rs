@@ -1,8 +1,8 @@
 //! Errors of the rig that contradict what is stated of them: which, and how large.
 //!
-//! Each error by itself, the axes of a sensor each for itself, and scales that several axes share are freed of what is known of them
-//! ([`ErrorScores::larger`]); what explains most is named with the size that the rows then give it. What explains nearly as much is
-//! named beside it.
+//! Each error by itself, the axes of a sensor each for itself, and scales that several axes share are freed
+//! of what is known of them ([`ErrorScores::larger`]); what explains most is named with the size that the
+//! rows then give it. What explains nearly as much is named beside it.
 
 use nalgebra::DMatrix;
 
@@ -34,7 +34,8 @@ fn is_scaled(fit: &Fit) -> bool {
     weighed(&alike, scores, &[]).first().is_some_and(|most| most.weight() > CONTRADICTED * CONTRADICTED)
 }
 
-/// Returns in words what of the errors of the rig contradicts what is known of them beforehand; empty if nothing does.
+/// Returns in words what of the errors of the rig contradicts what is known of them beforehand; empty if
+/// nothing does.
 pub fn contradictions(fit: &Fit) -> Vec<String> {
     if !is_contradicted(fit) {
         return Vec::new();
@@ -42,8 +43,9 @@ pub fn contradictions(fit: &Fit) -> Vec<String> {
     let found = causes(fit);
     if let (true, Some(agreement)) = (found.is_empty(), fit.agreement) {
         return vec![format!(
-            "the errors of the rig are larger than stated: χ² {:.0} for {:.0} degrees of freedom; the standard deviations in the \
-             rig file, or those of its classes, are too small, or something else is wrong with the recording",
+            "the errors of the rig are larger than stated: χ² {:.0} for {:.0} degrees of freedom; the \
+             standard deviations in the rig file, or those of its classes, are too small, or something else \
+             is wrong with the recording",
             agreement.chi2, agreement.degrees_of_freedom
         )];
     }
@@ -147,7 +149,8 @@ fn is_scale(nuisance: &Nuisance) -> bool {
         || (nuisance.unit == "1" && nuisance.group.ends_with("scale"))
 }
 
-/// Returns the causes, the weightiest first: of each those that explain it as well, the likeliest beforehand first.
+/// Returns the causes, the weightiest first: of each those that explain it as well, the likeliest beforehand
+/// first.
 fn causes(fit: &Fit) -> Vec<Vec<Sized<'_>>> {
     let Some(scores) = &fit.error_scores else { return Vec::new() };
     let candidates = candidates(fit);
@@ -274,7 +277,8 @@ fn in_words(fit: &Fit, alternatives: &[Sized]) -> String {
         String::new()
     };
     format!(
-        "{}: {}{apart}; the intervals do not count that: {mend}, or look for another cause that looks the same",
+        "{}: {}{apart}; the intervals do not count that: {mend}, or look for another cause that looks the \
+         same",
         groups.join(" or "),
         each.join("; or "),
     )

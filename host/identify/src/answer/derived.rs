@@ -1,5 +1,5 @@
-//! Quantities derived from the ten parameters, with their standard deviations to first order. Whether the parameters
-//! are identified is the caller's to ask.
+//! Quantities derived from the ten parameters, with their standard deviations to first order. Whether the
+//! parameters are identified is the caller's to ask.
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_elements, tensor_from_elements};

@@ -1,14 +1,15 @@
 //! Excitation advice: what the motion lacks, in words that a person can act on.
 //!
-//! The one source of such words. They are read off the factor: its information about the body, the wrench offset
-//! eliminated, in units in which a parameter is identified if it has the information 1. A *weak* direction has less.
-//! - A tensor `n nᵀ` answers to nothing but rotation about n: `M = (n·ω̇) n + (n·ω)(ω×n)`. If it is weak, so was
-//!   the rotation about n.
-//! - A first moment along v answers, still, to gravity across v, less the mean that the moment offset takes. If it is
-//!   weak, gravity moved in S along v at most; a tilt about k moves it along `k × a`.
+//! The one source of such words. They are read off the factor: its information about the body, the wrench
+//! offset eliminated, in units in which a parameter is identified if it has the information 1. A *weak*
+//! direction has less.
+//! - A tensor `n nᵀ` answers to nothing but rotation about n: `M = (n·ω̇) n + (n·ω)(ω×n)`. If it is weak, so
+//!   was the rotation about n.
+//! - A first moment along v answers, still, to gravity across v, less the mean that the moment offset takes.
+//!   If it is weak, gravity moved in S along v at most; a tilt about k moves it along `k × a`.
 //! - A mass answers to what specific force has beside its mean.
-//! - What is weak though none of these is, is weak by collinearity: at one frequency `ω̇ = −Ω² θ`, and the tensor
-//!   answers as the first moment does in the tilted gravity, or by want of time.
+//! - What is weak though none of these is, is weak by collinearity: at one frequency `ω̇ = −Ω² θ`, and the
+//!   tensor answers as the first moment does in the tilted gravity, or by want of time.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -43,7 +44,8 @@ struct Information {
 }
 
 impl Information {
-    /// Returns what the triangle of ten parameters, or sixteen with the offset, says; `None` if its offset is open.
+    /// Returns what the triangle of ten parameters, or sixteen with the offset, says; `None` if its offset is
+    /// open.
     fn of(r: &DMatrix<f64>, estimate: &Estimate, coverage_factor: f64, spurious: f64) -> Option<Self> {
         let raw = r.transpose() * r;
         let mut body: SMatrix<f64, 10, 10> = raw.fixed_view::<10, 10>(0, 0).into();
@@ -94,7 +96,8 @@ impl Information {
         lacking
     }
 
-    /// The unit vector across `others` of the least rotation: a search on the sphere, refined where it is least.
+    /// The unit vector across `others` of the least rotation: a search on the sphere, refined where it is
+    /// least.
     fn least_rotated(&self, others: &[(Vector3<f64>, f64)]) -> Vector3<f64> {
         let across = |v: Vector3<f64>| {
             let left = others.iter().fold(v, |v, (n, _)| v - n * n.dot(&v));
@@ -222,9 +225,10 @@ fn more(share: f64, what: &str) -> String {
 
 /// Returns what to do so that the parameters of a body that are not identified become so.
 ///
-/// `r` is the triangle of the data alone in true standard deviations, of ten parameters or of sixteen with the offset.
-/// `estimate` counts what was known beforehand and gives the body's scale; `coverage_factor` is that of the data's intervals;
-/// `spurious` is the information that noise of the rates alone brings to a moment of inertia, 1/(kg m²)².
+/// `r` is the triangle of the data alone in true standard deviations, of ten parameters or of sixteen with
+/// the offset. `estimate` counts what was known beforehand and gives the body's scale; `coverage_factor` is
+/// that of the data's intervals; `spurious` is the information that noise of the rates alone brings to a
+/// moment of inertia, 1/(kg m²)².
 pub(super) fn advice(
     r: Option<&DMatrix<f64>>,
     estimate: &Estimate,
@@ -318,8 +322,8 @@ pub(super) fn of_links(fit: &Fit, links: Option<&Links>, states: &[ParameterStat
     said
 }
 
-/// Returns why parameters that the rows determine are not identified, each with its number, and the motion that would do for the
-/// worst of them.
+/// Returns why parameters that the rows determine are not identified, each with its number, and the motion
+/// that would do for the worst of them.
 fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[usize]) -> Vec<String> {
     let data = fit.data_alone();
     let (mut uncertain, mut noisy, mut said) = (Vec::new(), Vec::new(), Vec::new());
@@ -330,7 +334,8 @@ fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[
         let scale = scales.get(*j).copied().flatten().filter(|scale| *scale > 0.0);
         let Some(scale) = scale else {
             said.push(format!(
-                "{place}: nothing of it is known that {name} could be compared with: move it more, or state with `known` what is known"
+                "{place}: nothing of it is known that {name} could be compared with: move it more, or state \
+                 with `known` what is known"
             ));
             continue;
         };
@@ -359,8 +364,8 @@ fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[
     }
     if !noisy.is_empty() {
         said.push(format!(
-            "{place}: what the motion tells of {} is less than {LEAST_EXCITATION} times what noise of the rates would: faster motion, or \
-             quieter gyros or encoders, would do",
+            "{place}: what the motion tells of {} is less than {LEAST_EXCITATION} times what noise of the \
+             rates would: faster motion, or quieter gyros or encoders, would do",
             listed(&noisy, "and")
         ));
     }
@@ -369,8 +374,8 @@ fn weakly_excited(fit: &Fit, scales: &[Option<f64>], place: &str, parameters: &[
 
 /// Returns about which axes links with all six moments of inertia among the parameters should turn more.
 ///
-/// Of a link the tensor `n nᵀ` answers to nothing but its rotation about n, whatever other bodies are summed up in its base
-/// parameters: their marginal information is that of the link's own rotation.
+/// Of a link the tensor `n nᵀ` answers to nothing but its rotation about n, whatever other bodies are summed
+/// up in its base parameters: their marginal information is that of the link's own rotation.
 fn link_rotations(fit: &Fit, links: Option<&Links>, states: &[ParameterState]) -> Vec<String> {
     let mut of_link: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (j, parameter) in fit.parameters.iter().enumerate() {
@@ -415,14 +420,15 @@ fn link_rotations(fit: &Fit, links: Option<&Links>, states: &[ParameterState]) -
 fn one_pose(information: &Information) -> String {
     let axes = tilt_axes(information, &[]);
     format!(
-        "one still pose only: hold the body still in three or more attitudes that differ by 20 degrees or more \
-         about {}, then turn it to and fro about S.x, S.y and S.z, with two or three well-separated frequencies \
-         about each",
+        "one still pose only: hold the body still in three or more attitudes that differ by 20 degrees or \
+         more about {}, then turn it to and fro about S.x, S.y and S.z, with two or three well-separated \
+         frequencies about each",
         listed(&axes, "and about")
     )
 }
 
-/// Axes about which a tilt moves gravity across the first moments that are not seen: v itself, as far as it is level.
+/// Axes about which a tilt moves gravity across the first moments that are not seen: v itself, as far as it
+/// is level.
 fn tilt_axes(information: &Information, moments: &[(Vector3<f64>, f64)]) -> Vec<String> {
     let gravity = information.mean_force.and_then(|a| a.try_normalize(1.0));
     if let ([(v, _)], Some(a)) = (moments, gravity)
@@ -455,8 +461,8 @@ fn tilt(information: &Information, mass: Option<f64>, moments: &[(Vector3<f64>, 
     };
     let little = if least < NONE { "no tilt" } else { "too little tilt" };
     Some(format!(
-        "{little} about {}: {why}; hold the body still in three or more attitudes that differ by 20 degrees or \
-         more about {}",
+        "{little} about {}: {why}; hold the body still in three or more attitudes that differ by 20 degrees \
+         or more about {}",
         listed(&axes, "or"),
         listed(&axes, "and about")
     ))
@@ -468,7 +474,8 @@ fn rotation(lacking: &[(Vector3<f64>, f64)]) -> Vec<String> {
     if !none.is_empty() {
         let names: Vec<String> = none.iter().map(|(n, _)| name(n)).collect();
         sentences.push(format!(
-            "no rotation to and fro about {} that is fast enough: turn the body about {}, with two or three well-separated frequencies{}",
+            "no rotation to and fro about {} that is fast enough: turn the body about {}, with two or three \
+             well-separated frequencies{}",
             listed(&names, "or"),
             listed(&names, "and"),
             if names.len() > 1 { " about each" } else { "" }
@@ -492,8 +499,8 @@ fn between(information: &Information, x: &Body, share: f64) -> String {
         let named = ["S.x", "S.y", "S.z"].iter().zip(t).filter(|(_, v)| v.abs() >= 0.3 * most);
         let names: Vec<String> = named.map(|(name, _)| (*name).to_owned()).collect();
         return format!(
-            "all rotation about {} is at one frequency: the tensor and the first moment are collinear; add a second, \
-             well-separated frequency, or still poses tilted by 20 degrees or more",
+            "all rotation about {} is at one frequency: the tensor and the first moment are collinear; add a \
+             second, well-separated frequency, or still poses tilted by 20 degrees or more",
             listed(&names, "and")
         );
     }

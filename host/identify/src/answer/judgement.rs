@@ -124,7 +124,8 @@ impl Answer {
         self.status == Status::Implausible || self.fit.is_some()
     }
 
-    /// Makes the answer one of a recording that cannot be true, as where a fault explains what the model leaves of it.
+    /// Makes the answer one of a recording that cannot be true, as where a fault explains what the model
+    /// leaves of it.
     pub(crate) fn withhold(&mut self) {
         self.status = Status::Implausible;
         self.contradict();

@@ -125,15 +125,17 @@ pub fn motion_in_words(found: &NotRigid) -> String {
                 format!("at {} to {} Hz", significant(low, 2), significant(high, 2))
             };
             format!(
-                "the residuals are those of a part that swings {at}: an elastic mount, liquid, a load that hangs (by chance: \
-                 {chance}). The parameters are not those of a rigid body"
+                "the residuals are those of a part that swings {at}: an elastic mount, liquid, a load that \
+                 hangs (by chance: {chance}). The parameters are not those of a rigid body"
             )
         }
         WithinMotion::Spring => format!(
-            "the residuals follow the attitude as a spring does: does a cable or a hose pull? (by chance: {chance})"
+            "the residuals follow the attitude as a spring does: does a cable or a hose pull? (by chance: \
+             {chance})"
         ),
         WithinMotion::Bursts => format!(
-            "the residuals come in {} bursts: does something rattle or knock, a loose bolt? (by chance: {chance})",
+            "the residuals come in {} bursts: does something rattle or knock, a loose bolt? (by chance: \
+             {chance})",
             found.bursts.unwrap_or_default()
         ),
     }
@@ -149,8 +151,9 @@ fn drift_in_words(drift: &[PoseDrift]) -> Option<String> {
     let channels: Vec<String> = drift.iter().map(of).collect();
     let least = drift.iter().map(|d| d.probability.min(d.correlation_probability)).fold(1.0, f64::min);
     Some(format!(
-        "residuals drift from pose to pose in the order in which the poses were taken: {} (by chance: {}). The intervals do \
-         not count this: let the load cell warm up, take the poses in another order, and some of them twice",
+        "residuals drift from pose to pose in the order in which the poses were taken: {} (by chance: {}). \
+         The intervals do not count this: let the load cell warm up, take the poses in another order, and \
+         some of them twice",
         channels.join(", "),
         chance(least)
     ))

@@ -52,7 +52,8 @@ pub(super) fn advice(answer: &Answer) -> Vec<String> {
     let how = if answer.mass_kg.is_none() || answer.com_m.is_none() {
         "tilt the flange about two axes as far as it goes, in both runs"
     } else {
-        "turn the last joints fast and about several axes, in both runs; what is light and small beside the arm stays a point mass"
+        "turn the last joints fast and about several axes, in both runs; what is light and small beside the \
+         arm stays a point mass"
     };
     vec![format!("of the payload {} stay open: {how}", open.join(", "))]
 }

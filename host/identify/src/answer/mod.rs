@@ -1,4 +1,5 @@
-//! From a fit to the answer: one object for one body, two links and trees, of which text, JSON and page are made.
+//! From a fit to the answer: one object for one body, two links and trees, of which text, JSON and page are
+//! made.
 //!
 //! Lives here: the answer ([`result`]) and its making ([`Answer::new`]), the one judgement of all that was
 //! found (`judgement`), states of parameters ([`states`]), what must be identified ([`selection`]),

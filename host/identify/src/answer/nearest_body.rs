@@ -24,9 +24,11 @@ pub struct NearestBody {
     pub probability: f64,
 }
 
-/// Returns the nearest body; `None` if the ten parameters are not all determined, or the answer is that body already.
+/// Returns the nearest body; `None` if the ten parameters are not all determined, or the answer is that body
+/// already.
 ///
-/// The metric is the covariance of the ten with everything else estimated, so it holds what the intervals hold.
+/// The metric is the covariance of the ten with everything else estimated, so it holds what the intervals
+/// hold.
 pub fn nearest_body(estimate: &Estimate) -> Option<NearestBody> {
     if estimate.unjudged().values.len() < 10 || !estimate.unjudged().determined.iter().take(10).all(|d| *d) {
         return None;
@@ -67,13 +69,14 @@ pub fn warning(nearest: Option<&NearestBody>) -> String {
     };
     if *probability < SURPRISING {
         format!(
-            "{no_body}; the nearest body is {distance_sd:.1} standard deviations away, which noise does not explain: look \
-             for a wrong sign, frame, delay or scale in the rig file, or a body that is not rigid"
+            "{no_body}; the nearest body is {distance_sd:.1} standard deviations away, which noise does not \
+             explain: look for a wrong sign, frame, delay or scale in the rig file, or a body that is not \
+             rigid"
         )
     } else {
         format!(
-            "{no_body}; the nearest body is {distance_sd:.2} standard deviations away, which noise explains: use the \
-             nearest body, or excite all rotations more"
+            "{no_body}; the nearest body is {distance_sd:.2} standard deviations away, which noise explains: \
+             use the nearest body, or excite all rotations more"
         )
     }
 }

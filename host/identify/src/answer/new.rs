@@ -39,12 +39,14 @@ pub enum AnswerError {
 }
 
 /// The note about the standard parameters of links.
-pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the data allow; only the base \
-                        parameters above are identified, the rest is the nominal model's";
+pub const STANDARD_NOTE: &str = "full parameters of every link: nearest to the nominal model among those the \
+                        data allow; only the base parameters above are identified, the rest is the nominal \
+                        model's";
 
-const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig file whether the \
-                        load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed axes of the IMU, reversed gravity \
-                        columns, or a `tare` that is heavier than what it is taken off look the same";
+const REVERSED: &str = "the mass comes out negative: is wrench_sign right? It says in [recording] of the rig \
+                        file whether the load cell reports the wrench \"on_body\" or \"on_sensor\"; reversed \
+                        axes of the IMU, reversed gravity columns, or a `tare` that is heavier than what it \
+                        is taken off look the same";
 
 /// A fit with what was concluded from it on the way to the answer.
 struct Judged<'a> {
@@ -74,7 +76,8 @@ impl Answer {
     /// Concludes the answer from a fit.
     ///
     /// # Errors
-    /// [`AnswerError`] if what was asked for is no parameter, or standard parameters were asked for and there are none.
+    /// [`AnswerError`] if what was asked for is no parameter, or standard parameters were asked for and there
+    /// are none.
     pub fn new(fit: &Fit, context: Context) -> Result<Self, AnswerError> {
         let links = context.links.as_ref();
         let mut asked = select(&fit.parameters, context.asked)?;
@@ -235,8 +238,8 @@ impl Answer {
         (!is_body).then(|| nearest_body::warning(nearest.as_ref()))
     }
 
-    /// Takes the standard parameters that were found for the nearest bodies, where the search from made-up ones did not come as near;
-    /// returns true if these are near enough.
+    /// Takes the standard parameters that were found for the nearest bodies, where the search from made-up
+    /// ones did not come as near; returns true if these are near enough.
     fn has_near_bodies(&mut self, base: Option<&BaseEstimate>) -> bool {
         let (Some(base), Some(found), Some(judged)) =
             (base, &self.standard_parameters, &mut self.consistency)
@@ -293,7 +296,8 @@ impl Answer {
         let links = context.links.as_ref();
         if let Some(links) = links.filter(|links| !links.as_stated.is_empty()) {
             self.notes.push(format!(
-                "{} have columns as the model states them, beside what `friction` asks for (`friction` none: none of them)",
+                "{} have columns as the model states them, beside what `friction` asks for (`friction` none: \
+                 none of them)",
                 shortened(links.as_stated, 6)
             ));
         }
@@ -509,8 +513,8 @@ fn impossible_links(links: &Links) -> String {
         return String::new();
     }
     format!(
-        ". The model itself states inertias that no body has, of {}: a recording that was simulated with it is refused for these; \
-         correct the model (`model_check()` says what is wrong with each)",
+        ". The model itself states inertias that no body has, of {}: a recording that was simulated with it \
+         is refused for these; correct the model (`model_check()` says what is wrong with each)",
         shortened(&names, 6)
     )
 }

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use rigident_model::load::Load;
 
-/// What a link of a robot carries, from a recording with it and recordings without it. The one body of the answer is the payload,
-/// and its S is the frame said here.
+/// What a link of a robot carries, from a recording with it and recordings without it. The one body of the
+/// answer is the payload, and its S is the frame said here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PayloadResult {
     /// The link that carries it.
@@ -32,7 +32,8 @@ pub struct ControllerLoad {
     pub mass_kg: f64,
     /// Centre of mass in the payload's frame, m.
     pub com_m: [f64; 3],
-    /// Tensor about the centre of mass, axes of the payload's frame, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²; absent of a point mass.
+    /// Tensor about the centre of mass, axes of the payload's frame, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²;
+    /// absent of a point mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_com_kgm2: Option<[f64; 6]>,
     /// What the numbers are.
@@ -57,7 +58,8 @@ impl LoadBasis {
         match self {
             Self::Identified => "mass, centre of mass and tensor as identified",
             Self::NearestBody => {
-                "the body nearest to what was identified, which is none by itself; noise explains the difference"
+                "the body nearest to what was identified, which is none by itself; noise explains the \
+                 difference"
             }
             Self::PointMass => "the tensor was not identified: a point mass at the centre of mass",
         }

@@ -28,14 +28,16 @@ pub struct PersonResult {
     /// hands and feet half as large again, of the head less), of its centre over its radius of gyration, of
     /// its tensor (relative), of the whole mass (relative).
     pub table_sigma: [f64; 4],
-    /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from midway between the hips, m.
+    /// Centre of mass of the whole body of the person when she stands upright, x forward, y left, z up from
+    /// midway between the hips, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_of_mass_m: Option<[Measured; 3]>,
     /// The segments, physically consistent and nearest to the table; empty if the motions tell of none.
     pub segments: Vec<SegmentResult>,
     /// How motions that were left out are predicted by what the others say, channel by channel.
     pub left_out: Vec<LeftOut>,
-    /// The number of motions of which one after the other was left out; 1 if there was only one, which is then predicted by itself.
+    /// The number of motions of which one after the other was left out; 1 if there was only one, which is
+    /// then predicted by itself.
     pub motions: u64,
     /// Ways to choose as many motions as were asked for, and what comes of each; absent if all were used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -86,12 +88,13 @@ pub struct DeviceResult {
     pub frames: u64,
     /// Rows that it absorbed.
     pub rows: u64,
-    /// Largest difference between its parameters and those of the same rows in double precision, in standard deviations.
+    /// Largest difference between its parameters and those of the same rows in double precision, in standard
+    /// deviations.
     pub largest_difference_sd: f64,
     /// The parameter of which that is.
     pub parameter: String,
-    /// Largest difference over what is allowed: 0.05 standard deviations, or 20 ε times condition and size of the parameters where that
-    /// is more. At most 1.
+    /// Largest difference over what is allowed: 0.05 standard deviations, or 20 ε times condition and size of
+    /// the parameters where that is more. At most 1.
     pub share_of_allowed: f64,
     /// Largest difference from the answer, in standard deviations: outliers have less weight in that.
     pub from_answer_sd: f64,
@@ -123,8 +126,8 @@ pub struct ChoiceResult {
     /// log10 of the determinant of the information; absent if the rows do not determine everything.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log10_determinant: Option<f64>,
-    /// Root mean square of what is left of the whitened rows of motions that were not chosen, with the table known beforehand; absent if
-    /// all were.
+    /// Root mean square of what is left of the whitened rows of motions that were not chosen, with the table
+    /// known beforehand; absent if all were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<f64>,
 }
@@ -138,7 +141,8 @@ pub struct SegmentResult {
     pub mass_kg: Measured,
     /// The table's mass, kg.
     pub table_mass_kg: f64,
-    /// Centre of mass in the segment's axes (x forward, y left, z up when standing) from its proximal joint, m.
+    /// Centre of mass in the segment's axes (x forward, y left, z up when standing) from its proximal joint,
+    /// m.
     pub com_m: [Measured; 3],
     /// The table's, m.
     pub table_com_m: [f64; 3],
@@ -146,7 +150,8 @@ pub struct SegmentResult {
     pub radii_m: [f64; 3],
     /// The table's, m.
     pub table_radii_m: [f64; 3],
-    /// How much of the table's variance of the mass the rows took away: 0 if they say nothing of it, 1 if they say all.
+    /// How much of the table's variance of the mass the rows took away: 0 if they say nothing of it, 1 if
+    /// they say all.
     pub informed: f64,
     /// True if the motions tell of this segment's mass: else its values are the table's, near enough.
     #[serde(default)]
@@ -177,8 +182,8 @@ pub struct LeftOut {
     pub percent_of_weight: f64,
     /// Standard deviation of what was measured.
     pub measured_sd: f64,
-    /// Mean gain in squares against the table over its own standard deviation, as the value of a normal distribution that is exceeded as
-    /// rarely: below −2 worse than the table beyond chance.
+    /// Mean gain in squares against the table over its own standard deviation, as the value of a normal
+    /// distribution that is exceeded as rarely: below −2 worse than the table beyond chance.
     pub gain_sd: f64,
     /// The same of the scatter, the means of both taken out: two constants of the centre of mass, as any
     /// standing trial shows them, are no gain.
@@ -206,15 +211,16 @@ pub struct TrialResult {
     /// table has not right, soft parts, and contacts too light to be named; absent if the trial is too short.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside_plates_n: Option<f64>,
-    /// How far the plates lean against the cameras' vertical by the mean horizontal force, along x and y with U95, degrees; absent if no stretch
-    /// of time is long enough.
+    /// How far the plates lean against the cameras' vertical by the mean horizontal force, along x and y with
+    /// U95, degrees; absent if no stretch of time is long enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tilt_deg: Option<[Measured; 2]>,
     /// Places of markers that were filled in.
     pub filled: u64,
     /// Cut-off of the smoothing of markers and plates, Hz.
     pub cut_off_hz: f64,
-    /// How late the plates are against the cameras, s, with its U95; absent if it was given or cannot be told.
+    /// How late the plates are against the cameras, s, with its U95; absent if it was given or cannot be
+    /// told.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_s: Option<Measured>,
     /// True if that was taken out.

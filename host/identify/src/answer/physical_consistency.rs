@@ -1,17 +1,18 @@
 //! Physical consistency: how far an estimate is from the parameters that bodies can have.
 //!
-//! The parameters of bodies, each with positive mass and a tensor that obeys the triangle inequality, form a convex cone, and
-//! so do their base parameters. The truth lies in it, and `‖R (φ − φ̂)‖²` of the truth is χ² of as many degrees of freedom
-//! as there are parameters; no point is nearer than the nearest one, so a larger distance than χ² explains is no body's.
-//! This is the one judgement for one body and for trees. The threshold, [`SURPRISING`], is one for both: one answer in ten
-//! thousand is called a mistake that is none, however the truth lies on the edge of the cone.
+//! The parameters of bodies, each with positive mass and a tensor that obeys the triangle inequality, form a
+//! convex cone, and so do their base parameters. The truth lies in it, and `‖R (φ − φ̂)‖²` of the truth is χ²
+//! of as many degrees of freedom as there are parameters; no point is nearer than the nearest one, so a
+//! larger distance than χ² explains is no body's. This is the one judgement for one body and for trees. The
+//! threshold, [`SURPRISING`], is one for both: one answer in ten thousand is called a mistake that is none,
+//! however the truth lies on the edge of the cone.
 //!
 //! Of one body the nearest point is [`super::nearest_body`]'s. Of base parameters it is found as
-//! [`super::standard_parameters`] are, from bodies that are made up and trusted less and less, until D, which keeps every
-//! link a body, weighs next to nothing.
+//! [`super::standard_parameters`] are, from bodies that are made up and trusted less and less, until D, which
+//! keeps every link a body, weighs next to nothing.
 //!
-//! A wrench or torques with the wrong sign, gravity included, are recognised: then the negative of the estimate is in the
-//! cone.
+//! A wrench or torques with the wrong sign, gravity included, are recognised: then the negative of the
+//! estimate is in the cone.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 use rigident_shared::inertia::InertialParameters;
@@ -67,23 +68,24 @@ impl PhysicalConsistency {
             return None;
         }
         Some(if self.reversed {
-            "the base parameters are those of bodies of negative mass, so nothing is identified: is the sign of the wrench or of the \
-             torques right? wrench_sign in [recording] of the rig file says whether the load cell reports \"on_body\" or \
-             \"on_sensor\", scale = -1 of a [[joint]]'s effort turns a torque round; reversed axes of the IMU and reversed \
-             gravity look the same"
+            "the base parameters are those of bodies of negative mass, so nothing is identified: is the sign \
+             of the wrench or of the torques right? wrench_sign in [recording] of the rig file says whether \
+             the load cell reports \"on_body\" or \"on_sensor\", scale = -1 of a [[joint]]'s effort turns a \
+             torque round; reversed axes of the IMU and reversed gravity look the same"
                 .to_owned()
         } else {
             format!(
-                "no bodies have these base parameters: the nearest that can be are {:.1} standard deviations away. Look for a \
-                 wrong sign, unit, frame or scale, attitudes that are the inverse, links that are not rigid, friction that \
-                 is left out",
+                "no bodies have these base parameters: the nearest that can be are {:.1} standard deviations \
+                 away. Look for a wrong sign, unit, frame or scale, attitudes that are the inverse, links \
+                 that are not rigid, friction that is left out",
                 self.distance_sd
             )
         })
     }
 }
 
-/// Judges the base parameters of a tree; `None` if the search did not end. `model` is that of the base parameters.
+/// Judges the base parameters of a tree; `None` if the search did not end. `model` is that of the base
+/// parameters.
 pub fn of_base_parameters(model: &Model, found: &BaseEstimate) -> Option<PhysicalConsistency> {
     let best = (&found.r * &found.values - &found.z).norm_squared();
     let links = found.base.standard.len() / 10;
@@ -109,8 +111,8 @@ pub fn of_base_parameters(model: &Model, found: &BaseEstimate) -> Option<Physica
     Some(judged)
 }
 
-/// Returns the bodies with all masses multiplied by what makes their rows as large as the right-hand side: the problem is then
-/// the same in every unit of mass.
+/// Returns the bodies with all masses multiplied by what makes their rows as large as the right-hand side:
+/// the problem is then the same in every unit of mass.
 fn of_size(bodies: Vec<Parameters>, rows: &DMatrix<f64>, size: f64) -> Vec<Parameters> {
     let all = DVector::from_iterator(rows.ncols(), bodies.iter().flatten().copied());
     let factor = size / (rows * all).norm();

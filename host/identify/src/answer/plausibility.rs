@@ -1,9 +1,9 @@
 //! Whether a recording can be true: one judgement for one body and for trees.
 //!
 //! Beside what contradicts the rig file or a rigid body ([`super::checks`]): bodies that cannot be
-//! ([`super::physical_consistency`]), friction and rotors with the wrong sign, measurements that the model does not explain and
-//! that are no noise, torques that are far from those of the nominal model in scale alone. Each is false of less than one honest
-//! recording in a thousand.
+//! ([`super::physical_consistency`]), friction and rotors with the wrong sign, measurements that the model
+//! does not explain and that are no noise, torques that are far from those of the nominal model in scale
+//! alone. Each is false of less than one honest recording in a thousand.
 
 use nalgebra::DVector;
 
@@ -13,20 +13,25 @@ use rigident_fit::figures::{significant, with_u95};
 use rigident_fit::{ChannelFit, Fit, Kind, Owner, Parameter};
 use rigident_model::check::{DENSEST, least_density};
 
-/// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred thousand, two-sided.
+/// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred
+/// thousand, two-sided.
 const CERTAIN_SD: f64 = 4.42;
-/// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard deviations.
+/// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard
+/// deviations.
 const UNEXPLAINED: f64 = 0.3;
-/// Of the effort of a drive with friction: a real gear leaves more than that of a wrist, whose friction is most of its effort.
+/// Of the effort of a drive with friction: a real gear leaves more than that of a wrist, whose friction is
+/// most of its effort.
 const UNEXPLAINED_EFFORT: f64 = 0.6;
-/// Cross-talk and tilt leave less than this of a channel of still poses whose residuals follow gravity along other axes.
+/// Cross-talk and tilt leave less than this of a channel of still poses whose residuals follow gravity along
+/// other axes.
 const CROSSED: f64 = 0.15;
 /// No body on a load cell has its centre of mass further away, m.
 const FURTHEST_M: f64 = 10.0;
 /// If a channel varies by fewer than this many σ of its noise, noise alone may leave that much: a tenth
 /// more of it than stated leaves √0.21 σ, 23 % of two σ.
 const STILL: f64 = 2.0;
-/// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so far off,
+/// Torques this many times those of the nominal model are in another unit: no estimate of a designer's is so
+/// far off,
 const SCALE: f64 = 5.0;
 /// where they are alike but for the scale: the cosine of the angle between the two.
 const ALIKE: f64 = 0.9;
@@ -47,13 +52,15 @@ fn far_away(fit: &Fit) -> Option<String> {
     let far_m = (x * x + y * y + z * z).sqrt() / m.abs();
     (far_m > FURTHEST_M).then(|| {
         format!(
-            "the centre of mass would be {} m from the load cell's origin: are the moments in N m, and the forces in N?",
+            "the centre of mass would be {} m from the load cell's origin: are the moments in N m, and the \
+             forces in N?",
             significant(far_m, 3)
         )
     })
 }
 
-/// Tells of one body that would have to be denser than any matter, its moments of inertia larger by twice their uncertainty.
+/// Tells of one body that would have to be denser than any matter, its moments of inertia larger by twice
+/// their uncertainty.
 fn too_dense(fit: &Fit) -> Option<String> {
     let data = fit.data_alone();
     if !is_whole_body(fit) || !(0..10).all(|j| data.is_determined(j)) {
@@ -65,8 +72,8 @@ fn too_dense(fit: &Fit) -> Option<String> {
     let density = least_density(&ten);
     (ten[0] > 0.0 && density.is_finite() && density > DENSEST).then(|| {
         format!(
-            "a body of {} kg with these moments of inertia would have to be denser than osmium ({} kg/m³): are the forces in \
-             N, the moments in N m, the rates in rad/s?",
+            "a body of {} kg with these moments of inertia would have to be denser than osmium ({} kg/m³): \
+             are the forces in N, the moments in N m, the rates in rad/s?",
             significant(ten[0], 4),
             significant(density, 2)
         )
@@ -97,15 +104,15 @@ fn negative(fit: &Fit) -> Option<String> {
         all.filter(|(_, p)| cannot(p.kind) && matches!(p.owner, Owner::Drive(_))).filter_map(own).collect();
     (!wrong.is_empty()).then(|| {
         format!(
-            "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's position, rate or \
-             effort is wrong, or friction is of another kind than its columns",
+            "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's \
+             position, rate or effort is wrong, or friction is of another kind than its columns",
             wrong.join(", ")
         )
     })
 }
 
-/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what varies, and the
-/// share that it stays below in an honest recording.
+/// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what
+/// varies, and the share that it stays below in an honest recording.
 fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
     // Of a force or moment along one axis what the largest of the three varies by.
     let group = fit.channels.iter().filter(|other| other.channel.group == channel.channel.group);
@@ -136,8 +143,8 @@ fn share(fit: &Fit, number: usize, channel: &ChannelFit) -> Option<[f64; 2]> {
 /// Residuals of efforts whose autocorrelation makes intervals this many times as wide are no noise.
 const NO_NOISE: f64 = 2.0;
 
-/// Returns true if the model lacks something of the drives that is no noise, though the recording can be true: only that no
-/// fault explains it says that it is the model, not the recording.
+/// Returns true if the model lacks something of the drives that is no noise, though the recording can be
+/// true: only that no fault explains it says that it is the model, not the recording.
 pub(crate) fn lacks_something_of_drives(fit: &Fit) -> bool {
     let poor = |(number, channel): (usize, &ChannelFit)| {
         channel.channel.is_drive()
@@ -160,8 +167,9 @@ fn unexplained(fit: &Fit) -> Option<String> {
     }
     (!poor.is_empty()).then(|| {
         format!(
-            "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what is left beyond the \
-             noise, over the standard deviation of what is measured, of a wrench the largest of three axes): {}",
+            "the model leaves more of some channels than noise and {:.0} % of what they vary by (rms of what \
+             is left beyond the noise, over the standard deviation of what is measured, of a wrench the \
+             largest of three axes): {}",
             100.0 * limit,
             poor.join(", ")
         )
@@ -182,7 +190,8 @@ pub(crate) fn scaled(fit: &Fit, links: &Links) -> Option<String> {
     let far = !(1.0 / SCALE..=SCALE).contains(&scale.abs());
     (far && cosine.abs() > ALIKE && scale.is_finite()).then(|| {
         format!(
-            "what is measured is that of the nominal model times {}: is it in another unit, or the model's masses?",
+            "what is measured is that of the nominal model times {}: is it in another unit, or the model's \
+             masses?",
             significant(scale, 3)
         )
     })

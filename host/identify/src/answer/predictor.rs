@@ -1,6 +1,7 @@
 //! The values of an answer, or a model, for every column of a source: values to predict with.
 //!
-//! An answer of a tree has a value for every column; of others what is identified counts, and the rest is zero and named.
+//! An answer of a tree has a value for every column; of others what is identified counts, and the rest is
+//! zero and named.
 
 use std::collections::HashMap;
 
@@ -64,7 +65,8 @@ impl Predictor {
         }
     }
 
-    /// Returns the values of these parameters, and the names of those that nothing is known of, which are zero.
+    /// Returns the values of these parameters, and the names of those that nothing is known of, which are
+    /// zero.
     pub fn values(&self, parameters: &[Parameter]) -> (Vec<f64>, Vec<String>) {
         let mut without = Vec::new();
         let values = parameters.iter().map(|parameter| {
@@ -93,8 +95,9 @@ impl Predictor {
         (values.collect(), without)
     }
 
-    /// Returns the value of a base parameter that the answer has with a rotor in it, or without one, where the rows have the other: with
-    /// the rotor that it knows by itself, if it does. What an answer calls `Jzz` without a column of the rotor holds it already.
+    /// Returns the value of a base parameter that the answer has with a rotor in it, or without one, where
+    /// the rows have the other: with the rotor that it knows by itself, if it does. What an answer calls
+    /// `Jzz` without a column of the rotor holds it already.
     fn with_or_without_rotor(&self, parameter: &Parameter) -> Option<f64> {
         let Some(bare) = parameter.name.strip_suffix(ROTOR) else {
             return self.values.get(&format!("{}{ROTOR}", parameter.name)).copied();
@@ -118,8 +121,8 @@ mod tests {
     use super::*;
     use rigident_fit::{Kind, Owner};
 
-    /// One answer has the rotor of a first axis in the moment of inertia about it, the other has no column of rotors: either
-    /// predicts the rows of the other.
+    /// One answer has the rotor of a first axis in the moment of inertia about it, the other has no column of
+    /// rotors: either predicts the rows of the other.
     #[test]
     fn moments_are_found_with_and_without_their_rotors() {
         let parameter = |name: &str, made_of: &[(&str, f64)]| Parameter {

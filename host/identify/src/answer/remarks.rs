@@ -10,7 +10,8 @@ use rigident_fit::figures::{counted, significant, unit_symbol};
 use rigident_fit::outliers::LIMIT_SD;
 use rigident_fit::{Autocorrelation, ChannelFit, Fit, Kind, NuisanceFit, PriorStatement, StatedNoise};
 
-/// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of them.
+/// Rows beyond the unknowns from which on residuals that are half as large as stated are no chance: 0.5 % of
+/// them.
 const ENOUGH_SPARE_ROWS: usize = 12;
 /// Residual variance over the stated one from which on the data or the rig file should be examined.
 const MUCH_LARGER: f64 = 2.0;
@@ -29,12 +30,14 @@ impl std::fmt::Display for Forgotten {
         match kind {
             ForgettingKind::Window => write!(
                 f,
-                "the answer is that of the last {effective_s:.1} s of rows (`window_s` {span_s}) and of nothing before"
+                "the answer is that of the last {effective_s:.1} s of rows (`window_s` {span_s}) and of \
+                 nothing before"
             ),
             ForgettingKind::Exponential => write!(
                 f,
-                "the answer rests on {effective_s:.1} s of rows (`forget_s` {span_s}): what the motion renews is forgotten with \
-                 that time constant, what it does not renew is kept as it was last seen"
+                "the answer rests on {effective_s:.1} s of rows (`forget_s` {span_s}): what the motion \
+                 renews is forgotten with that time constant, what it does not renew is kept as it was last \
+                 seen"
             ),
         }
     }
@@ -72,26 +75,29 @@ fn residual_noise(fit: &Fit) -> Remark {
     let fitted = fit.data_alone().rank();
     if rows <= fitted || (small && rows < fitted + ENOUGH_SPARE_ROWS) {
         Remark::Warning(format!(
-            "too few rows: {rows} equations for {} unknowns, which leaves nothing to check the noise by; record for longer, \
-             or more poses",
+            "too few rows: {rows} equations for {} unknowns, which leaves nothing to check the noise by; \
+             record for longer, or more poses",
             fit.parameters.len()
         ))
     } else if fit.noise.sigma_given && ratio > MUCH_LARGER {
         Remark::Warning(format!(
-            "residuals are {:.1} times larger than the noise stated in the rig file{}: the intervals were widened; look for \
-             a wrong sign, frame, delay or scale, bodies that are not rigid, friction that is left out",
+            "residuals are {:.1} times larger than the noise stated in the rig file{}: the intervals were \
+             widened; look for a wrong sign, frame, delay or scale, bodies that are not rigid, friction that \
+             is left out",
             ratio.sqrt(),
             if ratio > FAR { figures(fit, ratio) } else { String::new() }
         ))
     } else if fit.noise.sigma_given && fit.noise.variance_scale > 1.0 {
         Remark::Note(format!(
-            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were widened",
+            "residuals are {:.1} times larger than the noise stated in the rig file: the intervals were \
+             widened",
             ratio.sqrt()
         ))
     } else if small {
         let is_far = ratio < 1.0 / FAR;
         let said = format!(
-            "residuals are {:.1} times smaller than the noise stated in the rig file{}: the intervals are wider than need be",
+            "residuals are {:.1} times smaller than the noise stated in the rig file{}: the intervals are \
+             wider than need be",
             1.0 / ratio.max(1e-12).sqrt(),
             if is_far { figures(fit, ratio) } else { String::new() }
         );
@@ -130,8 +136,8 @@ fn stated_noise(noise: &StatedNoise) -> Option<String> {
         format!("{} times less, unless they were smoothed", significant(1.0 / ratio, 2))
     };
     Some(format!(
-        "{name}: {key} of the rig file states a noise of {}, and the readings show {}, {times}; rows are weighed by what is stated: \
-         correct it, or leave it out to have it found",
+        "{name}: {key} of the rig file states a noise of {}, and the readings show {}, {times}; rows are \
+         weighed by what is stated: correct it, or leave it out to have it found",
         figure(*stated),
         figure(*found)
     ))
@@ -141,7 +147,8 @@ fn stated_noise(noise: &StatedNoise) -> Option<String> {
 fn left_out(fit: &Fit) -> (Vec<String>, Vec<String>) {
     let outliers = fit.channels.iter().filter(|c| c.outliers > 0).map(|c| {
         format!(
-            "{} of {} filtered rows of channel {} {} more than {LIMIT_SD} standard deviations off and {} less",
+            "{} of {} filtered rows of channel {} {} more than {LIMIT_SD} standard deviations off and {} \
+             less",
             c.outliers,
             fit.counts.blocks,
             c.channel.name,
@@ -149,12 +156,14 @@ fn left_out(fit: &Fit) -> (Vec<String>, Vec<String>) {
             if c.outliers == 1 { "counts" } else { "count" },
         )
     });
-    let rejected = fit.counts.rejected_by_signal.iter().filter(|(_, count)| *count > 0).map(|(signal, count)| {
-        format!(
-            "{} rejected because of {signal}: saturated, frozen or not finite; check that sensor and its range",
-            counted(usize::try_from(*count).unwrap_or(usize::MAX), "reading was", "readings were"),
-        )
-    });
+    let rejected =
+        fit.counts.rejected_by_signal.iter().filter(|(_, count)| *count > 0).map(|(signal, count)| {
+            format!(
+                "{} rejected because of {signal}: saturated, frozen or not finite; check that sensor and its \
+             range",
+                counted(usize::try_from(*count).unwrap_or(usize::MAX), "reading was", "readings were"),
+            )
+        });
     (outliers.collect(), rejected.collect())
 }
 
@@ -167,15 +176,17 @@ fn autocorrelation(fit: &Fit) -> Option<String> {
     let factors: Vec<String> = found.iter().map(|(name, a)| format!("{:.1} ({name})", a.factor)).collect();
     let consequence = match fit.largest_inflation() {
         Some(largest) => format!(
-            "Intervals count this and are wider for it by up to {largest:.1}; one that rested on the slowest part alone would be \
-             wider by factors of"
+            "Intervals count this and are wider for it by up to {largest:.1}; one that rested on the slowest \
+             part alone would be wider by factors of"
         ),
-        None => "Intervals do not count this and may be too narrow, as far as they rest on these channels, by factors up to"
+        None => "Intervals do not count this and may be too narrow, as far as they rest on these channels, \
+                 by factors up to"
             .to_owned(),
     };
     Some(format!(
-        "residuals of {} stay correlated for longer than the filter explains (of {name}: autocorrelation {:.2} about {} s \
-         apart, where white noise has 0.00 ± {:.2}). {consequence} {}; look for vibration, drift, a wrong delay or a body that is not rigid",
+        "residuals of {} stay correlated for longer than the filter explains (of {name}: autocorrelation \
+         {:.2} about {} s apart, where white noise has 0.00 ± {:.2}). {consequence} {}; look for vibration, \
+         drift, a wrong delay or a body that is not rigid",
         found.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
         worst.mean,
         FILTER_WIDTH_S,
@@ -198,8 +209,9 @@ fn signal_noise(fit: &Fit, rate_sigma: f64) -> Option<String> {
     };
     (worst > SIGNAL_NOISE).then(|| {
         format!(
-            "noise of the rates{sigma} stands in the rows and does not average out: up to {:.0} % of an interval is for it. \
-             Better gyros or encoders, or faster motion, make intervals narrower; a longer recording does not",
+            "noise of the rates{sigma} stands in the rows and does not average out: up to {:.0} % of an \
+             interval is for it. Better gyros or encoders, or faster motion, make intervals narrower; a \
+             longer recording does not",
             100.0 * worst
         )
     })
@@ -212,7 +224,8 @@ fn friction_of_another_law(fit: &Fit) -> Option<String> {
     let drives: BTreeSet<String> = fit.nuisances.iter().filter(far).filter_map(drive).collect();
     (!drives.is_empty()).then(|| {
         format!(
-            "dry friction of {} follows the speed in another way than its columns: try a Stribeck column for it",
+            "dry friction of {} follows the speed in another way than its columns: try a Stribeck column for \
+             it",
             drives.into_iter().collect::<Vec<_>>().join(", ")
         )
     })
@@ -223,8 +236,9 @@ fn model_error(fit: &Fit) -> Option<String> {
     let by = fit.noise.model_error.sqrt();
     (by > 1.0).then(|| {
         format!(
-            "the model leaves efforts that follow the motion: friction, elasticity or cables that it lacks. They count as noise, \
-             {} times larger than if it were white, so that no error of the rig has to explain them",
+            "the model leaves efforts that follow the motion: friction, elasticity or cables that it lacks. \
+             They count as noise, {} times larger than if it were white, so that no error of the rig has to \
+             explain them",
             significant(by, 2)
         )
     })
@@ -240,8 +254,8 @@ fn unexplained(fit: &Fit) -> Option<String> {
         .collect();
     (!poor.is_empty()).then(|| {
         format!(
-            "the model explains little of some channels (residual over measurement, rms): {}; are their signs, units and \
-             joints those of the model?",
+            "the model explains little of some channels (residual over measurement, rms): {}; are their \
+             signs, units and joints those of the model?",
             poor.join(", ")
         )
     })
@@ -256,14 +270,16 @@ pub(super) fn of_known_values(fit: &Fit, links: Option<&Links>, states: &[Parame
     free_planes.chain(loose).collect()
 }
 
-/// Tells of a plane of symmetry that says nothing of products of inertia, because the size of its link is not known.
+/// Tells of a plane of symmetry that says nothing of products of inertia, because the size of its link is not
+/// known.
 fn free_plane(fit: &Fit, statement: &PriorStatement) -> Option<String> {
     let names: Vec<&str> =
         statement.free.iter().filter_map(|j| Some(fit.parameters.get(*j)?.name.as_str())).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "{}: {} stay free: how far from zero they may be grows with the body's size, which is not known without \
-             Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and izz_kgm2 with `known`",
+            "{}: {} stay free: how far from zero they may be grows with the body's size, which is not known \
+             without Ixx, Iyy and Izz; turn the body about all three axes, or state ixx_kgm2, iyy_kgm2 and \
+             izz_kgm2 with `known`",
             statement.name,
             names.join(" and "),
         )
@@ -284,8 +300,8 @@ fn too_loose(
     let (text, name) = (&statement.text, &parameter.name);
     let Some(scale) = scales.get(j).copied().flatten() else {
         return Some(format!(
-            "{text} is in the answer, but {name} is not identified: the mass, against which that is judged, is not \
-             known to {} %; state mass_kg with `known`",
+            "{text} is in the answer, but {name} is not identified: the mass, against which that is judged, \
+             is not known to {} %; state mass_kg with `known`",
             100.0 * LARGEST_SHARE
         ));
     };
@@ -295,8 +311,8 @@ fn too_loose(
         least = least.min(fit.estimate.coverage_factor() * informed);
     }
     Some(format!(
-        "{text} is too loose to identify {name}: with it the U95 is {}, and at most {} {} would do; state it with a \
-         smaller σ if it is known that well",
+        "{text} is too loose to identify {name}: with it the U95 is {}, and at most {} {} would do; state it \
+         with a smaller σ if it is known that well",
         significant(u95, 2),
         significant(least, 2),
         unit_symbol(&parameter.unit),

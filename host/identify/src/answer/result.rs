@@ -147,8 +147,8 @@ pub struct Answer {
     /// What was known beforehand and is in the estimate.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub known: Vec<KnownValue>,
-    /// Fields below that rest on what was known beforehand: `mass_kg`, `com_m`, `inertia_com_kgm2`, `inertia_origin_kgm2`,
-    /// `principal`, `body_frame`.
+    /// Fields below that rest on what was known beforehand: `mass_kg`, `com_m`, `inertia_com_kgm2`,
+    /// `inertia_origin_kgm2`, `principal`, `body_frame`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub prior_dominated: Vec<String>,
     /// Mass of the one body, kg.
@@ -169,14 +169,15 @@ pub struct Answer {
     /// Tensor of the one body about the origin of S, kg m²; its uncertainty stands with the parameters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_origin_kgm2: Option<[f64; 6]>,
-    /// Principal moments about the centre of mass and their axes, largest first; empty where the tensor is not identified.
+    /// Principal moments about the centre of mass and their axes, largest first; empty where the tensor is
+    /// not identified.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub principal: Vec<PrincipalMoment>,
     /// The one body in the frame of `[body]` of the rig file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_frame: Option<BodyFrame>,
-    /// True if some distribution of mass has these parameters: of one body exactly these, of a tree some within the
-    /// uncertainty. Absent if that cannot be told.
+    /// True if some distribution of mass has these parameters: of one body exactly these, of a tree some
+    /// within the uncertainty. Absent if that cannot be told.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physically_consistent: Option<bool>,
     /// How far the estimate is from the parameters that bodies can have.
@@ -191,15 +192,18 @@ pub struct Answer {
     /// The true body of `[truth]` of the rig file, never used for the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
-    /// 2-norm condition number of the column-scaled, whitened rows over what they determine; absent if that is nothing.
+    /// 2-norm condition number of the column-scaled, whitened rows over what they determine; absent if that
+    /// is nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub condition_number: Option<f64>,
     /// Noise and residuals of each measured quantity, in the order of the rows.
     pub channels: Vec<Channel>,
-    /// Root mean square of the filtered residuals, channel by channel in the channels' units; absent without the data.
+    /// Root mean square of the filtered residuals, channel by channel in the channels' units; absent without
+    /// the data.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub residual_rms: Vec<f64>,
-    /// Errors of sensors and mounting that were estimated with the parameters, those that were taken as exact left out.
+    /// Errors of sensors and mounting that were estimated with the parameters, those that were taken as exact
+    /// left out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<RigError>,
     /// How these agree with what was known of them beforehand.
@@ -248,7 +252,8 @@ pub struct Answer {
     /// Information that asks for nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Why the recording cannot be true, where `status` is `implausible` and a fault was found that explains it.
+    /// Why the recording cannot be true, where `status` is `implausible` and a fault was found that explains
+    /// it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
     /// What a user should act on before using the numbers.
@@ -339,8 +344,8 @@ pub struct RigError {
     pub stated: bool,
     /// Share of the variance beforehand that the recording has taken away.
     pub told: f64,
-    /// The estimate in the standard deviations that it would have if it were drawn as stated; absent where the recording says
-    /// nothing of it.
+    /// The estimate in the standard deviations that it would have if it were drawn as stated; absent where
+    /// the recording says nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pull: Option<f64>,
 }
@@ -445,7 +450,8 @@ pub struct Parameter {
     /// Its true value, where it is known; never used for the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
-    /// Standard parameters that a base parameter stands for and their constant weights, the one that names it first.
+    /// Standard parameters that a base parameter stands for and their constant weights, the one that names it
+    /// first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<(String, f64)>,
 }
@@ -544,8 +550,8 @@ pub struct BodyFrame {
 pub struct Consistency {
     /// Distance to the nearest possible body or bodies, standard deviations; zero if the estimate is one.
     pub distance_sd: f64,
-    /// Probability that noise alone makes the distance this large or larger, at least; below 1e-4 it is taken for a
-    /// mistake in the data or the model.
+    /// Probability that noise alone makes the distance this large or larger, at least; below 1e-4 it is taken
+    /// for a mistake in the data or the model.
     pub probability: f64,
     /// True if bodies of negative mass have the parameters: a sign is wrong, and nothing is identified.
     pub reversed: bool,
@@ -586,8 +592,8 @@ pub struct StandardParameters {
     pub links: Vec<StandardLink>,
 }
 
-/// A value for every column of the rows of a tree, to predict with. They belong together: what is not identified has the value that
-/// fits best beside the nominal model, or, where there is none, beside zero.
+/// A value for every column of the rows of a tree, to predict with. They belong together: what is not
+/// identified has the value that fits best beside the nominal model, or, where there is none, beside zero.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Complete {
     /// What they are, in a sentence.
@@ -635,7 +641,8 @@ pub struct CompleteTerm {
     pub unit: String,
     /// True if the data alone determine it by itself.
     pub identified: bool,
-    /// The base parameters that it occurs together with only: their sums are identified or not, see `parameters`.
+    /// The base parameters that it occurs together with only: their sums are identified or not, see
+    /// `parameters`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub together_with: Vec<String>,
 }
@@ -665,11 +672,12 @@ pub struct StandardLink {
     pub inertia_com_kgm2: [f64; 6],
     /// `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` about the link's origin, SI.
     pub parameters: [f64; 10],
-    /// Relative distance from the nominal model's: `√(2 D)` with D the log-determinant divergence of the pseudo-inertias.
+    /// Relative distance from the nominal model's: `√(2 D)` with D the log-determinant divergence of the
+    /// pseudo-inertias.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_from_nominal: Option<f64>,
-    /// Those of `parameters` that the data alone determine by themselves: `mcx`, `Izz`. The others are known in combinations
-    /// only, or are the nominal model's.
+    /// Those of `parameters` that the data alone determine by themselves: `mcx`, `Izz`. The others are known
+    /// in combinations only, or are the nominal model's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub identified: Vec<String>,
 }
@@ -718,8 +726,8 @@ pub struct Channel {
     pub outliers: u64,
     /// Samples rejected because of this channel.
     pub rejected: u64,
-    /// Factor by which white noise's intervals would be too narrow where they rest on the residuals' slowest part alone;
-    /// absent if the residuals are no more autocorrelated than the filter explains.
+    /// Factor by which white noise's intervals would be too narrow where they rest on the residuals' slowest
+    /// part alone; absent if the residuals are no more autocorrelated than the filter explains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub autocorrelation: Option<f64>,
 }
@@ -752,8 +760,8 @@ pub struct ExperimentSummary {
     /// What was said last that can be reached in the time there is, over what was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_ratio: Option<f64>,
-    /// The same as the 95 % uncertainty of the worst element of the tensors, kg m², while the moment of which a share was asked for
-    /// is not known well enough.
+    /// The same as the 95 % uncertainty of the worst element of the tensors, kg m², while the moment of which
+    /// a share was asked for is not known well enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_moment_u95_kgm2: Option<f64>,
     /// The segments, in their order.

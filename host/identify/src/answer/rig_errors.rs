@@ -44,8 +44,8 @@ pub(super) fn defaults(fit: &Fit) -> Option<String> {
         classes.into_iter().map(|(class, groups)| format!("{class} ({})", groups.join(", "))).collect();
     (!named.is_empty()).then(|| {
         format!(
-            "the rig file does not state the errors of sensors and mounting; the intervals rest on the defaults of the classes {}, \
-             one standard deviation each",
+            "the rig file does not state the errors of sensors and mounting; the intervals rest on the \
+             defaults of the classes {}, one standard deviation each",
             named.join(" and ")
         )
     })

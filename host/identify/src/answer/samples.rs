@@ -1,4 +1,5 @@
-//! Fits and answers of a body, trees and a run that broke off, for the tests of this crate and of those that show answers.
+//! Fits and answers of a body, trees and a run that broke off, for the tests of this crate and of those that
+//! show answers.
 #![allow(dead_code, reason = "each crate's tests use a part of it")]
 #![allow(missing_docs, reason = "for tests")]
 

@@ -7,7 +7,8 @@ use rigident_fit::{Kind, Owner, Parameter};
 pub enum SelectionError {
     /// It is no parameter, owner or kind.
     #[error(
-        "`estimate` {word}: no parameter, link or drive of that name; there are m, mc, I, offset, and single ones: {}",
+        "`estimate` {word}: no parameter, link or drive of that name; there are m, mc, I, offset, and single \
+         ones: {}",
         names.join(", ")
     )]
     Unknown {
@@ -18,7 +19,8 @@ pub enum SelectionError {
     },
     /// The offset is not estimated.
     #[error(
-        "`estimate` offset: no offset is estimated here; it was known by the rig file, or eliminated by a merge"
+        "`estimate` offset: no offset is estimated here; it was known by the rig file, or eliminated by a \
+         merge"
     )]
     NoOffset,
 }
@@ -32,8 +34,9 @@ pub fn owner_name(owner: &Owner) -> &str {
 
 /// Returns the indices of the parameters that must be identified, in ascending order.
 ///
-/// A word is a parameter's name, a link or drive (all of theirs), or a kind: `m` masses, `mc` first moments, `I` moments and
-/// products of inertia, `offset` the offsets of channels. Without words all but the offsets of channels are meant.
+/// A word is a parameter's name, a link or drive (all of theirs), or a kind: `m` masses, `mc` first moments,
+/// `I` moments and products of inertia, `offset` the offsets of channels. Without words all but the offsets
+/// of channels are meant.
 ///
 /// # Errors
 /// [`SelectionError`] for the first word that selects nothing.

@@ -1,9 +1,11 @@
-//! Full parameters of links by rows and by what is known of them beforehand, a normal distribution of all of them.
+//! Full parameters of links by rows and by what is known of them beforehand, a normal distribution of all of
+//! them.
 //!
-//! With rows R of the base parameters K φ, z their right-hand side, φ⁰ and Σ what is known: `H = Σ⁻¹ + KᵀRᵀR K`,
-//! `φ = φ⁰ + H⁻¹ KᵀRᵀ (z − R K φ⁰)`, and of bodies that can be the nearest to it in the metric of H. Errors that all rows share, e of variance 1, move
-//! what rows and Σ say by D e: the rows are wrong by Y e with `RᵀY = (RᵀR + P) D`, P what Σ says of the base parameters. Those of rows
-//! with the covariance `1 + Y Yᵀ = L Lᵀ` are `L⁻¹ R, L⁻¹ z`.
+//! With rows R of the base parameters K φ, z their right-hand side, φ⁰ and Σ what is known:
+//! `H = Σ⁻¹ + KᵀRᵀR K`, `φ = φ⁰ + H⁻¹ KᵀRᵀ (z − R K φ⁰)`, and of bodies that can be the nearest to it in the
+//! metric of H. Errors that all rows share, e of variance 1, move what rows and Σ say by D e: the rows are
+//! wrong by Y e with `RᵀY = (RᵀR + P) D`, P what Σ says of the base parameters. Those of rows with the
+//! covariance `1 + Y Yᵀ = L Lᵀ` are `L⁻¹ R, L⁻¹ z`.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -53,8 +55,9 @@ impl Errors {
     }
 }
 
-/// Returns the full parameters of a model's links, ten each, and their covariance, by an estimate of base parameters and what is known
-/// beforehand: the model's nominal bodies with `covariance`; `errors` are those of the rows that their noise does not count. With `symmetric` the right links mirror the left ones.
+/// Returns the full parameters of a model's links, ten each, and their covariance, by an estimate of base
+/// parameters and what is known beforehand: the model's nominal bodies with `covariance`; `errors` are those
+/// of the rows that their noise does not count. With `symmetric` the right links mirror the left ones.
 ///
 /// # Errors
 /// [`ModelError`] if a link has no body, or what is known is singular.

@@ -1,17 +1,18 @@
 //! Standard parameters of every link: the nearest to a nominal model, every link a body that can be.
 //!
-//! The rows say `½ ‖R (B φ − φ̂_B)‖²` of the standard parameters φ of all links. What they leave open is taken from the
-//! nominal model: of all φ the one is chosen that makes
+//! The rows say `½ ‖R (B φ − φ̂_B)‖²` of the standard parameters φ of all links. What they leave open is
+//! taken from the nominal model: of all φ the one is chosen that makes
 //! ```text
 //! ½ ‖R (B φ − φ̂_B)‖² + 1/s² Σ_i D(J_i, J_i⁰),      D(J, J⁰) = tr(J⁰⁻¹ J) − log det(J⁰⁻¹ J) − 4
 //! ```
-//! least. D is the divergence of the log-determinant between pseudo-inertias: twice the relative entropy of two Gaussian
-//! distributions of mass of these second moments. It does not depend on units or on a link's frame, to second order it is
-//! half the square of the affine-invariant distance `‖log(J⁰^−½ J J⁰^−½)‖`, it is convex in φ, and it grows beyond all
-//! bounds where J ceases to be positive definite: every link is a body that can be, without a constraint (T. Lee,
-//! P. Wensing, F. Park, "Geometric robot dynamic identification: a convex programming approach", IEEE T-RO 36 (2), 2020;
-//! P. Wensing, S. Kim, J.-J. Slotine, "Linear matrix inequalities for physically consistent inertial parameter
-//! identification", RA-L 3 (1), 2018). s is the relative 1 σ that the nominal model is trusted with.
+//! least. D is the divergence of the log-determinant between pseudo-inertias: twice the relative entropy of
+//! two Gaussian distributions of mass of these second moments. It does not depend on units or on a link's
+//! frame, to second order it is half the square of the affine-invariant distance `‖log(J⁰^−½ J J⁰^−½)‖`, it
+//! is convex in φ, and it grows beyond all bounds where J ceases to be positive definite: every link is a
+//! body that can be, without a constraint (T. Lee, P. Wensing, F. Park, "Geometric robot dynamic
+//! identification: a convex programming approach", IEEE T-RO 36 (2), 2020; P. Wensing, S. Kim, J.-J. Slotine,
+//! "Linear matrix inequalities for physically consistent inertial parameter identification", RA-L 3 (1),
+//! 2018). s is the relative 1 σ that the nominal model is trusted with.
 //!
 //! Solved by damped Newton steps, each a linear least-squares problem: nothing is squared.
 
@@ -73,7 +74,8 @@ impl<'a> BaseEstimate<'a> {
         }
     }
 
-    /// Returns the same of rows whose standard deviations are all as much larger; see [`Fit::evenly_widened`].
+    /// Returns the same of rows whose standard deviations are all as much larger; see
+    /// [`Fit::evenly_widened`].
     pub fn evenly_widened(&self, fit: &Fit) -> Self {
         match &fit.solved {
             Some(solved) if fit.widened.is_empty() => Self::of_factor(solved, self.base, 1.0, self.noise),
@@ -81,7 +83,8 @@ impl<'a> BaseEstimate<'a> {
         }
     }
 
-    /// Returns these base parameters as if the rows of a factor, rotors in its columns, said them [`HEAVY`] times as exactly.
+    /// Returns these base parameters as if the rows of a factor, rotors in its columns, said them [`HEAVY`]
+    /// times as exactly.
     fn exactly(factor: &Factor, base: &'a BaseParameters, values: &[f64]) -> Self {
         let count = base.parameters.len();
         let (r, values) = (factor.leading(count).r() * HEAVY, DVector::from_column_slice(values));
@@ -116,9 +119,9 @@ impl<'a> BaseEstimate<'a> {
     }
 }
 
-/// Returns the links nearest to the nominal model whose base parameters are these, the rotors that no motion tells from links
-/// included: bodies that do what links and rotors do together, for programs without rotors. `None` if there are no such rotors, or
-/// no such bodies.
+/// Returns the links nearest to the nominal model whose base parameters are these, the rotors that no motion
+/// tells from links included: bodies that do what links and rotors do together, for programs without rotors.
+/// `None` if there are no such rotors, or no such bodies.
 pub fn nearest_with_rotors(fit: &Fit, links: &Links, base: &[CompleteParameter]) -> Option<Full> {
     let (request, count) = (links.standard?, links.base.parameters.len());
     if links.base.rotors().is_empty() {
@@ -134,8 +137,8 @@ pub fn nearest_with_rotors(fit: &Fit, links: &Links, base: &[CompleteParameter])
     (full.converged && full.distance_sd <= EXACT * HEAVY).then_some(full)
 }
 
-/// Returns a factor with the rotors that are parts of base parameters as columns of their own, after all others: the first are
-/// then those of the links alone.
+/// Returns a factor with the rotors that are parts of base parameters as columns of their own, after all
+/// others: the first are then those of the links alone.
 pub(super) fn with_rotors(factor: &Factor, base: &BaseParameters) -> Factor {
     let (n, weights) = (factor.parameters(), base.rotor_map());
     if weights.ncols() == 0 {
@@ -243,7 +246,8 @@ pub(super) fn variables(model: &Model, first: usize) -> Result<Variables, ModelE
     for (body, link) in welded.links.iter().enumerate().filter(|(i, link)| link.is_body() && *i >= first) {
         if maps.iter().all(|(_, (b, ..), _)| *b != body) {
             return Err(refuse(format!(
-                "link {} has no nominal mass: full parameters nearest to a nominal model need one of every body that moves",
+                "link {} has no nominal mass: full parameters nearest to a nominal model need one of every \
+                 body that moves",
                 link.name
             )));
         }
@@ -260,8 +264,9 @@ pub(super) fn variables(model: &Model, first: usize) -> Result<Variables, ModelE
     })
 }
 
-/// The full parameters of a model's links nearest to it, of which the rows leave what they leave. `model` is the file's,
-/// links on fixed joints on their own; `trust` is s. With `symmetric` the right links mirror the left ones.
+/// The full parameters of a model's links nearest to it, of which the rows leave what they leave. `model` is
+/// the file's, links on fixed joints on their own; `trust` is s. With `symmetric` the right links mirror the
+/// left ones.
 ///
 /// # Errors
 /// [`ModelError`] if a body has no nominal parameters or impossible ones, or there are no pairs.
@@ -284,7 +289,8 @@ pub fn nearest(model: &Model, found: &BaseEstimate, trust: f64, symmetric: bool)
     Ok(full(&variables, found, &map, solved))
 }
 
-/// The full parameters of links, with what they are by the rows, whose base parameters are `map` φ; φ and whether the steps ended.
+/// The full parameters of links, with what they are by the rows, whose base parameters are `map` φ; φ and
+/// whether the steps ended.
 pub(super) fn full(
     variables: &Variables,
     found: &BaseEstimate,
@@ -366,13 +372,14 @@ impl Problem<'_> {
         }
     }
 
-    /// The square of what the rows leave of the right-hand side, of bodies of which no others that are not much heavier leave
-    /// less by more than a `share` of it or of `unit`; `None` if the steps do not end. The weight is not
-    /// examined.
+    /// The square of what the rows leave of the right-hand side, of bodies of which no others that are not
+    /// much heavier leave less by more than a `share` of it or of `unit`; `None` if the steps do not end. The
+    /// weight is not examined.
     pub(super) fn least_misfit(&mut self, share: f64, unit: f64) -> Option<f64> {
         let mut psi = self.start();
         self.weight = self.misfit(&psi).clamp(1.0, f64::MAX.sqrt());
-        // Where a barrier of ν = 4 a link, twice, weighs w², the least is nearer than w² ν (Y. Nesterov, A. Nemirovskii, 1994).
+        // Where a barrier of ν = 4 a link, twice, weighs w², the least is nearer than w² ν (Y. Nesterov, A.
+        // Nemirovskii, 1994).
         let barrier = 8.0 * self.nominal.len() as f64;
         loop {
             if !self.descend(&mut psi, ROUGH) {
@@ -386,8 +393,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The nominal model, made symmetric by taking the left side's. From here to less and less trust in it no step runs into
-    /// the edge of what is a body.
+    /// The nominal model, made symmetric by taking the left side's. From here to less and less trust in it no
+    /// step runs into the edge of what is a body.
     fn start(&self) -> DVector<f64> {
         let nominal = DVector::from_iterator(10 * self.nominal.len(), self.nominal.iter().flatten().copied());
         let own = |column: nalgebra::DVectorView<f64>| column.iter().position(|v| *v == 1.0).unwrap_or(0);

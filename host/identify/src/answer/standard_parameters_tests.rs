@@ -108,7 +108,8 @@ fn what_is_fixed_and_cannot_be_a_body_by_itself_blocks_nothing() {
     assert_eq!(names[2..], ["f0", "f1"]);
     assert!(full.converged && full.largest_sd < 0.2, "{}", full.largest_sd);
     assert!(full.links.iter().all(|link| impossibility(&link.parameters).is_none()));
-    // Where they hang makes no difference to what is identified: first moments of the whole are as without them.
+    // Where they hang makes no difference to what is identified: first moments of the whole are as without
+    // them.
     let whole = |k: usize| -> f64 {
         let own = &full.links[1..];
         own.iter().map(|link| link.parameters[k] + link.parameters[0] * origin(&link.name)[k - 1]).sum()

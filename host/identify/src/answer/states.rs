@@ -1,21 +1,26 @@
 //! States of parameters: one rule for every kind of body.
 //!
-//! A parameter is *identified* if the data alone determine it at the noise level: its column is independent of the others,
-//! its 95 % uncertainty is at most [`LARGEST_SHARE`] of its owner's scale, never of its own value (a true zero is identified),
-//! and a moment of inertia has [`LEAST_EXCITATION`] times the information that noise of the rates alone would bring. It is
-//! *prior-dominated* if it is so only together with what was known beforehand, else *not identified*. The scale is always
-//! that of all that is known: a known mass sets the scale of the first moments, it does not measure them.
+//! A parameter is *identified* if the data alone determine it at the noise level: its column is independent
+//! of the others, its 95 % uncertainty is at most [`LARGEST_SHARE`] of its owner's scale, never of its own
+//! value (a true zero is identified), and a moment of inertia has [`LEAST_EXCITATION`] times the information
+//! that noise of the rates alone would bring. It is *prior-dominated* if it is so only together with what was
+//! known beforehand, else *not identified*. The scale is always that of all that is known: a known mass sets
+//! the scale of the first moments, it does not measure them.
 //!
 //! One scale per owner and kind:
-//! - One whole body, of which all ten parameters are columns: its mass m, its first moment m ℓ and its largest principal
-//!   moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be known, or there is no scale. Its tensor
-//!   is identified only if that about its centre of mass is, too, by its own largest principal moment, and its first moments
-//!   only if the centre of mass is, by the radius of gyration about it: so nothing depends on where the origin is.
-//! - A link of which there are base parameters: of each kind the largest, as estimated less its uncertainty, or as the
-//!   nominal model has it; where first moments vanish, the moments of inertia over the link's length take their place. The
-//!   rule for one body cannot be used, because a base parameter sums several links' and no mass may be among them.
-//! - An offset of the wrench: the weight of one whole body, and its moment m g ℓ; without one, the measured forces or moments.
-//! - A drive: its measured effort, over its measured rate for viscous friction; the largest moment of inertia for a rotor.
+//! - One whole body, of which all ten parameters are columns: its mass m, its first moment m ℓ and its
+//!   largest principal moment, with ℓ its size, bounded from below by a sphere of steel. Its mass must be
+//!   known, or there is no scale. Its tensor is identified only if that about its centre of mass is, too, by
+//!   its own largest principal moment, and its first moments only if the centre of mass is, by the radius of
+//!   gyration about it: so nothing depends on where the origin is.
+//! - A link of which there are base parameters: of each kind the largest, as estimated less its uncertainty,
+//!   or as the nominal model has it; where first moments vanish, the moments of inertia over the link's
+//!   length take their place. The rule for one body cannot be used, because a base parameter sums several
+//!   links' and no mass may be among them.
+//! - An offset of the wrench: the weight of one whole body, and its moment m g ℓ; without one, the measured
+//!   forces or moments.
+//! - A drive: its measured effort, over its measured rate for viscous friction; the largest moment of inertia
+//!   for a rotor.
 //! - Anything else: the largest value of its owner in the same unit.
 
 use std::collections::BTreeMap;
@@ -49,7 +54,8 @@ pub(super) struct BodyScale {
 }
 
 impl BodyScale {
-    /// Returns the scale of a body of ten parameters; `None` if there is no mass: then there is no scale for anything else.
+    /// Returns the scale of a body of ten parameters; `None` if there is no mass: then there is no scale for
+    /// anything else.
     pub(super) fn of(estimate: &Estimate, spurious: f64) -> Option<Self> {
         let phi = ten(estimate);
         let mass = phi[0];
@@ -70,7 +76,8 @@ impl BodyScale {
         })
     }
 
-    /// Returns [`Self::of`], or the scale of a compact body of about the mass where the mass is not known: enough for words.
+    /// Returns [`Self::of`], or the scale of a compact body of about the mass where the mass is not known:
+    /// enough for words.
     pub(super) fn rough(estimate: &Estimate, spurious: f64) -> Self {
         Self::of(estimate, spurious).unwrap_or_else(|| {
             let [mass, ..] = ten(estimate);
@@ -111,8 +118,9 @@ impl BodyScale {
     }
 }
 
-/// Returns the largest principal moment; where not all of the tensor is informed, the largest moment about an axis of S that
-/// is, less its uncertainty: the largest principal moment is no smaller. Zero if there is none.
+/// Returns the largest principal moment; where not all of the tensor is informed, the largest moment about an
+/// axis of S that is, less its uncertainty: the largest principal moment is no smaller. Zero if there is
+/// none.
 fn largest_moment(estimate: &Estimate, spurious: f64) -> f64 {
     let (phi, informed) = (ten(estimate), informed_of_body(estimate, spurious));
     if informed == [true; 6] {
@@ -129,9 +137,9 @@ fn sphere_radius(mass: f64) -> f64 {
     (3.0 * mass / (4.0 * std::f64::consts::PI * DENSITY)).cbrt()
 }
 
-/// Returns how many of the ten parameters of one whole body are identified without a gap, by the rule of this module: the mass,
-/// the first moments, the tensor. `spurious` is the information that noise of the rates alone brings to a moment of inertia,
-/// 1/(kg m²)².
+/// Returns how many of the ten parameters of one whole body are identified without a gap, by the rule of this
+/// module: the mass, the first moments, the tensor. `spurious` is the information that noise of the rates
+/// alone brings to a moment of inertia, 1/(kg m²)².
 pub fn identified_of_body(estimate: &Estimate, spurious: f64) -> usize {
     let Some(scale) = BodyScale::of(estimate, spurious) else { return 0 };
     let informed = informed_of_body(estimate, spurious);
@@ -146,8 +154,9 @@ pub fn identified_of_body(estimate: &Estimate, spurious: f64) -> usize {
 }
 
 /// Returns which coordinates of the centre of mass are resolved by the radius of gyration about it, and which
-/// elements of the tensor about it by its own largest principal moment: those about a far origin are mostly the
-/// mass times a distance, and its square. All, where a parameter is not determined and there is no such tensor.
+/// elements of the tensor about it by its own largest principal moment: those about a far origin are mostly
+/// the mass times a distance, and its square. All, where a parameter is not determined and there is no such
+/// tensor.
 fn resolves_central(estimate: &Estimate) -> [bool; 9] {
     if !(0..10).all(|j| estimate.is_determined(j)) {
         return [true; 9];
@@ -203,14 +212,15 @@ pub fn is_whole_body(fit: &Fit) -> bool {
         && fit.parameters.len() >= 10
 }
 
-/// Returns true if the data alone determine the mass of one whole body, and it is negative: a sign or an axis is wrong, and no
-/// motion would help.
+/// Returns true if the data alone determine the mass of one whole body, and it is negative: a sign or an axis
+/// is wrong, and no motion would help.
 pub(super) fn is_reversed(data: &Estimate) -> bool {
     let mass = ten(data)[0];
     mass < 0.0 && data.u95(0) <= LARGEST_SHARE * -mass
 }
 
-/// Returns the state of every parameter. With `reversed` the bodies would have negative mass, and nothing is identified.
+/// Returns the state of every parameter. With `reversed` the bodies would have negative mass, and nothing is
+/// identified.
 pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<ParameterState> {
     if reversed {
         return vec![ParameterState::NotIdentified; fit.parameters.len()];
@@ -252,7 +262,8 @@ fn is_informed(fit: &Fit, estimate: &Estimate, j: usize) -> bool {
     tensor_informed(estimate, fit.spurious_information, j)
 }
 
-/// Returns the scale that each parameter's uncertainty is judged against, in its unit; `None` where there is none.
+/// Returns the scale that each parameter's uncertainty is judged against, in its unit; `None` where there is
+/// none.
 pub(super) fn scales(fit: &Fit, links: Option<&Links>) -> Vec<Option<f64>> {
     let body = is_whole_body(fit).then(|| BodyScale::of(&fit.estimate, fit.spurious_information));
     let of_links = match body {
@@ -306,7 +317,8 @@ pub fn link_scales(
     scales
 }
 
-/// Returns the longest way from a link's origin to a joint of its own; of a link without, that of its joint from its parent.
+/// Returns the longest way from a link's origin to a joint of its own; of a link without, that of its joint
+/// from its parent.
 fn length(model: &Model, name: &str) -> f64 {
     let Some(i) = model.link(name) else { return 0.0 };
     let below = model.links.iter().enumerate().skip(1).filter(|(_, l)| l.link.parent == i);

@@ -45,8 +45,8 @@ fn near(a: f64, b: f64, by: f64) {
     assert!((a - b).abs() <= by, "{a} {b} ± {by}");
 }
 
-/// Everything that follows from the ten parameters agrees with them, by Steiner's theorem and an eigenvalue problem, and
-/// holds the truth.
+/// Everything that follows from the ten parameters agrees with them, by Steiner's theorem and an eigenvalue
+/// problem, and holds the truth.
 #[test]
 fn an_answer_s_quantities_are_those_of_one_body() {
     let truth = rig().truth.unwrap();
@@ -140,8 +140,8 @@ fn a_reversed_wrench_identifies_nothing_and_says_why() {
     assert!(new.parameters.iter().all(|p| p.state == ParameterState::NotIdentified));
 }
 
-/// Dry friction that grows with the rate has a negative part of Stribeck's, and gives no energy as long as the sum is none; one of
-/// the wrong sign does.
+/// Dry friction that grows with the rate has a negative part of Stribeck's, and gives no energy as long as
+/// the sum is none; one of the wrong sign does.
 #[test]
 fn friction_that_grows_with_the_rate_gives_no_energy() {
     let mut model = seven_axes();
@@ -159,7 +159,8 @@ fn friction_that_grows_with_the_rate_gives_no_energy() {
     assert!(said(&ArmRun { friction: [2.0, -4.0, 0.2], ..run }).1);
 }
 
-/// A model whose arm has a moment that no mass has, and the recording simulated with it: the model is named, not the sensors alone.
+/// A model whose arm has a moment that no mass has, and the recording simulated with it: the model is named,
+/// not the sensors alone.
 #[test]
 fn impossible_links_of_the_model_are_named_as_its_own() {
     let mut model = two_links();

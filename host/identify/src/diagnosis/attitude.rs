@@ -81,7 +81,8 @@ pub(super) fn faults(case: &Case) -> Vec<Fault> {
         Tuned {
             kind: "gravity of the wrench",
             what: "the body's weight has been taken out of the wrench",
-            remedy: "switch compensation of gravity or payload off in the load cell's driver, and record anew",
+            remedy: "switch compensation of gravity or payload off in the load cell's driver, and record \
+                     anew",
             start: |case| {
                 let motion = Motion::of(case)?;
                 Start::upright(&motion, &motion.force)

@@ -20,7 +20,8 @@ const LEAST: f64 = 0.1;
 pub(super) fn fault(case: &Case, model: &Model) -> Option<Fault> {
     let count = columns(&case.recording, model).len();
     let what = "the efforts are no torques: they are motor currents, or in a unit of its own for each joint";
-    let remedy = "find the gains of the drives by a load that is known, and give them as scales of [[joint]] effort in the rig file";
+    let remedy = "find the gains of the drives by a load that is known, and give them as scales of [[joint]] \
+                  effort in the rig file";
     (count > 1).then(|| Fault::new("gains of the drives", what, remedy, undo))
 }
 

@@ -53,8 +53,8 @@ pub(super) fn fault(case: &Case) -> Option<Fault> {
     let is_off = (LIMITS[0]..LIMITS[1]).contains(&factor) && factor.ln().abs() > NEAR;
     let what = format!("the gyro reads {:.3} times the angular rate", 1.0 / factor);
     let remedy = format!(
-        "look at the range that its sensitivity belongs to, or give scale = {factor:.4} for its columns in [recording] columns \
-         of the rig file"
+        "look at the range that its sensitivity belongs to, or give scale = {factor:.4} for its columns in \
+         [recording] columns of the rig file"
     );
     is_off.then(|| Fault::new(KIND, what, remedy, move |case| multiply(case, factor)))
 }

@@ -1,4 +1,5 @@
-//! Faults of a robot's joint columns: units, signs, zeros, swapped joints, delays, and of what its base stands on.
+//! Faults of a robot's joint columns: units, signs, zeros, swapped joints, delays, and of what its base
+//! stands on.
 
 use rigident_shared::tree::Joint;
 
@@ -147,7 +148,8 @@ fn of_units(joints: &[Named], has_rates: bool, has_efforts: bool) -> Vec<Fault> 
         let own = joints.to_vec();
         let what = format!("the efforts are in {unit}");
         let remedy = format!(
-            "give each its scale in [[joint]] of the rig file: effort = {{ name = \"…\", scale = {factor:.6} }}"
+            "give each its scale in [[joint]] of the rig file: effort = \
+             {{ name = \"…\", scale = {factor:.6} }}"
         );
         all.push(Fault::new(format!("efforts in {unit}"), what, remedy, move |case| {
             scale_all(&own, case, &[Quantity::Effort], factor)
@@ -232,7 +234,8 @@ fn of_zeros(joints: &[Named]) -> Vec<Fault> {
             let own = joint.clone();
             let what = format!("the zero of {} is off by {degrees}°", joint.name);
             let remedy = format!(
-                "give it offset = {:.6} in [[joint]] of the rig file: position = {{ name = \"…\", offset = … }}",
+                "give it offset = {:.6} in [[joint]] of the rig file: position = \
+                 {{ name = \"…\", offset = … }}",
                 -degrees.to_radians()
             );
             all.push(Fault::new(what.clone(), what, remedy, move |case| {
@@ -317,7 +320,8 @@ fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) 
     for (quantity, needs) in
         [(Quantity::Effort, has_efforts), (Quantity::Position, has_rates), (Quantity::Rate, has_rates)]
     {
-        // What is known of the delay of efforts is estimated with the body: it is none that a recording cannot have.
+        // What is known of the delay of efforts is estimated with the body: it is none that a recording
+        // cannot have.
         let known_s = if quantity == Quantity::Effort { known_delay_s(case) } else { 0.0 };
         let delays = delays(case).into_iter().filter(|(_, s)| needs && s.abs() > known_s);
         all.extend(delays.map(|delay| of_delay(joints, quantity, delay)));

@@ -5,8 +5,8 @@
 //! swapped pair, a delay, a key of the rig file, and is fitted again. First quickly: what least squares leave
 //! of each channel ([`mod@rigident_fit::explained`]), a likelihood that does not depend on units. Then the
 //! best are fitted in full, and judged as any recording is. Lives here: the list of faults ([`sensors`],
-//! [`joints`], those with settings that the recording tells, `gains`), and the choice. May not live here: whether
-//! a recording can be true ([`crate::answer`]).
+//! [`joints`], those with settings that the recording tells, `gains`), and the choice. May not live here:
+//! whether a recording can be true ([`crate::answer`]).
 
 mod attitude;
 mod clock;
@@ -34,8 +34,8 @@ const FULL_S: f64 = 20.0;
 /// Rows a second that faults of one body are tried on at first, at least: means of as many rows as that
 /// takes.
 const THINNED_HZ: f64 = 200.0;
-/// Blocks that every fault is tried on, before those that may be among the best are tried on more; these are the
-/// best kinds, and what leaves nearly as little as the best of its kind.
+/// Blocks that every fault is tried on, before those that may be among the best are tried on more; these are
+/// the best kinds, and what leaves nearly as little as the best of its kind.
 const FIRST_BLOCKS: usize = 150;
 const FIRST_KINDS: usize = 16;
 const FIRST_ALIKE: f64 = 0.15;
@@ -43,7 +43,8 @@ const FIRST_ALIKE: f64 = 0.15;
 const FULL: usize = 8;
 /// A fault explains as much as another one if its mean logarithm of what is left differs by less than this.
 const ALIKE: f64 = 0.05;
-/// No fault is confirmed, or one of several, where another one leaves less by more than this: it is not down to the noise.
+/// No fault is confirmed, or one of several, where another one leaves less by more than this: it is not down
+/// to the noise.
 const NOISE: f64 = 0.3;
 /// Without its fault a recording leaves at most this share of what it left before, if there is more than the
 /// fault that is left.
@@ -301,8 +302,8 @@ fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
     Friction { by_drive, ..friction.clone() }
 }
 
-/// Returns the mean logarithm of what least squares leave of at most so many blocks, and of how many channels;
-/// `None` if there are no rows.
+/// Returns the mean logarithm of what least squares leave of at most so many blocks, and of how many
+/// channels; `None` if there are no rows.
 fn left_by(rows: &dyn RowSource, blocks: usize) -> Option<(f64, usize)> {
     let found = explained(rows, blocks).ok()?;
     Some((found.unexplained(), found.shares.len().max(1))).filter(|(left, _)| left.is_finite())

@@ -112,13 +112,15 @@ impl Triple {
 }
 
 const GRAVITY_MPS2: f64 = 9.80665;
-/// An IMU that is this many standard deviations, and further than a ruler errs, from the origin sits elsewhere; m.
+/// An IMU that is this many standard deviations, and further than a ruler errs, from the origin sits
+/// elsewhere; m.
 const ELSEWHERE_SD: f64 = 4.42;
 const RULER_M: f64 = 5e-3;
 /// 1 σ of its place where nothing is known of it, m.
 const ANYWHERE_M: f64 = 0.2;
 
-/// Returns that the IMU sits where the fit finds it, if that is far from the origin and nobody has said where it sits.
+/// Returns that the IMU sits where the fit finds it, if that is far from the origin and nobody has said where
+/// it sits.
 fn of_place(case: &Case) -> Option<Fault> {
     let said = case.recording.rig.imu.iter().any(|imu| imu.link == 0 && imu.position_m != [0.0; 3]);
     if said || case.model.is_some() || case.recording.is_static {
@@ -213,7 +215,8 @@ pub(super) fn delays(case: &Case) -> Vec<(isize, f64)> {
     DELAYS.into_iter().flat_map(ways).collect()
 }
 
-/// Moves the readings of accelerometer and gyro, as asked for, to this time earlier, s; false if there are none, or too few.
+/// Moves the readings of accelerometer and gyro, as asked for, to this time earlier, s; false if there are
+/// none, or too few.
 pub(super) fn moved_imu(case: &mut Case, s: f64, accel: bool, gyro: bool) -> bool {
     let rows = (s * case.recording.rate_hz.unwrap_or(1.0)).round() as isize;
     let Some(imu) = case.recording.imus.first_mut() else { return false };
@@ -293,9 +296,11 @@ fn of_wrench_sign(case: &Case) -> Option<Fault> {
 fn of_axes(triple: Triple) -> impl Iterator<Item = Fault> {
     signed_permutations().into_iter().map(move |axes| {
         let what = format!("{} {}", triple.name(), axes_in_words(axes));
-        let remedy = "correct its axes and signs: name the columns in [recording] columns of the rig file, with scale = -1 \
-                    where one is reversed";
-        Fault::new(format!("axes of {}", triple.name()), what, remedy, move |case| triple.each(case, &|v| turned(axes, v)))
+        let remedy = "correct its axes and signs: name the columns in [recording] columns of the rig file, \
+                    with scale = -1 where one is reversed";
+        Fault::new(format!("axes of {}", triple.name()), what, remedy, move |case| {
+            triple.each(case, &|v| turned(axes, v))
+        })
     })
 }
 
@@ -357,7 +362,8 @@ fn of_mounting(case: &Case) -> Vec<Fault> {
             },
         ));
     }
-    let remedy = "correct position_m in [[imu]] of the rig file: from the load cell's origin to the IMU, in the axes of S";
+    let remedy = "correct position_m in [[imu]] of the rig file: from the load cell's origin to the IMU, in \
+                  the axes of S";
     all.push(Fault::new("place of the IMU", "position_m of the IMU is reversed", remedy, move |case| {
         table(&mut case.recording.rig, |imu| imu.position_m = imu.position_m.map(|v| -v))
     }));
@@ -376,7 +382,8 @@ fn of_delays(case: &Case, there: &[Triple]) -> Vec<Fault> {
         for (_, s) in delays(case) {
             let remedy = match (accel, gyro) {
                 (true, true) => {
-                    "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are taken"
+                    "give it as group_delay_s in [[imu]] of the rig file, or stamp readings where they are \
+                     taken"
                 }
                 _ => "stamp readings where they are taken; sensors of one IMU have one clock",
             };

@@ -1,4 +1,5 @@
-//! The file of contacts: which links touch planes with corners, which are held, and how IMUs are turned on their links.
+//! The file of contacts: which links touch planes with corners, which are held, and how IMUs are turned on
+//! their links.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -223,7 +224,8 @@ fn sole(table: &SoleTable, tree: &JointTree, planes: &[Plane], sites: Sites) -> 
     }
     if corners_m.len() < FEWEST {
         return Err(format!(
-            "it has {} corners, and a flat sole needs at least {FEWEST}: give corners_m, corner_links or corner_sites",
+            "it has {} corners, and a flat sole needs at least {FEWEST}: give corners_m, corner_links or \
+             corner_sites",
             corners_m.len()
         ));
     }

@@ -49,7 +49,8 @@ impl Setup {
         figure
     }
 
-    /// Returns the largest deviation of each contact that is made from its plane or place, m, in the order of the contacts.
+    /// Returns the largest deviation of each contact that is made from its plane or place, m, in the order of
+    /// the contacts.
     pub fn deviations(&self, pose: &Pose, base: &Base, shared: &Shared) -> Vec<Option<f64>> {
         let mut out = vec![None; self.contacts.count()];
         let rows = self.rows(pose, base, shared);

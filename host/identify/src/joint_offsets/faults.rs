@@ -64,7 +64,8 @@ pub enum Fault {
     Sign(String),
     /// The angles of all joints are in degrees.
     Degrees,
-    /// The column of a joint is to be multiplied: by π/180 if it is in degrees, by a half or by two if a gear is not counted.
+    /// The column of a joint is to be multiplied: by π/180 if it is in degrees, by a half or by two if a gear
+    /// is not counted.
     Scaled(String, f64),
     /// The columns of two joints are exchanged.
     Joints([String; 2]),
@@ -90,7 +91,8 @@ impl fmt::Display for Fault {
                 if *inverse {
                     write!(
                         f,
-                        "the attitudes of {link} are the other way round: give their conjugates, link axes to world axes"
+                        "the attitudes of {link} are the other way round: give their conjugates, link axes \
+                         to world axes"
                     )?;
                 } else {
                     write!(f, "the axes of the IMU on {link} are not the link's")?;
@@ -123,24 +125,24 @@ impl fmt::Display for Fault {
             Self::Names([a, b]) => write!(f, "{a} and {b} are exchanged in the column contact"),
             Self::Floor([x, y], u95) => write!(
                 f,
-                "the floor leans by {} about x and {} about y of the attitudes' axes (± {}): level it, or say by `floor_noise_deg` how far \
-                 it may lean",
+                "the floor leans by {} about x and {} about y of the attitudes' axes (± {}): level it, or \
+                 say by `floor_noise_deg` how far it may lean",
                 degrees(x),
                 degrees(y),
                 degrees(u95)
             ),
             Self::Step(sole, by, u95) => write!(
                 f,
-                "the sole {sole} stands {:.1} mm {} than the rest (± {:.1} mm): is it on a step? Give it a [[plane]] of its own, or \
-                 correct its corners",
+                "the sole {sole} stands {:.1} mm {} than the rest (± {:.1} mm): is it on a step? Give it a \
+                 [[plane]] of its own, or correct its corners",
                 1e3 * by.abs(),
                 if *by > 0.0 { "higher" } else { "lower" },
                 1e3 * u95
             ),
             Self::Mounting(link, [x, y, z], u95) => write!(
                 f,
-                "the IMU on {link} is turned on its link by {}, {}, {} about x, y, z (up to ± {}): correct its rotation_wxyz in \
-                 [[imu]], or say by `mounting_noise_deg` how far it may be off",
+                "the IMU on {link} is turned on its link by {}, {}, {} about x, y, z (up to ± {}): correct \
+                 its rotation_wxyz in [[imu]], or say by `mounting_noise_deg` how far it may be off",
                 degrees(x),
                 degrees(y),
                 degrees(z),
@@ -188,7 +190,8 @@ pub fn contradiction(
     })
 }
 
-/// Returns what may be wrong with poses that were answered for: nothing, or the faults that explain them best, the likeliest first.
+/// Returns what may be wrong with poses that were answered for: nothing, or the faults that explain them
+/// best, the likeliest first.
 ///
 /// # Errors
 /// As [`super::search::find`].

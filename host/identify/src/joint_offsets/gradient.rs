@@ -1,7 +1,8 @@
 //! The paper's conjugate gradient, beside the steps of Gauss and Newton.
 //!
-//! The bases of the poses are at their best for every offset that is tried, so that the gradient of what is shared is that of the whole
-//! (`∂F/∂δ = −Aᵀ r`). Weights and covariances of the poses stay for a round and are then made anew, until nothing moves.
+//! The bases of the poses are at their best for every offset that is tried, so that the gradient of what is
+//! shared is that of the whole (`∂F/∂δ = −Aᵀ r`). Weights and covariances of the poses stay for a round and
+//! are then made anew, until nothing moves.
 
 use nalgebra::{Cholesky, DVector, Dyn};
 

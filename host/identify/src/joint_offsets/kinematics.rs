@@ -136,7 +136,8 @@ impl JointTree {
                 Joint::Revolute(_) | Joint::Prismatic(_) => {}
                 _ => {
                     return refuse(
-                        "has several freedoms; between the base and a contact or a measured link joints turn or slide about one axis each",
+                        "has several freedoms; between the base and a contact or a measured link joints turn \
+                         or slide about one axis each",
                     );
                 }
             }

@@ -1,4 +1,5 @@
-//! Offsets of joint angles, from poses in which a robot stands with flat soles on a level floor, touches planes or is held.
+//! Offsets of joint angles, from poses in which a robot stands with flat soles on a level floor, touches
+//! planes or is held.
 //!
 //! Lives here: the tree of joints that turn or slide one by one (`kinematics`), what poses share
 //! ([`shared`]), what a pose says as whitened rows ([`pose`]), the search for the offsets ([`search`]) by
@@ -8,8 +9,8 @@
 //! [`contacts_file`]).
 //! May not live here: options, pages, and models beyond their joints (`rigident_model`).
 //!
-//! The theory is that of K. Yamane, *Practical kinematic and dynamic calibration methods for force-controlled humanoid robots*, with every
-//! row divided by its standard deviation.
+//! The theory is that of K. Yamane, *Practical kinematic and dynamic calibration methods for force-controlled
+//! humanoid robots*, with every row divided by its standard deviation.
 
 pub mod contacts_file;
 pub mod drawn;
@@ -55,7 +56,8 @@ pub struct Plane {
     pub normal: Vector3<f64>,
     /// 1 σ of its normal about each axis along it, rad; zero if it is exact.
     pub tilt_rad: f64,
-    /// Whether heights count from it, as from the floor; of another plane the distance along its normal is unknown.
+    /// Whether heights count from it, as from the floor; of another plane the distance along its normal is
+    /// unknown.
     pub at_origin: bool,
 }
 
@@ -126,7 +128,8 @@ pub struct Pose {
     pub name: String,
     /// Measured positions of all joints that count, rad or m, in the order of [`Setup::joints`].
     pub positions: Vec<f64>,
-    /// Measured attitudes of links, link axes to world axes with z up, in the order of [`Setup::measured_links`].
+    /// Measured attitudes of links, link axes to world axes with z up, in the order of
+    /// [`Setup::measured_links`].
     pub attitudes: Vec<UnitQuaternion<f64>>,
     /// Whether each contact is made, in the order of [`Contacts::names`].
     pub stands: Vec<bool>,
@@ -187,7 +190,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Builds the setup of a tree; without names, offsets of all joints between the base and the contacts are asked for.
+    /// Builds the setup of a tree; without names, offsets of all joints between the base and the contacts are
+    /// asked for.
     ///
     /// # Errors
     /// Says which joint is not there or does not count, or that no offset is left.
@@ -209,7 +213,8 @@ impl Setup {
             let known = || joints.iter().map(|i| tree.joint_name(*i)).collect::<Vec<_>>().join(", ");
             let place = joints.iter().position(|i| tree.joint_name(*i) == name).ok_or_else(|| {
                 format!(
-                    "`joints` {name}: no such joint moves a contact or a measured link against the base; those that do are {}",
+                    "`joints` {name}: no such joint moves a contact or a measured link against the base; \
+                     those that do are {}",
                     known()
                 )
             })?;

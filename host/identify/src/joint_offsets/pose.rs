@@ -1,10 +1,12 @@
 //! The information of one pose: rows of its attitudes and of its contacts.
 //!
-//! With the base's attitude R and place p, and corner x of a link at `y = p_i + R_i x` in the base's frame, a corner that touches a plane of
-//! normal n and distance d says `0 = n·(R y + p) − d`. Of the floor d is zero, and the height of p is free in every pose, so that only the
-//! variance of the heights counts. A measured attitude M of link i says `log(M (R R_i E)ᵀ) = 0`, E being the error of the IMU's mounting. A
-//! point y that is held at c says `0 = R y + p − c`, and if it does not turn `log(C (R R_i)ᵀ) = 0`. Errors of encoders act through the
-//! columns of the joints: rows of a pose have the covariance `D + J Σ Jᵀ`, by which they are whitened.
+//! With the base's attitude R and place p, and corner x of a link at `y = p_i + R_i x` in the base's frame, a
+//! corner that touches a plane of normal n and distance d says `0 = n·(R y + p) − d`. Of the floor d is zero,
+//! and the height of p is free in every pose, so that only the variance of the heights counts. A measured
+//! attitude M of link i says `log(M (R R_i E)ᵀ) = 0`, E being the error of the IMU's mounting. A point y that
+//! is held at c says `0 = R y + p − c`, and if it does not turn `log(C (R R_i)ᵀ) = 0`. Errors of encoders act
+//! through the columns of the joints: rows of a pose have the covariance `D + J Σ Jᵀ`, by which they are
+//! whitened.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Rotation3, Vector3};
 
@@ -61,7 +63,8 @@ pub enum RowOf {
     Kept,
 }
 
-/// The rows of a pose before they are whitened: measured less expected values, and how the expected ones change.
+/// The rows of a pose before they are whitened: measured less expected values, and how the expected ones
+/// change.
 pub struct Rows {
     /// The subject of each row.
     pub of: Vec<RowOf>,
@@ -142,8 +145,8 @@ impl Setup {
         self.tree.places(&self.positions(pose, shared))
     }
 
-    /// Returns the base by the first measured attitude, at the mean height of the corners that stand on the floor, or where a held link
-    /// puts it.
+    /// Returns the base by the first measured attitude, at the mean height of the corners that stand on the
+    /// floor, or where a held link puts it.
     pub fn first_base(&self, pose: &Pose, shared: &Shared) -> Base {
         let places = self.places(pose, shared);
         let first =
@@ -162,7 +165,8 @@ impl Setup {
         base
     }
 
-    /// Returns the first place of a base that holds links where other poses put them, and puts there those that are held for the first time.
+    /// Returns the first place of a base that holds links where other poses put them, and puts there those
+    /// that are held for the first time.
     pub(super) fn first_held(&self, pose: &Pose, shared: &mut Shared, known: &mut [bool]) -> Base {
         let mut base = self.first_base(pose, shared);
         let places = self.places(pose, shared);

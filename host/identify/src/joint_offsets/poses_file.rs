@@ -68,7 +68,8 @@ impl PosesTable {
         }
         if found.is_empty() {
             return Err(format!(
-                "{}: no link's attitude is measured; an IMU on the base has columns {1}_qw, {1}_qx, {1}_qy, {1}_qz",
+                "{}: no link's attitude is measured; an IMU on the base has columns {1}_qw, {1}_qx, {1}_qy, \
+                 {1}_qz",
                 self.what,
                 tree.link_name(0)
             ));
@@ -142,7 +143,8 @@ impl PosesTable {
             match other.iter().find(|other| self.column(other).is_some()) {
                 Some(other) => format!("{}: column {other} has another unit; give {wanted}", self.what),
                 None => format!(
-                    "{}: column {wanted} is missing: the joint is between the base and a contact or a measured link",
+                    "{}: column {wanted} is missing: the joint is between the base and a contact or a \
+                     measured link",
                     self.what
                 ),
             }

@@ -16,7 +16,8 @@ const ROUNDING: f64 = 1e-9;
 pub const COARSEST: Coarsest = Coarsest { rad: 0.035, m: 0.01 };
 /// A joint that moves by less over all poses is at rest, rad (0.6°) and m.
 const STILL: Coarsest = Coarsest { rad: 0.01, m: 1e-3 };
-/// The last step moves no identified offset by more than this share of its U95. Along what poses do not tell the search may go on for long.
+/// The last step moves no identified offset by more than this share of its U95. Along what poses do not tell
+/// the search may go on for long.
 const SETTLED: f64 = 0.05;
 /// Shares of the weakest combination that are reported.
 const SHARE: f64 = 0.2;
@@ -101,7 +102,8 @@ pub struct OverPoses {
     pub poses: usize,
     /// The number of offsets that they identify.
     pub identified: usize,
-    /// Largest U95 of joints that turn, of those that all poses identify, rad; `None` while one of them is not determined or there is none.
+    /// Largest U95 of joints that turn, of those that all poses identify, rad; `None` while one of them is
+    /// not determined or there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub worst_u95: Option<f64>,
     /// Likewise of joints that slide, m.
@@ -123,7 +125,8 @@ pub struct Answer {
     pub variance_ratio: f64,
     /// Degrees of freedom of what is left.
     pub degrees_of_freedom: f64,
-    /// The combination of offsets that the poses know worst: 1 σ (infinite if not at all), joints with their shares.
+    /// The combination of offsets that the poses know worst: 1 σ (infinite if not at all), joints with their
+    /// shares.
     pub weakest: Option<(f64, Vec<(String, f64)>)>,
     /// The results of the first poses.
     pub over_poses: Vec<OverPoses>,
@@ -139,11 +142,13 @@ pub struct Answer {
     pub left_out: Vec<bool>,
     /// Steps of the search.
     pub steps: usize,
-    /// Whether the search settled: its last step moved no identified offset by more than a twentieth of its U95.
+    /// Whether the search settled: its last step moved no identified offset by more than a twentieth of its
+    /// U95.
     pub converged: bool,
 }
 
-/// Finds the offsets of poses and what they are worth. An offset whose U95 is above `coarsest` is not identified.
+/// Finds the offsets of poses and what they are worth. An offset whose U95 is above `coarsest` is not
+/// identified.
 ///
 /// # Errors
 /// Says what is wrong with the poses.

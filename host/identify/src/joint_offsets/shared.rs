@@ -8,7 +8,8 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use super::turns::turn_of;
 use super::{HEADING_FREE, Setup};
 
-/// 1 σ of a place of which nothing is known, m, and of an attitude, rad: so far above any other that it says nothing.
+/// 1 σ of a place of which nothing is known, m, and of an attitude, rad: so far above any other that it says
+/// nothing.
 const UNKNOWN: f64 = 10.0;
 
 /// The common parameters of all poses.
@@ -114,7 +115,8 @@ pub(super) struct PlaneColumns {
 }
 
 impl Setup {
-    /// Returns the number of columns that all poses share: offsets, then mountings of IMUs, planes and held links.
+    /// Returns the number of columns that all poses share: offsets, then mountings of IMUs, planes and held
+    /// links.
     pub fn shared_columns(&self) -> usize {
         self.held_columns(self.contacts.held.len()).start
     }
@@ -143,7 +145,8 @@ impl Setup {
         columns
     }
 
-    /// Returns the columns of a held link: three of its place, three more if its attitude is the same in all poses.
+    /// Returns the columns of a held link: three of its place, three more if its attitude is the same in all
+    /// poses.
     pub(super) fn held_columns(&self, n: usize) -> Range<usize> {
         let mounting = if self.noise.mounting_rad > 0.0 { 3 * self.measured_links.len() } else { 0 };
         let of_plane =
@@ -210,7 +213,8 @@ impl Setup {
         !self.contacts.held.is_empty() || self.contacts.planes.iter().any(leans)
     }
 
-    /// Returns the number of columns of a pose's base: three of its attitude, its height, and its place along the floor where that counts.
+    /// Returns the number of columns of a pose's base: three of its attitude, its height, and its place along
+    /// the floor where that counts.
     pub fn base_columns(&self) -> usize {
         if self.has_horizontal() { 6 } else { 4 }
     }

@@ -1,7 +1,7 @@
 //! Steps of Gauss and Newton.
 //!
-//! Each pose's rows, its base eliminated, are a factor of what all poses share; factors merge, and a step follows. Poses that are off count
-//! less (Huber).
+//! Each pose's rows, its base eliminated, are a factor of what all poses share; factors merge, and a step
+//! follows. Poses that are off count less (Huber).
 
 use nalgebra::DVector;
 
@@ -19,7 +19,8 @@ const ENOUGH: f64 = 1e-10;
 const HALVINGS: usize = 8;
 /// A step may raise the cost by this share: weights and covariances change with the offsets.
 const RISE: f64 = 1e-3;
-/// A direction of which the poses know less than this, 1 σ in rad or m, is not moved along: no joint is assembled so badly (10°).
+/// A direction of which the poses know less than this, 1 σ in rad or m, is not moved along: no joint is
+/// assembled so badly (10°).
 pub const HELD: f64 = 0.175;
 /// A pose's squares count in full up to this many standard deviations above their mean; beyond, ever less
 /// (Huber).
@@ -47,7 +48,8 @@ pub struct Found {
     pub told: Vec<Told>,
     /// The weight of each pose, 0 to 1; 0 if it is left out.
     pub weights: Vec<f64>,
-    /// Median of the poses' squares over their degrees of freedom, at least 1: by how much the stated noise is too small.
+    /// Median of the poses' squares over their degrees of freedom, at least 1: by how much the stated noise
+    /// is too small.
     pub scale: f64,
     /// Steps that were made.
     pub steps: usize,
@@ -125,7 +127,8 @@ fn cost(setup: &Setup, told: &[Told], left_out: &[bool], scale: f64, shared: &Sh
     poses + setup.priors(shared).iter().map(|prior| (prior.off / prior.sigma).powi(2)).sum::<f64>()
 }
 
-/// Returns the sum of what the poses' squares count, the stated noise being true; what is known beforehand counts too.
+/// Returns the sum of what the poses' squares count, the stated noise being true; what is known beforehand
+/// counts too.
 pub(super) fn score(setup: &Setup, found: &Found) -> f64 {
     cost(setup, &found.told, &vec![false; found.told.len()], 1.0, &found.state.shared)
 }

@@ -22,7 +22,8 @@ fn forty_flat_poses_give_all_fourteen_offsets_exactly() {
     assert!(found.converged && found.bad.is_empty(), "{found:?}");
     let worst = errors(&found, &truth).iter().fold(0.0_f64, |most, e| most.max(e.abs()));
     assert!(worst.to_degrees() < 1e-6, "{} deg after {} steps", worst.to_degrees(), found.steps);
-    // The weakest combination is of one joint of both legs, alike: pelvis and soles move against each other as a whole.
+    // The weakest combination is of one joint of both legs, alike: pelvis and soles move against each other
+    // as a whole.
     let (sigma, shares) = found.weakest.as_ref().unwrap();
     let ends = [0, 1].map(|k| shares[k].0.split_once('_').unwrap());
     assert!(ends[0].1 == ends[1].1 && ends[0].0 != ends[1].0 && shares[1].1 > 0.0, "{shares:?}");

@@ -42,27 +42,27 @@ impl fmt::Display for Contradiction {
         match self {
             Self::Loading { line, times } => write!(
                 f,
-                "the loading in line {line} contradicts the others, which agree {times:.0} times better without it: check its mass, place, \
-                 direction and readings, or take it out"
+                "the loading in line {line} contradicts the others, which agree {times:.0} times better \
+                 without it: check its mass, place, direction and readings, or take it out"
             ),
             Self::Error { name, value, sigma, unit } => {
                 let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
                 write!(
                     f,
-                    "the readings contradict the {name}: it would be off by {value:.2e}{unit}, and 1 sigma of {sigma:.1e}{unit} was stated. \
-                     Measure it again, or state a larger uncertainty"
+                    "the readings contradict the {name}: it would be off by {value:.2e}{unit}, and 1 sigma \
+                     of {sigma:.1e}{unit} was stated. Measure it again, or state a larger uncertainty"
                 )
             }
         }
     }
 }
 
-/// Finds the loading without which the others agree best, if that cannot be chance and matters: an F test over all six bridges, for
-/// as many tests as there are loadings.
+/// Finds the loading without which the others agree best, if that cannot be chance and matters: an F test
+/// over all six bridges, for as many tests as there are loadings.
 ///
-/// Errors of loads are unknowns with what was stated of them, at the bridges' `answers` as they were fitted; `sigma` is 1 σ of a mean
-/// reading, V. Without loading i the sum of squares is smaller by `eᵢᵀ (1 − Hᵢᵢ)⁻¹ eᵢ` (Cook and Weisberg, *Residuals and influence in
-/// regression*, 1982, section 2.2).
+/// Errors of loads are unknowns with what was stated of them, at the bridges' `answers` as they were fitted;
+/// `sigma` is 1 σ of a mean reading, V. Without loading i the sum of squares is smaller by
+/// `eᵢᵀ (1 − Hᵢᵢ)⁻¹ eᵢ` (Cook and Weisberg, *Residuals and influence in regression*, 1982, section 2.2).
 pub(super) fn find(rows: &Loadings, answers: &Matrix6<f64>, sigma: f64) -> Option<Contradiction> {
     let design = rows.design();
     let (count, unknowns) = design.shape();

@@ -1,9 +1,9 @@
 //! The 6 × 6 matrix of a load cell from known weights at known places.
 //!
-//! Each bridge answers to the wrench: `g = g₀ + B w`. Rows for `B` come from loadings ([`table`], [`rows`]); the fit is the
-//! house's own, with the errors of weights, places and level as errors that it estimates beside. The matrix of the rig file is
-//! `K = B⁻¹`, and its error acts on a wrench as `ΔK B` ([`matrix`]). One loading that contradicts the others is named
-//! ([`contradiction`]). Next: [`table`].
+//! Each bridge answers to the wrench: `g = g₀ + B w`. Rows for `B` come from loadings ([`table`], [`rows`]);
+//! the fit is the house's own, with the errors of weights, places and level as errors that it estimates
+//! beside. The matrix of the rig file is `K = B⁻¹`, and its error acts on a wrench as `ΔK B` ([`matrix`]).
+//! One loading that contradicts the others is named ([`contradiction`]). Next: [`table`].
 
 pub mod contradiction;
 pub mod matrix;
@@ -54,7 +54,8 @@ pub enum LoadCellError {
     Table(String),
     /// There are too few.
     #[error(
-        "{given} loadings are too few: a zero and six loads in different directions are the least, 15 to 30 are good"
+        "{given} loadings are too few: a zero and six loads in different directions are the least, 15 to 30 \
+         are good"
     )]
     TooFew {
         /// Loadings.
@@ -77,7 +78,8 @@ pub enum LoadCellError {
 fn remedy(component: &str) -> &'static str {
     match component {
         "fx" | "fy" => {
-            "turn the cell on its side, so that weights pull along this axis (columns down_x, down_y, down_z), or pull by a cord over a pulley"
+            "turn the cell on its side, so that weights pull along this axis (columns down_x, down_y, \
+             down_z), or pull by a cord over a pulley"
         }
         "fz" => "hang or lay weights so that they act along z, and give the zero (mass_kg 0) too",
         "mz" => "turn the cell on its side and hang a weight beside its axis, on both sides",

@@ -116,7 +116,8 @@ impl Loadings {
         })
     }
 
-    /// The direction of wrenches at full scale that loadings tell least of, and its share of the largest, zeros apart.
+    /// The direction of wrenches at full scale that loadings tell least of, and its share of the largest,
+    /// zeros apart.
     fn weakest_direction(&self) -> ([f64; 6], f64) {
         let design = self.design();
         let (zeros, loads) = (design.columns(0, self.runs), design.columns(self.runs, 6));

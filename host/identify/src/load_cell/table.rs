@@ -1,10 +1,11 @@
 //! The table of loadings: CSV, a row each.
 //!
-//! A loading is a weight (`mass_kg`) whose centre, or the point that it hangs from, is at `x_m`, `y_m`, `z_m` in the cell's frame S,
-//! where gravity points along `down_x`, `down_y`, `down_z` (0, 0, −1 if these columns are not there); or a wrench (`fx_n` to
-//! `mz_nm`) that a machine exerts on the cell's body. `g1_v` to `g6_v` are the mean voltages of the bridges, or
-//! `from_s` and `to_s` the stretch of a recording that has them. `weight` names a weight whose error several loadings share,
-//! `run` loadings that share their zero, `note` is for people.
+//! A loading is a weight (`mass_kg`) whose centre, or the point that it hangs from, is at `x_m`, `y_m`, `z_m`
+//! in the cell's frame S, where gravity points along `down_x`, `down_y`, `down_z` (0, 0, −1 if these columns
+//! are not there); or a wrench (`fx_n` to `mz_nm`) that a machine exerts on the cell's body. `g1_v` to `g6_v`
+//! are the mean voltages of the bridges, or `from_s` and `to_s` the stretch of a recording that has them.
+//! `weight` names a weight whose error several loadings share, `run` loadings that share their zero, `note`
+//! is for people.
 
 use super::LoadCellError;
 use crate::named_table::NamedTable;
@@ -50,7 +51,8 @@ pub struct Loading {
 }
 
 impl Loading {
-    /// Returns the wrench that the cell exerts on its body, S, N and N m: a weight is carried by an equal force upwards.
+    /// Returns the wrench that the cell exerts on its body, S, N and N m: a weight is carried by an equal
+    /// force upwards.
     pub fn wrench(&self) -> [f64; 6] {
         match &self.load {
             Load::Wrench(wrench) => *wrench,
@@ -107,7 +109,8 @@ impl Cells<'_> {
         match text.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(Some(number)),
             _ => Err(format!(
-                "line {}, column {name}: {text:?} is no number; a decimal point and a comma between columns are expected",
+                "line {}, column {name}: {text:?} is no number; a decimal point and a comma between columns \
+                 are expected",
                 self.line
             )),
         }

@@ -11,7 +11,8 @@ const GRAVITY: f64 = 9.81;
 /// V at 100 N in a strut: 1 mV/V of a bridge at 2.5 V.
 const VOLTS_AT_100_N: f64 = 2.5e-3;
 
-/// Returns the forces in three upright struts and three tangential ones at 60 mm, by equilibrium of the plate, strut by strut.
+/// Returns the forces in three upright struts and three tangential ones at 60 mm, by equilibrium of the
+/// plate, strut by strut.
 fn struts(w: [f64; 6]) -> [f64; 6] {
     let r = 0.06;
     let at = [0.0_f64, 120.0, 240.0].map(f64::to_radians);
@@ -46,7 +47,8 @@ impl World {
         sd * z
     }
 
-    /// Returns a table as it is typed in, its cells by rows, and the voltages at a newton or newton metre of each component.
+    /// Returns a table as it is typed in, its cells by rows, and the voltages at a newton or newton metre of
+    /// each component.
     fn table(&mut self, ways: usize) -> (Vec<[f64; 13]>, [[f64; 6]; 6]) {
         let gains: [f64; 6] = std::array::from_fn(|_| VOLTS_AT_100_N / 100.0 * (1.0 + self.draw(0.03)));
         let lean: [[f64; 6]; 6] = std::array::from_fn(|_| std::array::from_fn(|_| self.draw(0.01)));
@@ -96,8 +98,8 @@ fn solved(rows: &[[f64; 13]], uncertainty: &Uncertainty) -> Result<super::matrix
     calibrate(&table::parse(&typed(rows), "weights.csv", GRAVITY, None)?, uncertainty)
 }
 
-/// What a component at full scale is read as, `K B − 1` of the true answers, is inside its interval as often as stated; noise of readings
-/// given, and found.
+/// What a component at full scale is read as, `K B − 1` of the true answers, is inside its interval as often
+/// as stated; noise of readings given, and found.
 #[test]
 fn gains_and_cross_talk_are_inside_their_intervals() {
     for given in [true, false] {
@@ -120,7 +122,8 @@ fn gains_and_cross_talk_are_inside_their_intervals() {
             assert!(found.worst_u95() < 0.03, "{}", found.worst_u95());
             assert!(found.condition_number < 6.0, "{}", found.condition_number);
         }
-        // 864 errors, about ten of which in a table are independent: 5 % within four of their standard deviations.
+        // 864 errors, about ten of which in a table are independent: 5 % within four of their standard
+        // deviations.
         let share = outside as f64 / f64::from(all);
         assert!((0.01..0.11).contains(&share), "{outside} of {all} outside, noise given: {given}");
         let rms = (squares / f64::from(all)).sqrt() * 1.96;
@@ -220,7 +223,8 @@ fn tables_that_cannot_be_read_say_where_and_what_to_do() {
     }
 }
 
-/// The arrangement of docs/wiring.md: condition number √2 with moments over 60 mm, and the loads at which a bar of 10 kg is full.
+/// The arrangement of docs/wiring.md: condition number √2 with moments over 60 mm, and the loads at which a
+/// bar of 10 kg is full.
 #[test]
 fn six_struts_have_the_condition_and_the_ranges_that_the_documents_say() {
     let unit =

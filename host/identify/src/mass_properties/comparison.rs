@@ -1,4 +1,5 @@
-//! Ways to solve side by side: what each leaves of the rows that it was found from, and of rows that it has not seen.
+//! Ways to solve side by side: what each leaves of the rows that it was found from, and of rows that it has
+//! not seen.
 
 use nalgebra::DVector;
 
@@ -83,7 +84,8 @@ impl Way {
         }
     }
 
-    /// Returns the same way with every setting that is chosen from, the one that stays nearest to the nominal model first.
+    /// Returns the same way with every setting that is chosen from, the one that stays nearest to the nominal
+    /// model first.
     fn settings(&self) -> Vec<Self> {
         match self {
             Self::Relative(Method::Truncated { .. }) => {
@@ -167,8 +169,8 @@ pub struct Comparison {
 }
 
 impl Study<'_> {
-    /// Returns each way with the setting that predicts best what it has not seen, of equally good ones the one nearest to the nominal
-    /// model, and `fixed` ways as they are.
+    /// Returns each way with the setting that predicts best what it has not seen, of equally good ones the
+    /// one nearest to the nominal model, and `fixed` ways as they are.
     ///
     /// # Errors
     /// [`ModelError`] if the nominal model cannot be one, or there are no pairs of links to be symmetric.
@@ -196,7 +198,8 @@ impl Study<'_> {
             }
             let least = tried.iter().map(|(_, left)| *left).min_by(|a, b| a.squares.total_cmp(&b.squares));
             let most = least.map_or(0.0, |least: Left| least.squares + least.equal(told.len()));
-            // What rows hardly tell is noise: of equally good settings the strongest trust has the least of it.
+            // What rows hardly tell is noise: of equally good settings the strongest trust has the least of
+            // it.
             let best = tried.into_iter().find(|(_, left)| left.squares <= most);
             let (setting, left) = best.map_or((*way, None), |(setting, left)| (setting, Some(left)));
             let is_chosen = left.is_some() && setting != Way::Relative(Method::Bounded);
@@ -324,9 +327,9 @@ impl Left {
         (rows > 0.0).then_some(Self { squares, error, rows })
     }
 
-    /// Returns how much more another way may leave to be as good: the standard error of what is left by the scatter of the parts (L.
-    /// Breiman and others, *Classification and Regression Trees*, 1984, section 3.4.3), and at least twice the standard deviation
-    /// `√(2 k)` of χ² of as many directions as rows tell.
+    /// Returns how much more another way may leave to be as good: the standard error of what is left by the
+    /// scatter of the parts (L. Breiman and others, *Classification and Regression Trees*, 1984, section
+    /// 3.4.3), and at least twice the standard deviation `√(2 k)` of χ² of as many directions as rows tell.
     fn equal(&self, directions: usize) -> f64 {
         let of_a_row = (self.squares / self.rows).max(1.0);
         self.error.max(2.0 * (2.0 * directions as f64).sqrt() * of_a_row)
@@ -343,8 +346,8 @@ fn parameters(model: &Model) -> DVector<f64> {
 }
 
 impl Comparison {
-    /// Returns the outcome that predicts best what it has not seen, of those whose bodies all can be: the consistent one where it does
-    /// as well as any, and of one part.
+    /// Returns the outcome that predicts best what it has not seen, of those whose bodies all can be: the
+    /// consistent one where it does as well as any, and of one part.
     pub fn best(&self) -> Option<&Outcome> {
         let possible = self.outcomes.iter().filter(|outcome| outcome.impossible == 0);
         let left = |outcome: &Outcome| outcome.left_out.map_or(f64::INFINITY, |left| left.squares);
@@ -356,7 +359,8 @@ impl Comparison {
         }
     }
 
-    /// Returns true if an outcome predicts what it has not seen better than the nominal model does; `None` of one part.
+    /// Returns true if an outcome predicts what it has not seen better than the nominal model does; `None` of
+    /// one part.
     pub fn is_better_than_nominal(&self, outcome: &Outcome) -> Option<bool> {
         outcome.left_out.map(|left| left.squares + self.equal < self.nominal)
     }
@@ -366,7 +370,8 @@ impl Comparison {
 mod tests {
     use super::Left;
 
-    /// Parts of unequal length whose rows leave the same differ by chance alone; parts that differ are as good as they scatter.
+    /// Parts of unequal length whose rows leave the same differ by chance alone; parts that differ are as
+    /// good as they scatter.
     #[test]
     fn what_is_left_is_as_good_as_the_parts_scatter() {
         let even = Left::of(&[(1000.0, 1000.0), (500.0, 500.0)]).unwrap();

@@ -41,12 +41,12 @@ impl Suspect {
         let joint = &self.joint;
         match &self.fault {
             Fault::Dead => format!(
-                "the torque of joint {joint} hardly changes, and the model predicts that it does: its channel seems dead; mend it, or leave its \
-                 column out"
+                "the torque of joint {joint} hardly changes, and the model predicts that it does: its \
+                 channel seems dead; mend it, or leave its column out"
             ),
             Fault::Sign => format!(
-                "the torque of joint {joint} has the opposite sign of what the model predicts: turn it in the rig file, [[joint]] effort = \
-                 {{ name = …, scale = -1 }}"
+                "the torque of joint {joint} has the opposite sign of what the model predicts: turn it in \
+                 the rig file, [[joint]] effort = {{ name = …, scale = -1 }}"
             ),
             Fault::Unit(times) => {
                 let near = UNITS.iter().min_by(|a, b| {

@@ -1,7 +1,9 @@
-//! A wrench on the base that is constant and that nobody measures: a hose, a cable, a rope, zeros of the feet's sensors.
+//! A wrench on the base that is constant and that nobody measures: a hose, a cable, a rope, zeros of the
+//! feet's sensors.
 //!
-//! Horizontal pull of 20 N bends every estimate of masses that takes the ground for all that acts. Six more columns on the base's rows,
-//! constant in the base's axes, take it up, and with it what the weight tells in all attitudes alike.
+//! Horizontal pull of 20 N bends every estimate of masses that takes the ground for all that acts. Six more
+//! columns on the base's rows, constant in the base's axes, take it up, and with it what the weight tells in
+//! all attitudes alike.
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
@@ -17,8 +19,8 @@ const SURPRISING: f64 = 1e-6;
 /// their number.
 const INDEPENDENT: f64 = 0.2;
 
-/// Returns the source with a constant wrench on the base as six columns after the base parameters; `None` where the base's wrench has
-/// an offset already, or is not among the rows.
+/// Returns the source with a constant wrench on the base as six columns after the base parameters; `None`
+/// where the base's wrench has an offset already, or is not among the rows.
 ///
 /// # Errors
 /// [`TreeSourceError`] as [`TreeSource::new`].
@@ -43,8 +45,8 @@ pub struct External {
 }
 
 impl External {
-    /// Returns the wrench that rows show: `with` has its six columns after the first `base` ones, `without` has not. `None` if chance
-    /// explains what it explains.
+    /// Returns the wrench that rows show: `with` has its six columns after the first `base` ones, `without`
+    /// has not. `None` if chance explains what it explains.
     pub fn found(without: &Factor, with: &Factor, base: usize) -> Option<Self> {
         let left = with.residual_sum_of_squares();
         let explained = without.residual_sum_of_squares() - left;
@@ -73,7 +75,8 @@ impl External {
 mod tests {
     use super::*;
 
-    /// Rows of two parameters and, in the second factor, of six constants in turn, with and without a constant pull.
+    /// Rows of two parameters and, in the second factor, of six constants in turn, with and without a
+    /// constant pull.
     #[test]
     fn a_constant_pull_is_found_and_none_is_not() {
         let noise = |k: usize| 0.3 * ((k * 7919 + 13) as f64 * 12.9898).sin();

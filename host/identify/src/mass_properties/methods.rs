@@ -1,4 +1,5 @@
-//! Ways to solve `A ψ = d` where rows tell little: truncated singular values, bounded gradient, active set, ridge.
+//! Ways to solve `A ψ = d` where rows tell little: truncated singular values, bounded gradient, active set,
+//! ridge.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -59,8 +60,8 @@ pub fn truncated(rows: &DMatrix<f64>, values: &DVector<f64>, condition: f64) -> 
     (psi, kept)
 }
 
-/// Returns ψ after some steps of conjugate gradients on `‖A ψ − d‖²` from zero, none below its bound. A step ends at the first bound,
-/// and directions start anew where the set of bounds that hold changes.
+/// Returns ψ after some steps of conjugate gradients on `‖A ψ − d‖²` from zero, none below its bound. A step
+/// ends at the first bound, and directions start anew where the set of bounds that hold changes.
 pub fn gradient(rows: &DMatrix<f64>, values: &DVector<f64>, lower: &[f64], steps: usize) -> DVector<f64> {
     let mut psi = DVector::zeros(rows.ncols());
     let mut left = values.clone();
@@ -104,9 +105,9 @@ pub fn gradient(rows: &DMatrix<f64>, values: &DVector<f64>, lower: &[f64], steps
     psi
 }
 
-/// Returns the shortest of ψ that make `‖A ψ − d‖` least with the bounded unknowns above their bounds: those without a bound are
-/// projected out, and the others found by the active set of Lawson and Hanson (*Solving Least Squares Problems*, 1974,
-/// chapter 23).
+/// Returns the shortest of ψ that make `‖A ψ − d‖` least with the bounded unknowns above their bounds: those
+/// without a bound are projected out, and the others found by the active set of Lawson and Hanson (*Solving
+/// Least Squares Problems*, 1974, chapter 23).
 pub fn bounded(rows: &DMatrix<f64>, values: &DVector<f64>, lower: &[f64]) -> DVector<f64> {
     let (held, free): (Vec<usize>, Vec<usize>) = (0..rows.ncols()).partition(|k| lower[*k].is_finite());
     let start = DVector::from_iterator(held.len(), held.iter().map(|k| lower[*k]));

@@ -46,10 +46,12 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// Returns the unknowns of the bodies of a model: links on fixed joints are one with what they hang on, and what is no body has none.
+    /// Returns the unknowns of the bodies of a model: links on fixed joints are one with what they hang on,
+    /// and what is no body has none.
     ///
-    /// Rows see the last `seen` bodies: a base that is held still is not among them. With `symmetric` a right link changes as the
-    /// mirror image of the left one. No mass goes below `least`, a share of the nominal one.
+    /// Rows see the last `seen` bodies: a base that is held still is not among them. With `symmetric` a right
+    /// link changes as the mirror image of the left one. No mass goes below `least`, a share of the nominal
+    /// one.
     ///
     /// # Errors
     /// [`ModelError`] if a body has no nominal mass, or there are no pairs.
@@ -67,7 +69,8 @@ impl Unknowns {
         for (i, link) in welded.links.iter().enumerate() {
             let own = link.nominal.or((i < first).then_some(NO_BODY)).ok_or_else(|| {
                 refuse(format!(
-                    "link {} has no nominal mass: what rows leave open is taken from the model, which needs one of every link",
+                    "link {} has no nominal mass: what rows leave open is taken from the model, which needs \
+                     one of every link",
                     link.name
                 ))
             })?;

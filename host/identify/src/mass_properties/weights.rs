@@ -8,7 +8,8 @@ const ROUNDS: usize = 2;
 /// The residuals of a channel are at least this share of what it measures: rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// Returns σ of every channel: as stated, else the root mean square of what least squares leave behind the filter, channel by channel.
+/// Returns σ of every channel: as stated, else the root mean square of what least squares leave behind the
+/// filter, channel by channel.
 ///
 /// # Errors
 /// [`FitError`] if the recording has no rows.

@@ -20,7 +20,8 @@ pub struct WholeMass {
 }
 
 impl WholeMass {
-    /// Returns the sum of all masses that rows of these parts see; `None` where rows do not tell it, as of a base that is held still.
+    /// Returns the sum of all masses that rows of these parts see; `None` where rows do not tell it, as of a
+    /// base that is held still.
     pub fn of(parts: &[Factor], base: &BaseParameters) -> Option<Self> {
         let weights = weights(base)?;
         let count = weights.len();

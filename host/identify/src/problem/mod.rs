@@ -1,7 +1,8 @@
 //! Sources of rows from recordings: what is identified, and from what.
 //!
-//! A [`Problem`] holds a [`RowSource`] with what is known of the thing itself: one rigid body ([`rigident_rows::body`]) or a tree of links
-//! ([`rigident_rows::tree`]), in motion or in still poses, from one file or from several with clocks of their own; either on springs ([`rigident_vibration::suspension`]).
+//! A [`Problem`] holds a [`RowSource`] with what is known of the thing itself: one rigid body
+//! ([`rigident_rows::body`]) or a tree of links ([`rigident_rows::tree`]), in motion or in still poses, from
+//! one file or from several with clocks of their own; either on springs ([`rigident_vibration::suspension`]).
 
 #[cfg(test)]
 mod arm_tests;
@@ -173,7 +174,8 @@ impl Problem {
         })
     }
 
-    /// Poses the problem of several files with clocks of their own: a tree's if there is a model, else one body's.
+    /// Poses the problem of several files with clocks of their own: a tree's if there is a model, else one
+    /// body's.
     ///
     /// # Errors
     /// [`ProblemError`] if they have nothing in common, or cannot be identified.

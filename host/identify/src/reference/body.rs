@@ -1,8 +1,10 @@
-//! The file of a reference body: a weighed body with a drawing, or with measured properties, and where it sits.
+//! The file of a reference body: a weighed body with a drawing, or with measured properties, and where it
+//! sits.
 //!
-//! Its ten parameters about the origin of S are a function of independent quantities, each with a standard deviation: mass,
-//! dimensions, place, attitude, and how evenly the mass fills the drawing. Their covariance is propagated to first order (JCGM
-//! 100:2008, 5.1); a tolerance `±a` is a standard deviation of `a/√3` (4.3.7).
+//! Its ten parameters about the origin of S are a function of independent quantities, each with a standard
+//! deviation: mass, dimensions, place, attitude, and how evenly the mass fills the drawing. Their covariance
+//! is propagated to first order (JCGM 100:2008, 5.1); a tolerance `±a` is a standard deviation of `a/√3`
+//! (4.3.7).
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
@@ -12,11 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use rigident_io::rig::classes::rectangular;
 
-/// Relative standard deviation of what is not even in a body's density, unless the file says otherwise: of the centre of mass
-/// by the radius of gyration, of the tensor by its size.
+/// Relative standard deviation of what is not even in a body's density, unless the file says otherwise: of
+/// the centre of mass by the radius of gyration, of the tensor by its size.
 const DENSITY_STD: f64 = 1e-4;
-/// Limits of a place that the file does not state, m and degrees: a part made to ISO 2768-1, class m, has lengths of 30 to 120 mm
-/// within ±0.3 mm, and angles of sides of 50 to 120 mm within ±20′.
+/// Limits of a place that the file does not state, m and degrees: a part made to ISO 2768-1, class m, has
+/// lengths of 30 to 120 mm within ±0.3 mm, and angles of sides of 50 to 120 mm within ±20′.
 const PLACE_LIMIT_M: f64 = 3e-4;
 const ATTITUDE_LIMIT_DEG: f64 = 1.0 / 3.0;
 /// Less than this is not taken: no body is known so well.
@@ -109,7 +111,8 @@ pub struct Place {
     /// The origin's limits along each axis, ±, m; 0.3 mm unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_tolerance_m: Option<[f64; 3]>,
-    /// Its attitude: turned by roll, pitch and yaw about the fixed axes x, y, z of S, one after the other, degrees.
+    /// Its attitude: turned by roll, pitch and yaw about the fixed axes x, y, z of S, one after the other,
+    /// degrees.
     pub rotation_rpy_deg: [f64; 3],
     /// The attitude's limits about each axis, ±, degrees; a third of one unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -136,7 +139,8 @@ impl Place {
         named.extend(self.rotation_tolerance_deg.is_none().then_some(attitude));
         (!named.is_empty()).then(|| {
             format!(
-                "the reference does not state how well it is placed; defaults are taken: {} (ISO 2768-1, class m)",
+                "the reference does not state how well it is placed; defaults are taken: {} (ISO 2768-1, \
+                 class m)",
                 named.join(", ")
             )
         })
@@ -149,7 +153,8 @@ impl Place {
 pub struct Mounting {
     /// Its name, for `--mounting`.
     pub name: String,
-    /// Turned after the place's own attitude by roll, pitch and yaw about the fixed axes of S, degrees, about the place's origin.
+    /// Turned after the place's own attitude by roll, pitch and yaw about the fixed axes of S, degrees, about
+    /// the place's origin.
     pub rotation_rpy_deg: [f64; 3],
     /// Another origin than the place's, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -224,7 +229,8 @@ pub struct Cause {
     pub sd: f64,
 }
 
-/// The ten parameters of a mounted body about the origin of S: values, and what one standard deviation of each cause moves.
+/// The ten parameters of a mounted body about the origin of S: values, and what one standard deviation of
+/// each cause moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mounted {
     /// The parameters, SI.

@@ -4,9 +4,11 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 
 const TEXT: &str = "name = \"cylinder\"\nmass_kg = 3.3\nmass_std_kg = 3e-4\n\n[cylinder]\ndiameter_m = 0.07\n\
-                    diameter_tolerance_m = 2e-5\nlength_m = 0.11\nlength_tolerance_m = 4e-5\nbore_diameter_m = 0.01\n\
+                    diameter_tolerance_m = 2e-5\nlength_m = 0.11\nlength_tolerance_m = 4e-5\nbore_diameter_m \
+                    = 0.01\n\
                     bore_diameter_tolerance_m = 1e-4\n\n[place]\nposition_m = [0.01, 0, 0.012]\n\
-                    position_tolerance_m = [5e-5, 5e-5, 2e-5]\nrotation_tolerance_deg = [0.05, 0.05, 0.5]\n\n[[mounting]]\n\
+                    position_tolerance_m = [5e-5, 5e-5, 2e-5]\nrotation_tolerance_deg = [0.05, 0.05, \
+                    0.5]\n\n[[mounting]]\n\
                     name = \"lying\"\nrotation_rpy_deg = [90, 0, 0]\nposition_m = [0, 0, 0.047]\n";
 
 fn cylinder() -> ReferenceBody {
@@ -57,7 +59,8 @@ fn a_drawing_gives_the_parameters_of_the_sum_of_its_pieces() {
     assert_eq!(known, ["lying"]);
 }
 
-/// Draws of every dimension spread as the covariance says; a standard deviation of 20 000 draws is known to 0.5 %.
+/// Draws of every dimension spread as the covariance says; a standard deviation of 20 000 draws is known to
+/// 0.5 %.
 #[test]
 fn tolerances_are_propagated_as_draws_spread() {
     let body = cylinder();
@@ -111,7 +114,8 @@ fn what_is_no_reference_is_named() {
     let both = format!("{TEXT}\n[cuboid]\nsize_m = [0.1, 0.1, 0.1]\nsize_tolerance_m = [0, 0, 0]\n");
     assert!(matches!(refused(&both), ReferenceError::Shape { count: 2, .. }));
     let measured = format!(
-        "{bare}\n[measured]\ncom_m = [0, 0, 0.05]\ncom_std_m = [0, 0, 0]\ninertia_com_kgm2 = [1, 1, 3, 0, 0, 0]\n\
+        "{bare}\n[measured]\ncom_m = [0, 0, 0.05]\ncom_std_m = [0, 0, 0]\ninertia_com_kgm2 = [1, 1, 3, 0, 0, \
+         0]\n\
          inertia_com_std_kgm2 = [0, 0, 0, 0, 0, 0]\n"
     );
     assert_eq!(key(&measured), "measured.inertia_com_kgm2");
@@ -123,7 +127,8 @@ fn a_drawing_and_what_was_measured_of_it_are_one_body() {
     let head = "name = \"b\"\nmass_kg = 12\nmass_std_kg = 1e-3\n";
     let drawn = format!("{head}[cuboid]\nsize_m = [0.1, 0.2, 0.3]\nsize_tolerance_m = [0, 0, 0]\n");
     let measured = format!(
-        "{head}[measured]\ncom_m = [0, 0, 0.15]\ncom_std_m = [0, 0, 0]\ninertia_com_kgm2 = [0.13, 0.1, 0.05, 0, 0, 0]\n\
+        "{head}[measured]\ncom_m = [0, 0, 0.15]\ncom_std_m = [0, 0, 0]\ninertia_com_kgm2 = [0.13, 0.1, 0.05, \
+         0, 0, 0]\n\
          inertia_com_std_kgm2 = [0, 0, 0, 0, 0, 0]\n"
     );
     let of = |text: &str| ReferenceBody::parse(text, "test").unwrap().mounted(None).parameters;

@@ -15,7 +15,8 @@ use crate::answer::{Answer, Context, contradictions};
 use rigident_fit::{FitError, FitOptions, Gaussian, Nuisance, Progress, RowSource, Scope, Silent, fit};
 use rigident_rows::body::BodySource;
 
-/// Solutions about anew corrected signals, at most, and the share of its standard deviation that an error may move at the last.
+/// Solutions about anew corrected signals, at most, and the share of its standard deviation that an error may
+/// move at the last.
 const ROUNDS: usize = 4;
 const STAYS: f64 = 0.1;
 /// Parameters of the body.
@@ -101,8 +102,8 @@ pub fn calibrate(runs: &[Run<'_>], progress: &dyn Progress) -> Result<Calibrated
     })
 }
 
-/// Returns what is known after all runs: solved again with the signals corrected for what was found, until that stays (Gauss and
-/// Newton), since of errors of a per cent each the products count.
+/// Returns what is known after all runs: solved again with the signals corrected for what was found, until
+/// that stays (Gauss and Newton), since of errors of a per cent each the products count.
 fn joint(
     runs: &[Run<'_>],
     beforehand: &Beforehand,
@@ -130,8 +131,8 @@ fn joint(
     solve(&about, true, ROUNDS)
 }
 
-/// Says what contradicts the errors that are stated of a rig, if a run is of the reference: what makes [`calibrate`] refuse a run that
-/// agrees with the reference by its own answer. `None` where nothing does.
+/// Says what contradicts the errors that are stated of a rig, if a run is of the reference: what makes
+/// [`calibrate`] refuse a run that agrees with the reference by its own answer. `None` where nothing does.
 pub fn contradiction(run: &Run<'_>) -> Option<CalibrateError> {
     let beforehand = beforehand(std::slice::from_ref(run)).ok()?;
     joint(std::slice::from_ref(run), &beforehand, &|_| ()).err()
@@ -195,8 +196,8 @@ fn check(run: &Run) -> Result<(), CalibrateError> {
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said: said.join("; ") });
     }
     if alone.lack_of_fit.contradicts() {
-        let said = "its residuals are not those of one rigid body that stays as it is: `identify()` tells what changed; \
-                    nothing is calibrated by that"
+        let said = "its residuals are not those of one rigid body that stays as it is: `identify()` tells \
+                    what changed; nothing is calibrated by that"
             .to_owned();
         return Err(CalibrateError::Contradicted { run: run.name.clone(), said });
     }
@@ -211,8 +212,8 @@ fn improbable(chi2: f64, degrees_of_freedom: f64) -> bool {
     degrees_of_freedom > 0.0 && ChiSquared::new(degrees_of_freedom).is_ok_and(|d| d.sf(chi2) < OTHER_BODY)
 }
 
-/// Returns what is known after a run, its signals corrected for the means of `about`; what contradicts is refused if the run is
-/// `judged`.
+/// Returns what is known after a run, its signals corrected for the means of `about`; what contradicts is
+/// refused if the run is `judged`.
 fn told(
     run: &Run,
     known: &Gaussian,

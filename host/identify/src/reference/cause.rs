@@ -38,17 +38,23 @@ pub(super) fn of(quantities: &[Quantity], limit: f64) -> String {
     }
     let halved = ratio(&tensor).is_some_and(|ratio| near(ratio, DIAMETER));
     match (mass.is_empty(), centre.is_empty(), tensor.is_empty()) {
-        (true, true, false) if halved => "a radius for a diameter in the drawing, a factor of four".to_owned(),
+        (true, true, false) if halved => {
+            "a radius for a diameter in the drawing, a factor of four".to_owned()
+        }
         (true, true, _) => {
-            "the dimensions or the density of the drawing are not those of the body, or its attitude is another".to_owned()
+            "the dimensions or the density of the drawing are not those of the body, or its attitude is \
+             another"
+                .to_owned()
         }
         (true, false, _) => "another place or mounting than [place] or `mounting` says".to_owned(),
         (false, true, _) => {
-            "the body was weighed wrongly, or it is another one; or the gain of the load cell is further off than the rig file allows for"
+            "the body was weighed wrongly, or it is another one; or the gain of the load cell is further off \
+             than the rig file allows for"
                 .to_owned()
         }
         (false, false, _) => {
-            "another body (the wrong file), another mounting, or a fixture that is not taken off (`tare`)".to_owned()
+            "another body (the wrong file), another mounting, or a fixture that is not taken off (`tare`)"
+                .to_owned()
         }
     }
 }

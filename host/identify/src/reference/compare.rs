@@ -30,7 +30,8 @@ const NAMES: [&str; COUNT] =
 pub struct Comparison {
     /// Each quantity.
     pub quantities: Vec<Quantity>,
-    /// Bound on the largest |E_n|: with body and rig as stated it is beyond with a probability of 1 % at most.
+    /// Bound on the largest |E_n|: with body and rig as stated it is beyond with a probability of 1 % at
+    /// most.
     pub e_n_limit: f64,
     /// Disagreement of the ten parameters as far as they are determined.
     pub chi2: f64,
@@ -45,8 +46,8 @@ pub struct Comparison {
 pub enum Mismatch {
     /// A quantity is further off than the largest of all may be.
     #[error(
-        "the body is not the reference: {measured}, and {reference} in the reference: E_n {e_n:.2}, and the largest of {count} \
-         quantities is at most {limit:.2}{also}; likely cause: {cause}"
+        "the body is not the reference: {measured}, and {reference} in the reference: E_n {e_n:.2}, and the \
+         largest of {count} quantities is at most {limit:.2}{also}; likely cause: {cause}"
     )]
     Quantity {
         /// The one that the others follow from, with its value: `m is 3.32 ± 0.03 kg`.
@@ -66,8 +67,9 @@ pub enum Mismatch {
     },
     /// The ten parameters between them.
     #[error(
-        "the body is not the reference: χ² of its ten parameters is {chi2:.0} for {degrees_of_freedom:.0} degrees of freedom; look for \
-         the wrong file, another mounting, a fixture that is not taken off, or an error of the rig that the rig file does not allow for"
+        "the body is not the reference: χ² of its ten parameters is {chi2:.0} for {degrees_of_freedom:.0} \
+         degrees of freedom; look for the wrong file, another mounting, a fixture that is not taken off, or \
+         an error of the rig that the rig file does not allow for"
     )]
     All {
         /// Disagreement.
@@ -77,9 +79,9 @@ pub enum Mismatch {
     },
 }
 
-/// Returns the bound on |E_n| of each of `count` quantities: with body and rig as stated, one of them is beyond in one of a hundred
-/// recordings at most (Bonferroni, whatever their correlations). It is 1.68 for ten. ISO/IEC 17043's bound of 1 is that of a single
-/// quantity, which one of twenty exceeds.
+/// Returns the bound on |E_n| of each of `count` quantities: with body and rig as stated, one of them is
+/// beyond in one of a hundred recordings at most (Bonferroni, whatever their correlations). It is 1.68 for
+/// ten. ISO/IEC 17043's bound of 1 is that of a single quantity, which one of twenty exceeds.
 fn limit(count: usize) -> f64 {
     let tail = 0.5 * FALSE_ALARM / count.max(1) as f64;
     Normal::standard().inverse_cdf(1.0 - tail) / COVERAGE_95
@@ -120,8 +122,8 @@ impl Comparison {
         Self { quantities: quantities.collect(), e_n_limit, chi2, degrees_of_freedom, probability }
     }
 
-    /// Returns the mismatch if the body is hardly that of the reference: by one quantity, or by all of them together. χ² alone
-    /// is no test of one of ten, in which it drowns.
+    /// Returns the mismatch if the body is hardly that of the reference: by one quantity, or by all of them
+    /// together. χ² alone is no test of one of ten, in which it drowns.
     pub fn mismatch(&self) -> Option<Mismatch> {
         let Self { chi2, degrees_of_freedom, .. } = *self;
         let of_all = (self.probability < OTHER_BODY).then_some(Mismatch::All { chi2, degrees_of_freedom });
@@ -136,7 +138,8 @@ impl Comparison {
             .filter_map(|quantity| quantity.e_n.map(|e_n| (quantity, e_n)))
             .filter(|(_, e_n)| e_n.abs() > self.e_n_limit)
             .collect();
-        // A wrong mass moves the tensor of a drawing with it, a wrong place nothing else: mass, centre, tensor.
+        // A wrong mass moves the tensor of a drawing with it, a wrong place nothing else: mass, centre,
+        // tensor.
         let part = |name: &str| (name != "m", name.ends_with("_com"));
         beyond.sort_by(|a, b| part(&a.0.name).cmp(&part(&b.0.name)).then(b.1.abs().total_cmp(&a.1.abs())));
         let ((most, e_n), others) = beyond.split_first()?;
@@ -164,7 +167,8 @@ impl Comparison {
     }
 }
 
-/// Returns χ² and degrees of freedom of the parameters that a fit determines against the reference, both uncertainties counted.
+/// Returns χ² and degrees of freedom of the parameters that a fit determines against the reference, both
+/// uncertainties counted.
 fn disagreement(fit: &Fit, reference: &Mounted) -> (f64, f64) {
     let estimate = &fit.estimate;
     let known = reference.covariance();

@@ -1,8 +1,8 @@
 //! C3D: markers, analog channels and force plates in one binary file.
 //!
-//! Of the format's description (c3d.org): a header block of 512 bytes, a parameter section of groups and parameters, then frames.
-//! Each frame has all points, then a set number of samples of all analog channels. Numbers are Intel's, DEC's
-//! or MIPS', integers or floating.
+//! Of the format's description (c3d.org): a header block of 512 bytes, a parameter section of groups and
+//! parameters, then frames. Each frame has all points, then a set number of samples of all analog channels.
+//! Numbers are Intel's, DEC's or MIPS', integers or floating.
 
 mod bytes;
 mod error;
@@ -58,7 +58,8 @@ impl C3d {
         Ok(c3d)
     }
 
-    /// Reads what comes before the frames of a file, and returns it, without points and samples, with the frames.
+    /// Reads what comes before the frames of a file, and returns it, without points and samples, with the
+    /// frames.
     ///
     /// # Errors
     /// See [`C3d::parse`].
@@ -112,7 +113,8 @@ pub struct Frames<R> {
 }
 
 impl<R: BufRead> Frames<R> {
-    /// Adds the points of the next frame, m, and its samples of all channels, in their units; returns false after the last one.
+    /// Adds the points of the next frame, m, and its samples of all channels, in their units; returns false
+    /// after the last one.
     ///
     /// # Errors
     /// [`C3dError::Unreadable`].
@@ -151,7 +153,8 @@ struct Layout {
     channels: usize,
     samples_per_frame: usize,
     rate_hz: f64,
-    /// Absolute value: metres (or the file's unit) for an integer step; floating numbers where the file's is negative.
+    /// Absolute value: metres (or the file's unit) for an integer step; floating numbers where the file's is
+    /// negative.
     point_scale: f64,
     floating: bool,
     unsigned: bool,
@@ -349,7 +352,8 @@ fn samples_per_frame(
     Ok(whole as usize)
 }
 
-/// Returns the processor that a file was written by, its parameters, and what to know if it is not the one that the file names.
+/// Returns the processor that a file was written by, its parameters, and what to know if it is not the one
+/// that the file names.
 ///
 /// Some programs name another byte order than they write, count processors from 1, or name none.
 fn understood(
@@ -378,7 +382,8 @@ fn understood(
             && processor.fits(head)
         {
             let note = format!(
-                "its processor type {code} is not the byte order of its numbers: they are read as those of {}",
+                "its processor type {code} is not the byte order of its numbers: they are read as those of \
+                 {}",
                 processor.name()
             );
             return Ok((processor, parameters, Some(note)));

@@ -85,8 +85,8 @@ impl Means {
 }
 
 impl Plate {
-    /// Returns the plate's axes in the laboratory's, by columns, and the middle of its surface, m; `None` if its corners are no
-    /// rectangle's.
+    /// Returns the plate's axes in the laboratory's, by columns, and the middle of its surface, m; `None` if
+    /// its corners are no rectangle's.
     ///
     /// x from the second corner to the first, y from the fourth to the first, z of both.
     pub fn place(&self) -> Option<(Matrix3<f64>, Vector3<f64>)> {
@@ -97,8 +97,8 @@ impl Plate {
         Some((Matrix3::from_columns(&[x, y, x.cross(&y)]), (a + b + c + d) / 4.0))
     }
 
-    /// Returns force and moment in the plate's axes and the point that the moment is about, in the plate's frame, from the values of
-    /// its channels.
+    /// Returns force and moment in the plate's axes and the point that the moment is about, in the plate's
+    /// frame, from the values of its channels.
     ///
     /// The point lies below the surface, whatever sign a laboratory has written the plate's origin with.
     fn own_wrench(&self, values: &[f64; 8]) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
@@ -165,8 +165,8 @@ impl Placed {
 }
 
 impl C3d {
-    /// Returns the wrenches of the plates as their channels have them, sample by sample, not zeroed: force and moment about the
-    /// laboratory's origin, N and N m.
+    /// Returns the wrenches of the plates as their channels have them, sample by sample, not zeroed: force
+    /// and moment about the laboratory's origin, N and N m.
     pub fn ground_wrenches(&self) -> Vec<Vec<[f64; 6]>> {
         let placed = self.plates.iter().filter_map(Placed::of);
         let samples = || self.analog.chunks_exact(self.channels.len().max(1));

@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// Returns the rotation nearest to a matrix, by its singular values (S. Umeyama 1991); `None` if there are none.
+/// Returns the rotation nearest to a matrix, by its singular values (S. Umeyama 1991); `None` if there are
+/// none.
 pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let svd = matrix.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
@@ -11,8 +12,8 @@ pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
 }
 
-/// Returns position (m) and attitude of a body whose markers are at `own_m` in its frame and were seen at `seen_m`, least squares;
-/// `None` if fewer than three were seen, or those are on a line.
+/// Returns position (m) and attitude of a body whose markers are at `own_m` in its frame and were seen at
+/// `seen_m`, least squares; `None` if fewer than three were seen, or those are on a line.
 ///
 /// ```
 /// use nalgebra::Vector3;

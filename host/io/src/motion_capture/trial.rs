@@ -121,8 +121,8 @@ impl Trial {
             notes.push(match channels {
                 0 => "the file has no force plates".to_owned(),
                 n => format!(
-                    "the file has {n} channels called Fz, and no description of force plates: write FORCE_PLATFORM with type, corners, \
-                     origin and channels into it"
+                    "the file has {n} channels called Fz, and no description of force plates: write \
+                     FORCE_PLATFORM with type, corners, origin and channels into it"
                 ),
             });
         }
@@ -179,7 +179,8 @@ impl Trial {
         Ok(trial)
     }
 
-    /// Reads a trial from a C3D file, or a TRC file with the ground's wrenches of a MOT or STO file, where there is one.
+    /// Reads a trial from a C3D file, or a TRC file with the ground's wrenches of a MOT or STO file, where
+    /// there is one.
     ///
     /// # Errors
     /// [`TrialError`] says what is wrong with which file.
@@ -244,7 +245,8 @@ impl Trial {
         })
     }
 
-    /// Turns the laboratory such that z points up: the axis along which the ground pushes; without force plates `usual`.
+    /// Turns the laboratory such that z points up: the axis along which the ground pushes; without force
+    /// plates `usual`.
     fn turn_upright(&mut self, usual: Vector3<f64>) -> Result<(), TrialError> {
         let push = self.mean_push();
         let up = if push.norm() < LEAST_PUSH_N { usual } else { push.normalize() };
@@ -302,8 +304,8 @@ impl Trial {
                 turned.map(|v| v as f32)
             });
             self.notes.push(format!(
-                "{}: markers and forces have different axes upwards; the markers are turned such that the feet are over the centres of \
-                 pressure",
+                "{}: markers and forces have different axes upwards; the markers are turned such that the \
+                 feet are over the centres of pressure",
                 self.name
             ));
         }
@@ -362,7 +364,8 @@ fn loaded_push(plate: &GroundWrench) -> Vector3<f64> {
     sum / count.max(1) as f64
 }
 
-/// Returns the file with the ground's wrenches that belongs to a TRC file by its name: `walk_grf.mot` to `walk.trc`.
+/// Returns the file with the ground's wrenches that belongs to a TRC file by its name: `walk_grf.mot` to
+/// `walk.trc`.
 fn beside(path: &Path) -> Option<PathBuf> {
     let stem = name_of(path);
     let names = ["mot", "sto"].map(|ending| path.with_file_name(format!("{stem}_grf.{ending}")));

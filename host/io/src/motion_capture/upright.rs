@@ -1,7 +1,8 @@
 //! Markers and forces of a trial that come in two files and point upwards along different axes.
 //!
-//! People are taller than wide, so that markers tell which axis is vertical; the ground tells it by its push. How one is
-//! turned to the other about the vertical is recognised by the centre of pressure, which is under a foot.
+//! People are taller than wide, so that markers tell which axis is vertical; the ground tells it by its push.
+//! How one is turned to the other about the vertical is recognised by the centre of pressure, which is under
+//! a foot.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
@@ -19,7 +20,8 @@ const LOOKED_AT: usize = 200;
 const LOADED_N: f64 = 100.0;
 /// Markers this high above the lowest are those of feet, m.
 const FEET_M: f64 = 0.25;
-/// A centre of pressure is nearer than this to a marker of a foot, m, and farther by this factor for another turn.
+/// A centre of pressure is nearer than this to a marker of a foot, m, and farther by this factor for another
+/// turn.
 const NEAR_M: f64 = 0.2;
 const CLEARLY: f64 = 1.5;
 
@@ -36,8 +38,8 @@ pub(super) struct Both<'a> {
     pub(super) push: Vector3<f64>,
 }
 
-/// Returns the turn that brings the markers into the axes of the forces; `None` where both have the same vertical, or one
-/// of them does not tell.
+/// Returns the turn that brings the markers into the axes of the forces; `None` where both have the same
+/// vertical, or one of them does not tell.
 ///
 /// # Errors
 /// Says which axes they have, where no turn brings the feet over the centres of pressure.
@@ -72,8 +74,8 @@ pub(super) fn turn_of_markers(both: &Both<'_>) -> Result<Option<Matrix3<f64>>, S
             Ok(Some(*turn))
         }
         _ => Err(format!(
-            "its markers stand along {}, and the ground pushes along {}: the two files have different axes, and no turn brings \
-             the feet over the centres of pressure",
+            "its markers stand along {}, and the ground pushes along {}: the two files have different axes, \
+             and no turn brings the feet over the centres of pressure",
             axis(own),
             axis(pushed)
         )),
@@ -141,7 +143,8 @@ mod tests {
     use super::*;
     use crate::motion_capture::trial::Trial;
 
-    /// Somebody who walks along x with y up, as OpenSim has it, on one belt; her markers by another program, z up.
+    /// Somebody who walks along x with y up, as OpenSim has it, on one belt; her markers by another program,
+    /// z up.
     fn trial(back: &Matrix3<f64>, pressure_off_m: f64) -> Trial {
         let (mut points, mut wrench) = (Vec::new(), Vec::new());
         for frame in 0..100 {

@@ -54,8 +54,9 @@ fn level(stretch: &[[f32; 6]]) -> Option<([f64; 6], f64)> {
     (mean.iter().all(|v| v.is_finite())).then_some((mean, square.sqrt()))
 }
 
-/// Returns by how much the vertical force of an unloaded plate is larger at the end of the recording than at its beginning, N, where that
-/// is more than one zero can be; `None` if it is not, or the plate was unloaded only once.
+/// Returns by how much the vertical force of an unloaded plate is larger at the end of the recording than at
+/// its beginning, N, where that is more than one zero can be; `None` if it is not, or the plate was unloaded
+/// only once.
 pub fn drift(plate: &GroundWrench, is_on_it: &dyn Fn(f64) -> bool) -> Option<f64> {
     let length = ((STRETCH_S * plate.rate_hz) as usize).max(2);
     let middle_s = |k: usize| plate.first_s + (k as f64 + 0.5) * length as f64 / plate.rate_hz;
@@ -82,14 +83,15 @@ pub fn drift(plate: &GroundWrench, is_on_it: &dyn Fn(f64) -> bool) -> Option<f64
     (drift.abs() > SAME_LEVEL_N).then_some(drift)
 }
 
-/// Holds 1 σ of each force's zero of a plate that was always loaded, N. It is assumed: 0.01 N/s of drift over some minutes between the
-/// amplifiers' reset and a trial.
+/// Holds 1 σ of each force's zero of a plate that was always loaded, N. It is assumed: 0.01 N/s of drift over
+/// some minutes between the amplifiers' reset and a trial.
 pub const UNKNOWN_ZERO_N: f64 = 5.0;
 /// The same of each moment about the plate's middle, N m: its sensors are about a quarter of a metre from
 /// there.
 pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;
 
-/// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height zero, m.
+/// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height
+/// zero, m.
 pub fn middle(plate: &GroundWrench) -> [f64; 3] {
     if let Some(corners) = plate.corners_m {
         return std::array::from_fn(|axis| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0);

@@ -1,4 +1,5 @@
-//! Recordings from columns in memory: read as the same columns of a CSV file are, so that the numbers are the same.
+//! Recordings from columns in memory: read as the same columns of a CSV file are, so that the numbers are the
+//! same.
 
 use std::fmt::Write as _;
 
@@ -47,12 +48,12 @@ impl Numbers<'_> {
 }
 
 impl Recording {
-    /// Makes a recording of columns, names with their numbers; `name` is the recording's. `text` is that of the rig file, if there
-    /// is one.
+    /// Makes a recording of columns, names with their numbers; `name` is the recording's. `text` is that of
+    /// the rig file, if there is one.
     ///
     /// # Errors
-    /// [`RecordingError::Columns`] if columns are of different lengths, or not those of a recording; [`RecordingError::Cell`] with
-    /// column and index if a number is not finite, or times do not increase.
+    /// [`RecordingError::Columns`] if columns are of different lengths, or not those of a recording;
+    /// [`RecordingError::Cell`] with column and index if a number is not finite, or times do not increase.
     pub fn from_arrays(
         name: &str,
         arrays: &[(String, Numbers<'_>)],
@@ -63,7 +64,8 @@ impl Recording {
         recording.rig_text = text.map(str::to_owned);
         if text.is_none() && !recording.imus.is_empty() {
             recording.warnings.push(
-                "no rig is given: the IMU is taken to sit in the origin of S with its axes, the wrench to be that on the body"
+                "no rig is given: the IMU is taken to sit in the origin of S with its axes, the wrench to be \
+                 that on the body"
                     .to_owned(),
             );
         }
@@ -95,7 +97,8 @@ impl Recording {
             return Err(RecordingError::Columns {
                 name: name.to_owned(),
                 reason: format!(
-                    "column {other} has {} rows and column {first} has {rows}: give all columns the same rows",
+                    "column {other} has {} rows and column {first} has {rows}: give all columns the same \
+                     rows",
                     numbers.len()
                 ),
             });

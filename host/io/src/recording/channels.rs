@@ -1,8 +1,8 @@
 //! The evidence of a channel's own readings about its sensor: one that never changes is dead, a lone reading
 //! far off its neighbours is a spike.
 //!
-//! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there to compare it
-//! with.
+//! A single bad reading on the device is [`rigident_shared::screening`]'s; here the whole recording is there
+//! to compare it with.
 
 use super::columns::{Group, Known};
 use super::{ImuColumns, Recording};
@@ -39,9 +39,10 @@ impl Channel {
         self.values.windows(2).all(|pair| matches!(pair, [a, b] if a == b))
     }
 
-    /// Returns true if neighbouring readings are apart as noise is, up and down in turn, and not as a smooth motion is: of the
-    /// fourth differences of white noise four in five have another sign than the one before (their correlation is −0.8), of a
-    /// motion's hardly any. Decimals that a file lacks are noise of less than [`LEAST_NOISE`] of what the channel does.
+    /// Returns true if neighbouring readings are apart as noise is, up and down in turn, and not as a smooth
+    /// motion is: of the fourth differences of white noise four in five have another sign than the one before
+    /// (their correlation is −0.8), of a motion's hardly any. Decimals that a file lacks are noise of less
+    /// than [`LEAST_NOISE`] of what the channel does.
     fn is_noisy(&self) -> bool {
         let fourth = |w: &[f64]| match w {
             [a, b, c, d, e] => a - 4.0 * b + 6.0 * c - 4.0 * d + e,
@@ -108,8 +109,9 @@ fn dead<I: Iterator<Item = Channel>>(channels: impl Fn() -> I) -> Vec<String> {
 }
 
 impl Recording {
-    /// Returns the names of channels that never change, to the last digit, while all others of their sensor have noise: a
-    /// sensor's own. Of a recording without noise nothing is said, nor of a sensor that is still as a whole.
+    /// Returns the names of channels that never change, to the last digit, while all others of their sensor
+    /// have noise: a sensor's own. Of a recording without noise nothing is said, nor of a sensor that is
+    /// still as a whole.
     pub fn dead_channels(&self) -> Vec<String> {
         if self.is_static || self.rows() < LEAST_ROWS {
             return Vec::new();
@@ -125,8 +127,8 @@ impl Recording {
         names
     }
 
-    /// Returns pairs of channels of one sensor that are the same in every row, to the last digit, and have noise: one was copied
-    /// into the other's column.
+    /// Returns pairs of channels of one sensor that are the same in every row, to the last digit, and have
+    /// noise: one was copied into the other's column.
     pub fn copied_channels(&self) -> Vec<[String; 2]> {
         if self.is_static || self.rows() < LEAST_ROWS {
             return Vec::new();
@@ -148,8 +150,9 @@ impl Recording {
         pairs
     }
 
-    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells of them by channel.
-    /// Wrench and efforts are not examined: rows that they have spoilt weigh less in the fit.
+    /// Leaves out the rows in which an IMU's channel, or a joint's position or rate, has a spike, and tells
+    /// of them by channel. Wrench and efforts are not examined: rows that they have spoilt weigh less in the
+    /// fit.
     pub fn leave_out_spikes(&mut self) {
         if self.is_static || self.rows() < LEAST_ROWS {
             return;
@@ -171,8 +174,8 @@ impl Recording {
             let rows = channel.spikes(&is_even);
             let Some(first) = rows.first() else { continue };
             said.push(format!(
-                "{} of {} far off all others near, as no motion takes it, the first in {}: left out; check that sensor's \
-                 cable and supply",
+                "{} of {} far off all others near, as no motion takes it, the first in {}: left out; check \
+                 that sensor's cable and supply",
                 if rows.len() == 1 { "1 reading".to_owned() } else { format!("{} readings", rows.len()) },
                 format_args!("{} {}", channel.name, if rows.len() == 1 { "is" } else { "are" }),
                 self.place(*first),

@@ -132,7 +132,8 @@ fn numbered<'a>(name: &'a str, prefix: &str) -> Option<(Option<usize>, &'a str)>
 }
 
 /// The known column that a name means in another unit: `fx_n` for `fx_lbf`. A name that begins with the right
-/// unit (`fx_n_filtered`) is a column of its own. Gravity and the gyro share letters: `gx_radps` is the gyro's.
+/// unit (`fx_n_filtered`) is a column of its own. Gravity and the gyro share letters: `gx_radps` is the
+/// gyro's.
 pub fn other_unit(name: &str) -> Option<String> {
     let (prefix, rest) = if let Some((j, rest)) = numbered(name, "imu") {
         (j.map_or_else(|| "imu_".to_owned(), |j| format!("imu{j}_")), rest)

@@ -127,8 +127,8 @@ pub struct Meaning {
     pub unit: Option<String>,
 }
 
-/// Returns the meaning of a column by its name; `stated` is its unit where a row of units or a line above the table
-/// has it. `None` if nothing known is named so, or its unit is of another quantity.
+/// Returns the meaning of a column by its name; `stated` is its unit where a row of units or a line above the
+/// table has it. `None` if nothing known is named so, or its unit is of another quantity.
 pub fn meaning(name: &str, stated: Option<&str>) -> Option<Meaning> {
     let (base, own) = parted(name)?;
     let unit = own.or(stated.filter(|text| Unit::parse(text).is_some())).map(str::to_owned);
@@ -182,7 +182,8 @@ fn is_time(name: &str) -> bool {
     TIMES.contains(&plain(name).as_str())
 }
 
-/// Parts a unit off a name: `Fx [N]`, `Fx (N)`, `F_x/N`, `TimeStamp_ms`; `None` if it is in a unit that is not known.
+/// Parts a unit off a name: `Fx [N]`, `Fx (N)`, `F_x/N`, `TimeStamp_ms`; `None` if it is in a unit that is
+/// not known.
 fn parted(name: &str) -> Option<(&str, Option<&str>)> {
     let name = name.trim();
     for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
@@ -201,7 +202,8 @@ fn parted(name: &str) -> Option<(&str, Option<&str>)> {
     };
     let by_last = |mark: char| {
         let (base, unit) = name.rsplit_once(mark)?;
-        // x and z are axes; a letter alone may be one of a name, but not after a time or an axis: time_s, Fx_N, acc_x_g.
+        // x and z are axes; a letter alone may be one of a name, but not after a time or an axis: time_s,
+        // Fx_N, acc_x_g.
         let is_unit = match unit {
             "s" => is_time(base),
             "N" | "g" => base.ends_with(['x', 'y', 'z', 'X', 'Y', 'Z']),
@@ -217,7 +219,8 @@ pub fn unit_of(name: &str) -> Option<&str> {
     parted(name)?.1
 }
 
-/// Returns the units of forces and moments that lines above a table state, as ATI's logs do: `Force Units: N`.
+/// Returns the units of forces and moments that lines above a table state, as ATI's logs do:
+/// `Force Units: N`.
 pub fn units_above(lines: &[String]) -> Vec<(Quantity, String)> {
     let mut found = Vec::new();
     for (quantity, key) in [(Quantity::Force, "force unit"), (Quantity::Moment, "torque unit")] {
@@ -251,9 +254,9 @@ pub fn meanings(names: &[String], units: &[Option<String>], above: &[String]) ->
     names.iter().enumerate().map(of).collect()
 }
 
-/// Returns where the columns of a table are by their names and units, as a rig file writes it. A group that is not
-/// whole, or has two columns for one quantity, is left out; `is_clock` tells of a column that holds times of day, which
-/// have no unit.
+/// Returns where the columns of a table are by their names and units, as a rig file writes it. A group that
+/// is not whole, or has two columns for one quantity, is left out; `is_clock` tells of a column that holds
+/// times of day, which have no unit.
 ///
 /// # Errors
 /// Names of columns whose unit is written nowhere.

@@ -173,8 +173,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Returns one that knows the units of its columns, what a file says of itself line by line, and the columns
-    /// that it says to be times, which are in s.
+    /// Returns one that knows the units of its columns, what a file says of itself line by line, and the
+    /// columns that it says to be times, which are in s.
     pub(super) fn with_words(
         mut self,
         units: Vec<Option<String>>,
@@ -265,8 +265,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Finds columns by the names and units that other programs give them, where the rig file names none and no name
-    /// is known.
+    /// Finds columns by the names and units that other programs give them, where the rig file names none and
+    /// no name is known.
     fn look_up(&mut self, header: &[String]) -> Result<(), RecordingError> {
         let is_known = |name: &String| matches!(Known::parse(name), Some(Known::Member(..)));
         if !self.rig.recording.columns.is_empty() || header.iter().any(is_known) {
@@ -278,8 +278,8 @@ impl<'a> Reader<'a> {
             let first = without.first().map_or("Fx", String::as_str);
             let of_first = conventions::meaning(first, None);
             self.columns_error(format!(
-                "its columns are named as elsewhere, and the unit of {} is written nowhere: name the columns in \
-                 [recording] columns of a rig file, as in {} = {{ name = {first:?}, unit = \"{}\" }}",
+                "its columns are named as elsewhere, and the unit of {} is written nowhere: name the columns \
+                 in [recording] columns of a rig file, as in {} = {{ name = {first:?}, unit = \"{}\" }}",
                 shorten(&without.join(", ")),
                 of_first.as_ref().map_or("fx_n", |meaning| meaning.known.as_str()),
                 of_first.as_ref().map_or("N", |meaning| meaning.quantity.si())
@@ -311,7 +311,8 @@ impl<'a> Reader<'a> {
             if !header.iter().any(|h| h == name) {
                 let near = nearest(name, header.iter().map(String::as_str));
                 return Err(self.columns_error(format!(
-                    "the rig file says that {known} is in column {name:?}, and there is none{}; the columns are {}",
+                    "the rig file says that {known} is in column {name:?}, and there is none{}; the columns \
+                     are {}",
                     near.map_or_else(String::new, |n| format!(" (is it {n:?}?)")),
                     header.join(", ")
                 )));
@@ -352,9 +353,9 @@ impl<'a> Reader<'a> {
                 None => {
                     if let Some(meant) = other_unit(&name) {
                         return Err(self.columns_error(format!(
-                            "column {name} is a known quantity in an unknown unit: it must be {meant}, or be named \
-                             with its scale in the rig file, [recording] columns = {{ {meant} = {{ name = \"{name}\", \
-                             scale = … }} }}"
+                            "column {name} is a known quantity in an unknown unit: it must be {meant}, or be \
+                             named with its scale in the rig file, [recording] columns = \
+                             {{ {meant} = {{ name = \"{name}\", scale = … }} }}"
                         )));
                     }
                     Sink::Text(Vec::new())
@@ -369,7 +370,8 @@ impl<'a> Reader<'a> {
                 )?;
                 if known_columns.contains(&known) {
                     return Err(self.columns_error(format!(
-                        "{} is in two columns, {name:?} and another one: the file or the rig file must name one",
+                        "{} is in two columns, {name:?} and another one: the file or the rig file must name \
+                         one",
                         known.name()
                     )));
                 }
@@ -410,8 +412,8 @@ impl<'a> Reader<'a> {
         let named = named.filter(|text| unit(text).is_some_and(|unit| unit.scale != 1.0));
         let Some(stated) = above.or(named) else { return Ok(()) };
         Err(self.columns_error(format!(
-            "{name} is read in {}, and the file says {stated:?} of column {header:?}: write its unit in [recording] columns of \
-             the rig file",
+            "{name} is read in {}, and the file says {stated:?} of column {header:?}: write its unit in \
+             [recording] columns of the rig file",
             own.si()
         )))
     }
@@ -481,8 +483,8 @@ impl<'a> Reader<'a> {
                     near.map_or_else(
                         || "name the column of the time in [recording] columns of the rig file".to_owned(),
                         |n| format!(
-                            "is it {n:?}? then say so in the rig file, [recording] columns = {{ t_s = {{ name = {n:?}, \
-                             scale = … }} }}"
+                            "is it {n:?}? then say so in the rig file, [recording] columns = \
+                             {{ t_s = {{ name = {n:?}, scale = … }} }}"
                         )
                     )
                 )));
@@ -509,8 +511,13 @@ impl<'a> Reader<'a> {
         let strangers = headers.iter().map(String::as_str).filter(|h| Known::parse(h).is_none());
         let near = missing.first().and_then(|name| nearest(name, strangers));
         self.columns_error(format!(
-            "{} {} missing beside {}{}: add what is missing, or name it in [recording] columns of the rig file",
-            if missing.len() == 1 { format!("column {}", missing[0]) } else { format!("columns {}", missing.join(", ")) },
+            "{} {} missing beside {}{}: add what is missing, or name it in [recording] columns of the rig \
+             file",
+            if missing.len() == 1 {
+                format!("column {}", missing[0])
+            } else {
+                format!("columns {}", missing.join(", "))
+            },
             if missing.len() == 1 { "is" } else { "are" },
             there.join(", "),
             near.map_or_else(String::new, |n| format!(" (is it {n:?}?)"))
@@ -539,8 +546,8 @@ impl<'a> Reader<'a> {
                 return Err(at(
                     row + 1,
                     format!(
-                        "time {} from {before:?} s (row {}{}) to {after:?} s (row {}): t_s must increase; sort \
-                         the rows, or split the file where the clock starts anew",
+                        "time {} from {before:?} s (row {}{}) to {after:?} s (row {}): t_s must increase; \
+                         sort the rows, or split the file where the clock starts anew",
                         if after < before { "runs backwards" } else { "stands still" },
                         row + 1,
                         line(row),

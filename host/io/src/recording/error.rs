@@ -26,7 +26,8 @@ pub enum RecordingError {
     Exists(String),
     /// The ending says none of the kinds that are read.
     #[error(
-        "{0} is no recording by its name: it must end in .csv, .mcap, .db3, .bag, .parquet, .mat, .tdms or .xlsx (text also in .tsv, .txt, .lvm, .asc, .dat or .log)"
+        "{0} is no recording by its name: it must end in .csv, .mcap, .db3, .bag, .parquet, .mat, .tdms or \
+         .xlsx (text also in .tsv, .txt, .lvm, .asc, .dat or .log)"
     )]
     UnknownKind(String),
     /// The ending says a kind that another program saves as text.
@@ -49,7 +50,8 @@ pub enum RecordingError {
         reason: String,
     },
     /// Something is wrong at a place.
-    #[error("{name}, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |c| format!(", column {c}")))]
+    #[error("{name}, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |c| format!(", \
+        column {c}")))]
     At {
         /// The recording.
         name: String,

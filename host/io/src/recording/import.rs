@@ -181,7 +181,8 @@ pub struct JointColumns {
 }
 
 impl Understood {
-    /// Returns the joints whose columns are named as outputs of Universal Robots' controller are; none of other files.
+    /// Returns the joints whose columns are named as outputs of Universal Robots' controller are; none of
+    /// other files.
     pub fn joints(&self) -> Vec<JointColumns> {
         let has = |name: String| self.columns.iter().any(|column| column.name == name).then_some(name);
         let joint = |(k, name): (usize, &&'static str)| {
@@ -197,8 +198,8 @@ impl Understood {
         if found.len() == UR_JOINTS.len() { found } else { Vec::new() }
     }
 
-    /// Returns the known columns with where they are: as a user says, by a name of the notation, or by what other
-    /// programs call them; a group only if all of it is there.
+    /// Returns the known columns with where they are: as a user says, by a name of the notation, or by what
+    /// other programs call them; a group only if all of it is there.
     ///
     /// # Errors
     /// Says what a choice names that is not there, or the columns whose unit is nowhere.
@@ -282,7 +283,8 @@ pub enum Undecided {
 }
 
 impl Undecided {
-    /// Returns a unit that a column of this name could have: the SI unit of the quantity that it is named after.
+    /// Returns a unit that a column of this name could have: the SI unit of the quantity that it is named
+    /// after.
     pub fn example(name: &str) -> &'static str {
         conventions::meaning(name, None).map_or("N", |meaning| meaning.quantity.si())
     }
@@ -291,7 +293,8 @@ impl Undecided {
 /// A file with its known columns, each with its name in the file and its unit.
 pub type Proposed<'a> = (&'a Understood, Columns);
 
-/// Returns the text of a rig file for one file, or for several as `[[stream]]`, with what is known of their recordings.
+/// Returns the text of a rig file for one file, or for several as `[[stream]]`, with what is known of their
+/// recordings.
 pub fn rig_text(
     files: &[Proposed<'_>],
     recordings: &[Option<Recording>],
@@ -329,14 +332,16 @@ fn write_rig(
     {
         writeln!(
             text,
-            "# Rows per second as the times have it; a file of another rate is then refused.\n# rate_hz = {rate:?}"
+            "# Rows per second as the times have it; a file of another rate is then refused.\n# rate_hz = \
+             {rate:?}"
         )?;
     }
     if has(|group| group == Group::Wrench) {
         let sign = if sign == WrenchSign::OnSensor { "on_sensor" } else { "on_body" };
         writeln!(
             text,
-            "# \"on_body\": the force of the sensor on the body; where the sensor carries a body at rest, it points up.\n\
+            "# \"on_body\": the force of the sensor on the body; where the sensor carries a body at rest, it \
+             points up.\n\
              # \"on_sensor\": the reaction, pointing down, as a scale shows it.\nwrench_sign = \"{sign}\""
         )?;
     }
@@ -372,7 +377,8 @@ fn write_rig(
     if has(|group| matches!(group, Group::Accel(_) | Group::Gyro(_))) {
         writeln!(
             text,
-            "\n# Write its origin in the axes of the load cell, m, and the rotation from its axes to those of the load cell, w, x, y, z.\n\
+            "\n# Write its origin in the axes of the load cell, m, and the rotation from its axes to those \
+             of the load cell, w, x, y, z.\n\
              [[imu]]\n# position_m = [0.0, 0.0, 0.0]\n# rotation_wxyz = [1.0, 0.0, 0.0, 0.0]"
         )?;
     }
@@ -384,8 +390,8 @@ fn write_joints(text: &mut String, joints: &[JointColumns]) -> std::fmt::Result 
     if !joints.is_empty() {
         writeln!(
             text,
-            "\n# Joints as Universal Robots' URDF names them; angles in rad, rates in rad/s. Forces at the TCP are in axes of the base, and \
-             not used."
+            "\n# Joints as Universal Robots' URDF names them; angles in rad, rates in rad/s. Forces at the \
+             TCP are in axes of the base, and not used."
         )?;
     }
     for joint in joints {
@@ -397,7 +403,8 @@ fn write_joints(text: &mut String, joints: &[JointColumns]) -> std::fmt::Result 
             (Some(effort), _) => writeln!(text, "effort = {}", quoted(effort))?,
             (None, Some(current)) => writeln!(
                 text,
-                "# {} is a current, A, and no torque: give N m for an ampere as scale\n# effort = {{ name = {}, scale = 10.0 }}",
+                "# {} is a current, A, and no torque: give N m for an ampere as scale\n# effort = \
+                 {{ name = {}, scale = 10.0 }}",
                 one_line(current),
                 quoted(current)
             )?,

@@ -1,7 +1,9 @@
 //! A recording in memory: columns by group, in the notation's units and signs.
 //!
-//! This room reads and writes recordings, in text ([`csv`], with [`columns`] and [`time`]), memory ([`arrays`]) or messages ([`mcap`]);
-//! [`convert`] goes between them. Each complaint names file, line and column. What the numbers mean for a body is decided elsewhere.
+//! This room reads and writes recordings, in text ([`csv`], with [`columns`] and [`time`]), memory
+//! ([`arrays`]) or messages ([`mcap`]);
+//! [`convert`] goes between them. Each complaint names file, line and column. What the numbers mean for a
+//! body is decided elsewhere.
 
 pub mod arrays;
 pub mod channels;
@@ -38,8 +40,8 @@ pub struct ImuColumns {
     pub gyro: Option<Vec<[f64; 3]>>,
 }
 
-/// A recording. Its numbers and its rig file are in the notation: SI, wrench on the body, columns by their own
-/// names, whatever the file that it was read from said.
+/// A recording. Its numbers and its rig file are in the notation: SI, wrench on the body, columns by their
+/// own names, whatever the file that it was read from said.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Its name, without folder and ending.
@@ -50,7 +52,8 @@ pub struct Recording {
     pub rig_text: Option<String>,
     /// Rows are still poses without time.
     pub is_static: bool,
-    /// Times, ns, strictly increasing; empty for still poses. Negative times in the file count from the first.
+    /// Times, ns, strictly increasing; empty for still poses. Negative times in the file count from the
+    /// first.
     pub time_ns: Vec<u64>,
     /// Times as the file has them, s, where nanoseconds do not hold them.
     pub exact_time_s: Option<Vec<f64>>,
@@ -74,8 +77,8 @@ pub struct Recording {
     pub derived: Vec<Group>,
     /// Other columns, stored as they are.
     pub extra: Vec<(String, Vec<String>)>,
-    /// `key = value` of the comment lines, values as TOML writes them; a line that is no such pair has an empty
-    /// key.
+    /// `key = value` of the comment lines, values as TOML writes them; a line that is no such pair has an
+    /// empty key.
     pub comments: Vec<(String, String)>,
     /// Names of the columns in the order of the file; empty if it does not matter.
     pub order: Vec<String>,
@@ -108,7 +111,8 @@ impl Recording {
             && self.recorded().is_none()
         {
             self.warnings.push(format!(
-                "the comment recorded = {said} is no date, and is left out; write one as 2026-05-01T12:00:00Z (RFC 3339)"
+                "the comment recorded = {said} is no date, and is left out; write one as \
+                 2026-05-01T12:00:00Z (RFC 3339)"
             ));
         }
     }
@@ -163,8 +167,8 @@ impl Recording {
         self.comments.iter().find(|(k, _)| k == key).map(|(_, value)| value.as_str())
     }
 
-    /// The rig file as it fits a file in the notation, and its text; no text if there was no rig file and nothing
-    /// in it that differs from what is assumed without one.
+    /// The rig file as it fits a file in the notation, and its text; no text if there was no rig file and
+    /// nothing in it that differs from what is assumed without one.
     pub fn rig_in_notation(&self) -> (RigFile, Option<String>) {
         let text = match &self.rig_text {
             // Word for word as long as it says the same.
@@ -187,8 +191,8 @@ impl Recording {
         (self.rig.clone(), text)
     }
 
-    /// Reads a CSV, Parquet, MAT, TDMS, XLSX, MCAP, `.db3` or `.bag` file, or the folder of a ROS 2 bag. The rig file is the one given, the one beside it (`NAME.rig.toml`), the one
-    /// inside it, or none.
+    /// Reads a CSV, Parquet, MAT, TDMS, XLSX, MCAP, `.db3` or `.bag` file, or the folder of a ROS 2 bag. The
+    /// rig file is the one given, the one beside it (`NAME.rig.toml`), the one inside it, or none.
     ///
     /// # Errors
     /// [`RecordingError`] says what, where, and what to do.
@@ -232,8 +236,8 @@ impl Recording {
         };
         if recording.rig_text.is_none() && !recording.imus.is_empty() {
             recording.warnings.push(format!(
-                "no rig file ({} is not there): the IMU is taken to sit in the origin of S with its axes, the \
-                 wrench to be that on the body",
+                "no rig file ({} is not there): the IMU is taken to sit in the origin of S with its axes, \
+                 the wrench to be that on the body",
                 beside.display()
             ));
         }
@@ -243,7 +247,8 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Reads the bytes of a file of columns: CSV, or by the ending of its name Parquet, MAT, TDMS or an Excel workbook.
+    /// Reads the bytes of a file of columns: CSV, or by the ending of its name Parquet, MAT, TDMS or an Excel
+    /// workbook.
     ///
     /// # Errors
     /// As [`Recording::from_csv_bytes`] and [`Recording::from_arrays`].

@@ -1,4 +1,5 @@
-//! Files that are whole or not there, and never take another's place: [`rigident_files::new_file`], with a recording's errors.
+//! Files that are whole or not there, and never take another's place: [`rigident_files::new_file`], with a
+//! recording's errors.
 
 use std::fs::File;
 use std::io::BufWriter;

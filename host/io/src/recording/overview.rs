@@ -1,4 +1,5 @@
-//! A recording at a glance, before anything is identified from it: rows, rate, gaps, and how much it moves and turns.
+//! A recording at a glance, before anything is identified from it: rows, rate, gaps, and how much it moves
+//! and turns.
 
 use serde::Serialize;
 
@@ -23,8 +24,9 @@ pub struct Overview {
     pub columns: Vec<String>,
     /// Root mean square of the first IMU's angular rate about each of its axes, rad/s.
     pub rate_rms_radps: Option<[f64; 3]>,
-    /// Angles by which the direction of gravity moves over the body about the most and the second most tilted axis, 1 σ, rad: from
-    /// the gravity columns or the first accelerometer. Both are needed for all of the centre of mass.
+    /// Angles by which the direction of gravity moves over the body about the most and the second most tilted
+    /// axis, 1 σ, rad: from the gravity columns or the first accelerometer. Both are needed for all of the
+    /// centre of mass.
     pub tilt_rms_rad: Option<[f64; 2]>,
     /// Mean length of the measured force, N.
     pub force_n: Option<f64>,
@@ -65,8 +67,8 @@ fn rms(rows: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|k| (rows.iter().map(|row| row[k].powi(2)).sum::<f64>() / rows.len() as f64).sqrt())
 }
 
-/// Returns how far directions spread: the two larger standard deviations of the unit vectors over their three principal axes. A
-/// direction that never changes gives zeros, one that turns in a plane one zero.
+/// Returns how far directions spread: the two larger standard deviations of the unit vectors over their three
+/// principal axes. A direction that never changes gives zeros, one that turns in a plane one zero.
 fn tilts(rows: &[[f64; 3]]) -> Option<[f64; 2]> {
     use nalgebra::{Matrix3, Vector3};
     let units = rows.iter().filter_map(|row| Vector3::from(*row).try_normalize(1e-9));

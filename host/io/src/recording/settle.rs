@@ -45,8 +45,8 @@ impl Recording {
             && (measured / stated - 1.0).abs() > RATE_TOLERANCE
         {
             return Err(columns(format!(
-                "the times make {measured:.6} rows per second, rate_hz says {stated}: correct rate_hz in the rig \
-                 file, or the unit of t_s (its scale in [recording] columns)"
+                "the times make {measured:.6} rows per second, rate_hz says {stated}: correct rate_hz in the \
+                 rig file, or the unit of t_s (its scale in [recording] columns)"
             )));
         }
         self.warn_of_gaps(1e9 / measured);
@@ -102,8 +102,8 @@ impl Recording {
             return Err(RecordingError::Columns {
                 name: label.to_owned(),
                 reason: format!(
-                    "even_stamps says that rows were taken at a constant rate, and a stamp is {:.1} ms off its place: rows are \
-                     missing, or the rate changed; remove the key",
+                    "even_stamps says that rows were taken at a constant rate, and a stamp is {:.1} ms off \
+                     its place: rows are missing, or the rate changed; remove the key",
                     1e-6 * worst
                 ),
             });
@@ -119,8 +119,8 @@ impl Recording {
         Ok(())
     }
 
-    /// Tells of stamps that jitter, and of rows that are missing. Where the rows from the first to the last are as many as
-    /// their rate lets expect, a long step is one of jitter: a short one makes up for it.
+    /// Tells of stamps that jitter, and of rows that are missing. Where the rows from the first to the last
+    /// are as many as their rate lets expect, a long step is one of jitter: a short one makes up for it.
     fn warn_of_gaps(&mut self, period_ns: f64) {
         let steps = self.time_ns.windows(2).map(|w| (w[0], (w[1] - w[0]) as f64 / period_ns));
         let gaps: Vec<(u64, f64)> = steps.filter(|(_, periods)| *periods > GAP).collect();
@@ -131,8 +131,9 @@ impl Recording {
             let jitter_s = jitter_s(&self.time_ns, period_ns);
             if 2 * short >= gaps.len() && jitter_s > LEAST_JITTER * period_ns * 1e-9 {
                 self.warnings.push(format!(
-                    "stamps jitter by {:.1} ms, where rows are {:.1} ms apart: {} of the steps are longer than one and a half of \
-                     that, and rows after them are taken as after a gap; stamp readings where they are taken",
+                    "stamps jitter by {:.1} ms, where rows are {:.1} ms apart: {} of the steps are longer \
+                     than one and a half of that, and rows after them are taken as after a gap; stamp \
+                     readings where they are taken",
                     1e3 * jitter_s,
                     1e-6 * period_ns,
                     gaps.len()
@@ -155,8 +156,8 @@ fn negate<'a>(values: impl Iterator<Item = &'a mut f64>) {
     }
 }
 
-/// Returns the standard deviation of the steps between stamps over √2, s: that of a stamp, if these are independent. Steps of
-/// several periods are left out.
+/// Returns the standard deviation of the steps between stamps over √2, s: that of a stamp, if these are
+/// independent. Steps of several periods are left out.
 fn jitter_s(time_ns: &[u64], period_ns: f64) -> f64 {
     let steps = time_ns.windows(2).map(|w| (w[1] - w[0]) as f64 - period_ns).filter(|d| *d < 2.0 * period_ns);
     let (count, squares) = steps.fold((0.0, 0.0), |(n, sum), d| (n + 1.0, sum + d * d));

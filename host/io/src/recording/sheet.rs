@@ -1,7 +1,8 @@
-//! Sheets of Excel workbooks (`.xlsx`, `.xlsm`) as text with tabs, a row a line, so that they are read as any table is.
+//! Sheets of Excel workbooks (`.xlsx`, `.xlsm`) as text with tabs, a row a line, so that they are read as any
+//! table is.
 //!
-//! Numbers are written with a point and all their digits, times as ISO 8601. Cells that hold numbers as text are
-//! brought to the same form, or refused where it is not clear which they are.
+//! Numbers are written with a point and all their digits, times as ISO 8601. Cells that hold numbers as text
+//! are brought to the same form, or refused where it is not clear which they are.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -43,7 +44,8 @@ impl Sheet {
     pub(super) fn warning(&self) -> Option<String> {
         (!self.others.is_empty()).then(|| {
             format!(
-                "sheet {:?} is read; {} hold tables too: save each to a file of its own for [[stream]] if they belong to it",
+                "sheet {:?} is read; {} hold tables too: save each to a file of its own for [[stream]] if \
+                 they belong to it",
                 self.name,
                 self.others.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
             )
@@ -59,7 +61,8 @@ pub(super) fn is_workbook(ending: &str) -> bool {
 /// A cell: its row, its column, and its text.
 type Place = (u32, u32, String);
 
-/// Returns the first sheet of a workbook that holds a table of numbers; `stated` is the mark of decimals in cells of text.
+/// Returns the first sheet of a workbook that holds a table of numbers; `stated` is the mark of decimals in
+/// cells of text.
 ///
 /// # Errors
 /// Says why there is none.
@@ -198,7 +201,8 @@ fn stamp(time: &ExcelDateTime) -> String {
     format!("{year:04}-{month:02}-{date:02}T{clock}")
 }
 
-/// Returns year, month and day of a day counted from 1970, after Hinnant's *chrono-Compatible Low-Level Date Algorithms*.
+/// Returns year, month and day of a day counted from 1970, after Hinnant's *chrono-Compatible Low-Level Date
+/// Algorithms*.
 fn date(days: i64) -> (i64, i64, i64) {
     let z = days + 719_468;
     let (era, doe) = (z.div_euclid(146_097), z.rem_euclid(146_097));
@@ -221,8 +225,8 @@ fn text(cells: Vec<Place>, stated: Option<DecimalMark>, room: &mut Room) -> Resu
             let Some(own) = cell.strip_prefix(WRITTEN).filter(|own| has_mark(own)) else { continue };
             if decimal::is_number(own) && !forms.see(own) {
                 return Err(format!(
-                    "{own:?} in column {} of row {} is a number written as text in another way than those before it: make \
-                     them numbers",
+                    "{own:?} in column {} of row {} is a number written as text in another way than those \
+                     before it: make them numbers",
                     column + 1,
                     row + 1
                 ));
@@ -230,8 +234,9 @@ fn text(cells: Vec<Place>, stated: Option<DecimalMark>, room: &mut Room) -> Resu
         }
     }
     let form = forms.form(false).map_err(|_| {
-        "numbers are written in it as text, and nothing shows whether their marks are of decimals or of thousands: make them \
-         numbers, or write decimal = \"comma\" or \"point\" in [recording] of its rig file"
+        "numbers are written in it as text, and nothing shows whether their marks are of decimals or of \
+         thousands: make them numbers, or write decimal = \"comma\" or \"point\" in [recording] of its rig \
+         file"
             .to_owned()
     })?;
     let width = cells.iter().map(|(_, column, _)| *column).max().unwrap_or(0).min(MOST_PADDED);

@@ -39,8 +39,8 @@ impl Time {
     }
 }
 
-/// Reads a decimal number times `scale` as seconds. Powers of ten shift the decimal point, so that microseconds
-/// since 1970 keep every digit. `None` if it is not a finite number.
+/// Reads a decimal number times `scale` as seconds. Powers of ten shift the decimal point, so that
+/// microseconds since 1970 keep every digit. `None` if it is not a finite number.
 pub fn parse(cell: &str, scale: f64) -> Option<Time> {
     let value: f64 = cell.parse().ok().filter(|v: &f64| v.is_finite())?;
     if let Some(shift) = power_of_ten(scale)

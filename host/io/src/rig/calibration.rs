@@ -1,8 +1,9 @@
 //! The calibration of a rig: what a body of known properties shows of the errors of its sensors and of their
 //! mounting.
 //!
-//! Lives here: the file and the `[calibration]` table of a rig file, and whether the one belongs to the other. How a calibration
-//! is made is in `rigident::reference`; what it is to a fit, a prior, in `rigident::problem::body::errors`.
+//! Lives here: the file and the `[calibration]` table of a rig file, and whether the one belongs to the
+//! other. How a calibration is made is in `rigident::reference`; what it is to a fit, a prior, in
+//! `rigident::problem::body::errors`.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -129,8 +130,8 @@ pub enum CalibrationError {
     },
     /// It is of another rig.
     #[error(
-        "the calibration {name} is of another rig: its {key} is {calibrated}, that of this rig file {own}; calibrate this rig, or \
-         leave the calibration out"
+        "the calibration {name} is of another rig: its {key} is {calibrated}, that of this rig file {own}; \
+         calibrate this rig, or leave the calibration out"
     )]
     OtherRig {
         /// The calibration.
@@ -144,8 +145,8 @@ pub enum CalibrationError {
     },
     /// The rig has something calibrated anew in every recording.
     #[error(
-        "accel_scale = \"from_poses\" finds the accelerometer's scale anew in each recording: a calibration of the rig needs numbers \
-         that stay"
+        "accel_scale = \"from_poses\" finds the accelerometer's scale anew in each recording: a calibration \
+         of the rig needs numbers that stay"
     )]
     FromPoses,
 }
@@ -248,8 +249,8 @@ impl RigCalibration {
         for (k, error) in self.error.iter().enumerate() {
             let Some(unit) = known_errors::unit(&error.name) else {
                 return Err(format!(
-                    "error[{k}].name = {:?} is no error of a rig; they are called as the errors of an answer, gain_fz or lever_arm_x: \
-                     calibrate the rig again",
+                    "error[{k}].name = {:?} is no error of a rig; they are called as the errors of an \
+                     answer, gain_fz or lever_arm_x: calibrate the rig again",
                     error.name
                 ));
             };
@@ -261,14 +262,15 @@ impl RigCalibration {
             }
         }
         if self.distribution().is_none() {
-            return Err("the errors' values, standard deviations and correlations are those of no distribution: a number is \
-                        not finite, a std not positive, a name stands twice, or the correlations contradict each other"
+            return Err("the errors' values, standard deviations and correlations are those of no \
+                        distribution: a number is not finite, a std not positive, a name stands twice, or \
+                        the correlations contradict each other"
                 .to_owned());
         }
         if self.checksum != self.content() {
             return Err(format!(
-                "checksum = {:?} is not that of its content: it was edited by hand, or is damaged; take the file as it was written, or \
-                 calibrate the rig again",
+                "checksum = {:?} is not that of its content: it was edited by hand, or is damaged; take the \
+                 file as it was written, or calibrate the rig again",
                 self.checksum
             ));
         }
@@ -290,13 +292,15 @@ impl RigCalibration {
     pub fn repeated(&self, readings: u64) -> Option<String> {
         self.fingerprints.contains(&Self::fingerprint(readings)).then(|| {
             format!(
-                "the calibration {} was made of this recording: its readings count twice, and agree with themselves; take another one",
+                "the calibration {} was made of this recording: its readings count twice, and agree with \
+                 themselves; take another one",
                 self.name
             )
         })
     }
 
-    /// Returns a warning if the calibration was not valid when something was recorded, RFC 3339; now if that is not known.
+    /// Returns a warning if the calibration was not valid when something was recorded, RFC 3339; now if that
+    /// is not known.
     pub fn expired(&self, recorded: Option<&str>) -> Option<String> {
         let recorded = recorded.and_then(|date| humantime::parse_rfc3339(date).ok());
         let at = recorded.unwrap_or_else(SystemTime::now);
@@ -304,8 +308,8 @@ impl RigCalibration {
         let valid = Duration::from_secs(86_400 * u64::from(self.valid_days));
         let age = at.duration_since(made).ok().filter(|age| *age > valid)?;
         Some(format!(
-            "the calibration {} was {} days old when this was recorded, and is valid for {}: calibrate the rig again (`rigident \
-             calibrate rig`); the intervals take its errors for unchanged",
+            "the calibration {} was {} days old when this was recorded, and is valid for {}: calibrate the \
+             rig again (`rigident calibrate rig`); the intervals take its errors for unchanged",
             self.name,
             age.as_secs() / 86_400,
             self.valid_days

@@ -63,7 +63,8 @@ fn a_calibration_of_another_rig_is_refused() {
         assert_eq!(key, differs);
         assert!(!format!("{calibrated}{own}").contains("Some"), "{calibrated} {own}");
     }
-    // Whose wrench the load cell reports is no matter: it is turned to that on the body when a recording is read.
+    // Whose wrench the load cell reports is no matter: it is turned to that on the body when a recording is
+    // read.
     let reports = "[recording]\nwrench_sign = \"on_sensor\"\n[[imu]]\nposition_m = [0.04, -0.03, 0.02]\n";
     assert!(rig(reports).calibrate(calibration()).is_ok());
     // A serial number that is not given says nothing.

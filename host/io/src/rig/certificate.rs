@@ -1,4 +1,5 @@
-//! `[certificate]`: what a certificate says beside the numbers. Modelled on what ISO/IEC 17025:2017, 7.8.2 and 7.8.4, asks for.
+//! `[certificate]`: what a certificate says beside the numbers. Modelled on what ISO/IEC 17025:2017, 7.8.2
+//! and 7.8.4, asks for.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Classes of data sheets: what is known of the errors of a sensor that nobody has calibrated.
 //!
-//! A data sheet gives a limit `±a`; where the error lies within is not known, so that its standard deviation is `a/√3`
-//! (JCGM 100:2008, 4.3.7). The figures are those of common sensors of each class.
+//! A data sheet gives a limit `±a`; where the error lies within is not known, so that its standard deviation
+//! is `a/√3` (JCGM 100:2008, 4.3.7). The figures are those of common sensors of each class.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -111,8 +111,8 @@ impl ImuClass {
         }
     }
 
-    /// Returns the limits of the class. Place, attitude and delay are those of careful work with a ruler and a drawing,
-    /// whatever the sensor: 3 mm, 0.5°, 2 ms.
+    /// Returns the limits of the class. Place, attitude and delay are those of careful work with a ruler and
+    /// a drawing, whatever the sensor: 3 mm, 0.5°, 2 ms.
     pub fn limits(self) -> ImuLimits {
         let of = |accel_bias_mps2, accel_gain, gyro_bias_radps, gyro_gain| ImuLimits {
             position_m: 3e-3,
@@ -151,9 +151,9 @@ impl TreeClass {
         }
     }
 
-    /// Returns the limits of the class. Efforts of industrial robots are those of joints with torque sensors, 2 % of their
-    /// range (KUKA LBR iiwa, data sheet); a torque from a motor's current has the tolerance of its torque constant, 10 %. Drivers filter
-    /// efforts: a low-pass of 30 Hz makes them late by 5 ms.
+    /// Returns the limits of the class. Efforts of industrial robots are those of joints with torque sensors,
+    /// 2 % of their range (KUKA LBR iiwa, data sheet); a torque from a motor's current has the tolerance of
+    /// its torque constant, 10 %. Drivers filter efforts: a low-pass of 30 Hz makes them late by 5 ms.
     pub fn limits(self) -> TreeLimits {
         let of = |zero_deg: f64, joint_zero_m, tilt_deg: f64, [skew_s, effort_skew_s]: [f64; 2], effort| {
             TreeLimits {
@@ -190,7 +190,8 @@ impl LoadCellClass {
         }
     }
 
-    /// Returns the limit of its errors, relative to full scale: of gain, of cross-talk, and of drift over a recording.
+    /// Returns the limit of its errors, relative to full scale: of gain, of cross-talk, and of drift over a
+    /// recording.
     pub fn limit(self) -> f64 {
         match self {
             Self::One => 1e-2,

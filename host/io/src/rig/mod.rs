@@ -1,7 +1,7 @@
 //! The rig file: what a recording was taken with.
 //!
-//! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them is in
-//! `read`. May not live here: what the numbers are used for.
+//! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them
+//! is in `read`. May not live here: what the numbers are used for.
 
 pub mod calibration;
 pub mod certificate;
@@ -118,7 +118,8 @@ pub struct RecordingTable {
     /// Topics of a bag recorded elsewhere that holds several of a kind: `wrench`, `imu`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub topics: BTreeMap<String, String>,
-    /// What tells recordings of a collection apart: `body`, `rig`, a date; factors keep them, and `rigident merge --by` goes by them.
+    /// What tells recordings of a collection apart: `body`, `rig`, a date; factors keep them, and
+    /// `rigident merge --by` goes by them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub labels: BTreeMap<String, String>,
 }
@@ -330,7 +331,8 @@ pub struct ImuTable {
     /// 1 σ of each gyro axis' scale, relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_gain_std: Option<f64>,
-    /// 1 σ of the gyro's axes against the IMU's, which the accelerometer's x and y span, about each of them, rad.
+    /// 1 σ of the gyro's axes against the IMU's, which the accelerometer's x and y span, about each of them,
+    /// rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gyro_rotation_std_rad: Option<f64>,
     /// 1 σ per sample of the attitude of its link, about any axis, rad.
@@ -421,8 +423,8 @@ pub struct LoadCellTable {
     /// `wrench = calibration · gauges`, N/V and N m/V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<[[f64; 6]; 6]>,
-    /// What the converter's seventh input has of the gauges' excitation while it is the one of the calibration, V: the device
-    /// then divides the gauges by the excitation.
+    /// What the converter's seventh input has of the gauges' excitation while it is the one of the
+    /// calibration, V: the device then divides the gauges by the excitation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_v: Option<f64>,
     /// Group delay, s.
@@ -436,7 +438,8 @@ pub struct LoadCellTable {
     /// How far from zero the offset of a channel may be, N and N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset_within_n_nm: Option<[f64; 6]>,
-    /// Number of the board that its calibration was made with, as `rigident info` shows it: 24 hexadecimal digits.
+    /// Number of the board that its calibration was made with, as `rigident info` shows it: 24 hexadecimal
+    /// digits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub board_id: Option<String>,
     /// Serial number.
@@ -548,10 +551,12 @@ pub struct PlatformTable {
     /// Least distance of their surfaces, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clearance_m: Option<f64>,
-    /// Largest condition number of the legs' Jacobian, lengths over four times the plate joints' r.m.s. radius.
+    /// Largest condition number of the legs' Jacobian, lengths over four times the plate joints' r.m.s.
+    /// radius.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cond_max: Option<f64>,
-    /// Of a machine whose joints are not published: how far the plate goes along x, y, z to either side of its reference pose, m.
+    /// Of a machine whose joints are not published: how far the plate goes along x, y, z to either side of
+    /// its reference pose, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel_m: Option<[f64; 3]>,
     /// How far it rolls, pitches and yaws to either side, rad.
@@ -633,7 +638,8 @@ pub struct LinkTable {
     /// How it hangs there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Axis of a revolute, continuous or prismatic joint, in the link's frame; first axis of a universal one, x if absent.
+    /// Axis of a revolute, continuous or prismatic joint, in the link's frame; first axis of a universal one,
+    /// x if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Second axis of a universal joint, y if absent.
@@ -659,8 +665,8 @@ pub struct LinkTable {
     pub nominal_inertia_com_kgm2: Option<[f64; 6]>,
 }
 
-/// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the joint:
-/// `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
+/// `[[joint]]`: the columns of a joint. Without it, and for keys that are left out, they are named for the
+/// joint: `NAME_rad`, `NAME_radps`, `NAME_nm`, or `NAME_m`, `NAME_mps`, `NAME_n` of one that slides.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointTable {
@@ -695,8 +701,8 @@ pub struct JointTable {
     pub effort_lowpass_hz: Option<f64>,
 }
 
-/// `[[foot]]`: a place where the ground pushes on a link, and the sensor of that wrench: columns `NAME_fx_n` … `NAME_mz_nm`, on the
-/// foot, in the sensor's axes, about its origin.
+/// `[[foot]]`: a place where the ground pushes on a link, and the sensor of that wrench: columns `NAME_fx_n`
+/// … `NAME_mz_nm`, on the foot, in the sensor's axes, about its origin.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FootTable {
@@ -755,7 +761,8 @@ pub struct TreeTable {
     /// 1 σ of the scale of each effort, relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub effort_gain_std: Option<f64>,
-    /// 1 σ of the offset of each effort and of its drift over a recording, relative to the largest effort of the joint.
+    /// 1 σ of the offset of each effort and of its drift over a recording, relative to the largest effort of
+    /// the joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub effort_drift_std: Option<f64>,
 }
@@ -796,7 +803,8 @@ pub enum Joint {
 pub struct StreamTable {
     /// The file, beside the rig file.
     pub file: String,
-    /// The topic of a bag (MCAP or .db3) whose messages are the rows; of transforms with the frame, `/tf#tool0`.
+    /// The topic of a bag (MCAP or .db3) whose messages are the rows; of transforms with the frame,
+    /// `/tf#tool0`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
     /// Foreign names of its columns.

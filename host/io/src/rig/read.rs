@@ -117,8 +117,8 @@ impl RigFile {
     }
 }
 
-/// Returns a warning of each file that the text of a rig file at `path` names and that is not in the rig file's folder: whoever wrote
-/// it has chosen what is read here.
+/// Returns a warning of each file that the text of a rig file at `path` names and that is not in the rig
+/// file's folder: whoever wrote it has chosen what is read here.
 pub fn files_outside(text: &str, path: &Path) -> Vec<String> {
     let table: toml::Table = toml::from_str(text).unwrap_or_default();
     let file = |table: &toml::Value| table.get("file")?.as_str().map(str::to_owned);
@@ -301,7 +301,8 @@ impl Check<'_> {
                     &key,
                     column,
                     format!(
-                        "{name} is no column of a recording{}; it stands as known name = \"name in the file\"",
+                        "{name} is no column of a recording{}; it stands as known name = \"name in the \
+                         file\"",
                         near.map_or_else(String::new, |n| format!(" (is it {n}?)"))
                     ),
                 ));
@@ -596,7 +597,8 @@ impl Check<'_> {
                 return Err(self.refuse("truth.mass_kg", truth.mass_kg, advice));
             }
             if platform.and_then(|p| p.load_within_m).is_some_and(|most| away > most) {
-                let advice = "is farther from the load cell's origin than platform.load_within_m, which no part of the body is";
+                let advice = "is farther from the load cell's origin than platform.load_within_m, which no \
+                              part of the body is";
                 return Err(self.refuse("truth.com_m", truth.com_m, advice));
             }
         }
@@ -613,8 +615,8 @@ impl Check<'_> {
             return Err(self.refuse(
                 &format!("{key}.inertia_com_kgm2"),
                 inertia,
-                "is the tensor of no body: about any axis the moment is positive and at most the sum of the other two; the order is \
-                 Ixx, Iyy, Izz, Iyz, Izx, Ixy",
+                "is the tensor of no body: about any axis the moment is positive and at most the sum of the \
+                 other two; the order is Ixx, Iyy, Izz, Iyz, Izx, Ixy",
             ));
         }
         Ok(())
@@ -662,7 +664,8 @@ impl Check<'_> {
                 return Err(self.refuse(
                     &key("name"),
                     &link.name,
-                    "nominal_mass_kg, nominal_com_m and nominal_inertia_com_kgm2 are given together or not at all",
+                    "nominal_mass_kg, nominal_com_m and nominal_inertia_com_kgm2 are given together or not \
+                     at all",
                 ));
             }
             self.positive(&key("nominal_mass_kg"), link.nominal_mass_kg.as_slice())?;

@@ -1,7 +1,7 @@
 //! The known word that an unknown one was probably meant to be.
 
-/// The candidate with the fewest edits, case aside, if it is near enough to be a slip. A unit that is missing or
-/// too much (`Fx` for `fx_n`) counts as one edit.
+/// The candidate with the fewest edits, case aside, if it is near enough to be a slip. A unit that is missing
+/// or too much (`Fx` for `fx_n`) counts as one edit.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let allowed = (lower.chars().count() / 2).clamp(1, 5);

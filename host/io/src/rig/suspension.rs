@@ -5,17 +5,19 @@ use serde::{Deserialize, Serialize};
 
 /// `[suspension]`: the springs under a platform that carries the body, and what the platform itself weighs.
 ///
-/// P is the frame of the pose columns, fixed in the platform. Its axes at rest, z up, are those of the springs.
+/// P is the frame of the pose columns, fixed in the platform. Its axes at rest, z up, are those of the
+/// springs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SuspensionTable {
-    /// Stiffness about `at_m` in axes of P at rest, six rows of six: forces (N) and moments (N m) against small displacements (m)
-    /// and turns (rad); of the springs alone, without weight. Instead of what `[[suspension.spring]]` says of
-    /// stiffness: such tables beside it say where the springs carry the weight.
+    /// Stiffness about `at_m` in axes of P at rest, six rows of six: forces (N) and moments (N m) against
+    /// small displacements (m) and turns (rad); of the springs alone, without weight. Instead of what
+    /// `[[suspension.spring]]` says of stiffness: such tables beside it say where the springs carry the
+    /// weight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<[[f64; 6]; 6]>,
-    /// 1 σ of the elements of `stiffness`, relative to the geometric mean of the two stiffnesses on the diagonal; of each spring's
-    /// where springs are given.
+    /// 1 σ of the elements of `stiffness`, relative to the geometric mean of the two stiffnesses on the
+    /// diagonal; of each spring's where springs are given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_std: Option<f64>,
     /// 1 σ of a factor that all springs share, as those of one batch, one load cell or one temperature do:
@@ -25,13 +27,15 @@ pub struct SuspensionTable {
     /// 1 σ of each element of `stiffness`, six rows of six, in its unit: what a calibration leaves open.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_element_std: Option<[[f64; 6]; 6]>,
-    /// The point of P that `stiffness` is about, and through which the reaction of a locked coordinate goes, m.
+    /// The point of P that `stiffness` is about, and through which the reaction of a locked coordinate goes,
+    /// m.
     pub at_m: [f64; 3],
-    /// Height above that point at which the springs carry the weight, m: it turns with the platform. That of the springs' places if
-    /// absent; a matrix alone needs it where z is free.
+    /// Height above that point at which the springs carry the weight, m: it turns with the platform. That of
+    /// the springs' places if absent; a matrix alone needs it where z is free.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub anchor_height_m: Option<f64>,
-    /// Coordinates that a guide keeps from moving: `["z"]` of a platform that slides and turns on a vertical column.
+    /// Coordinates that a guide keeps from moving: `["z"]` of a platform that slides and turns on a vertical
+    /// column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub locked: Vec<Coordinate>,
     /// 1 σ of the damping ratio that is looked for.

@@ -9,7 +9,8 @@ type Complaint = (String, String, String);
 
 /// No platform on springs is longer, m.
 const LONGEST_M: f64 = 5.0;
-/// Elements of a stiffness that differ by less, relative to the largest, are equal to the digits that people write.
+/// Elements of a stiffness that differ by less, relative to the largest, are equal to the digits that people
+/// write.
 const WRITTEN: f64 = 1e-3;
 
 /// Checks a table.
@@ -72,7 +73,8 @@ fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint
     if let Some(i) = free.iter().find(|i| k[(**i, **i)] <= 0.0) {
         return refuse(
             format!("{} in row {}, column {}", k[(*i, *i)], i + 1, i + 1),
-            "a spring pushes back: the diagonal must be greater than zero; a coordinate that cannot move belongs into `locked`"
+            "a spring pushes back: the diagonal must be greater than zero; a coordinate that cannot move \
+             belongs into `locked`"
                 .to_owned(),
         );
     }
@@ -80,9 +82,17 @@ fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint
         let scale = (k[(i, i)] * k[(j, j)]).abs().sqrt();
         if (k[(i, j)] - k[(j, i)]).abs() > WRITTEN * scale {
             return refuse(
-                format!("{} in row {}, column {}, and {} in row {}, column {}", k[(j, i)], j + 1, i + 1, k[(i, j)], i + 1, j + 1),
-                "a stiffness is symmetric (springs store energy): are forces and moments in N and N m, displacements in m and rad, and \
-                 both about one point?"
+                format!(
+                    "{} in row {}, column {}, and {} in row {}, column {}",
+                    k[(j, i)],
+                    j + 1,
+                    i + 1,
+                    k[(i, j)],
+                    i + 1,
+                    j + 1
+                ),
+                "a stiffness is symmetric (springs store energy): are forces and moments in N and N m, \
+                 displacements in m and rad, and both about one point?"
                     .to_owned(),
             );
         }
@@ -95,7 +105,8 @@ fn matrix(rows: &[[f64; 6]; 6], table: &SuspensionTable) -> Result<(), Complaint
     if least <= 0.0 {
         return refuse(
             format!("its least eigenvalue is {least:.3e} in columns of unit stiffness"),
-            "the matrix must be positive definite: in some direction this platform would be driven away from rest".to_owned(),
+            "the matrix must be positive definite: in some direction this platform would be driven away from \
+             rest".to_owned(),
         );
     }
     let std = table.stiffness_element_std.map_or(Vec::new(), |rows| rows.concat());
@@ -113,7 +124,8 @@ fn height(table: &SuspensionTable) -> Result<(), Complaint> {
     Err((
         "anchor_height_m".to_owned(),
         "nothing".to_owned(),
-        "a matrix does not say at which height above `at_m` the springs carry the weight: state it (0 if it is at `at_m`), or          keep the [[suspension.spring]] tables beside the matrix"
+        "a matrix does not say at which height above `at_m` the springs carry the weight: state it (0 if it \
+         is at `at_m`), or          keep the [[suspension.spring]] tables beside the matrix"
             .to_owned(),
     ))
 }
@@ -184,8 +196,8 @@ fn platform(table: &SuspendedPlatformTable) -> Result<(), Complaint> {
     if body.is_possible() {
         return Ok(());
     }
-    let advice = "no distribution of mass has these mass and tensor: the mass and the principal moments must be greater than zero, and no \
-                  moment larger than the sum of the other two";
+    let advice = "no distribution of mass has these mass and tensor: the mass and the principal moments must \
+                  be greater than zero, and no moment larger than the sum of the other two";
     Err(("platform".to_owned(), format!("{mass_kg} kg, {inertia_com_kgm2:?} kg m²"), advice.to_owned()))
 }
 
@@ -194,7 +206,8 @@ mod tests {
     use super::*;
     use crate::rig::RigFile;
 
-    const MATRIX: &str = "stiffness = [[9.0,0,0,0,0,0],[0,9.0,0,0,0,0],[0,0,9.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
+    const MATRIX: &str = "stiffness = \
+                          [[9.0,0,0,0,0,0],[0,9.0,0,0,0,0],[0,0,9.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
 
     /// The key that is complained of; nothing if all is well.
     fn complaint(keys: &str) -> Option<String> {

@@ -129,11 +129,13 @@ fn what_makes_no_sense_is_named_with_its_line() {
         ("[truth]\nmass_kg = 0\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]", &["line 2", "truth.mass_kg"]),
         ("[truth]\ncom_m=[0,0,0]", &["mass_kg"]),
         (
-            "[platform]\nload_max_kg = 30\n[truth]\nmass_kg = 40\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]",
+            "[platform]\nload_max_kg = 30\n[truth]\nmass_kg = \
+             40\ncom_m=[0,0,0]\ninertia_com_kgm2=[1,1,1,0,0,0]",
             &["line 4", "truth.mass_kg", "load_max_kg"],
         ),
         (
-            "[platform]\nload_within_m = 0.2\n[truth]\nmass_kg = 4\ncom_m=[0,0.2,0.1]\ninertia_com_kgm2=[1,1,1,0,0,0]",
+            "[platform]\nload_within_m = 0.2\n[truth]\nmass_kg = \
+             4\ncom_m=[0,0.2,0.1]\ninertia_com_kgm2=[1,1,1,0,0,0]",
             &["line 5", "truth.com_m", "load_within_m"],
         ),
         ("[platform]\nleg_length_m = [2, 1]", &["platform.leg_length_m", "wrong way round"]),

@@ -41,8 +41,8 @@ const INCH: f64 = 0.0254;
 const FOOT: f64 = 0.3048;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Quantity, scale, and every way of writing it once blanks, dots and stars are gone and roots are plain; the first is
-/// the one that is shown.
+/// Quantity, scale, and every way of writing it once blanks, dots and stars are gone and roots are plain; the
+/// first is the one that is shown.
 const UNITS: &[(Quantity, f64, &[&str])] = &[
     (Quantity::Time, 1.0, &["s", "sec", "secs", "second", "seconds", "sek", "sekunden"]),
     (Quantity::Time, 1e-3, &["ms", "msec", "millisecond", "milliseconds"]),
@@ -148,7 +148,8 @@ impl Unit {
 }
 
 impl Quantity {
-    /// Returns what the column or key measures whose name ends in its SI unit, `fx_n`; `None` if it ends in none.
+    /// Returns what the column or key measures whose name ends in its SI unit, `fx_n`; `None` if it ends in
+    /// none.
     pub fn of_name(name: &str) -> Option<Self> {
         Some(match name.rsplit_once('_')?.1 {
             "s" => Self::Time,

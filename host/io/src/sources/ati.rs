@@ -1,9 +1,11 @@
-//! ATI's force sensors on Ethernet by Raw Data Transfer: Net F/T boxes, Ethernet Axia, Schunk's of the same make.
+//! ATI's force sensors on Ethernet by Raw Data Transfer: Net F/T boxes, Ethernet Axia, Schunk's of the same
+//! make.
 //!
-//! By the vendor's manual 9620-05-NET FT: a request of 8 bytes to UDP port 49152 (header 0x1234, command 2 to stream, count 0
-//! without end; command 0 stops) is answered by records of 36 bytes: `rdt_sequence`, `ft_sequence`, status, six counts. Counts per
-//! force and per torque are given by `http://HOST/netftapi2.xml` (`cfgcpf`, `cfgcpt`, units `scfgfu`,
-//! `scfgtu`, rate `comrdtrate`), or by READCALINFO on TCP port 49151. All numbers are big-endian.
+//! By the vendor's manual 9620-05-NET FT: a request of 8 bytes to UDP port 49152 (header 0x1234, command 2 to
+//! stream, count 0 without end; command 0 stops) is answered by records of 36 bytes: `rdt_sequence`,
+//! `ft_sequence`, status, six counts. Counts per force and per torque are given by
+//! `http://HOST/netftapi2.xml` (`cfgcpf`, `cfgcpt`, units `scfgfu`, `scfgtu`, rate `comrdtrate`), or by
+//! READCALINFO on TCP port 49151. All numbers are big-endian.
 
 use std::io::Write;
 use std::net::UdpSocket;
@@ -251,12 +253,15 @@ fn asked(url: &SourceUrl, host: &str) -> Result<Calibration, SourceError> {
         Ok(found) => return Ok(found),
         Err(why) => why,
     };
-    calinfo(url, host, by_tcp).map_err(|e| e.to_string()).and_then(|bytes| read_calibration(&bytes)).map_err(|why| {
-        url.protocol(format!(
-            "the sensor does not tell its counts per unit, neither by its page ({page}) nor by port {by_tcp} ({why}): read them \
-             on its configuration page and give them, per N and per N m, as ?cpf=1000000&cpt=1000000"
+    calinfo(url, host, by_tcp).map_err(|e| e.to_string()).and_then(|bytes| read_calibration(&bytes)).map_err(
+        |why| {
+            url.protocol(format!(
+            "the sensor does not tell its counts per unit, neither by its page ({page}) nor by port {by_tcp} \
+             ({why}): read them on its configuration page and give them, per N and per N m, as \
+             ?cpf=1000000&cpt=1000000"
         ))
-    })
+        },
+    )
 }
 
 fn page(url: &SourceUrl, host: &str, port: u16) -> Result<String, SourceError> {
@@ -326,8 +331,8 @@ impl Source for Ati {
     }
 
     fn when_silent(&self) -> String {
-        "is the sensor switched on and in this network, is RDT enabled on its communications page, does another program stream \
-         from it, or a firewall hold back UDP?"
+        "is the sensor switched on and in this network, is RDT enabled on its communications page, does \
+         another program stream from it, or a firewall hold back UDP?"
             .to_owned()
     }
 }

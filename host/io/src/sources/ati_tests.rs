@@ -36,8 +36,8 @@ fn records_become_newtons_and_losses_are_counted() {
 fn units_of_the_page_and_of_the_port_are_known() {
     let page = |force: &str, torque: &str| {
         format!(
-            "<?xml version=\"1.0\"?>\n<netFTApi><comrdtrate>7000</comrdtrate><cfgcpf>1000000</cfgcpf><cfgcpt>500000</cfgcpt>\
-             <scfgfu>{force}</scfgfu><scfgtu>{torque}</scfgtu></netFTApi>"
+            "<?xml \
+             version=\"1.0\"?>\n<netFTApi><comrdtrate>7000</comrdtrate><cfgcpf>1000000</cfgcpf><cfgcpt>500000</cfgcpt><scfgfu>{force}</scfgfu><scfgtu>{torque}</scfgtu></netFTApi>"
         )
     };
     let read = |force, torque| read_page(&page(force, torque)).unwrap();

@@ -1,9 +1,11 @@
 //! The rate of a source's clock against this computer's, by the arrivals of its samples.
 //!
-//! A sample that was taken at t of its own clock arrives at `a = offset + rate · t + delay`, and delays are never negative but now
-//! and then next to nothing. So the line that lies below all points (t, a) and closest to them on average is the clock's, but for
-//! the least delay: Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
-//! 1999. It is the edge of the points' lower convex hull that spans their mean. What is left of the offset, the least delay of
+//! A sample that was taken at t of its own clock arrives at `a = offset + rate · t + delay`, and delays are
+//! never negative but now and then next to nothing. So the line that lies below all points (t, a) and closest
+//! to them on average is the clock's, but for the least delay: Moon, Skelly and Towsley, "Estimation and
+//! removal of clock skew from network delay measurements", INFOCOM
+//! 1999. It is the edge of the points' lower convex hull that spans their mean. What is left of the offset,
+//!       the least delay of
 //! each source, is found from the signals once they are on one time base (`problem::clocks::skew`).
 
 /// Points closer than this are too few for a rate, s.
@@ -36,8 +38,8 @@ impl ClockLine {
 }
 
 impl ArrivalLine {
-    /// Notes a sample of `own_s` of the source's clock that arrived at `here_s`; times of one source ascend, those of several
-    /// that share a clock nearly so.
+    /// Notes a sample of `own_s` of the source's clock that arrived at `here_s`; times of one source ascend,
+    /// those of several that share a clock nearly so.
     pub fn note(&mut self, own_s: f64, here_s: f64) {
         if !own_s.is_finite() || !here_s.is_finite() {
             return;
@@ -84,7 +86,8 @@ impl ArrivalLine {
 mod tests {
     use super::*;
 
-    /// A clock 40 ppm fast whose samples wait up to 20 ms, exponentially: the line is found to within the least delays.
+    /// A clock 40 ppm fast whose samples wait up to 20 ms, exponentially: the line is found to within the
+    /// least delays.
     #[test]
     fn offset_and_drift_are_found_under_delays() {
         let (offset, rate) = (1234.5, 1.0 - 40e-6);

@@ -1,8 +1,9 @@
 //! ROS 2 topics through `foxglove_bridge`, over a WebSocket.
 //!
-//! By the published protocol (foxglove/ws-protocol, `docs/spec.md`), of which `foxglove.sdk.v1` is the later name: the server
-//! advertises channels in JSON, the client subscribes to one, and messages follow in binary: 1, `u32` subscription, `u64` time in
-//! ns, both little-endian, and the payload, here CDR as ROS 2 encodes it.
+//! By the published protocol (foxglove/ws-protocol, `docs/spec.md`), of which `foxglove.sdk.v1` is the later
+//! name: the server advertises channels in JSON, the client subscribes to one, and messages follow in binary:
+//! 1, `u32` subscription, `u64` time in ns, both little-endian, and the payload, here CDR as ROS 2 encodes
+//! it.
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};

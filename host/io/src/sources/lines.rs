@@ -1,8 +1,8 @@
 //! Lines of CSV over a serial port, UDP or standard input.
 //!
-//! Columns are named by `?columns=`, or by the first line; foreign names, units and scales are those of the rig file's
-//! `[recording] columns`, as in a file. A column `seq` or `sequence` counts lines, so that lost ones are known; without `t_s` the time
-//! of arrival is taken.
+//! Columns are named by `?columns=`, or by the first line; foreign names, units and scales are those of the
+//! rig file's `[recording] columns`, as in a file. A column `seq` or `sequence` counts lines, so that lost
+//! ones are known; without `t_s` the time of arrival is taken.
 
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
@@ -95,8 +95,8 @@ impl Layout {
             recording.groups().into_iter().map(|(group, _)| group).filter(of_one_body).collect();
         if groups.is_empty() {
             return Err(format!(
-                "its columns {} are of no wrench, no IMU and no pose: name them by ?columns=t_s,fx_n,…, or in [recording.columns] of \
-                 the rig file",
+                "its columns {} are of no wrench, no IMU and no pose: name them by ?columns=t_s,fx_n,…, or \
+                 in [recording.columns] of the rig file",
                 names.join(", ")
             ));
         }
@@ -217,8 +217,8 @@ impl Decoder {
         let shown: String = line.chars().take(80).collect();
         let expected = self.header.as_deref().unwrap_or("a header");
         Err(format!(
-            "{USELESS} lines in a row are no samples, the last {shown:?}: its columns are to be {expected}, in numbers with a decimal \
-             point; is it the right port and baud rate?"
+            "{USELESS} lines in a row are no samples, the last {shown:?}: its columns are to be {expected}, \
+             in numbers with a decimal point; is it the right port and baud rate?"
         ))
     }
 
@@ -231,7 +231,8 @@ impl Decoder {
             (Some(layout), _) => layout,
             (None, Some(header)) => {
                 let cells = |text: &str| text.split(char::from(separator(header))).count();
-                // A sensor that has just come up may send no numbers yet; the next line shows what the columns are.
+                // A sensor that has just come up may send no numbers yet; the next line shows what the
+                // columns are.
                 let none_yet = line
                     .split(char::from(separator(header)))
                     .any(|cell| cell.trim().parse::<f64>().is_ok_and(|value| !value.is_finite()));
@@ -276,7 +277,8 @@ impl Decoder {
         Ok(Some(row))
     }
 
-    /// Returns true for a time far ahead of the last that no line before has gone on to: one wrong time would make all after it late.
+    /// Returns true for a time far ahead of the last that no line before has gone on to: one wrong time would
+    /// make all after it late.
     fn is_far(&mut self, time_ns: Option<i64>) -> bool {
         let (Some(time), Some(last)) = (time_ns, self.last_ns) else { return false };
         if time.saturating_sub(last) <= FAR_NS {
@@ -312,7 +314,8 @@ struct Sender {
 }
 
 impl Sender {
-    /// Returns true for the sender whose datagrams are taken. One that was silent may go on from another port.
+    /// Returns true for the sender whose datagrams are taken. One that was silent may go on from another
+    /// port.
     fn is_taken(&self, from: SocketAddr) -> bool {
         let is_asked = self.only.is_empty() || self.only.contains(&from.ip());
         let is_silent = self.heard.is_none_or(|heard| heard.elapsed() > SILENT);
@@ -378,8 +381,8 @@ fn bound(url: &SourceUrl) -> Result<UdpSocket, SourceError> {
     let address = *resolve(url, &host, port)?.first().ok_or_else(|| url.unreachable("no address"))?;
     UdpSocket::bind(address).map_err(|e| {
         url.unreachable(format!(
-            "{e}; it is the address on which this computer listens, 0.0.0.0 for any, and no other program, nor another source of this \
-             one, may have the port"
+            "{e}; it is the address on which this computer listens, 0.0.0.0 for any, and no other program, \
+             nor another source of this one, may have the port"
         ))
     })
 }

@@ -41,8 +41,10 @@ fn a_sensor_that_begins_with_no_numbers_is_waited_for() {
 #[test]
 fn names_units_and_order_come_from_the_rig_file() {
     let rig = RigFile::parse(
-        "[recording.columns]\nt_s = { name = \"ms\", scale = 1e-3 }\nimu_ax_mps2 = { name = \"ax\", scale = 9.80665 }\n\
-         imu_ay_mps2 = { name = \"ay\", scale = 9.80665 }\nimu_az_mps2 = { name = \"az\", scale = 9.80665 }\n",
+        "[recording.columns]\nt_s = { name = \"ms\", scale = 1e-3 }\nimu_ax_mps2 = \
+         { name = \"ax\", scale = 9.80665 }\n\
+         imu_ay_mps2 = { name = \"ay\", scale = 9.80665 }\nimu_az_mps2 = \
+         { name = \"az\", scale = 9.80665 }\n",
     )
     .unwrap();
     let mut decoder = Decoder::new(Some("az;ms;ax;ay"), &rig, true);

@@ -10,7 +10,8 @@ use super::xsens::Xsens;
 use crate::recording::columns::Group;
 use crate::rig::RigFile;
 
-/// Opens a source for everything that it is asked for, and waits until it streams. `rig` names the columns of lines.
+/// Opens a source for everything that it is asked for, and waits until it streams. `rig` names the columns of
+/// lines.
 ///
 /// # Errors
 /// [`SourceError`] says what is wrong and what to do.
@@ -33,7 +34,8 @@ pub fn open(url: &SourceUrl, roles: &[Role], rig: &RigFile) -> Result<Box<dyn So
             [role] => Box::new(Bridge::open(url, *role)?),
             _ => {
                 return Err(url.wrong(
-                    "a topic has one type of message: give the address once for each, with ?topic= of its own",
+                    "a topic has one type of message: give the address once for each, with ?topic= of its \
+                     own",
                 ));
             }
         },

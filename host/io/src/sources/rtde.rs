@@ -1,9 +1,10 @@
 //! Universal Robots' controllers by RTDE, protocol version 2, on TCP port 30004.
 //!
-//! By the vendor's guide ("Real-Time Data Exchange"): every package is `u16` length, `u8` type and a payload, big-endian. The client
-//! asks for version 2 (`V`), gives the names of what it wants with a rate (`O`; the answer has a recipe's number and the types),
-//! and starts (`S`); packages of data (`U`) follow. Wrench: `ft_raw_wrench`, which is not zeroed and not compensated. The IMU is
-//! `actual_tool_accelerometer` with the turns of `actual_TCP_pose`: the rate of turn is the attitude's slope.
+//! By the vendor's guide ("Real-Time Data Exchange"): every package is `u16` length, `u8` type and a payload,
+//! big-endian. The client asks for version 2 (`V`), gives the names of what it wants with a rate (`O`; the
+//! answer has a recipe's number and the types), and starts (`S`); packages of data (`U`) follow. Wrench:
+//! `ft_raw_wrench`, which is not zeroed and not compensated. The IMU is `actual_tool_accelerometer` with the
+//! turns of `actual_TCP_pose`: the rate of turn is the attitude's slope.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -25,7 +26,8 @@ const MESSAGE: u8 = b'M';
 const RATE_HZ: f64 = 500.0;
 /// Longer than any package, by its own field.
 const MOST: usize = 1 << 16;
-const LOOK_AT: &str = "is the robot switched on, in this network, with the RTDE service enabled under Settings, Security, Services?";
+const LOOK_AT: &str = "is the robot switched on, in this network, with the RTDE service enabled under \
+                       Settings, Security, Services?";
 
 /// A variable that may be asked for: its name, the type it must have, numbers of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,8 +53,9 @@ fn variables(url: &SourceUrl, roles: &[Role]) -> Result<Vec<Variable>, SourceErr
     let wrench = url.setting("wrench").unwrap_or("ft_raw_wrench");
     if wrench == "actual_TCP_force" {
         return Err(url.wrong(
-            "actual_TCP_force is zeroed by the controller, and the payload that it believes in is taken off, so that what is to be \
-             identified is missing from it: leave wrench= out, ft_raw_wrench is the sensor's own",
+            "actual_TCP_force is zeroed by the controller, and the payload that it believes in is taken off, \
+             so that what is to be identified is missing from it: leave wrench= out, ft_raw_wrench is the \
+             sensor's own",
         ));
     }
     if roles.contains(&Role::Wrench) {
@@ -158,8 +161,8 @@ impl Decoder {
             match *found {
                 "NOT_FOUND" if name == "ft_raw_wrench" => {
                     return Err(format!(
-                        "the controller has no {name}: it comes with PolyScope 5.9 on an e-Series, which has a sensor in its flange; older \
-                         robots need a sensor of their own, as ati+udp://"
+                        "the controller has no {name}: it comes with PolyScope 5.9 on an e-Series, which has \
+                         a sensor in its flange; older robots need a sensor of their own, as ati+udp://"
                     ));
                 }
                 "NOT_FOUND" => return Err(format!("the controller has no {name}")),

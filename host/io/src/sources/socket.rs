@@ -46,7 +46,8 @@ pub fn tcp(url: &SourceUrl, host: &str, port: u16, look_at: &str) -> Result<TcpS
     Err(url.unreachable(format!("{last}; {look_at}")))
 }
 
-/// Reads to the end of a stream: at most `most` bytes, within [`PATIENCE`] in all, and no longer than somebody waits for it.
+/// Reads to the end of a stream: at most `most` bytes, within [`PATIENCE`] in all, and no longer than
+/// somebody waits for it.
 ///
 /// # Errors
 /// The stream's own, or the time is over: whoever sends a byte now and then holds nobody up.
@@ -83,7 +84,10 @@ pub fn serial(url: &SourceUrl, default_baud: u32) -> Result<Box<dyn serialport::
     serialport::new(&url.place, baud).timeout(Duration::from_millis(100)).open().map_err(|error| {
         let text = error.to_string();
         url.unreachable(if text.contains("ermission") {
-            format!("{text}; add yourself to the group that owns it, usually `sudo usermod -aG dialout $USER`, and log in again")
+            format!(
+                "{text}; add yourself to the group that owns it, usually `sudo usermod -aG dialout \
+                     $USER`, and log in again"
+            )
         } else {
             format!("{text}; `ports()` lists those that are here")
         })

@@ -1,8 +1,9 @@
 //! Xsens MTi's over a serial line: MTData2 messages.
 //!
-//! By the vendor's "MT Low Level Communication Protocol": `FA FF 36`, a length (`FF` and two bytes if it is longer than 254), items,
-//! a check sum that makes the bytes behind the preamble add up to a multiple of 256. An item has an identifier, whose lowest
-//! nibble is its format (floating-point of 32 or 64 bits, fixed-point 12.20 or 16.32), a length and numbers, big-endian.
+//! By the vendor's "MT Low Level Communication Protocol": `FA FF 36`, a length (`FF` and two bytes if it is
+//! longer than 254), items, a check sum that makes the bytes behind the preamble add up to a multiple of 256.
+//! An item has an identifier, whose lowest nibble is its format (floating-point of 32 or 64 bits, fixed-point
+//! 12.20 or 16.32), a length and numbers, big-endian.
 
 use std::time::Duration;
 
@@ -210,7 +211,8 @@ impl Decoder {
             ""
         };
         Some(format!(
-            "its messages have no {}{free}: enable it with Packet Counter and Sample Time Fine in the output configuration, by MT Manager",
+            "its messages have no {}{free}: enable it with Packet Counter and Sample Time Fine in the output \
+             configuration, by MT Manager",
             lacking.join(" and no ")
         ))
     }

@@ -1,7 +1,8 @@
 use super::*;
 
-/// The items of a message that an MTi-300 sent, with what the vendor's MT Manager made of them: packet counter 42581, sample time
-/// 5719854, acceleration −0.07915300 −0.16655955 9.82217598, rate of turn −0.00541657 −0.00458360 0.00792891.
+/// The items of a message that an MTi-300 sent, with what the vendor's MT Manager made of them: packet
+/// counter 42581, sample time 5719854, acceleration −0.07915300 −0.16655955 9.82217598, rate of turn
+/// −0.00541657 −0.00458360 0.00792891.
 const RECORDED: [u8; 139] = [
     0x10, 0x20, 0x02, 0xA6, 0x55, 0x10, 0x60, 0x04, 0x00, 0x57, 0x47, 0x2E, 0x20, 0x10, 0x10, 0x3F, 0x7F,
     0x7D, 0xC4, 0xBC, 0x10, 0x10, 0x7D, 0x3B, 0xA1, 0x57, 0x70, 0xBD, 0x7E, 0xC6, 0x56, 0x40, 0x20, 0x0C,

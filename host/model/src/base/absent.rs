@@ -1,8 +1,8 @@
 //! Rules of a tree with links that are no bodies, as between the joints of one body.
 //!
-//! The rules' combinations `B φ` are independent as long as every link may have mass. Where some have none, their columns of
-//! B go, and rows that then depend on others with them: `B' = B'_i N`, B'_i independent columns, so that `N φ` are the base
-//! parameters that are left, each standing for a standard one.
+//! The rules' combinations `B φ` are independent as long as every link may have mass. Where some have none,
+//! their columns of B go, and rows that then depend on others with them: `B' = B'_i N`, B'_i independent
+//! columns, so that `N φ` are the base parameters that are left, each standing for a standard one.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,8 +10,8 @@ use super::numerical::{power, rank};
 use super::qr::Columns;
 use super::recursive::{NAMES, Rule};
 
-/// The rules that are left with the `present` columns only, ascending. `reach` is the unit of length that makes them of one
-/// size.
+/// The rules that are left with the `present` columns only, ascending. `reach` is the unit of length that
+/// makes them of one size.
 pub(super) fn without(rules: &[Rule], present: &[usize], reach: f64) -> Vec<Rule> {
     let natural = DMatrix::from_fn(rules.len(), present.len(), |row, k| {
         let term = rules[row].terms.iter().find(|(column, _)| *column == present[k]);

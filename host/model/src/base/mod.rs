@@ -1,8 +1,10 @@
 //! Base parameters: the least set of combinations of standard parameters that the rows can tell apart.
 //!
-//! Lives here: the question ([`Situation`]) and its answer ([`BaseParameters`]), found twice: by rules from leaf to root
-//! ([`recursive`]), exact for a base that moves freely, and from random motions by a rank-revealing QR ([`numerical`]),
-//! for every situation. Both must agree. Links that are no bodies leave the rules with fewer columns (`absent`). May not live here: estimation. Next: [`recursive`], then [`numerical`].
+//! Lives here: the question ([`Situation`]) and its answer ([`BaseParameters`]), found twice: by rules from
+//! leaf to root ([`recursive`]), exact for a base that moves freely, and from random motions by a
+//! rank-revealing QR ([`numerical`]), for every situation. Both must agree. Links that are no bodies leave
+//! the rules with fewer columns (`absent`). May not live here: estimation. Next: [`recursive`], then
+//! [`numerical`].
 
 mod absent;
 pub mod names;
@@ -29,7 +31,8 @@ pub const ROUNDED: f64 = 1e-10;
 /// The measured quantities and the kind of base.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
-    /// The base moves; otherwise it is held still, gravity as the model states it, else along −z of its frame.
+    /// The base moves; otherwise it is held still, gravity as the model states it, else along −z of its
+    /// frame.
     pub floating: bool,
     /// The rows.
     pub rows: Rows,
@@ -49,8 +52,8 @@ impl Situation {
             (false, Rows::Joint) => "the base is held still; joint torques",
             (false, Rows::Both) => "the base is held still; wrench on the base link and joint torques",
             (false, Rows::Base) => {
-                "the base is held still; six rows, the wrench on the base link, which then do not identify what they \
-                 would if it moved"
+                "the base is held still; six rows, the wrench on the base link, which then do not identify \
+                 what they would if it moved"
             }
         }
     }
@@ -189,8 +192,8 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     }
     if free.rank() != map.nrows() {
         return Err(refuse(format!(
-            "random motions tell {} parameters apart, the rules {}: the model is at the edge of being degenerate (the \
-             gap is {:.1e} to {:.1e})",
+            "random motions tell {} parameters apart, the rules {}: the model is at the edge of being \
+             degenerate (the gap is {:.1e} to {:.1e})",
             free.rank(),
             map.nrows(),
             free.gap.kept,
@@ -201,7 +204,8 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     // Half the digits: rounding has far more to go by, a wrong weight far less.
     if disagreement > f64::EPSILON.sqrt() {
         return Err(refuse(format!(
-            "rules and random motions disagree by {disagreement:.1e}: the model is at the edge of being degenerate"
+            "rules and random motions disagree by {disagreement:.1e}: the model is at the edge of being \
+             degenerate"
         )));
     }
     // The rules' weights are products of a frame's numbers; those of the QR carry its condition.

@@ -1,9 +1,10 @@
 //! Base parameters from random motions.
 //!
-//! The rows of as many random motions as are needed are reduced by a QR with column pivoting. Before that the model is
-//! brought to natural units: its reach is the unit of length, and time is such that gravity is one. So columns of mass,
-//! first moment and inertia are of one size whatever the robot's, and the rank can be cut where the diagonal drops
-//! most, with nothing but rounding as the scale: ε · max(rows, columns) takes the place of everything below.
+//! The rows of as many random motions as are needed are reduced by a QR with column pivoting. Before that the
+//! model is brought to natural units: its reach is the unit of length, and time is such that gravity is one.
+//! So columns of mass, first moment and inertia are of one size whatever the robot's, and the rank can be cut
+//! where the diagonal drops most, with nothing but rounding as the scale: ε · max(rows, columns) takes the
+//! place of everything below.
 
 use nalgebra::{DMatrix, Vector3};
 use rigident_shared::tree::{BaseMotion, Joint, TreeError};
@@ -130,7 +131,8 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
     let columns = moving.columns();
     let (with_base, with_joints) = (situation.rows != Rows::Joint, situation.rows != Rows::Base);
     let per_motion = if with_base { 6 } else { 0 } + if with_joints { moving.freedoms() } else { 0 };
-    // A fifth more rows than columns, and of joints' rows, which see only what is beyond, twice as many and then some.
+    // A fifth more rows than columns, and of joints' rows, which see only what is beyond, twice as many and
+    // then some.
     let generous = if with_joints { 2 * columns + 120 } else { columns + columns / 5 + 12 };
     let motions = generous.div_ceil(per_motion.max(1)).max(if with_joints { 24 } else { 2 });
     let rows = motions * per_motion;
@@ -144,7 +146,8 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
     let (mut q, mut v, mut dv) =
         (vec![0.0; moving.coordinates()], vec![0.0; moving.freedoms()], vec![0.0; moving.freedoms()]);
     for motion in 0..motions {
-        // Angles over more than a turn, lengths up to the reach; rates and accelerations of the size of gravity's.
+        // Angles over more than a turn, lengths up to the reach; rates and accelerations of the size of
+        // gravity's.
         q.iter_mut().for_each(|x| *x = random.next());
         for (link, (at, _)) in model.links.iter().zip(&places).skip(1) {
             if matches!(link.link.joint, Joint::Revolute(_) | Joint::Universal(..)) {
@@ -198,8 +201,8 @@ impl Reduction {
         Self::reduce(Columns { rows: sampled.matrix.rows, data }, columns, sampled.reach)
     }
 
-    /// The reduction of the columns of combinations `map · φ` of full row rank, of which `Y = Y_combined · map` is known;
-    /// `columns[k]` has the unit of the k-th.
+    /// The reduction of the columns of combinations `map · φ` of full row rank, of which
+    /// `Y = Y_combined · map` is known; `columns[k]` has the unit of the k-th.
     pub fn of_combinations(sampled: &Sampled, map: &DMatrix<f64>, columns: &[usize]) -> Option<Self> {
         let natural = DMatrix::from_fn(map.nrows(), map.ncols(), |row, column| {
             map[(row, column)] * sampled.reach.powi(power(column) - power(columns[row]))

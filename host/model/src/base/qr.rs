@@ -133,8 +133,8 @@ impl Pivoted {
         }
     }
 
-    /// Smallest singular value of the leading triangle of `rank`, by inverse iteration: never below it, and within some
-    /// per cent after a dozen steps from a start that is no singular vector.
+    /// Smallest singular value of the leading triangle of `rank`, by inverse iteration: never below it, and
+    /// within some per cent after a dozen steps from a start that is no singular vector.
     pub fn smallest_singular_value(&self, rank: usize) -> f64 {
         let mut x: Vec<f64> = (0..rank).map(|k| 1.0 + ((k * 7919) % 101) as f64 / 101.0).collect();
         let mut growth = 0.0;
@@ -148,7 +148,8 @@ impl Pivoted {
         growth.sqrt().recip()
     }
 
-    /// Norm of everything that the leading triangle of `rank` leaves: no singular value that is dropped exceeds it.
+    /// Norm of everything that the leading triangle of `rank` leaves: no singular value that is dropped
+    /// exceeds it.
     pub fn dropped(&self, rank: usize) -> f64 {
         let deep = self.diagonal.len();
         let inside: f64 = (rank..self.order.len())
@@ -176,8 +177,8 @@ mod tests {
         let singular = a.clone().svd(false, false).singular_values;
         assert!(pivoted.diagonal.len() >= rank);
         let kept = pivoted.smallest_singular_value(rank);
-        // Of the leading triangle: at most the matrix's, at least by the factor sqrt(k (n − k) + 1) of Gu and Eisenstat's
-        // ideal pivoting, which Businger and Golub's meets but for contrived matrices.
+        // Of the leading triangle: at most the matrix's, at least by the factor sqrt(k (n − k) + 1) of Gu and
+        // Eisenstat's ideal pivoting, which Businger and Golub's meets but for contrived matrices.
         assert!(kept <= singular[rank - 1] * 1.05, "{kept} {}", singular[rank - 1]);
         assert!(kept > singular[rank - 1] / (rank as f64 * (n - rank) as f64 + 1.0).sqrt());
         assert!(pivoted.dropped(rank) < f64::EPSILON * 100.0 * singular[0]);

@@ -1,7 +1,7 @@
 //! Regrouping by rules, leaf to root, for a base that moves freely.
 //!
-//! The motion of a link differs from its parent's by what its joint does; what the joint leaves alone the two links
-//! cannot be distinguished by. With a the axis, R and p of the joint at zero position:
+//! The motion of a link differs from its parent's by what its joint does; what the joint leaves alone the two
+//! links cannot be distinguished by. With a the axis, R and p of the joint at zero position:
 //!
 //! | joint | goes to the parent | stays |
 //! |---|---|---|
@@ -11,9 +11,10 @@
 //! | fixed | all | – |
 //! | free | – | all ten |
 //!
-//! This is G. Venture, K. Ayusawa, Y. Nakamura (SYSID 2009) with the misprints of its equations put right, and with a
-//! frame inserted where an axis is not z: along a coordinate axis it only renames (x y z in a circle, names stay those
-//! of the link's axes), otherwise names carry a prime and belong to axes turned so that z' is the joint's.
+//! This is G. Venture, K. Ayusawa, Y. Nakamura (SYSID 2009) with the misprints of its equations put right,
+//! and with a frame inserted where an axis is not z: along a coordinate axis it only renames (x y z in a
+//! circle, names stay those of the link's axes), otherwise names carry a prime and belong to axes turned so
+//! that z' is the joint's.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rigident_shared::tree::Joint;

@@ -56,7 +56,8 @@ fn kinds() -> [Joint<f64>; 6] {
 
 #[test]
 fn rules_and_random_motions_agree_for_every_kind_of_joint_and_any_unit_of_length() {
-    // Twice each: 7 for revolute, 9 for spherical and universal, 4 for prismatic, 10 for free, and 10 of the base.
+    // Twice each: 7 for revolute, 9 for spherical and universal, 4 for prismatic, 10 for free, and 10 of the
+    // base.
     let count = 10 + 2 * (7 + 9 + 4 + 9 + 7 + 10);
     for size in [1e-3, 1.0, 1e3] {
         let found = base_parameters(&model(&kinds(), size), &FLOATING).unwrap();
@@ -111,7 +112,8 @@ fn a_base_held_still_regroups_more_and_gravity_counts() {
         m.links[1].link.rotation = Matrix3::identity();
         base_parameters(&m, &torques).unwrap()
     };
-    // About the vertical gravity has no moment: the moment of inertia alone. About a horizontal axis: two first moments.
+    // About the vertical gravity has no moment: the moment of inertia alone. About a horizontal axis: two
+    // first moments.
     let vertical = one(Vector3::z());
     assert_eq!(vertical.parameters.len(), 1);
     assert_eq!(vertical.parameters[0].name, "l1.Jzz");

@@ -1,9 +1,10 @@
-//! Mistakes of convention: tensors about the link's origin, products of inertia of the wrong sign, centres of mass on the wrong
-//! side.
+//! Mistakes of convention: tensors about the link's origin, products of inertia of the wrong sign, centres of
+//! mass on the wrong side.
 //!
-//! A link's inertia is compared with its shapes, taken for a shell of one thickness, and with the link of the other side. What
-//! matter is made of where is not known: its spread is some ten per cent off, so that only mistakes are found that change it by
-//! more. Each mistake is undone, and is reported where the body is much nearer to its shapes without it.
+//! A link's inertia is compared with its shapes, taken for a shell of one thickness, and with the link of the
+//! other side. What matter is made of where is not known: its spread is some ten per cent off, so that only
+//! mistakes are found that change it by more. Each mistake is undone, and is reported where the body is much
+//! nearer to its shapes without it.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,8 @@ use crate::tree::{Model, ModelLink};
 
 /// The least second moment of shapes over their largest: what is thinner has screws, cables and motors on it.
 const FLATTEST: f64 = 0.01;
-/// The least second moment over the largest that is left of a tensor when it is moved from the origin to the centre of mass.
+/// The least second moment over the largest that is left of a tensor when it is moved from the origin to the
+/// centre of mass.
 const LEFT: f64 = 0.003;
 /// The multiple of the tensor about the centre of mass that the way there must have added, with shapes and
 /// without.
@@ -132,16 +134,18 @@ pub(super) fn conventions(model: &Model, shapes: &BTreeMap<String, Shape>) -> Ve
         found.push(Finding {
             place: "model".to_owned(),
             text: format!(
-                "in {against} of {telling} links whose shapes tell, the products of inertia have the sign opposite to that of the \
-                 shapes: were they written as ∫ x y dm, as some CAD programs do, and not as −∫ x y dm?"
+                "in {against} of {telling} links whose shapes tell, the products of inertia have the sign \
+                 opposite to that of the shapes: were they written as ∫ x y dm, as some CAD programs do, and \
+                 not as −∫ x y dm?"
             ),
         });
     }
     found
 }
 
-/// Judges a tensor that leaves a body if it is moved from the origin to the centre of mass, of half of it at most, or a third where
-/// there are no shapes. One about the centre of mass does so only if the origin is well inside of the body, and then moves little.
+/// Judges a tensor that leaves a body if it is moved from the origin to the centre of mass, of half of it at
+/// most, or a third where there are no shapes. One about the centre of mass does so only if the origin is
+/// well inside of the body, and then moves little.
 fn about_origin(own: &Spread, shape: Option<&Spread>) -> Option<String> {
     let undone = own.if_about_origin();
     let left = undone.second.symmetric_eigenvalues();
@@ -159,8 +163,8 @@ fn about_origin(own: &Spread, shape: Option<&Spread>) -> Option<String> {
         }
     }
     Some(format!(
-        "its tensor looks as if it was about the link's origin and not about the centre of mass: moved by {:.3} m to there a body is \
-         left, of {:.0} % of the moments",
+        "its tensor looks as if it was about the link's origin and not about the centre of mass: moved by \
+         {:.3} m to there a body is left, of {:.0} % of the moments",
         own.centre.norm(),
         100.0 * undone.second.trace() / own.second.trace()
     ))
@@ -181,7 +185,8 @@ fn wrong_side(own: &Spread, shape: &Spread) -> Option<String> {
     let (axis, there) = best;
     (here - there > FARTHER.1 && here > FARTHER.0 * there).then(|| {
         format!(
-            "its centre of mass is {:.3} m off the middle of its shapes, and {:.3} m if {} had the other sign",
+            "its centre of mass is {:.3} m off the middle of its shapes, and {:.3} m if {} had the other \
+             sign",
             (own.centre - shape.centre).norm(),
             (own.across(axis).centre - shape.centre).norm(),
             ["x", "y", "z"][axis]
@@ -189,7 +194,8 @@ fn wrong_side(own: &Spread, shape: &Spread) -> Option<String> {
     })
 }
 
-/// Returns the cosine between the correlation coefficients of a body and of its shapes where both are large enough to tell.
+/// Returns the cosine between the correlation coefficients of a body and of its shapes where both are large
+/// enough to tell.
 fn agreement(own: &Spread, shape: &Spread) -> Option<f64> {
     let changed = own.with_products([true; 3]);
     if size(&own.second) * MATTERS > (own.second - changed.second).norm() {
@@ -206,8 +212,8 @@ fn wrong_products(own: &Spread, shape: &Spread) -> Option<String> {
         let own = correlations(&own.second);
         let shape = correlations(&shape.second);
         format!(
-            "its products of inertia have the sign opposite to that of its shapes: y z, z x and x y are correlated by {:.2}, {:.2} \
-             and {:.2}, in its shapes by {:.2}, {:.2} and {:.2}",
+            "its products of inertia have the sign opposite to that of its shapes: y z, z x and x y are \
+             correlated by {:.2}, {:.2} and {:.2}, in its shapes by {:.2}, {:.2} and {:.2}",
             own.x, own.y, own.z, shape.x, shape.y, shape.z
         )
     })

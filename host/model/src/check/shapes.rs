@@ -44,8 +44,9 @@ pub struct ShapeBox {
     pub half: Vector3<f64>,
 }
 
-/// Returns the boxes round what the links of a URDF collide with, or are seen as where they collide with nothing, by their names; links without
-/// shapes are left out, and `None` is of a link with one that cannot be read.
+/// Returns the boxes round what the links of a URDF collide with, or are seen as where they collide with
+/// nothing, by their names; links without shapes are left out, and `None` is of a link with one that cannot
+/// be read.
 #[must_use]
 pub fn boxes(text: &str, path: &Path) -> BTreeMap<String, Option<Vec<ShapeBox>>> {
     let tidy = tidied(text);

@@ -40,8 +40,8 @@ pub(super) fn sides(model: &Model) -> Vec<Finding> {
         };
         if !may_be_copy && off(&copy, &own) <= ALIKE {
             say(format!(
-                "has the very numbers of {}, whose mirror image it is by its place: centre of mass and products of inertia should \
-                 have changed signs (it is off by {:.0} % of its own)",
+                "has the very numbers of {}, whose mirror image it is by its place: centre of mass and \
+                 products of inertia should have changed signs (it is off by {:.0} % of its own)",
                 names.0,
                 100.0 * off(&image, &own)
             ));
@@ -50,7 +50,8 @@ pub(super) fn sides(model: &Model) -> Vec<Finding> {
         let wanted = if may_be_copy { vec![image, copy] } else { vec![image] };
         if let Some(mistake) = wanted.iter().find_map(|wanted| mistake(wanted, &own)) {
             say(format!(
-                "would be the image of {} but for one thing: {mistake}, in one of the two; they differ by {:.0} %",
+                "would be the image of {} but for one thing: {mistake}, in one of the two; they differ by \
+                 {:.0} %",
                 names.0,
                 100.0 * off(&image, &own)
             ));
@@ -59,7 +60,8 @@ pub(super) fn sides(model: &Model) -> Vec<Finding> {
     found
 }
 
-/// Returns the largest difference of two bodies in places and second moments, relative to their radius of gyration and its square.
+/// Returns the largest difference of two bodies in places and second moments, relative to their radius of
+/// gyration and its square.
 fn off(a: &Spread, b: &Spread) -> f64 {
     let radius = a.radius().max(b.radius()).max(f64::MIN_POSITIVE);
     let places = (a.centre - b.centre).norm() / radius;

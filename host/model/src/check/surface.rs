@@ -32,8 +32,8 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Returns a body of this area whose moments are those of its volume, from its half box and the second moments of a unit of
-    /// mass about its centre.
+    /// Returns a body of this area whose moments are those of its volume, from its half box and the second
+    /// moments of a unit of mass about its centre.
     pub(super) fn of_body(area: f64, half: Vector3<f64>, second: Vector3<f64>) -> Self {
         let second = Matrix3::from_diagonal(&second) * area;
         Self { area, first: Vector3::zeros(), second, low: -half, high: half }

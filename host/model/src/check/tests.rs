@@ -173,14 +173,15 @@ fn scenes_that_hold_themselves_and_indices_out_of_range_are_no_surface() {
 }
 
 /// Two boxes askew, far from the link's origin.
-const LOPSIDED: &str = "<visual><origin xyz=\"0.2 0.05 0.1\"/><geometry><box size=\"0.1 0.1 0.1\"/></geometry></visual><visual><origin \
-                        xyz=\"0.3 0.15 0.1\"/><geometry><box size=\"0.1 0.1 0.1\"/></geometry></visual>";
+const LOPSIDED: &str = "<visual><origin xyz=\"0.2 0.05 0.1\"/><geometry><box size=\"0.1 0.1 \
+                        0.1\"/></geometry></visual><visual><origin xyz=\"0.3 0.15 0.1\"/><geometry><box \
+                        size=\"0.1 0.1 0.1\"/></geometry></visual>";
 
 /// A model of one such link, of the inertia of its shapes after a change.
 fn told(change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> Vec<Finding> {
     let text = format!(
-        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{LOPSIDED}</link><joint name=\"j\" type=\"continuous\"><parent \
-         link=\"a\"/><child link=\"b\"/></joint></robot>"
+        "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{LOPSIDED}</link><joint name=\"j\" \
+         type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/></joint></robot>"
     );
     let mut model = urdf::parse(&text, "r.urdf").unwrap();
     let shapes = shapes(&text, std::path::Path::new("r.urdf"));
@@ -223,14 +224,14 @@ fn a_whole_file_s_products_are_told_as_its_convention() {
     let robots = place.path().join("askew/robots");
     std::fs::create_dir_all(&robots).unwrap();
     std::fs::write(place.path().join("askew/box.obj"), obj()).unwrap();
-    let mesh = "<visual><origin xyz=\"0.3 0 0.1\" rpy=\"0 0 0.4\"/><geometry><mesh filename=\"package://askew/box.obj\" scale=\"0.5 1 \
-                0.3\"/></geometry></visual>";
+    let mesh = "<visual><origin xyz=\"0.3 0 0.1\" rpy=\"0 0 0.4\"/><geometry><mesh \
+                filename=\"package://askew/box.obj\" scale=\"0.5 1 0.3\"/></geometry></visual>";
     let mut text = "<robot name=\"r\"><link name=\"l0\"/>".to_owned();
     for k in 1..4 {
         let held = k - 1;
         text += &format!(
-            "<link name=\"l{k}\">{mesh}</link><joint name=\"j{k}\" type=\"continuous\"><parent link=\"l{held}\"/><child \
-             link=\"l{k}\"/></joint>"
+            "<link name=\"l{k}\">{mesh}</link><joint name=\"j{k}\" type=\"continuous\"><parent \
+             link=\"l{held}\"/><child link=\"l{k}\"/></joint>"
         );
     }
     text += "</robot>";
@@ -263,9 +264,10 @@ fn a_whole_file_s_products_are_told_as_its_convention() {
 /// A left and a right link without shapes.
 #[test]
 fn a_side_that_is_the_other_s_image_but_for_one_thing_is_told() {
-    let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"FL_leg\"/><link name=\"FR_leg\"/><joint name=\"l\" \
-                type=\"continuous\"><origin xyz=\"0 0.2 0\"/><parent link=\"a\"/><child link=\"FL_leg\"/></joint><joint name=\"r\" \
-                type=\"continuous\"><origin xyz=\"0 -0.2 0\"/><parent link=\"a\"/><child link=\"FR_leg\"/></joint></robot>";
+    let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"FL_leg\"/><link name=\"FR_leg\"/><joint \
+                name=\"l\" type=\"continuous\"><origin xyz=\"0 0.2 0\"/><parent link=\"a\"/><child \
+                link=\"FL_leg\"/></joint><joint name=\"r\" type=\"continuous\"><origin xyz=\"0 -0.2 \
+                0\"/><parent link=\"a\"/><child link=\"FR_leg\"/></joint></robot>";
     let body = |side: f64, change: fn(&mut Vector3<f64>, &mut Matrix3<f64>)| {
         let mut centre = Vector3::new(0.02, 0.05 * side, -0.1);
         let (xy, yz, zx) = (0.002 * side, -0.003 * side, 0.001);

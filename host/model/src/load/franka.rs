@@ -1,10 +1,11 @@
 //! The input of Franka Robotics' controllers: libfranka's `setLoad` and the `endeffector-config.json` of an
 //! end effector.
 //!
-//! `setLoad(load_mass, F_x_Cload, load_inertia)`: kg, m from the flange's frame, and the inertia matrix about the centre of mass in
-//! kg m², nine numbers column by column (`RobotState::I_load`: "with respect to center of mass"). The file has the same
-//! quantities as `mass`, `centerOfMass` and `inertia`, beside the end effector's `transformation`, four by four, column by column
-//! (Franka RIDE documentation 1.1.1, *End effector commissioning*).
+//! `setLoad(load_mass, F_x_Cload, load_inertia)`: kg, m from the flange's frame, and the inertia matrix about
+//! the centre of mass in kg m², nine numbers column by column (`RobotState::I_load`: "with respect to center
+//! of mass"). The file has the same quantities as `mass`, `centerOfMass` and `inertia`, beside the end
+//! effector's `transformation`, four by four, column by column (Franka RIDE documentation 1.1.1, *End
+//! effector commissioning*).
 
 use serde_json::{Value, json};
 

@@ -1,8 +1,9 @@
 //! The structure LOAD of KUKA's controllers, as `LOAD_DATA[n]` in `$config.dat`.
 //!
-//! `M` in kg; `CM` the frame of the principal axes in that of the flange: X, Y, Z its origin, the centre of mass, in mm, and A, B, C
-//! in degrees, turned by A about Z, then by B about the new Y, then by C about the new X; `J` the principal moments about X, Y, Z of
-//! that frame in kg m² (KR IONTEC assembly manual V4, *Payloads*; Beckhoff TF5120, *KRC_WriteLoadData*).
+//! `M` in kg; `CM` the frame of the principal axes in that of the flange: X, Y, Z its origin, the centre of
+//! mass, in mm, and A, B, C in degrees, turned by A about Z, then by B about the new Y, then by C about the
+//! new X; `J` the principal moments about X, Y, Z of that frame in kg m² (KR IONTEC assembly manual V4,
+//! *Payloads*; Beckhoff TF5120, *KRC_WriteLoadData*).
 
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, Vector3};
 use rigident_shared::inertia::{tensor_elements, tensor_from_elements};

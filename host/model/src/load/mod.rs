@@ -1,8 +1,9 @@
 //! Loads as controllers take them: what is in a gripper, about the frame of the flange.
 //!
-//! Lives here: a load ([`Load`]), the languages that it is written in and read from again ([`universal_robots`], [`franka`], [`kuka`],
-//! [`urdf`]). May not live here: how a load is found. Every language says mass, centre of mass and the tensor about it; `docs/payload.md`
-//! names axes, units and the vendor's page of each.
+//! Lives here: a load ([`Load`]), the languages that it is written in and read from again
+//! ([`universal_robots`], [`franka`], [`kuka`],
+//! [`urdf`]). May not live here: how a load is found. Every language says mass, centre of mass and the tensor
+//! about it; `docs/payload.md` names axes, units and the vendor's page of each.
 
 pub mod franka;
 pub mod kuka;
@@ -30,8 +31,8 @@ pub struct Load {
     pub mass_kg: f64,
     /// Centre of mass in the flange's frame, m.
     pub com_m: [f64; 3],
-    /// Tensor about the centre of mass, axes of the flange: Ixx, Iyy, Izz, Iyz, Izx, Ixy, tensor elements, kg m². All zero of a
-    /// point mass: the tensor is not known.
+    /// Tensor about the centre of mass, axes of the flange: Ixx, Iyy, Izz, Iyz, Izx, Ixy, tensor elements, kg
+    /// m². All zero of a point mass: the tensor is not known.
     pub inertia_com_kgm2: [f64; 6],
 }
 
@@ -124,7 +125,8 @@ impl Load {
     }
 }
 
-/// Returns a remark as a line of comment holds it. A backslash at the end would make the next line of C++ a comment, too.
+/// Returns a remark as a line of comment holds it. A backslash at the end would make the next line of C++ a
+/// comment, too.
 fn in_comment(remark: &str) -> String {
     printable::line(remark).to_string().trim_end_matches(['\\', '/', ' ']).to_owned()
 }
@@ -143,11 +145,12 @@ impl Language {
         }
     }
 
-    /// Returns the text that says a load; `remarks` are lines of comment, where the language has comments, and `link` is the
-    /// name of the frame that it is in.
+    /// Returns the text that says a load; `remarks` are lines of comment, where the language has comments,
+    /// and `link` is the name of the frame that it is in.
     ///
     /// # Errors
-    /// [`LoadError`] if no body is such a load, the language cannot say it, or the text is not read back as it was meant.
+    /// [`LoadError`] if no body is such a load, the language cannot say it, or the text is not read back as
+    /// it was meant.
     pub fn write(self, load: &Load, link: &str, remarks: &[String]) -> Result<String, LoadError> {
         if let Some(why) = load.impossibility() {
             return Err(LoadError::Impossible(why));
@@ -181,7 +184,8 @@ impl Language {
         }
     }
 
-    /// Returns true if every line of a text is a comment or one of the statement: a robot runs whatever else is there.
+    /// Returns true if every line of a text is a comment or one of the statement: a robot runs whatever else
+    /// is there.
     fn says_only(self, text: &str, statement: &str) -> bool {
         let Some(mark) = self.comment() else { return text == statement };
         let Some(remarks) = text.strip_suffix(statement) else { return false };

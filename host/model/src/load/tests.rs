@@ -18,7 +18,8 @@ fn turned_box() -> Load {
 
 /// Twice the kinetic energy of eight equal masses at the corners of the box that has the moments of `load`.
 ///
-/// A box of 8 masses m/8 at ± s has `Ixx = m (s_y² + s_z²)`: nothing of the formulas of tensors in any other axes.
+/// A box of 8 masses m/8 at ± s has `Ixx = m (s_y² + s_z²)`: nothing of the formulas of tensors in any other
+/// axes.
 fn energy(load: &Load, velocity: Vector3<f64>, rate: Vector3<f64>) -> f64 {
     let [xx, yy, zz, yz, zx, xy] = load.inertia_com_kgm2;
     let tensor = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);

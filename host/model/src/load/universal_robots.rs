@@ -1,8 +1,9 @@
 //! `set_target_payload(m, cog, inertia)` of URScript, of Universal Robots.
 //!
-//! Mass in kg, centre of gravity from the tool mount in m, `[Ixx, Iyy, Izz, Ixy, Ixz, Iyz]` in kg m² about the centre of
-//! gravity along the axes of the tool flange: elements of the *inertia matrix*, so that products have the sign of ours. Without the
-//! third argument the matrix is zero (Script Manual, SW 10.6, *set_target_payload*).
+//! Mass in kg, centre of gravity from the tool mount in m, `[Ixx, Iyy, Izz, Ixy, Ixz, Iyz]` in kg m² about
+//! the centre of gravity along the axes of the tool flange: elements of the *inertia matrix*, so that
+//! products have the sign of ours. Without the third argument the matrix is zero (Script Manual, SW 10.6,
+//! *set_target_payload*).
 
 use super::numbers::{after, list, plain};
 use super::{Load, LoadError};

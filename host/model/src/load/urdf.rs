@@ -1,4 +1,5 @@
-//! A link of a URDF on a fixed joint: mass in kg, centre of mass in m and the tensor about it in kg m², axes of the flange.
+//! A link of a URDF on a fixed joint: mass in kg, centre of mass in m and the tensor about it in kg m², axes
+//! of the flange.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::{Joint, Link};

@@ -200,8 +200,8 @@ impl Files<'_> {
             self.left = { inner }.expand_into(&mut own, depth + 1)?;
             if super::elements::angles(&own) != *angles {
                 return Err(format!(
-                    "<attach> of {name}: {file} has another compiler angle or eulerseq; have MuJoCo write the compiled model \
-                     (mj_saveLastXML) and give that"
+                    "<attach> of {name}: {file} has another compiler angle or eulerseq; have MuJoCo write \
+                     the compiled model (mj_saveLastXML) and give that"
                 ));
             }
             let prefix = child.attribute("prefix").unwrap_or_default().to_owned();

@@ -13,12 +13,13 @@ const STANDARD: [f64; 3] = [0.0, 0.0, -9.81];
 fn arm(compiler: &str, option: &str, joints: [&str; 3]) -> String {
     let [one, two, three] = joints;
     format!(
-        "<mujoco><compiler {compiler}/><option {option}/><worldbody><body name=\"l1\" pos=\"0 0 0.3\"><joint name=\"j1\" axis=\"0 1 0\" \
-         {one}/><inertial pos=\"0 0.01 0.2\" mass=\"3\" diaginertia=\"0.05 0.05 0.01\"/><body name=\"l2\" pos=\"0.1 0.05 0.4\">\
-         <joint name=\"j2\" axis=\"1 0 0.5\" {two}/><inertial pos=\"0.02 0 0.15\" mass=\"2\" fullinertia=\"0.03 0.03 0.01 0.002 -0.001 \
-         0.003\"/><body name=\"l3\" pos=\"0 0 0.3\"><joint name=\"j3\" type=\"slide\" axis=\"0 1 1\" pos=\"0.02 0 0\" {three}/><inertial \
-         pos=\"0.05 0.02 0.04\" quat=\"0.9 0.1 0.3 -0.2\" mass=\"1\" diaginertia=\"0.004 0.006 0.005\"/></body></body></body>\
-         </worldbody></mujoco>"
+        "<mujoco><compiler {compiler}/><option {option}/><worldbody><body name=\"l1\" pos=\"0 0 0.3\"><joint \
+         name=\"j1\" axis=\"0 1 0\" {one}/><inertial pos=\"0 0.01 0.2\" mass=\"3\" diaginertia=\"0.05 0.05 \
+         0.01\"/><body name=\"l2\" pos=\"0.1 0.05 0.4\"><joint name=\"j2\" axis=\"1 0 0.5\" {two}/><inertial \
+         pos=\"0.02 0 0.15\" mass=\"2\" fullinertia=\"0.03 0.03 0.01 0.002 -0.001 0.003\"/><body name=\"l3\" \
+         pos=\"0 0 0.3\"><joint name=\"j3\" type=\"slide\" axis=\"0 1 1\" pos=\"0.02 0 0\" \
+         {three}/><inertial pos=\"0.05 0.02 0.04\" quat=\"0.9 0.1 0.3 -0.2\" mass=\"1\" diaginertia=\"0.004 \
+         0.006 0.005\"/></body></body></body></worldbody></mujoco>"
     )
 }
 
@@ -123,8 +124,8 @@ fn what_is_not_followed_is_named() {
             "actuator: the answer does not use what the file states of its damping",
         ),
         (
-            "<mujoco><compiler alignfree=\"true\"/><worldbody><body name=\"t\"><freejoint/><inertial pos=\"0.1 0 0\" mass=\"1\" \
-             diaginertia=\"1 1 1\"/></body></worldbody></mujoco>"
+            "<mujoco><compiler alignfree=\"true\"/><worldbody><body name=\"t\"><freejoint/><inertial \
+             pos=\"0.1 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/></body></worldbody></mujoco>"
                 .to_owned(),
             "body t: MuJoCo moves its frame",
         ),
@@ -158,8 +159,9 @@ fn what_is_not_followed_is_named() {
 fn bodies_and_joints_without_names_have_those_of_their_path() {
     let inertial = "<inertial pos=\"0 0 0.1\" mass=\"1\" diaginertia=\"0.01 0.01 0.001\"/>";
     let text = format!(
-        "<mujoco><worldbody><body><joint axis=\"0 1 0\"/>{inertial}<frame pos=\"0 0 0.2\"><body>{inertial}<joint/><joint axis=\"1 0 \
-         0\"/></body></frame><body name=\"tip\">{inertial}</body></body></worldbody></mujoco>"
+        "<mujoco><worldbody><body><joint axis=\"0 1 0\"/>{inertial}<frame pos=\"0 0 \
+         0.2\"><body>{inertial}<joint/><joint axis=\"1 0 0\"/></body></frame><body \
+         name=\"tip\">{inertial}</body></body></worldbody></mujoco>"
     );
     let model = mjcf::parse(&text, "x").unwrap().model;
     assert_eq!(names(&model), ["world", "world/1", "world/1/1#1", "world/1/1", "tip"]);
@@ -215,10 +217,11 @@ fn the_robot_is_the_tree_and_what_lies_beside_it_is_named() {
 fn frames_replicas_and_classes_are_where_mujoco_has_them() {
     let inertial = "<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>";
     let text = format!(
-        "<mujoco><default><default class=\"a\"><joint damping=\"3\"/></default></default><default><joint armature=\"2\"/></default>\
-         <worldbody><body name=\"t\"><frame pos=\"0 0 1\" euler=\"90 0 0\" childclass=\"a\"><joint name=\"j\" axis=\"0 1 0\" pos=\"0.1 \
-         0.2 0.3\"/></frame>{inertial}<replicate count=\"3\" offset=\"0.1 0 0\" euler=\"0 0 90\" sep=\"-\"><body name=\"b\" pos=\"1 0 \
-         0\"><joint name=\"k\"/>{inertial}</body></replicate></body></worldbody></mujoco>"
+        "<mujoco><default><default class=\"a\"><joint damping=\"3\"/></default></default><default><joint \
+         armature=\"2\"/></default><worldbody><body name=\"t\"><frame pos=\"0 0 1\" euler=\"90 0 0\" \
+         childclass=\"a\"><joint name=\"j\" axis=\"0 1 0\" pos=\"0.1 0.2 0.3\"/></frame>{inertial}<replicate \
+         count=\"3\" offset=\"0.1 0 0\" euler=\"0 0 90\" sep=\"-\"><body name=\"b\" pos=\"1 0 0\"><joint \
+         name=\"k\"/>{inertial}</body></replicate></body></worldbody></mujoco>"
     );
     let model = mjcf::parse(&text, "x").unwrap().model;
     assert_eq!(names(&model), ["world", "t", "b-0", "b-1", "b-2"]);
@@ -252,25 +255,29 @@ fn files_that_a_file_names_are_read_beside_it() {
     let inertial = "<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>";
     put(
         "parts/settings.xml",
-        "<mujocoinclude><compiler angle=\"radian\"/><default><joint damping=\"0.5\"/></default></mujocoinclude>",
+        "<mujocoinclude><compiler angle=\"radian\"/><default><joint \
+         damping=\"0.5\"/></default></mujocoinclude>",
     );
     put(
         "parts/arm.xml",
         &format!(
-            "<mujocoinclude><body name=\"arm\" euler=\"0 0 1.5\"><joint name=\"a\"/>{inertial}</body></mujocoinclude>"
+            "<mujocoinclude><body name=\"arm\" euler=\"0 0 1.5\"><joint \
+             name=\"a\"/>{inertial}</body></mujocoinclude>"
         ),
     );
     put(
         "gripper.xml",
         &format!(
-            "<mujoco><default><joint damping=\"7\"/></default><compiler angle=\"radian\"/><worldbody><body name=\"palm\"><body \
-             name=\"finger\"><joint name=\"f\"/>{inertial}</body></body></worldbody></mujoco>"
+            "<mujoco><default><joint damping=\"7\"/></default><compiler angle=\"radian\"/><worldbody><body \
+             name=\"palm\"><body name=\"finger\"><joint \
+             name=\"f\"/>{inertial}</body></body></worldbody></mujoco>"
         ),
     );
     let main = put(
         "main.xml",
-        "<mujoco><include file=\"parts/settings.xml\"/><asset><model name=\"g\" file=\"gripper.xml\"/></asset><worldbody><include \
-         file=\"parts/arm.xml\"/><body name=\"hand\"><attach model=\"g\" body=\"palm\" prefix=\"left_\"/></body></worldbody></mujoco>",
+        "<mujoco><include file=\"parts/settings.xml\"/><asset><model name=\"g\" \
+         file=\"gripper.xml\"/></asset><worldbody><include file=\"parts/arm.xml\"/><body \
+         name=\"hand\"><attach model=\"g\" body=\"palm\" prefix=\"left_\"/></body></worldbody></mujoco>",
     );
     let (model, _) = read_file(&main).unwrap();
     assert_eq!(names(&model), ["world", "arm", "hand", "left_palm", "left_finger"]);
@@ -330,13 +337,16 @@ fn shared_cases_are_read_as_mujoco_reads_them() {
 
 #[test]
 fn bodies_without_inertial_have_that_of_their_geoms() {
-    let text = "<mujoco><compiler inertiagrouprange=\"0 2\"/><default><geom density=\"500\"/><default class=\"heavy\"><geom mass=\"2\" \
-                size=\"0.05 0.1 0.2\"/></default></default><worldbody><body name=\"b\" childclass=\"heavy\"><joint/><geom class=\"main\" \
-                size=\"0.1\" pos=\"0.1 0 0\"/><geom type=\"capsule\" class=\"main\" fromto=\"0 0 0 0.1 0.2 0.3\" size=\"0.04\"/><geom \
-                type=\"box\" euler=\"10 20 30\" pos=\"0 0.1 0\"/><geom type=\"ellipsoid\" pos=\"0 0 0.2\"/><frame pos=\"0 0 1\" euler=\"40 \
-                0 0\"><geom type=\"cylinder\" class=\"main\" size=\"0.03 0.2\" pos=\"0.1 0.1 0\"/><geom class=\"main\" type=\"box\" \
-                size=\"0.02\" fromto=\"0.3 0 0 0 0 0.1\"/></frame><geom type=\"sphere\" class=\"main\" size=\"1\" group=\"3\"/><geom \
-                type=\"sphere\" class=\"main\" size=\"1\" density=\"0\"/></body></worldbody></mujoco>";
+    let text = "<mujoco><compiler inertiagrouprange=\"0 2\"/><default><geom density=\"500\"/><default \
+                class=\"heavy\"><geom mass=\"2\" size=\"0.05 0.1 0.2\"/></default></default><worldbody><body \
+                name=\"b\" childclass=\"heavy\"><joint/><geom class=\"main\" size=\"0.1\" pos=\"0.1 0 \
+                0\"/><geom type=\"capsule\" class=\"main\" fromto=\"0 0 0 0.1 0.2 0.3\" size=\"0.04\"/><geom \
+                type=\"box\" euler=\"10 20 30\" pos=\"0 0.1 0\"/><geom type=\"ellipsoid\" pos=\"0 0 \
+                0.2\"/><frame pos=\"0 0 1\" euler=\"40 0 0\"><geom type=\"cylinder\" class=\"main\" \
+                size=\"0.03 0.2\" pos=\"0.1 0.1 0\"/><geom class=\"main\" type=\"box\" size=\"0.02\" \
+                fromto=\"0.3 0 0 0 0 0.1\"/></frame><geom type=\"sphere\" class=\"main\" size=\"1\" \
+                group=\"3\"/><geom type=\"sphere\" class=\"main\" size=\"1\" \
+                density=\"0\"/></body></worldbody></mujoco>";
     // m, mc, I about the origin by MuJoCo 4.0.0.
     let wanted = [
         7.987_286_348_09,

@@ -59,8 +59,8 @@ impl Solid {
 }
 
 impl<'a> Reader<'a> {
-    /// Returns the parameters of a body about its origin as its geoms make them, and the type of a geom that is none of those that
-    /// are followed.
+    /// Returns the parameters of a body about its origin as its geoms make them, and the type of a geom that
+    /// is none of those that are followed.
     ///
     /// # Errors
     /// Which attribute of a geom holds no such numbers.

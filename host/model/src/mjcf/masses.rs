@@ -63,7 +63,8 @@ impl Masses {
         let sum: f64 = links.iter().map(|link| of(link)).sum();
         if !unknown.is_empty() || sum <= 0.0 {
             return Some(format!(
-                "settotalmass = {total} kg is not followed, as the masses of {} are not stated: masses are those of <inertial>",
+                "settotalmass = {total} kg is not followed, as the masses of {} are not stated: masses are \
+                 those of <inertial>",
                 shortened(unknown)
             ));
         }

@@ -1,7 +1,7 @@
 //! Solids of meshes: what MuJoCo's compiler makes of the triangles of a file.
 //!
-//! Every triangle and a point within make a tetrahedron. The sum of these counts each by its size (`inertia` is
-//! `legacy`, which is the default) or by its sign (`exact`); a `shell` has the triangles alone.
+//! Every triangle and a point within make a tetrahedron. The sum of these counts each by its size (`inertia`
+//! is `legacy`, which is the default) or by its sign (`exact`); a `shell` has the triangles alone.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -173,8 +173,8 @@ fn faces_of(vertices: &[f64], faces: &[f64]) -> Vec<Triangle> {
     faces.chunks_exact(3).filter_map(own).collect()
 }
 
-/// Reads the faces of an OBJ. As in MuJoCo one of four corners, which need not be flat, is cut along its shorter
-/// diagonal.
+/// Reads the faces of an OBJ. As in MuJoCo one of four corners, which need not be flat, is cut along its
+/// shorter diagonal.
 fn wavefront(text: &str) -> Option<Vec<Triangle>> {
     let (mut corners, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {

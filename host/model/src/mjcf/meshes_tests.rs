@@ -7,8 +7,10 @@ use crate::inertial::Parameters;
 use crate::{Model, mjcf, read_file};
 
 /// A wedge whose roof is bent, with faces of four corners, and a flap that encloses nothing.
-const WEDGE: &str = "# wedge\nv 0 0 0\nv 0.3 0 0\nv 0.3 0.2 0\nv 0 0.2 0\nv 0.02 0.01 0.11\nv 0.28 0.02 0.17\n\
-                     v 0.27 0.19 0.12\nv 0.01 0.18 0.19\nv 0.4 0.1 0.05\nf 4 3 2 1\nf 5/1 6/2 7/3 8/4\nf 1 2 6 5\n\
+const WEDGE: &str = "# wedge\nv 0 0 0\nv 0.3 0 0\nv 0.3 0.2 0\nv 0 0.2 0\nv 0.02 0.01 0.11\nv 0.28 0.02 \
+                     0.17\n\
+                     v 0.27 0.19 0.12\nv 0.01 0.18 0.19\nv 0.4 0.1 0.05\nf 4 3 2 1\nf 5/1 6/2 7/3 8/4\nf 1 2 \
+                     6 5\n\
                      f -8 -7 -3 -4\nf 3 4 8 7\nf 4//1 1//1 5//1 8//1\nf 3 9 7\n";
 
 /// m, mc, then I about the origin: xx, yy, zz, yz, xz, xy.
@@ -26,8 +28,8 @@ fn check(model: &Model, link: &str, wanted: Parameters) {
 fn one(folder: &Path, compiler: &str, before: &str, inside: &str) -> Model {
     let path = folder.join("model.xml");
     let text = format!(
-        "<mujoco><compiler {compiler}/>{before}<worldbody><body name=\"b\" pos=\"0.3 0.1 -0.2\"><joint/>{inside}</body></worldbody>\
-         </mujoco>"
+        "<mujoco><compiler {compiler}/>{before}<worldbody><body name=\"b\" pos=\"0.3 0.1 \
+         -0.2\"><joint/>{inside}</body></worldbody></mujoco>"
     );
     std::fs::write(&path, text).unwrap();
     read_file(&path).unwrap().0
@@ -185,8 +187,8 @@ fn a_mesh_that_is_not_there_is_named() {
         assert!(said.replace('\\', "").contains(wanted), "{said}");
     }
     // A text without a file has no folder.
-    let text = "<mujoco><asset><mesh file=\"w.obj\"/></asset><worldbody><body name=\"b\"><joint/><geom type=\"mesh\" mesh=\"w\"/></body>\
-                </worldbody></mujoco>";
+    let text = "<mujoco><asset><mesh file=\"w.obj\"/></asset><worldbody><body name=\"b\"><joint/><geom \
+                type=\"mesh\" mesh=\"w\"/></body></worldbody></mujoco>";
     assert_eq!(mjcf::parse(text, "x").unwrap().model.links[1].nominal, None);
 }
 
@@ -194,8 +196,9 @@ fn a_mesh_that_is_not_there_is_named() {
 fn meshes_of_an_attached_model_are_in_its_own_folder() {
     let folder = folder();
     std::fs::create_dir(folder.path().join("hand")).unwrap();
-    let child = "<mujoco><compiler meshdir=\"../parts\"/><default><mesh scale=\"2 2 2\"/></default><asset><mesh file=\"w.obj\"/></asset>\
-                 <worldbody><body name=\"palm\"><joint/><geom type=\"mesh\" mesh=\"w\"/></body></worldbody></mujoco>";
+    let child = "<mujoco><compiler meshdir=\"../parts\"/><default><mesh scale=\"2 2 \
+                 2\"/></default><asset><mesh file=\"w.obj\"/></asset><worldbody><body \
+                 name=\"palm\"><joint/><geom type=\"mesh\" mesh=\"w\"/></body></worldbody></mujoco>";
     std::fs::write(folder.path().join("hand/child.xml"), child).unwrap();
     let asset = "<asset><model name=\"g\" file=\"hand/child.xml\"/></asset>";
     let inside = "<geom size=\"0.1\"/><attach model=\"g\" body=\"palm\" prefix=\"l_\"/>";
@@ -218,8 +221,8 @@ fn meshes_of_an_attached_model_are_in_its_own_folder() {
 #[test]
 fn geoms_are_where_their_class_has_them() {
     let folder = folder();
-    let class = "<default><default class=\"c\"><geom type=\"box\" size=\"0.1 0.02 0.03\" pos=\"0.2 0 0.1\" euler=\"0 30 0\"/></default>\
-                 </default>";
+    let class = "<default><default class=\"c\"><geom type=\"box\" size=\"0.1 0.02 0.03\" pos=\"0.2 0 0.1\" \
+                 euler=\"0 30 0\"/></default></default>";
     let two = "<geom class=\"c\"/><geom class=\"c\" pos=\"0 0.1 0\"/>";
     let wanted = [0.96, 0.096, 0.048, 0.048, 0.010_744, 0.027_488, 0.0266, 0.0, -0.008_339_067_012_09, 0.0];
     check(&one(folder.path(), "", class, two), "b", wanted);

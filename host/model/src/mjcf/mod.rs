@@ -1,9 +1,10 @@
 //! Models from MJCF, the language of MuJoCo: bodies, joints and inertias. What else changes forces is named.
 //!
-//! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last is a body. Lives here: the
-//! reader; what represents other elements ([`elements`]), inertias of geoms ([`geoms`]) and meshes ([`meshes`]), orientations
-//! ([`angles`]), names ([`names`]), what MuJoCo's compiler makes of masses ([`masses`]), which bodies are the
-//! robot ([`robot`]), and what is not followed ([`unused`]).
+//! A body of several joints becomes a chain of links, `BODY#1`, `BODY#2`, …, `BODY`, of which only the last
+//! is a body. Lives here: the reader; what represents other elements ([`elements`]), inertias of geoms
+//! ([`geoms`]) and meshes ([`meshes`]), orientations ([`angles`]), names ([`names`]), what MuJoCo's compiler
+//! makes of masses ([`masses`]), which bodies are the robot ([`robot`]), and what is not followed
+//! ([`unused`]).
 
 mod angles;
 mod elements;
@@ -69,7 +70,8 @@ struct Reader<'a> {
     unknown: Vec<String>,
 }
 
-/// Reads the text of an MJCF; `what` names it in complaints. Files that it names are refused: [`parse_in`] reads them.
+/// Reads the text of an MJCF; `what` names it in complaints. Files that it names are refused: [`parse_in`]
+/// reads them.
 ///
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
@@ -77,8 +79,8 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
     parse_in(text, what, None)
 }
 
-/// Returns the text of an MJCF with the files that it includes, its replicas and attached models in their places; as it is if
-/// there are none.
+/// Returns the text of an MJCF with the files that it includes, its replicas and attached models in their
+/// places; as it is if there are none.
 ///
 /// # Errors
 /// [`ModelError`] that says which of them cannot be followed.
@@ -349,8 +351,8 @@ impl<'a> Reader<'a> {
         if self.angles.degrees && matches!(kind, Joint::Revolute(_)) { value.to_radians() } else { value }
     }
 
-    /// Reads the limits of a joint of one freedom: its range, where it is not said to be without limit, and the force of its actuators. MJCF
-    /// states no rate.
+    /// Reads the limits of a joint of one freedom: its range, where it is not said to be without limit, and
+    /// the force of its actuators. MJCF states no rate.
     fn limits(&self, joint: &Node, classes: &[&str], kind: &Joint<f64>) -> Limits {
         if !matches!(kind, Joint::Revolute(_) | Joint::Prismatic(_)) {
             return Limits::default();
@@ -461,7 +463,8 @@ impl<'a> Reader<'a> {
         Ok(Some(in_parent(&body, &rotation, &com)))
     }
 
-    /// Returns the parameters of a body that its geoms make; `None` if they are not known, which is said, or if there is none.
+    /// Returns the parameters of a body that its geoms make; `None` if they are not known, which is said, or
+    /// if there is none.
     fn inertial_of_geoms(
         &mut self,
         inside: &[Inside<'a>],
@@ -474,8 +477,9 @@ impl<'a> Reader<'a> {
         };
         if let Some(kind) = other {
             let text = format!(
-                "has no <inertial>: MuJoCo makes its inertia of its geoms, which is not done here of a {kind}; have it write the \
-                 compiled model (mj_saveLastXML) with saveinertial = \"true\" in <compiler>"
+                "has no <inertial>: MuJoCo makes its inertia of its geoms, which is not done here of a \
+                 {kind}; have it write the compiled model (mj_saveLastXML) with saveinertial = \"true\" in \
+                 <compiler>"
             );
             self.find(&format!("link {name}"), &text);
             self.unknown.push(name.to_owned());
@@ -485,14 +489,16 @@ impl<'a> Reader<'a> {
         let (centre, tensor) = if body.mass > 0.0 {
             (body.centre_of_mass().vector(), body.inertia_com())
         } else {
-            // MuJoCo puts the least mass of a body that has none where the body is in its parent, but in its own axes.
+            // MuJoCo puts the least mass of a body that has none where the body is in its parent, but in its
+            // own axes.
             (place, Matrix3::zeros())
         };
         let phi = in_parent(&self.body_of(body.mass, tensor), &Matrix3::identity(), &centre);
         Ok(Some(phi).filter(|phi| *phi != NO_BODY))
     }
 
-    /// Returns the parameters, about the centre of mass, of a stated mass and tensor as the compiler leaves them.
+    /// Returns the parameters, about the centre of mass, of a stated mass and tensor as the compiler leaves
+    /// them.
     fn body_of(&self, mass: f64, tensor: Matrix3<f64>) -> Parameters {
         let (mass, tensor) = self.masses.bounded(mass, tensor);
         InertialParameters::<Body, f64>::from_centre_of_mass(mass, Position::zero(), tensor).to_vector()

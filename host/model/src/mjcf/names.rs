@@ -11,8 +11,8 @@ use super::WORLD;
 pub(crate) struct Names(HashMap<NodeId, String>);
 
 impl Names {
-    /// Names a body without a name by its path: the body that it is in, and how many bodies of that are before it and itself,
-    /// `world/1`. A joint without a name is named after its body.
+    /// Names a body without a name by its path: the body that it is in, and how many bodies of that are
+    /// before it and itself, `world/1`. A joint without a name is named after its body.
     pub(crate) fn of(document: &Document) -> Self {
         let mut own = Self::default();
         let mut bodies = 0;

@@ -50,8 +50,8 @@ impl<'a> Reader<'a> {
         Ok(Tree { body: body.clone(), floats, joints: all.saturating_sub(own) })
     }
 
-    /// Reads the bodies of the world and keeps those of the robot: of what floats and what hangs on the world that with the most
-    /// joints. What hangs on the world is one tree.
+    /// Reads the bodies of the world and keeps those of the robot: of what floats and what hangs on the world
+    /// that with the most joints. What hangs on the world is one tree.
     pub(super) fn world(&mut self, bodies: &[Inside<'a>]) -> Result<(), String> {
         let trees = bodies.iter().map(|body| self.tree(body)).collect::<Result<Vec<_>, _>>()?;
         let held: usize = trees.iter().filter(|tree| !tree.floats).map(|tree| tree.joints).sum();

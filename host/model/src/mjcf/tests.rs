@@ -50,8 +50,9 @@ fn states(model: &Model, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Rank of the forces' dependence on the bodies' parameters, by inverse dynamics alone: differences of forces for bodies that
-/// are heavier by a bit in one parameter. That is how many parameters there are to be distinguished.
+/// Rank of the forces' dependence on the bodies' parameters, by inverse dynamics alone: differences of forces
+/// for bodies that are heavier by a bit in one parameter. That is how many parameters there are to be
+/// distinguished.
 fn rank(model: &Model) -> usize {
     let flat = |m: &Model| states(m, 60).concat();
     let reference = flat(model);
@@ -172,7 +173,8 @@ fn what_is_not_read_of_a_joint_is_told_and_is_no_reason_to_doubt_the_links() {
     assert!(leg(&hinge("hip", "0 1 0", "0 0 0")).findings.is_empty());
 }
 
-/// Ranges are in the file's unit, a force that is not the same both ways is limited by the smaller one, and what is switched off is none.
+/// Ranges are in the file's unit, a force that is not the same both ways is limited by the smaller one, and
+/// what is switched off is none.
 #[test]
 fn limits_of_joints_are_read_with_their_classes() {
     let text = r#"<mujoco><default><joint range="-90 45"/></default><worldbody><body name="a"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>

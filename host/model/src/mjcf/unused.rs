@@ -48,7 +48,8 @@ fn of_options(root: &Node) -> Vec<Finding> {
             for name in ["passive", "spring", "damper", "frictionloss"] {
                 if flag.attribute(name) == Some("disable") {
                     let text = format!(
-                        "{NOT_USED}{name} = \"disable\": springs, damping and friction of joints count as stated"
+                        "{NOT_USED}{name} = \"disable\": springs, damping and friction of joints count as \
+                         stated"
                     );
                     found.push(finding("option", text));
                 }
@@ -67,13 +68,13 @@ fn of_equalities(root: &Node) -> Vec<Finding> {
         let ends: Vec<&str> = ends.iter().filter_map(|end| own.attribute(*end)).collect();
         let text = match tag {
             "connect" | "weld" => format!(
-                "closes a loop ({tag} in line {}), which is not followed: the tree without it is taken, and forces through it are \
-                 taken for the tree's",
+                "closes a loop ({tag} in line {}), which is not followed: the tree without it is taken, and \
+                 forces through it are taken for the tree's",
                 line(&own)
             ),
             _ => format!(
-                "couples what it names ({tag} in line {}), which is not followed: each moves by itself, and forces through it \
-                 are taken for the tree's",
+                "couples what it names ({tag} in line {}), which is not followed: each moves by itself, and \
+                 forces through it are taken for the tree's",
                 line(&own)
             ),
         };
@@ -133,8 +134,8 @@ fn of_free_joints(root: &Node, names: &Names) -> Vec<Finding> {
         else {
             continue;
         };
-        let text = "MuJoCo moves its frame to its centre of mass and turns it to its principal axes (align); here it is where \
-                    the file has it";
+        let text = "MuJoCo moves its frame to its centre of mass and turns it to its principal axes (align); \
+                    here it is where the file has it";
         found.push(finding(&format!("body {}", names.name(&body).unwrap_or_default()), text.to_owned()));
     }
     found
@@ -165,8 +166,8 @@ fn of_bodies(root: &Node, names: &Names) -> Vec<Finding> {
     }
     if !lifted.is_empty() {
         let text = format!(
-            "{NOT_USED}gravcomp: MuJoCo carries that share of the weight of {}, and efforts predicted from this model hold all \
-             of it",
+            "{NOT_USED}gravcomp: MuJoCo carries that share of the weight of {}, and efforts predicted from \
+             this model hold all of it",
             shortened(&lifted)
         );
         found.push(finding("gravcomp", text));

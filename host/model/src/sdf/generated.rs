@@ -1,8 +1,8 @@
 //! A file in SDF that is made of a model.
 //!
-//! Gazebo gives a link without `<inertial>` a kilogram of unit moments. What is fixed and has no mass is a `<frame>` of what it hangs
-//! on therefore, a base without mass takes that of a link that is fixed to it, and a base that has none at all is fixed to the world,
-//! where it weighs nothing.
+//! Gazebo gives a link without `<inertial>` a kilogram of unit moments. What is fixed and has no mass is a
+//! `<frame>` of what it hangs on therefore, a base without mass takes that of a link that is fixed to it, and
+//! a base that has none at all is fixed to the world, where it weighs nothing.
 
 use std::fmt::Write as _;
 
@@ -57,7 +57,8 @@ impl Said {
         let links = own.model.links.iter().skip(1).filter(|link| link.is_body() && link.nominal.is_none());
         if let Some(link) = links.into_iter().find(|link| free(link)) {
             return Err(own.refused(format!(
-                "link {} moves and has no inertia, and SDF gives a kilogram to a link without; give it one, or write a URDF or MJCF",
+                "link {} moves and has no inertia, and SDF gives a kilogram to a link without; give it one, \
+                 or write a URDF or MJCF",
                 link.name
             )));
         }
@@ -150,7 +151,8 @@ impl Said {
         }
         let declared = if out.contains("<drake:") { transmission::DECLARED } else { "" };
         Ok(format!(
-            "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{declared}>\n  <model name=\"{}\">\n{out}  </model>\n</sdf>\n",
+            "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{declared}>\n  <model name=\"{}\">\n{out}  \
+             </model>\n</sdf>\n",
             escaped(&self.model.name)
         ))
     }
@@ -163,8 +165,9 @@ impl Said {
         }
         if !own.is_body() {
             return Err(self.refused(format!(
-                "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a link without inertia; \
-                 write a URDF or MJCF, or declare three hinges to be one ball (`spherical`)",
+                "SDF has no body with several joints, as {} is between two of one, and gives a kilogram to a \
+                 link without inertia; write a URDF or MJCF, or declare three hinges to be one ball \
+                 (`spherical`)",
                 own.name
             )));
         }

@@ -1,5 +1,5 @@
-//! Models from SDF, the language of Gazebo: one model's links, joints and inertias, those of models within it ([`nested`])
-//! included.
+//! Models from SDF, the language of Gazebo: one model's links, joints and inertias, those of models within it
+//! ([`nested`]) included.
 
 pub(super) mod generated;
 mod nested;
@@ -31,7 +31,8 @@ fn then(a: &Pose, b: &Pose) -> Pose {
     (a.0 * b.0, a.1 + a.0 * b.1)
 }
 
-/// Reads the text of an SDF; `what` names it in complaints. Files that it includes are refused: [`parse_in`] reads them.
+/// Reads the text of an SDF; `what` names it in complaints. Files that it includes are refused: [`parse_in`]
+/// reads them.
 ///
 /// # Errors
 /// [`ModelError`] that says what is wrong and where.
@@ -39,8 +40,8 @@ pub fn parse(text: &str, what: &str) -> Result<Parsed, ModelError> {
     parse_in(text, what, None)
 }
 
-/// Returns the text of an SDF with the models that are in others, or in files that it includes, taken into one; as it is if there
-/// are none.
+/// Returns the text of an SDF with the models that are in others, or in files that it includes, taken into
+/// one; as it is if there are none.
 ///
 /// # Errors
 /// [`ModelError`] that says which of them cannot be followed.
@@ -160,8 +161,8 @@ impl<'a, 'i> Frames<'a, 'i> {
             })?;
             if let Some(other) = nodes.insert(name, node) {
                 return Err(format!(
-                    "a {} and a {} are both named {name} (lines {} and {}): in SDF every link, joint and frame needs a name of \
-                     its own",
+                    "a {} and a {} are both named {name} (lines {} and {}): in SDF every link, joint and \
+                     frame needs a name of its own",
                     other.tag_name().name(),
                     node.tag_name().name(),
                     xml::line(&other),
@@ -194,7 +195,8 @@ impl<'a, 'i> Frames<'a, 'i> {
         Ok(then(&before, &pose(node)?))
     }
 
-    /// Returns the link that a link or frame of this name is fixed to, by way of other frames; `world` is its own.
+    /// Returns the link that a link or frame of this name is fixed to, by way of other frames; `world` is its
+    /// own.
     fn link(&self, name: &'a str, canonical: Option<&'a str>) -> Result<&'a str, String> {
         let mut at = name;
         for _ in 0..=self.nodes.len() {
@@ -254,7 +256,8 @@ fn read(model: &Node, root: &Node, what: &str) -> Result<Parsed, Problem> {
         on_world |= parent_of(&joint, &frames, canonical)? == WORLD;
         if let Some(other) = held.insert(child, joint) {
             return Err(Problem::Text(format!(
-                "{} and {} both hold link {child}: the model has a loop; only trees can be identified, cut it at one of them",
+                "{} and {} both hold link {child}: the model has a loop; only trees can be identified, cut \
+                 it at one of them",
                 describe(&other),
                 describe(&joint)
             )));
@@ -356,8 +359,8 @@ fn kind(
         "universal" => Joint::Universal(axis("axis")?, axis("axis2")?),
         other => {
             return Err(format!(
-                "{} is of type {other:?}, which is not known here: fixed, revolute, continuous, prismatic, ball and universal \
-                 are",
+                "{} is of type {other:?}, which is not known here: fixed, revolute, continuous, prismatic, \
+                 ball and universal are",
                 describe(joint)
             ));
         }
@@ -394,9 +397,11 @@ fn inertial(link: &Node, findings: &mut Vec<Finding>) -> Result<Option<Parameter
     if node.attribute("auto").is_some_and(|word| word == "true" || word == "1") {
         findings.push(Finding {
             place: format!("link {}", link.attribute("name").unwrap_or_default()),
-            text: "its inertia is to be made of its collisions (auto = \"true\"), which is not done here: it counts as unknown; \
-                   state <mass> and <inertia> (`gz sdf -p FILE` prints them by its option expand-auto-inertials)"
-                .to_owned(),
+            text:
+                "its inertia is to be made of its collisions (auto = \"true\"), which is not done here: it \
+                   counts as unknown; state <mass> and <inertia> (`gz sdf -p FILE` prints them by its option \
+                   expand-auto-inertials)"
+                    .to_owned(),
         });
         return Ok(None);
     }

@@ -9,25 +9,29 @@ use crate::{Model, read_file, sdf, urdf};
 
 /// A robot of two joints; the second joint's link, its own axis, and what is said beside them.
 fn arm(version: &str, axis: &str, child: &str, more: &str) -> String {
-    let inertial = "<inertial><pose>0.05 0.02 0.15 0.4 0.1 -0.7</pose><mass>2</mass><inertia><ixx>0.03</ixx><ixy>0.002</ixy><ixz>\
-                    -0.001</ixz><iyy>0.035</iyy><iyz>0.003</iyz><izz>0.012</izz></inertia></inertial>";
+    let inertial = "<inertial><pose>0.05 0.02 0.15 0.4 0.1 \
+                    -0.7</pose><mass>2</mass><inertia><ixx>0.03</ixx><ixy>0.002</ixy><ixz>-0.001</ixz><iyy>0.035</iyy><iyz>0.003</iyz><izz>0.012</izz></inertia></inertial>";
     format!(
-        "<sdf version=\"{version}\"><model name=\"r\">{more}<link name=\"base\"/><link name=\"l1\"><pose>0 0 0.3 0 0 \
-         0</pose>{inertial}</link><link name=\"l2\"><pose>0.1 0.05 0.7 0.3 -0.2 0.5</pose>{inertial}</link><joint name=\"j1\" \
-         type=\"revolute\"><parent>base</parent><child>l1</child><axis><xyz>0 1 0</xyz></axis></joint><joint name=\"j2\" \
+        "<sdf version=\"{version}\"><model name=\"r\">{more}<link name=\"base\"/><link name=\"l1\"><pose>0 0 \
+         0.3 0 0 0</pose>{inertial}</link><link name=\"l2\"><pose>0.1 0.05 0.7 0.3 -0.2 \
+         0.5</pose>{inertial}</link><joint name=\"j1\" \
+         type=\"revolute\"><parent>base</parent><child>l1</child><axis><xyz>0 1 0</xyz></axis></joint><joint \
+         name=\"j2\" \
          type=\"revolute\"><parent>l1</parent><child>{child}</child><axis>{axis}</axis></joint></model></sdf>"
     )
 }
 
 /// The same as URDF, its second axis (0, 0.6, 0.8) of the link.
 fn wanted() -> Vec<f64> {
-    let inertial = "<inertial><origin xyz=\"0.05 0.02 0.15\" rpy=\"0.4 0.1 -0.7\"/><mass value=\"2\"/><inertia ixx=\"0.03\" \
-                    ixy=\"0.002\" ixz=\"-0.001\" iyy=\"0.035\" iyz=\"0.003\" izz=\"0.012\"/></inertial>";
+    let inertial = "<inertial><origin xyz=\"0.05 0.02 0.15\" rpy=\"0.4 0.1 -0.7\"/><mass \
+                    value=\"2\"/><inertia ixx=\"0.03\" ixy=\"0.002\" ixz=\"-0.001\" iyy=\"0.035\" \
+                    iyz=\"0.003\" izz=\"0.012\"/></inertial>";
     let text = format!(
-        "<robot name=\"r\"><link name=\"base\"/><link name=\"l1\">{inertial}</link><link name=\"l2\">{inertial}</link><joint name=\"j1\" \
-         type=\"continuous\"><parent link=\"base\"/><child link=\"l1\"/><origin xyz=\"0 0 0.3\"/><axis xyz=\"0 1 0\"/></joint><joint \
-         name=\"j2\" type=\"continuous\"><parent link=\"l1\"/><child link=\"l2\"/><origin xyz=\"0.1 0.05 0.4\" rpy=\"0.3 -0.2 0.5\"/><axis \
-         xyz=\"0 0.6 0.8\"/></joint></robot>"
+        "<robot name=\"r\"><link name=\"base\"/><link name=\"l1\">{inertial}</link><link \
+         name=\"l2\">{inertial}</link><joint name=\"j1\" type=\"continuous\"><parent link=\"base\"/><child \
+         link=\"l1\"/><origin xyz=\"0 0 0.3\"/><axis xyz=\"0 1 0\"/></joint><joint name=\"j2\" \
+         type=\"continuous\"><parent link=\"l1\"/><child link=\"l2\"/><origin xyz=\"0.1 0.05 0.4\" rpy=\"0.3 \
+         -0.2 0.5\"/><axis xyz=\"0 0.6 0.8\"/></joint></robot>"
     );
     efforts(&urdf::parse(&text, "u").unwrap())
 }
@@ -106,9 +110,9 @@ fn models_within_models_and_of_files_are_one() {
     std::fs::write(path("r/model.sdf"), &whole).unwrap();
     let carrier = |inside: &str| {
         format!(
-            "<sdf version=\"1.9\"><world name=\"w\"><gravity>0 0 -3.7</gravity><model name=\"floor\"><link name=\"f\"/></model><model \
-             name=\"m\"><link name=\"pole\"/>{inside}<joint name=\"fix\" type=\"fixed\"><parent>pole</parent><child>r::base</child>\
-             </joint></model></world></sdf>"
+            "<sdf version=\"1.9\"><world name=\"w\"><gravity>0 0 -3.7</gravity><model name=\"floor\"><link \
+             name=\"f\"/></model><model name=\"m\"><link name=\"pole\"/>{inside}<joint name=\"fix\" \
+             type=\"fixed\"><parent>pole</parent><child>r::base</child></joint></model></world></sdf>"
         )
     };
     let nested = &whole[whole.find("<model").unwrap()..whole.find("</sdf>").unwrap()];

@@ -1,7 +1,8 @@
 //! The uncertainty of the parameters from joint centres and marker places.
 //!
-//! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration leaves open. Each has her own
-//! poses and rows, and other parameters explain the same forces; how far these scatter is `C = D Dᵀ`, D one column a draw.
+//! Of a person there are as many as the markers allow: joints and markers drawn from what the calibration
+//! leaves open. Each has her own poses and rows, and other parameters explain the same forces; how far these
+//! scatter is `C = D Dᵀ`, D one column a draw.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -67,7 +68,8 @@ pub fn draws(
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
-/// The factors of the windows of a motion's trial, as a subject has them, and the `first` rows of the subject's model.
+/// The factors of the windows of a motion's trial, as a subject has them, and the `first` rows of the
+/// subject's model.
 fn windows(
     person: &Person,
     trials: &[Trial],

@@ -9,7 +9,8 @@ use rigident_fit::motion_selection::published::choose;
 use rigident_fit::motion_selection::{Candidate, SelectionError};
 use rigident_identify::answer::person::ChoiceResult;
 
-/// Motions with a condition number below this in one group are candidates of the published rule; its paper gives none.
+/// Motions with a condition number below this in one group are candidates of the published rule; its paper
+/// gives none.
 const THRESHOLD: f64 = 20.0;
 /// The seed of the choice by chance.
 const SEED: u64 = 1;

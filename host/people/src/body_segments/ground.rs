@@ -1,10 +1,10 @@
 //! The effect of unknown errors of force plates on the parameters: zeros, tilt, place and scale.
 //!
-//! Rows do not tell such an error: what people's soft parts and markers leave would be taken for it, and a long trial would tell
-//! it surely and wrongly. The parameters are found as if plates were as the file has them. An error moves a motion's own estimate by
-//! `X = (AᵀWA)⁺ AᵀW Z`, Z its wrench in the rows, and that of several motions with factors R and the table's Σ by
-//! `J = (Σ⁻¹ + Σₖ RₖᵀRₖ)⁻¹ Σₖ RₖᵀRₖ Xₖ`; their covariance grows by `J σ² Jᵀ`. A zero is a trial's own; tilt, place and scale of a
-//! plate are the same in all trials.
+//! Rows do not tell such an error: what people's soft parts and markers leave would be taken for it, and a
+//! long trial would tell it surely and wrongly. The parameters are found as if plates were as the file has
+//! them. An error moves a motion's own estimate by `X = (AᵀWA)⁺ AᵀW Z`, Z its wrench in the rows, and that of
+//! several motions with factors R and the table's Σ by `J = (Σ⁻¹ + Σₖ RₖᵀRₖ)⁻¹ Σₖ RₖᵀRₖ Xₖ`; their covariance
+//! grows by `J σ² Jᵀ`. A zero is a trial's own; tilt, place and scale of a plate are the same in all trials.
 
 use nalgebra::{DMatrix, Vector3};
 
@@ -16,7 +16,8 @@ use rigident_rows::tree::{UnknownZero, with_wrenches};
 
 /// 1 σ of a plate's tilt against the cameras' vertical, about x and about y, rad: half a degree (assumed).
 const TILT: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// 1 σ of a plate's place, along x and along y, m (assumed): that of its corners, and of its centres of pressure.
+/// 1 σ of a plate's place, along x and along y, m (assumed): that of its corners, and of its centres of
+/// pressure.
 const PLACE_M: f64 = 0.007;
 /// Of more motions than these some answer for their neighbours.
 const LOOKED_AT: usize = 12;
@@ -169,7 +170,8 @@ fn wrenches(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     all
 }
 
-/// The change of a wrench about the origin when the plate's axes are turned about x or y through its middle, a radian.
+/// The change of a wrench about the origin when the plate's axes are turned about x or y through its middle,
+/// a radian.
 fn tilted([fx, fy, fz, mx, my, mz]: &[f64; 6], middle_m: [f64; 3], axis: usize) -> [f64; 6] {
     let (turn, at) = (Vector3::ith(axis, 1.0), Vector3::from(middle_m));
     let (force, moment) = (Vector3::new(*fx, *fy, *fz), Vector3::new(*mx, *my, *mz));

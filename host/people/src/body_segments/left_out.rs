@@ -24,8 +24,8 @@ pub struct LeftOutMotions {
     pub predictions: Vec<[Vec<PredictedBlock>; 2]>,
 }
 
-/// Returns the errors of motions that were left out one at a time, of more than twelve in as many groups; of a single motion those of
-/// itself. Predictions are stored of the first `keep_s` of each trial.
+/// Returns the errors of motions that were left out one at a time, of more than twelve in as many groups; of
+/// a single motion those of itself. Predictions are stored of the first `keep_s` of each trial.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.
@@ -106,7 +106,8 @@ struct Sums {
 }
 
 impl Sums {
-    /// Sums of a channel, by the person's own parameters and by the table; blocks that count for `share` independent ones.
+    /// Sums of a channel, by the person's own parameters and by the table; blocks that count for `share`
+    /// independent ones.
     fn of([own, table]: &[Prediction; 2], c: usize, share: f64) -> Self {
         let mut sums = Self::default();
         for (own, table) in own.blocks.iter().zip(&table.blocks) {
@@ -221,8 +222,8 @@ mod tests {
 
     #[test]
     fn few_degrees_of_freedom_tell_less() {
-        // Of Student's table: 12.706, 2.776 and 1.984 are exceeded by 2.5 % with 1, 4 and 100 degrees of freedom, 1.960 of a normal
-        // distribution.
+        // Of Student's table: 12.706, 2.776 and 1.984 are exceeded by 2.5 % with 1, 4 and 100 degrees of
+        // freedom, 1.960 of a normal distribution.
         for (freedom, t) in [(1.0, 12.706), (4.0, 2.776), (100.0, 1.984)] {
             assert!((normal(t, freedom) - 1.960).abs() < 1e-3, "{freedom}: {}", normal(t, freedom));
             assert_eq!(normal(-t, freedom), -normal(t, freedom));

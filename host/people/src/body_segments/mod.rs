@@ -1,9 +1,10 @@
-//! One person's segments from trials with cameras and force plates: solved, and validated on what was left out.
+//! One person's segments from trials with cameras and force plates: solved, and validated on what was left
+//! out.
 //!
-//! Lives here: one factor a motion, merged and solved beside the table of people ([`Study`]), predictions of motions that were left out
-//! ([`left_out`]), plates that contradict the motion ([`plates`]), segments with intervals ([`segments`]), and
-//! the same in bodies of OpenSim's ([`opensim`]). May not live here: how rows are made
-//! ([`crate::person`]), and how anything is shown.
+//! Lives here: one factor a motion, merged and solved beside the table of people ([`Study`]), predictions of
+//! motions that were left out ([`left_out`]), plates that contradict the motion ([`plates`]), segments with
+//! intervals ([`segments`]), and the same in bodies of OpenSim's ([`opensim`]). May not live here: how rows
+//! are made ([`crate::person`]), and how anything is shown.
 
 mod calibration;
 pub mod choice;

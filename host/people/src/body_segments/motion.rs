@@ -29,8 +29,8 @@ pub struct Motion {
     pub sigma: Vec<f64>,
     /// Samples that a row represents.
     pub every: u16,
-    /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as their motion is counted in the
-    /// intervals, and no warning.
+    /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as
+    /// their motion is counted in the intervals, and no warning.
     pub pooled: PooledFactor,
 }
 
@@ -78,7 +78,8 @@ pub enum Parts {
     Strides,
 }
 
-/// Parts of some of a person's trials, and why trials have none; a long trial is cut into several in any case.
+/// Parts of some of a person's trials, and why trials have none; a long trial is cut into several in any
+/// case.
 ///
 /// # Errors
 /// [`StudyError::NoStrides`] if a trial has none.

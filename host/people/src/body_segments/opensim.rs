@@ -1,9 +1,10 @@
 //! Segments in the bodies of an OpenSim model.
 //!
-//! Both models stand upright, theirs at its default coordinates. A segment of ours is one or more of their bodies, by OpenSim's usual
-//! names: a foot is talus, calcaneus and toes, a trunk without arms has ours in it. Their matter is moved by one affine map a segment,
-//! so that together the bodies have our mass, centre of mass about the joint and tensor, and each of them stays a body that can be:
-//! `x → B (x − c_t) + c_o` with `B Σ_t Bᵀ = Σ_o`, Σ the second moments of unit mass about the centre, and masses all times the same.
+//! Both models stand upright, theirs at its default coordinates. A segment of ours is one or more of their
+//! bodies, by OpenSim's usual names: a foot is talus, calcaneus and toes, a trunk without arms has ours in
+//! it. Their matter is moved by one affine map a segment, so that together the bodies have our mass, centre
+//! of mass about the joint and tensor, and each of them stays a body that can be: `x → B (x − c_t) + c_o`
+//! with `B Σ_t Bᵀ = Σ_o`, Σ the second moments of unit mass about the centre, and masses all times the same.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -17,7 +18,8 @@ use rigident_model::inertial::{Parameters, in_parent};
 pub enum OsimFault {
     /// A body that all people of OpenSim's have is missing, or no joints lead to it.
     #[error(
-        "the OpenSim model has no body {0} that joints lead to, as its models of people do: give another model with `osim`"
+        "the OpenSim model has no body {0} that joints lead to, as its models of people do: give another \
+         model with `osim`"
     )]
     Missing(String),
     /// A segment of it has no mass.
@@ -89,7 +91,8 @@ struct Matter {
     second: Matrix3<f64>,
 }
 
-/// Returns the bodies of a template with our segments in them: `segments` are parameters about the links' joints, by their names.
+/// Returns the bodies of a template with our segments in them: `segments` are parameters about the links'
+/// joints, by their names.
 ///
 /// # Errors
 /// [`OsimFault`] if the template is no model of a person.
@@ -326,11 +329,8 @@ mod tests {
     fn body(name: &str, parent: &str, below: [f64; 3], kg: f64, tensor: f64) -> String {
         let [x, y, z] = below;
         format!(
-            "<Body name='{name}'><mass>{kg}</mass><mass_center>0 -0.1 0</mass_center><inertia_xx>{tensor}</inertia_xx>\
-             <inertia_yy>0.01</inertia_yy><inertia_zz>0.02</inertia_zz><inertia_xy>0</inertia_xy><inertia_xz>0</inertia_xz>\
-             <inertia_yz>0</inertia_yz><Joint><WeldJoint name='to_{name}'><parent_body>{parent}</parent_body>\
-             <location_in_parent>{x} {y} {z}</location_in_parent><orientation_in_parent>0 0 0</orientation_in_parent>\
-             <location>0 0 0</location><orientation>0 0 0</orientation></WeldJoint></Joint></Body>"
+            "<Body name='{name}'><mass>{kg}</mass><mass_center>0 -0.1 \
+             0</mass_center><inertia_xx>{tensor}</inertia_xx><inertia_yy>0.01</inertia_yy><inertia_zz>0.02</inertia_zz><inertia_xy>0</inertia_xy><inertia_xz>0</inertia_xz><inertia_yz>0</inertia_yz><Joint><WeldJoint name='to_{name}'><parent_body>{parent}</parent_body><location_in_parent>{x} {y} {z}</location_in_parent><orientation_in_parent>0 0 0</orientation_in_parent><location>0 0 0</location><orientation>0 0 0</orientation></WeldJoint></Joint></Body>"
         )
     }
 

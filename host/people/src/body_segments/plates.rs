@@ -1,8 +1,10 @@
-//! Errors of force plates that a person's motion tells of: how far a plate is from where the file has it, and its scale.
+//! Errors of force plates that a person's motion tells of: how far a plate is from where the file has it, and
+//! its scale.
 //!
-//! Of each trial the rows have columns beside the parameters: of plate p a shift `s × F_p` along x and y, its scale `F_p, M_p`, and the zero of
-//! a plate that was always loaded. They are estimated together with the parameters and the table; centres of pressure
-//! under the feet are further rows of the shifts. A scale that all plates share is one with the mass, so plates are compared.
+//! Of each trial the rows have columns beside the parameters: of plate p a shift `s × F_p` along x and y, its
+//! scale `F_p, M_p`, and the zero of a plate that was always loaded. They are estimated together with the
+//! parameters and the table; centres of pressure under the feet are further rows of the shifts. A scale that
+//! all plates share is one with the mass, so plates are compared.
 
 use std::ops::Range;
 

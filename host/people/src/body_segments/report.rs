@@ -17,8 +17,8 @@ use rigident_identify::answer::standard_parameters::Full;
 /// Markers that are named as farthest off.
 const FARTHEST: usize = 3;
 
-/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments with their covariance, `answer` what the fit
-/// says, `left_out` how left-out motions are predicted.
+/// Returns what is found of a person; `fit` is of all motions with the table, `found` the segments with their
+/// covariance, `answer` what the fit says, `left_out` how left-out motions are predicted.
 ///
 /// # Errors
 /// [`StudyError`] as the fits have it.

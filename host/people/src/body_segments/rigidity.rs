@@ -1,8 +1,8 @@
 //! Noise by bodies that do not explain the rows: the segments of a person are not rigid.
 //!
-//! Rows leave little where many parameters follow a slow motion, as of somebody who stands: breathing, the heart and skin
-//! then resemble bodies that do not exist. How far the estimate is from all bodies shows how much larger the
-//! noise is than what is left: `d²` of as many directions as rows determine is their number.
+//! Rows leave little where many parameters follow a slow motion, as of somebody who stands: breathing, the
+//! heart and skin then resemble bodies that do not exist. How far the estimate is from all bodies shows how
+//! much larger the noise is than what is left: `d²` of as many directions as rows determine is their number.
 
 use super::Study;
 use super::error::StudyError;
@@ -15,8 +15,8 @@ const ROUNDS: usize = 4;
 const MOST: f64 = 5.0;
 
 impl Study {
-    /// Widens the noise until bodies explain the rows, if it need not be more than [`MOST`] times larger; `redraw` finds
-    /// anew how joint centres move the parameters.
+    /// Widens the noise until bodies explain the rows, if it need not be more than [`MOST`] times larger;
+    /// `redraw` finds anew how joint centres move the parameters.
     pub(super) fn widen_to_bodies(
         &mut self,
         mut redraw: impl FnMut(&mut Self) -> Result<(), StudyError>,
@@ -30,8 +30,8 @@ impl Study {
         Ok(())
     }
 
-    /// Returns how much larger σ would have to be for bodies to explain the rows; `None` if they do, or if the
-    /// signs are reversed.
+    /// Returns how much larger σ would have to be for bodies to explain the rows; `None` if they do, or if
+    /// the signs are reversed.
     fn unexplained(&self) -> Result<Option<f64>, StudyError> {
         let all: Vec<usize> = (0..self.motions.len()).collect();
         let fit = self.with_calibration(self.together(&all)?, &all);
@@ -50,9 +50,9 @@ impl Study {
     pub fn misfit(&self) -> Option<String> {
         (!self.tells_segments()).then(|| {
             format!(
-                "no rigid segments explain the forces: breathing, skin or what the model lacks is as large as what moves \
-                 the segments, so these are not identified, and the intervals are {:.1} times wider. Record a motion in which \
-                 all segments move",
+                "no rigid segments explain the forces: breathing, skin or what the model lacks is as large \
+                 as what moves the segments, so these are not identified, and the intervals are {:.1} times \
+                 wider. Record a motion in which all segments move",
                 self.noise_by_bodies
             )
         })

@@ -1,7 +1,7 @@
 //! Segments with intervals, beside the table.
 //!
-//! Values and intervals are what rows, with joint centres and plates that may be off, and the table say together
-//! ([`rigident_identify::answer::standard_beside`]).
+//! Values and intervals are what rows, with joint centres and plates that may be off, and the table say
+//! together ([`rigident_identify::answer::standard_beside`]).
 
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3, Vector4};
 
@@ -16,11 +16,12 @@ use rigident_identify::answer::standard_parameters::Full;
 use rigident_model::human::PELVIS_TILT;
 use rigident_model::inertial::Parameters;
 
-/// A segment is identified if motions take so large a part of the table's variance of its mass: a quarter makes the interval 13 % narrower.
+/// A segment is identified if motions take so large a part of the table's variance of its mass: a quarter
+/// makes the interval 13 % narrower.
 const LEAST_INFORMED: f64 = 0.25;
 
-/// Returns the segments of a person, `found` with their covariance ([`Study::segments`]), and the centre of mass of all of her when she stands
-/// upright, from midway between the hips, m.
+/// Returns the segments of a person, `found` with their covariance ([`Study::segments`]), and the centre of
+/// mass of all of her when she stands upright, from midway between the hips, m.
 ///
 /// # Errors
 /// [`StudyError::Model`] if the table has none.
@@ -41,7 +42,8 @@ pub fn segments(
     Ok((each.collect(), centre(person, found, covariance)))
 }
 
-/// The pose of somebody who stands upright: at zero, with the pelvis' spines leaning forward, and trunk and thighs upright.
+/// The pose of somebody who stands upright: at zero, with the pelvis' spines leaning forward, and trunk and
+/// thighs upright.
 fn upright(person: &Person) -> Pose {
     let mut pose = person.subject.skeleton.zero();
     let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), PELVIS_TILT);
@@ -104,8 +106,8 @@ fn segment(
     }
 }
 
-/// Returns a centre of mass, m, from mass and first moments and their covariance, which comes first in `covariance`:
-/// `c = ms / m`, `δc = (δms − c δm) / m`.
+/// Returns a centre of mass, m, from mass and first moments and their covariance, which comes first in
+/// `covariance`: `c = ms / m`, `δc = (δms − c δm) / m`.
 pub(super) fn centre_of_mass(body: &Vector4<f64>, covariance: &DMatrix<f64>) -> [Measured; 3] {
     std::array::from_fn(|k| {
         let (mass, c) = (body[0], body[1 + k] / body[0]);

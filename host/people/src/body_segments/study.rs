@@ -70,8 +70,9 @@ fn noise(
     })
 }
 
-/// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them with. What is left moves as
-/// segments that are not rigid do, and tells of no change by itself: see [`Study::other_masses`].
+/// Returns a fit whose σ are what residuals have beside the table: there is no stated noise to compare them
+/// with. What is left moves as segments that are not rigid do, and tells of no change by itself: see
+/// [`Study::other_masses`].
 fn nothing_stated(mut fit: Fit) -> Fit {
     fit.noise.variance_ratio = 1.0;
     fit.lack_of_fit = LackOfFit::default();
@@ -133,7 +134,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Returns the study of some of a person's trials, by their numbers, with the joint centres as they were found.
+    /// Returns the study of some of a person's trials, by their numbers, with the joint centres as they were
+    /// found.
     ///
     /// # Errors
     /// [`StudyError`] if nothing can be used.
@@ -194,8 +196,8 @@ impl Study {
         })
     }
 
-    /// Finds how joint centres, marker places and errors of plates that are not known move the parameters, and widens
-    /// the noise to what bodies explain; `trials` are those that the person was made of.
+    /// Finds how joint centres, marker places and errors of plates that are not known move the parameters,
+    /// and widens the noise to what bodies explain; `trials` are those that the person was made of.
     ///
     /// # Errors
     /// [`StudyError`] if a person with other joints, or a motion, has no rows.
@@ -262,7 +264,8 @@ impl Study {
         Ok(Some(Mass { kg: own.value, variance, plates: plates.row(0).iter().copied().collect() }))
     }
 
-    /// Returns motions whose whole mass, kg, is not that of all motions, by their numbers: something was carried, put down or leaned on.
+    /// Returns motions whose whole mass, kg, is not that of all motions, by their numbers: something was
+    /// carried, put down or leaned on.
     ///
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
@@ -281,7 +284,8 @@ impl Study {
         found.into_iter().filter_map(Result::transpose).collect()
     }
 
-    /// Returns pairs of trials, by their numbers, whose whole masses, kg, have intervals apart: not both can be right.
+    /// Returns pairs of trials, by their numbers, whose whole masses, kg, have intervals apart: not both can
+    /// be right.
     ///
     /// # Errors
     /// [`StudyError::Pool`] if there are no motions.
@@ -300,16 +304,17 @@ impl Study {
         Ok(apart.map(|pair| pair.map(|(trial, mass)| (*trial, mass.measured()))).collect())
     }
 
-    /// Returns how joint centres and marker places, then each kind of errors of plates, move what some motions and the table say, one
-    /// column each, with their names in the budget.
+    /// Returns how joint centres and marker places, then each kind of errors of plates, move what some
+    /// motions and the table say, one column each, with their names in the budget.
     pub fn moved(&self, motions: &[usize]) -> Vec<(&'static str, DMatrix<f64>)> {
         let plates = self.ground.moved(&self.motions, motions, &known(&self.table));
         let kinds = KINDS.into_iter().enumerate().map(|(k, name)| (name, self.ground.of_kind(k, &plates)));
         std::iter::once(("joint centres", self.draws.clone())).chain(kinds).collect()
     }
 
-    /// Returns the fit of some motions with what joint centres, marker places and errors of plates leave open in its covariance. Its values
-    /// are those that predict best with joints as they were found and plates as the file has them.
+    /// Returns the fit of some motions with what joint centres, marker places and errors of plates leave open
+    /// in its covariance. Its values are those that predict best with joints as they were found and plates as
+    /// the file has them.
     #[must_use]
     pub fn with_calibration(&self, mut fit: Fit, motions: &[usize]) -> Fit {
         let known = known(&self.table);
@@ -329,8 +334,9 @@ impl Study {
         &self.base
     }
 
-    /// Returns the physically consistent segments of a person by the fit of some motions and by what is known of people; and their covariance, ten
-    /// parameters of every link. That joint centres and plates may be off is counted.
+    /// Returns the physically consistent segments of a person by the fit of some motions and by what is known
+    /// of people; and their covariance, ten parameters of every link. That joint centres and plates may be
+    /// off is counted.
     ///
     /// # Errors
     /// [`StudyError::Model`] if the table has none.
@@ -360,8 +366,8 @@ impl Study {
         Ok(beside(&person.subject.model, &found, (&known, &errors), self.options.symmetric)?)
     }
 
-    /// Returns the covariance of what is known of a person's segments beforehand, ten parameters of every link: of people like her, of her mass by
-    /// scales.
+    /// Returns the covariance of what is known of a person's segments beforehand, ten parameters of every
+    /// link: of people like her, of her mass by scales.
     ///
     /// # Errors
     /// [`StudyError::Model`] if the table has none.
@@ -380,7 +386,8 @@ impl Study {
     }
 }
 
-/// Returns whether two masses contradict each other: they differ by far more than the uncertainty of their difference.
+/// Returns whether two masses contradict each other: they differ by far more than the uncertainty of their
+/// difference.
 fn apart(a: &Mass, b: &Mass) -> bool {
     let off = (a.kg - b.kg).abs();
     // The same plates are in both.

@@ -1,7 +1,8 @@
 //! The tool that a person holds: its own parameters from motions with it and without it.
 //!
-//! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with the tool are rows over
-//! `φ + K τ`, those without over φ. Both factors and the table are merged, and φ is eliminated.
+//! With K the weights of the ten parameters of the link that holds it in the base parameters φ, motions with
+//! the tool are rows over `φ + K τ`, those without over φ. Both factors and the table are merged, and φ is
+//! eliminated.
 
 use nalgebra::{DMatrix, Vector4};
 

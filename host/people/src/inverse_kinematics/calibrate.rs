@@ -1,9 +1,9 @@
 //! Joint centres and marker places of a person, from frames of a standing or moving trial.
 //!
-//! All frames share where joints are in their parents and where markers are on their links. Each frame's pose is eliminated from the
-//! normal equations (Schur complement), and what is shared has a prior: the table's places, each with how far it may be off. A
-//! standing trial alone leaves most of the prior in place; motion moves joint centres to where segments turn about (functional
-//! calibration).
+//! All frames share where joints are in their parents and where markers are on their links. Each frame's pose
+//! is eliminated from the normal equations (Schur complement), and what is shared has a prior: the table's
+//! places, each with how far it may be off. A standing trial alone leaves most of the prior in place; motion
+//! moves joint centres to where segments turn about (functional calibration).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
@@ -57,8 +57,8 @@ struct Bundle<'a> {
     cost: f64,
 }
 
-/// Finds joint centres and marker places. `sigma_joint_m` are 1 σ of every link's joint in its parent, axes of the parent, the
-/// base's left out; `poses` one near that of each frame.
+/// Finds joint centres and marker places. `sigma_joint_m` are 1 σ of every link's joint in its parent, axes
+/// of the parent, the base's left out; `poses` one near that of each frame.
 ///
 /// Returns `None` if the equations cannot be solved: too few markers were seen.
 pub fn calibrate(

@@ -1,11 +1,12 @@
 //! The knowledge of markers by their names: the sets of Plug-in Gait, of OpenSim's examples, and names like
 //! theirs.
 //!
-//! Places are of a standing adult 1.741 m tall, about joint centres, and scale with the stature. Those of the pelvis about the
-//! hips are M. Harrington et al., "Prediction of the hip joint centre in adults, children, and patients with cerebral palsy based on
-//! magnetic resonance imaging", Journal of Biomechanics 40 (3), 2007, for a pelvis 0.25 m wide and 0.16 m deep; the others are
-//! half breadths of joints and lengths of segments as textbooks of gait analysis have them, with the radius of a marker
-//! (assumed). They are where a calibration begins, each with how far it may be off.
+//! Places are of a standing adult 1.741 m tall, about joint centres, and scale with the stature. Those of the
+//! pelvis about the hips are M. Harrington et al., "Prediction of the hip joint centre in adults, children,
+//! and patients with cerebral palsy based on magnetic resonance imaging", Journal of Biomechanics 40 (3),
+//! 2007, for a pelvis 0.25 m wide and 0.16 m deep; the others are half breadths of joints and lengths of
+//! segments as textbooks of gait analysis have them, with the radius of a marker (assumed). They are where a
+//! calibration begins, each with how far it may be off.
 
 use nalgebra::Vector3;
 
@@ -197,15 +198,16 @@ const CENTRES: &[Landmark] = &[
     mark(&["WRIST"], On::Wrist, From::Wrist, [0.0; 3], 0.03),
 ];
 
-/// Returns a name in capitals and digits; what OpenCap adds to the names of its anatomical markers is taken off.
+/// Returns a name in capitals and digits; what OpenCap adds to the names of its anatomical markers is taken
+/// off.
 fn plain(name: &str) -> String {
     let all: String =
         name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_uppercase()).collect();
     all.strip_suffix("STUDY").map(str::to_owned).unwrap_or(all)
 }
 
-/// Returns true of the names of a recording without markers (OpenPose, Theia, OpenCap's cameras): hips are in it, which no marker
-/// shows, and knees and ankles by these words alone.
+/// Returns true of the names of a recording without markers (OpenPose, Theia, OpenCap's cameras): hips are in
+/// it, which no marker shows, and knees and ankles by these words alone.
 pub fn are_keypoints(labels: &[String]) -> bool {
     let plain: Vec<String> = labels.iter().map(|label| plain(label)).collect();
     let has = |core: &str| {
@@ -295,12 +297,14 @@ pub fn is_known(name: &str) -> bool {
     find(name).is_some()
 }
 
-/// Returns a marker's name without its side, and the side: 1 left, −1 right; `None` if it has none or is not known.
+/// Returns a marker's name without its side, and the side: 1 left, −1 right; `None` if it has none or is not
+/// known.
 pub fn sided(name: &str) -> Option<(String, f64)> {
     core(name).filter(|(_, side, _)| *side != 0.0).map(|(_, side, core)| (core, side))
 }
 
-/// Returns what markers of known names are fixed to, of a model of a person so tall; names that are not known are left out.
+/// Returns what markers of known names are fixed to, of a model of a person so tall; names that are not known
+/// are left out.
 pub fn attach(model: &Model, skeleton: &Skeleton, labels: &[String], height_m: f64) -> Vec<Attached> {
     let zero = skeleton.places(&skeleton.zero());
     let link = |names: [&str; 2], side: f64| {

@@ -32,8 +32,8 @@ pub(super) fn unusual(given: &[(String, f64)], person: &Person) -> Option<Other>
     })
 }
 
-/// Returns the worst of lengths from elsewhere if, all together or by itself, they contradict those of joints that were found without
-/// them; `root` is that of what markers say of these.
+/// Returns the worst of lengths from elsewhere if, all together or by itself, they contradict those of joints
+/// that were found without them; `root` is that of what markers say of these.
 pub(super) fn contradiction(
     given: &[(String, f64)],
     model: &Model,

@@ -8,9 +8,10 @@ struct MarkerSet {
     labels: &'static [&'static str],
 }
 
-/// Sets that are recognised by their names. Vicon, *Plug-in Gait Reference Guide*; Leboeuf et al., *pyCGM2*, 2019; Qualisys, *QTM
-/// Marker Set Guide* (Sports); Leardini et al., *Gait & Posture* 26, 2007 (IOR); Uhlrich et al., *OpenCap*, 2023; Cao et
-/// al., *OpenPose*, 2019 (BODY_25). Names are compared in capitals and digits.
+/// Sets that are recognised by their names. Vicon, *Plug-in Gait Reference Guide*; Leboeuf et al., *pyCGM2*,
+/// 2019; Qualisys, *QTM Marker Set Guide* (Sports); Leardini et al., *Gait & Posture* 26, 2007 (IOR); Uhlrich
+/// et al., *OpenCap*, 2023; Cao et al., *OpenPose*, 2019 (BODY_25). Names are compared in capitals and
+/// digits.
 const SETS: &[MarkerSet] = &[
     MarkerSet {
         name: "Plug-in Gait",
@@ -147,7 +148,8 @@ pub fn likeness(labels: &[String]) -> Option<Likeness> {
     })
 }
 
-/// Returns the segments with fewer markers of known names than each takes: its name, how many it has, and how many it takes.
+/// Returns the segments with fewer markers of known names than each takes: its name, how many it has, and how
+/// many it takes.
 pub fn bare_segments(labels: &[String]) -> Vec<(&'static str, usize, usize)> {
     let places = places(labels);
     let count = |segment: &str| places.iter().flatten().filter(|place| place.segment == segment).count();
@@ -171,19 +173,21 @@ mod tests {
     #[test]
     fn sets_are_told_apart_and_what_they_lack_is_named() {
         let gait = labels(
-            "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE RTOE C7 CLAV STRN T10 LSHO RSHO",
+            "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE RTOE C7 CLAV STRN \
+             T10 LSHO RSHO",
         );
         let found = likeness(&gait).unwrap();
         assert_eq!((found.set, found.found, found.missing.len()), ("Plug-in Gait", 16, 0));
         let two = labels(
-            "LASI RASI LPSI RPSI LTHAP LTHAD LKNE LKNM LTIAP LTIAD LANK LMED LHEE LSMH LFMH LVMH RTHAP RTHAD RKNE RKNM RTIAP RTIAD \
-             RANK RMED RHEE RSMH RFMH",
+            "LASI RASI LPSI RPSI LTHAP LTHAD LKNE LKNM LTIAP LTIAD LANK LMED LHEE LSMH LFMH LVMH RTHAP RTHAD \
+             RKNE RKNM RTIAP RTIAD RANK RMED RHEE RSMH RFMH",
         );
         assert_eq!(likeness(&two).map(|found| (found.set, found.missing)), Some(("CGM2", vec!["RVMH"])));
         let cap = labels(
-            "r.ASIS_study L.ASIS_study r.PSIS_study L.PSIS_study r_knee_study r_mknee_study r_ankle_study r_mankle_study r_toe_study \
-             r_5meta_study r_calc_study L_knee_study L_mknee_study L_ankle_study L_mankle_study L_toe_study L_calc_study \
-             L_5meta_study C7_study r_lelbow_study r_melbow_study r_lwrist_study",
+            "r.ASIS_study L.ASIS_study r.PSIS_study L.PSIS_study r_knee_study r_mknee_study r_ankle_study \
+             r_mankle_study r_toe_study r_5meta_study r_calc_study L_knee_study L_mknee_study L_ankle_study \
+             L_mankle_study L_toe_study L_calc_study L_5meta_study C7_study r_lelbow_study r_melbow_study \
+             r_lwrist_study",
         );
         assert_eq!(likeness(&cap).unwrap().set, "OpenCap anatomical");
         let known = places(&cap);
@@ -198,7 +202,8 @@ mod tests {
     #[test]
     fn keypoints_are_the_centres_of_joints_and_markers_of_the_same_names_are_not() {
         let pose = labels(
-            "Nose Neck RShoulder RElbow RWrist LShoulder LElbow LWrist MidHip RHip RKnee RAnkle LHip LKnee LAnkle",
+            "Nose Neck RShoulder RElbow RWrist LShoulder LElbow LWrist MidHip RHip RKnee RAnkle LHip LKnee \
+             LAnkle",
         );
         assert!(are_keypoints(&pose));
         assert!(likeness(&pose).unwrap().set.starts_with("keypoints"));

@@ -1,8 +1,10 @@
 //! Inverse kinematics: from markers to the coordinates of a person's joints.
 //!
-//! Lives here: a tree of links in a pose ([`skeleton`]), markers that are fixed to its links ([`markers`]) with what is known of
-//! common marker sets ([`landmarks`]), the pose of a frame ([`solve`]), joint centres and marker places from frames of one
-//! person ([`calibrate`]), its lengths beside those from elsewhere (`lengths`), and the model of that person ([`subject`]). May not live here: files, and whatever follows from the coordinates.
+//! Lives here: a tree of links in a pose ([`skeleton`]), markers that are fixed to its links ([`markers`])
+//! with what is known of common marker sets ([`landmarks`]), the pose of a frame ([`solve`]), joint centres
+//! and marker places from frames of one person ([`calibrate`]), its lengths beside those from elsewhere
+//! (`lengths`), and the model of that person ([`subject`]). May not live here: files, and whatever follows
+//! from the coordinates.
 
 pub mod calibrate;
 mod known;

@@ -54,8 +54,8 @@ impl Normal {
 
 /// Fills the equations of a frame about a pose.
 ///
-/// A marker on link i at x is at `y = p_i + R_i x`. A turn of joint j above it moves it by `(R_j e) × (y − p_j)`, the place of that
-/// joint in its parent by `R_parent`, its own place by `R_i`.
+/// A marker on link i at x is at `y = p_i + R_i x`. A turn of joint j above it moves it by
+/// `(R_j e) × (y − p_j)`, the place of that joint in its parent by `R_parent`, its own place by `R_i`.
 pub(super) fn fill(
     skeleton: &Skeleton,
     pose: &Pose,

@@ -15,10 +15,11 @@ const SPINE_ABOVE: f64 = 0.0833;
 /// The distance that it may be from there, 1 σ, m (assumed).
 pub(super) const LOWEST_JOINT_SIGMA_M: [f64; 3] = [0.012, 0.004, 0.012];
 
-/// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of the pelvis, where
-/// its four spines were seen.
+/// Sets hips and the pelvis' markers to the regression of Harrington et al. (2007) on the width and depth of
+/// the pelvis, where its four spines were seen.
 ///
-/// Returns true if they were. From the middle of the front spines, forward, outward and up, m: `−0.24 d − 0.0099`, `0.33 w + 0.0073`, `−0.30 w − 0.0109`.
+/// Returns true if they were. From the middle of the front spines, forward, outward and up, m:
+/// `−0.24 d − 0.0099`, `0.33 w + 0.0073`, `−0.30 w − 0.0109`.
 pub(super) fn pelvis(
     skeleton: &mut Skeleton,
     markers: &mut [Attached],
@@ -73,7 +74,8 @@ pub(super) fn trunk(model: &Model) -> Option<usize> {
     model.link("torso").or_else(|| model.link("lumbar"))
 }
 
-/// The markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts as both rear ones.
+/// The markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts as both
+/// rear ones.
 fn spines(markers: &[Attached], front: bool) -> [Option<usize>; 2] {
     let find = |left: bool| {
         markers.iter().position(|m| {

@@ -127,7 +127,8 @@ impl Skeleton {
         places
     }
 
-    /// Returns the pose that a small step leads to: one number for every freedom, turns in axes of the link beyond the joint.
+    /// Returns the pose that a small step leads to: one number for every freedom, turns in axes of the link
+    /// beyond the joint.
     pub fn step(&self, pose: &Pose, step: &[f64]) -> Pose {
         let three = |at: usize| Vector3::from_fn(|k, _| step.get(at + k).copied().unwrap_or(0.0));
         let turned =

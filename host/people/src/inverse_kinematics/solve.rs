@@ -39,10 +39,11 @@ impl<'a> Solver<'a> {
         Self { skeleton, markers, normal: room(), trial: room() }
     }
 
-    /// Returns the pose of a frame, sought from a pose near it; `None` if fewer than three markers were seen, or the search
-    /// fails.
+    /// Returns the pose of a frame, sought from a pose near it; `None` if fewer than three markers were seen,
+    /// or the search fails.
     ///
-    /// Damped Gauss–Newton steps (Levenberg, Marquardt) on distances weighted by σ, those beyond 3 σ less (Huber).
+    /// Damped Gauss–Newton steps (Levenberg, Marquardt) on distances weighted by σ, those beyond 3 σ less
+    /// (Huber).
     pub fn solve(&mut self, seen: &Seen, start: &Pose) -> Option<Solved> {
         if seen.iter().flatten().count() < FEWEST {
             return None;

@@ -41,8 +41,8 @@ pub enum HumanModel {
 pub enum SubjectError {
     /// Too few markers have names that are known.
     #[error(
-        "only {known} of {markers} markers have names that are known ({unknown} is not), and {FEWEST} must be: name in `markers` \
-         which segment each is on"
+        "only {known} of {markers} markers have names that are known ({unknown} is not), and {FEWEST} must \
+         be: name in `markers` which segment each is on"
     )]
     Markers {
         /// Markers of known names that were seen.
@@ -54,7 +54,8 @@ pub enum SubjectError {
     },
     /// Markers are in another unit, or are no person's.
     #[error(
-        "the markers make a person {height_m:.3} m tall: is their unit right? Correct POINT:UNITS or the header's Units"
+        "the markers make a person {height_m:.3} m tall: is their unit right? Correct POINT:UNITS or the \
+         header's Units"
     )]
     Stature {
         /// The stature, m.
@@ -62,7 +63,8 @@ pub enum SubjectError {
     },
     /// Left and right are exchanged.
     #[error(
-        "left and right are exchanged in the names of {what}: the person would stand {left_mm:.0} mm off the model as they are named, and          {other_mm:.0} mm the other way round; correct the names"
+        "left and right are exchanged in the names of {what}: the person would stand {left_mm:.0} mm off the \
+         model as they are named, and          {other_mm:.0} mm the other way round; correct the names"
     )]
     Exchanged {
         /// The markers.
@@ -85,7 +87,8 @@ pub enum SubjectError {
     OwnMarkers(String),
     /// Lengths from elsewhere are another person's.
     #[error(
-        "the {} of `osim` is {given_m:.3} m, and the person's is about {found_m:.3} m: is the model scaled to this person, in metres?",
+        "the {} of `osim` is {given_m:.3} m, and the person's is about {found_m:.3} m: is the model scaled \
+         to this person, in metres?",
         name.replace('_', " ")
     )]
     OtherPerson {
@@ -126,8 +129,8 @@ pub struct Subject {
     root: DMatrix<f64>,
 }
 
-/// Returns the model of a person from frames of markers, `labels` their names; the first frames are those that the person stands
-/// upright in, as far as there are any.
+/// Returns the model of a person from frames of markers, `labels` their names; the first frames are those
+/// that the person stands upright in, as far as there are any.
 ///
 /// # Errors
 /// [`SubjectError`] says what is missing.
@@ -232,8 +235,9 @@ impl Subject {
         self.skeleton.way(link)
     }
 
-    /// Returns a subject that the markers agree with as well: joints and markers moved by `L⁻ᵀ z`, with `L Lᵀ` what they say, and
-    /// independent numbers z of variance 1 from `unit`. `None` if the model has no such skeleton.
+    /// Returns a subject that the markers agree with as well: joints and markers moved by `L⁻ᵀ z`, with
+    /// `L Lᵀ` what they say, and independent numbers z of variance 1 from `unit`. `None` if the model has no
+    /// such skeleton.
     pub fn another(&self, mut unit: impl FnMut() -> f64) -> Option<Self> {
         let z = DVector::from_fn(self.root.nrows(), |_, _| unit());
         let moved = self.root.tr_solve_lower_triangular(&z)?;
@@ -303,7 +307,8 @@ fn follow(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], first: &Pose
     Some(poses)
 }
 
-/// Root mean square of the distances of markers from where the table has them, of those that are known best, m.
+/// Root mean square of the distances of markers from where the table has them, of those that are known best,
+/// m.
 fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -> f64 {
     let (mut sum, mut count) = (0.0, 0_usize);
     for (frame, pose) in seen.iter().zip(follow(skeleton, markers, seen, start).unwrap_or_default()) {
@@ -318,7 +323,8 @@ fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and scale.
+/// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and
+/// scale.
 fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<(Pose, f64, f64)> {
     let places = skeleton.places(&skeleton.zero());
     let known = markers.iter().zip(seen).filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M);

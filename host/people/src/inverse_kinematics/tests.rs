@@ -1,4 +1,5 @@
-//! Recorded people: joint centres against those that the laboratories' own software wrote into the same files.
+//! Recorded people: joint centres against those that the laboratories' own software wrote into the same
+//! files.
 
 use std::path::PathBuf;
 
@@ -50,8 +51,8 @@ fn distance(found: &Subject, trial: &Trial, link: &str, point: &str) -> f64 {
 #[test]
 #[ignore = "needs ../shared/data"]
 fn joint_centres_of_shared_data_are_where_functional_motion_and_the_laboratory_have_them() {
-    // Centres of the hips that functional motion gave (the laboratory's SCoRE), ankles of Plug-in Gait; and Plug-in Gait's of another
-    // person. Regressions of hips are good to 10 to 20 mm.
+    // Centres of the hips that functional motion gave (the laboratory's SCoRE), ankles of Plug-in Gait; and
+    // Plug-in Gait's of another person. Regressions of hips are good to 10 to 20 mm.
     let cases: [(&str, [&str; 2], f64, Limits); 2] = [
         (
             "human_btk_pig_60kg_functional",
@@ -165,14 +166,16 @@ fn poses_and_joint_centres_come_out_of_markers_that_were_made_of_them() {
             markers.iter().map(|m| Some(places[m.link].1 + places[m.link].0 * m.position_m)).collect()
         })
         .collect();
-    // A pose alone, from one nearby, is found but for the weak preference of zero: 6 mm of skin against 1 rad.
+    // A pose alone, from one nearby, is found but for the weak preference of zero: 6 mm of skin against 1
+    // rad.
     let mut solver = Solver::new(&truth, &markers);
     for k in 1..30 {
         let solved = solver.solve(&seen[k], &poses[k - 1]).unwrap();
         let worst = solved.distances_m.iter().flatten().fold(0.0_f64, |m, d| m.max(*d));
         assert!(worst < 1e-3, "{k}: {worst}");
     }
-    // Joints that begin 15 mm off come back to a third of that and nearer, where little is known of them beforehand.
+    // Joints that begin 15 mm off come back to a third of that and nearer, where little is known of them
+    // beforehand.
     let mut off = truth.clone();
     let hips = [model.link("l_thigh").unwrap(), model.link("r_thigh").unwrap()];
     hips.iter().for_each(|hip| off.shift(*hip, &Vector3::new(0.010, -0.008, 0.008)));

@@ -1,7 +1,8 @@
 //! The delay of the force plates against the cameras.
 //!
-//! The force that the table's bodies need for the motion of the markers, `M (c̈ + g)`, is compared with the measured one, both
-//! smoothed alike: a delay τ of the plates leaves `−τ Ḟ`, and another mass a share of the force.
+//! The force that the table's bodies need for the motion of the markers, `M (c̈ + g)`, is compared with the
+//! measured one, both smoothed alike: a delay τ of the plates leaves `−τ Ḟ`, and another mass a share of the
+//! force.
 
 use std::ops::Range;
 
@@ -52,7 +53,8 @@ pub(super) struct Looked {
     pub used: Vec<bool>,
 }
 
-/// Returns the delay of the plates by some frames; `None` if too few of them are used, or the forces hardly change.
+/// Returns the delay of the plates by some frames; `None` if too few of them are used, or the forces hardly
+/// change.
 pub(super) fn delay(subject: &Subject, trial: &Trial, frames: &Looked, smoother: &Smoother) -> Option<Delay> {
     let needed = needed(subject, &frames.centres, smoother);
     let mut delay_s = 0.0;

@@ -1,4 +1,5 @@
-//! Frames of a trial as another subject would have them, whose joints and markers are where these markers allow it, too.
+//! Frames of a trial as another subject would have them, whose joints and markers are where these markers
+//! allow it, too.
 
 use std::ops::Range;
 
@@ -12,8 +13,9 @@ use crate::inverse_kinematics::subject::Subject;
 use rigident_io::motion_capture::trial::Trial;
 use rigident_rows::moved::Moved;
 
-/// Returns coordinates and rates of some of a trial's frames that rows are made of, by their place among them, with the poses of another
-/// subject, each with its frame; one that this one has no pose of is left out.
+/// Returns coordinates and rates of some of a trial's frames that rows are made of, by their place among
+/// them, with the poses of another subject, each with its frame; one that this one has no pose of is left
+/// out.
 pub fn frames_as(
     subject: &Subject,
     trial: &Trial,

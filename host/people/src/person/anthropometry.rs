@@ -1,9 +1,10 @@
 //! The knowledge of tables of people about one person: a normal distribution of her base parameters.
 //!
-//! Mass, centre and tensor of a segment differ from the table's by relative sizes that are stated. Left and right are one person's: what they
-//! share is large, in what they differ is small. All segments together are lighter or heavier, and larger or smaller where they are scaled by a stature
-//! that is not known. Linear about the table: `δ(m c) = c δm + m δc`,
-//! `δI = δI_c + S(c) δm + m (S(c, δc) + S(δc, c))`, with `S(a, b) = (a·b) 1 − b aᵀ`.
+//! Mass, centre and tensor of a segment differ from the table's by relative sizes that are stated. Left and
+//! right are one person's: what they share is large, in what they differ is small. All segments together are
+//! lighter or heavier, and larger or smaller where they are scaled by a stature that is not known. Linear
+//! about the table: `δ(m c) = c δm + m δc`, `δI = δI_c + S(c) δm + m (S(c, δc) + S(δc, c))`, with
+//! `S(a, b) = (a·b) 1 − b aᵀ`.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -54,8 +55,8 @@ const BETWEEN_SEXES: f64 = 0.08;
 const SYMMETRIC: f64 = 1e-3;
 
 impl Spread {
-    /// Returns the sizes for somebody whose means are those of a table, the stature known so well, relative; `symmetric` if right segments are
-    /// taken to mirror left ones.
+    /// Returns the sizes for somebody whose means are those of a table, the stature known so well, relative;
+    /// `symmetric` if right segments are taken to mirror left ones.
     #[must_use]
     pub fn about(self, sex: Sex, height: f64, symmetric: bool) -> Self {
         let mass = if sex == Sex::Unknown { self.mass.hypot(BETWEEN_SEXES / 2.0) } else { self.mass };
@@ -111,8 +112,8 @@ pub fn distribution(
     Gaussian::new(names, &map * nominal, &map * covariance * map.transpose())
 }
 
-/// Returns the covariance of the standard parameters of all links, ten each, some masses given; `None` if a segment has no nominal
-/// body.
+/// Returns the covariance of the standard parameters of all links, ten each, some masses given; `None` if a
+/// segment has no nominal body.
 pub fn standard(model: &Model, spread: &Spread, given: &[GivenMass]) -> Option<DMatrix<f64>> {
     let segments: Vec<Parameters> = model.links.iter().map(|l| l.nominal).collect::<Option<_>>()?;
     let nominal = DVector::from_vec(model.nominal());
@@ -160,17 +161,20 @@ pub fn standard(model: &Model, spread: &Spread, given: &[GivenMass]) -> Option<D
     Some(covariance)
 }
 
-/// Signs of the deviations of [`root`] in a mirror: mass, centre along x, y and z, Ixx, Iyy, Izz, Iyz, Izx, Ixy.
+/// Signs of the deviations of [`root`] in a mirror: mass, centre along x, y and z, Ixx, Iyy, Izz, Iyz, Izx,
+/// Ixy.
 const MIRRORED: [f64; 10] = [1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0];
 
-/// Returns a covariance of standard parameters, ten of every link, beside a whole mass that is known, with 1 σ, kg.
+/// Returns a covariance of standard parameters, ten of every link, beside a whole mass that is known, with 1
+/// σ, kg.
 pub fn with_whole_mass(known: &DMatrix<f64>, sigma_kg: f64) -> DMatrix<f64> {
     let masses = DVector::from_fn(known.nrows(), |row, _| f64::from(u8::from(row % 10 == 0)));
     let with = known * &masses;
     known - &with * with.transpose() / (masses.dot(&with) + sigma_kg * sigma_kg)
 }
 
-/// Returns the map from the links' parameters, ten each, to those of the bodies, where some links are fixed to others.
+/// Returns the map from the links' parameters, ten each, to those of the bodies, where some links are fixed
+/// to others.
 pub fn bodies(model: &Model) -> DMatrix<f64> {
     let rows = 10 * model.welded().links.len();
     let mut map = DMatrix::zeros(rows, 10 * model.links.len());

@@ -31,8 +31,8 @@ impl Compared {
         Some(Self { pairs, means, spread })
     }
 
-    /// Returns the correlation of the needed force along an axis with the measured one along another; `None` of who hardly moves
-    /// along them.
+    /// Returns the correlation of the needed force along an axis with the measured one along another; `None`
+    /// of who hardly moves along them.
     pub(super) fn correlation(&self, needed: usize, measured: usize) -> Option<f64> {
         let moves = MOVES * self.means[1].z.abs();
         let [a, b] = [self.spread[0][needed], self.spread[1][measured]];
@@ -43,8 +43,8 @@ impl Compared {
         (a > moves && b > moves).then(|| mean / (a * b))
     }
 
-    /// Returns the horizontal axis along which plates push against the motion, with the correlation. Small ones are those of parts
-    /// that no marker follows, or of noise; no honest plate pushes the other way.
+    /// Returns the horizontal axis along which plates push against the motion, with the correlation. Small
+    /// ones are those of parts that no marker follows, or of noise; no honest plate pushes the other way.
     pub(super) fn flipped(&self) -> Option<(&'static str, f64)> {
         let of = |(axis, k)| Some((axis, self.correlation(k, k).filter(|r| *r < -LEAST_CORRELATION)?));
         [("x", 0), ("y", 1)].into_iter().find_map(of)

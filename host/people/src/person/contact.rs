@@ -75,8 +75,8 @@ pub struct Contact {
     pub dropped: Vec<Option<Dropped>>,
     /// Distances of centres of pressure from the nearest sole, where a plate is loaded, m.
     pub beside_m: Vec<f32>,
-    /// Frames in which one plate alone is loaded and one foot is clearly lower: those with the load nearer to that foot, and nearer to
-    /// the one in the air.
+    /// Frames in which one plate alone is loaded and one foot is clearly lower: those with the load nearer to
+    /// that foot, and nearer to the one in the air.
     pub single: [usize; 2],
 }
 
@@ -156,7 +156,8 @@ fn velocity(soles: &[Option<KeptSoles>], frame: usize, foot: usize, k: usize) ->
     }
 }
 
-/// The velocity of the ground, m/s: of the soles that the ground presses on, their median. A treadmill's belt moves.
+/// The velocity of the ground, m/s: of the soles that the ground presses on, their median. A treadmill's belt
+/// moves.
 fn belt(soles: &[Option<KeptSoles>], rate_hz: f64, plates: &[GroundWrench], loads: Loads) -> Vector3<f64> {
     let mut all: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
     parallel::in_order(soles.len(), loads, |frame, loads| {
@@ -258,7 +259,8 @@ pub(super) fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     (away - line * along).norm()
 }
 
-/// The same from the line from heel to toe, a third longer than that to the ball, which lies flat when the heel is in the air.
+/// The same from the line from heel to toe, a third longer than that to the ball, which lies flat when the
+/// heel is in the air.
 fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     let (heel, ball) = ((sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0);
     let toes = (ball - heel).norm() / 3.0;

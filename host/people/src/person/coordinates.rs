@@ -9,7 +9,8 @@ use rigident_rows::smoothing::Smoother;
 /// Frames whose numbers are stored together.
 pub const STRETCH: usize = 1000;
 
-/// Coordinates of every frame; frames without a pose are NaN. Single precision: 1e-6 m is a hundredth of what cameras tell.
+/// Coordinates of every frame; frames without a pose are NaN. Single precision: 1e-6 m is a hundredth of what
+/// cameras tell.
 pub struct Coordinates {
     parts: Vec<Part>,
     width: usize,
@@ -19,7 +20,8 @@ pub struct Coordinates {
 }
 
 impl Coordinates {
-    /// Returns the coordinates of the numbers of frames ([`numbers`]), those of [`STRETCH`] frames in each of `stretches`.
+    /// Returns the coordinates of the numbers of frames ([`numbers`]), those of [`STRETCH`] frames in each of
+    /// `stretches`.
     pub fn new(skeleton: &Skeleton, stretches: Vec<Vec<f32>>) -> Self {
         let mut parts = vec![Part::Place, Part::Ball];
         parts.extend(skeleton.zero().turns.iter().skip(1).filter_map(|turn| match turn {
@@ -123,7 +125,8 @@ impl Coordinates {
         Some(pose)
     }
 
-    /// Returns coordinates and rates of a frame; `None` near either end, or where a frame under the kernel has no pose.
+    /// Returns coordinates and rates of a frame; `None` near either end, or where a frame under the kernel
+    /// has no pose.
     pub fn at(&self, smoother: &Smoother, frame: usize) -> Option<Moved> {
         let from = frame.checked_sub(smoother.half())?;
         let middle = self.row(frame)?;

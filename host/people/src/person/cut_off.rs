@@ -1,9 +1,10 @@
 //! The cut-off of the smoothing: up to where markers and plates tell of one motion.
 //!
 //! Two bounds, of which the lower one is taken. What left-out frames say of the coordinates alone
-//! ([`rigident_rows::smoothing::best_cut_off`]) knows nothing of skin that moves over bone, nor of a recording that was smoothed before.
-//! Therefore the forces that the table's bodies need for the motion are compared with the measured ones, band by band: a band in
-//! which they differ by more than half of what was measured adds noise, no information.
+//! ([`rigident_rows::smoothing::best_cut_off`]) knows nothing of skin that moves over bone, nor of a
+//! recording that was smoothed before. Therefore the forces that the table's bodies need for the motion are
+//! compared with the measured ones, band by band: a band in which they differ by more than half of what was
+//! measured adds noise, no information.
 
 use nalgebra::Vector3;
 

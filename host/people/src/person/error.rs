@@ -14,8 +14,8 @@ pub enum PersonError {
     Model(#[from] ModelError),
     /// The load is under the foot in the air.
     #[error(
-        "{name}: in {wrong} of {frames} frames on one foot the load is nearer to the foot that is in the air: are the plates, or their \
-         centres of pressure, exchanged, or left markers right ones?"
+        "{name}: in {wrong} of {frames} frames on one foot the load is nearer to the foot that is in the \
+         air: are the plates, or their centres of pressure, exchanged, or left markers right ones?"
     )]
     OtherFoot {
         /// The trial.
@@ -27,7 +27,8 @@ pub enum PersonError {
     },
     /// The cut-off does not fit the rate.
     #[error(
-        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give `cut_off_hz` between 1 and a quarter of the rate"
+        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} frames a second: give `cut_off_hz` between 1 \
+         and a quarter of the rate"
     )]
     CutOff {
         /// The cut-off, Hz.
@@ -37,8 +38,9 @@ pub enum PersonError {
     },
     /// Plates and markers are in different frames.
     #[error(
-        "{name}: where plates are loaded no foot is near: the centre of pressure is {away_m:.2} m from the nearest sole: the corners of \
-         the plates, or the axes of their channels, are in another frame than the markers"
+        "{name}: where plates are loaded no foot is near: the centre of pressure is {away_m:.2} m from the \
+         nearest sole: the corners of the plates, or the axes of their channels, are in another frame than \
+         the markers"
     )]
     Laboratory {
         /// The trial.
@@ -48,8 +50,9 @@ pub enum PersonError {
     },
     /// Plates and cameras recorded different motions.
     #[error(
-        "{name}: the plates do not follow the markers' motion: the vertical force that it needs and the measured one have a correlation of \
-         {correlation:.2}: are the forces of another trial, at another rate, or far out of step?"
+        "{name}: the plates do not follow the markers' motion: the vertical force that it needs and the \
+         measured one have a correlation of {correlation:.2}: are the forces of another trial, at another \
+         rate, or far out of step?"
     )]
     Apart {
         /// The trial.
@@ -59,8 +62,9 @@ pub enum PersonError {
     },
     /// Forces along an axis have the wrong sign.
     #[error(
-        "{name}: along {axis} (z up) the plates push against the motion: the horizontal force that it needs and the measured one have a \
-         correlation of {correlation:.2}: turn the sign of the plates' force along that axis"
+        "{name}: along {axis} (z up) the plates push against the motion: the horizontal force that it needs \
+         and the measured one have a correlation of {correlation:.2}: turn the sign of the plates' force \
+         along that axis"
     )]
     Flipped {
         /// The trial.
@@ -72,8 +76,9 @@ pub enum PersonError {
     },
     /// Forces along the horizontal axes are exchanged.
     #[error(
-        "{name}: the plates' x follows what the motion needs along y, and their y what it needs along x (z up; correlations {:.2} and \
-         {:.2}): exchange the two columns or channels of force, or turn the plates by a quarter",
+        "{name}: the plates' x follows what the motion needs along y, and their y what it needs along x (z \
+         up; correlations {:.2} and {:.2}): exchange the two columns or channels of force, or turn the \
+         plates by a quarter",
         correlations[1], correlations[0]
     )]
     Exchanged {
@@ -84,8 +89,9 @@ pub enum PersonError {
     },
     /// Nobody has this mass.
     #[error(
-        "by the plates the person weighs {mass_kg:.1} kg at a stature of {height_m:.2} m, and living people of that stature weigh \
-         {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one person, whom nothing else carries (a seat)?"
+        "by the plates the person weighs {mass_kg:.1} kg at a stature of {height_m:.2} m, and living people \
+         of that stature weigh {least_kg:.0} to {most_kg:.0} kg: are the forces in newtons, and of one \
+         person, whom nothing else carries (a seat)?"
     )]
     Weight {
         /// The mass, kg.
@@ -107,8 +113,8 @@ pub enum PersonError {
     },
     /// Markers are not where the model has them.
     #[error(
-        "{name}: its markers are {off_mm:.0} mm off the model that all trials share (usual are less than 10 mm), most {marker}: is it a trial of \
-         another person, with other markers, or are some exchanged?"
+        "{name}: its markers are {off_mm:.0} mm off the model that all trials share (usual are less than 10 \
+         mm), most {marker}: is it a trial of another person, with other markers, or are some exchanged?"
     )]
     OffTheModel {
         /// The trial.

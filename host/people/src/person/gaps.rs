@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 /// Gaps up to this length are filled, s.
 pub const LONGEST_S: f64 = 0.1;
 
-/// Fills short gaps of a marker by the cubic through the two frames on either side; returns how many frames were filled.
+/// Fills short gaps of a marker by the cubic through the two frames on either side; returns how many frames
+/// were filled.
 ///
 /// `track` has a place for each frame, m.
 pub fn fill(track: &mut [Option<Vector3<f64>>], rate_hz: f64) -> usize {

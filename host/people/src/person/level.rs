@@ -1,4 +1,5 @@
-//! Whether plates are level: over some seconds a person's mean horizontal force is `m Δv / T`, whatever her segments weigh.
+//! Whether plates are level: over some seconds a person's mean horizontal force is `m Δv / T`, whatever her
+//! segments weigh.
 
 use nalgebra::Vector3;
 
@@ -11,8 +12,8 @@ use rigident_io::motion_capture::zeroing::UNKNOWN_ZERO_N;
 
 /// A stretch of time without a gap tells if it is at least this long, s.
 const LEAST_S: f64 = 0.7;
-/// 1 σ of the velocity of the table's centre of mass, m/s: where it comes back to itself after whole strides, elsewhere, and of somebody whose
-/// trunk no marker follows (assumed).
+/// 1 σ of the velocity of the table's centre of mass, m/s: where it comes back to itself after whole strides,
+/// elsewhere, and of somebody whose trunk no marker follows (assumed).
 const VELOCITY_MPS: [f64; 3] = [0.02, 0.05, 0.1];
 
 /// Returns how far the plates of a trial lean; `None` if no stretch is long enough.
@@ -56,9 +57,10 @@ impl Tracked {
         let tilt = self.report.tilt.filter(Tilt::is_significant)?;
         let [x, y] = [tilt.lean.x, tilt.lean.y].map(|v| v.atan().to_degrees());
         Some(format!(
-            "{}: the plates' axes are not the cameras' vertical: they lean by {:.1} ± {:.1}° ({x:.1}° along x, {y:.1}° along y, z up): their mean horizontal \
-             force is {:.0} N more than the person's change of speed. Masses of head and trunk and all first moments are wrong by it: level the plates, or turn their forces into \
-             the cameras' axes (those of a slope, too)",
+            "{}: the plates' axes are not the cameras' vertical: they lean by {:.1} ± {:.1}° ({x:.1}° along \
+             x, {y:.1}° along y, z up): their mean horizontal force is {:.0} N more than the person's change \
+             of speed. Masses of head and trunk and all first moments are wrong by it: level the plates, or \
+             turn their forces into the cameras' axes (those of a slope, too)",
             self.name,
             tilt.lean.norm().atan().to_degrees(),
             rigident_fit::COVERAGE_95 * tilt.sigma.to_degrees(),

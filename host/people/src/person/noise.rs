@@ -1,9 +1,10 @@
 //! The noise of a person's rows: what is left of the plates' wrench by bodies near the table's.
 //!
-//! Segments are not rigid, and skin moves over bone: what rows leave is not the plates' noise, and is as slow as the motion. It is
-//! estimated with the bodies, beside what the table knows of them, so that many parameters on few frames do not explain it away: for
-//! each channel `σ² = Σ r² / (n − tr(H⁻¹H_c))`, H the information of rows and table together, H_c that of the channel's rows, n the
-//! number of independent values among them.
+//! Segments are not rigid, and skin moves over bone: what rows leave is not the plates' noise, and is as slow
+//! as the motion. It is estimated with the bodies, beside what the table knows of them, so that many
+//! parameters on few frames do not explain it away: for each channel `σ² = Σ r² / (n − tr(H⁻¹H_c))`, H the
+//! information of rows and table together, H_c that of the channel's rows, n the number of independent values
+//! among them.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::conditioning::Kernel;
@@ -75,8 +76,8 @@ impl RowSums {
     }
 }
 
-/// Returns 1 σ of each channel per unfiltered sample of every trial, such that rows weigh as they inform, beside what is known
-/// beforehand; all trials leave alike. `None` if there are no rows.
+/// Returns 1 σ of each channel per unfiltered sample of every trial, such that rows weigh as they inform,
+/// beside what is known beforehand; all trials leave alike. `None` if there are no rows.
 pub fn sigma(trials: &[RowSums], known: &Gaussian) -> Option<Vec<Vec<f64>>> {
     let prior = known.covariance().clone().cholesky()?.inverse();
     let toward = &prior * known.mean();
@@ -122,7 +123,8 @@ impl Channel {
     }
 }
 
-/// Returns `Σ h²` of the smoothing and the rows' filter one after the other: of frames this share is independent.
+/// Returns `Σ h²` of the smoothing and the rows' filter one after the other: of frames this share is
+/// independent.
 pub fn noise_gain(rate_hz: f64, cut_off_hz: f64) -> f64 {
     let taps = |width: f64| {
         Kernel::<f64, TAPS>::new(rate_hz, width, 1).map_or(vec![1.0], |kernel| kernel.smooth().to_vec())

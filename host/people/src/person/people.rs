@@ -87,8 +87,8 @@ pub struct Person {
 }
 
 impl Person {
-    /// Returns a person from trials, of which `standing` is one that she stands upright in. Plates' samples, and
-    /// markers that are not needed any more, are taken out of the trials.
+    /// Returns a person from trials, of which `standing` is one that she stands upright in. Plates' samples,
+    /// and markers that are not needed any more, are taken out of the trials.
     ///
     /// # Errors
     /// [`PersonError`] says what is wrong with which trial.
@@ -103,7 +103,8 @@ impl Person {
             return Err(PersonError::NoFrames {
                 name: trial.name.clone(),
                 why: format!(
-                    "{why}: the forces between person and ground are needed; for a TRC file name them with `ground` FILE"
+                    "{why}: the forces between person and ground are needed; for a TRC file name them with \
+                     `ground` FILE"
                 ),
             });
         }
@@ -149,13 +150,14 @@ impl Person {
         }
         if standing.is_none() && options.height_m.is_none() {
             notes.push(format!(
-                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give `static` or `height_m`",
+                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; \
+                 give `static` or `height_m`",
                 subject.person.height_m
             ));
         } else if options.height_m.is_none() {
             notes.push(format!(
-                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is scaled by it: give `height_m` if it \
-                 is known",
+                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table \
+                 is scaled by it: give `height_m` if it is known",
                 subject.person.height_m
             ));
         }
@@ -228,7 +230,8 @@ impl Person {
         Ok(())
     }
 
-    /// Returns some of the frames of a trial that rows are made of, by their place among them, as those of a tree whose base is tracked.
+    /// Returns some of the frames of a trial that rows are made of, by their place among them, as those of a
+    /// tree whose base is tracked.
     pub fn input(&self, trial: usize, frames: Range<usize>) -> Option<Input> {
         let tracked = self.trials.get(trial)?;
         let own = tracked.frames.get(frames)?.iter();
@@ -317,8 +320,8 @@ fn chosen_frames(
     frames
 }
 
-/// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial where that is steady; a
-/// first guess for the table alone.
+/// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial
+/// where that is steady; a first guess for the table alone.
 fn weight(trials: &[Trial]) -> Option<f64> {
     let best = trials.iter().filter_map(|trial| {
         let rate = trial.ground.first()?.rate_hz;

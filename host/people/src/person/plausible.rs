@@ -1,4 +1,5 @@
-//! Whether what the plates measured can be of the person that the cameras saw: motion along each axis, and mass.
+//! Whether what the plates measured can be of the person that the cameras saw: motion along each axis, and
+//! mass.
 
 use nalgebra::Vector3;
 
@@ -8,11 +9,12 @@ use super::error::PersonError;
 use super::people::Person;
 use super::track::UsedFrame;
 
-/// Mass over squared stature of living people, kg/m². Nobody lives long of starvation below 10 to 13 (Henry 1990), and the heaviest
-/// who still walk are near 80; forces in kgf, lbf or counts are off by 4.4 and more.
+/// Mass over squared stature of living people, kg/m². Nobody lives long of starvation below 10 to 13 (Henry
+/// 1990), and the heaviest who still walk are near 80; forces in kgf, lbf or counts are off by 4.4 and more.
 const BODY_MASS_INDICES: [f64; 2] = [10.0, 80.0];
 
-/// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little of it.
+/// Refuses plates that measured another motion than the cameras: what the table's bodies need explains little
+/// of it.
 pub(super) fn belong_together(person: &Person) -> Result<(), PersonError> {
     for (k, tracked) in person.trials.iter().enumerate() {
         let pairs = forces(person, k).into_iter().map(|(_, pair)| pair).collect();
@@ -60,7 +62,8 @@ pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
     (square > 0.0 && product > 0.0).then(|| product / square)
 }
 
-/// The force that the table's bodies need and that was measured, N, in the frames of a trial that are used, with their numbers.
+/// The force that the table's bodies need and that was measured, N, in the frames of a trial that are used,
+/// with their numbers.
 pub(super) fn forces(person: &Person, trial: usize) -> Vec<(usize, [Vector3<f64>; 2])> {
     let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
     let none = Vector3::repeat(f64::NAN);

@@ -126,7 +126,8 @@ pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + 
     let count = trial.frames().div_ceil(STRETCH);
     let freedoms = subject.skeleton.freedoms();
     let done = AtomicUsize::new(0);
-    // Frames of a stretch are solved one after the other, stretches at the same time; some of them tell what is usual.
+    // Frames of a stretch are solved one after the other, stretches at the same time; some of them tell what
+    // is usual.
     let solved = |stretches: Vec<usize>, usual: Option<&[f32]>| {
         parallel::map(parallel::threads(), stretches.len(), |k| {
             let first = stretches[k] * STRETCH;
@@ -180,8 +181,8 @@ pub(super) fn distances(subject: &Subject, trial: &Trial, frames: usize) -> (f64
     rms(subject, &stretch(subject, trial, 0..trial.frames().min(frames)).distances)
 }
 
-/// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so, and do not carry their
-/// trunks fixed to the pelvis.
+/// Keeps a trunk that no marker follows upright, its front where the pelvis' is on average: people walk so,
+/// and do not carry their trunks fixed to the pelvis.
 pub(super) fn upright(subject: &Subject, coordinates: &mut Coordinates, rate_hz: f64) {
     let Some(trunk) = subject.unseen_trunk else { return };
     let half = (HEADING_S * rate_hz / 2.0).ceil() as usize;

@@ -13,8 +13,8 @@ const LOOKED_S: f64 = 60.0;
 /// Numbers of the base, which goes on.
 const BASE: usize = 7;
 
-/// Returns the period of the joints' motion, s: the lag of the largest autocorrelation of all joints' coordinates together; `None` if they do
-/// not come back to themselves.
+/// Returns the period of the joints' motion, s: the lag of the largest autocorrelation of all joints'
+/// coordinates together; `None` if they do not come back to themselves.
 pub fn period_s(tracked: &Tracked) -> Option<f64> {
     let rate_hz = tracked.report.rate_hz;
     let most = (LOOKED_S * rate_hz) as usize;

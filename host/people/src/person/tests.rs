@@ -38,8 +38,9 @@ fn only_frames_of_shared_data_with_all_contact_on_the_plates_are_used() {
     assert!(from > 1.06 && to < 2.77 && to - from > 0.8, "{from} {to}");
     assert!(walk.trials[0].report.dropped[&Dropped::FootOff] > 100);
     assert!(walk.subject.unseen_trunk.is_some() && walk.fixed.contains(&"head".to_owned()));
-    // There are no corners. The left foot is on its plate from 0.836 to 1.590 s, the right one from 0.266 to 1.024 and from 1.411 s:
-    // a stride of 1.145 s, so that the left foot left the floor at 0.445 s, and comes back at 1.981 s.
+    // There are no corners. The left foot is on its plate from 0.836 to 1.590 s, the right one from 0.266 to
+    // 1.024 and from 1.411 s: a stride of 1.145 s, so that the left foot left the floor at 0.445 s, and comes
+    // back at 1.981 s.
     let folder = "human_rajagopal2016_walk";
     let walk = person(trial(folder, "markers_walk.trc", Some("grf_walk.mot")), None, 1.8);
     let (from, to) = used(&walk);

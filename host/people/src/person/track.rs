@@ -39,10 +39,11 @@ const MOST_LOADED: usize = 20_000;
 const LOADED_N: f32 = 25.0;
 /// A window is at most this many times as long as its frames.
 const LONGEST_WINDOW: usize = 4;
-/// Contact is judged with plates that are smoothed this little, Hz: where a foot lands, a wide kernel spreads its load over time in which the
-/// foot is elsewhere.
+/// Contact is judged with plates that are smoothed this little, Hz: where a foot lands, a wide kernel spreads
+/// its load over time in which the foot is elsewhere.
 const CONTACT_HZ: f64 = 25.0;
-/// Of frames with a load more than this share must have it under a foot, else plates and markers are in different frames.
+/// Of frames with a load more than this share must have it under a foot, else plates and markers are in
+/// different frames.
 const UNDER_A_FOOT: f64 = 0.5;
 
 /// At most this many contacts of a trial are named.
@@ -318,7 +319,8 @@ fn shown(trial: &Trial) -> usize {
     (SHOWN_S * trial.rate_hz).ceil() as usize
 }
 
-/// Drops markers of a long trial that no window can be chosen from: of blocks in which nobody is on a plate, or most of the others.
+/// Drops markers of a long trial that no window can be chosen from: of blocks in which nobody is on a plate,
+/// or most of the others.
 fn thin(trial: &mut Trial) {
     if trial.frames() <= LONG {
         return;

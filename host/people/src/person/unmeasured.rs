@@ -1,9 +1,10 @@
 //! Contacts that no plate measures: a seat, a rail, a box, a partner.
 //!
-//! The force that the table's bodies need for the motion, `s M (c̈ + g)`, less the measured one is what pushes a person beside
-//! the plates. Whatever carries her takes from the plates: s is the plates' mass over the table's by the stretches of time in which they carry most.
-//! Over a contact the angular momentum about the centre of mass changes little, so that the contact's mean moment about that is
-//! the plates' with the other sign, and tells where it pushes.
+//! The force that the table's bodies need for the motion, `s M (c̈ + g)`, less the measured one is what
+//! pushes a person beside the plates. Whatever carries her takes from the plates: s is the plates' mass over
+//! the table's by the stretches of time in which they carry most. Over a contact the angular momentum about
+//! the centre of mass changes little, so that the contact's mean moment about that is the plates' with the
+//! other sign, and tells where it pushes.
 
 use std::ops::Range;
 
@@ -72,7 +73,8 @@ pub(super) struct Forces {
 }
 
 impl Forces {
-    /// Compares the forces of a trial in the frames that are used; `centre` is where the table's centre of mass is in each, m.
+    /// Compares the forces of a trial in the frames that are used; `centre` is where the table's centre of
+    /// mass is in each, m.
     pub(super) fn of(
         subject: &Subject,
         trial: &Trial,
@@ -98,8 +100,8 @@ impl Forces {
         Some(Self { rate_hz: trial.rate_hz, weight_n: subject.person.mass_kg * GRAVITY, pairs })
     }
 
-    /// Returns false if what is measured along a horizontal axis goes against what the motion needs there: an axis with a wrong
-    /// sign is no contact.
+    /// Returns false if what is measured along a horizontal axis goes against what the motion needs there: an
+    /// axis with a wrong sign is no contact.
     pub(super) fn go_with_the_motion(&self) -> bool {
         let pairs = self.pairs.iter().flatten().map(|pair| pair.map(|v| v.map(f64::from))).collect();
         Compared::of(pairs).is_none_or(|compared| compared.flipped().is_none())
@@ -126,7 +128,8 @@ impl Forces {
         (0..self.pairs.len()).step_by(self.frames(HOP_S)).filter_map(of).collect()
     }
 
-    /// Returns the plates' mass over the table's, by the stretches in which plates carry most; `None` of a trial that is too short.
+    /// Returns the plates' mass over the table's, by the stretches in which plates carry most; `None` of a
+    /// trial that is too short.
     pub(super) fn level(&self) -> Option<f64> {
         let shares = self.shares();
         let mut sorted: Vec<f64> = shares.iter().map(|(_, share)| *share).collect();
@@ -235,8 +238,8 @@ impl Forces {
         all
     }
 
-    /// Returns what pushes in some frames; `about` is the person's places and the plates' wrench about the laboratory's origin in
-    /// a frame.
+    /// Returns what pushes in some frames; `about` is the person's places and the plates' wrench about the
+    /// laboratory's origin in a frame.
     pub(super) fn contact(
         &self,
         subject: &Subject,
@@ -270,7 +273,8 @@ impl Forces {
     }
 }
 
-/// The link that a force passes nearest to; `parts` are where links are from the centre of mass, which its moment is about, m.
+/// The link that a force passes nearest to; `parts` are where links are from the centre of mass, which its
+/// moment is about, m.
 fn nearest(
     subject: &Subject,
     parts: &[Vector3<f64>],

@@ -17,7 +17,8 @@ pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
         let of = |plate: &GroundWrench| {
             let drift = zeroing::drift(plate, &feet.on(plate))?;
             Some(format!(
-                "{}, {}: its zero drifts by {drift:.0} N between the first and the last time without load: the mass is wrong by up to {:.1} kg",
+                "{}, {}: its zero drifts by {drift:.0} N between the first and the last time without load: \
+                 the mass is wrong by up to {:.1} kg",
                 trial.name,
                 plate.name,
                 drift.abs() / GRAVITY
@@ -28,8 +29,9 @@ pub(super) fn drifts(trials: &[Trial]) -> Vec<String> {
     trials.iter().flat_map(said).collect()
 }
 
-/// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns what to know, and the
-/// plates of each trial whose zero is not known: none if plates `are_zeroed` before every trial.
+/// Zeros every plate by its own time without load, else by that of the same plate in another trial. Returns
+/// what to know, and the plates of each trial whose zero is not known: none if plates `are_zeroed` before
+/// every trial.
 pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<Vec<UnknownZero>>) {
     let offsets = |trial: &Trial| {
         let feet = Feet::of(trial);
@@ -49,8 +51,9 @@ pub(super) fn zero(trials: &mut [Trial], are_zeroed: bool) -> (Vec<String>, Vec<
                 None if are_zeroed => {}
                 None => {
                     notes.push(format!(
-                        "{}, {}: always loaded, its zero is taken as it was recorded, as known to {UNKNOWN_ZERO_N} N (1 σ): record some \
-                         time without load, or say `plates_zeroed` if its amplifier was reset right before each trial",
+                        "{}, {}: always loaded, its zero is taken as it was recorded, as known to \
+                         {UNKNOWN_ZERO_N} N (1 σ): record some time without load, or say `plates_zeroed` if \
+                         its amplifier was reset right before each trial",
                         trial.name, plate.name
                     ));
                     unzeroed[k].push(UnknownZero {

@@ -8,7 +8,8 @@ use hexapod::MotionProgram;
 
 use super::information::{Information, RigModel};
 
-/// An explanation must leave less than this share of the discrepancy, and the discrepancy must be larger than [`LEAST`].
+/// An explanation must leave less than this share of the discrepancy, and the discrepancy must be larger than
+/// [`LEAST`].
 const SHARE: f64 = 0.5;
 /// Sum over the six columns of |ln(told / expected)|: together twice as much, or a sixth of one column.
 const LEAST: f64 = 1.8;

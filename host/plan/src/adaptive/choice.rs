@@ -1,9 +1,9 @@
 //! The choice of the next segment: the first of the sequence that reaches what is asked for in the shortest
 //! time.
 //!
-//! For a sequence S that tells ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal, and `k t` is
-//! the time it is believed to take. Singles, then the best of them continued, then those once more: a segment that is
-//! poor alone, because it shows half of what is needed, is found in company.
+//! For a sequence S that tells ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal,
+//! and `k t` is the time it is believed to take. Singles, then the best of them continued, then those once
+//! more: a segment that is poor alone, because it shows half of what is needed, is found in company.
 
 use super::goal::Goal;
 use super::information::Information;
@@ -43,8 +43,8 @@ impl Choice {
     }
 }
 
-/// A sequence that leads to the goal only if it is repeated often is driven in turn: chosen anew after each segment, it would always
-/// begin with the same one.
+/// A sequence that leads to the goal only if it is repeated often is driven in turn: chosen anew after each
+/// segment, it would always begin with the same one.
 #[derive(Clone, Debug, Default)]
 pub struct Turns {
     members: Vec<usize>,
@@ -61,8 +61,8 @@ impl Turns {
         self.driven.push(segment);
     }
 
-    /// Returns the choice beginning with the segment whose turn it is, if its sequence takes `once_s` and is repeated; with one that
-    /// can be begun.
+    /// Returns the choice beginning with the segment whose turn it is, if its sequence takes `once_s` and is
+    /// repeated; with one that can be begun.
     pub fn in_turn(&self, mut choice: Choice, once_s: f64, can_begin: impl Fn(usize) -> bool) -> Choice {
         let members = sorted(&choice.sequence);
         if choice.seconds < REPEATED * once_s || members != self.members {
@@ -89,8 +89,8 @@ fn sorted(sequence: &[usize]) -> Vec<usize> {
     members
 }
 
-/// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate `from`
-/// (`None`: from where the plate is); `None` where that cannot be.
+/// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate
+/// `from` (`None`: from where the plate is); `None` where that cannot be.
 pub fn choose(
     candidates: usize,
     step: &dyn Fn(Option<usize>, usize) -> Option<Step>,
@@ -194,7 +194,8 @@ fn times(goal: &Goal, now: &Information, tells: &Information, variance_scale: f6
 mod tests {
     use super::*;
 
-    /// Chosen anew after each segment, sequences that must be repeated are driven in their shares, whatever their order.
+    /// Chosen anew after each segment, sequences that must be repeated are driven in their shares, whatever
+    /// their order.
     #[test]
     fn a_sequence_that_is_repeated_is_driven_in_turn() {
         let mut turns = Turns::default();

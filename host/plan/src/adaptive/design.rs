@@ -1,9 +1,10 @@
-//! Motions made for what is asked for: of all six coordinates' Fourier series inside the limits, the one that needs the
-//! least time.
+//! Motions made for what is asked for: of all six coordinates' Fourier series inside the limits, the one that
+//! needs the least time.
 //!
-//! A motion that tells ΔM must be repeated until the worst uncertainty is what was asked for, so the best one makes the
-//! worst ratio least. Its smooth substitute is the p-norm of the squared ratios `r_j = s_jᵀ M⁻¹ s_j / u_j²`,
-//! whose derivative by M is of rank one for each: `d(s M⁻¹ s) = −s M⁻¹ dM M⁻¹ s`.
+//! A motion that tells ΔM must be repeated until the worst uncertainty is what was asked for, so the best one
+//! makes the worst ratio least. Its smooth substitute is the p-norm of the squared ratios
+//! `r_j = s_jᵀ M⁻¹ s_j / u_j²`, whose derivative by M is of rank one for each:
+//! `d(s M⁻¹ s) = −s M⁻¹ dM M⁻¹ s`.
 
 use std::sync::atomic::AtomicBool;
 
@@ -18,7 +19,8 @@ use crate::motion::information::log_determinant;
 use crate::motion::plan::{HIGHEST_HZ, frequencies_hz, step_s};
 use crate::motion::search::{Descent, Merit, Problem};
 
-/// Of the norm. Twelve equal ratios count as 36 % above each in variance, 17 % in deviation, whatever the motion.
+/// Of the norm. Twelve equal ratios count as 36 % above each in variance, 17 % in deviation, whatever the
+/// motion.
 const POWER: i32 = 8;
 /// The barrier's weights are made for `log det` of some ten parameters, this is the logarithm of one.
 const SCALE: f64 = 10.0;

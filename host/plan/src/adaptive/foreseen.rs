@@ -11,7 +11,8 @@ use super::planner::Known;
 pub enum Foreseen {
     /// Worst uncertainty over what is asked for.
     Share(f64),
-    /// 95 % uncertainty of the worst element of the tensors, kg m²: the moment of which a share is asked for is not known well enough.
+    /// 95 % uncertainty of the worst element of the tensors, kg m²: the moment of which a share is asked for
+    /// is not known well enough.
     Moment(f64),
 }
 

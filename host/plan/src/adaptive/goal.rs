@@ -14,8 +14,8 @@ const COVERAGE: f64 = 1.96;
 pub enum Asked {
     /// At most these 95 % uncertainties, SI; infinite where anything will do.
     Absolute([f64; 16]),
-    /// Every element of the tensors about S and about the centre of mass at most this share of the largest principal
-    /// moment about the centre of mass.
+    /// Every element of the tensors about S and about the centre of mass at most this share of the largest
+    /// principal moment about the centre of mass.
     Tensor(f64),
 }
 
@@ -24,14 +24,15 @@ pub enum Asked {
 pub struct Goal {
     /// Largest 95 % uncertainties; infinite where anything will do.
     pub u95: [f64; 16],
-    /// Of the tensor about the centre of mass: the same for every element, and their derivatives by the ten parameters.
+    /// Of the tensor about the centre of mass: the same for every element, and their derivatives by the ten
+    /// parameters.
     pub about_com: Option<(f64, [[f64; 10]; 6])>,
 }
 
 impl Asked {
     /// In SI, for the present estimate of the ten parameters. Without one a relative goal is that of the
-    /// most compact body. Mass and first moment are asked for as well then, so that they would do for the tensor about its
-    /// centre of mass.
+    /// most compact body. Mass and first moment are asked for as well then, so that they would do for the
+    /// tensor about its centre of mass.
     pub fn goal(&self, estimate: Option<&[f64]>, compact: &Compact) -> Goal {
         match self {
             Self::Absolute(u95) => Goal { u95: *u95, about_com: None },
@@ -62,8 +63,8 @@ impl Asked {
         }
     }
 
-    /// Returns true if it is known what is asked for: a share of a moment is not before a body is identified, nor where noise has
-    /// left its tensor without a positive moment.
+    /// Returns true if it is known what is asked for: a share of a moment is not before a body is identified,
+    /// nor where noise has left its tensor without a positive moment.
     pub fn is_known(&self, estimate: Option<&[f64]>) -> bool {
         match self {
             Self::Absolute(_) => true,
@@ -111,7 +112,8 @@ impl Goal {
     }
 }
 
-/// Derivatives of `I_S − (|mc|² 1 − mc mcᵀ)/m` by `[m, mc, I about S]`, elements in the order of the parameters.
+/// Derivatives of `I_S − (|mc|² 1 − mc mcᵀ)/m` by `[m, mc, I about S]`, elements in the order of the
+/// parameters.
 fn about_com_slopes(phi: &[f64]) -> Option<[[f64; 10]; 6]> {
     let [m, x, y, z, ..] = *phi.first_chunk::<10>()?;
     let c = [x / m, y / m, z / m];
@@ -133,7 +135,8 @@ fn about_com_slopes(phi: &[f64]) -> Option<[[f64; 10]; 6]> {
     Some(slopes)
 }
 
-/// Largest principal moment about the centre of mass, kg m², of `[m, mc, I about S]`; `None` unless it is positive.
+/// Largest principal moment about the centre of mass, kg m², of `[m, mc, I about S]`; `None` unless it is
+/// positive.
 pub fn largest_principal(phi: &[f64]) -> Option<f64> {
     let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi.first_chunk::<10>()?;
     let mc = Vector3::new(x, y, z);

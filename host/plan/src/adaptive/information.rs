@@ -156,7 +156,8 @@ impl RigModel {
         )
     }
 
-    /// Returns the most compact body of the mass that the load cell carries; of 20 kg where nothing is known of it.
+    /// Returns the most compact body of the mass that the load cell carries; of 20 kg where nothing is known
+    /// of it.
     pub fn compact(&self) -> Compact {
         Compact::of(self.body.as_ref().map_or(20.0, |body| body.middle[0].max(0.01)))
     }
@@ -244,7 +245,8 @@ impl RigModel {
     }
 }
 
-/// `L⁻¹` with `L Lᵀ` the information, columns scaled to one: parameters in kg and in kg m² are of very different sizes.
+/// `L⁻¹` with `L Lᵀ` the information, columns scaled to one: parameters in kg and in kg m² are of very
+/// different sizes.
 pub struct InverseRoot {
     inverse: Information,
     scale: [f64; 16],
@@ -270,7 +272,8 @@ impl InverseRoot {
         std::array::from_fn(|j| self.inverse.column(j).norm() * self.scale[j])
     }
 
-    /// Half-axes of the first ten parameters' ellipsoid of one standard deviation: `Σ l lᵀ` is their covariance.
+    /// Half-axes of the first ten parameters' ellipsoid of one standard deviation: `Σ l lᵀ` is their
+    /// covariance.
     pub fn half_axes(&self) -> Vec<[f64; 10]> {
         let half_axis = |k: usize| std::array::from_fn(|j| self.inverse[(k, j)] * self.scale[j]);
         (0..16).map(half_axis).collect()

@@ -1,4 +1,5 @@
-//! Segments to choose from: short motions with several frequencies about home and about tilted poses, and still poses.
+//! Segments to choose from: short motions with several frequencies about home and about tilted poses, and
+//! still poses.
 
 use hexapod::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
 
@@ -9,8 +10,8 @@ pub const MOTION_S: f64 = 4.0;
 const RAMP_S: f64 = 0.5;
 /// Length of a still pose, s.
 const STILL_S: f64 = 1.5;
-/// Frequencies, Hz: the band of the default experiment, well apart. With a single one a tilt's `I ω̇` and `mc × g` would
-/// be collinear.
+/// Frequencies, Hz: the band of the default experiment, well apart. With a single one a tilt's `I ω̇` and
+/// `mc × g` would be collinear.
 const FAST_HZ: [f64; 3] = [2.35, 2.05, 1.75];
 const SLOW_HZ: [f64; 3] = [0.5, 0.6, 0.7];
 /// Share of the slow sine's rate.
@@ -93,8 +94,8 @@ pub(super) fn keeps(program: &MotionProgram, geometry: &Geometry) -> bool {
     program.trajectory().is_ok_and(|trajectory| geometry.check(&trajectory).is_ok())
 }
 
-/// Everything the machine can do of these without the coordinates in `lost`, each as large as its limits and the gyro
-/// allow.
+/// Everything the machine can do of these without the coordinates in `lost`, each as large as its limits and
+/// the gyro allow.
 pub fn library(rig: &RigModel, lost: &[bool; 6]) -> Vec<Candidate> {
     let home = rig.geometry.home();
     let tilted = |tilt_deg: f64, azimuth_deg: f64| {

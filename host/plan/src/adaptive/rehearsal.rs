@@ -1,5 +1,5 @@
-//! The closed loop against a simulated rig that may not be what the planner believes: an axis that does not follow or is
-//! refused, tighter limits, other noise.
+//! The closed loop against a simulated rig that may not be what the planner believes: an axis that does not
+//! follow or is refused, tighter limits, other noise.
 
 use std::time::Instant;
 
@@ -63,8 +63,8 @@ pub struct Outcome {
     pub lost: [bool; 6],
     /// The segments done: name, and worst ratio expected and got.
     pub segments: Vec<(String, f64, f64)>,
-    /// The largest share of a limit that was taken at any instant, by the body as it is: of the machine, of the load cell's
-    /// range, of the gyro's and of the accelerometer's.
+    /// The largest share of a limit that was taken at any instant, by the body as it is: of the machine, of
+    /// the load cell's range, of the gyro's and of the accelerometer's.
     pub taken: f64,
     /// The prediction of what could be reached in the time there is.
     pub promised: Option<Foreseen>,
@@ -189,7 +189,8 @@ impl Rehearsal {
         let rate_hz = self.believed.rate_hz;
         let mut config = self.config.clone();
         if self.stuck.contains(&true) {
-            // The legs go where the controller that sees nothing wrong takes them: what is asked for was checked.
+            // The legs go where the controller that sees nothing wrong takes them: what is asked for was
+            // checked.
             config.geometry.leg_length_m = [0.0, f64::INFINITY];
             config.geometry.leg_rate_mps = f64::INFINITY;
             config.geometry.limits = Limits { cond_max: f64::INFINITY, ..Limits::default() };

@@ -30,8 +30,9 @@ fn adaptive(rehearsal: &Rehearsal) -> Outcome {
     rehearsal.adaptive(&ASKED, 1, 120.0).unwrap()
 }
 
-/// Against the estimator's own factor of simulated readings. The filter takes `exp(−(ω σ_t)²)` off the information, with
-/// its σ_t of 12 ms that is 3 % at 2.35 Hz and 12 % of products at twice that; of deviations half as much.
+/// Against the estimator's own factor of simulated readings. The filter takes `exp(−(ω σ_t)²)` off the
+/// information, with its σ_t of 12 ms that is 3 % at 2.35 Hz and 12 % of products at twice that; of
+/// deviations half as much.
 #[test]
 fn a_motion_tells_what_was_foreseen() {
     let mut config = RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal());
@@ -333,11 +334,13 @@ fn nothing_is_exceeded_whatever_the_body_the_limits_and_the_noise_are() {
     }
 }
 
-/// A share of a moment that noise has made negative is no measure: however small the uncertainties are, nothing is reached.
+/// A share of a moment that noise has made negative is no measure: however small the uncertainties are,
+/// nothing is reached.
 #[test]
 fn a_tensor_without_a_positive_moment_is_not_taken_for_known() {
     let asked = Asked::Tensor(0.01);
-    // About S, of 0.5 kg at 0.3 m: the moments about the centre of mass are differences of numbers forty times as large.
+    // About S, of 0.5 kg at 0.3 m: the moments about the centre of mass are differences of numbers forty
+    // times as large.
     let body = |moment_kgm2: f64| {
         let inertia_com_kgm2 = [moment_kgm2, moment_kgm2, moment_kgm2, 0.0, 0.0, 0.0];
         BodyParameters { mass_kg: 0.5, com_m: [0.18, -0.18, 0.16], inertia_com_kgm2 }.parameters()

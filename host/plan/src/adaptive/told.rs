@@ -16,8 +16,8 @@ const CHANNELS: u64 = 6;
 pub struct Told {
     /// Information on all sixteen.
     pub information: Information,
-    /// The ten parameters, if all of them are identified by the answer's own rule. At rest noise makes a factor of full rank:
-    /// what it determines then is no body.
+    /// The ten parameters, if all of them are identified by the answer's own rule. At rest noise makes a
+    /// factor of full rank: what it determines then is no body.
     pub estimate: Option<[f64; 10]>,
     /// Mass and first moment, if these are identified, whatever is known of the tensor.
     pub first: Option<[f64; 4]>,
@@ -36,8 +36,8 @@ impl Told {
         }
     }
 
-    /// Returns the worst uncertainty over what is asked for; at most 1 when all is reached, infinite as long as it is not known
-    /// what that is.
+    /// Returns the worst uncertainty over what is asked for; at most 1 when all is reached, infinite as long
+    /// as it is not known what that is.
     pub fn worst(&self, asked: &Asked, rig: &RigModel) -> f64 {
         if !asked.is_known(self.known().estimate) {
             return f64::INFINITY;

@@ -96,7 +96,8 @@ impl BoxFile {
             let numbers = own.size_m.iter().chain(&own.position_m).chain(&own.rpy_rad);
             if numbers.into_iter().any(|v| !v.is_finite()) || own.size_m.iter().any(|v| *v <= 0.0) {
                 return Err(format!(
-                    "{what}: [[box]] of {}: size_m {:?} and its place must be finite numbers, sizes above zero, m",
+                    "{what}: [[box]] of {}: size_m {:?} and its place must be finite numbers, sizes above \
+                     zero, m",
                     own.link, own.size_m
                 ));
             }
@@ -105,8 +106,9 @@ impl BoxFile {
     }
 }
 
-/// Returns the boxes of a model, whose fixed joints are still there: the file's, else those of its `shapes`, else, of links that have mass or
-/// a shape that cannot be read, one about the joints that it holds and its centre of mass, `radius_m` about them.
+/// Returns the boxes of a model, whose fixed joints are still there: the file's, else those of its `shapes`,
+/// else, of links that have mass or a shape that cannot be read, one about the joints that it holds and its
+/// centre of mass, `radius_m` about them.
 pub fn boxes(
     model: &Model,
     shapes: &BTreeMap<String, Option<Vec<ShapeBox>>>,

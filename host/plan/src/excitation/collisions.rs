@@ -154,8 +154,9 @@ impl Collisions {
         Some(Nearest { distance_m, between: [self.boxes[a].link.clone(), other] })
     }
 
-    /// Adds what grows beyond all bounds as a pair comes as near as the clearance, and its slopes by the joints' positions; `None` if it is
-    /// nearer. It is `−(1 − x)² ln x` of `x`, the distance beyond the clearance over that at which a pair counts as near.
+    /// Adds what grows beyond all bounds as a pair comes as near as the clearance, and its slopes by the
+    /// joints' positions; `None` if it is nearer. It is `−(1 − x)² ln x` of `x`, the distance beyond the
+    /// clearance over that at which a pair counts as near.
     pub(super) fn barrier(&self, moving: &Moving, sum: &mut f64, worth: &mut [f64]) -> Option<()> {
         let placed = self.placed(moving.states());
         let mut wall = |gap: f64| {
@@ -203,7 +204,8 @@ impl Collisions {
     }
 }
 
-/// Returns how everything beyond joint `k` moves at a rate of one: angular rate, and velocity of the point at the base's origin, base axes.
+/// Returns how everything beyond joint `k` moves at a rate of one: angular rate, and velocity of the point at
+/// the base's origin, base axes.
 fn twist(moving: &Moving, k: usize) -> (Vector3<f64>, Vector3<f64>) {
     let zero = Vector3::zeros();
     let (Some(link), Some(state)) = (moving.links().get(k + 1), moving.states().get(k + 1)) else {

@@ -1,8 +1,9 @@
-//! Motions of joints as Fourier series about a start: the fundamental is one over the duration, the highest harmonic is the bandwidth,
-//! and the motion begins and ends at rest at the start, without acceleration.
+//! Motions of joints as Fourier series about a start: the fundamental is one over the duration, the highest
+//! harmonic is the bandwidth, and the motion begins and ends at rest at the start, without acceleration.
 //!
-//! `q(t) = q₀ + Σ_k (a_k sin kωt + b_k (cos kωt − 1))`. With `a_k = r x_k/kω` and `b_k = r y_k/kω` the rate is zero where `Σ x_k = 0`
-//! and the acceleration where `Σ k y_k = 0`: two planes, of each of which a reflection gives an orthonormal basis.
+//! `q(t) = q₀ + Σ_k (a_k sin kωt + b_k (cos kωt − 1))`. With `a_k = r x_k/kω` and `b_k = r y_k/kω` the rate
+//! is zero where `Σ x_k = 0` and the acceleration where `Σ k y_k = 0`: two planes, of each of which a
+//! reflection gives an orthonormal basis.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +12,8 @@ use nalgebra::{DMatrix, DVector};
 /// Instants for each harmonic that the search checks: 12 in the shortest period.
 pub const INSTANTS: usize = 12;
 
-/// Positions, rates and accelerations of all joints at an instant, rad or m and s; or what a change of each is worth.
+/// Positions, rates and accelerations of all joints at an instant, rad or m and s; or what a change of each
+/// is worth.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Positions.
@@ -69,7 +71,8 @@ impl Series {
         Self { terms: terms.collect(), ..self.clone() }
     }
 
-    /// Returns for a joint the most that the derivative of a degree, 1, 2 or 3, can be at any instant: the sum of amplitudes, SI.
+    /// Returns for a joint the most that the derivative of a degree, 1, 2 or 3, can be at any instant: the
+    /// sum of amplitudes, SI.
     pub fn most(&self, joint: usize, degree: i32) -> f64 {
         let omega = TAU / self.duration_s;
         let own = self.terms.get(joint).map_or(&[][..], Vec::as_slice);

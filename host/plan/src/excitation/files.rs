@@ -1,4 +1,5 @@
-//! Trajectories as files: CSV with the columns that `identify` reads, and `trajectory_msgs/msg/JointTrajectory` of ROS 2 as YAML.
+//! Trajectories as files: CSV with the columns that `identify` reads, and
+//! `trajectory_msgs/msg/JointTrajectory` of ROS 2 as YAML.
 
 use std::fmt::Write as _;
 
@@ -7,7 +8,8 @@ use rigident_files::csv::field;
 use rigident_model::Model;
 use rigident_rows::tree::columns::units;
 
-/// A joint of a file: its name, its kind by the units of its columns, and its place in the series, or where it is held.
+/// A joint of a file: its name, its kind by the units of its columns, and its place in the series, or where
+/// it is held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileJoint {
     /// Its name.
@@ -22,8 +24,9 @@ pub struct FileJoint {
     pub is_commanded: bool,
 }
 
-/// Returns the joints of a model in its order: those that move in the series by their names, the others held at zero or where `held`
-/// says. Only those that move and the `commanded` ones are in the message for a controller.
+/// Returns the joints of a model in its order: those that move in the series by their names, the others held
+/// at zero or where `held` says. Only those that move and the `commanded` ones are in the message for a
+/// controller.
 pub fn joints(
     model: &Model,
     moving: &[String],
@@ -67,7 +70,8 @@ pub fn csv(series: &Series, joints: &[FileJoint], rate_hz: f64) -> String {
     text
 }
 
-/// Returns a message for `ros2 topic pub` in YAML of the joints that are commanded, with points at a rate, 1/s, and the last one at the end. Its stamp of zero means at once.
+/// Returns a message for `ros2 topic pub` in YAML of the joints that are commanded, with points at a rate,
+/// 1/s, and the last one at the end. Its stamp of zero means at once.
 pub fn joint_trajectory(series: &Series, joints: &[FileJoint], rate_hz: f64) -> String {
     let mut text = "header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: \"\"\njoint_names:\n".to_owned();
     let joints = || joints.iter().filter(|joint| joint.is_commanded);
@@ -85,7 +89,8 @@ pub fn joint_trajectory(series: &Series, joints: &[FileJoint], rate_hz: f64) -> 
         let nanoseconds = (t * 1e9).round() as u64;
         let _ = write!(
             text,
-            "- positions: [{}]\n  velocities: [{}]\n  accelerations: [{}]\n  effort: []\n  time_from_start: {{sec: {}, nanosec: {}}}\n",
+            "- positions: [{}]\n  velocities: [{}]\n  accelerations: [{}]\n  effort: []\n  time_from_start: \
+             {{sec: {}, nanosec: {}}}\n",
             list(&|k| motion.positions[k], &|joint| joint.held),
             list(&|k| motion.rates[k], &|_| 0.0),
             list(&|k| motion.accelerations[k], &|_| 0.0),

@@ -1,12 +1,14 @@
 //! The information of a motion of joints on the base parameters, and how that changes with the motion.
 //!
-//! `M = Σ Aᵀ W A` with the regressor of `identify`: base parameters, friction, offsets, at white noise of efforts and wrench. Its filter is
-//! not in it; what it takes off is in the prediction. Columns are those of the standard parameters that
-//! represent the base parameters: `log det M` differs from that of the base parameters by a constant.
+//! `M = Σ Aᵀ W A` with the regressor of `identify`: base parameters, friction, offsets, at white noise of
+//! efforts and wrench. Its filter is not in it; what it takes off is in the prediction. Columns are those of
+//! the standard parameters that represent the base parameters: `log det M` differs from that of the base
+//! parameters by a constant.
 //!
-//! The gradient of `log det M` goes backwards: `d log det M = Σ_r ⟨2 w M⁻¹ a_r, da_r⟩`, a_r the rows. How rows change with position, rate
-//! and acceleration of a joint is found by differences. A column of a link depends on the joints between it and the base alone, so
-//! that all joints of one depth are moved at once: three differences for each depth of the tree, whatever the number of its joints.
+//! The gradient of `log det M` goes backwards: `d log det M = Σ_r ⟨2 w M⁻¹ a_r, da_r⟩`, a_r the rows. How
+//! rows change with position, rate and acceleration of a joint is found by differences. A column of a link
+//! depends on the joints between it and the base alone, so that all joints of one depth are moved at once:
+//! three differences for each depth of the tree, whatever the number of its joints.
 
 use hexapod::STANDARD_GRAVITY_MPS2;
 use nalgebra::{DMatrix, DVector};
@@ -22,7 +24,8 @@ use rigident_rows::tree::{BaseSensor, Input, TreeSource, TreeSourceError};
 
 /// Steps of the differences: rows are smooth in positions, quadratic in rates and linear in accelerations.
 const STEPS: [f64; 3] = [1e-7, 1e-6, 1.0];
-/// Information of a direction, in columns of unit length, below which it counts as this: an open direction leaves a finite volume.
+/// Information of a direction, in columns of unit length, below which it counts as this: an open direction
+/// leaves a finite volume.
 const OPEN: f64 = 1e-13;
 /// Rows of the base's wrench.
 const WRENCH: usize = 6;
@@ -168,8 +171,8 @@ impl Tree {
         self.moving.clone()
     }
 
-    /// Returns the efforts of the nominal model in a motion, N m or N, dry friction left out, and leaves `moving` there; `None` if the numbers
-    /// do not fit.
+    /// Returns the efforts of the nominal model in a motion, N m or N, dry friction left out, and leaves
+    /// `moving` there; `None` if the numbers do not fit.
     pub fn efforts(&self, moving: &mut Moving, motion: &Motion) -> Option<Vec<f64>> {
         Some(self.instant(moving, motion)?.efforts)
     }
@@ -238,8 +241,8 @@ impl Tree {
         }
     }
 
-    /// Returns what a change of the motion at an instant is worth where `log det M` counts `−1` and the nominal efforts `pulls`; `inverse` are
-    /// the blocks of `M⁻¹`, `moving` is left elsewhere.
+    /// Returns what a change of the motion at an instant is worth where `log det M` counts `−1` and the
+    /// nominal efforts `pulls`; `inverse` are the blocks of `M⁻¹`, `moving` is left elsewhere.
     pub(super) fn worth(
         &self,
         (instant, motion): (&Instant, &Motion),
@@ -282,7 +285,8 @@ impl Tree {
         Some(worth)
     }
 
-    /// Adds what a drive's column is worth: dry friction has no slope but Stribeck's, and load that of the effort.
+    /// Adds what a drive's column is worth: dry friction has no slope but Stribeck's, and load that of the
+    /// effort.
     fn worth_of_drive(
         &self,
         term: Term,
@@ -345,7 +349,8 @@ impl Tree {
     }
 }
 
-/// Returns the rows that are measured and the sizes of the blocks of parameters: those that rows have in common are of one block.
+/// Returns the rows that are measured and the sizes of the blocks of parameters: those that rows have in
+/// common are of one block.
 fn rows(source: &TreeSource, paths: &[Vec<usize>], sigma: &[f64]) -> (Vec<MeasuredRow>, Vec<usize>) {
     let (input, base) = (source.input(), source.base());
     let skip = 10 * paths.len() - base.standard.len();

@@ -47,7 +47,8 @@ pub struct JointLimits {
     pub acceleration: Option<f64>,
     /// The shares that may be used.
     pub shares: Shares,
-    /// Dry friction as the model states it, N m or N: its sign is unknown, so that it is taken off the largest effort.
+    /// Dry friction as the model states it, N m or N: its sign is unknown, so that it is taken off the
+    /// largest effort.
     pub dry: f64,
 }
 
@@ -106,7 +107,8 @@ pub(super) fn no_joint(model: &Model, name: &str) -> String {
     format!("there is no joint {name}; those that move are {}", names.join(", "))
 }
 
-/// Returns numbers `[JOINT=]VALUE` of an option for the joints of these names: a joint's own before that of every one, the last one given.
+/// Returns numbers `[JOINT=]VALUE` of an option for the joints of these names: a joint's own before that of
+/// every one, the last one given.
 ///
 /// # Errors
 /// What is no such number, or no such joint.
@@ -122,8 +124,8 @@ pub fn by_joint(
 }
 
 impl GivenLimits {
-    /// Returns the limits of the joints of a model that move, by link; those of a joint take the place of the model's, those of every joint
-    /// apply where the model has none or wider ones.
+    /// Returns the limits of the joints of a model that move, by link; those of a joint take the place of the
+    /// model's, those of every joint apply where the model has none or wider ones.
     ///
     /// # Errors
     /// A limit that is missing, by joint, and how to give it; words that are none.
@@ -172,8 +174,9 @@ impl GivenLimits {
             return Ok(limits);
         }
         Err(format!(
-            "limits that the model does not state: give them as, with numbers of your robot (rad, rad/s, N m; of what slides m, m/s, N), \
-             {}; without JOINT= they are those of every joint, and joints that are not to move are held with `lock`",
+            "limits that the model does not state: give them as, with numbers of your robot (rad, rad/s, N \
+             m; of what slides m, m/s, N), {}; without JOINT= they are those of every joint, and joints that \
+             are not to move are held with `lock`",
             missing.join(" ")
         ))
     }
@@ -198,7 +201,8 @@ impl JointLimits {
         0.0_f64.clamp(low + away, high - away)
     }
 
-    /// Adds `−Σ log slack` of position, rate and acceleration of joint `j`, and its slopes to `worth`; `None` outside.
+    /// Adds `−Σ log slack` of position, rate and acceleration of joint `j`, and its slopes to `worth`; `None`
+    /// outside.
     pub(super) fn barrier(&self, motion: &Motion, j: usize, sum: &mut f64, worth: &mut Motion) -> Option<()> {
         let (middle, half) = self.room();
         worth.positions[j] += within(motion.positions[j] - middle, KEPT * half, sum)?;

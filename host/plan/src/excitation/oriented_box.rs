@@ -1,8 +1,9 @@
 //! The distance of two oriented boxes, by separating axes, and how that changes as they move.
 //!
-//! Of two boxes that do not overlap one of fifteen axes separates them: a normal of a face, or a direction at right angles to an edge of
-//! each (S. Gottschalk, M. Lin, D. Manocha, "OBBTree", SIGGRAPH 1996). The largest gap along such an axis is at most their distance, and
-//! equal to it but for corners that face corners or edges.
+//! Of two boxes that do not overlap one of fifteen axes separates them: a normal of a face, or a direction at
+//! right angles to an edge of each (S. Gottschalk, M. Lin, D. Manocha, "OBBTree", SIGGRAPH 1996). The largest
+//! gap along such an axis is at most their distance, and equal to it but for corners that face corners or
+//! edges.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -80,8 +81,8 @@ pub fn separation(a: &PlacedBox, b: &PlacedBox) -> Separation {
 }
 
 impl Separation {
-    /// Returns how fast the gap grows if one of the boxes, the second if `second`, moves: it turns at `rate` and its point at the origin has
-    /// `velocity`.
+    /// Returns how fast the gap grows if one of the boxes, the second if `second`, moves: it turns at `rate`
+    /// and its point at the origin has `velocity`.
     pub fn change(&self, second: bool, rate: &Vector3<f64>, velocity: &Vector3<f64>) -> f64 {
         let [first, other] = self.points;
         let of_normal = match (self.axis, second) {
@@ -120,7 +121,8 @@ mod tests {
         PlacedBox { axes, centre: three(apart), half: three(0.3).map(|v| v.abs() + 0.05) }
     }
 
-    /// Another way: points of both boxes in turn brought to the nearest of the other, which ends at the distance.
+    /// Another way: points of both boxes in turn brought to the nearest of the other, which ends at the
+    /// distance.
     fn distance(a: &PlacedBox, b: &PlacedBox) -> f64 {
         let onto = |p: &Vector3<f64>, to: &PlacedBox| {
             let own = to.axes.tr_mul(&(p - to.centre));

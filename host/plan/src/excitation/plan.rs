@@ -16,7 +16,8 @@ use crate::descent::Descent;
 use rigident_model::Model;
 use rigident_rows::tree::TreeSourceError;
 
-/// Longest trajectory, s, and highest harmonic, Hz, that is planned for: the filter of `identify` takes most off what is faster.
+/// Longest trajectory, s, and highest harmonic, Hz, that is planned for: the filter of `identify` takes most
+/// off what is faster.
 const MOST: [f64; 2] = [3600.0, 5.0];
 /// Coefficients beyond which no search ends.
 const MOST_COEFFICIENTS: usize = 20_000;
@@ -103,8 +104,8 @@ pub enum ExcitationError {
     Number(String),
     /// The duration holds too few periods.
     #[error(
-        "in {duration_s} s there are {harmonics} whole periods of {bandwidth_hz} Hz, and a motion that begins and ends at rest needs two \
-         harmonics: `duration_s` {} at least, or a higher `bandwidth_hz`", 2.0 / bandwidth_hz
+        "in {duration_s} s there are {harmonics} whole periods of {bandwidth_hz} Hz, and a motion that \
+         begins and ends at rest needs two harmonics: `duration_s` {} at least, or a higher `bandwidth_hz`", 2.0 / bandwidth_hz
     )]
     TooShort {
         /// s
@@ -116,8 +117,8 @@ pub enum ExcitationError {
     },
     /// The start is outside the positions that may be used.
     #[error(
-        "joint {name} starts at {at:.4}, and {low:.4} to {high:.4} may be used (`range_share` {share} of its range): give another `start` \
-         {name}=VALUE"
+        "joint {name} starts at {at:.4}, and {low:.4} to {high:.4} may be used (`range_share` {share} of its \
+         range): give another `start` {name}=VALUE"
     )]
     Start {
         /// The joint.
@@ -133,8 +134,8 @@ pub enum ExcitationError {
     },
     /// Something touches at the start.
     #[error(
-        "at the start {} and {} are {:.1} mm apart, {:.1} mm is the least (`clearance_m`): give another `start`, smaller boxes or \
-         skip_pairs in `boxes`", between.between[0], between.between[1], 1e3 * between.distance_m, 1e3 * clearance_m
+        "at the start {} and {} are {:.1} mm apart, {:.1} mm is the least (`clearance_m`): give another \
+         `start`, smaller boxes or skip_pairs in `boxes`", between.between[0], between.between[1], 1e3 * between.distance_m, 1e3 * clearance_m
     )]
     Touches {
         /// The quantity.
@@ -144,8 +145,9 @@ pub enum ExcitationError {
     },
     /// A joint cannot hold the robot at the start.
     #[error(
-        "joint {name} needs {needed:.3} to hold the robot at its start, and {usable:.3} of its largest effort {effort:.3} may be used \
-         (`effort_share`, less dry friction): give another `start`, a larger `effort` {name}=…, or check the masses of the model"
+        "joint {name} needs {needed:.3} to hold the robot at its start, and {usable:.3} of its largest \
+         effort {effort:.3} may be used (`effort_share`, less dry friction): give another `start`, a larger \
+         `effort` {name}=…, or check the masses of the model"
     )]
     Weak {
         /// The joint.
@@ -213,7 +215,8 @@ fn harmonics(task: &Task) -> Result<usize, ExcitationError> {
     let coefficients = 2 * task.limits.len() * (harmonics - 1);
     if coefficients > MOST_COEFFICIENTS {
         return number(format!(
-            "{coefficients} coefficients, {MOST_COEFFICIENTS} at most: a shorter `duration_s`, a lower `bandwidth_hz` or fewer `joints`"
+            "{coefficients} coefficients, {MOST_COEFFICIENTS} at most: a shorter `duration_s`, a lower \
+             `bandwidth_hz` or fewer `joints`"
         ));
     }
     if task.restarts == 0 || task.restarts > 1000 {

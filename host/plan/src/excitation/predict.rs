@@ -102,7 +102,8 @@ fn of_factor(factor: &Factor, source: &TreeSource) -> Prediction {
     }
 }
 
-/// Returns what the uncertainty of each parameter is judged against, as `identify` does; `None` of what it judges by readings.
+/// Returns what the uncertainty of each parameter is judged against, as `identify` does; `None` of what it
+/// judges by readings.
 fn scales(source: &TreeSource, estimate: &Estimate) -> Vec<Option<f64>> {
     let links = Links {
         model: &source.input().model,
@@ -147,8 +148,8 @@ impl Prediction {
         self.parameters.iter().filter(|p| p.u95.is_none()).map(|p| p.name.as_str()).collect()
     }
 
-    /// Returns the geometric mean of the uncertainties over those of another trajectory, of the parameters that both identify; `None` if
-    /// there are none.
+    /// Returns the geometric mean of the uncertainties over those of another trajectory, of the parameters
+    /// that both identify; `None` if there are none.
     pub fn over(&self, other: &Self) -> Option<f64> {
         let both = self.parameters.iter().zip(&other.parameters);
         let logs: Vec<f64> = both.filter_map(|(a, b)| Some((a.u95? / b.u95?).ln())).collect();

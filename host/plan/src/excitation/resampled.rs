@@ -1,8 +1,9 @@
 //! A trajectory examined ten times as finely as the search does: what of the limits it uses, and what comes
 //! nearest to each other.
 //!
-//! Positions, rates and accelerations are bounded at every instant: between two that are h apart a quantity exceeds both by at most `h²/8` times the most
-//! of its second derivative. Efforts and distances are those seen.
+//! Positions, rates and accelerations are bounded at every instant: between two that are h apart a quantity
+//! exceeds both by at most `h²/8` times the most of its second derivative. Efforts and distances are those
+//! seen.
 
 use super::collisions::{Collisions, Nearest};
 use super::family::{INSTANTS, Series};

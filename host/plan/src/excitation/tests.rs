@@ -88,8 +88,8 @@ fn with_problem<T>(task: &Task, job: impl FnOnce(&Problem) -> T) -> T {
     })
 }
 
-/// Central differences of fourth order; both parts of the cost by themselves. Of seven axes with everything that has a slope, and of a
-/// tree with two arms, one of which slides.
+/// Central differences of fourth order; both parts of the cost by themselves. Of seven axes with everything
+/// that has a slope, and of a tree with two arms, one of which slides.
 #[test]
 fn the_gradient_is_that_of_finite_differences() {
     let mut all = seven();
@@ -124,7 +124,8 @@ fn the_gradient_is_that_of_finite_differences() {
                     };
                     let h = 3e-5;
                     let slope = (8.0 * (at(h) - at(-h)) - at(2.0 * h) + at(-2.0 * h)) / (12.0 * h);
-                    // Forward differences are good to their steps, 1e-6; signs of rates may change in between.
+                    // Forward differences are good to their steps, 1e-6; signs of rates may change in
+                    // between.
                     assert!(
                         (slope - gradient[k]).abs() < 1e-4 * largest,
                         "{weight} {k}: {slope} {} of {largest}",
@@ -136,8 +137,8 @@ fn the_gradient_is_that_of_finite_differences() {
     }
 }
 
-/// Between two trajectories the volume changes as that of the pipeline's factor; its filter takes less than 5 % off a row up to twice the
-/// bandwidth.
+/// Between two trajectories the volume changes as that of the pipeline's factor; its filter takes less than 5
+/// % off a row up to twice the bandwidth.
 #[test]
 fn the_volume_is_that_of_the_factor() {
     let mut task = seven();
@@ -269,7 +270,8 @@ fn seven_axes_tell_what_was_promised_and_far_more_than_at_random() {
     let mut task = seven();
     task.measured.friction = friction("viscous,coulomb,offset");
     let (held, ratios, plan) = end_to_end(&seven_axes(), &task, 1..9);
-    // 8 runs of 43 parameters: 95 % within three standard deviations, those of a run taken for half dependent.
+    // 8 runs of 43 parameters: 95 % within three standard deviations, those of a run taken for half
+    // dependent.
     assert!((0.91..=0.99).contains(&held), "{held}");
     assert!((0.93..1.07).contains(&mean(&ratios)), "{}", mean(&ratios));
     let gain = plan.after.over(&plan.before).unwrap();

@@ -1,15 +1,17 @@
 //! The barrier that keeps a motion inside the limits while it is planned: `−Σ log slack` over legs and
 //! instants.
 //!
-//! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint angles, forces,
-//! clearances and `cond(H)` have not: the guarantee at the end makes the motion smaller if they ask for it.
+//! Lengths, rates and accelerations of the legs and the plate's angular rate have a gradient here. Joint
+//! angles, forces, clearances and `cond(H)` have not: the guarantee at the end makes the motion smaller if
+//! they ask for it.
 
 use hexapod::{Geometry, PlateState, Travel};
 use nalgebra::Vector3;
 
 use super::information::Variation;
 
-/// A share that is this small counts as such: where one changes its sign the sum of their magnitudes has no gradient.
+/// A share that is this small counts as such: where one changes its sign the sum of their magnitudes has no
+/// gradient.
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Limits as the barrier sees them.

@@ -86,8 +86,10 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
 
 /// Markdown.
 pub fn table(rows: &[Row]) -> String {
-    let mut text = "| mounting | motion | condition, motion alone | offsets eliminated | and static step | offsets eliminated | directions of ω, ω̇ | CoM, mm | Ixx | Iyy | Izz | Iyz | Izx | \
-                    Ixy, 1e-3 kg m² | worst, % of the largest moment |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| mounting | motion | condition, motion alone | offsets eliminated | and static step | \
+                    offsets eliminated | directions of ω, ω̇ | CoM, mm | Ixx | Iyy | Izz | Iyz | Izx | Ixy, \
+                    1e-3 kg m² | worst, % of the largest moment \
+                    |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for row in rows {
         let p = &row.plan.prediction;
@@ -95,7 +97,8 @@ pub fn table(rows: &[Row]) -> String {
         let com = p.com_m.map(|u| format!("{:.3}", 1e3 * u)).join(" ");
         let [w, dw] = row.coverage.map(|c| 100.0 * c);
         text += &format!(
-            "| {} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {w:.0} %, {dw:.0} % | {com} | {elements} | {:.2} |\n",
+            "| {} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {w:.0} %, {dw:.0} % | {com} | {elements} | {:.2} \
+             |\n",
             row.body,
             row.objective,
             row.condition_alone,

@@ -26,7 +26,8 @@ pub fn of_motion(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [f64; 2] {
     vectors(trajectory, from_s, to_s).map(|vectors| coverage(&vectors))
 }
 
-/// Angular rates, rad/s, and angular accelerations, rad/s², in the plate's axes from one time to another, s, every hundredth of a second.
+/// Angular rates, rad/s, and angular accelerations, rad/s², in the plate's axes from one time to another, s,
+/// every hundredth of a second.
 pub fn vectors(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [Vec<Vector3<f64>>; 2] {
     let count = ((to_s - from_s) / 0.01) as usize;
     let states: Vec<_> = (0..count).map(|k| trajectory.state(from_s + 0.01 * k as f64)).collect();

@@ -1,11 +1,11 @@
 //! The information of a motion on the body, and how that changes with the motion.
 //!
-//! `M = Σ Aᵀ W A` with the pipeline's own regressor A (offsets' columns beside it) and W the load cell's white noise. The
-//! pipeline's filter is not in it: up to 2.5 Hz it takes less than 2 % off a row.
+//! `M = Σ Aᵀ W A` with the pipeline's own regressor A (offsets' columns beside it) and W the load cell's
+//! white noise. The pipeline's filter is not in it: up to 2.5 Hz it takes less than 2 % off a row.
 //!
-//! The gradient of `log det M` goes backwards through the rows: `d log det M = 2 Σ tr(M⁻¹ Aᵀ W dA)`, A is linear in twelve
-//! signals, these are products of specific force, angular rate and acceleration. With the small turn η of the plate in
-//! its own axes, `η = E δ(roll, pitch, yaw)`:
+//! The gradient of `log det M` goes backwards through the rows: `d log det M = 2 Σ tr(M⁻¹ Aᵀ W dA)`, A is
+//! linear in twelve signals, these are products of specific force, angular rate and acceleration. With the
+//! small turn η of the plate in its own axes, `η = E δ(roll, pitch, yaw)`:
 //! `δ(Rᵀv) = Rᵀδv + Rᵀv × η`, `δω = η' + ω × η`, `δω̇ = η'' + ω̇ × η + ω × η'`.
 
 use hexapod::{BodySet, Coordinates, PlateState};
@@ -44,8 +44,8 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// At `position` in P, its axes to the plate's by `rotation`; noise 1 σ of one reading, `readings` of them at each
-    /// instant that will be examined.
+    /// At `position` in P, its axes to the plate's by `rotation`; noise 1 σ of one reading, `readings` of
+    /// them at each instant that will be examined.
     pub fn new(
         position: &Vector3<f64>,
         rotation: &Matrix3<f64>,
@@ -72,14 +72,15 @@ impl Instrument {
         }
     }
 
-    /// With one of a set of bodies (S), whose wrench stays within `wrench_limit`, N and N m, and specific force within `felt_limit`, m/s².
+    /// With one of a set of bodies (S), whose wrench stays within `wrench_limit`, N and N m, and specific
+    /// force within `felt_limit`, m/s².
     #[must_use]
     pub fn within(self, body: Option<BodySet>, wrench_limit: [f64; 6], felt_limit: f64) -> Self {
         Self { body, wrench_limit, felt_limit, ..self }
     }
 
-    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over 1.14 times that, and the specific
-    /// force over what is allowed: the largest of them.
+    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over 1.14 times that, and
+    /// the specific force over what is allowed: the largest of them.
     pub fn load_share(&self, state: &PlateState) -> f64 {
         let felt = self.felt(state).norm() / self.felt_limit;
         let Some(body) = &self.body else { return felt };
@@ -90,8 +91,8 @@ impl Instrument {
             .fold(felt, |most, ([middle, at_worst], limit)| most.max(middle.max(at_worst / AT_WORST) / limit))
     }
 
-    /// Returns the magnitude in each channel that the middle of a set of bodies (S) takes and the largest of any of them, N and
-    /// N m.
+    /// Returns the magnitude in each channel that the middle of a set of bodies (S) takes and the largest of
+    /// any of them, N and N m.
     pub fn wrench_of(&self, state: &PlateState, body: &BodySet) -> [[f64; 2]; 6] {
         let columns = self.columns(state);
         std::array::from_fn(|c| {
@@ -102,7 +103,8 @@ impl Instrument {
         })
     }
 
-    /// `−Σ log slack` of these limits for the middle of the bodies and, in `worth`, `share` times its change; `None` outside.
+    /// `−Σ log slack` of these limits for the middle of the bodies and, in `worth`, `share` times its change;
+    /// `None` outside.
     pub fn barrier(&self, state: &PlateState, share: f64, worth: &mut Variation) -> Option<f64> {
         let mut sum = 0.0;
         let mut pull = |value: f64, limit: f64| {

@@ -87,8 +87,9 @@ pub enum PlanError {
     Rate(f64),
     /// The body's weight is too much.
     #[error(
-        "the body at rest takes {0:.0} % of the load cell's range in one of its channels: nothing is left for a motion: \
-         plan for a lighter or smaller one (lower load_max_kg or load_within_m, or give `body`)"
+        "the body at rest takes {0:.0} % of the load cell's range in one of its channels: nothing is left \
+         for a motion: plan for a lighter or smaller one (lower load_max_kg or load_within_m, or give \
+         `body`)"
     )]
     Sensors(f64),
     /// The limits leave no room about home.
@@ -121,8 +122,9 @@ pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
 /// Periods of [`frequencies_hz`] in one common period.
 const PERIODS: [f64; 6] = [8.0, 14.0, 20.0, 29.0, 37.0, 47.0];
 
-/// Their common period, s, where a motion of this length is made of repetitions, and how many there are beside the part that
-/// is searched for: a long motion would tell no more by other means, and takes long to search.
+/// Their common period, s, where a motion of this length is made of repetitions, and how many there are
+/// beside the part that is searched for: a long motion would tell no more by other means, and takes long to
+/// search.
 fn repetitions(highest_hz: f64, motion_s: f64, ramp_s: f64) -> Option<(f64, usize)> {
     let period_s = PERIODS[5] / highest_hz;
     let again = ((motion_s - 2.0 * ramp_s) / period_s - 1.0).floor();
@@ -353,7 +355,8 @@ fn guaranteed(
 pub const HIGHEST_HZ: f64 = 2.35;
 
 impl Task {
-    /// The default: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9 of the gyro's range.
+    /// The default: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9 of the
+    /// gyro's range.
     pub fn new(equipment: Equipment) -> Self {
         Self {
             rate_radps: GYRO_SHARE * equipment.gyro_range_radps,

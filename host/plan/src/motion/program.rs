@@ -1,4 +1,5 @@
-//! The experiment around a motion: the static step first, as in the thesis, and its first pose again at the end.
+//! The experiment around a motion: the static step first, as in the thesis, and its first pose again at the
+//! end.
 
 use hexapod::experiment::THESIS_POSES_DEG;
 use hexapod::{Geometry, Limits, Load, MotionError, MotionProgram, Pose, Segment, Violation};
@@ -33,8 +34,9 @@ pub struct Frame {
 pub enum FrameError {
     /// Too short.
     #[error(
-        "{asked_s} s are too short: the static step takes {static_s:.1} s on this platform, and a motion should have \
-         {SHORTEST_MOTION_S} s; give `duration_s` {least:.0} or more, or plan a motion without it (`plan_motion(no_poses)`)",
+        "{asked_s} s are too short: the static step takes {static_s:.1} s on this platform, and a motion \
+         should have {SHORTEST_MOTION_S} s; give `duration_s` {least:.0} or more, or plan a motion without \
+         it (`plan_motion(no_poses)`)",
         least = (static_s + SHORTEST_MOTION_S).ceil()
     )]
     TooShort {
@@ -48,7 +50,8 @@ pub enum FrameError {
     Poses(MotionError),
     /// Not even home.
     #[error(
-        "the platform cannot stand level at home: {0}; that is no matter of time or tilts, look at [platform] and the body"
+        "the platform cannot stand level at home: {0}; that is no matter of time or tilts, look at \
+         [platform] and the body"
     )]
     Home(Violation),
 }
@@ -62,8 +65,9 @@ pub fn stands(geometry: &Geometry, load: &Load) -> Result<(), FrameError> {
 }
 
 impl Frame {
-    /// The static step of the thesis: home, the five orientations of Table 11 (less tilted where the legs do not reach that
-    /// far, are too weak for `load` or too slow for the time there is), home; the motion; the first pose again.
+    /// The static step of the thesis: home, the five orientations of Table 11 (less tilted where the legs do
+    /// not reach that far, are too weak for `load` or too slow for the time there is), home; the motion; the
+    /// first pose again.
     ///
     /// # Errors
     /// A duration that is too short, or a platform that can hardly tilt.

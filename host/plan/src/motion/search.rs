@@ -1,5 +1,5 @@
-//! The search for the motion of the greatest merit (the largest `log det M`) inside the limits, by [`Descent`] with the gradient that
-//! goes backwards through rows and barrier.
+//! The search for the motion of the greatest merit (the largest `log det M`) inside the limits, by
+//! [`Descent`] with the gradient that goes backwards through rows and barrier.
 
 use super::barrier::Barrier;
 use super::family::Family;
@@ -8,8 +8,8 @@ pub use crate::descent::{Descent, Found};
 
 /// The quantity that is maximised.
 pub trait Merit: Sync {
-    /// A figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None` where something is
-    /// left undetermined.
+    /// A figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None` where
+    /// something is left undetermined.
     fn of(&self, information: &Information) -> Option<(f64, Information)>;
 }
 

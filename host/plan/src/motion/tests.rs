@@ -190,7 +190,8 @@ fn the_same_task_gives_the_same_plan() {
     assert_eq!(made(&task).program, made(&task).program);
 }
 
-/// The centre of mass of a sphere's load feels gravity and nothing else, so that the force on the cell is the weight.
+/// The centre of mass of a sphere's load feels gravity and nothing else, so that the force on the cell is the
+/// weight.
 #[test]
 fn spheres_keep_the_inertial_forces_off_the_load_cell() {
     let mut task = task(Objective::Spheres);

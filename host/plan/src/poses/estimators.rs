@@ -1,7 +1,7 @@
 //! The centre of mass from still readings, in three ways, and what each is worth.
 //!
-//! 1. The thesis': the measured forces are the regressor, `M = r × F`. Their noise acts through the lever r, and an
-//!    offset of the load cell is an error.
+//! 1. The thesis': the measured forces are the regressor, `M = r × F`. Their noise acts through the lever r,
+//!    and an offset of the load cell is an error.
 //! 2. Relative, the thesis' way out of the offsets: forces and moments less those of a reference orientation.
 //! 3. Modelled: gravity in the load cell's axes is known from the attitude, the offsets are parameters. What
 //!    `rigident identify` does.
@@ -53,8 +53,8 @@ pub fn relative_to(reference: &StillReading, readings: &[StillReading]) -> Optio
     least_squares(readings.iter().map(|r| (r.force - reference.force, r.moment - reference.moment)))
 }
 
-/// The factor of `[m, mcx, mcy, mcz, offset (6)]` with gravity from the attitude. `sigma` is the load cell's noise, 1 σ of
-/// a reading, N, N m; `weighed`, if given, a mass and its standard deviation, kg.
+/// The factor of `[m, mcx, mcy, mcz, offset (6)]` with gravity from the attitude. `sigma` is the load cell's
+/// noise, 1 σ of a reading, N, N m; `weighed`, if given, a mass and its standard deviation, kg.
 pub fn modelled(
     readings: &[StillReading],
     sigma: &[f64; 6],
@@ -91,7 +91,8 @@ pub fn centre_of_mass(factor: &InformationFactor<f64, MODELLED_PARAMETERS>) -> O
     (m != 0.0).then(|| Vector3::new(x, y, z) / m)
 }
 
-/// Its first-order covariance, m², for a true mass, kg, and centre of mass `r`: with `r = mc/m`, `δr = (δmc − r δm)/m`.
+/// Its first-order covariance, m², for a true mass, kg, and centre of mass `r`: with `r = mc/m`,
+/// `δr = (δmc − r δm)/m`.
 pub fn modelled_covariance(
     factor: &InformationFactor<f64, MODELLED_PARAMETERS>,
     mass_kg: f64,
@@ -108,8 +109,8 @@ pub fn modelled_covariance(
     Some(jacobian * block * jacobian.transpose())
 }
 
-/// First-order covariance, m², of [`with_measured_forces`] for a centre of mass `r`: with the true forces f and
-/// `e = δM − r × δF` the error is `(Σ [f]ᵀ[f])⁻¹ Σ [f]ᵀ e`.
+/// First-order covariance, m², of [`with_measured_forces`] for a centre of mass `r`: with the true forces f
+/// and `e = δM − r × δF` the error is `(Σ [f]ᵀ[f])⁻¹ Σ [f]ᵀ e`.
 ///
 /// `noise` is 1 σ of each reading, `offset` 1 σ of an offset that all readings share; N, N m.
 pub fn measured_forces_covariance(

@@ -1,8 +1,8 @@
 //! The information of a set of orientations.
 //!
-//! Held still, the body's reaction is `f = m g u`, with `u` the direction of "up" in the plate's axes, and the moment
-//! is `M = r × f = [f] r`. The normal matrix of the centre of mass r is `Σ [f]ᵀ[f] = (m g)² Σ (1 − u uᵀ)`; the scale
-//! cancels in its condition number.
+//! Held still, the body's reaction is `f = m g u`, with `u` the direction of "up" in the plate's axes, and
+//! the moment is `M = r × f = [f] r`. The normal matrix of the centre of mass r is
+//! `Σ [f]ᵀ[f] = (m g)² Σ (1 − u uᵀ)`; the scale cancels in its condition number.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,9 +13,9 @@ pub enum Objective {
     Condition,
     /// The largest determinant of the normal matrix: the smallest ellipsoid of confidence (D-optimality).
     Determinant,
-    /// The least of the largest uncertainties of the first moment `m r` along the load cell's axes, where the wrench
-    /// has an unknown offset and gravity is known from the attitude. The moments' noise, 1 σ, N m, by axes of the load
-    /// cell, and the rotation from the plate's axes to the load cell's.
+    /// The least of the largest uncertainties of the first moment `m r` along the load cell's axes, where the
+    /// wrench has an unknown offset and gravity is known from the attitude. The moments' noise, 1 σ, N m, by
+    /// axes of the load cell, and the rotation from the plate's axes to the load cell's.
     WorstUncertainty {
         /// Mx, My, Mz, N m.
         moment_sigma_nm: [f64; 3],
@@ -45,25 +45,25 @@ pub fn normal_matrix(forces: impl IntoIterator<Item = Vector3<f64>>) -> Matrix3<
     sum
 }
 
-/// The same of the forces less that of a reference orientation: the thesis' relative measurement, which removes a
-/// constant offset.
+/// The same of the forces less that of a reference orientation: the thesis' relative measurement, which
+/// removes a constant offset.
 pub fn relative_normal_matrix(ups: &[Vector3<f64>], reference: &Vector3<f64>) -> Matrix3<f64> {
     normal_matrix(ups.iter().map(|u| u - reference))
 }
 
-/// The 2-norm condition number of a normal matrix, which is the square of that of the stacked `[F]`; infinite for a
-/// singular one.
+/// The 2-norm condition number of a normal matrix, which is the square of that of the stacked `[F]`; infinite
+/// for a singular one.
 pub fn condition_number(normal: &Matrix3<f64>) -> f64 {
     let eigen = normal.symmetric_eigenvalues();
     let (least, largest) = (eigen.min(), eigen.max());
     if least > 1e-12 * largest { largest / least } else { f64::INFINITY }
 }
 
-/// Information on the first moment `m r` in the load cell's axes, 1/(kg m)², where six constant offsets of the wrench
-/// are unknown.
+/// Information on the first moment `m r` in the load cell's axes, 1/(kg m)², where six constant offsets of
+/// the wrench are unknown.
 ///
-/// `M = −[a] mc + b` with the specific force a. The best b for given mc leaves the rows with a less its mean ã, so
-/// that the information is `Σ [ã]ᵀ diag(σ)⁻² [ã]`. The forces hold nothing of mc.
+/// `M = −[a] mc + b` with the specific force a. The best b for given mc leaves the rows with a less its mean
+/// ã, so that the information is `Σ [ã]ᵀ diag(σ)⁻² [ã]`. The forces hold nothing of mc.
 pub fn first_moment_information(
     ups: &[Vector3<f64>],
     gravity_mps2: f64,
@@ -114,8 +114,8 @@ impl Objective {
     }
 }
 
-/// Two orientations tell the centre of mass, but nothing beside it: their difference is one vector, and what is along it
-/// stays open where an offset is unknown too.
+/// Two orientations tell the centre of mass, but nothing beside it: their difference is one vector, and what
+/// is along it stays open where an offset is unknown too.
 pub fn fewest_orientations(objective: &Objective) -> usize {
     match objective {
         Objective::Condition | Objective::Determinant => 2,
@@ -123,10 +123,11 @@ pub fn fewest_orientations(objective: &Objective) -> usize {
     }
 }
 
-/// The least condition number of the normal matrix when n orientations may tilt by at most `tilt_rad`, in any direction.
+/// The least condition number of the normal matrix when n orientations may tilt by at most `tilt_rad`, in any
+/// direction.
 ///
-/// n = 2: opposite tilts, eigenvalues 2 and `1 ± cos 2τ`, down to 2 at 45°, two orthogonal directions. n ≥ 3: equal spacing
-/// around a cone, eigenvalues `n s²` and `n (1 − s²/2)` with `s = sin τ`, down to 1 at 54.74°.
+/// n = 2: opposite tilts, eigenvalues 2 and `1 ± cos 2τ`, down to 2 at 45°, two orthogonal directions. n ≥ 3:
+/// equal spacing around a cone, eigenvalues `n s²` and `n (1 − s²/2)` with `s = sin τ`, down to 1 at 54.74°.
 pub fn least_condition_number_in_cone(n: usize, tilt_rad: f64) -> f64 {
     let square = tilt_rad.min(std::f64::consts::FRAC_PI_2).sin().powi(2);
     if n == 2 {

@@ -1,8 +1,9 @@
-//! The thesis' section 6.3: the static experiment many times over, with the simulator's own physics and sensors.
+//! The thesis' section 6.3: the static experiment many times over, with the simulator's own physics and
+//! sensors.
 //!
-//! Each run draws the load cell's bias once and its noise for every reading; both can be tried by themselves. The
-//! platform's attitude is exact, one reading is taken in each pose. The estimators of [`super::estimators`] see the same
-//! readings; those that need a reference get one more, in the level pose.
+//! Each run draws the load cell's bias once and its noise for every reading; both can be tried by themselves.
+//! The platform's attitude is exact, one reading is taken in each pose. The estimators of
+//! [`super::estimators`] see the same readings; those that need a reference get one more, in the level pose.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -77,8 +78,8 @@ impl Errors {
         }
     }
 
-    /// The thesis' sensors with these errors alone. Precision is Table 1's figure / 1.96; the spread of the offsets is
-    /// not printed, and assumed to be as large.
+    /// The thesis' sensors with these errors alone. Precision is Table 1's figure / 1.96; the spread of the
+    /// offsets is not printed, and assumed to be as large.
     pub fn sensors(self) -> SensorModels {
         let mut sensors = SensorModels::thesis();
         let cell = &mut sensors.load_cell;
@@ -267,9 +268,9 @@ pub struct Row {
     pub spreads: [Option<Spread>; 4],
 }
 
-/// The whole section: every set of orientations in both mountings with each kind of errors, on all cores. The figures
-/// follow from `seed` alone. `done` receives how many of how many cells are; `stop` ends early with what
-/// there is, in order.
+/// The whole section: every set of orientations in both mountings with each kind of errors, on all cores. The
+/// figures follow from `seed` alone. `done` receives how many of how many cells are; `stop` ends early with
+/// what there is, in order.
 pub fn section_6_3(
     sets: &[Vec<Vector3<f64>>],
     runs: u64,
@@ -329,8 +330,8 @@ mod tests {
             .collect()
     }
 
-    /// The spread of 2 500 runs has a standard error of 1.4 %; four of them. What the first order leaves out is of the order of
-    /// (5 N / 196 N)², and the steps of the resolution add 0.02 % to the noise.
+    /// The spread of 2 500 runs has a standard error of 1.4 %; four of them. What the first order leaves out
+    /// is of the order of (5 N / 196 N)², and the steps of the resolution add 0.02 % to the noise.
     #[test]
     fn the_spread_is_that_of_the_first_order_prediction() {
         for mounting in Mounting::ALL {
@@ -356,8 +357,8 @@ mod tests {
         }
     }
 
-    /// Figures computed independently for orientations on a cone of 54.7° (3 σ, mm, 1 200 runs: standard error 2 %, printed to
-    /// 0.1 mm).
+    /// Figures computed independently for orientations on a cone of 54.7° (3 σ, mm, 1 200 runs: standard
+    /// error 2 %, printed to 0.1 mm).
     #[test]
     fn the_thesis_estimator_spreads_as_computed_independently() {
         let published: [(Mounting, usize, [f64; 3]); 4] = [
@@ -377,7 +378,8 @@ mod tests {
         }
     }
 
-    /// `σ² ∝ σ_M² + r² σ_F²` with 54.7° and Table 1 gives a reduction near 62 %, and 1 − 53/247 without noise of the moments.
+    /// `σ² ∝ σ_M² + r² σ_F²` with 54.7° and Table 1 gives a reduction near 62 %, and 1 − 53/247 without noise
+    /// of the moments.
     #[test]
     fn the_reduction_is_that_of_the_levers_and_not_73_per_cent() {
         let ups = cone(5, 54.7);

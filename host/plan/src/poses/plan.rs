@@ -88,8 +88,8 @@ pub struct PosePlan {
     pub determinant: f64,
     /// Cost of the best combination of the sequence, before its refinement.
     pub screened_cost: f64,
-    /// Predicted 95 % uncertainty of mass, kg, and first moment, kg m, in the load cell's axes, from one reading in
-    /// each pose with the offsets unknown; `None` if they leave something open.
+    /// Predicted 95 % uncertainty of mass, kg, and first moment, kg m, in the load cell's axes, from one
+    /// reading in each pose with the offsets unknown; `None` if they leave something open.
     pub predicted_u95: Option<[f64; 4]>,
 }
 
@@ -138,8 +138,8 @@ pub fn plan(
     Ok(PosePlan { screened_cost: found.screened, ..worth(poses, &ups, task) })
 }
 
-/// Returns what poses of these rolls and pitches, rad, are worth, and which of them the platform can hold: the others are where
-/// they would be at the height of the level pose.
+/// Returns what poses of these rolls and pitches, rad, are worth, and which of them the platform can hold:
+/// the others are where they would be at the height of the level pose.
 ///
 /// # Errors
 /// A number of orientations that makes no sense, or an angle that is no number or beyond a half turn.
@@ -178,8 +178,8 @@ fn worth(poses: Vec<Pose>, ups: &[Vector3<f64>], task: &Task) -> PosePlan {
     }
 }
 
-/// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is a line
-/// between the azimuths at which it was searched for.
+/// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is
+/// a line between the azimuths at which it was searched for.
 pub(super) fn held(reach: &Reach, up: &Vector3<f64>) -> Option<Pose> {
     let tilt = up.z.clamp(-1.0, 1.0).acos();
     (0..100).find_map(|hundredths| {

@@ -14,14 +14,14 @@ const SHORTEST_S: f64 = 1.0;
 const DRAWN: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Shares of the limits within which a pose on the way stays; `None` is as far inside as can be.
 const WITHIN: [Option<f64>; 3] = [Some(0.97), Some(0.9), None];
-/// Of the way out from the level pose in small strides every such one is a stop where every path between two poses is
-/// barred: the fewer the quicker.
+/// Of the way out from the level pose in small strides every such one is a stop where every path between two
+/// poses is barred: the fewer the quicker.
 const EVERY: [usize; 2] = [5, 1];
 /// So often a step is halved where it is barred itself.
 const HALVINGS: u32 = 6;
 
-/// The program, within what `reach` may use of the machine, turning at `rate_radps` at most. Home is the same whatever part
-/// of the stroke that is.
+/// The program, within what `reach` may use of the machine, turning at `rate_radps` at most. Home is the same
+/// whatever part of the stroke that is.
 ///
 /// # Errors
 /// A move that the platform cannot make at any speed.
@@ -81,8 +81,8 @@ fn way(reach: &Reach, from: &Pose, to: &Pose, pace: Pace) -> Result<Vec<Segment>
     result
 }
 
-/// Poses to pass through, one or two at a time: on the straight line, drawn towards the level pose and settled inside the
-/// limits.
+/// Poses to pass through, one or two at a time: on the straight line, drawn towards the level pose and
+/// settled inside the limits.
 fn paths(reach: &Reach, from: &Pose, to: &Pose) -> Vec<Vec<Pose>> {
     let level = reach.level();
     let mut paths = Vec::new();

@@ -20,8 +20,8 @@ pub enum RegionError {
 /// Tilts on the way from level, rad: two degrees.
 const STRIDE_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-/// By which a straight line between two poses on a limit may overstep it, as a share of what is allowed; a way around
-/// begins with it.
+/// By which a straight line between two poses on a limit may overstep it, as a share of what is allowed; a
+/// way around begins with it.
 const TRIFLE: f64 = 0.005;
 
 /// A platform and where its plate can be brought to from the level pose.
@@ -56,8 +56,8 @@ impl Reach {
         Ok(Self { inner: geometry.clone(), geometry, load: None, level })
     }
 
-    /// The same with poses that stay away from every limit by a share of what it allows, as [`Margin::relative`] has it;
-    /// moves between them may use that share.
+    /// The same with poses that stay away from every limit by a share of what it allows, as
+    /// [`Margin::relative`] has it; moves between them may use that share.
     ///
     /// # Errors
     /// A share that makes no sense or leaves no level pose.
@@ -107,8 +107,9 @@ impl Reach {
         self.level
     }
 
-    /// A pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it from the level pose
-    /// straight on: legs inside their limits and the guard met all the way, no singular pose crossed.
+    /// A pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it from
+    /// the level pose straight on: legs inside their limits and the guard met all the way, no singular pose
+    /// crossed.
     pub fn pose(&self, up: &Vector3<f64>) -> Option<Pose> {
         let held = self.strides(up)?.pop()?;
         let central =
@@ -116,7 +117,8 @@ impl Reach {
         Some(central.filter(|central| self.is_free(&held, central)).unwrap_or(held))
     }
 
-    /// Poses on the way there from the level pose, two degrees or less apart, each as near as can be to the one before it.
+    /// Poses on the way there from the level pose, two degrees or less apart, each as near as can be to the
+    /// one before it.
     pub(super) fn strides(&self, up: &Vector3<f64>) -> Option<Vec<Pose>> {
         let tilt = up.z.clamp(-1.0, 1.0).acos();
         let strides = (tilt / STRIDE_RAD).ceil().max(1.0);
@@ -214,8 +216,8 @@ mod tests {
         }
     }
 
-    /// Along the straight way out, in steps of a tenth of a degree: the determinant never changes its sign, and every
-    /// pose is held.
+    /// Along the straight way out, in steps of a tenth of a degree: the determinant never changes its sign,
+    /// and every pose is held.
     #[test]
     fn nothing_singular_is_crossed_on_the_way_to_a_pose() {
         let reach = thesis(None);
@@ -243,8 +245,9 @@ mod tests {
 
     #[test]
     fn the_middle_twenty_centimetres_tilt_as_far_as_another_solver_finds() {
-        // A minimax solution by sequential quadratic programming found 31.4° to 41.3° in azimuths 5° apart; the thesis'
-        // Table 11 lies at 32.0° to 32.7°. What is taken for the maximum here may cost a tenth or two, never gain.
+        // A minimax solution by sequential quadratic programming found 31.4° to 41.3° in azimuths 5° apart;
+        // the thesis' Table 11 lies at 32.0° to 32.7°. What is taken for the maximum here may cost a tenth or
+        // two, never gain.
         let region = crate::poses::Region::of_platform(&thesis(Some(0.20)));
         let (least, largest) = region.tilt_range_rad();
         let [least, largest] = [least, largest].map(f64::to_degrees);

@@ -13,8 +13,8 @@ const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 /// To which the largest tilt is known, rad.
 const RESOLUTION_RAD: f64 = 1e-4;
 
-/// Directions of "up" in the plate's axes that the plate can be brought to: for each azimuth all tilts up to a largest
-/// one, so that the way there from the level pose is reachable too.
+/// Directions of "up" in the plate's axes that the plate can be brought to: for each azimuth all tilts up to
+/// a largest one, so that the way there from the level pose is reachable too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
     /// At azimuth `k · 360°/len`, rad.
@@ -41,8 +41,8 @@ impl Region {
         })
     }
 
-    /// The tilts for which `reachable` holds, up to the first for which it does not; it is asked with "up" in the
-    /// plate's axes. At most 90°.
+    /// The tilts for which `reachable` holds, up to the first for which it does not; it is asked with "up" in
+    /// the plate's axes. At most 90°.
     pub fn reachable_by(reachable: impl Fn(&Vector3<f64>) -> bool + Sync) -> Self {
         Self::of_rows(|azimuth| largest_tilt(|tilt| reachable(&direction(azimuth, tilt))))
     }
@@ -80,8 +80,8 @@ impl Region {
         self.largest_tilt_rad.iter().fold((f64::INFINITY, 0.0), |(low, high), t| (low.min(*t), high.max(*t)))
     }
 
-    /// A direction in the region from two numbers, the azimuth as a share of the circle and the solid angle within the
-    /// border as a share from 0 (level) to 1 (border): uniform numbers give uniform directions.
+    /// A direction in the region from two numbers, the azimuth as a share of the circle and the solid angle
+    /// within the border as a share from 0 (level) to 1 (border): uniform numbers give uniform directions.
     pub fn direction(&self, [turn, share]: [f64; 2]) -> Vector3<f64> {
         let azimuth = TAU * turn;
         let cosine = 1.0 - share.clamp(0.0, 1.0) * (1.0 - self.largest_tilt_rad(azimuth).cos());

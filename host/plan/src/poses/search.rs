@@ -1,9 +1,11 @@
-//! The search: a low-discrepancy sequence over all combinations of orientations, then a refinement of the best.
+//! The search: a low-discrepancy sequence over all combinations of orientations, then a refinement of the
+//! best.
 //!
-//! The refinement polls `2 d` orthogonal directions that turn from poll to poll: the columns of the Householder
-//! reflection of the next point of the same sequence, ± (OrthoMADS: Abramson, Audet, Dennis and Le Digabel, *SIAM J.
-//! Optim.* 20, 2009). A condition number is not differentiable where eigenvalues meet, and they meet at the optimum; fixed
-//! directions get stuck there and so does a simplex. Bounds are enforced by projection.
+//! The refinement polls `2 d` orthogonal directions that turn from poll to poll: the columns of the
+//! Householder reflection of the next point of the same sequence, ± (OrthoMADS: Abramson, Audet, Dennis and
+//! Le Digabel, *SIAM J. Optim.* 20, 2009). A condition number is not differentiable where eigenvalues meet,
+//! and they meet at the optimum; fixed directions get stuck there and so does a simplex. Bounds are enforced
+//! by projection.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -222,7 +224,8 @@ mod tests {
         }
     }
 
-    /// The closed form of the optimum on a cone, from where it is the border's to where it is a regular figure's.
+    /// The closed form of the optimum on a cone, from where it is the border's to where it is a regular
+    /// figure's.
     #[test]
     fn the_search_finds_the_closed_forms_optimum_on_cones() {
         for tilt_deg in [20.0_f64, 32.5, 45.0, 54.8, 65.0] {
@@ -259,7 +262,8 @@ mod tests {
                 brute = brute.min(condition_number(&normal_matrix([*a, *b])));
             }
         }
-        // 2/(1 − cos 2τ) changes by 2 cot τ for each rad of tilt; the grid misses the border by up to 3° · √½ on both.
+        // 2/(1 − cos 2τ) changes by 2 cot τ for each rad of tilt; the grid misses the border by up to 3° · √½
+        // on both.
         let loss = 2.0 * (brute / 2.0 - 1.0).sqrt() * 2.0_f64.sqrt() * 3_f64.to_radians();
         assert!(found.cost <= brute && brute < found.cost * (1.0 + loss), "{} {brute}", found.cost);
     }

@@ -1,5 +1,6 @@
-//! The centre of mass from a recording's still poses, by every estimator beside each other, and what the load cell read less
-//! what the body takes (platform thesis, tables 13 to 20, whose figures are not in the text at hand).
+//! The centre of mass from a recording's still poses, by every estimator beside each other, and what the load
+//! cell read less what the body takes (platform thesis, tables 13 to 20, whose figures are not in the text at
+//! hand).
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::calibration::Reading;
@@ -83,8 +84,8 @@ pub struct Statics {
     /// From measured forces; from the same relative to a reference pose; with gravity from the attitude.
     #[serde(rename = "estimators")]
     pub estimates: [Estimated; 3],
-    /// Mass, kg, and offset of the wrench, N and N m, with gravity from the attitude, each with its U95; `None` where the poses
-    /// leave them open.
+    /// Mass, kg, and offset of the wrench, N and N m, with gravity from the attitude, each with its U95;
+    /// `None` where the poses leave them open.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_kg: Option<[f64; 2]>,
     /// Value and U95.
@@ -97,7 +98,8 @@ pub struct Statics {
     pub differences: Vec<[f64; 6]>,
 }
 
-/// Returns the still poses of readings in the order of their time, each pose once: readings without time are a pose each.
+/// Returns the still poses of readings in the order of their time, each pose once: readings without time are
+/// a pose each.
 pub fn held(input: &Input) -> Vec<Held> {
     let mean = |first: usize, readings: &[Reading<f64>]| {
         let mut sum = [Vector3::zeros(); 3];
@@ -136,8 +138,9 @@ pub fn held(input: &Input) -> Vec<Held> {
     poses
 }
 
-/// Returns what the estimators make of still poses. `sigma` is the noise of a reading, 1 σ, N and N m; `None`: from the residuals.
-/// `reference` is the index of the pose that the relative estimator takes the others from.
+/// Returns what the estimators make of still poses. `sigma` is the noise of a reading, 1 σ, N and N m;
+/// `None`: from the residuals. `reference` is the index of the pose that the relative estimator takes the
+/// others from.
 ///
 /// # Errors
 /// Too few poses, or no such reference.
@@ -217,7 +220,8 @@ fn difference(reading: &StillReading, phi: &[f64; 10]) -> [f64; 6] {
     [force.x, force.y, force.z, moment.x, moment.y, moment.z]
 }
 
-/// Root mean squares, over the degrees of freedom, of what the model with gravity leaves of forces and of moments, over `sigma`.
+/// Root mean squares, over the degrees of freedom, of what the model with gravity leaves of forces and of
+/// moments, over `sigma`.
 fn scatter(readings: &[StillReading], sigma: &[f64; 6]) -> [f64; 2] {
     let factor = modelled(readings, sigma, None);
     let Some(phi) = factor.well_determined(&factor.standard_deviations()) else { return [f64::NAN; 2] };

@@ -31,8 +31,8 @@ impl Default for Span {
 pub enum MapError {
     /// A grid that makes no sense.
     #[error(
-        "a map from -{most_deg}° to {most_deg}° in steps of {step_deg}° at a yaw of {yaw_deg}°: the step must be \
-         between 0.1° and the range, the range at most 90°, the yaw within ±180°"
+        "a map from -{most_deg}° to {most_deg}° in steps of {step_deg}° at a yaw of {yaw_deg}°: the step \
+         must be between 0.1° and the range, the range at most 90°, the yaw within ±180°"
     )]
     Span {
         /// As given.
@@ -58,8 +58,8 @@ pub struct Map {
     pub reachable: Vec<Vec<bool>>,
     /// Some such position keeps `cond(H)` below the guard too, on home's side of every singular pose.
     pub singularity_free: Vec<Vec<bool>>,
-    /// A position of the plate's origin (A, m) that shows it: one that keeps the guard where there is one, else one that
-    /// keeps lengths and angles.
+    /// A position of the plate's origin (A, m) that shows it: one that keeps the guard where there is one,
+    /// else one that keeps lengths and angles.
     pub position_m: Vec<Vec<Option<[f64; 3]>>>,
 }
 
@@ -89,8 +89,8 @@ impl<'a> Searcher<'a> {
         Orientation::new(self.geometry, *rotation, guarded.then_some(self.side))
     }
 
-    /// A position that keeps lengths and joint angles, if there is one; `near` is tried first. Exact for the lengths;
-    /// with limited joint angles or clearances by descent from every candidate of the exact answer.
+    /// A position that keeps lengths and joint angles, if there is one; `near` is tried first. Exact for the
+    /// lengths; with limited joint angles or clearances by descent from every candidate of the exact answer.
     fn reachable(&self, rotation: &Matrix3<f64>, near: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, false);
         if let Some(near) = near.filter(|p| orientation.keeps(p)) {
@@ -124,8 +124,8 @@ impl<'a> Searcher<'a> {
         (spot.keeps() && orientation.keeps(&spot.position)).then_some(spot.position)
     }
 
-    /// The same without a position nearby: from the candidate of the exact answer that is furthest from singular, and
-    /// from the middle of all of them.
+    /// The same without a position nearby: from the candidate of the exact answer that is furthest from
+    /// singular, and from the middle of all of them.
     fn free_anywhere(&self, rotation: &Matrix3<f64>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, true);
         let (mut sum, mut count) = (Vector3::zeros(), 0_u32);
@@ -178,7 +178,8 @@ impl Map {
         let rotation = |cell: usize| {
             rotation_from_rpy([degrees[cell / n], degrees[cell % n], yaw_deg].map(f64::to_radians))
         };
-        // Lengths and angles: outwards from the middle row, each cell beginning with its neighbour's position.
+        // Lengths and angles: outwards from the middle row, each cell beginning with its neighbour's
+        // position.
         let mut held: Vec<Option<Vector3<f64>>> = vec![None; n * n];
         let mut near = None;
         for row in 0..n {
@@ -252,7 +253,8 @@ fn neighbours(cell: usize, n: usize) -> impl Iterator<Item = usize> {
 }
 
 impl Reach {
-    /// Along `count` directions, equally spaced from x of A. Tilts in steps of 0.5°, the last one halved down to 0.01°.
+    /// Along `count` directions, equally spaced from x of A. Tilts in steps of 0.5°, the last one halved down
+    /// to 0.01°.
     pub fn around(geometry: &Geometry, yaw_deg: f64, count: usize) -> Vec<Self> {
         let searcher = Searcher::new(geometry);
         (0..count)
@@ -271,7 +273,8 @@ impl Reach {
     }
 }
 
-/// The plate's axes with its normal at `tilt_deg` from z of A towards `azimuth_deg`, in roll, pitch and the given yaw.
+/// The plate's axes with its normal at `tilt_deg` from z of A towards `azimuth_deg`, in roll, pitch and the
+/// given yaw.
 fn leaning(azimuth_deg: f64, tilt_deg: f64, yaw_deg: f64) -> Matrix3<f64> {
     // n = Rz(yaw) Ry(pitch) Rx(roll) z: before the yaw it is (sin p cos r, −sin r, cos p cos r).
     let (sin, cos) = tilt_deg.to_radians().sin_cos();

@@ -13,8 +13,8 @@ const LONGEST_STEP_M: f64 = 0.05;
 pub struct Spot {
     /// Of the plate's origin, A, m.
     pub position: Vector3<f64>,
-    /// The largest of `|l − middle| / half the stroke`, joint angle over its limit, what the clearance lacks over its range
-    /// and, with the guard, `cond(H)` over its limit. At most one where every limit is met.
+    /// The largest of `|l − middle| / half the stroke`, joint angle over its limit, what the clearance lacks
+    /// over its range and, with the guard, `cond(H)` over its limit. At most one where every limit is met.
     pub worst: f64,
 }
 
@@ -80,8 +80,8 @@ impl<'a> Orientation<'a> {
             })
     }
 
-    /// Descends from `start` until a position keeps every limit or no step helps; with `fully`, to the position that is
-    /// furthest inside all of them.
+    /// Descends from `start` until a position keeps every limit or no step helps; with `fully`, to the
+    /// position that is furthest inside all of them.
     pub(super) fn settle(&self, start: Vector3<f64>, fully: bool) -> Spot {
         let mut position = start;
         let mut now = self.look(&position);
@@ -218,8 +218,8 @@ pub fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
     settled(geometry, geometry.home(), true)
 }
 
-/// The same orientation at the nearest position that keeps every limit, or, with `fully`, is furthest inside all of them;
-/// nothing singular is crossed on the way.
+/// The same orientation at the nearest position that keeps every limit, or, with `fully`, is furthest inside
+/// all of them; nothing singular is crossed on the way.
 ///
 /// # Errors
 /// The best position found, and what is in the way there.

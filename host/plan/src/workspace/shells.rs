@@ -1,9 +1,10 @@
 //! Whether a point is inside six spherical shells, exactly.
 //!
 //! In a fixed orientation leg `i` keeps its length where the plate's origin is at distance `lo..hi` of
-//! `c_i = a_i − R b_i`. The positions are bounded and closed, so where there are any there is a highest one, and it is
-//! the top of an outer sphere, the highest point of the circle in which two spheres meet, or one of the two points in
-//! which three meet. Trying them all is complete: no search, no start, no tolerance to tune.
+//! `c_i = a_i − R b_i`. The positions are bounded and closed, so where there are any there is a highest one,
+//! and it is the top of an outer sphere, the highest point of the circle in which two spheres meet, or one of
+//! the two points in which three meet. Trying them all is complete: no search, no start, no tolerance to
+//! tune.
 
 use hexapod::Geometry;
 use nalgebra::{Matrix3, Vector3};
@@ -15,8 +16,8 @@ pub fn centres(geometry: &Geometry, rotation: &Matrix3<f64>) -> [Vector3<f64>; 6
     })
 }
 
-/// Calls `found` with every position (A, m) that is inside all shells and a candidate for the highest one, until it
-/// returns true. Whether it did.
+/// Calls `found` with every position (A, m) that is inside all shells and a candidate for the highest one,
+/// until it returns true. Whether it did.
 pub fn any_extreme(
     centres: &[Vector3<f64>; 6],
     [lo, hi]: [f64; 2],

@@ -96,8 +96,9 @@ fn the_map_is_as_symmetric_as_the_platform() {
 
 #[test]
 fn largest_tilts_are_the_published_ones() {
-    // PAPERS 2.2: 31.9° with the middle 20 cm of stroke where the paper has 32 to 32.7; 59° or more with all of it, "in
-    // the tested azimuths". Published figures are largest tilts in a few directions; ours are asked for at a yaw of zero.
+    // PAPERS 2.2: 31.9° with the middle 20 cm of stroke where the paper has 32 to 32.7; 59° or more with all
+    // of it, "in the tested azimuths". Published figures are largest tilts in a few directions; ours are
+    // asked for at a yaw of zero.
     let short = Reach::around(&Geometry::thesis().with_stroke(0.2).unwrap(), 0.0, 12);
     let least = short.iter().map(|r| r.singularity_free_deg).fold(90.0, f64::min);
     assert!((31.0..=32.7).contains(&least), "{least}");

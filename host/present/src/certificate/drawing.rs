@@ -1,4 +1,5 @@
-//! The axes of a certificate, drawn: the load cell's frame S, the IMUs, the part's frame, and the centre of mass.
+//! The axes of a certificate, drawn: the load cell's frame S, the IMUs, the part's frame, and the centre of
+//! mass.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rigident_io::rig::RigFile;
@@ -82,8 +83,8 @@ pub(super) fn figure(answer: &Answer, rig: &RigFile, marked: Option<&str>) -> St
     let ring: Vec<String> =
         scene.load_cell().iter().map(on_sheet).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
     let mut svg = format!(
-        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"Axes of the load cell and of the part\">\
-         <polygon class=\"cell\" points=\"{}\"/>",
+        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"Axes of the load cell and of the \
+         part\"><polygon class=\"cell\" points=\"{}\"/>",
         ring.join(" ")
     );
     for (at, (name, origin, turn)) in scene.frames.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! A certificate of an answer: a page to print, modelled on what ISO/IEC 17025:2017 asks for in 7.8.2 and 7.8.4 (docs/certificate.md
-//! lists the items). It asks for what is missing, and a draft says that it is one.
+//! A certificate of an answer: a page to print, modelled on what ISO/IEC 17025:2017 asks for in 7.8.2 and
+//! 7.8.4 (docs/certificate.md lists the items). It asks for what is missing, and a draft says that it is one.
 
 mod drawing;
 mod results;
@@ -138,7 +138,8 @@ impl Certified<'_> {
         let class = if answer.status == Status::Identified { "good" } else { "fair" };
         format!(
             "<header><p class=\"laboratory\">{laboratory}</p><h1>{title}</h1>\n\
-             <p class=\"source\"><span>No. {}</span><span>mass, centre of mass and inertia tensor</span></p>\n\
+             <p class=\"source\"><span>No. {}</span><span>mass, centre of mass and inertia \
+             tensor</span></p>\n\
              <p class=\"status {class}\">{}</p></header>\n",
             escape(number),
             escape(&headline(answer))
@@ -206,8 +207,9 @@ impl Certified<'_> {
             row(&item.name, texts[0], texts[1], texts[2]);
         }
         format!(
-            "<h2>Equipment</h2>\n<div class=\"scroll\"><table class=\"equipment\"><thead><tr><th scope=\"col\">instrument</th>\
-             <th scope=\"col\">serial number</th><th scope=\"col\">calibrated on</th><th scope=\"col\">certificate</th></tr></thead>\n\
+            "<h2>Equipment</h2>\n<div class=\"scroll\"><table class=\"equipment\"><thead><tr><th \
+             scope=\"col\">instrument</th><th scope=\"col\">serial number</th><th scope=\"col\">calibrated \
+             on</th><th scope=\"col\">certificate</th></tr></thead>\n\
              <tbody>{rows}</tbody></table></div>\n"
         )
     }
@@ -252,13 +254,14 @@ impl Certified<'_> {
             )
         };
         format!(
-            "<section class=\"statements\"><h2>Statements</h2>\n<ul>\
-             <li>The results relate only to the part described here, in the condition in which it was measured.</li>\
-             <li>Expanded uncertainties are U = k u with the coverage factor k = 2, about 95 % for a normal distribution; standard \
-             uncertainties were evaluated after JCGM 100.</li>\
-             <li>What is stated of customer and part is the customer's, and the laboratory answers for all else.</li>\
-             <li>This certificate may be reproduced as a whole only, unless the laboratory agrees in writing.</li></ul>\n\
-             <div class=\"signatures\">{}{}</div>\n<p class=\"soft end\">End of certificate {}</p></section>\n",
+            "<section class=\"statements\"><h2>Statements</h2>\n<ul><li>The results relate only to the part \
+             described here, in the condition in which it was measured.</li><li>Expanded uncertainties are U \
+             = k u with the coverage factor k = 2, about 95 % for a normal distribution; standard \
+             uncertainties were evaluated after JCGM 100.</li><li>What is stated of customer and part is the \
+             customer's, and the laboratory answers for all else.</li><li>This certificate may be reproduced \
+             as a whole only, unless the laboratory agrees in writing.</li></ul>\n\
+             <div class=\"signatures\">{}{}</div>\n<p class=\"soft end\">End of certificate \
+             {}</p></section>\n",
             signature("measured by", &self.table.operator),
             signature("authorised by", &self.table.authorised_by),
             escape(number)
@@ -281,8 +284,8 @@ fn incomplete(missing: &[Missing]) -> String {
         .map(|m| format!("<li>{} <code>{}</code></li>", escape(m.what), escape(m.key)))
         .collect();
     format!(
-        "<section class=\"box\"><h3>Draft: no certificate before this is stated in the rig file</h3><ul class=\"missing\">{items}\
-         </ul></section>\n"
+        "<section class=\"box\"><h3>Draft: no certificate before this is stated in the rig file</h3><ul \
+         class=\"missing\">{items}</ul></section>\n"
     )
 }
 
@@ -303,12 +306,14 @@ fn errors(answer: &Answer) -> Vec<(String, String)> {
 /// The lines at the foot of each printed page.
 fn running(title: &str, number: &str) -> String {
     format!(
-        "@page {{ @bottom-left {{ content: {}; }} @bottom-right {{ content: \"page \" counter(page) \" of \" counter(pages); }} }}\n",
+        "@page \
+         {{ @bottom-left {{ content: {}; }} @bottom-right {{ content: \"page \" counter(page) \" of \" counter(pages); }} }}\n",
         css_text(&format!("{title} {number}"))
     )
 }
 
-/// A text as CSS has it: all but plain characters by their number, so that none ends the text or the style sheet.
+/// A text as CSS has it: all but plain characters by their number, so that none ends the text or the style
+/// sheet.
 fn css_text(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-' | '.' | '_');
     let shown = |c: char| if plain(c) { c.to_string() } else { format!("\\{:x} ", u32::from(c)) };

@@ -46,8 +46,8 @@ pub(super) fn html(answer: &Answer, table: &CertificateTable) -> String {
     html.push_str("</div>\n");
     html.push_str(&axes(answer, table));
     html.push_str(
-        "<p class=\"soft\">S is the load cell's frame, P the part's. Products of inertia are elements of the tensor: \
-         I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n",
+        "<p class=\"soft\">S is the load cell's frame, P the part's. Products of inertia are elements of the \
+         tensor: I<sub>xy</sub> = \u{2212}\u{222b} x y dm.</p>\n",
     );
     html
 }
@@ -55,8 +55,9 @@ pub(super) fn html(answer: &Answer, table: &CertificateTable) -> String {
 fn group_table(group: &Group, table: &CertificateTable) -> String {
     let rows: String = group.quantities.iter().map(|quantity| row(quantity, table)).collect();
     format!(
-        "<div class=\"scroll\"><table class=\"tight results\"><caption>{}</caption>\n<thead><tr><th scope=\"col\"></th>\
-         <th class=\"value\" scope=\"col\">value</th><th scope=\"col\">U (k = 2)</th><th scope=\"col\">unit</th></tr></thead>\n\
+        "<div class=\"scroll\"><table class=\"tight results\"><caption>{}</caption>\n<thead><tr><th \
+         scope=\"col\"></th><th class=\"value\" scope=\"col\">value</th><th scope=\"col\">U (k = 2)</th><th \
+         scope=\"col\">unit</th></tr></thead>\n\
          <tbody>{rows}</tbody></table></div>\n",
         escape(&group.title)
     )
@@ -78,7 +79,8 @@ fn row(quantity: &Quantity, table: &CertificateTable) -> String {
         ""
     };
     format!(
-        "<tr><th scope=\"row\">{name}</th><td class=\"value\">{value}</td><td>± {expanded}</td><td>{}{tag}</td></tr>\n",
+        "<tr><th scope=\"row\">{name}</th><td class=\"value\">{value}</td><td>± \
+         {expanded}</td><td>{}{tag}</td></tr>\n",
         escape(&unit_symbol(unit))
     )
 }
@@ -105,7 +107,8 @@ fn axes(answer: &Answer, table: &CertificateTable) -> String {
         format!("<tr><td>{moment}</td><td>{direction}</td></tr>\n")
     };
     format!(
-        "<div class=\"scroll\"><table class=\"tight\"><caption>Principal moments about the centre of mass, and their axes in S</caption>\n\
+        "<div class=\"scroll\"><table class=\"tight\"><caption>Principal moments about the centre of mass, \
+         and their axes in S</caption>\n\
          <tbody>{}</tbody></table></div>\n",
         found.iter().map(row).collect::<String>()
     )

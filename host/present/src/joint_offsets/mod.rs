@@ -1,5 +1,5 @@
-//! The page of `rigident calibrate joints`: offsets with their intervals, poses before and after, how far contacts are off. No script;
-//! nothing is loaded.
+//! The page of `rigident calibrate joints`: offsets with their intervals, poses before and after, how far
+//! contacts are off. No script; nothing is loaded.
 
 mod charts;
 mod content;
@@ -11,12 +11,8 @@ use rigident_fit::Measured;
 use rigident_fit::figures::{NOT_IDENTIFIED, counted, with_u95};
 use rigident_identify::joint_offsets::drawn::Figure;
 
-const STYLE: &str = "<style>.before{stroke:var(--y)}.after{stroke:var(--x)}svg .dashed{stroke-dasharray:5 4}.bone{stroke-width:2}.sole{stroke-width:3}\
-                     circle.joint{fill:var(--paper);stroke:var(--x);stroke-width:1.4}.ground{stroke:var(--soft);stroke-width:1.4}\
-                     .dot.before{fill:var(--y);stroke:none}.dot.after{fill:var(--x);stroke:none}.out{stroke:var(--bad);stroke-width:1.6}\
-                     line.interval{stroke:var(--x);stroke-width:5;opacity:.35}line.zero{stroke:var(--soft);stroke-width:1;stroke-dasharray:2 3}\
-                     svg text.ink{fill:var(--ink)}svg text.open{fill:var(--fair);font-style:italic}\
-                     .key.after::before{border-color:var(--x)}.key.before::before{border-color:var(--y)}.key.cross::before{border-color:var(--bad)}</style>\n";
+const STYLE: &str = "<style>.before{stroke:var(--y)}.after{stroke:var(--x)}svg \
+                     .dashed{stroke-dasharray:5 4}.bone{stroke-width:2}.sole{stroke-width:3}circle.joint{fill:var(--paper);stroke:var(--x);stroke-width:1.4}.ground{stroke:var(--soft);stroke-width:1.4}.dot.before{fill:var(--y);stroke:none}.dot.after{fill:var(--x);stroke:none}.out{stroke:var(--bad);stroke-width:1.6}line.interval{stroke:var(--x);stroke-width:5;opacity:.35}line.zero{stroke:var(--soft);stroke-width:1;stroke-dasharray:2 3}svg text.ink{fill:var(--ink)}svg text.open{fill:var(--fair);font-style:italic}.key.after::before{border-color:var(--x)}.key.before::before{border-color:var(--y)}.key.cross::before{border-color:var(--bad)}</style>\n";
 
 /// The offset of a joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,14 +88,16 @@ pub fn page(found: &OffsetsPage) -> String {
     let poses = counted(found.deviations.len() - left_out, "pose", "poses");
     let class = if told == found.offsets.len() { "good" } else { "fair" };
     html.push_str(&format!(
-        "<header><h1>{}</h1>\n<p class=\"source\"><span>Offsets of joint angles</span><span>{}</span><span>{poses}</span></p>\n\
+        "<header><h1>{}</h1>\n<p class=\"source\"><span>Offsets of joint \
+         angles</span><span>{}</span><span>{poses}</span></p>\n\
          <p class=\"status {class}\">{told} of {all} identified</p></header>\n{}",
         escape(&found.model),
         escape(&found.source),
         notes("Warnings", &found.warnings)
     ));
     html.push_str(
-        "<h2>Offsets</h2>\n<p class=\"soft\">True position = measured position + offset. Bars are 95 % intervals.</p>\n<div class=\"wide\">\n",
+        "<h2>Offsets</h2>\n<p class=\"soft\">True position = measured position + offset. Bars are 95 % \
+         intervals.</p>\n<div class=\"wide\">\n",
     );
     for slides in [false, true] {
         html.push_str(&charts::offsets(&found.offsets, slides));
@@ -108,17 +106,19 @@ pub fn page(found: &OffsetsPage) -> String {
     html.push_str(&not_identified(&found.offsets));
     if !found.drawn.is_empty() {
         html.push_str(
-            "<h2>Poses before and after</h2>\n<p class=\"soft\">From the right side and from the front. Below each, its contacts against \
-             the floor, heights enlarged.<span class=\"key before\">angles as measured</span><span class=\"key after\">with the \
-             offsets</span></p>\n<div class=\"grid\">\n",
+            "<h2>Poses before and after</h2>\n<p class=\"soft\">From the right side and from the front. \
+             Below each, its contacts against the floor, heights enlarged.<span class=\"key before\">angles \
+             as measured</span><span class=\"key after\">with the offsets</span></p>\n<div \
+             class=\"grid\">\n",
         );
         html.extend(found.drawn.iter().enumerate().map(|(k, pose)| figures::pose(k, pose)));
         html.push_str("</div>\n");
     }
     html.push_str(
-        "<h2>Contacts before and after</h2>\n<p class=\"soft\">Largest distance of a corner from its plane, or of a held point from its \
-         place, in every pose.<span class=\"key before\">angles as measured</span><span class=\"key after\">with the offsets</span>\
-         <span class=\"key cross\">left out</span></p>\n<div class=\"grid\">\n",
+        "<h2>Contacts before and after</h2>\n<p class=\"soft\">Largest distance of a corner from its plane, \
+         or of a held point from its place, in every pose.<span class=\"key before\">angles as \
+         measured</span><span class=\"key after\">with the offsets</span><span class=\"key cross\">left \
+         out</span></p>\n<div class=\"grid\">\n",
     );
     html.extend((0..found.contacts.len()).map(|k| charts::deviations(found, k)));
     html.push_str("</div>\n<h2>Fit</h2>\n<table class=\"short plainrows\"><tbody>\n");

@@ -43,9 +43,11 @@ fn view() -> View {
             parameters,
             condition_number: Some(12.34),
             left_out: Vec::new(),
-            advice: vec!["rotate about S.z: 2.5 times the rate, or 6.3 times as long, and tilt about S.x in between so that gravity \
-                          moves across it"
-                .to_owned()],
+            advice: vec![
+                "rotate about S.z: 2.5 times the rate, or 6.3 times as long, and tilt about S.x in \
+                          between so that gravity moves across it"
+                    .to_owned(),
+            ],
             warnings: Vec::new(),
         }),
         sensors: SensorHealth {

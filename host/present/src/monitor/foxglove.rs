@@ -7,8 +7,8 @@
 //! | `/rigident/sensors` | readings, rate, what was rejected |
 //! | `/rigident/link` | what was lost between device and host |
 //!
-//! A topic is announced with its first message, whose JSON Schema it has. A client that joins late gets the last message at once; one that
-//! is slow misses some, and keeps nobody waiting.
+//! A topic is announced with its first message, whose JSON Schema it has. A client that joins late gets the
+//! last message at once; one that is slow misses some, and keeps nobody waiting.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
@@ -125,7 +125,8 @@ impl Server {
             if topic.message != message {
                 (topic.message, topic.time_ns, topic.count) = (message, time_ns, topic.count + 1);
                 if topic.schema != schema {
-                    // A parameter that was not identified before: the topic is another one for a client, and announced anew.
+                    // A parameter that was not identified before: the topic is another one for a client, and
+                    // announced anew.
                     (topic.id, topic.schema) = (id.max(topic.id + 1_000), schema);
                 }
             }
@@ -191,8 +192,8 @@ fn schema(value: &Value) -> Value {
 /// Why a client is left.
 type Left = Box<dyn std::error::Error + Send + Sync>;
 
-/// Returns true where a page of this origin may read the experiment: Foxglove's own, this computer's, and programs that are no web
-/// pages. Any page that somebody has open could connect to this computer otherwise.
+/// Returns true where a page of this origin may read the experiment: Foxglove's own, this computer's, and
+/// programs that are no web pages. Any page that somebody has open could connect to this computer otherwise.
 fn is_known_origin(origin: &str) -> bool {
     let Some((scheme, host)) = origin.split_once("://") else { return false };
     let host = name_of(host);
@@ -205,7 +206,8 @@ fn is_known_origin(origin: &str) -> bool {
     }
 }
 
-/// Returns true for a host as this computer is called: a name of a stranger's could be made to lead here, too.
+/// Returns true for a host as this computer is called: a name of a stranger's could be made to lead here,
+/// too.
 fn is_own_host(host: &str) -> bool {
     let name = name_of(host);
     let is_address = name.trim_matches(['[', ']']).parse::<std::net::IpAddr>().is_ok();
@@ -243,7 +245,8 @@ fn answer_handshake(request: &Request, mut response: Response) -> Result<Respons
     if !header("Host").is_some_and(is_own_host) {
         return refused(
             StatusCode::FORBIDDEN,
-            "this computer is not served by that name: connect to its address, or to a name that ends in .local",
+            "this computer is not served by that name: connect to its address, or to a name that ends in \
+             .local",
         );
     }
     let offered =

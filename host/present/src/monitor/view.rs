@@ -85,13 +85,14 @@ impl Answered {
         }
     }
 
-    /// Returns when the last reading was taken that it rests on, from the first one, s; `None` where nothing is identified.
+    /// Returns when the last reading was taken that it rests on, from the first one, s; `None` where nothing
+    /// is identified.
     pub fn time_s(&self) -> Option<f64> {
         self.parameters.iter().find_map(|parameter| Some(parameter.now?.time_s))
     }
 
-    /// Returns the parameter that is known worst, with its uncertainty over the largest value of its unit: one of which there
-    /// is no number if there is such a one, with infinity.
+    /// Returns the parameter that is known worst, with its uncertainty over the largest value of its unit:
+    /// one of which there is no number if there is such a one, with infinity.
     pub fn worst(&self) -> Option<(&str, f64)> {
         let ratio = |parameter: &ParameterView| {
             let alike = self.parameters.iter().filter(|other| other.unit == parameter.unit);

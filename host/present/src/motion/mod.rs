@@ -1,9 +1,9 @@
-//! A page that plays a person's motion in three dimensions: figure, markers, centre of mass, measured and predicted forces, and
-//! the wrench over time under it.
+//! A page that plays a person's motion in three dimensions: figure, markers, centre of mass, measured and
+//! predicted forces, and the wrench over time under it.
 //!
-//! Lives here: what such a page needs to know ([`MotionPage`]), the check of it, its packing (`series`), its markup (`page`)
-//! and the player itself (`*.js`, `style.css`), which is drawn on a canvas without any library and loads nothing. May not live
-//! here: kinematics, prediction, files.
+//! Lives here: what such a page needs to know ([`MotionPage`]), the check of it, its packing (`series`), its
+//! markup (`page`) and the player itself (`*.js`, `style.css`), which is drawn on a canvas without any
+//! library and loads nothing. May not live here: kinematics, prediction, files.
 
 mod page;
 mod series;
@@ -12,8 +12,8 @@ mod tests;
 
 /// Everything that the page shows of one trial. Positions are in laboratory axes with z up, m.
 ///
-/// Series hold one entry per frame, as many as [`Self::points_m`]; those that may be left out are empty then. What is not known in
-/// a frame is NaN.
+/// Series hold one entry per frame, as many as [`Self::points_m`]; those that may be left out are empty then.
+/// What is not known in a frame is NaN.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionPage {
     /// Name of the trial.
@@ -83,7 +83,8 @@ pub struct ForceArrow {
     pub predicted_n: Vec<[f32; 3]>,
 }
 
-/// One component of the wrench over time. Each of the three holds one value per frame, NaN where there is none, or nothing.
+/// One component of the wrench over time. Each of the three holds one value per frame, NaN where there is
+/// none, or nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
     /// Name: `Fx`.
@@ -134,7 +135,8 @@ pub enum MotionError {
         /// The rate given.
         rate_hz: f64,
     },
-    /// A series has another number of entries than there are frames, or a frame another number of points than the first.
+    /// A series has another number of entries than there are frames, or a frame another number of points than
+    /// the first.
     #[error("{what} of `{title}`: {found} entries where {wanted} are needed")]
     Length {
         /// Name of the trial.
@@ -164,7 +166,8 @@ impl MotionPage {
     /// Returns the page as one self-contained HTML file.
     ///
     /// # Errors
-    /// Fails if there is no frame, the rate is not positive, lengths of series differ, or a bone ends nowhere.
+    /// Fails if there is no frame, the rate is not positive, lengths of series differ, or a bone ends
+    /// nowhere.
     pub fn html(&self) -> Result<String, MotionError> {
         self.check()?;
         Ok(page::html(self))

@@ -1,4 +1,5 @@
-//! The page's markup: the stage with its controls, the curves, the table of errors, and the data for the player.
+//! The page's markup: the stage with its controls, the curves, the table of errors, and the data for the
+//! player.
 
 use serde::Serialize;
 
@@ -16,8 +17,8 @@ const STYLE: &str = include_str!("style.css");
 const PLAYER: [&str; 4] =
     [include_str!("data.js"), include_str!("camera.js"), include_str!("scene.js"), include_str!("player.js")];
 /// Nothing may be loaded, whatever the titles and labels say.
-const POLICY: &str = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
-                      script-src 'unsafe-inline'\"/>\n";
+const POLICY: &str = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src \
+                      'unsafe-inline'; script-src 'unsafe-inline'\"/>\n";
 
 /// Steps of positions of the figure and of markers, m, and of forces, N.
 const POINT_STEP_M: f64 = 5e-4;
@@ -74,7 +75,8 @@ pub fn html(motion: &MotionPage) -> String {
     html.push_str(&errors(&motion.errors));
     html.push_str(FOOTER);
     html.push_str(&format!(
-        "<script type=\"application/json\" id=\"motion\">{}</script>\n<script>\n(() => {{\n\"use strict\";\n{}}})();\n</script>\n",
+        "<script type=\"application/json\" id=\"motion\">{}</script>\n<script>\n(() => \
+         {{\n\"use strict\";\n{}}})();\n</script>\n",
         data(motion, unused),
         PLAYER.concat()
     ));
@@ -237,7 +239,8 @@ fn strip(unused: &[[usize; 2]], last: usize) -> String {
         })
         .collect();
     format!(
-        "<svg class=\"strip\" viewBox=\"0 0 1000 4\" preserveAspectRatio=\"none\" aria-hidden=\"true\">{bars}</svg>"
+        "<svg class=\"strip\" viewBox=\"0 0 1000 4\" preserveAspectRatio=\"none\" \
+         aria-hidden=\"true\">{bars}</svg>"
     )
 }
 
@@ -250,9 +253,10 @@ fn curves(motion: &MotionPage, unused: &[[usize; 2]]) -> String {
     let shaded = if unused.is_empty() { "" } else { "<span class=\"key unused\">not used</span>" };
     let charts: String = motion.curves.iter().enumerate().map(|(k, c)| chart(motion, k, c, unused)).collect();
     format!(
-        "<h2>Wrench{about}</h2>\n<p class=\"soft keys\"><span class=\"key measured\">measured</span>\
-         <span class=\"key identified\">identified parameters</span><span class=\"key table\">scaled table</span>{shaded}\
-         <span>Click a curve to go there.</span></p>\n<div class=\"curves\">\n{charts}</div>\n"
+        "<h2>Wrench{about}</h2>\n<p class=\"soft keys\"><span class=\"key measured\">measured</span><span \
+         class=\"key identified\">identified parameters</span><span class=\"key table\">scaled \
+         table</span>{shaded}<span>Click a curve to go there.</span></p>\n<div \
+         class=\"curves\">\n{charts}</div>\n"
     )
 }
 
@@ -297,11 +301,13 @@ fn chart(motion: &MotionPage, index: usize, curve: &Curve, unused: &[[usize; 2]]
     };
     let value = |class: &str, words: &str| {
         format!(
-            "<span class=\"key {class}\"><span class=\"unseen\">{words} </span><span class=\"value\"></span></span>"
+            "<span class=\"key {class}\"><span class=\"unseen\">{words} </span><span \
+             class=\"value\"></span></span>"
         )
     };
     format!(
-        "<figure class=\"curve\" data-from=\"{from}\" data-to=\"{to}\"><figcaption><b>{}</b>{}{}{}</figcaption>\n{}</figure>\n",
+        "<figure class=\"curve\" data-from=\"{from}\" \
+         data-to=\"{to}\"><figcaption><b>{}</b>{}{}{}</figcaption>\n{}</figure>\n",
         escape(&curve.name),
         value("measured", "measured"),
         value("identified", "by identified parameters"),
@@ -337,9 +343,10 @@ fn errors(rows: &[ErrorRow]) -> String {
         .collect();
     let right = |head: &str| format!("<th class=\"right\" scope=\"col\">{head}</th>");
     format!(
-        "<h2>Errors of the predictions</h2>\n<p class=\"soft\">Root mean squares, and these in percent of body weight (moments: of body \
-         weight times stature). The smaller of each pair is bold.</p>\n<div class=\"scroll\"><table class=\"short errors\"><thead>\
-         <tr><th></th>{}{}{}{}<th scope=\"col\">unit</th></tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
+        "<h2>Errors of the predictions</h2>\n<p class=\"soft\">Root mean squares, and these in percent of \
+         body weight (moments: of body weight times stature). The smaller of each pair is bold.</p>\n<div \
+         class=\"scroll\"><table class=\"short errors\"><thead><tr><th></th>{}{}{}{}<th \
+         scope=\"col\">unit</th></tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
         right("identified parameters"),
         right("%"),
         right("scaled table"),
@@ -347,6 +354,8 @@ fn errors(rows: &[ErrorRow]) -> String {
     )
 }
 
-const FOOTER: &str = "<footer><p>Drag to turn, with Shift to shift; the wheel comes nearer. Space plays and pauses. The arrow keys step by one \
-                      frame, with Shift by ten; after Tab to the picture they turn it. Home and End go to the ends; F, S, T and R \
-                      choose the view.</p>\n<p>Laboratory axes, z up. Arrows of forces begin at the point of application.</p></footer>\n";
+const FOOTER: &str = "<footer><p>Drag to turn, with Shift to shift; the wheel comes nearer. Space plays and \
+                      pauses. The arrow keys step by one frame, with Shift by ten; after Tab to the picture \
+                      they turn it. Home and End go to the ends; F, S, T and R choose the \
+                      view.</p>\n<p>Laboratory axes, z up. Arrows of forces begin at the point of \
+                      application.</p></footer>\n";

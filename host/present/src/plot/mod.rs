@@ -70,15 +70,10 @@ pub fn open_svg(id: &str, title: &str, description: &str, width: f64, height: f6
 }
 
 /// Colours and letters of a separate figure: those of the report, light or dark as the reader's screen is.
-const ALONE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8;--b:#c2570c;--c:#1d7a4f;--d:#8a4fa0;--sand:#f3c79f;\
-                     background:#fff;font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}\
-                     @media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#6fb0f5;--b:#f29a56;--c:#5fcb97;\
-                     --d:#c79be0;--sand:#7a4a1e;background:#14171b}}\
-                     text{fill:var(--soft)}.title{fill:var(--ink);font-size:15px;font-weight:600}.ink{fill:var(--ink)}\
-                     .end{text-anchor:end}.mid{text-anchor:middle}.grid{stroke:var(--rule)}.axis{stroke:var(--soft)}";
+const ALONE: &str = "svg{--ink:#1a1f26;--soft:#5a6572;--rule:#dfe4ea;--a:#1f5fa8;--b:#c2570c;--c:#1d7a4f;--d:#8a4fa0;--sand:#f3c79f;background:#fff;font:13px system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif}@media (prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa5b1;--rule:#2e353d;--a:#6fb0f5;--b:#f29a56;--c:#5fcb97;--d:#c79be0;--sand:#7a4a1e;background:#14171b}}text{fill:var(--soft)}.title{fill:var(--ink);font-size:15px;font-weight:600}.ink{fill:var(--ink)}.end{text-anchor:end}.mid{text-anchor:middle}.grid{stroke:var(--rule)}.axis{stroke:var(--soft)}";
 
-/// Panels of a size, width and height, beside each other with `room` (left, top, right, bottom) around each, as a figure that is a
-/// file of its own.
+/// Panels of a size, width and height, beside each other with `room` (left, top, right, bottom) around each,
+/// as a figure that is a file of its own.
 pub fn beside(
     [id, title, style]: [&str; 3],
     (side, room): ((f64, f64), [f64; 4]),
@@ -145,7 +140,8 @@ impl Chart<'_> {
         }
         svg.push_str(&text("end", left + width, top + height + 29.0, &along));
         svg.push_str(&self.stage_marks(left, width, top, height, named));
-        // The data live in tenths of a unit, so that their coordinates are short integers, clipped by the frame.
+        // The data live in tenths of a unit, so that their coordinates are short integers, clipped by the
+        // frame.
         let (w, h) = ((10.0 * width).round(), (10.0 * height).round());
         svg.push_str(&format!(
             "<svg x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \

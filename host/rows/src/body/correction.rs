@@ -1,13 +1,15 @@
-//! Signals without the errors that a calibration found: what the columns of those that are left are linearised about.
+//! Signals without the errors that a calibration found: what the columns of those that are left are
+//! linearised about.
 //!
-//! The columns are of first order, and with errors of a per cent the products of two of them, 1e-4, are no longer small beside what
-//! a calibrated rig is good for. Errors that all runs of a rig share act on specific force, rate and wrench by constant matrices, so
-//! that they are taken off the conditioned signals as they are, products of rates included. With the axes A of the IMU in S
+//! The columns are of first order, and with errors of a per cent the products of two of them, 1e-4, are no
+//! longer small beside what a calibrated rig is good for. Errors that all runs of a rig share act on specific
+//! force, rate and wrench by constant matrices, so that they are taken off the conditioned signals as they
+//! are, products of rates included. With the axes A of the IMU in S
 //! ```text
 //! a ← R A E⁻¹ Aᵀ a        ω ← R A G D⁻¹ Aᵀ ω        w ← M⁻¹ w
 //! ```
-//! E being scales and angles of the accelerometer, D the scales of the gyro and G its rotation, R the rotation of the IMU, and
-//! M the gains and the cross-talk of the load cell.
+//! E being scales and angles of the accelerometer, D the scales of the gyro and G its rotation, R the
+//! rotation of the IMU, and M the gains and the cross-talk of the load cell.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use rigident_shared::regressor::SIGNALS;
@@ -44,8 +46,8 @@ pub(super) struct Correction {
 }
 
 impl Correction {
-    /// Returns the correction for errors with their values, of an IMU whose axes in S are the columns of `axes`; `None` if they
-    /// leave no sensor.
+    /// Returns the correction for errors with their values, of an IMU whose axes in S are the columns of
+    /// `axes`; `None` if they leave no sensor.
     pub(super) fn new<'a>(
         errors: impl Iterator<Item = (&'a Nuisance, f64)>,
         axes: &Matrix3<f64>,

@@ -26,7 +26,8 @@ fn size(nuisance: &Nuisance, k: usize) -> f64 {
     nuisance.sigma * [1.3, -0.8, 1.7, -1.1, 0.6][k % 5]
 }
 
-/// Readings of a body that turns, of sensors with errors, by what each sensor does: nothing here is linearised.
+/// Readings of a body that turns, of sensors with errors, by what each sensor does: nothing here is
+/// linearised.
 fn readings(of: &dyn Fn(&str) -> f64) -> Vec<Reading<f64>> {
     let three = |stem: &str| Vector3::from(["x", "y", "z"].map(|axis| of(&format!("{stem}_{axis}"))));
     let mounted = Rotation3::new(three("imu_rotation")).matrix() * nominal().rotation.matrix();
@@ -100,9 +101,9 @@ fn fitted(source: &BodySource) -> Fit {
     fit(source, &FitOptions { convergence_points: 0, ..FitOptions::default() }, &Silent).unwrap()
 }
 
-/// A rig of data-sheet errors whose sizes a calibration tells gives the body that an exact rig gives, and its errors as they were
-/// reported. To first order alone the largest of the ten parameters is off by more than what noise leaves of
-/// them.
+/// A rig of data-sheet errors whose sizes a calibration tells gives the body that an exact rig gives, and its
+/// errors as they were reported. To first order alone the largest of the ten parameters is off by more than
+/// what noise leaves of them.
 #[test]
 fn errors_that_are_known_move_nothing() {
     let shared: Vec<Nuisance> =

@@ -1,4 +1,5 @@
-//! Errors of load cell, IMU and mounting of one body: what the rig file or a class of data sheets says of them.
+//! Errors of load cell, IMU and mounting of one body: what the rig file or a class of data sheets says of
+//! them.
 
 use rigident_shared::calibration::Reading;
 
@@ -11,7 +12,8 @@ use rigident_io::rig::{ImuClass, ImuTable, LoadCellClass, LoadCellTable, RigCali
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// The name of the error of the gravity that is stated.
 pub(super) const GRAVITY: &str = "gravity";
-/// Gravity where nobody has stated it, m/s²: the standard one, and how far that of sea level is from it between equator and pole.
+/// Gravity where nobody has stated it, m/s²: the standard one, and how far that of sea level is from it
+/// between equator and pole.
 const STANDARD: (f64, f64) = (9.80665, 0.03);
 /// Gravity that was computed or taken from a table for a place is as near, m/s².
 const LOCAL_MPS2: f64 = 1e-3;
@@ -58,8 +60,8 @@ pub fn of_gravity(stated_mps2: f64, std_mps2: Option<f64>, columns: bool) -> Opt
     (nuisance.sigma.is_finite() && nuisance.sigma > 0.0).then_some(nuisance)
 }
 
-/// Returns the nuisance parameters of a body in motion, or of still poses: what does not move has no lever arm, no delay and
-/// no rate.
+/// Returns the nuisance parameters of a body in motion, or of still poses: what does not move has no lever
+/// arm, no delay and no rate.
 pub fn nuisances(
     imu: &ImuTable,
     cell: &LoadCellTable,
@@ -73,14 +75,14 @@ pub fn nuisances(
     all
 }
 
-/// Returns the nuisance parameters of the load cell, the first channels being its six; full scale is the largest load seen
-/// where the rig file gives no range.
+/// Returns the nuisance parameters of the load cell, the first channels being its six; full scale is the
+/// largest load seen where the rig file gives no range.
 pub fn of_cell(cell: &LoadCellTable, wrenches: impl Iterator<Item = [f64; WRENCH]>) -> Vec<Nuisance> {
     of_cell_with(cell, || largest(wrenches))
 }
 
-/// Returns those of still poses: where the rig file gives no range, full scale is the load of the middle pose, which no drift and no
-/// odd pose make larger.
+/// Returns those of still poses: where the rig file gives no range, full scale is the load of the middle
+/// pose, which no drift and no odd pose make larger.
 pub fn of_cell_at_poses(
     cell: &LoadCellTable,
     wrenches: impl Iterator<Item = [f64; WRENCH]>,
@@ -145,7 +147,8 @@ fn of_cell_with(cell: &LoadCellTable, load: impl FnOnce() -> [f64; WRENCH]) -> V
     all
 }
 
-/// Returns what a calibration knows of those errors that all runs of the rig share, and names it as what they rest on.
+/// Returns what a calibration knows of those errors that all runs of the rig share, and names it as what they
+/// rest on.
 pub fn calibrated(calibration: Option<&RigCalibration>, nuisances: &mut [Nuisance]) -> Option<Gaussian> {
     let calibration = calibration?;
     let known = calibration.distribution()?;
@@ -158,7 +161,8 @@ pub fn calibrated(calibration: Option<&RigCalibration>, nuisances: &mut [Nuisanc
     Some(known.only(own))
 }
 
-/// The moment of a weight goes with the sine of the angle between it and the arm, whose median over all attitudes is √3/2.
+/// The moment of a weight goes with the sine of the angle between it and the arm, whose median over all
+/// attitudes is √3/2.
 const LARGEST_OVER_MEDIAN: [f64; 2] = [1.0, 2.0 / 1.732_050_8];
 
 /// Returns the median force and the moment that goes with the median one, for each channel.
@@ -188,7 +192,8 @@ fn largest(wrenches: impl Iterator<Item = [f64; WRENCH]>) -> [f64; WRENCH] {
     std::array::from_fn(|c| most[c / 3])
 }
 
-/// A group of errors of the IMU: its name, the first of its axes, unit, σ stated, limit of the class, key, and who shares it.
+/// A group of errors of the IMU: its name, the first of its axes, unit, σ stated, limit of the class, key,
+/// and who shares it.
 type ImuGroup = (&'static str, ImuError, &'static str, Option<f64>, f64, &'static str, Scope);
 
 /// Returns the nuisance parameters of an IMU, each with its group and its number in that; of one that is at

@@ -15,7 +15,8 @@ fn a_calibration_knows_every_error_of_a_rig() {
     let mut all = nuisances(&ImuTable::default(), &LoadCellTable::default(), &[reading], false);
     all.extend(of_gravity(9.80665, None, true));
     all.retain(|k| k.scope == Scope::Rig);
-    // Place, attitude, scale and attitude of the gyro, scale and angles of the accelerometer, gains, cross-talk, gravity.
+    // Place, attitude, scale and attitude of the gyro, scale and angles of the accelerometer, gains,
+    // cross-talk, gravity.
     assert_eq!(all.len(), 18 + 6 + 30 + 1);
     let known: Vec<(String, f64, f64)> = all.iter().map(|k| (k.name.clone(), 0.0, k.sigma)).collect();
     let units: Vec<String> = all.iter().map(|k| k.unit.clone()).collect();
@@ -24,7 +25,8 @@ fn a_calibration_knows_every_error_of_a_rig() {
     assert_eq!(RigCalibration::parse(&written.to_toml(), "x").unwrap().error.len(), all.len());
 }
 
-/// Turning the IMU, turning its gyro, and the triangle of the accelerometer are twelve directions: none is a sum of the others.
+/// Turning the IMU, turning its gyro, and the triangle of the accelerometer are twelve directions: none is a
+/// sum of the others.
 #[test]
 fn the_rotation_of_the_gyro_is_no_other_error() {
     const PHI: [f64; 10] = [3.2, 0.1, -0.06, 0.26, 0.05, 0.05, 0.02, 0.001, -0.002, 0.003];

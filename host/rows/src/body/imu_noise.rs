@@ -9,8 +9,8 @@ use rigident_io::rig::ImuTable;
 /// Noise of an IMU of which nothing is known: of a good consumer one.
 const TYPICAL: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 4.3e-4 };
 
-/// Noise of the IMU: what the rig file states or these readings show, whichever is larger, for noise that is taken for
-/// motion winds the memory up; of neither, that of a good consumer one.
+/// Noise of the IMU: what the rig file states or these readings show, whichever is larger, for noise that is
+/// taken for motion winds the memory up; of neither, that of a good consumer one.
 pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
     let larger = |stated: Option<f64>, shown: f64, typical: f64| {
         let found = stated.unwrap_or(0.0).max(shown);
@@ -30,8 +30,8 @@ pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<
     }
 }
 
-/// Noise of the IMU that rows are to be weighed by: what the rig file states; what it does not, as sixth differences of these readings
-/// show it.
+/// Noise of the IMU that rows are to be weighed by: what the rig file states; what it does not, as sixth
+/// differences of these readings show it.
 pub fn white_imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
     let found = |of: fn(&Reading<f64>) -> [f64; 3]| sixth_differences_of(readings, |r| (r.time_ns, of(r)), 3);
     ImuNoise {
@@ -47,7 +47,8 @@ pub fn gyro_sigma(readings: &[Reading<f64>]) -> f64 {
     second_differences(readings, |r| r.angular_rate.array())
 }
 
-/// Returns σ of a sensor, the largest of its axes, from second differences: motion hardly enters, noise by √6.
+/// Returns σ of a sensor, the largest of its axes, from second differences: motion hardly enters, noise by
+/// √6.
 pub fn second_differences(readings: &[Reading<f64>], of: impl Fn(&Reading<f64>) -> [f64; 3]) -> f64 {
     let mut sums = [0.0; 3];
     let mut count = 0_u32;

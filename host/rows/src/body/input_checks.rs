@@ -1,8 +1,8 @@
 //! Whether a recording can be what its rig file says it is, before it is believed.
 //!
-//! Lives here: gross errors of units and of kind that the fit itself would take for a body: an accelerometer in g, a
-//! load cell that says nothing, a moving body taken for still poses. May not live here: single bad readings
-//! ([`rigident_shared::screening`]), what the residuals tell afterwards.
+//! Lives here: gross errors of units and of kind that the fit itself would take for a body: an accelerometer
+//! in g, a load cell that says nothing, a moving body taken for still poses. May not live here: single bad
+//! readings ([`rigident_shared::screening`]), what the residuals tell afterwards.
 
 use rigident_shared::calibration::Reading;
 
@@ -41,14 +41,14 @@ pub enum Implausible {
         "at rest |a| is {measured:.3}, while gravity_mps2 is {gravity}: {what} must be in m/s²{}",
         unit.map_or_else(
             || if *measured < WITHOUT * gravity {
-                "; gravity seems to have been taken out of it: record the specific force as the sensor reads it, 9.8 m/s² at rest, \
-                 not a linear acceleration".to_owned()
+                "; gravity seems to have been taken out of it: record the specific force as the sensor reads \
+                 it, 9.8 m/s² at rest, not a linear acceleration".to_owned()
             } else {
                 "; check its unit and scale, and gravity_mps2 in [recording]".to_owned()
             },
             |(name, scale)| format!(
-                ", and this looks like {name}: give scale = {scale} in [recording] columns of the rig file, or \
-                 accel_scale in [[imu]]"
+                ", and this looks like {name}: give scale = {scale} in [recording] columns of the rig file, \
+                 or accel_scale in [[imu]]"
             )
         )
     )]
@@ -64,36 +64,37 @@ pub enum Implausible {
     },
     /// The load cell gives one value for ever.
     #[error(
-        "the wrench is the same in all {0} rows, to the last digit: the load cell is frozen or not connected; check its \
-         cable, its supply and the program that recorded it"
+        "the wrench is the same in all {0} rows, to the last digit: the load cell is frozen or not \
+         connected; check its cable, its supply and the program that recorded it"
     )]
     FrozenWrench(usize),
     /// The IMU gives one value for ever.
     #[error(
-        "the IMU's readings are the same in all {0} rows, to the last digit: it is frozen or not connected; check its \
-         cable, its supply and the program that recorded it"
+        "the IMU's readings are the same in all {0} rows, to the last digit: it is frozen or not connected; \
+         check its cable, its supply and the program that recorded it"
     )]
     FrozenImu(usize),
     /// Channels that give one value for ever while the others of their sensor have noise.
     #[error(
-        "{} never {}, to the last digit, while the other channels of the same sensor have noise: dead, or not connected; \
-         check its cable and the program that recorded it",
+        "{} never {}, to the last digit, while the other channels of the same sensor have noise: dead, or \
+         not connected; check its cable and the program that recorded it",
         _0.join(", "),
         if _0.len() == 1 { "changes" } else { "change" }
     )]
     Dead(Vec<String>),
     /// Channels of one sensor that are the same in every row.
     #[error(
-        "{} are the same in every row, to the last digit, though they have noise: one was copied into the other's column; look at \
-         the names in [recording] columns of the rig file, and at the program that recorded them",
+        "{} are the same in every row, to the last digit, though they have noise: one was copied into the \
+         other's column; look at the names in [recording] columns of the rig file, and at the program that \
+         recorded them",
         _0.iter().map(|pair| pair.join(" and ")).collect::<Vec<_>>().join(", ")
     )]
     Copied(Vec<[String; 2]>),
     /// Not still poses.
     #[error(
-        "static = true says that every row is a still pose, but in {turning} of {rows} rows the gyro is more than \
-         {TURNING_RADPS} rad/s off its median, up to {fastest:.2} rad/s: take static = true out of the rig file, or keep \
-         only the rows at rest"
+        "static = true says that every row is a still pose, but in {turning} of {rows} rows the gyro is more \
+         than {TURNING_RADPS} rad/s off its median, up to {fastest:.2} rad/s: take static = true out of the \
+         rig file, or keep only the rows at rest"
     )]
     Turning {
         /// Rows in which it turns.
@@ -120,8 +121,8 @@ pub fn check_channels(recording: &Recording) -> Result<(), Implausible> {
     }
 }
 
-/// Checks the readings with the mounting that they will be identified with; `gravity_columns` if they hold gravity
-/// in place of what an accelerometer read.
+/// Checks the readings with the mounting that they will be identified with; `gravity_columns` if they hold
+/// gravity in place of what an accelerometer read.
 ///
 /// # Errors
 /// [`Implausible`], in the order in which one fault would show as the next.
@@ -157,7 +158,10 @@ pub fn check(input: &Input, gravity_mps2: f64, gravity_columns: bool) -> Result<
 pub fn far_away(position_m: [f64; 3]) -> Option<String> {
     let far = length(position_m);
     (far >= MILLIMETRES).then(|| {
-        format!("position_m of the IMU is {far:.0} m from the load cell: it is in metres; was it given in millimetres?")
+        format!(
+            "position_m of the IMU is {far:.0} m from the load cell: it is in metres; was it given in \
+                 millimetres?"
+        )
     })
 }
 
@@ -165,8 +169,8 @@ fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Checks |a| where it is quietest against gravity: calibrated specific forces, m/s², each with its rate, rad/s, of a sensor that sits
-/// `lever_m` away from the origin.
+/// Checks |a| where it is quietest against gravity: calibrated specific forces, m/s², each with its rate,
+/// rad/s, of a sensor that sits `lever_m` away from the origin.
 ///
 /// # Errors
 /// [`Implausible::NotGravity`].
@@ -205,8 +209,9 @@ fn compare(
     Err(Implausible::NotGravity { measured, gravity: gravity_mps2, what, unit })
 }
 
-/// Median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s², which bounds what a metre of lever
-/// adds to a mean; `of` gives a reading's force and rate. `None` without finite readings.
+/// Median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s², which bounds
+/// what a metre of lever adds to a mean; `of` gives a reading's force and rate. `None` without finite
+/// readings.
 fn at_rest<R>(
     readings: &[R],
     of: impl Fn(&R) -> ([f64; 3], [f64; 3]),
@@ -238,7 +243,8 @@ fn at_rest<R>(
     Some((force, median(stretches.iter().map(|s| s.2).collect())?))
 }
 
-/// Checks that rows said to be still poses are: a gyro, if there is one, must not turn in a tenth of them or more.
+/// Checks that rows said to be still poses are: a gyro, if there is one, must not turn in a tenth of them or
+/// more.
 ///
 /// # Errors
 /// [`Implausible::Turning`].
@@ -263,8 +269,8 @@ pub fn hurried_poses(time_s: &[f64]) -> Option<String> {
     let steps = time_s.windows(2).filter_map(|w| Some(w.last()? - w.first()?)).collect();
     let step = median(steps).filter(|step| *step > 0.0 && *step < SHORTEST_POSE_S)?;
     Some(format!(
-        "static = true says that every row is a still pose, but by t_s one comes every {:.3} ms: if the body moved, take \
-         static = true out of the rig file; of a pose held for many rows give their mean",
+        "static = true says that every row is a still pose, but by t_s one comes every {:.3} ms: if the body \
+         moved, take static = true out of the rig file; of a pose held for many rows give their mean",
         1e3 * step
     ))
 }

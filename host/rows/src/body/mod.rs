@@ -116,8 +116,8 @@ impl BodySource {
         }
     }
 
-    /// Returns the same source with its signals corrected for the means of errors that all runs of the rig share: its columns are
-    /// those of what is left of them.
+    /// Returns the same source with its signals corrected for the means of errors that all runs of the rig
+    /// share: its columns are those of what is left of them.
     #[must_use]
     pub fn linearised(self, known: &Gaussian) -> Self {
         let own = self.input.nuisances.iter().filter(|k| is_correctable(k));
@@ -141,7 +141,8 @@ impl BodySource {
         &self.input
     }
 
-    /// Returns the same source with this known beforehand of the body and of its errors, in place of what was.
+    /// Returns the same source with this known beforehand of the body and of its errors, in place of what
+    /// was.
     #[must_use]
     pub fn informed(&self, beforehand: Gaussian) -> Self {
         let input = Input { beforehand: Some(beforehand), ..self.input.clone() };
@@ -399,7 +400,8 @@ impl RowSource for BodySource {
         self.rate_sigma
     }
 
-    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its bandwidth.
+    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its
+    /// bandwidth.
     fn coefficient_noise(&self, filter: &Filter, sigma: &[f64]) -> Option<Vec<f64>> {
         let lever_arm2: f64 = self.input.mounting.position.array().iter().map(|x| x * x).sum();
         let turning = self.imu_noise.gyro.powi(2) * filter.derivative_noise_gain;

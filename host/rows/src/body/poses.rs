@@ -24,8 +24,8 @@ pub enum PoseError {
     TooFew(usize),
     /// The poses leave a combination of gain and bias open.
     #[error(
-        "the still poses do not spread enough to tell gain from bias of the accelerometer: add poses with each \
-         axis up and down, or give accel_scale and accel_bias_mps2 as numbers"
+        "the still poses do not spread enough to tell gain from bias of the accelerometer: add poses with \
+         each axis up and down, or give accel_scale and accel_bias_mps2 as numbers"
     )]
     NotSpread,
     /// The fit is not that of an accelerometer.

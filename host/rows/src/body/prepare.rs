@@ -167,9 +167,10 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
     if rig.link.len() > 1 || !rig.stream.is_empty() {
         return Err(PrepareError::Unsupported {
             name: recording.name,
-            what: "its rig file is for several links or several files. `identify()` and `replay()` take several links, factor \
-                   files and what is made of them do not; of several files `identify()` takes the rig file itself as the \
-                   recording, or the folder of the files and `rig`",
+            what: "its rig file is for several links or several files. `identify()` and `replay()` take \
+                   several links, factor files and what is made of them do not; of several files \
+                   `identify()` takes the rig file itself as the recording, or the folder of the files and \
+                   `rig`",
         });
     }
     let (readings, rate_hz) = readings(&mut recording, &mut rig, &mut notes)?;
@@ -190,8 +191,8 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
     Ok(Prepared { rig, input, gravity_columns, notes })
 }
 
-/// Brings a moving recording into the readings of its rows, without what is known of errors and noise: for a quick look at
-/// what the rows explain.
+/// Brings a moving recording into the readings of its rows, without what is known of errors and noise: for a
+/// quick look at what the rows explain.
 ///
 /// # Errors
 /// As [`prepare`].
@@ -204,7 +205,8 @@ pub fn rows_alone(mut recording: Recording) -> Result<Input, PrepareError> {
     Ok(input)
 }
 
-/// Takes the readings out of a recording, and calibrates its rig on still poses; returns them with their rate, Hz.
+/// Takes the readings out of a recording, and calibrates its rig on still poses; returns them with their
+/// rate, Hz.
 fn readings(
     recording: &mut Recording,
     rig: &mut RigFile,
@@ -314,8 +316,8 @@ struct Columns {
 }
 
 impl Columns {
-    /// Returns the readings, made from the end on: the memory of the columns is given back on the way, because
-    /// of a long recording both do not fit at once.
+    /// Returns the readings, made from the end on: the memory of the columns is given back on the way,
+    /// because of a long recording both do not fit at once.
     fn into_readings(mut self) -> Vec<Reading<f64>> {
         fn keep<T>(column: &mut Vec<T>, rows: usize) {
             column.truncate(rows);
@@ -373,8 +375,8 @@ fn calibrate(
         imu.accel_scale = Calibrated::Numbers(found.scale);
         imu.accel_bias_mps2 = Calibrated::Numbers(found.bias_mps2);
         notes.push(format!(
-            "accelerometer calibrated against |g| = {gravity} m/s² on {} still poses: scale {:.5?}, bias {:.4?} m/s², \
-             residual {:.4} m/s²",
+            "accelerometer calibrated against |g| = {gravity} m/s² on {} still poses: scale {:.5?}, bias \
+             {:.4?} m/s², residual {:.4} m/s²",
             poses.len(),
             found.scale,
             found.bias_mps2,

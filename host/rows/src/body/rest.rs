@@ -16,7 +16,8 @@ use rigident_fit::ErrorRow;
 
 /// A rest is as long, s: shorter, and the turning point of a slow heave resembles one.
 const LEAST_S: f64 = 2.0;
-/// Means over a tenth of a second stay as near, m/s² and rad/s, beside six standard deviations of their noise.
+/// Means over a tenth of a second stay as near, m/s² and rad/s, beside six standard deviations of their
+/// noise.
 const STILL: (f64, f64) = (1e-3, 2e-3);
 const MEAN_S: f64 = 0.1;
 const NOISE_SD: f64 = 6.0;
@@ -29,7 +30,8 @@ const POSE_MPS2: f64 = 0.01;
 /// Rests that are stored, the first ones.
 const MOST: usize = 500;
 
-/// Returns the rows of still poses, each reading one; `sigma` is that of the accelerometer per reading, `gravity` as stated, m/s².
+/// Returns the rows of still poses, each reading one; `sigma` is that of the accelerometer per reading,
+/// `gravity` as stated, m/s².
 pub fn of_poses(
     readings: &[Reading<f64>],
     mounting: &ImuMounting<f64>,
@@ -41,7 +43,8 @@ pub fn of_poses(
     forces.filter_map(|force| row(force, mounting, sd, gravity)).take(MOST).collect()
 }
 
-/// Returns the rows of the rests of a body that moves; `sigma` are those of accelerometer and gyro per reading.
+/// Returns the rows of the rests of a body that moves; `sigma` are those of accelerometer and gyro per
+/// reading.
 pub fn of_motion(
     readings: &[Reading<f64>],
     mounting: &ImuMounting<f64>,
@@ -75,11 +78,12 @@ const TURNED_MPS2: f64 = 0.05;
 /// The row says something where it differs by this many standard deviations: that is no chance.
 const CONTRADICTION_SD: f64 = 4.42;
 
-/// Returns the row of a body that turns and stays where it is, if that contradicts gravity: over a stretch of [`STRETCH_S`] the mean
-/// specific force, turned back by the gyro, is gravity but for the change of speed, however it moves between. Else it would
-/// tell little beside what is known of an accelerometer.
+/// Returns the row of a body that turns and stays where it is, if that contradicts gravity: over a stretch of
+/// [`STRETCH_S`] the mean specific force, turned back by the gyro, is gravity but for the change of speed,
+/// however it moves between. Else it would tell little beside what is known of an accelerometer.
 ///
-/// With R the attitude against that at the beginning, `|⟨R a⟩| = g (1 + γ) + û·⟨R b⟩ + …`, û along ⟨R a⟩; the errors enter as at rest.
+/// With R the attitude against that at the beginning, `|⟨R a⟩| = g (1 + γ) + û·⟨R b⟩ + …`, û along ⟨R a⟩; the
+/// errors enter as at rest.
 pub fn of_turning(
     readings: &[Reading<f64>],
     mounting: &ImuMounting<f64>,

@@ -148,8 +148,8 @@ fn a_scale_that_all_axes_share_is_named_and_the_mass_is_right() {
     }
 }
 
-/// A body that turns by up to 0.7 rad about every axis and sways by centimetres, with an accelerometer that reads `scale` times what
-/// there is.
+/// A body that turns by up to 0.7 rad about every axis and sways by centimetres, with an accelerometer that
+/// reads `scale` times what there is.
 fn swaying(scale: f64, seconds: usize) -> Vec<Reading<f64>> {
     let attitude = |t: f64| {
         let angles = [0.7 * (1.3 * t).sin(), 0.6 * (2.1 * t + 1.0).sin(), 0.5 * (1.7 * t + 2.0).sin()];

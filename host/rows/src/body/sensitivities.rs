@@ -1,8 +1,8 @@
 //! Columns of the errors of the IMU: what each changes in the wrench that the parameters predict.
 //!
-//! The regressor is linear in specific force, rates' products and angular acceleration, so that an error moves its signals
-//! first, and these the wrench: `c_k = A(∂s/∂θ_k) φ`. With the axis u of the IMU in S, an error of size θ of the sensor
-//! leaves the truth θ the other way:
+//! The regressor is linear in specific force, rates' products and angular acceleration, so that an error
+//! moves its signals first, and these the wrench: `c_k = A(∂s/∂θ_k) φ`. With the axis u of the IMU in S, an
+//! error of size θ of the sensor leaves the truth θ the other way:
 //! ```text
 //! lever arm e      a_S ← a_S − (ω̇×e + ω×(ω×e))
 //! rotation  e      a, ω̇ ← a + e×a, ω̇ + e×ω̇;  ωωᵀ ← ωωᵀ + [e]×ωωᵀ − ωωᵀ[e]×
@@ -136,7 +136,8 @@ pub(super) struct Block<'a> {
 }
 
 impl Block<'_> {
-    /// Writes the columns of the first errors, six rows of as many as there is room for, about the body's parameters `phi`.
+    /// Writes the columns of the first errors, six rows of as many as there is room for, about the body's
+    /// parameters `phi`.
     pub(super) fn write(&self, phi: &[f64], out: &mut [f64]) {
         let now = Kinematics::of(self.signals);
         let count = out.len() / WRENCH;

@@ -119,7 +119,8 @@ impl<'a> Shares<'a> {
                 .collect::<Result<Vec<_>, _>>()?;
         let mut fresh = 0;
         for (border, scouted) in borders.windows(2).zip(scouted) {
-            // The last windows that are complete only inside the part; the oldest opened `taps − 1` before it.
+            // The last windows that are complete only inside the part; the oldest opened `taps − 1` before
+            // it.
             let oldest = (border[0] + 1).saturating_sub(taps).max(fresh);
             let from = fresh + (oldest - fresh).div_ceil(row_every) * row_every;
             shares.parts.push(Part { from, end: border[1], frozen: scouted.frozen });

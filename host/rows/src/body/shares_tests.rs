@@ -237,7 +237,8 @@ fn a_fit_by_parts_is_that_of_one_pass() {
     let [.., last, _] = way.as_slice() else { panic!("{}", way.len()) };
     for j in 0..16 {
         let error = (last.parameters[j].unwrap().value - solution.estimate[j]).abs();
-        // At most one part in two hundred is missing; the wrench is no body's, so σ is what the residuals say.
+        // At most one part in two hundred is missing; the wrench is no body's, so σ is what the residuals
+        // say.
         let sd = solution.standard_deviation[j] * found.noise.variance_ratio.sqrt();
         assert!(error < 0.3 * sd, "{j}: {error} of {sd}");
     }

@@ -4,7 +4,8 @@ use super::{CHANNELS, Input};
 use crate::white_noise::{certain_noise, sixth_differences_of};
 use rigident_fit::StatedNoise;
 
-/// Returns the noise of each channel of the wrench as differences of the readings show it; none of still poses.
+/// Returns the noise of each channel of the wrench as differences of the readings show it; none of still
+/// poses.
 pub(super) fn channel_noise(input: &Input) -> Vec<f64> {
     if input.is_static {
         return Vec::new();
@@ -13,8 +14,9 @@ pub(super) fn channel_noise(input: &Input) -> Vec<f64> {
     (0..CHANNELS.len()).map(of).collect()
 }
 
-/// Returns the noise that is stated of each sensor and channel with what differences of the readings show, if they show white noise;
-/// nothing of still poses, whose differences are no noise. `stated` is that of accelerometer and gyro.
+/// Returns the noise that is stated of each sensor and channel with what differences of the readings show, if
+/// they show white noise; nothing of still poses, whose differences are no noise. `stated` is that of
+/// accelerometer and gyro.
 pub(super) fn stated_noise(input: &Input, stated: [Option<f64>; 2]) -> Vec<StatedNoise> {
     if input.is_static {
         return Vec::new();

@@ -7,8 +7,8 @@ use std::path::Path;
 use rigident_model::human::Person;
 use rigident_model::{Model, ModelError};
 
-/// Returns the model of a name, `human34`, `human58`, a rig file (`.toml`), a URDF, MJCF or SDF, and whether it is one
-/// of the people, who have no fixed base.
+/// Returns the model of a name, `human34`, `human58`, a rig file (`.toml`), a URDF, MJCF or SDF, and whether
+/// it is one of the people, who have no fixed base.
 ///
 /// # Errors
 /// [`ModelError`] if there is none, or it cannot be used.

@@ -65,8 +65,8 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
     model.findings.extend(unplaced.map(|(table, parent)| Finding {
         place: format!("link {}", table.name),
         text: format!(
-            "has no position_m in its [[link]] table: its joint is assumed at the origin of {parent}, [0, 0, 0] m; write it if \
-             that is so"
+            "has no position_m in its [[link]] table: its joint is assumed at the origin of {parent}, [0, 0, \
+             0] m; write it if that is so"
         ),
     }));
     Ok(model)

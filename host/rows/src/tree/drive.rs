@@ -8,9 +8,9 @@ use rigident_shared::tree::Link;
 use rigident_model::Model;
 use rigident_model::passive::Passive;
 
-/// Rate at which what Stribeck's curve adds at rest has fallen to 1/e, of something that turns, rad/s, and that slides, m/s: 10 rad/s
-/// of a motor behind a gear of 100 (A. Bittencourt, S. Gunnarsson, "Static friction in a robot joint", J. Dyn. Sys. Meas.
-/// Control 134 (5), 2012).
+/// Rate at which what Stribeck's curve adds at rest has fallen to 1/e, of something that turns, rad/s, and
+/// that slides, m/s: 10 rad/s of a motor behind a gear of 100 (A. Bittencourt, S. Gunnarsson, "Static
+/// friction in a robot joint", J. Dyn. Sys. Meas. Control 134 (5), 2012).
 const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
 
 /// A column of a drive.
@@ -18,16 +18,16 @@ const STRIBECK_RATE: (f64, f64) = (0.1, 0.01);
 pub enum Term {
     /// Proportional to the rate.
     Viscous,
-    /// Of one size, against the rate: `tanh(v/v_c)`, as contacts slip a little before they slide (C. Canudas de Wit and
-    /// others, IEEE Trans. Automatic Control 40 (3), 1995); 0 is the sign of the rate, `None` the speed v_c that the recording
-    /// shows (`friction_speed`).
+    /// Of one size, against the rate: `tanh(v/v_c)`, as contacts slip a little before they slide (C. Canudas
+    /// de Wit and others, IEEE Trans. Automatic Control 40 (3), 1995); 0 is the sign of the rate, `None` the
+    /// speed v_c that the recording shows (`friction_speed`).
     Coulomb(Option<f64>),
-    /// Against the rate, and less the faster it is: `sign(v) exp(−(v/v_s)²)`, with v_s where it is said (B. Armstrong-Hélouvry,
-    /// P. Dupont, C. Canudas de Wit, Automatica 30 (7), 1994).
+    /// Against the rate, and less the faster it is: `sign(v) exp(−(v/v_s)²)`, with v_s where it is said (B.
+    /// Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30 (7), 1994).
     Stribeck(Option<f64>),
-    /// Against the rate, and proportional to what the drive carries: `sign(v) |τ|`, τ being the measured effort, without unit
-    /// (P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with a dry friction model depending on load and
-    /// velocity", IROS 2010).
+    /// Against the rate, and proportional to what the drive carries: `sign(v) |τ|`, τ being the measured
+    /// effort, without unit (P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with a dry
+    /// friction model depending on load and velocity", IROS 2010).
     Load,
     /// Constant: of current sensors, or friction that differs by direction.
     Offset,
@@ -70,20 +70,22 @@ impl Term {
             return match speed(text).filter(|speed| *speed >= 0.0) {
                 Some(speed) => Ok(Self::Coulomb(Some(speed))),
                 None => Err(format!(
-                    "`friction` {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; coulomb:0 has \
-                     the sign of the rate"
+                    "`friction` {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; \
+                     coulomb:0 has the sign of the rate"
                 )),
             };
         }
         let Some(text) = word.strip_prefix("stribeck:") else {
             return Err(format!(
-                "`friction` {word}: there are viscous, coulomb, stribeck, load, offset, rotor, spring and none"
+                "`friction` {word}: there are viscous, coulomb, stribeck, load, offset, rotor, spring and \
+                 none"
             ));
         };
         match speed(text).filter(|speed| *speed > 0.0) {
             Some(speed) => Ok(Self::Stribeck(Some(speed))),
             None => Err(format!(
-                "`friction` {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for example stribeck:0.05"
+                "`friction` {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for \
+                 example stribeck:0.05"
             )),
         }
     }
@@ -204,8 +206,8 @@ impl From<Vec<Term>> for Friction {
 }
 
 impl Friction {
-    /// From lists `viscous,coulomb` of all drives, and `NAME=viscous,coulomb` or `NAME=none` of one. Lists of the same drives
-    /// are taken together.
+    /// From lists `viscous,coulomb` of all drives, and `NAME=viscous,coulomb` or `NAME=none` of one. Lists of
+    /// the same drives are taken together.
     ///
     /// # Errors
     /// What is no such list.
@@ -266,8 +268,9 @@ impl Friction {
         }
     }
 
-    /// Returns these columns and those of what a model states of its joints, rotors, friction and springs, with the names of the
-    /// parameters that only the model asks for. A joint of which `none` is said has none of these; still poses show springs alone.
+    /// Returns these columns and those of what a model states of its joints, rotors, friction and springs,
+    /// with the names of the parameters that only the model asks for. A joint of which `none` is said has
+    /// none of these; still poses show springs alone.
     #[must_use]
     pub fn beside(&self, model: &Model, is_static: bool) -> (Self, Vec<String>) {
         let (mut all, mut added) = (self.clone(), Vec::new());
@@ -319,8 +322,8 @@ impl Friction {
     }
 }
 
-/// Something whose rate is a sum of joint rates: a joint's own drive, or one that turns with two of a coupled wrist. By
-/// virtual work what rubs there acts on these joints in the same proportion.
+/// Something whose rate is a sum of joint rates: a joint's own drive, or one that turns with two of a coupled
+/// wrist. By virtual work what rubs there acts on these joints in the same proportion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
     /// Its name.
@@ -519,9 +522,11 @@ mod tests {
     /// What a model states of a joint is asked for beside the list; `none` takes it out again.
     #[test]
     fn what_a_model_states_has_columns() {
-        let urdf = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint name=\"j1\" type=\"continuous\">\
-                    <parent link=\"a\"/><child link=\"b\"/><dynamics damping=\"0.5\"/></joint><joint name=\"j2\" type=\"continuous\">\
-                    <parent link=\"b\"/><child link=\"c\"/><dynamics damping=\"1\" friction=\"2\"/></joint></robot>";
+        let urdf = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint \
+                    name=\"j1\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/><dynamics \
+                    damping=\"0.5\"/></joint><joint name=\"j2\" type=\"continuous\"><parent \
+                    link=\"b\"/><child link=\"c\"/><dynamics damping=\"1\" \
+                    friction=\"2\"/></joint></robot>";
         let model = rigident_model::urdf::parse(urdf, "r").unwrap();
         let beside = |lists: &[&str], still: bool| Friction::parse(lists).unwrap().beside(&model, still);
         let (own, added) = beside(&["coulomb:0,rotor"], false);

@@ -1,7 +1,8 @@
 //! Errors of the signals that frames of a tree are made of: what the rig file or a class lets expect of them.
 //!
-//! IMU and load cell have those of one body ([`crate::body::errors`]), a link's IMU those of them that its attitude and
-//! rate have. Joints have zeros, a base that is held still is tilted against gravity, and efforts have scales and offsets.
+//! IMU and load cell have those of one body ([`crate::body::errors`]), a link's IMU those of them that its
+//! attitude and rate have. Joints have zeros, a base that is held still is tilted against gravity, and
+//! efforts have scales and offsets.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;
@@ -23,7 +24,8 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub enum SignalError {
     /// Place of the base's IMU in S, by an axis.
     LeverArm(usize),
-    /// Attitude of the base's IMU about an axis e of S: `a ← a + e×a`, and rates and attitudes against S likewise.
+    /// Attitude of the base's IMU about an axis e of S: `a ← a + e×a`, and rates and attitudes against S
+    /// likewise.
     BaseRotation(usize),
     /// The same of a link's IMU, about an axis of the link.
     LinkRotation {
@@ -57,7 +59,8 @@ pub enum SignalError {
     },
     /// Bias of the base's accelerometer along an axis in S.
     AccelBias(Vector3<f64>),
-    /// Axis `to` of the base's accelerometer reads a share of what is along `from`, both in S; its scale, if they are one.
+    /// Axis `to` of the base's accelerometer reads a share of what is along `from`, both in S; its scale, if
+    /// they are one.
     AccelGain {
         /// The axis that reads.
         to: Vector3<f64>,
@@ -70,9 +73,11 @@ pub enum SignalError {
     BaseTilt(usize),
     /// An effort reads too much, by the channel.
     EffortOffset(usize),
-    /// An effort reads `1 + g` times its value, by the channel; of a robot with feet, whose rows combine channels.
+    /// An effort reads `1 + g` times its value, by the channel; of a robot with feet, whose rows combine
+    /// channels.
     EffortGain(usize),
-    /// An effort's offset moves by a Legendre polynomial of the time, as [`Effect::Drift`] has it; of a robot with feet.
+    /// An effort's offset moves by a Legendre polynomial of the time, as [`Effect::Drift`] has it; of a robot
+    /// with feet.
     EffortDrift {
         /// The channel.
         channel: usize,
@@ -81,7 +86,8 @@ pub enum SignalError {
     },
     /// Dry friction of a drive, by its number, turns over at a speed that is larger by this share.
     FrictionSpeed(usize),
-    /// It turns over more slowly than a hyperbolic tangent does, by this share of the way to an algebraic law.
+    /// It turns over more slowly than a hyperbolic tangent does, by this share of the way to an algebraic
+    /// law.
     FrictionShape(usize),
     /// A component of a foot's wrench reads too much.
     FootZero {
@@ -265,7 +271,8 @@ fn of_joints(input: &Input, rig: &RigFile, all: &mut Errors) {
     }
 }
 
-/// Zeros and scales of what feet measure. Of a class both are those of a load cell, relative to the largest force and moment.
+/// Zeros and scales of what feet measure. Of a class both are those of a load cell, relative to the largest
+/// force and moment.
 fn of_feet(input: &Input, rig: &RigFile, all: &mut Errors) {
     let Some(contact) = &input.contact else { return };
     let limit = rig.load_cell.class.unwrap_or(LoadCellClass::DEFAULT).limit();

@@ -16,16 +16,17 @@ use rigident_model::base::{Rows, Situation};
 pub struct Frame {
     /// Its time, ns.
     pub time_ns: u64,
-    /// Coordinates of all joints, as [`rigident_model::rows::Moving::set`] takes them; of a tracked base its own come first: position
-    /// and quaternion in laboratory axes.
+    /// Coordinates of all joints, as [`rigident_model::rows::Moving::set`] takes them; of a tracked base its
+    /// own come first: position and quaternion in laboratory axes.
     pub positions: Vec<f64>,
-    /// Rates of all joints in the same order, rad/s and m/s; of a tracked base velocity and angular rate in its own axes.
+    /// Rates of all joints in the same order, rad/s and m/s; of a tracked base velocity and angular rate in
+    /// its own axes.
     pub rates: Vec<f64>,
     /// Specific force at the base's IMU and the base's rate, axes of the base; angular acceleration is not
     /// examined. Not used of a tracked base.
     pub base: BaseMotion<f64>,
-    /// Wrench on the base link about its origin, N and N m, in the base's axes, of a tracked base in the laboratory's; unused if it
-    /// is not among the rows.
+    /// Wrench on the base link about its origin, N and N m, in the base's axes, of a tracked base in the
+    /// laboratory's; unused if it is not among the rows.
     pub wrench: [f64; 6],
     /// Force or torque of every freedom's drive, N or N m; empty if they are not among the rows.
     pub efforts: Vec<f64>,
@@ -108,7 +109,8 @@ pub struct Input {
     pub channel_sigma: Option<Vec<f64>>,
     /// The wrench's offset if known; `None`: estimated.
     pub known_offset: Option<[f64; 6]>,
-    /// Errors of sensors and mounting that do not average out. An [`rigident_fit::Effect::Signal`] is one of `errors`.
+    /// Errors of sensors and mounting that do not average out. An [`rigident_fit::Effect::Signal`] is one of
+    /// `errors`.
     pub nuisances: Vec<Nuisance>,
     /// Errors of the signals that frames are made of, by their numbers.
     pub errors: Vec<SignalError>,
@@ -120,12 +122,14 @@ pub struct Input {
     pub signals: Vec<NoisySignal>,
     /// 1 σ of the rates of the links, rad/s: information that their noise alone would bring is none.
     pub rate_sigma: f64,
-    /// Feet on the ground, whose wrenches the rows of base and joints contain; `None`: `wrench` is all that acts on the base.
+    /// Feet on the ground, whose wrenches the rows of base and joints contain; `None`: `wrench` is all that
+    /// acts on the base.
     pub contact: Option<Contact>,
 }
 
 impl Input {
-    /// Returns the frames of a tree whose base is tracked, `rate_hz` a second: six rows each, exact signals, and no wrench offset.
+    /// Returns the frames of a tree whose base is tracked, `rate_hz` a second: six rows each, exact signals,
+    /// and no wrench offset.
     pub fn tracked(model: Model, frames: Vec<Frame>, rate_hz: f64) -> Self {
         Self {
             model,
@@ -162,8 +166,8 @@ impl Input {
         }
     }
 
-    /// Chooses the rows that are free of what feet do not measure, by frames; returns how many frames were left out as the contact
-    /// changes there.
+    /// Chooses the rows that are free of what feet do not measure, by frames; returns how many frames were
+    /// left out as the contact changes there.
     ///
     /// # Errors
     /// [`TreeError`] if frames and model do not fit.
@@ -182,7 +186,8 @@ impl Input {
         self.situation.rows != Rows::Base
     }
 
-    /// Returns the number of the first channel that is an effort: those of the wrench, where there is one, are before.
+    /// Returns the number of the first channel that is an effort: those of the wrench, where there is one,
+    /// are before.
     pub fn first_effort(&self) -> usize {
         if self.has_wrench() { 6 } else { 0 }
     }

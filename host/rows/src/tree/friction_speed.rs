@@ -1,11 +1,11 @@
 //! The speed at which dry friction turns over, as the recording shows it.
 //!
-//! Friction of gears does not jump with the sign of the rate: contacts yield before they slide, and `f tanh(v/v_c)` is what
-//! is seen, with v_c of some hundredths of a rad/s (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, A new model
-//! for control of systems with friction, IEEE Trans. Automatic Control 40 (3), 1995). A jump in its place leaves residuals at
-//! every reversal, which resemble a change of whatever else is large there. Every drive's own efforts decide:
-//! the columns of several speeds are beside all others in one factor, and each speed leaves its own sum of
-//! squares.
+//! Friction of gears does not jump with the sign of the rate: contacts yield before they slide, and
+//! `f tanh(v/v_c)` is what is seen, with v_c of some hundredths of a rad/s (C. Canudas de Wit, H. Olsson, K.
+//! J. Åström, P. Lischinsky, A new model for control of systems with friction, IEEE Trans. Automatic Control
+//! 40 (3), 1995). A jump in its place leaves residuals at every reversal, which resemble a change of whatever
+//! else is large there. Every drive's own efforts decide: the columns of several speeds are beside all others
+//! in one factor, and each speed leaves its own sum of squares.
 
 use nalgebra::DMatrix;
 use rigident_shared::tree::TreeError;
@@ -28,8 +28,8 @@ const SHAPE: f64 = 2.0;
 /// Row blocks that are made at once.
 const AT_ONCE: usize = 64;
 
-/// Returns the input with the speed of every drive of which none is given; 0, a jump, where that explains most or the
-/// recording is too short.
+/// Returns the input with the speed of every drive of which none is given; 0, a jump, where that explains
+/// most or the recording is too short.
 ///
 /// # Errors
 /// [`TreeError`] if frames and model do not fit.
@@ -138,7 +138,8 @@ impl Gains {
         (rows > columns as f64).then_some(Self { factors })
     }
 
-    /// Returns the speed of the drive k that explains most; 0 where a jump does, or of one that does not move.
+    /// Returns the speed of the drive k that explains most; 0 where a jump does, or of one that does not
+    /// move.
     fn best(&self, source: &TreeSource, k: usize, rate: f64) -> f64 {
         let drives = &source.input().drives;
         let Some(drive) = drives.get(k).filter(|drive| !drive.stands && rate > 0.0) else { return 0.0 };
@@ -163,7 +164,8 @@ impl Gains {
         let terms =
             drives.iter().enumerate().flat_map(|(i, own)| own.terms.iter().map(move |term| (i, *term)));
         let is_speed = |term: &Term| matches!(term, Term::Coulomb(Some(_)));
-        // Of another drive the speed that is given, or the jump; it has a part in this one's efforts if they are coupled.
+        // Of another drive the speed that is given, or the jump; it has a part in this one's efforts if they
+        // are coupled.
         let own = |i: usize, term: &Term| drives[i].terms.iter().find(|own| is_speed(own)) == Some(term);
         let kept = terms.enumerate().filter(|(_, (i, term))| !is_speed(term) || (*i != k && own(*i, term)));
         (0..first).chain(kept.map(|(j, _)| first + j)).collect()
@@ -182,7 +184,8 @@ impl Gains {
     }
 }
 
-/// Returns where the parabola through a value and its neighbours is largest, from −1/2 to 1/2; 0 at either end.
+/// Returns where the parabola through a value and its neighbours is largest, from −1/2 to 1/2; 0 at either
+/// end.
 fn vertex(values: &[f64], at: usize) -> f64 {
     let near =
         at.checked_sub(1).filter(|before| *before > 0).and_then(|before| values.get(before..before + 3));

@@ -1,4 +1,5 @@
-//! Errors of the ground's wrench under a tree whose base is tracked: what each adds to the wrench about the base's origin.
+//! Errors of the ground's wrench under a tree whose base is tracked: what each adds to the wrench about the
+//! base's origin.
 
 use nalgebra::Vector3;
 
@@ -15,7 +16,8 @@ pub struct UnknownZero {
 }
 
 impl UnknownZero {
-    /// Returns the wrenches of unit zeros about the laboratory's origin: 1 N along each axis, then 1 N m about each.
+    /// Returns the wrenches of unit zeros about the laboratory's origin: 1 N along each axis, then 1 N m
+    /// about each.
     pub fn wrenches(&self) -> [[f64; 6]; 6] {
         let at = Vector3::from(self.at_m);
         std::array::from_fn(|k| {
@@ -31,8 +33,8 @@ impl UnknownZero {
     }
 }
 
-/// Returns rows with `more` columns behind the parameters: wrenches about the laboratory's origin, N and N m, that are added to the
-/// ground's in a sample.
+/// Returns rows with `more` columns behind the parameters: wrenches about the laboratory's origin, N and N m,
+/// that are added to the ground's in a sample.
 pub fn with_wrenches<'a>(
     source: &'a TreeSource,
     more: usize,

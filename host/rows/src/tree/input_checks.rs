@@ -1,9 +1,9 @@
 //! Whether a recording's attitudes, gyros and joint columns tell of one motion, before it is believed.
 //!
-//! Lives here: gross errors of units, signs and axes, which the fit would take for bodies and which two measurements of one
-//! motion contradict. Nothing is differentiated: how far something has turned over a tenth of a second is compared with the
-//! integral of its rate. May not live here: |a| against gravity ([`crate::body::input_checks`]), columns that are
-//! missing ([`super::prepare`]).
+//! Lives here: gross errors of units, signs and axes, which the fit would take for bodies and which two
+//! measurements of one motion contradict. Nothing is differentiated: how far something has turned over a
+//! tenth of a second is compared with the integral of its rate. May not live here: |a| against gravity
+//! ([`crate::body::input_checks`]), columns that are missing ([`super::prepare`]).
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
@@ -181,25 +181,28 @@ impl Error {
         let q = format!("q{number}_…");
         let degrees = |imu: String| {
             format!(
-                "{imu} seem to be in deg/s, 180/π = 57.3 times too large: give scale = 0.0174532925 for them in [recording] \
-                 columns of the rig file"
+                "{imu} seem to be in deg/s, 180/π = 57.3 times too large: give scale = 0.0174532925 for them \
+                 in [recording] columns of the rig file"
             )
         };
         let order = match self.order {
             Order::AsSaid => None,
             Order::Inverse => Some(format!(
-                "{q} seems to be the inverse: it must bring vectors from the axes of {name} to those of S; negate q{number}_x, \
-                 q{number}_y and q{number}_z"
+                "{q} seems to be the inverse: it must bring vectors from the axes of {name} to those of S; \
+                 negate q{number}_x, q{number}_y and q{number}_z"
             )),
             Order::ScalarLast => Some(format!(
-                "{q} seems to have its scalar part last: w comes first; exchange the names in [recording] columns of the rig \
-                 file"
+                "{q} seems to have its scalar part last: w comes first; exchange the names in [recording] \
+                 columns of the rig file"
             )),
         };
         let parts = [
             order,
             self.against_world.then(|| {
-                format!("{q} seems to be relative to the world: it must be relative to S, so multiply it by the inverse of the base's")
+                format!(
+                    "{q} seems to be relative to the world: it must be relative to S, so multiply it by \
+                         the inverse of the base's"
+                )
             }),
             self.link_in_degrees.then(|| degrees(format!("imu{number}_gx_radps …"))),
             self.base_in_degrees.then(|| degrees("imu0_gx_radps … (imu_gx_radps …)".to_owned())),
@@ -328,8 +331,8 @@ impl Turning<'_> {
         let x = UnitQuaternion::from_matrix(&x);
         let now = x * self.mounting;
         Some(format!(
-            "the axes of the IMU on {} seem to be turned by {:.0}° against what [[imu]] link = {} says: by these readings its \
-             rotation_wxyz is [{:.3}, {:.3}, {:.3}, {:.3}]",
+            "the axes of the IMU on {} seem to be turned by {:.0}° against what [[imu]] link = {} says: by \
+             these readings its rotation_wxyz is [{:.3}, {:.3}, {:.3}, {:.3}]",
             self.name,
             x.angle().to_degrees(),
             self.number,
@@ -341,7 +344,8 @@ impl Turning<'_> {
     }
 }
 
-/// Compares a joint's positions with its rates; `None` if they agree, or little moves. `columns` are their names.
+/// Compares a joint's positions with its rates; `None` if they agree, or little moves. `columns` are their
+/// names.
 pub fn joint_disagreement(
     spans: &Spans,
     positions: &[f64],
@@ -383,8 +387,8 @@ fn factor_in_words(factor: f64, slides: bool, [position, rate]: [&str; 2]) -> St
         true if is(1e3) => Some((position, "mm", "1000 times")),
         _ => {
             return format!(
-                "{position} changes by {factor:.4} times the integral of {rate}: is one of them geared, or in another unit? Give \
-                 its scale in [[joint]] of the rig file"
+                "{position} changes by {factor:.4} times the integral of {rate}: is one of them geared, or \
+                 in another unit? Give its scale in [[joint]] of the rig file"
             );
         }
     };
@@ -395,7 +399,8 @@ fn factor_in_words(factor: f64, slides: bool, [position, rate]: [&str; 2]) -> St
         ),
         Some((column, unit, times)) => {
             let said = format!(
-                "{column} seems to be in {unit}, {times} too large: give its scale in [[joint]] of the rig file"
+                "{column} seems to be in {unit}, {times} too large: give its scale in [[joint]] of the rig \
+                 file"
             );
             if factor < 0.0 { format!("{said}; and {sign}") } else { said }
         }

@@ -91,7 +91,8 @@ pub(super) enum Direction {
     LeverArm(usize),
 }
 
-/// Brings mass, first moment, tensor and momentum of each link and all beyond, about its origin, to the present motion.
+/// Brings mass, first moment, tensor and momentum of each link and all beyond, about its origin, to the
+/// present motion.
 fn compose(moving: &Moving, bodies: &[[f64; 10]], all: &mut Vec<Composite>) {
     all.clear();
     all.extend(moving.states().iter().zip(bodies).map(|(state, phi)| {
@@ -226,7 +227,8 @@ impl Instant {
         2 * self.zeros.len() + 9
     }
 
-    /// Returns what a turn and a change of rate of link i against its parent, axes of the link, do to its joint.
+    /// Returns what a turn and a change of rate of link i against its parent, axes of the link, do to its
+    /// joint.
     pub(super) fn joint_moves(&self, i: usize, turn: &Three, spin: &Three, out: &mut Vec<(Direction, f64)>) {
         let rotation = self.moving.states()[i].rotation;
         let own: Vec<(usize, Three)> =

@@ -54,7 +54,8 @@ pub fn beyond(input: &Input) -> Vec<Beyond> {
             if over > TOLD {
                 found.push(Beyond {
                     text: format!(
-                        "{name} is at {} to {} {}, and the model limits it to {} to {}: are its unit and its zero right?",
+                        "{name} is at {} to {} {}, and the model limits it to {} to {}: are its unit and its \
+                         zero right?",
                         significant(least, 3),
                         significant(most, 3),
                         units[0],

@@ -1,7 +1,8 @@
 //! Positions and rates of records of positions: local polynomials.
 //!
-//! Over a short stretch around each sample a polynomial is fitted; its value and its slope at the sample are position
-//! and rate. No difference of samples is taken, and accelerations are not formed at all: the rows need none.
+//! Over a short stretch around each sample a polynomial is fitted; its value and its slope at the sample are
+//! position and rate. No difference of samples is taken, and accelerations are not formed at all: the rows
+//! need none.
 
 use nalgebra::DMatrix;
 
@@ -67,7 +68,8 @@ mod tests {
                 .map(|i| 3.0 + (w * (i as f64 - fit.half() as f64) / rate_hz + 0.4).sin())
                 .collect();
             let (value, slope) = fit.at(&samples);
-            // The first term that degree 6 leaves out is of the order (w h)^6/7! of the slope, h the half width.
+            // The first term that degree 6 leaves out is of the order (w h)^6/7! of the slope, h the half
+            // width.
             let h = fit.half() as f64 / rate_hz;
             let left = (w * h).powi(6) / 5040.0;
             assert!((value - 3.0 - 0.4_f64.sin()).abs() < left.max(1e-12), "{rate_hz}");

@@ -1,8 +1,9 @@
 //! Rotors whose inertia no motion tells from that of the links: they are parts of base parameters.
 //!
-//! Behind a gear a rotor adds its inertia times the joint's acceleration to the joint's effort. The moment of inertia of a link
-//! about a first, fixed axis does the same, and where axes are at right angles that of the second does, too: only their sum has
-//! a column. Which rotors are such is found from random motions, as base parameters are.
+//! Behind a gear a rotor adds its inertia times the joint's acceleration to the joint's effort. The moment of
+//! inertia of a link about a first, fixed axis does the same, and where axes are at right angles that of the
+//! second does, too: only their sum has a column. Which rotors are such is found from random motions, as base
+//! parameters are.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::{BaseMotion, TreeError};

@@ -17,11 +17,12 @@ pub(super) const BASE: usize = 1;
 
 /// Makes the rows of an instant, in two parts.
 ///
-/// The base's specific force is measured where its IMU sits, U. The links' momentum is taken about U therefore, U being
-/// the root of the tree and the base link fixed to it; the wrench is then brought back to the base's origin.
+/// The base's specific force is measured where its IMU sits, U. The links' momentum is taken about U
+/// therefore, U being the root of the tree and the base link fixed to it; the wrench is then brought back to
+/// the base's origin.
 ///
-/// A tracked base moves freely against the laboratory, which is the root then, still and with gravity alone. Rows and wrench are in
-/// its axes, moments about the base's origin at r: from those about the laboratory's
+/// A tracked base moves freely against the laboratory, which is the root then, still and with gravity alone.
+/// Rows and wrench are in its axes, moments about the base's origin at r: from those about the laboratory's
 /// `S_M − r × S_F + ṙ × D_F` is smoothed and `D_M − r × D_F` differentiated, as `r × ∂D = ∂(r × D) − ṙ × D`.
 pub struct RowMaker {
     moving: Moving,
@@ -80,7 +81,8 @@ impl RowMaker {
     /// [`TreeError`] if the links are in no order.
     pub fn new(input: &Input, base: &BaseParameters) -> Result<Self, TreeError> {
         let moving = Self::about_imu(input)?;
-        // Columns of the root are no link's; those of a base held still, without its wrench, are left out too.
+        // Columns of the root are no link's; those of a base held still, without its wrench, are left out
+        // too.
         let skip = 10 + 10 * input.model.links.len() - base.standard.len();
         let (mut leads, mix) = base.columns();
         leads.iter_mut().for_each(|lead| *lead += skip);
@@ -109,7 +111,8 @@ impl RowMaker {
         })
     }
 
-    /// Returns the tree whose root is the IMU of the base, or the laboratory: the root, the base link, the others.
+    /// Returns the tree whose root is the IMU of the base, or the laboratory: the root, the base link, the
+    /// others.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -148,8 +151,8 @@ impl RowMaker {
         Ok(())
     }
 
-    /// Writes rows of a frame and combines them and `out.measured`, the readings of base and efforts, so that they are free of all
-    /// that is not measured.
+    /// Writes rows of a frame and combines them and `out.measured`, the readings of base and efforts, so that
+    /// they are free of all that is not measured.
     ///
     /// # Errors
     /// [`TreeError`] if the frame does not fit the tree or the states of contact.
@@ -190,8 +193,8 @@ impl RowMaker {
         &self.moving
     }
 
-    /// Returns bodies of the links of [`RowMaker::moving`], ten parameters each, that these base parameters predict the same
-    /// rows of.
+    /// Returns bodies of the links of [`RowMaker::moving`], ten parameters each, that these base parameters
+    /// predict the same rows of.
     pub(super) fn bodies(&self, parameters: &[f64]) -> Vec<[f64; 10]> {
         let mut bodies = vec![[0.0; 10]; self.moving.links().len()];
         for (i, lead) in self.leads.iter().enumerate() {
@@ -318,7 +321,8 @@ pub(super) fn effort_of_drives(
     sum
 }
 
-/// Returns which rows there are if the base's wrench or the joints' efforts are measured; `None` without either.
+/// Returns which rows there are if the base's wrench or the joints' efforts are measured; `None` without
+/// either.
 pub fn rows_of(wrench: bool, efforts: bool) -> Option<Rows> {
     match (wrench, efforts) {
         (true, true) => Some(Rows::Both),

@@ -1,13 +1,16 @@
-//! Columns of the errors of a tree's signals: what each changes in the wrench and the efforts that the parameters predict.
+//! Columns of the errors of a tree's signals: what each changes in the wrench and the efforts that the
+//! parameters predict.
 //!
-//! With the momentum `h = (P, H)` of the links beyond a joint, their mass M, first moment c and tensor J, all about that joint's
-//! link, a change of the motion there, a turn ε, a rate ζ beside the turned one, a shift s and its velocity z, moves
+//! With the momentum `h = (P, H)` of the links beyond a joint, their mass M, first moment c and tensor J, all
+//! about that joint's link, a change of the motion there, a turn ε, a rate ζ beside the turned one, a shift s
+//! and its velocity z, moves
 //! ```text
 //! P by  ε×(P − M u) + ζ×c + M z        H by  (ε×c)×u + ε×(H − c×u) + J ζ + c×z
 //! ```
-//! and with them the rows of the base and of all joints above. A joint beyond sees itself at rest, and the rest turned the
-//! other way: `a` by `−ε×a`, its own velocity by `b = −ε×u + ζ×d + z`. So each joint's coordinates and rates have columns in
-//! one pass over the links, and an error of a signal is a sum of few of them.
+//! and with them the rows of the base and of all joints above. A joint beyond sees itself at rest, and the
+//! rest turned the other way: `a` by `−ε×a`, its own velocity by `b = −ε×u + ζ×d + z`. So each joint's
+//! coordinates and rates have columns in one pass over the links, and an error of a signal is a sum of few of
+//! them.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -194,8 +197,9 @@ impl<'a> ErrorRows<'a> {
         }
     }
 
-    /// Passes the moves of links on to those that they carry, and writes the weights of joints between links whose own
-    /// sensors show their motion. A turn of everything beyond the base is `everywhere`, the base's frame.
+    /// Passes the moves of links on to those that they carry, and writes the weights of joints between links
+    /// whose own sensors show their motion. A turn of everything beyond the base is `everywhere`, the base's
+    /// frame.
     fn pass_on(
         &self,
         instant: &Instant,

@@ -282,7 +282,8 @@ fn columns_of_a_moving_tree_are_those_of_corrected_readings() {
     compare(input, &mut random);
 }
 
-/// Hinges and slides with efforts, two chains, with the wrench on a base that moves, and on one that is held still.
+/// Hinges and slides with efforts, two chains, with the wrench on a base that moves, and on one that is held
+/// still.
 #[test]
 fn columns_of_an_arm_are_those_of_corrected_readings() {
     let mut random = Random(2);
@@ -324,7 +325,8 @@ fn columns_of_an_arm_are_those_of_corrected_readings() {
     }
 }
 
-/// Feet whose sensors have no noise: the rows are those of the channels, and what the feet push is on the measured side.
+/// Feet whose sensors have no noise: the rows are those of the channels, and what the feet push is on the
+/// measured side.
 #[test]
 fn columns_of_a_robot_on_its_feet_are_those_of_corrected_readings() {
     let mut random = Random(4);

@@ -1,8 +1,8 @@
 //! Signals that frames are made of, their white noise, and frames with more of it.
 //!
-//! Noise belongs to what was measured and takes the way of the measurement: that of a link's gyro or attitude enters the
-//! rates of the joints on either side of it with opposite signs, and rates that are slopes of positions have noise of the
-//! positions, coloured by the polynomials.
+//! Noise belongs to what was measured and takes the way of the measurement: that of a link's gyro or attitude
+//! enters the rates of the joints on either side of it with opposite signs, and rates that are slopes of
+//! positions have noise of the positions, coloured by the polynomials.
 
 use std::ops::Range;
 
@@ -70,8 +70,8 @@ pub(super) fn signal_noise(input: &Input) -> Vec<SignalNoise> {
     groups(input).into_iter().map(|group| group.noise).collect()
 }
 
-/// Returns some of the frames as they were, had the signals had more noise: of the standard deviations `sigma`, one a group,
-/// each value of either sign.
+/// Returns some of the frames as they were, had the signals had more noise: of the standard deviations
+/// `sigma`, one a group, each value of either sign.
 ///
 /// # Errors
 /// [`TreeError`] if the frames do not fit the model.

@@ -1,4 +1,5 @@
-//! A tree of links: the source of its rows, base wrench and joint torques, with offsets and drives as columns.
+//! A tree of links: the source of its rows, base wrench and joint torques, with offsets and drives as
+//! columns.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -133,8 +134,8 @@ impl TreeSource {
         Ok(())
     }
 
-    /// Returns the motion of every link in a frame, in the laboratory's axes; `None` if there is no such frame, or the base is not
-    /// tracked.
+    /// Returns the motion of every link in a frame, in the laboratory's axes; `None` if there is no such
+    /// frame, or the base is not tracked.
     pub fn link_states(&self, sample: usize) -> Option<Vec<LinkState<f64>>> {
         let frame = self.input.frames.get(sample).filter(|_| self.input.base == BaseSensor::Tracked)?;
         let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);

@@ -66,15 +66,15 @@ pub(super) fn mark(input: &mut Input) -> Vec<String> {
     let mut notes = Vec::new();
     if !said.is_empty() {
         notes.push(format!(
-            "standing still, within the noise of the rate: {}; dry friction is then anything of its size, so that these joints' \
-             efforts were left out there (`friction` JOINT=none keeps them)",
+            "standing still, within the noise of the rate: {}; dry friction is then anything of its size, so \
+             that these joints' efforts were left out there (`friction` JOINT=none keeps them)",
             said.join(", ")
         ));
     }
     if !never.is_empty() {
         notes.push(format!(
-            "never moving: {}; nothing tells of dry friction there, and if there is any, efforts that hold these joints are taken for \
-             their links' (`lock` leaves them out)",
+            "never moving: {}; nothing tells of dry friction there, and if there is any, efforts that hold \
+             these joints are taken for their links' (`lock` leaves them out)",
             never.join(", ")
         ));
     }

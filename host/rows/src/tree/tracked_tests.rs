@@ -1,4 +1,5 @@
-//! Rows of a base that cameras track, against a person whose wrench comes from Newton's and Euler's equations of every segment.
+//! Rows of a base that cameras track, against a person whose wrench comes from Newton's and Euler's equations
+//! of every segment.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rigident_shared::tree::{BaseMotion, Joint};
@@ -68,8 +69,8 @@ fn a_tracked_person_s_parameters_come_out_of_positions_and_rates_alone() {
             let found = fit(&source, &FitOptions::default(), &Silent).unwrap();
             assert_eq!(found.estimate.rank(), wanted.len());
             assert_eq!(wanted.len(), if model.links.len() == 15 { 128 } else { 200 });
-            // The kernel's aliasing at 200 Hz is below 2e-9 of a 1 Hz rate's derivative, and grows with the frequency: swings and their
-            // products reach 4 Hz here.
+            // The kernel's aliasing at 200 Hz is below 2e-9 of a 1 Hz rate's derivative, and grows with the
+            // frequency: swings and their products reach 4 Hz here.
             for (parameter, (got, wanted)) in
                 source.parameters().iter().zip(found.estimate.unjudged().values.iter().zip(&wanted))
             {

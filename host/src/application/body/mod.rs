@@ -221,7 +221,8 @@ impl Osim {
     }
 }
 
-/// Identifies a person's segments from trials, each a C3D file with force plates, or a TRC file with the ground's forces.
+/// Identifies a person's segments from trials, each a C3D file with force plates, or a TRC file with the
+/// ground's forces.
 ///
 /// `beside` computes something beside the answer.
 ///
@@ -365,7 +366,8 @@ fn own_markers(path: Option<&Path>) -> Result<MarkerFile, Error> {
     MarkerFile::parse(&text).map_err(|why| Error::Unusable { path: path.to_owned(), why })
 }
 
-/// Reads the trials, those without a tool last, each TRC file with the ground's forces that were named for it.
+/// Reads the trials, those without a tool last, each TRC file with the ground's forces that were named for
+/// it.
 fn read_trials(paths: &[PathBuf], options: &BodyOptions) -> Result<Vec<Trial>, Error> {
     let mut ground = options.ground.iter();
     let mut trials: Vec<Trial> = Vec::new();
@@ -455,8 +457,8 @@ fn contradictions(
             format!("{name} says {}", rigident_fit::figures::with_u95(mass.value, mass.u95, "kg"))
         };
         findings.push(Finding::contradiction(format!(
-            "the whole masses of two trials contradict each other: {}, {}: is a plate's zero or scale wrong in one of them, or was \
-             something carried?",
+            "the whole masses of two trials contradict each other: {}, {}: is a plate's zero or scale wrong \
+             in one of them, or was something carried?",
             of(&pair[0]),
             of(&pair[1])
         )));
@@ -464,8 +466,8 @@ fn contradictions(
     for (k, own) in others {
         let name = study.motions.get(k).map_or("", |motion| &motion.name);
         findings.push(Finding::contradiction(format!(
-            "{name}: the whole mass is {}, other than in all motions together: something was carried, put down or leaned on; identify \
-             such trials by themselves",
+            "{name}: the whole mass is {}, other than in all motions together: something was carried, put \
+             down or leaned on; identify such trials by themselves",
             rigident_fit::figures::with_u95(own.value, own.u95, "kg")
         )));
     }

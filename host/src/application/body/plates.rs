@@ -31,8 +31,9 @@ fn shifts(name: &str, found: &PlateErrors) -> Vec<String> {
         });
         let plate = found.plates.get(k).map_or("", String::as_str);
         format!(
-            "{name}, {plate}: by feet and motion it is not where the file has it, but that is off by {x} along x and {y} along y (z up): check the \
-             plate's corners (FORCE_PLATFORM:CORNERS) or the centres of pressure; first moments are wrong by it"
+            "{name}, {plate}: by feet and motion it is not where the file has it, but that is off by {x} \
+             along x and {y} along y (z up): check the plate's corners (FORCE_PLATFORM:CORNERS) or the \
+             centres of pressure; first moments are wrong by it"
         )
     });
     told.collect()

@@ -9,7 +9,8 @@ use super::triangle::{all, linear};
 /// Independent frequencies on each side of a component that tell the noise there.
 const AROUND: usize = 16;
 
-/// Frequencies, damping ratios and complex amplitudes: channel c moves by `Re Σ_r z_rc e^{(−ζω + iω√(1−ζ²)) t}`, t from the first sample.
+/// Frequencies, damping ratios and complex amplitudes: channel c moves by
+/// `Re Σ_r z_rc e^{(−ζω + iω√(1−ζ²)) t}`, t from the first sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Amplitudes {
     /// Undamped natural frequencies ω, rad/s.
@@ -18,7 +19,8 @@ pub struct Amplitudes {
     pub damping: Vec<f64>,
     /// z: one row for each channel, one column for each component, in the channel's unit.
     pub complex: DMatrix<Complex<f64>>,
-    /// Covariance of `[ω ζ Re z₁ … Re z_n Im z₁ … Im z_n]` of the first component, then of the second, and so on: `2 + 2n` for each.
+    /// Covariance of `[ω ζ Re z₁ … Re z_n Im z₁ … Im z_n]` of the first component, then of the second, and so
+    /// on: `2 + 2n` for each.
     pub covariance: DMatrix<f64>,
 }
 
@@ -69,7 +71,8 @@ impl Amplitudes {
 pub(super) struct Noise {
     /// Correlation between channels.
     pub(super) correlation: DMatrix<f64>,
-    /// For each component and channel: noise around the component's frequency by white noise of the same variance, at least one.
+    /// For each component and channel: noise around the component's frequency by white noise of the same
+    /// variance, at least one.
     pub(super) coloured: Vec<Vec<f64>>,
 }
 
@@ -137,7 +140,8 @@ fn place(count: usize, channels: usize, component: usize, channel: usize) -> usi
 /// Covariance of (α₁ ν₁ … α_R ν_R, a₁₁ b₁₁ a₁₂ b₁₂ …).
 ///
 /// With the triangle's blocks `[R_B R_BD; 0 R_D]` and unit noise ε in its rows, channel by channel:
-/// `δθ = C Σ_c S_cᵀ R_Dᵀ ε_D / σ_c` and `δx_c = R_B⁻¹ (σ_c ε_B − R_BD S_c δθ)`. Channels that are correlated are summed so.
+/// `δθ = C Σ_c S_cᵀ R_Dᵀ ε_D / σ_c` and `δx_c = R_B⁻¹ (σ_c ε_B − R_BD S_c δθ)`. Channels that are correlated
+/// are summed so.
 fn raw_covariance(fit: &Fit, noise: &Noise) -> Option<DMatrix<f64>> {
     let (count, channels) = (fit.poles.len(), fit.sigma.len());
     let (p, q) = (linear(count), all(count));

@@ -110,7 +110,8 @@ fn jump(values: &[f64], run: &Run, away: usize) -> f64 {
     [before, after].into_iter().flatten().map(|v| (v - run.value).abs()).fold(0.0, f64::max)
 }
 
-/// Runs of the same length that end in jumps, over most of the recording: a slower sensor. Returns the length.
+/// Runs of the same length that end in jumps, over most of the recording: a slower sensor. Returns the
+/// length.
 fn repetition(runs: &[Run], quantum: f64) -> Option<usize> {
     let inner = runs.get(1..runs.len() - 1).filter(|inner| inner.len() >= 8)?;
     let mut lengths: Vec<usize> = inner.iter().map(|run| run.length).collect();
@@ -121,9 +122,9 @@ fn repetition(runs: &[Run], quantum: f64) -> Option<usize> {
     (middle >= 2 && alike * 10 >= lengths.len() * 8 && steps * 2 > inner.len()).then_some(middle)
 }
 
-/// Runs at the largest or least value from which the signal falls off faster than a round top can: within `h = length / 2` a top
-/// `−c t²` stays in one step q of the converter, so that `c h² ≤ q`, and falls off by at most `q ((h+2)/h)²` two samples later.
-/// Returns the value, the first sample and the number of samples.
+/// Runs at the largest or least value from which the signal falls off faster than a round top can: within
+/// `h = length / 2` a top `−c t²` stays in one step q of the converter, so that `c h² ≤ q`, and falls off by
+/// at most `q ((h+2)/h)²` two samples later. Returns the value, the first sample and the number of samples.
 fn clipped(values: &[f64], runs: &[Run], quantum: f64) -> Option<(f64, usize, usize)> {
     let ends =
         [values.iter().copied().fold(f64::MIN, f64::max), values.iter().copied().fold(f64::MAX, f64::min)];

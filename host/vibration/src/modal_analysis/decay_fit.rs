@@ -1,8 +1,9 @@
 //! Maximum likelihood of poles, amplitudes and offsets under white noise, by variable projection.
 //!
-//! `y_c(t) = offset_c + Σ_r e^{−α_r t} (a_rc cos ν_r t + b_rc sin ν_r t) + noise of σ_c`. For given poles the rest is linear, so that
-//! only the poles are searched: least is `Σ_c N ln SSE_c` (σ_c² = SSE_c / N put in), by Levenberg's and Marquardt's steps with the
-//! projected derivatives (L. Kaufman 1975; G. Golub, V. Pereyra 1973).
+//! `y_c(t) = offset_c + Σ_r e^{−α_r t} (a_rc cos ν_r t + b_rc sin ν_r t) + noise of σ_c`. For given poles the
+//! rest is linear, so that only the poles are searched: least is `Σ_c N ln SSE_c` (σ_c² = SSE_c / N put in),
+//! by Levenberg's and Marquardt's steps with the projected derivatives (L. Kaufman 1975; G. Golub, V. Pereyra
+//! 1973).
 
 use nalgebra::{DMatrix, DVector};
 

@@ -29,8 +29,9 @@ pub enum Finding {
     },
     /// Fewer modes than there are.
     #[error(
-        "missing mode: {found} of {wanted} modes were found; none of them moves in the direction {direction}, most of it in {channel}: \
-         release the platform with a deflection there, nearer to where the missing mode moves"
+        "missing mode: {found} of {wanted} modes were found; none of them moves in the direction \
+         {direction}, most of it in {channel}: release the platform with a deflection there, nearer to where \
+         the missing mode moves"
     )]
     MissingModes {
         /// Modes that there are.
@@ -46,9 +47,9 @@ pub enum Finding {
     },
     /// Two modes whose shapes span a plane and are not known one by one; both are left out.
     #[error(
-        "two modes too close: {:.4} and {:.4} Hz differ by {distance:.1} standard deviations where {least:.0} are needed, and by {:.4} Hz \
-         where the recording resolves {resolution_hz:.4} Hz; both are left out: record longer, damp less, or shift a mass so that \
-         their frequencies part",
+        "two modes too close: {:.4} and {:.4} Hz differ by {distance:.1} standard deviations where \
+         {least:.0} are needed, and by {:.4} Hz where the recording resolves {resolution_hz:.4} Hz; both are \
+         left out: record longer, damp less, or shift a mass so that their frequencies part",
         hz[0], hz[1], (hz[1] - hz[0]).abs()
     )]
     TooClose {
@@ -65,8 +66,8 @@ pub enum Finding {
     },
     /// A vibration that decays and is none of the modes asked for.
     #[error(
-        "a further line at {hz:.3} Hz, {ratio:.1} times the noise, strongest in {channel}: a mode that was not asked for, or a disturbance \
-         from outside"
+        "a further line at {hz:.3} Hz, {ratio:.1} times the noise, strongest in {channel}: a mode that was \
+         not asked for, or a disturbance from outside"
     )]
     OtherLine {
         /// Its frequency, Hz.
@@ -78,8 +79,8 @@ pub enum Finding {
     },
     /// A vibration that does not decay.
     #[error(
-        "a disturbance from outside at {hz:.3} Hz, strongest in {channel}: it does not decay (damping ratio {damping:.6} ± {sd:.6}); it is \
-         no mode; switch its source off"
+        "a disturbance from outside at {hz:.3} Hz, strongest in {channel}: it does not decay (damping ratio \
+         {damping:.6} ± {sd:.6}); it is no mode; switch its source off"
     )]
     Disturbance {
         /// Its frequency, Hz.
@@ -93,9 +94,10 @@ pub enum Finding {
     },
     /// The springs are not linear at this amplitude: both signs of it.
     #[error(
-        "amplitude too large for linear springs: the frequency {hz:.4} Hz falls by {:.5} % ± {:.5} % from the early part to the late one \
-         (limit {:.5} %), and there is a line at {combination} = {line_hz:.3} Hz of {ratio:.5} of the vibration; start with an \
-         amplitude {smaller_by:.1} times smaller, or cut the beginning off",
+        "amplitude too large for linear springs: the frequency {hz:.4} Hz falls by {:.5} % ± {:.5} % from \
+         the early part to the late one (limit {:.5} %), and there is a line at {combination} = {line_hz:.3} \
+         Hz of {ratio:.5} of the vibration; start with an amplitude {smaller_by:.1} times smaller, or cut \
+         the beginning off",
         100.0 * shift, 100.0 * shift_sd, 100.0 * limit
     )]
     LargeAmplitude {
@@ -113,13 +115,15 @@ pub enum Finding {
         line_hz: f64,
         /// Its size by that of the vibration, both weighted by noise.
         ratio: f64,
-        /// By how much the amplitude is to be smaller for the shift to be as small as the frequency's standard deviation.
+        /// By how much the amplitude is to be smaller for the shift to be as small as the frequency's
+        /// standard deviation.
         smaller_by: f64,
     },
     /// A frequency that changes during the decay, without harmonics beyond noise.
     #[error(
-        "the frequency {hz:.4} Hz changes by {:.5} % ± {:.5} % from the early part of the decay to the late one (limit {:.5} %): amplitude \
-         too large for linear springs, or something settles; start with an amplitude {smaller_by:.1} times smaller",
+        "the frequency {hz:.4} Hz changes by {:.5} % ± {:.5} % from the early part of the decay to the late \
+         one (limit {:.5} %): amplitude too large for linear springs, or something settles; start with an \
+         amplitude {smaller_by:.1} times smaller",
         100.0 * shift, 100.0 * shift_sd, 100.0 * limit
     )]
     FrequencyShift {
@@ -136,8 +140,8 @@ pub enum Finding {
     },
     /// A multiple or a sum of frequencies, without a change of frequency beyond noise.
     #[error(
-        "a line at {combination} = {line_hz:.3} Hz of {ratio:.5} of the vibration (limit {limit:.5}): springs, or sensors, are not quite \
-         linear at this amplitude"
+        "a line at {combination} = {line_hz:.3} Hz of {ratio:.5} of the vibration (limit {limit:.5}): \
+         springs, or sensors, are not quite linear at this amplitude"
     )]
     Harmonic {
         /// The multiple or sum, in words.
@@ -151,7 +155,8 @@ pub enum Finding {
     },
     /// Noise is stronger around a mode than elsewhere; intervals are wider for it.
     #[error(
-        "noise of {channel} around {hz:.3} Hz has {ratio:.1} times the power of its mean; intervals of that mode are wider by that"
+        "noise of {channel} around {hz:.3} Hz has {ratio:.1} times the power of its mean; intervals of that \
+         mode are wider by that"
     )]
     ColouredNoise {
         /// Frequency of the mode, Hz.
@@ -163,7 +168,8 @@ pub enum Finding {
     },
     /// A decay that cannot be distinguished from none.
     #[error(
-        "the damping of the mode at {hz:.3} Hz is not known: {damping:.6} ± {sd:.6}; record longer if it matters"
+        "the damping of the mode at {hz:.3} Hz is not known: {damping:.6} ± {sd:.6}; record longer if it \
+         matters"
     )]
     NoDecay {
         /// Its frequency, Hz.
@@ -175,8 +181,8 @@ pub enum Finding {
     },
     /// A shape that no phase makes real.
     #[error(
-        "the mode at {hz:.3} Hz is complex: {:.1} % of its amplitudes are out of phase (noise would give {:.1} %): a mode close by, a delay \
-         between channels, or damping out of proportion",
+        "the mode at {hz:.3} Hz is complex: {:.1} % of its amplitudes are out of phase (noise would give \
+         {:.1} %): a mode close by, a delay between channels, or damping out of proportion",
         100.0 * share, 100.0 * noise
     )]
     Complex {

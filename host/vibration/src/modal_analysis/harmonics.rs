@@ -1,4 +1,5 @@
-//! Signs of springs that are not linear: multiples and sums of frequencies, and frequencies that change with the amplitude.
+//! Signs of springs that are not linear: multiples and sums of frequencies, and frequencies that change with
+//! the amplitude.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -128,8 +129,8 @@ fn correlation(rate_hz: f64, columns: &DMatrix<f64>, pole: &Pole) -> (f64, Vec<C
     (energy, sums)
 }
 
-/// Fits the early and the late part of a decay by themselves, and compares the frequencies of components. The recording is cut in
-/// its middle, or where the component has decayed to 1/e if that is earlier.
+/// Fits the early and the late part of a decay by themselves, and compares the frequencies of components. The
+/// recording is cut in its middle, or where the component has decayed to 1/e if that is earlier.
 pub(super) fn shifts(samples: &Samples, fit: &Fit, components: &[usize], wider: &[f64]) -> Vec<Shift> {
     let middle = samples.y.nrows() / 2;
     let mut cuts: Vec<(usize, Vec<usize>)> = Vec::new();
@@ -180,7 +181,8 @@ fn part(samples: &Samples, fit: &Fit, components: &[usize], first: usize, rows: 
     Some((Fit::refined(&samples.part(first, rows), poles, 20)?, kept))
 }
 
-/// Angular frequency of a component in a part, with its standard deviation; nothing where it is too weak or has run away.
+/// Angular frequency of a component in a part, with its standard deviation; nothing where it is too weak or
+/// has run away.
 fn frequency(part: &Part, component: usize) -> Option<(f64, f64)> {
     let (fit, kept) = part;
     let place = kept.iter().position(|r| *r == component)?;

@@ -1,8 +1,9 @@
 //! Motion of a platform from an IMU on it.
 //!
-//! At rest, platform axes are those of the reference; x is the displacement of the reference point and θ the small rotation, both in
-//! them. The accelerometer at the lever arm p reads the specific force `Rᵀ(r̈ − g)` of `r = x + R p`, to first order
-//! `−g + ẍ + θ̈ × p + θ × g`: the last is gravity that the tilt brings in. The gyro reads `θ̇`. At a pole s, so with complex amplitudes:
+//! At rest, platform axes are those of the reference; x is the displacement of the reference point and θ the
+//! small rotation, both in them. The accelerometer at the lever arm p reads the specific force `Rᵀ(r̈ − g)`
+//! of `r = x + R p`, to first order `−g + ẍ + θ̈ × p + θ × g`: the last is gravity that the tilt brings in.
+//! The gyro reads `θ̇`. At a pole s, so with complex amplitudes:
 //!
 //! ```text
 //! Z_w = s Θ                          Θ = Z_w / s
@@ -27,8 +28,9 @@ pub struct Imu {
     pub gravity: Vector3<f64>,
 }
 
-/// Converts amplitudes of an IMU's six channels, specific force (m/s²) and angular rate (rad/s), into those of the platform's six
-/// coordinates: displacement of the reference point (m) and rotation (rad), in platform axes, with their covariance.
+/// Converts amplitudes of an IMU's six channels, specific force (m/s²) and angular rate (rad/s), into those
+/// of the platform's six coordinates: displacement of the reference point (m) and rotation (rad), in platform
+/// axes, with their covariance.
 ///
 /// # Errors
 /// [`ModalError::Input`] if there are not six channels, or the IMU's axes are not at right angles.

@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 pub struct FreeDecay<'a> {
     /// Samples per second; the time between samples is the same everywhere.
     pub rate_hz: f64,
-    /// One row for each sample and one column for each channel, each in its own unit; an offset may be constant.
+    /// One row for each sample and one column for each channel, each in its own unit; an offset may be
+    /// constant.
     pub samples: &'a DMatrix<f64>,
     /// Names of the channels, for what is said of them.
     pub names: &'a [&'a str],
@@ -41,7 +42,8 @@ pub enum ModalError {
     Input(String),
     /// A number is missing.
     #[error(
-        "channel {channel} has no finite value at {time_s:.3} s: cut the recording there, or leave the channel out"
+        "channel {channel} has no finite value at {time_s:.3} s: cut the recording there, or leave the \
+         channel out"
     )]
     NotFinite {
         /// The channel.
@@ -51,8 +53,8 @@ pub enum ModalError {
     },
     /// The channel stops at a limit.
     #[error(
-        "channel {channel} is clipped at {limit:.6} from {time_s:.3} s on ({count} samples in all): start with a smaller \
-         amplitude, or cut the beginning off"
+        "channel {channel} is clipped at {limit:.6} from {time_s:.3} s on ({count} samples in all): start \
+         with a smaller amplitude, or cut the beginning off"
     )]
     Clipped {
         /// The channel.
@@ -66,8 +68,8 @@ pub enum ModalError {
     },
     /// The channel keeps its value while others move.
     #[error(
-        "channel {channel} keeps the value {value:.6} for {duration_s:.3} s from {time_s:.3} s on: the sensor or its line \
-         stopped; leave the channel out, or cut the recording there"
+        "channel {channel} keeps the value {value:.6} for {duration_s:.3} s from {time_s:.3} s on: the \
+         sensor or its line stopped; leave the channel out, or cut the recording there"
     )]
     Frozen {
         /// The channel.
@@ -81,7 +83,8 @@ pub enum ModalError {
     },
     /// The channel repeats its values.
     #[error(
-        "channel {channel} repeats each value {times} times: give the recording at the sensor's own rate, {rate_hz:.1} Hz"
+        "channel {channel} repeats each value {times} times: give the recording at the sensor's own rate, \
+         {rate_hz:.1} Hz"
     )]
     Repeated {
         /// The channel.
@@ -103,8 +106,8 @@ pub enum ModalError {
     },
     /// The slowest motion does not come round often enough.
     #[error(
-        "{duration_s:.2} s are {cycles:.2} cycles of the only vibration, {hz:.3} Hz: at least {least} are needed; record \
-         {needed_s:.1} s or more"
+        "{duration_s:.2} s are {cycles:.2} cycles of the only vibration, {hz:.3} Hz: at least {least} are \
+         needed; record {needed_s:.1} s or more"
     )]
     TooShort {
         /// The length of the recording, s.
@@ -120,8 +123,9 @@ pub enum ModalError {
     },
     /// No vibration is larger than noise.
     #[error(
-        "nothing vibrates: no line of the spectrum is larger than the noise around it (the strongest, at {hz:.3} Hz, has {ratio:.1} \
-         times its power); release the platform from a larger deflection, or record from the release on"
+        "nothing vibrates: no line of the spectrum is larger than the noise around it (the strongest, at \
+         {hz:.3} Hz, has {ratio:.1} times its power); release the platform from a larger deflection, or \
+         record from the release on"
     )]
     NothingVibrates {
         /// The strongest frequency, Hz.

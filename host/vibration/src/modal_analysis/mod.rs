@@ -1,9 +1,11 @@
-//! Modes of free vibration from uniform samples of a decay: natural frequencies, damping ratios and shapes without scale.
+//! Modes of free vibration from uniform samples of a decay: natural frequencies, damping ratios and shapes
+//! without scale.
 //!
-//! Lives here: first poles that stay the same over orders (`start`), their maximum likelihood by variable projection
-//! (`decay_fit`), the search for as many components as the recording tells (`search`), what each of them is (`roles`), shapes
-//! with their joint covariance (`shape`), the same from an IMU's signals (`imu`), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out.
-//! May not live here: files, bodies, springs, screens.
+//! Lives here: first poles that stay the same over orders (`start`), their maximum likelihood by variable
+//! projection (`decay_fit`), the search for as many components as the recording tells (`search`), what each
+//! of them is (`roles`), shapes with their joint covariance (`shape`), the same from an IMU's signals
+//! (`imu`), and what is wrong with a recording ([`ModalError`], [`Finding`]). Numbers in, numbers out. May
+//! not live here: files, bodies, springs, screens.
 
 mod amplitudes;
 mod channels;
@@ -83,8 +85,8 @@ impl Modes {
 
 /// Identifies the modes of a free decay.
 ///
-/// Standard deviations rest on the residuals: white noise of each channel, correlated between channels as they show it, wider by the
-/// residuals' spectrum near a mode where that is higher than white.
+/// Standard deviations rest on the residuals: white noise of each channel, correlated between channels as
+/// they show it, wider by the residuals' spectrum near a mode where that is higher than white.
 ///
 /// # Errors
 /// [`ModalError`] where no mode can be determined: numbers that are missing, clipped or frozen, nothing that

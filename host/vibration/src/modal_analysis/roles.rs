@@ -9,8 +9,8 @@ use super::triangle::Pole;
 
 /// Cycles below which a vibration is not distinguished from a drift.
 pub(super) const LEAST_CYCLES: f64 = 1.5;
-/// Standard deviations by which poles must differ for their shapes to be known one by one. Twice this is the ratio of the difference
-/// to what bends the likelihood's parabola, on which the covariance rests.
+/// Standard deviations by which poles must differ for their shapes to be known one by one. Twice this is the
+/// ratio of the difference to what bends the likelihood's parabola, on which the covariance rests.
 pub(super) const APART: f64 = 8.0;
 /// Damping ratio below which nothing decays: half the least one that is promised.
 const UNDAMPED: f64 = 2.5e-4;
@@ -34,7 +34,8 @@ pub enum Role {
     TooClose(usize),
     /// Too slow for this recording.
     TooShort,
-    /// A weak one beside the mode with this number: what its frequency's change, or an unknown mode, leaves there.
+    /// A weak one beside the mode with this number: what its frequency's change, or an unknown mode, leaves
+    /// there.
     Beside(usize),
 }
 
@@ -87,9 +88,9 @@ fn mark_undamped(roles: &mut [Role], amplitudes: &Amplitudes) {
     }
 }
 
-/// Weak components at the frequency of a stronger one that decay as its product with a square does. A frequency that changes with
-/// amplitudes squared, `ν + κ e^{−2βt}`, makes of `e^{iνt − αt}` to first order such a part of decay `α + 2β`; `α + 4β` and `α + 6β`
-/// are of the second and third order.
+/// Weak components at the frequency of a stronger one that decay as its product with a square does. A
+/// frequency that changes with amplitudes squared, `ν + κ e^{−2βt}`, makes of `e^{iνt − αt}` to first order
+/// such a part of decay `α + 2β`; `α + 4β` and `α + 6β` are of the second and third order.
 fn mark_beside(
     roles: &mut [Role],
     poles: &[Pole],

@@ -87,7 +87,8 @@ fn noise(samples: &Samples) -> Vec<f64> {
     spectrum.level().iter().map(|level| level.sqrt()).collect()
 }
 
-/// The frequency of the fastest line that stands out of its surroundings, and the strongest one, by their power.
+/// The frequency of the fastest line that stands out of its surroundings, and the strongest one, by their
+/// power.
 fn fastest_line(samples: &Samples) -> (f64, (f64, f64)) {
     let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
     let levels = spectrum.levels();
@@ -135,7 +136,8 @@ pub(super) fn strongest_line(
         .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
 }
 
-/// The strongest line of the residual under windows `e^{−αt}` over 3/α, of which one is near the decay of what is left there.
+/// The strongest line of the residual under windows `e^{−αt}` over 3/α, of which one is near the decay of
+/// what is left there.
 fn strongest_decay(samples: &Samples, fit: Option<&Fit>, channels: usize, refused: &[f64]) -> Option<Line> {
     let columns =
         fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
@@ -208,8 +210,8 @@ fn gain_limit(samples: &Samples, fit: &Fit, hz: f64) -> f64 {
     chance_limit(samples) * (ratios.sum::<f64>() / levels.len().max(1) as f64).max(1.0)
 }
 
-/// Leaves out one of two poles that are closer than what length and decay resolve, where the likelihood hardly loses by it: their
-/// amplitudes are large against each other, so that each for itself seems strong.
+/// Leaves out one of two poles that are closer than what length and decay resolve, where the likelihood
+/// hardly loses by it: their amplitudes are large against each other, so that each for itself seems strong.
 fn parted(samples: &Samples, fit: Fit) -> Fit {
     let mut fit = fit;
     for _ in 0..fit.poles.len() {
@@ -263,7 +265,8 @@ fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
     }
 }
 
-/// The fit with one more pole beside one that has more than noise around it: two broad modes over each other leave no line.
+/// The fit with one more pole beside one that has more than noise around it: two broad modes over each other
+/// leave no line.
 fn split(samples: &Samples, fit: &Fit) -> Option<Fit> {
     let (spectrum, _) = left(samples, Some(fit));
     let away: Vec<f64> = fit.poles.iter().map(Pole::hz).collect();

@@ -20,11 +20,14 @@ pub struct Mode {
     pub shape: DVector<f64>,
     /// Complex amplitudes of the channels at the first sample, in their units.
     pub amplitudes: DVector<Complex<f64>>,
-    /// The part of the scaled amplitudes that no common phase makes real, `|Im| / |z|`: zero for damping in proportion, noise included.
+    /// The part of the scaled amplitudes that no common phase makes real, `|Im| / |z|`: zero for damping in
+    /// proportion, noise included.
     pub imaginary_share: f64,
-    /// Mode phase collinearity of the scaled amplitudes: one if all channels move in phase or against it, zero if they go round.
+    /// Mode phase collinearity of the scaled amplitudes: one if all channels move in phase or against it,
+    /// zero if they go round.
     pub collinearity: f64,
-    /// Root of the mode's energy by the noise's variance, summed over samples and channels: about the amplitude by its standard deviation.
+    /// Root of the mode's energy by the noise's variance, summed over samples and channels: about the
+    /// amplitude by its standard deviation.
     pub signal_to_noise: f64,
 }
 
@@ -40,8 +43,8 @@ impl Mode {
 pub struct Shapes {
     /// The modes in the order of the amplitudes.
     pub modes: Vec<Mode>,
-    /// Covariance of `[ω ζ φ₁ … φ_n]` of the first mode, then of the second, and so on: `2 + n` for each. Of each shape, the direction
-    /// in which only its norm would change, `φ_c / scale_c²`, has none.
+    /// Covariance of `[ω ζ φ₁ … φ_n]` of the first mode, then of the second, and so on: `2 + n` for each. Of
+    /// each shape, the direction in which only its norm would change, `φ_c / scale_c²`, has none.
     pub covariance: DMatrix<f64>,
 }
 
@@ -54,9 +57,10 @@ impl Shapes {
 
 /// Makes shapes of amplitudes.
 ///
-/// With `z_c e^{−iθ} = u_c + i v_c`, the phase that makes most real is `θ = ½ arg Σ w_c z_c²`, each channel weighted by `w_c`, the
-/// inverse of its amplitude's variance. Then `du_c = Re(dz_c e^{−iθ}) + v_c dθ` with `dθ = Im(Σ w_c z_c dz_c / Σ w_c z_c²)`, and
-/// `φ = u / |u|` with `dφ = (du − φ (φ·du)) / |u|` in scaled channels. All without signal-to-noise, which only samples tell.
+/// With `z_c e^{−iθ} = u_c + i v_c`, the phase that makes most real is `θ = ½ arg Σ w_c z_c²`, each channel
+/// weighted by `w_c`, the inverse of its amplitude's variance. Then `du_c = Re(dz_c e^{−iθ}) + v_c dθ` with
+/// `dθ = Im(Σ w_c z_c dz_c / Σ w_c z_c²)`, and `φ = u / |u|` with `dφ = (du − φ (φ·du)) / |u|` in scaled
+/// channels. All without signal-to-noise, which only samples tell.
 ///
 /// # Errors
 /// [`ModalError::Input`] if scales are not one positive number for each channel (or none: all one).

@@ -1,5 +1,6 @@
-//! Spectra: of a recording for a picture, of residuals for the checks. The transform is rustfft's, as lengths of recordings are
-//! no powers of two and the checks use the whole spectrum of up to 60 000 samples again and again.
+//! Spectra: of a recording for a picture, of residuals for the checks. The transform is rustfft's, as lengths
+//! of recordings are no powers of two and the checks use the whole spectrum of up to 60 000 samples again and
+//! again.
 
 use std::f64::consts::TAU;
 
@@ -24,8 +25,9 @@ pub struct Spectrum {
     pub density: DMatrix<f64>,
 }
 
-/// Returns the amplitude spectral density (P. Welch 1967): segments of the given length that overlap by half, each without its mean
-/// and under Hann's window, powers averaged. One segment if the recording is shorter than that.
+/// Returns the amplitude spectral density (P. Welch 1967): segments of the given length that overlap by half,
+/// each without its mean and under Hann's window, powers averaged. One segment if the recording is shorter
+/// than that.
 ///
 /// # Errors
 /// [`ModalError`] if numbers are missing or the segment has no length.
@@ -77,7 +79,8 @@ pub(super) struct Periodogram {
 }
 
 impl Periodogram {
-    /// Transforms columns with zeros added up to `padding` times their length; under Hann's window if asked for.
+    /// Transforms columns with zeros added up to `padding` times their length; under Hann's window if asked
+    /// for.
     pub(super) fn new(columns: &DMatrix<f64>, rate_hz: f64, padding: usize, hann: bool) -> Self {
         let (samples, channels) = columns.shape();
         let length = samples * padding;
@@ -124,9 +127,9 @@ impl Periodogram {
         self.power.row(row).iter().copied().collect()
     }
 
-    /// The rows of independent frequencies nearest to one: the same number on both sides, so that a slope does not count, at most
-    /// `side` and at least [`LEAST_SIDE`] if there are as many. Not those closer than 1.5 of them to any of
-    /// `away`, and not zero.
+    /// The rows of independent frequencies nearest to one: the same number on both sides, so that a slope
+    /// does not count, at most `side` and at least [`LEAST_SIDE`] if there are as many. Not those closer than
+    /// 1.5 of them to any of `away`, and not zero.
     fn near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<usize> {
         let width = self.padding as f64 * self.step_hz;
         let is_free = |row: &usize| away.iter().all(|other| (self.hz(*row) - other).abs() > 1.5 * width);
@@ -136,7 +139,8 @@ impl Periodogram {
         free[place.saturating_sub(half)..(place + half).min(free.len())].to_vec()
     }
 
-    /// Mean power of each channel around a frequency: the variance of white noise that would do the same there.
+    /// Mean power of each channel around a frequency: the variance of white noise that would do the same
+    /// there.
     pub(super) fn mean_near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<f64> {
         let rows = self.near(hz, side, away);
         let mean = |channel: usize| {
@@ -150,7 +154,8 @@ impl Periodogram {
         self.middle(&(self.padding..self.rows()).step_by(self.padding).collect::<Vec<_>>())
     }
 
-    /// Levels of noise over blocks of frequencies that grow with frequency, as the levels of most noise change by the octave.
+    /// Levels of noise over blocks of frequencies that grow with frequency, as the levels of most noise
+    /// change by the octave.
     pub(super) fn levels(&self) -> Levels {
         let picked: Vec<usize> = (self.padding..self.rows()).step_by(self.padding).collect();
         let (mut hz, mut level) = (Vec::new(), Vec::new());
@@ -167,7 +172,8 @@ impl Periodogram {
         Levels { hz, level }
     }
 
-    /// The median power of each channel over rows, by that of noise of level one, `ln 2`: lines do not move it.
+    /// The median power of each channel over rows, by that of noise of level one, `ln 2`: lines do not move
+    /// it.
     fn middle(&self, rows: &[usize]) -> Vec<f64> {
         let of = |channel: usize| {
             let mut powers: Vec<f64> = rows.iter().map(|row| self.power[(*row, channel)]).collect();

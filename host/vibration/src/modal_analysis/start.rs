@@ -1,8 +1,10 @@
-//! First poles: eigensystem realisation (J.-N. Juang, R. Pappa 1985) over many orders, and those poles that orders agree on.
+//! First poles: eigensystem realisation (J.-N. Juang, R. Pappa 1985) over many orders, and those poles that
+//! orders agree on.
 //!
-//! Of a sum of exponentials, the Hankel matrix `H₀[(i, c), j] = y_c(i + j) = O Z` has as many dimensions as exponentials, and that of the
-//! next samples is `H₁ = O A Z` with the same poles in A. With `H₀ ≈ U Σ Vᵀ`, the poles of order m are the eigenvalues of
-//! `Σ_m⁻¹ U_mᵀ H₁ V_m`. Poles of vibrations stay where they are as m grows, poles of noise do not.
+//! Of a sum of exponentials, the Hankel matrix `H₀[(i, c), j] = y_c(i + j) = O Z` has as many dimensions as
+//! exponentials, and that of the next samples is `H₁ = O A Z` with the same poles in A. With `H₀ ≈ U Σ Vᵀ`,
+//! the poles of order m are the eigenvalues of `Σ_m⁻¹ U_mᵀ H₁ V_m`. Poles of vibrations stay where they are
+//! as m grows, poles of noise do not.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
@@ -10,7 +12,8 @@ use super::triangle::{Pole, Samples};
 
 /// Largest number of rows and columns of lags.
 const MOST_LAGS: usize = 320;
-/// Orders that are tried, even ones: up to four for each mode, so that noise has room, and some more; but no more than this.
+/// Orders that are tried, even ones: up to four for each mode, so that noise has room, and some more; but no
+/// more than this.
 const MOST_ORDER: usize = 44;
 const BEYOND: usize = 12;
 /// Orders in which a pole must be found again.
@@ -31,7 +34,8 @@ struct Found {
     before: Option<usize>,
 }
 
-/// Returns poles that stay the same over orders, those longest stable first. Channels are divided by their noise first.
+/// Returns poles that stay the same over orders, those longest stable first. Channels are divided by their
+/// noise first.
 pub(super) fn stable_poles(samples: &Samples, noise: &[f64], most: usize) -> Vec<Pole> {
     let mut scaled = samples.y.clone();
     for (mut column, (noise, size)) in scaled.column_iter_mut().zip(noise.iter().zip(samples.sizes())) {
@@ -154,7 +158,8 @@ fn is_same(a: &Found, b: &Found, duration: f64) -> bool {
         && likeness > ALIKE
 }
 
-/// Follows each pole back from the highest order it was found in; returns one of each line, from its middle order.
+/// Follows each pole back from the highest order it was found in; returns one of each line, from its middle
+/// order.
 fn collect(orders: &[Vec<Found>]) -> Vec<Pole> {
     let mut taken: Vec<Vec<bool>> = orders.iter().map(|found| vec![false; found.len()]).collect();
     let mut lines: Vec<(usize, Pole)> = Vec::new();

@@ -1,8 +1,8 @@
 //! Rows of a decay, and the triangle that orthogonal reflections make of them.
 //!
-//! A pole gives the columns `c = e^{−αt} cos νt` and `s = e^{−αt} sin νt`, and `t c`, `t s`, of which its derivatives consist. Of
-//! `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is stored, in which residuals and projections are as
-//! exact as in the rows.
+//! A pole gives the columns `c = e^{−αt} cos νt` and `s = e^{−αt} sin νt`, and `t c`, `t s`, of which its
+//! derivatives consist. Of `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is stored, in which residuals
+//! and projections are as exact as in the rows.
 
 use nalgebra::DMatrix;
 

@@ -1,11 +1,13 @@
 //! Modes that there would be without dampers, from those that there are.
 //!
-//! With as many modes as coordinates, poles λ and complex shapes z give the whole system, whatever its dampers are:
+//! With as many modes as coordinates, poles λ and complex shapes z give the whole system, whatever its
+//! dampers are:
 //! ```text
 //! [−M⁻¹K  −M⁻¹C] [Z; ZΛ] = ZΛ²
 //! ```
-//! and M⁻¹K has the undamped frequencies and shapes, of which equations of free vibration speak. Where damping is in
-//! proportion they are |λ| and z; where it is not, they differ by the square of the part of z that is out of phase.
+//! and M⁻¹K has the undamped frequencies and shapes, of which equations of free vibration speak. Where
+//! damping is in proportion they are |λ| and z; where it is not, they differ by the square of the part of z
+//! that is out of phase.
 
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -18,8 +20,8 @@ const SAME: f64 = 0.8;
 /// Steps of differences, relative.
 const STEP: f64 = 1e-6;
 
-/// Returns the amplitudes of the undamped modes, their covariance counted; `None` unless there are as many modes as
-/// channels, and each keeps its own.
+/// Returns the amplitudes of the undamped modes, their covariance counted; `None` unless there are as many
+/// modes as channels, and each keeps its own.
 pub fn undamped(damped: &Amplitudes) -> Option<Amplitudes> {
     let (channels, count) = damped.complex.shape();
     let stride = damped.stride();

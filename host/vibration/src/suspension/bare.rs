@@ -37,7 +37,9 @@ pub fn is_stated(table: &SuspensionTable) -> bool {
 pub fn massless(table: &SuspensionTable) -> Option<String> {
     let is_massless = !table.spring.is_empty() && table.spring.iter().all(|own| own.mass_kg == 0.0);
     is_massless.then(|| {
-        "the springs are taken to weigh nothing: a third of what they weigh counts as the body's; state mass_kg of each".to_owned()
+        "the springs are taken to weigh nothing: a third of what they weigh counts as the body's; state \
+         mass_kg of each"
+            .to_owned()
     })
 }
 
@@ -134,8 +136,10 @@ mod tests {
 
     #[test]
     fn a_third_of_the_springs_is_taken_off_with_the_platform_and_without_one() {
-        let springs = "spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.6 }, { at_m = [-0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.3 }]\n";
-        let platform = "[suspension.platform]\nmass_kg = 10.0\ncom_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = [1.0, 1.0, 1.5, 0.0, 0.0, 0.0]\n";
+        let springs = "spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.6 }, \
+                       { at_m = [-0.4, 0.3, 0.1], axial_npm = 9e3, mass_kg = 0.3 }]\n";
+        let platform = "[suspension.platform]\nmass_kg = 10.0\ncom_m = [0.0, 0.0, 0.0]\ninertia_com_kgm2 = \
+                        [1.0, 1.0, 1.5, 0.0, 0.0, 0.0]\n";
         let of = |more: &str| {
             let rig =
                 RigFile::parse(&format!("[suspension]\nbase_position_m = [0.0, 0.0, 0.1]\n{springs}{more}"));

@@ -21,8 +21,9 @@ const MAY_MISS: usize = 1;
 /// interval covers.
 const SYSTEMATIC: f64 = 2.5;
 /// The possible faults then.
-const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload and mass, anchor_height_m, units and \
-                    frames of poses, a part that is loose, and what the springs stand on";
+const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload \
+                    and mass, anchor_height_m, units and frames of poses, a part that is loose, and what the \
+                    springs stand on";
 
 /// A line so near to a mode, relative to its frequency, may be another mode.
 const BESIDE: f64 = 0.25;
@@ -61,8 +62,9 @@ impl Vibration {
         match (lacks, changes, beside) {
             (Some(lacks), Some(other), _) | (Some(lacks), None, Some(other)) => {
                 Err(Refused::Springs(format!(
-                    "{lacks}; and {other}. Either two modes near each other are taken for one, or the springs are not linear: strike the \
-                 platform so that it moves in all directions, more gently, and shift a mass so that the frequencies part"
+                    "{lacks}; and {other}. Either two modes near each other are taken for one, or the \
+                 springs are not linear: strike the platform so that it moves in all directions, more \
+                 gently, and shift a mass so that the frequencies part"
                 )))
             }
             (None, Some(changes), _) => Err(Refused::Springs(changes)),

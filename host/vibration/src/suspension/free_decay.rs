@@ -31,13 +31,15 @@ pub struct Samples {
     pub filled_in: usize,
     /// Samples per second.
     pub rate_hz: f64,
-    /// A row for each sample; shifts of O in m and turns in rad, of the free coordinates, or an IMU's specific force and rate.
+    /// A row for each sample; shifts of O in m and turns in rad, of the free coordinates, or an IMU's
+    /// specific force and rate.
     pub values: DMatrix<f64>,
     /// Names of the columns.
     pub names: Vec<&'static str>,
     /// The IMU that they are of; `None` of poses.
     pub(super) imu: Option<MountedImu>,
-    /// Rest in the frame of the recording: position of O, and attitude as a rotation matrix; `None` of an IMU.
+    /// Rest in the frame of the recording: position of O, and attitude as a rotation matrix; `None` of an
+    /// IMU.
     pub rest: Option<(Vector3<f64>, Matrix3<f64>)>,
 }
 
@@ -205,9 +207,9 @@ pub fn vibration(
     Ok(Vibration { samples, modes })
 }
 
-/// Takes frequencies and shapes of the modes that there would be without dampers, where the part out of phase moves a
-/// frequency by more than its standard deviation: equations of free vibration are theirs. Elsewhere, and where modes are
-/// missing, the possible difference is counted.
+/// Takes frequencies and shapes of the modes that there would be without dampers, where the part out of phase
+/// moves a frequency by more than its standard deviation: equations of free vibration are theirs. Elsewhere,
+/// and where modes are missing, the possible difference is counted.
 fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> {
     let damped = match modes.amplitudes.complex.nrows() {
         own if own == free.len() => modes.amplitudes.clone(),

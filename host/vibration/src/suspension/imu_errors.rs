@@ -146,9 +146,12 @@ mod tests {
 
     use super::*;
 
-    const RIG: &str = "[suspension]\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.1, 0.0, 0.05]\nanchor_height_m = 0.0\nspring = [{ at_m = [0.4, 0.3, 0.0], \
-                       axial_npm = 9e3 }]\n[[imu]]\nposition_m = [0.2, -0.1, 0.3]\nrotation_wxyz = [0.5, 0.5, 0.5, 0.5]\n\
-                       accel_bias_std_mps2 = 0.03\naccel_gain_std = 0.003\naccel_misalignment_std_rad = 0.002\ngyro_gain_std = 0.004\n\
+    const RIG: &str = "[suspension]\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.1, 0.0, \
+                       0.05]\nanchor_height_m = 0.0\nspring = \
+                       [{ at_m = [0.4, 0.3, 0.0], axial_npm = 9e3 }]\n[[imu]]\nposition_m = [0.2, -0.1, \
+                       0.3]\nrotation_wxyz = [0.5, 0.5, 0.5, 0.5]\n\
+                       accel_bias_std_mps2 = 0.03\naccel_gain_std = 0.003\naccel_misalignment_std_rad = \
+                       0.002\ngyro_gain_std = 0.004\n\
                        gyro_rotation_std_rad = 0.002\nposition_std_m = 0.002\nrotation_std_rad = 0.005\n";
 
     /// Returns what an IMU at a place reads of a swing, by the motion itself: shift X and turn Θ at the pole

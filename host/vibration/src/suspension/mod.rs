@@ -1,7 +1,9 @@
 //! Bodies on a platform that springs carry: no load cell, no actuator, only the motion that springs allow.
 //!
-//! Lives here: the springs' law ([`springs`]), the bare platform ([`bare`]), locked postures ([`postures`]), poses brought to coordinates about rest (`track`), the source of rows ([`source`]), and the
-//! way to it from a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree ([`rigident_rows::tree`]).
+//! Lives here: the springs' law ([`springs`]), the bare platform ([`bare`]), locked postures ([`postures`]),
+//! poses brought to coordinates about rest (`track`), the source of rows ([`source`]), and the way to it from
+//! a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree
+//! ([`rigident_rows::tree`]).
 
 pub mod bare;
 mod bridged;
@@ -48,7 +50,8 @@ pub enum SuspensionError {
     },
     /// A pose is none.
     #[error(
-        "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: mend it, or remove the row"
+        "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: mend it, or remove the \
+         row"
     )]
     Pose {
         /// The place of it.
@@ -58,7 +61,8 @@ pub enum SuspensionError {
     },
     /// The cut-off does not fit the rate.
     #[error(
-        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} poses a second: cut_off_hz of [suspension] must be below a quarter of that"
+        "a cut-off of {cut_off_hz} Hz cannot be at {rate_hz} poses a second: cut_off_hz of [suspension] must \
+         be below a quarter of that"
     )]
     CutOff {
         /// The cut-off, Hz.
@@ -68,7 +72,8 @@ pub enum SuspensionError {
     },
     /// Too little is left.
     #[error(
-        "{name}: no pose is left: {rows} poses at {rate_hz:.0} a second, and smoothing at {cut_off_hz} Hz takes {taps} without a gap: record longer, or raise cut_off_hz of [suspension]"
+        "{name}: no pose is left: {rows} poses at {rate_hz:.0} a second, and smoothing at {cut_off_hz} Hz \
+         takes {taps} without a gap: record longer, or raise cut_off_hz of [suspension]"
     )]
     Short {
         /// The recording.
@@ -84,8 +89,8 @@ pub enum SuspensionError {
     },
     /// Time has gaps.
     #[error(
-        "{name}: {gaps} gaps in time, the first before {first}, leave no more than {longest_s:.1} s in a row: modes need samples at a \
-             constant rate; fill the missing rows in, or record anew"
+        "{name}: {gaps} gaps in time, the first before {first}, leave no more than {longest_s:.1} s in a \
+             row: modes need samples at a constant rate; fill the missing rows in, or record anew"
     )]
     Gaps {
         /// The recording.
@@ -99,8 +104,9 @@ pub enum SuspensionError {
     },
     /// A locked coordinate moves.
     #[error(
-        "{name}: {coordinate} is locked by [suspension], and it moves by {moves:.2e} {unit} (rms), {share:.0} % of the largest free one: \
-             take it out of `locked`, or look whether the pose columns are in other axes"
+        "{name}: {coordinate} is locked by [suspension], and it moves by {moves:.2e} {unit} (rms), \
+             {share:.0} % of the largest free one: take it out of `locked`, or look whether the pose columns \
+             are in other axes"
     )]
     NotLocked {
         /// The recording.

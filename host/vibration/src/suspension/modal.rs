@@ -1,6 +1,8 @@
-//! Rows of the modes of free vibration: what vibrates has the mass matrix that its frequencies and shapes ask for.
+//! Rows of the modes of free vibration: what vibrates has the mass matrix that its frequencies and shapes ask
+//! for.
 //!
-//! With the displacement φ = (x, θ) of O and the ten parameters π of all that moves, about O in the axes at rest,
+//! With the displacement φ = (x, θ) of O and the ten parameters π of all that moves, about O in the axes at
+//! rest,
 //! ```text
 //! (K + K_g(π)) φ = ω² M(π) φ      M = [m 1, −[ms]×; [ms]×, I]
 //! ```
@@ -13,8 +15,8 @@
 //! ```text
 //! A(ω̂, φ̂) π = K φ̂ + B ((ω, φ) − (ω̂, φ̂)),   covariance B Σ Bᵀ
 //! ```
-//! until nothing changes. Rows are whitened by that covariance, of all modes together. Several postures of one tree are rows of the same
-//! base parameters and share the errors of the springs.
+//! until nothing changes. Rows are whitened by that covariance, of all modes together. Several postures of
+//! one tree are rows of the same base parameters and share the errors of the springs.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, SMatrix, Vector3, Vector6};
 use rigident_shared::inertia::InertialParameters;
@@ -30,12 +32,13 @@ use rigident_fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource
 const TEN: usize = 10;
 /// Rounds of correction at most; each gains about two digits.
 const MOST_ROUNDS: usize = 50;
-/// Corrections have ended when parameters change by less than this share of their standard deviation, and of their size.
+/// Corrections have ended when parameters change by less than this share of their standard deviation, and of
+/// their size.
 const STILL: f64 = 1e-6;
 /// Directions of columns of unit length with less than this share are not determined.
 const LOST: f64 = 1e-11;
-/// Standard deviation of an equation of free vibration by the size of its spring force that is taken for exact: shapes from cameras are
-/// ten thousand times worse.
+/// Standard deviation of an equation of free vibration by the size of its spring force that is taken for
+/// exact: shapes from cameras are ten thousand times worse.
 const EXACT: f64 = 1e-9;
 
 /// The swinging body in one posture: its modes, and its ten parameters as those that are estimated make them.
@@ -171,8 +174,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Corrects modes, parameters and errors until they stay; returns the whitened rows there, over parameters and errors, and their
-    /// values.
+    /// Corrects modes, parameters and errors until they stay; returns the whitened rows there, over
+    /// parameters and errors, and their values.
     pub(super) fn solve(&self) -> Option<(DMatrix<f64>, DVector<f64>)> {
         if self.measured.is_empty() {
             return None;
@@ -219,7 +222,8 @@ impl<'a> Problem<'a> {
         factor
     }
 
-    /// Rows over parameters and errors, values, and the derivative by what was measured, at corrected modes and parameters.
+    /// Rows over parameters and errors, values, and the derivative by what was measured, at corrected modes
+    /// and parameters.
     fn linearised(
         &self,
         corrected: &DVector<f64>,

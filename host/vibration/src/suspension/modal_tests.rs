@@ -10,10 +10,13 @@ use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::rig::RigFile;
 use rigident_rows::body;
 
-const RIG: &str = "[suspension]\nanchor_height_m = -0.05\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.0, 0.25, 0.4]\n\
-    base_rotation_wxyz = [0.9950041652780258, 0.0, 0.09983341664682815, 0.0]\nstiffness_std = STD\nspring = [\
-    { at_m = [0.5, 0.45, 0.0], axial_npm = 8.5e3, lateral_npm = 1.2e3 }, { at_m = [-0.5, 0.45, 0.0], axial_npm = 8.7e3, lateral_npm = 1.1e3 }, \
-    { at_m = [-0.5, -0.45, 0.05], axial_npm = 8.4e3, lateral_npm = 1.0e3 }, { at_m = [0.5, -0.45, 0.0], axis = [0.1, 0.0, 1.0], axial_npm = 8.5e3, lateral_npm = 1.3e3 }]\n";
+const RIG: &str = "[suspension]\nanchor_height_m = -0.05\nat_m = [0.0, 0.0, 0.02]\nbase_position_m = [0.0, \
+    0.25, 0.4]\n\
+    base_rotation_wxyz = [0.9950041652780258, 0.0, 0.09983341664682815, 0.0]\nstiffness_std = STD\nspring = \
+    [{ at_m = [0.5, 0.45, 0.0], axial_npm = 8.5e3, lateral_npm = 1.2e3 }, \
+    { at_m = [-0.5, 0.45, 0.0], axial_npm = 8.7e3, lateral_npm = 1.1e3 }, \
+    { at_m = [-0.5, -0.45, 0.05], axial_npm = 8.4e3, lateral_npm = 1.0e3 }, \
+    { at_m = [0.5, -0.45, 0.0], axis = [0.1, 0.0, 1.0], axial_npm = 8.5e3, lateral_npm = 1.3e3 }]\n";
 
 /// A body of the paper's size about S.
 const BODY: [f64; TEN] = [80.817, 0.016, -20.70, -10.22, 9.52, 3.15, 7.72, -2.62, 0.0016, 0.0024];
@@ -97,7 +100,8 @@ fn three_exact_modes_give_all_ten_and_two_do_not() {
     assert!(found(&support, two).estimate.unjudged().determined.iter().any(|d| !*d));
 }
 
-/// Root mean square of the normed errors, share outside 95 %, and mean of the normed errors, of each parameter.
+/// Root mean square of the normed errors, share outside 95 %, and mean of the normed errors, of each
+/// parameter.
 fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 3]> {
     let support = support(std);
     let mut sums = vec![[0.0; 3]; TEN];
@@ -126,7 +130,8 @@ fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 
 
 #[test]
 fn intervals_hold_at_the_rate_they_state() {
-    // 400 runs: 5 % outside have a standard deviation of 1.1 %, a mean of normed errors one of 0.05, their variance one of 7 %.
+    // 400 runs: 5 % outside have a standard deviation of 1.1 %, a mean of normed errors one of 0.05, their
+    // variance one of 7 %.
     for (std, kept) in [(0.0, 6), (0.003, 6), (0.003, 5)] {
         for (j, [square, outside, mean]) in statistics(400, std, (1e-3, 1e-4), kept).into_iter().enumerate() {
             assert!((0.01..0.095).contains(&outside), "{std} {kept} {j}: {outside}");

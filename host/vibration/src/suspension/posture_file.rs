@@ -53,7 +53,8 @@ impl PosturesFile {
             }
             if posture.mass_kg > 0.0 && (posture.mass_kg / median - 1.0).abs() > SAME_MASS {
                 return Err(format!(
-                    "{name}: mass_kg = {} where other postures have {median}: one body has one mass; is it in g?",
+                    "{name}: mass_kg = {} where other postures have {median}: one body has one mass; is it \
+                     in g?",
                     posture.mass_kg
                 ));
             }
@@ -64,7 +65,8 @@ impl PosturesFile {
             }
             if !(*mass > 0.0 && *mass < median) {
                 return Err(format!(
-                    "link_mass_kg.{link} = {mass}: a link weighs more than nothing and less than all, {median} kg"
+                    "link_mass_kg.{link} = {mass}: a link weighs more than nothing and less than all, \
+                     {median} kg"
                 ));
             }
         }

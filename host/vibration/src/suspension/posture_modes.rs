@@ -21,7 +21,8 @@ pub struct PostureModes {
     pub shapes: Shapes,
 }
 
-/// Returns the rows of all postures of a tree, which share the errors of the springs, over its base parameters.
+/// Returns the rows of all postures of a tree, which share the errors of the springs, over its base
+/// parameters.
 ///
 /// # Errors
 /// [`SuspensionError`] if the joints are not as the tree has them, or no mode is given.

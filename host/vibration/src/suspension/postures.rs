@@ -5,9 +5,10 @@
 //! ```text
 //! [M; MS; I] = Σ_j T(R_j, p_j) φ_j
 //! ```
-//! with the map T of ten parameters to another frame: linear in the standard parameters, and so in the base parameters. These are Eqs. 5
-//! to 7 of the vibration paper in a form that holds for any tree and any place of the joints. However many postures there are, of n
-//! spherical joints one direction for each is not determined: `J_0 + α 1, J_j − α 1`.
+//! with the map T of ten parameters to another frame: linear in the standard parameters, and so in the base
+//! parameters. These are Eqs. 5 to 7 of the vibration paper in a form that holds for any tree and any place
+//! of the joints. However many postures there are, of n spherical joints one direction for each is not
+//! determined: `J_0 + α 1, J_j − α 1`.
 
 use super::SuspensionError;
 use super::posture_file::{JointStand, PostureTable, PosturesFile};
@@ -141,7 +142,8 @@ impl PostureSource {
         &self.names
     }
 
-    /// Returns the ten rows of a posture over the base parameters, and its ten values: mass, first moments, tensor about the base's origin.
+    /// Returns the ten rows of a posture over the base parameters, and its ten values: mass, first moments,
+    /// tensor about the base's origin.
     pub fn of_posture(&self, posture: usize) -> Option<(&DMatrix<f64>, &[f64; TEN])> {
         self.rows.get(posture).map(|(rows, values)| (rows, values))
     }
@@ -174,7 +176,8 @@ impl PostureSource {
         }
     }
 
-    /// Returns 1 σ of the ten values of each posture: mass, kg; first moments, kg m; tensor about the base's origin, kg m².
+    /// Returns 1 σ of the ten values of each posture: mass, kg; first moments, kg m; tensor about the base's
+    /// origin, kg m².
     pub fn sigma(&self) -> &[[f64; TEN]] {
         &self.sigma
     }
@@ -185,8 +188,8 @@ impl PostureSource {
     }
 }
 
-/// 1 σ of masses, first moments and tensors as residuals of all postures show it: the sum of squares of each kind by what of its rows
-/// is not fitted. Of a kind that scatters by nothing, a millionth of its values.
+/// 1 σ of masses, first moments and tensors as residuals of all postures show it: the sum of squares of each
+/// kind by what of its rows is not fitted. Of a kind that scatters by nothing, a millionth of its values.
 fn scatter(rows: &[(DMatrix<f64>, [f64; TEN])]) -> Vec<[f64; TEN]> {
     let n = rows.first().map_or(0, |(columns, _)| columns.ncols());
     let kind = |i: usize| [0, 1, 1, 1, 2, 2, 2, 2, 2, 2][i];
@@ -222,7 +225,8 @@ fn scatter(rows: &[(DMatrix<f64>, [f64; TEN])]) -> Vec<[f64; TEN]> {
     vec![std::array::from_fn(|i| sigma[kind(i)]); rows.len()]
 }
 
-/// Returns the map of all standard parameters to the ten of the whole, 10 × 10 n, with the joints at these coordinates.
+/// Returns the map of all standard parameters to the ten of the whole, 10 × 10 n, with the joints at these
+/// coordinates.
 ///
 /// # Errors
 /// [`rigident_shared::tree::TreeError`] if these do not fit the tree.
@@ -262,8 +266,9 @@ fn whole(posture: &PostureTable) -> Result<[f64; TEN], String> {
     );
     if !body.is_physically_consistent() {
         return Err(format!(
-            "no distribution of mass has the tensor {inertia_com_kgm2:?} kg m² about its centre: the elements are Ixx, Iyy, Izz, Iyz, Izx, Ixy, \
-             Iyz = −∫ y z dm; about the centre of mass, not about the origin"
+            "no distribution of mass has the tensor {inertia_com_kgm2:?} kg m² about its centre: the \
+             elements are Ixx, Iyy, Izz, Iyz, Izx, Ixy, Iyz = −∫ y z dm; about the centre of mass, not about \
+             the origin"
         ));
     }
     Ok(body.to_vector())
@@ -295,7 +300,8 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
                 let off = (turn.transpose() * turn - Matrix3::identity()).abs().max();
                 if !(off < WRITTEN && turn.determinant() > 0.0) {
                     return Err(format!(
-                        "joint.{name}: the matrix is no rotation: its columns are not orthonormal by {off:.1e}, its determinant is {:.4}",
+                        "joint.{name}: the matrix is no rotation: its columns are not orthonormal by \
+                         {off:.1e}, its determinant is {:.4}",
                         turn.determinant()
                     ));
                 }
@@ -303,8 +309,8 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
             }
             _ => {
                 return Err(format!(
-                    "joint.{name}: a spherical joint stands by a quaternion w, x, y, z or a matrix, a revolute or prismatic one by a number; other \
-                     joints cannot be locked here"
+                    "joint.{name}: a spherical joint stands by a quaternion w, x, y, z or a matrix, a \
+                     revolute or prismatic one by a number; other joints cannot be locked here"
                 ));
             }
         }
@@ -318,8 +324,8 @@ fn quaternion(turn: &Matrix3<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// 1 σ of the ten values of each posture: of the first moments `√((M σ_c)² + (c σ_M)²)`, of the tensor about the origin what mass and centre
-/// move besides.
+/// 1 σ of the ten values of each posture: of the first moments `√((M σ_c)² + (c σ_M)²)`, of the tensor about
+/// the origin what mass and centre move besides.
 fn sigma(file: &PosturesFile) -> Result<Option<Vec<[f64; TEN]>>, String> {
     let (mass, com, inertia) = match (file.mass_std_kg, file.com_std_m, file.inertia_std_kgm2) {
         (None, None, None) => return Ok(None),

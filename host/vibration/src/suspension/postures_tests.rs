@@ -11,7 +11,8 @@ const LINK_0: (f64, [f64; 3], [f64; 6]) =
 const LINK_1: (f64, [f64; 3], [f64; 6]) =
     (14.896, [0.0, 0.0217, -0.1747], [0.0774, 0.1020, 0.0458, 0.0041, 0.0, 0.0]);
 
-/// Table 3: what the paper finds, in the order MS0, MS1, J0 yz zx xy, J1 yz zx xy, J0 xx−yy, zz−yy, J1 the same, ΣJyy.
+/// Table 3: what the paper finds, in the order MS0, MS1, J0 yz zx xy, J1 yz zx xy, J0 xx−yy, zz−yy, J1 the
+/// same, ΣJyy.
 const TABLE_3: [f64; 17] = [
     0.0599, -20.2678, -7.6113, -0.0177, 0.3212, -2.6268, -2.5027, 0.0121, 0.0192, 0.0519, -0.0087, -0.0052,
     6.6079, 5.2583, -0.0238, -0.5064, 2.9315,
@@ -62,7 +63,8 @@ fn least_squares(rows: &DMatrix<f64>, values: &DVector<f64>) -> Vec<f64> {
 
 #[test]
 fn table_1_gives_the_reference_row_of_table_4() {
-    // M0, J0 xx yy zz yz zx xy, MS0; J1 and MS1: the paper's Cal., which holds to what its centres of mass were rounded to.
+    // M0, J0 xx yy zz yz zx xy, MS0; J1 and MS1: the paper's Cal., which holds to what its centres of mass
+    // were rounded to.
     let file = paper();
     let source = PostureSource::new(&file, "the paper").unwrap();
     let ten = |(m, c, i): (f64, [f64; 3], [f64; 6])| {
@@ -104,7 +106,8 @@ fn table_2_gives_table_3() {
     assert!(worst < 0.006, "{worst}");
 }
 
-/// The paper's own rows, written out as it does: `−M0 S(s)` on the left, the products with s on the right, Eq. 10's combinations.
+/// The paper's own rows, written out as it does: `−M0 S(s)` on the left, the products with s on the right,
+/// Eq. 10's combinations.
 #[test]
 fn the_paper_s_form_gives_its_golden_least_squares() {
     let file = paper();
@@ -159,7 +162,8 @@ fn random_postures_have_the_rank_of_the_theory() {
         for k in 1..=n {
             let parent = if k == 1 || star { "base".to_owned() } else { format!("link{}", k - 1) };
             text += &format!(
-                "[[link]]\nname = \"link{k}\"\nparent = \"{parent}\"\njoint = \"spherical\"\nposition_m = [0.05, 0.3, 0.{k}]\n"
+                "[[link]]\nname = \"link{k}\"\nparent = \"{parent}\"\njoint = \"spherical\"\nposition_m = \
+                 [0.05, 0.3, 0.{k}]\n"
             );
         }
         let file: PosturesFile = toml::from_str(&text).unwrap();

@@ -181,7 +181,8 @@ fn clamped_coils_are_beams_with_thrust() {
     let turns = 4.0 * ei / length - 2.0 * thrust * length / 15.0;
     let diameter = (ei / length / (0.28 * 9e3_f64)).sqrt();
     let spring = format!(
-        "[[suspension.spring]]\nat_m = [0.0, 0.0, 0.0]\naxial_npm = 9e3\nlateral_npm = {across}\nclamped = true\nlength_m = {length}\n\
+        "[[suspension.spring]]\nat_m = [0.0, 0.0, 0.0]\naxial_npm = 9e3\nlateral_npm = {across}\nclamped = \
+         true\nlength_m = {length}\n\
          diameter_m = {diameter}\n"
     );
     let rig = RigFile::parse(&format!("[suspension]\nlocked = [\"yaw\"]\n{spring}")).unwrap();

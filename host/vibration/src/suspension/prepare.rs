@@ -30,7 +30,8 @@ pub struct PreparedSuspension {
     pub idle: Vec<Finding>,
 }
 
-/// Brings a recording of the poses of a platform, and of the links on it, to rows; of one body without a model.
+/// Brings a recording of the poses of a platform, and of the links on it, to rows; of one body without a
+/// model.
 ///
 /// # Errors
 /// [`SuspensionError`] says what is missing or does not fit.
@@ -41,7 +42,8 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
         missing(
             &recording.name,
             "the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz) are",
-            "springs push by how the platform stands; name the columns under [recording.columns] if they are called otherwise",
+            "springs push by how the platform stands; name the columns under [recording.columns] if they are \
+             called otherwise",
         )
     })?;
     let rate_hz = constant_rate_hz(recording)?;
@@ -108,8 +110,14 @@ pub(super) fn joints(
             _ => {
                 return Err(SuspensionError::Missing {
                     name: recording.name.clone(),
-                    missing: format!("a way to track joint {}, which is neither spherical, revolute nor prismatic, is", link.joint_name),
-                    advice: "on springs links hang on spherical, revolute and prismatic joints; lock the joint, or split it".to_owned(),
+                    missing: format!(
+                        "a way to track joint {}, which is neither spherical, revolute nor \
+                                      prismatic, is",
+                        link.joint_name
+                    ),
+                    advice: "on springs links hang on spherical, revolute and prismatic joints; lock the \
+                             joint, or split it"
+                        .to_owned(),
                 });
             }
         });
@@ -124,8 +132,8 @@ pub(super) fn joints(
                 name: recording.name.clone(),
                 missing: format!("how link {} stands is", link.name),
                 advice: format!(
-                    "give its attitude against the base link, q{j}_w, q{j}_x, q{j}_y, q{j}_z, or the column of its joint; a joint that is locked by \
-                     `lock` {}=VALUE",
+                    "give its attitude against the base link, q{j}_w, q{j}_x, q{j}_y, q{j}_z, or the column \
+                     of its joint; a joint that is locked by `lock` {}=VALUE",
                     link.joint_name
                 ),
             });
@@ -198,8 +206,8 @@ fn about(instants: &[Instant], rest: &Pose, cut_off_hz: f64, rows: usize) -> Str
     let deg: Vec<String> = (3..6).map(|k| format!("{:.3}", rms(instants, k).to_degrees())).collect();
     let p = rest.position;
     format!(
-        "the platform moves by {} mm and {} degrees (rms; x, y, z) about its rest at ({:.4}, {:.4}, {:.4}) m; poses smoothed at {cut_off_hz} Hz, \
-         {} of {rows} used",
+        "the platform moves by {} mm and {} degrees (rms; x, y, z) about its rest at ({:.4}, {:.4}, {:.4}) \
+         m; poses smoothed at {cut_off_hz} Hz, {} of {rows} used",
         mm.join(", "),
         deg.join(", "),
         p.x,

@@ -32,7 +32,8 @@ pub struct RecordedPosture {
     pub shapes: Shapes,
     /// The findings about them.
     pub findings: Vec<String>,
-    /// Rest of the platform in the frame of the recording: position of O, m, and attitude; `None` without poses.
+    /// Rest of the platform in the frame of the recording: position of O, m, and attitude; `None` without
+    /// poses.
     pub rest: Option<(Vector3<f64>, Matrix3<f64>)>,
     /// 1 σ of the rest's coordinates, m and rad: what a mean over no whole periods leaves.
     pub rest_sd: [f64; 6],
@@ -57,7 +58,8 @@ impl RecordedPosture {
         take_platform_off(recording, &mut own)?;
         if !own.estimate.unjudged().determined.iter().all(|told| *told) {
             return Err(refuse(
-                "its modes do not tell all ten parameters of a body: strike the platform so that it moves in all directions".to_owned(),
+                "its modes do not tell all ten parameters of a body: strike the platform so that it moves in \
+                 all directions".to_owned(),
             ));
         }
         let lowest = shapes.modes.iter().map(crate::modal_analysis::Mode::hz).fold(f64::INFINITY, f64::min);
@@ -137,7 +139,8 @@ fn locked(recording: &Recording, model: &Model) -> Result<Vec<f64>, SuspensionEr
             return Err(SuspensionError::Posture {
                 file: recording.name.clone(),
                 why: format!(
-                    "{} is not locked: it moves by {moves:.3} rad (m) against its mean, rms; lock it, or identify the motion by `identify()`",
+                    "{} is not locked: it moves by {moves:.3} rad (m) against its mean, rms; lock it, or \
+                     identify the motion by `identify()`",
                     link.name
                 ),
             });
@@ -148,8 +151,8 @@ fn locked(recording: &Recording, model: &Model) -> Result<Vec<f64>, SuspensionEr
     Ok(out)
 }
 
-/// Returns the rows of postures over the base parameters of a tree, one by one, and the factor of all with the errors of the springs
-/// that they share, the platform on it.
+/// Returns the rows of postures over the base parameters of a tree, one by one, and the factor of all with
+/// the errors of the springs that they share, the platform on it.
 ///
 /// # Errors
 /// [`SuspensionError`] if the postures do not fit the tree, or two have one name.

@@ -1,7 +1,8 @@
-//! Springs that are not what they were between two recordings: rest that moved by other than the weight explains, and masses that differ.
+//! Springs that are not what they were between two recordings: rest that moved by other than the weight
+//! explains, and masses that differ.
 //!
-//! Between postures the platform is levelled anew, and rests as before, or it is left alone, and rests where the weight's moments turn
-//! it to. Any other rest is a spring that has settled, or cameras that moved.
+//! Between postures the platform is levelled anew, and rests as before, or it is left alone, and rests where
+//! the weight's moments turn it to. Any other rest is a spring that has settled, or cameras that moved.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
@@ -14,7 +15,8 @@ use rigident_io::rig::SuspensionTable;
 const CHANCE: f64 = 4.0;
 /// Cameras and joints hold no better, m and rad.
 const HELD: [f64; 2] = [2e-5, 5e-5];
-/// Rest that turns by more changes what springs are along the platform's axes by more than their tolerance, rad.
+/// Rest that turns by more changes what springs are along the platform's axes by more than their tolerance,
+/// rad.
 const TILTED: f64 = 2e-3;
 /// A spring explains what is left if no more than this share of its square stays.
 const EXPLAINED: f64 = 0.2;
@@ -31,8 +33,8 @@ pub fn settled(table: &SuspensionTable, support: &Support, postures: &[RecordedP
             let u95 = COVERAGE_95 * a.1.hypot(b.1);
             if (a.0 - b.0).abs() > CONTRADICTORY * u95 {
                 said.push(format!(
-                    "the mass is {:.3} kg by {} and {:.3} kg by {}, {:.1} times their uncertainty apart: a spring is softer than it was, or \
-                     something was added or lost between them",
+                    "the mass is {:.3} kg by {} and {:.3} kg by {}, {:.1} times their uncertainty apart: a \
+                     spring is softer than it was, or something was added or lost between them",
                     a.0,
                     first.name,
                     b.0,
@@ -81,8 +83,9 @@ fn moved(
         let tilt = measured[3].hypot(measured[4]);
         return (tilt > TILTED).then(|| {
             format!(
-                "between {} and {} the platform's rest turned by {:.2}°, as the weight explains: springs are taken along the axes of rest of each \
-                 posture, so level the platform anew after each change of posture",
+                "between {} and {} the platform's rest turned by {:.2}°, as the weight explains: springs are \
+                 taken along the axes of rest of each posture, so level the platform anew after each change \
+                 of posture",
                 first.name,
                 other.name,
                 tilt.to_degrees()
@@ -98,8 +101,9 @@ fn moved(
         )
     });
     Some(format!(
-        "between {} and {} the rest of the platform moved by ({:.2}, {:.2}, {:.2}) mm and ({:.3}, {:.3}, {:.3})° other than the weight \
-         explains{spring}: a spring has settled, or the cameras were moved; have the springs calibrated again (`vibration_stiffness()`)",
+        "between {} and {} the rest of the platform moved by ({:.2}, {:.2}, {:.2}) mm and ({:.3}, {:.3}, \
+         {:.3})° other than the weight explains{spring}: a spring has settled, or the cameras were moved; \
+         have the springs calibrated again (`vibration_stiffness()`)",
         first.name,
         other.name,
         1e3 * left[0],

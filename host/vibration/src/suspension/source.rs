@@ -1,8 +1,8 @@
 //! Rows of bodies on springs: the springs' wrench is what a load cell would measure.
 //!
-//! Rows are those of a tree whose base is tracked ([`TreeSource`]): its momentum, so that no acceleration is formed. They are about the
-//! platform's point O at r_O instead of the base's origin at r: with `a = r − r_O` the moments gain `a × F`, whose differentiated part is
-//! `a × d/dt D = d/dt (a × D) − ȧ × D`.
+//! Rows are those of a tree whose base is tracked ([`TreeSource`]): its momentum, so that no acceleration is
+//! formed. They are about the platform's point O at r_O instead of the base's origin at r: with `a = r − r_O`
+//! the moments gain `a × F`, whose differentiated part is `a × d/dt D = d/dt (a × D) − ȧ × D`.
 //!
 //! The load of springs at rest is six columns of its own, eliminated as offsets: two horizontal forces, the
 //! weight W and its two horizontal moments, each as forces of the springs whose places turn with the platform
@@ -10,8 +10,8 @@
 //! ```text
 //! F = (fx, fy, W)     M = R (m_y', m_x', W h …) × ẑ     of which R x̂ × ẑ, R ŷ × ẑ and h R ẑ × ẑ are the columns
 //! ```
-//! So weight tells nothing of the mass, and no pose of empty springs has to be known; but the pendulum that a body is about the anchors
-//! stays in the rows.
+//! So weight tells nothing of the mass, and no pose of empty springs has to be known; but the pendulum that a
+//! body is about the anchors stays in the rows.
 
 use std::ops::Range;
 
@@ -45,8 +45,8 @@ pub(super) struct Tracked {
 }
 
 impl Tracked {
-    /// Returns the smoothed track of a platform, and of a tree on it, with the platform and the frame at each of its rows but those near
-    /// its ends and gaps.
+    /// Returns the smoothed track of a platform, and of a tree on it, with the platform and the frame at each
+    /// of its rows but those near its ends and gaps.
     pub(super) fn new(
         track: Track,
         smoother: Smoother,
@@ -80,7 +80,8 @@ pub struct SuspendedSource {
 }
 
 impl SuspendedSource {
-    /// Returns the source of frames of a tree, or of one body where the model is one link, with the platform at the time of each.
+    /// Returns the source of frames of a tree, or of one body where the model is one link, with the platform
+    /// at the time of each.
     ///
     /// # Errors
     /// [`TreeSourceError`] if the model has no base parameters, or the frames do not fit it.
@@ -257,7 +258,8 @@ impl RowSource for SuspendedSource {
         let of = |noise: &TrackNoise| SignalNoise {
             name: "poses".to_owned(),
             unit: noise.unit.to_owned(),
-            // What differences show is the noise itself: residuals do not bound it, as springs that are not known take part of it.
+            // What differences show is the noise itself: residuals do not bound it, as springs that are not
+            // known take part of it.
             stated: Some(noise.sigma),
             found: noise.sigma,
         };
@@ -282,7 +284,8 @@ impl RowSource for SuspendedSource {
     }
 
     fn signal_noise_is_white(&self) -> bool {
-        // The poses were smoothed, and springs and masses make forces of their noise that cancel at each resonance.
+        // The poses were smoothed, and springs and masses make forces of their noise that cancel at each
+        // resonance.
         false
     }
 

@@ -1,8 +1,8 @@
 //! The effect of springs on a platform: the wrench of a displacement, and what errors of their stiffness
 //! change in it.
 //!
-//! Axes are those of the platform at rest, z up, moments about the point O of the platform where it is now. With the shift d of O, the
-//! turn R and its vector θ
+//! Axes are those of the platform at rest, z up, moments about the point O of the platform where it is now.
+//! With the shift d of O, the turn R and its vector θ
 //! ```text
 //! matrix:          [F; M] = −K [d; θ]
 //! springs at a:    δ = d + (R − 1) a,   F = −Σ K_s δ,   M = −Σ R a × K_s δ,   K_s = k_n n nᵀ + k_t (1 − n nᵀ)
@@ -262,7 +262,8 @@ impl Springs {
         }
     }
 
-    /// Returns what a unit of each error adds to the wrench, in the order of the numbers in [`Springs::nuisances`].
+    /// Returns what a unit of each error adds to the wrench, in the order of the numbers in
+    /// [`Springs::nuisances`].
     pub fn error_wrenches(&self, at: &Displacement) -> Vec<Vector6<f64>> {
         let (q, rates) = (at.coordinates(), at.rates());
         let symmetric = |i: usize, j: usize, by: &Vector6<f64>| {
@@ -356,9 +357,9 @@ mod tests {
 
     const FOUR: &str = "[suspension]\nat_m = [0.0, 0.0, 0.1]\n\
         spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, lateral_npm = 1.1e3 }, \
-                  { at_m = [-0.4, 0.3, 0.1], axial_npm = 8.8e3, lateral_npm = 1.0e3 }, \
-                  { at_m = [-0.4, -0.3, 0.15], axial_npm = 9.1e3, lateral_npm = 1.0e3 }, \
-                  { at_m = [0.4, -0.3, 0.1], axis = [0.1, 0.0, 1.0], axial_npm = 9e3, lateral_npm = 1.2e3 }]\n";
+        { at_m = [-0.4, 0.3, 0.1], axial_npm = 8.8e3, lateral_npm = 1.0e3 }, \
+        { at_m = [-0.4, -0.3, 0.15], axial_npm = 9.1e3, lateral_npm = 1.0e3 }, \
+        { at_m = [0.4, -0.3, 0.1], axis = [0.1, 0.0, 1.0], axial_npm = 9e3, lateral_npm = 1.2e3 }]\n";
 
     fn springs(text: &str) -> Springs {
         Springs::new(RigFile::parse(text).unwrap().suspension.as_ref().unwrap())

@@ -1,7 +1,8 @@
 //! The stiffness of springs from the modes of a body that is known.
 //!
-//! The equations are those of [`super::modal`], with the body known and every element of the stiffness unknown: rows of the same
-//! problem, with errors of the springs as large as the springs, and what is known of the body below them.
+//! The equations are those of [`super::modal`], with the body known and every element of the stiffness
+//! unknown: rows of the same problem, with errors of the springs as large as the springs, and what is known
+//! of the body below them.
 
 use nalgebra::{DMatrix, DVector, Matrix6};
 
@@ -29,15 +30,17 @@ pub struct FoundStiffness {
     pub stiffness: Matrix6<f64>,
     /// 1 σ of its elements.
     pub std: Matrix6<f64>,
-    /// χ² of what is left by its degrees of freedom: more than chance gives contradicts body, springs or modes.
+    /// χ² of what is left by its degrees of freedom: more than chance gives contradicts body, springs or
+    /// modes.
     pub variance_ratio: f64,
     /// Its degrees of freedom.
     pub degrees_of_freedom: f64,
 }
 
 impl FoundStiffness {
-    /// Returns the diagonal elements in which springs that a rig file states are others, by their numbers: with the value stated, that found,
-    /// and by how many of their standard deviations these differ. A stiffness of one body in place of another is off by the ratio of their masses.
+    /// Returns the diagonal elements in which springs that a rig file states are others, by their numbers:
+    /// with the value stated, that found, and by how many of their standard deviations these differ. A
+    /// stiffness of one body in place of another is off by the ratio of their masses.
     pub fn other_than(&self, springs: &Springs) -> Vec<(usize, [f64; 3])> {
         let stated = springs.stiffness();
         let errors = springs.error_stiffnesses();
@@ -53,9 +56,9 @@ impl FoundStiffness {
     }
 }
 
-/// Returns the stiffness about O of the springs that a known body vibrated on: its ten parameters in S, the platform's among them, and
-/// their covariance. `table` is the rig file's, of whose stiffness only the size counts; 1 σ are larger where more is left than chance
-/// gives.
+/// Returns the stiffness about O of the springs that a known body vibrated on: its ten parameters in S, the
+/// platform's among them, and their covariance. `table` is the rig file's, of whose stiffness only the size
+/// counts; 1 σ are larger where more is left than chance gives.
 ///
 /// `None` if the modes do not tell every element.
 pub fn stiffness(

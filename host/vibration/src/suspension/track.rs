@@ -1,8 +1,8 @@
 //! Poses of a platform, and places of the joints on it, as smoothed coordinates about the platform's rest.
 //!
-//! Rest is the mean pose: free vibration goes both ways. Coordinates are those of the point O of the platform in its own axes at
-//! rest, so that it does not matter where the cameras are. One symmetric kernel smooths all of them, and
-//! gives their slopes.
+//! Rest is the mean pose: free vibration goes both ways. Coordinates are those of the point O of the platform
+//! in its own axes at rest, so that it does not matter where the cameras are. One symmetric kernel smooths
+//! all of them, and gives their slopes.
 
 use std::ops::Range;
 
@@ -61,7 +61,8 @@ pub(super) fn poses(
     rows.iter().enumerate().map(of).collect()
 }
 
-/// Returns the mean pose: of attitudes the one whose squared distances from all are least (F. L. Markley et al. 2007).
+/// Returns the mean pose: of attitudes the one whose squared distances from all are least (F. L. Markley et
+/// al. 2007).
 pub(super) fn rest(poses: &[Pose]) -> Pose {
     let n = poses.len().max(1) as f64;
     let position = poses.iter().map(|p| p.position).sum::<Vector3<f64>>() / n;
@@ -158,8 +159,9 @@ impl Track {
 
     /// Returns the cut-off, Hz: above the highest frequency at which the coordinates accelerate visibly.
     ///
-    /// One kernel is on both sides of the equation, which is exact at any cut-off; but noise, differentiated twice, grows as the square
-    /// of the frequency and makes bodies small. So the cut-off is as low as the motion allows.
+    /// One kernel is on both sides of the equation, which is exact at any cut-off; but noise, differentiated
+    /// twice, grows as the square of the frequency and makes bodies small. So the cut-off is as low as the
+    /// motion allows.
     pub(super) fn cut_off_hz(&self) -> f64 {
         let highest = HIGHEST_HZ.min(0.2 * self.rate_hz);
         let bins = ((highest / BIN_HZ) as usize).max(8);
@@ -252,7 +254,8 @@ mod tests {
         let smoother = Smoother::new(40.0, rate).unwrap();
         let own = track.at(&smoother, 300).unwrap();
         let (p, q) = pose(1.5);
-        // The kernel's second moment, (width/2)²/19, takes ω² times half of it off an amplitude; twice that has room for the rest.
+        // The kernel's second moment, (width/2)²/19, takes ω² times half of it off an amplitude; twice that
+        // has room for the rest.
         let taken = |angular: f64| angular.powi(2) * (0.5 * width_s(40.0)).powi(2) / 19.0;
         assert!((Vector3::from_column_slice(&own.positions[..3]) - p).norm() < taken(7.0) * 0.0222);
         let turn = UnitQuaternion::from_quaternion(Quaternion::new(

@@ -1,8 +1,9 @@
 //! White noise of tracked coordinates, and tracks with more of it.
 //!
-//! Markers move position and attitude of a body together, and the attitude of a joint with that of the base: noise has a covariance.
-//! It is that of tenth differences, which motion below the cut-off hardly enters. Attitudes are turned in the axes of what they are
-//! measured against, so that the covariance stays the same while links swing.
+//! Markers move position and attitude of a body together, and the attitude of a joint with that of the base:
+//! noise has a covariance. It is that of tenth differences, which motion below the cut-off hardly enters.
+//! Attitudes are turned in the axes of what they are measured against, so that the covariance stays the same
+//! while links swing.
 
 use std::ops::Range;
 
@@ -22,7 +23,8 @@ const COUNTED: f64 = 0.95;
 /// Noise of the coordinates of a track.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TrackNoise {
-    /// 1 σ per sample and axis, root mean square: of the platform's place; where that has none, of its attitude.
+    /// 1 σ per sample and axis, root mean square: of the platform's place; where that has none, of its
+    /// attitude.
     pub(super) sigma: f64,
     /// m or rad.
     pub(super) unit: &'static str,
@@ -30,7 +32,8 @@ pub(super) struct TrackNoise {
     shape: DMatrix<f64>,
 }
 
-/// The change of coordinates that a change of their numbers is: shifts, and turns in the axes of what is turned against.
+/// The change of coordinates that a change of their numbers is: shifts, and turns in the axes of what is
+/// turned against.
 fn change(parts: &[Part], numbers: &[f64], by: &[f64]) -> Vec<f64> {
     let (mut at, mut out) = (0, Vec::with_capacity(by.len()));
     for part in parts {
@@ -154,7 +157,8 @@ mod tests {
             let t = f64::from(k) / rate;
             let noise = Vector3::new(normal(), normal(), normal()) * sigma;
             let swung = UnitQuaternion::from_scaled_axis(Vector3::new(0.6 * (5.0 * t).sin(), 0.0, 0.3));
-            // The base turns by as many rad as it shifts m; the joint's attitude against it has that noise, too.
+            // The base turns by as many rad as it shifts m; the joint's attitude against it has that noise,
+            // too.
             let base = UnitQuaternion::from_scaled_axis(noise);
             let relative = base.inverse() * swung;
             poses.push(Pose { position: noise + Vector3::x() * (0.005 * (9.0 * t).sin()), attitude: base });

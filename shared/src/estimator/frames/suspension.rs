@@ -1,13 +1,15 @@
 //! Springs under a base that is tracked: they are the sensor, and rows are made of every frame.
 //!
-//! Axes are those of the platform at rest, z up; moments are about the point O of the platform. A frame brings O's shift d and the vector
-//! θ of the turn, and the springs' wrench is `[F; M] = −K [d; θ]`. What they carry at rest is a column for every coordinate that is not
-//! locked: two forces, the weight, which acts at the height of the anchors, its two horizontal moments, which turn with the platform R,
-//! and a moment about the vertical: `F = (fx, fy, W)`, `M = R (my, −mx, h W) × ẑ + mz ẑ`.
+//! Axes are those of the platform at rest, z up; moments are about the point O of the platform. A frame
+//! brings O's shift d and the vector θ of the turn, and the springs' wrench is `[F; M] = −K [d; θ]`. What
+//! they carry at rest is a column for every coordinate that is not locked: two forces, the weight, which acts
+//! at the height of the anchors, its two horizontal moments, which turn with the platform R, and a moment
+//! about the vertical: `F = (fx, fy, W)`, `M = R (my, −mx, h W) × ẑ + mz ẑ`.
 //!
-//! Frames come too often for keeping them under the kernel and making their rows anew for every row block. So each frame's
-//! rows are made once, added up with those of its neighbours as [`crate::conditioning`] averages samples, and the sums go with their
-//! weights into every row block whose kernel lies over them: one FIR over exact rows, at an even cost.
+//! Frames come too often for keeping them under the kernel and making their rows anew for every row block. So
+//! each frame's rows are made once, added up with those of its neighbours as [`crate::conditioning`] averages
+//! samples, and the sums go with their weights into every row block whose kernel lies over them: one FIR over
+//! exact rows, at an even cost.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -103,8 +105,8 @@ impl<T: Scalar> Mount<T> {
     };
 }
 
-/// Row blocks that are not complete. Their numbers are in the room that else holds frames: sums since the last average, then the
-/// blocks, column by column.
+/// Row blocks that are not complete. Their numbers are in the room that else holds frames: sums since the
+/// last average, then the blocks, column by column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sums<T: Scalar> {
     kernel: Kernel<T, TAPS>,
@@ -228,8 +230,8 @@ impl<T: Scalar> Sums<T> {
         turns.map(|(turn, v)| *turn - twice * v).all(|off| off.abs() < T::from_f32(SAME_TURN))
     }
 
-    /// Takes a frame, whose wrench is the springs', and which has been judged; returns the columns of a row block if one is complete, six
-    /// rows each.
+    /// Takes a frame, whose wrench is the springs', and which has been judged; returns the columns of a row
+    /// block if one is complete, six rows each.
     pub(super) fn push<'a>(
         &mut self,
         room: &'a mut [T; ROOM],
@@ -308,7 +310,8 @@ impl<T: Scalar> Sums<T> {
         [one(0), one(1), one(2), mx, my, one(5)]
     }
 
-    /// Adds the sums, with their weights, to the blocks whose kernel lies over them; returns the one that is complete by that.
+    /// Adds the sums, with their weights, to the blocks whose kernel lies over them; returns the one that is
+    /// complete by that.
     #[inline(never)]
     fn spread<'a>(&mut self, sums: &[T], blocks: &'a mut [T]) -> Option<&'a [T]> {
         let count = u16::from(self.blocks);

@@ -1,10 +1,11 @@
 //! Frames of a tree whose base cameras track: positions and rates, of which rows are made and filtered here.
 //!
-//! All vectors are in the laboratory's axes, z up, and moments about the base's origin at r, wherever that is. With D the momentum
-//! about it and S what gravity alone needs, `[F; M] = ∂D + S + [0; ṙ × D_F]`, so with the kernel k of the filter
-//! `k ∗ [F; M] = k̇ ∗ D + k ∗ (S + [0; ṙ × D_F])`: no acceleration is ever formed, and r never enters. The frames under the kernel are
-//! stored, not their rows: of sixteen links 484 bytes a frame. On springs ([`super::Suspension`]) the same
-//! rows are about the platform's point O: the base's origin has an arm to it, and ṙ is O's velocity.
+//! All vectors are in the laboratory's axes, z up, and moments about the base's origin at r, wherever that
+//! is. With D the momentum about it and S what gravity alone needs, `[F; M] = ∂D + S + [0; ṙ × D_F]`, so with
+//! the kernel k of the filter `k ∗ [F; M] = k̇ ∗ D + k ∗ (S + [0; ṙ × D_F])`: no acceleration is ever formed,
+//! and r never enters. The frames under the kernel are stored, not their rows: of sixteen links 484 bytes a
+//! frame. On springs ([`super::Suspension`]) the same rows are about the platform's point O: the base's
+//! origin has an arm to it, and ṙ is O's velocity.
 
 use nalgebra::Vector3;
 
@@ -57,7 +58,8 @@ pub struct TrackedFrame<'a, T> {
 const OF_BASE: usize = 9;
 /// Numbers that are stored of a link.
 pub(super) const OF_LINK: usize = 7;
-/// Room for the frames of sixteen links under the longest kernel; or for rows on springs that are not complete.
+/// Room for the frames of sixteen links under the longest kernel; or for rows on springs that are not
+/// complete.
 pub(super) const ROOM: usize = TAPS * (OF_BASE + OF_LINK * LINKS);
 /// Numbers of the columns of a link: what is smoothed and what is differentiated, forces and moments each.
 pub(super) type LinkColumns<T> = [[T; 12]; 10];
@@ -173,7 +175,8 @@ impl<T: Scalar> Window<T> {
         OF_BASE + OF_LINK * usize::from(self.links)
     }
 
-    /// Calls `each` with the weights of smoothed and differentiated parts and the frame, from the oldest to the newest.
+    /// Calls `each` with the weights of smoothed and differentiated parts and the frame, from the oldest to
+    /// the newest.
     fn each_frame(&self, mut each: impl FnMut(T, T, &Kept<'_, T>)) {
         let (taps, stride) = (self.kernel.smooth().len(), self.stride());
         let used = self.store.get(..taps * stride).unwrap_or_default();
@@ -187,8 +190,8 @@ impl<T: Scalar> Window<T> {
         }
     }
 
-    /// Adds up the filtered rows: calls `add` with the number of a column that stays, its forces where it has any, and its moments,
-    /// of every frame.
+    /// Adds up the filtered rows: calls `add` with the number of a column that stays, its forces where it has
+    /// any, and its moments, of every frame.
     pub(super) fn rows(
         &self,
         links: &[FrameLink<T>],
@@ -226,7 +229,8 @@ impl<T: Scalar> Window<T> {
     }
 }
 
-/// The columns of a link: of each what is smoothed, then what is differentiated. `velocity` is that of the point that moments are about.
+/// The columns of a link: of each what is smoothed, then what is differentiated. `velocity` is that of the
+/// point that moments are about.
 #[inline(never)]
 pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T>) -> LinkColumns<T> {
     let upward = Vector3::new(T::ZERO, T::ZERO, T::from_f32(GRAVITY));
@@ -249,7 +253,8 @@ pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T
     })
 }
 
-/// Every link's motion in the laboratory's axes, about the point that the base's origin is mounted to; velocities are the laboratory's.
+/// Every link's motion in the laboratory's axes, about the point that the base's origin is mounted to;
+/// velocities are the laboratory's.
 #[inline(never)]
 pub(super) fn states<T: Scalar>(
     links: &[FrameLink<T>],

@@ -1,17 +1,19 @@
 //! The test for a change of the watched link, and its size.
 //!
-//! Rows `y = Y φ + b + ε`: φ is what the link's parameters are more than known, b an offset of the wrench. If the link changed by δ some
-//! time ago, newer rows have `Y δ` too. With the factor of older rows, absorbed beside newer ones, and δ's columns last, the triangle
-//! holds `[D z]` of δ alone: `|z|²` is what δ explains, χ² of ten degrees of freedom if nothing has changed, whatever φ and b.
-//! A sweep asks that of the newest bin, of the newest two, and so on, one step a frame.
+//! Rows `y = Y φ + b + ε`: φ is what the link's parameters are more than known, b an offset of the wrench. If
+//! the link changed by δ some time ago, newer rows have `Y δ` too. With the factor of older rows, absorbed
+//! beside newer ones, and δ's columns last, the triangle holds `[D z]` of δ alone: `|z|²` is what δ explains,
+//! χ² of ten degrees of freedom if nothing has changed, whatever φ and b. A sweep asks that of the newest
+//! bin, of the newest two, and so on, one step a frame.
 //!
-//! The noise of the six channels goes together: a force under a foot is a moment about the IMU. Its covariance is that of the differences
-//! of successive rows in the first half of the time that the test needs to settle; rows are multiplied by the inverse of its Cholesky
-//! factor.
+//! The noise of the six channels goes together: a force under a foot is a moment about the IMU. Its
+//! covariance is that of the differences of successive rows in the first half of the time that the test needs
+//! to settle; rows are multiplied by the inverse of its Cholesky factor.
 //!
-//! Known parameters are wrong, too, and what that leaves is no white noise. So each length of the newest rows has a mean and a maximum
-//! of its `|z|²` from the second half on. Where the mean is above ten, the limit is as many times larger, and no limit is less than
-//! 2.5 times the maximum. Variances grow as if two directions of the ten had all of it.
+//! Known parameters are wrong, too, and what that leaves is no white noise. So each length of the newest rows
+//! has a mean and a maximum of its `|z|²` from the second half on. Where the mean is above ten, the limit is
+//! as many times larger, and no limit is less than 2.5 times the maximum. Variances grow as if two directions
+//! of the ten had all of it.
 
 use crate::Scalar;
 use crate::factor::{BLOCK_ROWS, Column, PackedFactor, packed_entries};
@@ -41,7 +43,8 @@ const DIRECTIONS: u32 = 5;
 const LEAST_NOISE: f32 = 1e-3;
 /// A mean of this many sweeps; older ones are forgotten.
 const SWEEPS: u16 = 600;
-/// Root of the inflation of the variance beyond which single precision does not tell a parameter from the others.
+/// Root of the inflation of the variance beyond which single precision does not tell a parameter from the
+/// others.
 const INFLATION: f32 = 1000.0;
 
 type Common<T> = PackedFactor<T, COMMON, { packed_entries(COMMON) }>;
@@ -58,7 +61,8 @@ pub struct Change<T> {
     pub between: [u32; 2],
     /// The part that it explains against its limit; above 1.
     pub ratio: T,
-    /// Its size, if it has been measured: of m, m c, and the tensor, and their standard deviations. Infinite of what rows do not tell.
+    /// Its size, if it has been measured: of m, m c, and the tensor, and their standard deviations. Infinite
+    /// of what rows do not tell.
     pub size: Option<([T; LINK], [T; LINK])>,
 }
 
@@ -198,7 +202,8 @@ impl<T: Scalar> Test<T> {
         mean.max(T::ONE)
     }
 
-    /// Takes rows for the noise: as many blocks as half the bins in which the test settles have. Whether it still needs some.
+    /// Takes rows for the noise: as many blocks as half the bins in which the test settles have. Whether it
+    /// still needs some.
     fn learns(&mut self, rows: &Six<T>) -> bool {
         if self.differences > self.settle {
             return false;
@@ -432,7 +437,8 @@ impl<T: Scalar> Test<T> {
         Some(best)
     }
 
-    /// Frames around the borders from the newer to the older one: border k lies between bin k and the one before it.
+    /// Frames around the borders from the newer to the older one: border k lies between bin k and the one
+    /// before it.
     #[cold]
     #[inline(never)]
     fn around(&self, newer: usize, older: usize) -> [u32; 2] {

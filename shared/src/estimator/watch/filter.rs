@@ -1,5 +1,5 @@
-//! The filter of what frames say. A row takes its sums along instead of frames their place in a memory: two or three rows are under way
-//! at a time, and frames may be many.
+//! The filter of what frames say. A row takes its sums along instead of frames their place in a memory: two
+//! or three rows are under way at a time, and frames may be many.
 
 use super::robot::Share;
 use crate::Scalar;

@@ -1,9 +1,10 @@
 //! A robot that is watched while it works: did a link change, when, and by how much?
 //!
-//! The robot's inertial parameters are known, of one link they may change: it picks something up, or loses a cover. Frames bring what
-//! the robot's own controller has: places and rates of joints, the base's IMU, wrenches of feet. The reference is the IMU's place, so
-//! that no acceleration is needed but the IMU's own: `w = ∂h + ω×h + [m a; mc×a]` of all links, h being the momentum relative to
-//! a frame that moves with the IMU without turning. What is left of w has the rows of the watched link's changes ([`Change`]).
+//! The robot's inertial parameters are known, of one link they may change: it picks something up, or loses a
+//! cover. Frames bring what the robot's own controller has: places and rates of joints, the base's IMU,
+//! wrenches of feet. The reference is the IMU's place, so that no acceleration is needed but the IMU's own:
+//! `w = ∂h + ω×h + [m a; mc×a]` of all links, h being the momentum relative to a frame that moves with the
+//! IMU without turning. What is left of w has the rows of the watched link's changes ([`Change`]).
 
 mod change;
 mod filter;
@@ -35,7 +36,8 @@ pub struct WatchConfig<T> {
     pub width_s: T,
     /// Frames from row to row; two rows make a bin.
     pub row_every: u16,
-    /// 1 σ of a frame's wrench on the whole robot about the IMU's place: N, N m. Rows show their noise; a thousandth of this is the least.
+    /// 1 σ of a frame's wrench on the whole robot about the IMU's place: N, N m. Rows show their noise; a
+    /// thousandth of this is the least.
     pub channel_sigma: [T; 6],
     /// Range of each channel of a sensor of forces: N, N m.
     pub range: [T; 6],
@@ -303,7 +305,8 @@ impl<T: Scalar> Watch<T> {
         self.reject(WatchRejection::Links);
     }
 
-    /// Takes in one frame, and does a step of the test. A change if it has just been found, and once more when it has been measured.
+    /// Takes in one frame, and does a step of the test. A change if it has just been found, and once more
+    /// when it has been measured.
     ///
     /// # Errors
     /// Why it was left out; rows of frames before it and after it are made apart then.

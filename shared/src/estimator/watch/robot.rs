@@ -1,4 +1,5 @@
-//! A robot whose inertial parameters are known, in motion: its momentum, and the columns of the link that is watched.
+//! A robot whose inertial parameters are known, in motion: its momentum, and the columns of the link that is
+//! watched.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,7 +16,8 @@ pub const WATCH_FEET: usize = 4;
 /// Angles are to be between plus and minus this many radians.
 const LARGEST_ANGLE: f32 = 50.0;
 
-/// Holds a link whose parameters are known. The first one is the base, in the axes of its IMU, about the IMU's place.
+/// Holds a link whose parameters are known. The first one is the base, in the axes of its IMU, about the
+/// IMU's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchLink<T: Scalar> {
     /// The place where it hangs. Its joint is fixed, revolute or prismatic.
@@ -44,7 +46,8 @@ pub fn turned<T: Scalar>(wxyz: [T; 4]) -> Option<Matrix3<T>> {
 /// `left = smoothed + d/dt differentiated`, and so for the columns of the watched link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share<T> {
-    /// The wrench less what the known parameters make of it, N, N m, without derivatives; ten columns, the right-hand side last.
+    /// The wrench less what the known parameters make of it, N, N m, without derivatives; ten columns, the
+    /// right-hand side last.
     pub(super) smoothed: [[T; 11]; 6],
     /// The part to be differentiated.
     pub(super) differentiated: [[T; 11]; 6],
@@ -56,7 +59,8 @@ pub(super) struct Motion<T: Scalar> {
     base: BaseMotion<T>,
 }
 
-/// The state of every link; `None` if a number is none, an angle is far too large, or the links are in no order.
+/// The state of every link; `None` if a number is none, an angle is far too large, or the links are in no
+/// order.
 #[inline(never)]
 pub(super) fn motion<T: Scalar>(
     links: &[WatchLink<T>],
@@ -145,7 +149,8 @@ impl<T: Scalar> Motion<T> {
     }
 }
 
-/// Sine and cosine; `None` beyond [`LARGEST_ANGLE`] or of what is no number. Quarter turns are taken off, and series take the rest.
+/// Sine and cosine; `None` beyond [`LARGEST_ANGLE`] or of what is no number. Quarter turns are taken off, and
+/// series take the rest.
 pub(super) fn sine_cosine<T: Scalar>(angle: T) -> Option<(T, T)> {
     // NaN is refused, too.
     if angle.abs() > T::from_f32(LARGEST_ANGLE) || !angle.is_finite() {

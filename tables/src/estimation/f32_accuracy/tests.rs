@@ -1,5 +1,5 @@
-//! The rule for f32 on target, `max(0.05 sd, 20 ε cond ‖φ‖)` against least squares in f64 on the very same rows, at
-//! a size for every day; `cargo xtask tables --long` goes to 1e7 samples and 128 parameters.
+//! The rule for f32 on target, `max(0.05 sd, 20 ε cond ‖φ‖)` against least squares in f64 on the very same
+//! rows, at a size for every day; `cargo xtask tables --long` goes to 1e7 samples and 128 parameters.
 
 use super::{CONDITIONS, Line, body, pieces, random};
 

@@ -1,7 +1,8 @@
-//! The tables of `docs/diagnosis.md`: recordings with one fault each, and honest ones, through the program as a user would run
-//! it.
+//! The tables of `docs/diagnosis.md`: recordings with one fault each, and honest ones, through the program as
+//! a user would run it.
 //!
-//! Faults are put into simulated recordings by code of their own, column by column; nothing of the search for faults is used.
+//! Faults are put into simulated recordings by code of their own, column by column; nothing of the search for
+//! faults is used.
 
 mod body;
 mod noise;
@@ -98,7 +99,8 @@ fn table_of(faults: &[Planted], seeds: u64, run: impl Fn(&Planted, u64) -> Verdi
         verdict
     });
     let mut text =
-        "| fault | recordings | wrong and identified | right and identified | refused or implausible | its cause named |\n|---|---|---|---|---|---|\n"
+        "| fault | recordings | wrong and identified | right and identified | refused or implausible | its \
+         cause named |\n|---|---|---|---|---|---|\n"
             .to_owned();
     let mut all = [0; 5];
     for (k, fault) in faults.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Honest recordings of one body with noise as sensors have it: filtered, decimated, held, stepped, 1/f, with a line; with and
-//! without a rest, in which noise is all that an accelerometer tells of a mass.
+//! Honest recordings of one body with noise as sensors have it: filtered, decimated, held, stepped, 1/f, with
+//! a line; with and without a rest, in which noise is all that an accelerometer tells of a mass.
 //!
 //! Spectra as data sheets and recordings at rest have them. Nothing of the estimator makes them.
 
@@ -138,8 +138,8 @@ impl Spectrum {
     }
 }
 
-/// Returns an honest recording whose IMU has noise of a spectrum, or, of every third and of a servo, its load cell, with a
-/// rest at the beginning, the middle or the end.
+/// Returns an honest recording whose IMU has noise of a spectrum, or, of every third and of a servo, its load
+/// cell, with a rest at the beginning, the middle or the end.
 pub(super) fn honest_case(spectrum: Spectrum, rest_s: f64, seed: u64) -> Case {
     let known = Errors::default_classes();
     let nominal = Rig::lab();
@@ -192,7 +192,9 @@ pub fn table() -> String {
         }
         (refused, own.worst)
     });
-    let mut text = "| noise | rest 0 s | 1 s | 3 s | 10 s | recordings | worst error / U95 |\n|---|---|---|---|---|---|---|\n".to_owned();
+    let mut text = "| noise | rest 0 s | 1 s | 3 s | 10 s | recordings | worst error / U95 \
+                    |\n|---|---|---|---|---|---|---|\n"
+        .to_owned();
     let per_kind = RESTS_S.len() * SEEDS as usize;
     let mut sums = [0; RESTS_S.len()];
     let mut all_worst: f64 = 0.0;

@@ -34,7 +34,8 @@ const JOINTS: [&str; 6] = [
     "wrist_3_joint",
 ];
 
-/// The nominal arm, every seed's own motion and friction, and what the sensors of an arm of somewhat other bodies read.
+/// The nominal arm, every seed's own motion and friction, and what the sensors of an arm of somewhat other
+/// bodies read.
 struct Arm {
     nominal: Model,
     actual: Model,
@@ -191,13 +192,16 @@ const FAULTS: [Planted; 38] = [
     Planted { name: "rates in rpm", told: "0.1047 times", plant: |c| scale(c, &["radps"], None, 30.0 / std::f64::consts::PI) },
     Planted { name: "rates reversed", told: "has the opposite sign", plant: |c| scale(c, &["radps"], None, -1.0) },
     Planted { name: "joints 2 and 3 swapped", told: "shoulder_lift_joint and elbow_joint are swapped", plant: |c| reorder(c, &ALL, [0, 2, 1, 3, 4, 5]) },
-    Planted { name: "joints 1 and 2 swapped", told: "shoulder_pan_joint and shoulder_lift_joint are swapped", plant: |c| reorder(c, &ALL, [1, 0, 2, 3, 4, 5]) },
+    Planted { name: "joints 1 and 2 swapped", told: "shoulder_pan_joint and shoulder_lift_joint are \
+        swapped", plant: |c| reorder(c, &ALL, [1, 0, 2, 3, 4, 5]) },
     Planted { name: "joints 5 and 6 swapped", told: "wrist_2_joint and wrist_3_joint are swapped", plant: |c| reorder(c, &ALL, [0, 1, 2, 3, 5, 4]) },
-    Planted { name: "efforts of 2 and 3 swapped", told: "the efforts of shoulder_lift_joint and elbow_joint", plant: |c| reorder(c, &["nm"], [0, 2, 1, 3, 4, 5]) },
+    Planted { name: "efforts of 2 and 3 swapped", told: "the efforts of shoulder_lift_joint and \
+        elbow_joint", plant: |c| reorder(c, &["nm"], [0, 2, 1, 3, 4, 5]) },
     Planted { name: "efforts of 5 and 6 swapped", told: "the efforts of wrist_2_joint and wrist_3_joint", plant: |c| reorder(c, &["nm"], [0, 1, 2, 3, 5, 4]) },
     Planted { name: "all columns off by one joint", told: "all columns of each joint are those", plant: |c| reorder(c, &ALL, [5, 0, 1, 2, 3, 4]) },
     Planted { name: "efforts off by one joint", told: "the efforts of each joint are those", plant: |c| reorder(c, &["nm"], [1, 2, 3, 4, 5, 0]) },
-    Planted { name: "joint 2 counts backwards", told: "position and rate of shoulder_lift_joint are reversed", plant: |c| scale(c, &MOTION, Some(1), -1.0) },
+    Planted { name: "joint 2 counts backwards", told: "position and rate of shoulder_lift_joint are \
+        reversed", plant: |c| scale(c, &MOTION, Some(1), -1.0) },
     Planted { name: "joint 4 counts backwards", told: "position and rate of wrist_1_joint are reversed", plant: |c| scale(c, &MOTION, Some(3), -1.0) },
     Planted { name: "joint 6 counts backwards", told: "wrist_3_joint", plant: |c| scale(c, &MOTION, Some(5), -1.0) },
     Planted { name: "joint 2 turns the other way", told: "shoulder_lift_joint turns the other way", plant: |c| scale(c, &ALL, Some(1), -1.0) },

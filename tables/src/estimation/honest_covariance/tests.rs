@@ -8,7 +8,8 @@ use crate::estimation::coloured_noise;
 use crate::estimation::filter_response::impulse_response;
 use crate::estimation::problem::Normal;
 
-/// Within 5 % for every one of the sixteen parameters, at the rates that ship, and not by being the same computation.
+/// Within 5 % for every one of the sixteen parameters, at the rates that ship, and not by being the same
+/// computation.
 #[test]
 fn shipped_standard_deviations_are_those_of_the_sandwich() {
     for rate_hz in [200.0, 1000.0] {

@@ -57,8 +57,8 @@ pub fn model(links: Vec<ModelLink>) -> Model {
     Model { name: "machine".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
-/// Returns how far the parameters of a fit, sums of those of its links, are off, in U95, and this; `truth` has
-/// ten of each link.
+/// Returns how far the parameters of a fit, sums of those of its links, are off, in U95, and this; `truth`
+/// has ten of each link.
 pub fn off(fit: &Fit, names: &[String], truth: &[f64]) -> Errors {
     let of = |(j, weights): (usize, Vec<f64>)| {
         let measured = fit.estimate.measured(j)?;

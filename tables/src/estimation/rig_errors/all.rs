@@ -1,4 +1,5 @@
-//! All errors at once, rigs drawn at random from what is known of them; U95 are medians, of the moments relative to each.
+//! All errors at once, rigs drawn at random from what is known of them; U95 are medians, of the moments
+//! relative to each.
 
 use super::super::problem::Normal;
 use super::errors::Errors;
@@ -29,7 +30,8 @@ pub fn table() -> String {
         ("as stated, flicker noise of the load cell below 1 Hz", 1.0, flicker),
         ("twice as large as stated", 2.0, Disturbance::default()),
     ];
-    let mut text = "| errors | coverage of m | of mc, least–largest | of c | of I_c | U95 of m | of c | of I_c | residuals | implausible | silent |\n\
+    let mut text = "| errors | coverage of m | of mc, least–largest | of c | of I_c | U95 of m | of c | of \
+                    I_c | residuals | implausible | silent |\n\
                     |---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let body = Rig::lab().body;

@@ -1,4 +1,5 @@
-//! A rig calibrated by a steel cylinder: what it then tells of another body, and how often the truth is in its intervals.
+//! A rig calibrated by a steel cylinder: what it then tells of another body, and how often the truth is in
+//! its intervals.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rigident::fit::Silent;
@@ -31,10 +32,14 @@ const TILT_LIMIT: f64 = 0.05;
 /// The file of the cylinder.
 fn reference() -> ReferenceBody {
     let text = format!(
-        "name = \"steel cylinder\"\nmass_kg = {MASS_KG}\nmass_std_kg = {MASS_STD}\n\n[cylinder]\ndiameter_m = {DIAMETER}\n\
-         diameter_tolerance_m = {SIZE_LIMIT}\nlength_m = {LENGTH}\nlength_tolerance_m = {SIZE_LIMIT}\n\n[place]\n\
-         position_m = [0, 0, {BOTTOM}]\nposition_tolerance_m = [{PLACE_LIMIT}, {PLACE_LIMIT}, {PLACE_LIMIT}]\n\
-         rotation_tolerance_deg = [{TILT_LIMIT}, {TILT_LIMIT}, {TILT_LIMIT}]\n\n[[mounting]]\nname = \"lying\"\n\
+        "name = \"steel cylinder\"\nmass_kg = {MASS_KG}\nmass_std_kg = {MASS_STD}\n\n[cylinder]\ndiameter_m \
+         = {DIAMETER}\n\
+         diameter_tolerance_m = {SIZE_LIMIT}\nlength_m = {LENGTH}\nlength_tolerance_m = \
+         {SIZE_LIMIT}\n\n[place]\n\
+         position_m = [0, 0, {BOTTOM}]\nposition_tolerance_m = [{PLACE_LIMIT}, {PLACE_LIMIT}, \
+         {PLACE_LIMIT}]\n\
+         rotation_tolerance_deg = [{TILT_LIMIT}, {TILT_LIMIT}, {TILT_LIMIT}]\n\n[[mounting]]\nname \
+         = \"lying\"\n\
          rotation_rpy_deg = [90, 0, 0]\nposition_m = [0, {}, {}]\n",
         0.5 * LENGTH,
         BOTTOM + 0.5 * DIAMETER,
@@ -153,7 +158,8 @@ fn drawn(name: &str, known: Errors, motion: &Motion, recordings: usize) -> Runs 
 
 /// The table.
 pub fn table() -> String {
-    let mut text = "| rig | rigs | U95 of m | of c | of I_c | coverage of m | of mc, least–largest | of c | of I_c | implausible |\n\
+    let mut text = "| rig | rigs | U95 of m | of c | of I_c | coverage of m | of mc, least–largest | of c | \
+                    of I_c | implausible |\n\
                     |---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     let body = Rig::lab().body;

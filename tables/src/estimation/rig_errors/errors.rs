@@ -85,8 +85,8 @@ impl Group {
         }
     }
 
-    /// The name of the nuisance parameter of one of its errors, in the order of [`Group::of`], and what it is in the unit of the
-    /// error here.
+    /// The name of the nuisance parameter of one of its errors, in the order of [`Group::of`], and what it is
+    /// in the unit of the error here.
     pub fn nuisance(self, at: usize) -> (String, f64) {
         let axis = |group: &str| (format!("{group}_{}", ["x", "y", "z"][at % 3]), 1.0);
         match self {
@@ -128,8 +128,8 @@ impl Group {
 }
 
 impl Errors {
-    /// Standard deviations of a rig that is known by its data sheets alone: limits of 3 mm, 0.5°, 2 ms, 0.05 m/s², 10 mrad/s and
-    /// 0.2 % of full scale, over √3; scales and angles between axes to 0.5 %.
+    /// Standard deviations of a rig that is known by its data sheets alone: limits of 3 mm, 0.5°, 2 ms, 0.05
+    /// m/s², 10 mrad/s and 0.2 % of full scale, over √3; scales and angles between axes to 0.5 %.
     pub fn data_sheet() -> Self {
         let of = |limit: f64| limit / 3.0_f64.sqrt();
         let crosstalk = |to: usize| std::array::from_fn(|from| if from == to { 0.0 } else { of(2e-3) });
@@ -149,8 +149,8 @@ impl Errors {
         }
     }
 
-    /// The same with a load cell of which no more is known than the class of its data sheet, 1 %, and an IMU of the class
-    /// industrial: what a rig file has that states nothing.
+    /// The same with a load cell of which no more is known than the class of its data sheet, 1 %, and an IMU
+    /// of the class industrial: what a rig file has that states nothing.
     pub fn default_classes() -> Self {
         let of = |limit: f64| limit / 3.0_f64.sqrt();
         let crosstalk = |to: usize| std::array::from_fn(|from| if from == to { 0.0 } else { of(1e-2) });
@@ -186,11 +186,15 @@ impl Errors {
     pub fn rig_file(&self, position: &Vector3<f64>, quaternion: &[f64; 4], noise: &Noise) -> String {
         let [x, y, z] = [position.x, position.y, position.z];
         format!(
-            "[recording]\ngravity_mps2 = {gravity}\n\n[[imu]]\nposition_m = [{x}, {y}, {z}]\nrotation_wxyz = {quaternion:?}\n\
+            "[recording]\ngravity_mps2 = {gravity}\n\n[[imu]]\nposition_m = [{x}, {y}, {z}]\nrotation_wxyz = \
+             {quaternion:?}\n\
              accel_noise_mps2 = {accel}\ngyro_noise_radps = {gyro}\n\
-             position_std_m = {lever}\nrotation_std_rad = {rotation}\nskew_std_s = {skew}\naccel_bias_std_mps2 = {bias}\n\
-             accel_gain_std = {scale}\naccel_misalignment_std_rad = {misalignment}\ngyro_bias_std_radps = {gyro_bias}\n\
-             gyro_gain_std = {gyro_gain}\ngyro_rotation_std_rad = {gyro_rotation}\n\n[load_cell]\nnoise_n_nm = {cell:?}\nrange_n_nm = {FULL_SCALE:?}\n\
+             position_std_m = {lever}\nrotation_std_rad = {rotation}\nskew_std_s = \
+             {skew}\naccel_bias_std_mps2 = {bias}\n\
+             accel_gain_std = {scale}\naccel_misalignment_std_rad = {misalignment}\ngyro_bias_std_radps = \
+             {gyro_bias}\n\
+             gyro_gain_std = {gyro_gain}\ngyro_rotation_std_rad = {gyro_rotation}\n\n[load_cell]\nnoise_n_nm \
+             = {cell:?}\nrange_n_nm = {FULL_SCALE:?}\n\
              gain_uncertainty = {gain:?}\ncrosstalk_std = {crosstalk}\ndrift_std_n_nm = {drift:?}\n",
             gravity = super::mechanics::GRAVITY,
             accel = noise.accel,

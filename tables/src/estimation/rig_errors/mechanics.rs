@@ -125,8 +125,8 @@ impl Motion {
         Self { rest: Some([from_s, to_s]), ..self }
     }
 
-    /// Returns how far the motion is at a time, s, how fast it goes, and how that changes: the speed goes from 1 to 0 and back as
-    /// `1 − 3x² + 2x³`.
+    /// Returns how far the motion is at a time, s, how fast it goes, and how that changes: the speed goes
+    /// from 1 to 0 and back as `1 − 3x² + 2x³`.
     fn progress(&self, t: f64) -> [f64; 3] {
         let Some([from, to]) = self.rest else { return [t, 1.0, 0.0] };
         let stopping = |x: f64| {
@@ -153,7 +153,8 @@ impl Motion {
         }
     }
 
-    /// ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s², of which a tensor is known twice as well.
+    /// ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s², of which a tensor
+    /// is known twice as well.
     pub fn brisk() -> Self {
         let of = |axis: usize, all: [(f64, f64); 4]| all.map(|(hz, phase)| (axis, 0.25, hz, phase));
         Self::of(

@@ -1,5 +1,5 @@
-//! Errors of sensors and mounting that do not average out: an independent simulation of the rig, through the program as a
-//! user would run it with a rig file.
+//! Errors of sensors and mounting that do not average out: an independent simulation of the rig, through the
+//! program as a user would run it with a rig file.
 
 mod all;
 mod calibration;

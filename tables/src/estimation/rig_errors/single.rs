@@ -31,8 +31,8 @@ fn status(all: &Runs) -> String {
     )
 }
 
-/// One error of a group is several standard deviations large; all others are none. Which one, and its sign, follows from the
-/// seed; its name comes with it.
+/// One error of a group is several standard deviations large; all others are none. Which one, and its sign,
+/// follows from the seed; its name comes with it.
 fn large(group: Group, known: &Errors, seed: u64) -> (Errors, String, f64) {
     let mut errors = Errors::default();
     let sigma: Vec<f64> = group.of(&mut known.clone()).into_iter().map(|v| *v).collect();
@@ -44,14 +44,15 @@ fn large(group: Group, known: &Errors, seed: u64) -> (Errors, String, f64) {
     (errors, name, size * unit)
 }
 
-/// Rows of errors that the rig file states: each alone, drawn as stated with all others stated exact; then large beside all
-/// others.
+/// Rows of errors that the rig file states: each alone, drawn as stated with all others stated exact; then
+/// large beside all others.
 fn stated() -> String {
     let motion = Motion::lab();
     let known = Errors::data_sheet();
     let nominal = Rig::lab();
     let everything = rig_file(&known, &nominal.noise);
-    let mut text = "| error | m | mc | I_c | error/U95 | 5 σ: named | found | m | mc | I_c | error/U95 | identified | silent |\n\
+    let mut text = "| error | m | mc | I_c | error/U95 | 5 σ: named | found | m | mc | I_c | error/U95 | \
+                    identified | silent |\n\
                     |---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for group in Group::ALL {

@@ -1,8 +1,9 @@
-//! Runs of simulated machines in which one thing goes wrong, on a simulated clock, measured by a referee of its own.
+//! Runs of simulated machines in which one thing goes wrong, on a simulated clock, measured by a referee of
+//! its own.
 //!
-//! The drivers are the program's (`gcs://`, `pose+tcp://`), the controllers those of the simulated rig. Time goes on only
-//! while somebody waits ([`world`]), so that a run takes milliseconds. What the plate does is measured from its poses
-//! alone ([`referee`]).
+//! The drivers are the program's (`gcs://`, `pose+tcp://`), the controllers those of the simulated rig. Time
+//! goes on only while somebody waits ([`world`]), so that a run takes milliseconds. What the plate does is
+//! measured from its poses alone ([`referee`]).
 
 mod referee;
 mod stops;
@@ -114,7 +115,8 @@ impl Hexapod {
         hexapod
     }
 
-    /// A motion of all axes, as large as the machine takes it, and how it comes to rest, in a share of the limits.
+    /// A motion of all axes, as large as the machine takes it, and how it comes to rest, in a share of the
+    /// limits.
     fn program(&self, scale: f64, draws: &mut Draws) -> Option<MotionProgram> {
         let inner = self.geometry.within(USED);
         let load = Load::body(self.body);
@@ -362,8 +364,9 @@ pub fn table() -> String {
 
 fn written(outcomes: &[Outcome]) -> String {
     let mut text = String::from(
-        "| fault | runs | refused before it moved | ended | went on to its end | at rest after, s, at most | undisturbed: stroke, \
-         speed, acceleration, jerk, force | after the fault | unseen by lines | untrue words |\n|---|---|---|---|---|---|---|---|---|---|\n",
+        "| fault | runs | refused before it moved | ended | went on to its end | at rest after, s, at most | \
+         undisturbed: stroke, speed, acceleration, jerk, force | after the fault | unseen by lines | untrue \
+         words |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (kind, name) in KINDS.iter().enumerate() {
         let all: Vec<&Outcome> = outcomes.iter().filter(|o| o.kind == kind).collect();
@@ -398,11 +401,12 @@ mod tests {
 
     /// The first of the table's.
     const RUNS: u64 = 50;
-    /// The plate is at rest so soon after a fault that ends the motion, s; after a stall of the host, after its end.
+    /// The plate is at rest so soon after a fault that ends the motion, s; after a stall of the host, after
+    /// its end.
     const REST_S: f64 = 0.8;
 
-    /// A fixed part of the table's runs: no limit is exceeded before the fault, and stroke and speed never; words are true,
-    /// and the plate is at rest in time.
+    /// A fixed part of the table's runs: no limit is exceeded before the fault, and stroke and speed never;
+    /// words are true, and the plate is at rest in time.
     #[test]
     fn whatever_goes_wrong_limits_are_kept_and_words_are_true() {
         for outcome in outcomes(RUNS) {

@@ -1,4 +1,5 @@
-//! What a simulated machine really does, by finite differences of its own poses: nothing here is the planner's or the guards'.
+//! What a simulated machine really does, by finite differences of its own poses: nothing here is the
+//! planner's or the guards'.
 
 use std::collections::VecDeque;
 
@@ -8,7 +9,8 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 /// Samples are this far apart, s.
 pub const STEP_S: f64 = 1e-3;
 
-/// The machine as the referee knows it: joints (m), and point masses on the plate (kg, m, in P), in gravity (A, m/s²).
+/// The machine as the referee knows it: joints (m), and point masses on the plate (kg, m, in P), in gravity
+/// (A, m/s²).
 #[derive(Clone, Debug)]
 pub struct Machine {
     pub base: [[f64; 3]; 6],

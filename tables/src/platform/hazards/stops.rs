@@ -1,4 +1,5 @@
-//! The time from an alarm to rest, and the legs' forces in it, by controller and stop: computed and simulated.
+//! The time from an alarm to rest, and the legs' forces in it, by controller and stop: computed and
+//! simulated.
 
 use std::fmt::Write as _;
 
@@ -101,8 +102,9 @@ pub fn table() -> String {
         stops::stopped(&trajectory, &hexapod.geometry, &load, stop_s).expect("no singular pose").leg_force_n
     };
     let mut text = String::from(
-        "| controller | stop | takes by itself, s | from alarm to rest, simulated, s | leg force in the program, N | in the stop, \
-         computed, N | in the stop, simulated, N |\n|---|---|---|---|---|---|---|\n",
+        "| controller | stop | takes by itself, s | from alarm to rest, simulated, s | leg force in the \
+         program, N | in the stop, computed, N | in the stop, simulated, N \
+         |\n|---|---|---|---|---|---|---|\n",
     );
     let mut row = |scheme: &str, stop: &str, own_s: f64, [before, after, rest_s]: [f64; 3]| {
         let _ = writeln!(

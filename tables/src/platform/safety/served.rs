@@ -1,4 +1,5 @@
-//! A simulated rig in this process, in real time, that a `rigident run` of its own process drives, and what can go wrong with it.
+//! A simulated rig in this process, in real time, that a `rigident run` of its own process drives, and what
+//! can go wrong with it.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};

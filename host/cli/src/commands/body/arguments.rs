@@ -29,12 +29,12 @@ pub enum BodyCommand {
 
 /// `rigident body markers`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Sets that are recognised by their names: Plug-in Gait, CGM2, Qualisys Sports, IOR, OpenCap's anatomical markers, and keypoints of \
-                  OpenPose, Theia and OpenCap, which are joint centres. What is not known is named in a file for --markers of body \
-                  identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file cannot be read.\n\nExamples:\n  \
-                  rigident body markers walk.c3d\n  rigident body markers walk.trc --json"
-)]
+#[command(after_help = "Sets that are recognised by their names: Plug-in Gait, CGM2, Qualisys Sports, IOR, \
+                  OpenCap's anatomical markers, and keypoints of OpenPose, Theia and OpenCap, which are \
+                  joint centres. What is not known is named in a file for --markers of body \
+                  identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file \
+                  cannot be read.\n\nExamples:\n  rigident body markers walk.c3d\n  rigident body markers \
+                  walk.trc --json")]
 pub struct BodyMarkers {
     /// A trial: C3D or TRC
     #[arg(value_name = "TRIAL")]
@@ -113,15 +113,19 @@ impl From<TableOf> for Sex {
 /// `rigident body identify`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "A trial is a C3D file with force plates, or a TRC file with the ground's forces beside it: walk_grf.mot to walk.trc, \
-                  or --ground FILE. Markers are known by their names (Plug-in Gait, OpenSim's examples and the like); joint centres come \
-                  from all trials together. Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a motion \
-                  with a factor of its own; a single one is cut into parts. Every motion is predicted by the others, beside the table of \
-                  average people scaled to the person.\n\nExit status 0 if the whole mass is identified, 1 if not, 2 if a file cannot be \
-                  used.\n\nExamples:\n  rigident body identify walk.c3d --static standing.c3d --height-m 1.68\n  rigident body identify \
-                  walk.trc --ground walk_forces.mot --static standing.trc\n  rigident body identify walk1.c3d walk2.c3d squat.c3d --static \
-                  standing.c3d --mass-kg 72.6 --write-model subject.urdf\n  rigident body identify walk.trc --static standing.trc --osim scaled.osim --write-model \
-                  identified.osim\n  rigident body identify serve.c3d --tool racket --tare walk.c3d --tare squat.c3d"
+    after_help = "A trial is a C3D file with force plates, or a TRC file with the ground's forces beside it: \
+                  walk_grf.mot to walk.trc, or --ground FILE. Markers are known by their names (Plug-in \
+                  Gait, OpenSim's examples and the like); joint centres come from all trials together. \
+                  Frames in which a foot is off the plates are dropped, and counted.\n\nEach trial is a \
+                  motion with a factor of its own; a single one is cut into parts. Every motion is predicted \
+                  by the others, beside the table of average people scaled to the person.\n\nExit status 0 \
+                  if the whole mass is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  \
+                  rigident body identify walk.c3d --static standing.c3d --height-m 1.68\n  rigident body \
+                  identify walk.trc --ground walk_forces.mot --static standing.trc\n  rigident body identify \
+                  walk1.c3d walk2.c3d squat.c3d --static standing.c3d --mass-kg 72.6 --write-model \
+                  subject.urdf\n  rigident body identify walk.trc --static standing.trc --osim scaled.osim \
+                  --write-model identified.osim\n  rigident body identify serve.c3d --tool racket --tare \
+                  walk.c3d --tare squat.c3d"
 )]
 pub struct IdentifyBody {
     /// Trials: C3D, or TRC with a MOT or STO file beside it
@@ -148,8 +152,8 @@ pub struct IdentifyBody {
     /// Whose means the table has
     #[arg(long, value_enum, default_value_t)]
     pub table: TableOf,
-    /// A segment's mass that is known otherwise, with its U95, kg: a prosthesis, a limb with a load that is worn in all trials; may be
-    /// repeated
+    /// A segment's mass that is known otherwise, with its U95, kg: a prosthesis, a limb with a load that is
+    /// worn in all trials; may be repeated
     #[arg(long, value_name = "NAME=KG±KG", value_parser = segment_mass)]
     pub segment_mass: Vec<GivenMass>,
     /// How well the scales of the plates are known, per cent (1 σ): a part that all share, and as much of
@@ -162,7 +166,8 @@ pub struct IdentifyBody {
     /// How late the plates are against the cameras, s; by default from the data
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub delay_s: Option<f64>,
-    /// Plates that are always loaded were reset right before each trial: their zero is exact, not known to 5 N (1 σ)
+    /// Plates that are always loaded were reset right before each trial: their zero is exact, not known to 5
+    /// N (1 σ)
     #[arg(long)]
     pub plates_zeroed: bool,
     /// Parts of a single trial, each a motion; or strides, of every trial
@@ -180,14 +185,16 @@ pub struct IdentifyBody {
     /// Make right segments mirror images of left ones
     #[arg(long)]
     pub symmetric_sides: bool,
-    /// An OpenSim model that is scaled to the person: its lengths are known to 15 mm (1 σ), and --write-model FILE.osim writes the
-    /// segments into it
+    /// An OpenSim model that is scaled to the person: its lengths are known to 15 mm (1 σ), and --write-model
+    /// FILE.osim writes the segments into it
     #[arg(long, value_name = "FILE")]
     pub osim: Option<PathBuf>,
-    /// Write the segments into a model: FILE.urdf, FILE.xml (MJCF), or FILE.osim, which is that of --osim with other inertias
+    /// Write the segments into a model: FILE.urdf, FILE.xml (MJCF), or FILE.osim, which is that of --osim
+    /// with other inertias
     #[arg(long, value_name = "FILE")]
     pub write_model: Option<PathBuf>,
-    /// The person holds something in the trials, of this name: its own parameters come from these and the trials of --tare
+    /// The person holds something in the trials, of this name: its own parameters come from these and the
+    /// trials of --tare
     #[arg(long, value_name = "NAME", requires = "tare")]
     pub tool: Option<String>,
     /// The link that holds it

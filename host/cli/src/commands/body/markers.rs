@@ -75,8 +75,8 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
     }
     if let Some(first) = unknown.first() {
         say(format_args!(
-            "{} of {} names are not known: name in a file which segment each is on, and give it by --markers:\n  [marker.{:?}]\n  \
-             segment = \"l_thigh\"\n  position_m = [0.0, 0.06, -0.2]",
+            "{} of {} names are not known: name in a file which segment each is on, and give it by \
+             --markers:\n  [marker.{:?}]\n  segment = \"l_thigh\"\n  position_m = [0.0, 0.06, -0.2]",
             unknown.len(),
             trial.labels.len(),
             first

@@ -28,22 +28,27 @@ pub enum CalibrateWhat {
     LoadCell(CalibrateLoadCell),
     /// Find offsets of a robot's joint angles from poses with flat soles on a level floor
     Joints(CalibrateJoints),
-    /// Find the gains of a robot's drives from recordings of motor currents, with and without a load that is known
+    /// Find the gains of a robot's drives from recordings of motor currents, with and without a load that is
+    /// known
     Drives(CalibrateDrives),
-    /// Find masses and centres of mass of a robot's links, relative to its model, from motions that excite them poorly
+    /// Find masses and centres of mass of a robot's links, relative to its model, from motions that excite
+    /// them poorly
     Masses(CalibrateMasses),
 }
 
 /// `rigident calibrate drives`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Efforts are currents, or anything proportional to the torque: columns JOINT_a, or what [[joint]] effort of the rig file \
-                  names. Efforts alone tell how gains stand to each other; how large they are is told by a load that is known (--loaded, \
-                  --payload, --known), or by the model's masses as far as they are trusted (--nominal-sigma). A wrist sensor weighs the load: \
-                  what it says goes to --known.\n\nExit status 0 if every gain is identified, 1 if not, 2 if a file cannot be \
-                  used.\n\nExamples:\n  rigident calibrate drives arm.urdf bare.csv --loaded loaded.csv --payload tool0 --known \
-                  mass_kg=3.002±0.001 -o gains.rig.toml\n  rigident calibrate drives arm.urdf bare.csv --nominal-sigma 0.1\n  rigident identify \
-                  part.csv --model arm.urdf --rig gains.rig.toml --tare bare.csv --payload tool0"
+    after_help = "Efforts are currents, or anything proportional to the torque: columns JOINT_a, or what \
+                  [[joint]] effort of the rig file names. Efforts alone tell how gains stand to each other; \
+                  how large they are is told by a load that is known (--loaded, --payload, --known), or by \
+                  the model's masses as far as they are trusted (--nominal-sigma). A wrist sensor weighs the \
+                  load: what it says goes to --known.\n\nExit status 0 if every gain is identified, 1 if \
+                  not, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate drives arm.urdf \
+                  bare.csv --loaded loaded.csv --payload tool0 --known mass_kg=3.002±0.001 -o \
+                  gains.rig.toml\n  rigident calibrate drives arm.urdf bare.csv --nominal-sigma 0.1\n  \
+                  rigident identify part.csv --model arm.urdf --rig gains.rig.toml --tare bare.csv --payload \
+                  tool0"
 )]
 pub struct CalibrateDrives {
     /// The robot with its nominal masses: URDF, MJCF or SDF
@@ -122,9 +127,17 @@ pub enum ExternalWrench {
 /// `rigident calibrate masses`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The robot stands, walks, falls: the rig file's [[foot]] tables say where its feet measure the ground's wrench. Joint torques and                   feet that are not measured are eliminated. Without [[foot]] tables its base is held still, or its wrench is measured.\n\nRows                   tell combinations of masses; every way takes what they leave open from the model. One recording is split in parts, of several each                   is one: the settings are those that predict best what was left out.\n\nExit status 0, 1 if no way gives bodies that can be or a                   torque contradicts the model, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate masses robot.urdf walk.csv\n  rigident \
-                  calibrate masses robot.urdf walk.csv squat.csv --symmetric-sides --write-model identified.urdf\n  rigident validate \
-                  identified.urdf other.csv --model robot.urdf"
+    after_help = "The robot stands, walks, falls: the rig file's [[foot]] tables say where its feet measure \
+                  the ground's wrench. Joint torques and                   feet that are not measured are \
+                  eliminated. Without [[foot]] tables its base is held still, or its wrench is \
+                  measured.\n\nRows                   tell combinations of masses; every way takes what they \
+                  leave open from the model. One recording is split in parts, of several \
+                  each                   is one: the settings are those that predict best what was left \
+                  out.\n\nExit status 0, 1 if no way gives bodies that can be or a                   torque \
+                  contradicts the model, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate \
+                  masses robot.urdf walk.csv\n  rigident calibrate masses robot.urdf walk.csv squat.csv \
+                  --symmetric-sides --write-model identified.urdf\n  rigident validate identified.urdf \
+                  other.csv --model robot.urdf"
 )]
 pub struct CalibrateMasses {
     /// The robot with its nominal masses: URDF, MJCF or SDF
@@ -139,7 +152,8 @@ pub struct CalibrateMasses {
     /// Parts of a single recording, each left out once
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub parts: u8,
-    /// All ten parameters of each link are unknown, instead of mass and centre of mass with the tensor about its origin as in the model
+    /// All ten parameters of each link are unknown, instead of mass and centre of mass with the tensor about
+    /// its origin as in the model
     #[arg(long)]
     pub all_parameters: bool,
     /// Links of the right side change as those of the left do, mirrored about y = 0 of the base's frame
@@ -202,14 +216,17 @@ impl From<SearchMethod> for Method {
 /// `rigident calibrate joints`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The robot stands still with flat soles on a level floor, again and again in another pose. Each row of POSES has the joints' \
-                  positions as measured (left_knee_rad) and the attitude of at least one link by an IMU (pelvis_qw, pelvis_qx, pelvis_qy, \
-                  pelvis_qz); a column contact names the contacts that are made, if not all are. Hands may touch walls, and links may be \
-                  held: [[plane]] and [[fixed]] in the file of contacts. True position = measured + offset.\n\nExit status 0 \
-                  if every offset asked for is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate joints \
-                  robot.urdf poses.csv --contacts soles.toml\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml --joints \
-                  left_knee,right_knee -o joints.rig.toml --write-model calibrated.urdf\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml --yaw-noise-deg 180 \
-                  --report joints.html"
+    after_help = "The robot stands still with flat soles on a level floor, again and again in another pose. \
+                  Each row of POSES has the joints' positions as measured (left_knee_rad) and the attitude \
+                  of at least one link by an IMU (pelvis_qw, pelvis_qx, pelvis_qy, pelvis_qz); a column \
+                  contact names the contacts that are made, if not all are. Hands may touch walls, and links \
+                  may be held: [[plane]] and [[fixed]] in the file of contacts. True position = measured + \
+                  offset.\n\nExit status 0 if every offset asked for is identified, 1 if not, 2 if a file \
+                  cannot be used.\n\nExamples:\n  rigident calibrate joints robot.urdf poses.csv --contacts \
+                  soles.toml\n  rigident calibrate joints robot.urdf poses.csv --contacts soles.toml \
+                  --joints left_knee,right_knee -o joints.rig.toml --write-model calibrated.urdf\n  rigident \
+                  calibrate joints robot.urdf poses.csv --contacts soles.toml --yaw-noise-deg 180 --report \
+                  joints.html"
 )]
 pub struct CalibrateJoints {
     /// The robot: URDF, MJCF or SDF
@@ -227,7 +244,8 @@ pub struct CalibrateJoints {
     /// 1 sigma of a measured attitude about any level axis, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.2)]
     pub attitude_noise_deg: f64,
-    /// 1 sigma of its heading, degrees; from 30 on headings tell nothing, as without a magnetometer. Default: as of the others
+    /// 1 sigma of its heading, degrees; from 30 on headings tell nothing, as without a magnetometer. Default:
+    /// as of the others
     #[arg(long, value_name = "DEG")]
     pub yaw_noise_deg: Option<f64>,
     /// 1 sigma of a corner's distance from its plane, and of a held point's from its place, mm
@@ -271,10 +289,11 @@ pub struct CalibrateJoints {
 /// `rigident calibrate imu`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The platform is the measure: what it was driven through is compared with what the IMU read. Turns about all axes calibrate the \
-                  gyro, turns and tilts the accelerometer. The options of the programme are those of the run.\n\nExamples:\n  rigident run \
-                  --port /dev/ttyACM0 --rig lab.rig.toml --platform gcs://10.0.0.5:50000 --plan motion.json --out turns\n  rigident \
-                  calibrate imu turns/run.mcap --plan motion.json"
+    after_help = "The platform is the measure: what it was driven through is compared with what the IMU \
+                  read. Turns about all axes calibrate the gyro, turns and tilts the accelerometer. The \
+                  options of the programme are those of the run.\n\nExamples:\n  rigident run --port \
+                  /dev/ttyACM0 --rig lab.rig.toml --platform gcs://10.0.0.5:50000 --plan motion.json --out \
+                  turns\n  rigident calibrate imu turns/run.mcap --plan motion.json"
 )]
 pub struct CalibrateImu {
     /// The recording of the run
@@ -294,12 +313,15 @@ pub struct CalibrateImu {
 /// `rigident calibrate load-cell`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Each row of LOADS is a loading: mass_kg at x_m, y_m, z_m in the cell's frame S (0 for a zero), down_x, down_y, down_z where gravity \
-                  points (0, 0, -1 if not there), and the mean voltages g1_v to g6_v, or from_s and to_s of a recording. fx_n to mz_nm instead \
-                  of a mass: a machine's wrench on the body. weight names a weight whose error several loadings share, run loadings \
-                  that share their zero. Cell upright: fz, mx, my. On its side, twice: fx, fy, mz.\n\nExit status 0 if the matrix is known to 10 % of full scale, 1 if not, 2 if a table \
-                  cannot be used or a loading contradicts the others.\n\nExamples:\n  rigident calibrate load-cell weights.csv -o \
-                  load-cell.rig.toml\n  rigident calibrate load-cell weights.csv --recording bench.csv --mass-noise-percent 0.01 --place-noise-mm 0.1"
+    after_help = "Each row of LOADS is a loading: mass_kg at x_m, y_m, z_m in the cell's frame S (0 for a \
+                  zero), down_x, down_y, down_z where gravity points (0, 0, -1 if not there), and the mean \
+                  voltages g1_v to g6_v, or from_s and to_s of a recording. fx_n to mz_nm instead of a mass: \
+                  a machine's wrench on the body. weight names a weight whose error several loadings share, \
+                  run loadings that share their zero. Cell upright: fz, mx, my. On its side, twice: fx, fy, \
+                  mz.\n\nExit status 0 if the matrix is known to 10 % of full scale, 1 if not, 2 if a table \
+                  cannot be used or a loading contradicts the others.\n\nExamples:\n  rigident calibrate \
+                  load-cell weights.csv -o load-cell.rig.toml\n  rigident calibrate load-cell weights.csv \
+                  --recording bench.csv --mass-noise-percent 0.01 --place-noise-mm 0.1"
 )]
 pub struct CalibrateLoadCell {
     /// The loadings, CSV
@@ -323,7 +345,8 @@ pub struct CalibrateLoadCell {
     /// Gravity where the weights hang, m/s2
     #[arg(long, value_name = "G", default_value_t = 9.80665)]
     pub gravity_mps2: f64,
-    /// Number of the board that read the gauges, unique_id of `rigident info`: the rig file keeps it, and another board is warned of
+    /// Number of the board that read the gauges, unique_id of `rigident info`: the rig file keeps it, and
+    /// another board is warned of
     #[arg(long, value_name = "ID")]
     pub board_id: Option<String>,
     /// Write the keys of the rig file; must not exist
@@ -343,8 +366,8 @@ pub struct ReferenceRuns {
     /// File of the reference body
     #[arg(long, value_name = "FILE")]
     pub reference: PathBuf,
-    /// How the body was mounted in each recording, in their order: names of its [[mounting]] tables, or place.
-    /// One name is for all of them. Default: its [place]
+    /// How the body was mounted in each recording, in their order: names of its [[mounting]] tables, or
+    /// place. One name is for all of them. Default: its [place]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub mounting: Vec<String>,
     /// Rig file of all recordings. Default: NAME.rig.toml beside each
@@ -361,11 +384,13 @@ pub struct ReferenceRuns {
 /// `rigident calibrate rig`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The body, its uncertainties and the data-sheet errors of the rig are one joint solution over all recordings; offsets, drift \
-                  and biases are each recording's own. A recording that is not one of the reference is refused, and nothing is \
-                  saved.\n\nThe rig file takes the result by\n  [calibration]\n  file = \"lab.calibration.toml\"\n\nExamples:\n  rigident \
-                  calibrate rig cylinder.mcap --reference cylinder.toml --rig lab.rig.toml -o lab.calibration.toml\n  rigident calibrate rig \
-                  upright.mcap lying.mcap --reference cylinder.toml --mounting place,lying -o lab.calibration.toml"
+    after_help = "The body, its uncertainties and the data-sheet errors of the rig are one joint solution \
+                  over all recordings; offsets, drift and biases are each recording's own. A recording that \
+                  is not one of the reference is refused, and nothing is saved.\n\nThe rig file takes the \
+                  result by\n  [calibration]\n  file = \"lab.calibration.toml\"\n\nExamples:\n  rigident \
+                  calibrate rig cylinder.mcap --reference cylinder.toml --rig lab.rig.toml -o \
+                  lab.calibration.toml\n  rigident calibrate rig upright.mcap lying.mcap --reference \
+                  cylinder.toml --mounting place,lying -o lab.calibration.toml"
 )]
 pub struct CalibrateRig {
     #[command(flatten)]
@@ -382,11 +407,12 @@ pub struct CalibrateRig {
 /// `rigident verify`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "E_n = (measured - reference) / sqrt(U95^2 + U95 of the reference^2); a quantity by itself passes where |E_n| is \
-                  at most 1 (ISO/IEC 17043). The recording passes where the largest of ten is at most 1.68, as it is in 99 % of those of the \
-                  reference itself. Exit status 0 if every quantity of every recording passes, 1 if not.\n\nExamples:\n  rigident verify \
-                  cylinder.mcap --reference cylinder.toml --rig lab.rig.toml\n  rigident verify lying.mcap --reference cylinder.toml --mounting \
-                  lying --calibration lab.calibration.toml --json"
+    after_help = "E_n = (measured - reference) / sqrt(U95^2 + U95 of the reference^2); a quantity by itself \
+                  passes where |E_n| is at most 1 (ISO/IEC 17043). The recording passes where the largest of \
+                  ten is at most 1.68, as it is in 99 % of those of the reference itself. Exit status 0 if \
+                  every quantity of every recording passes, 1 if not.\n\nExamples:\n  rigident verify \
+                  cylinder.mcap --reference cylinder.toml --rig lab.rig.toml\n  rigident verify lying.mcap \
+                  --reference cylinder.toml --mounting lying --calibration lab.calibration.toml --json"
 )]
 pub struct Verify {
     #[command(flatten)]

@@ -108,7 +108,8 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
     if found.is_complete() {
         if arguments.nominal_sigma.is_some() {
             warnings.push(
-                "the size of all gains rests on the model's masses, trusted as said by --nominal-sigma; a load that is known tells it by itself"
+                "the size of all gains rests on the model's masses, trusted as said by --nominal-sigma; a \
+                 load that is known tells it by itself"
                     .to_owned(),
             );
         }
@@ -117,8 +118,9 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
     let has_size = arguments.loaded.is_some() || arguments.nominal_sigma.is_some();
     if found.reference.is_some() && found.drives.iter().all(|drive| !drive.is_identified) && !has_size {
         warnings.push(
-            "the currents tell how the gains stand to each other and not how large they are: record a load that is known (--loaded, \
-             --payload, --known mass_kg=…), or trust the model's masses (--nominal-sigma 0.1)"
+            "the currents tell how the gains stand to each other and not how large they are: record a load \
+             that is known (--loaded, --payload, --known mass_kg=…), or trust the model's masses \
+             (--nominal-sigma 0.1)"
                 .to_owned(),
         );
     }
@@ -131,7 +133,8 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
             None => "state more of the load, or take a heavier one",
         };
         warnings.push(format!(
-            "the gains of {} are known to more than a tenth only: move them so that they carry the weight, {more}",
+            "the gains of {} are known to more than a tenth only: move them so that they carry the weight, \
+             {more}",
             open.join(", ")
         ));
     }

@@ -1,7 +1,7 @@
 //! `demo --explain`: ten steps from readings to the answer, with the numbers of this run.
 //!
-//! The steps are done once more here, plainly, by the functions that the firmware calls: no outliers, no noise of the IMU, no errors
-//! of the rig. The answer that follows has all of these in it.
+//! The steps are done once more here, plainly, by the functions that the firmware calls: no outliers, no
+//! noise of the IMU, no errors of the rig. The answer that follows has all of these in it.
 
 use std::fmt::Write as _;
 
@@ -89,23 +89,24 @@ fn explain_readings(input: &Input, steps: &mut Steps) {
     steps.add(
         "The question",
         &format!(
-            "Newton and Euler about the origin of the load cell's frame S are linear in ten numbers φ:\n{}.\nF = m a + …, M = … : each \
-             instant gives six equations A φ = w, whatever the motion.",
+            "Newton and Euler about the origin of the load cell's frame S are linear in ten numbers \
+             φ:\n{}.\nF = m a + …, M = … : each instant gives six equations A φ = w, whatever the motion.",
             PARAMETER_NAMES[..10].join(", ")
         ),
     );
     steps.add(
         "The motion",
         &format!(
-            "The platform moved the body for {:.0} s. Without turning about several axes some of the ten never show in w.",
+            "The platform moved the body for {:.0} s. Without turning about several axes some of the ten \
+             never show in w.",
             readings.last().map_or(0.0, |last| seconds(input, last.time_ns))
         ),
     );
     steps.add(
         "A reading",
         &format!(
-            "{} of them, {rate_hz} a second. That at {:.3} s:\nwrench w = [{}] N, N m\nspecific force a = [{}] m/s² (gravity is in it: at rest it \
-             points up)\nrate ω = [{}] rad/s",
+            "{} of them, {rate_hz} a second. That at {:.3} s:\nwrench w = [{}] N, N m\nspecific force a = \
+             [{}] m/s² (gravity is in it: at rest it points up)\nrate ω = [{}] rad/s",
             readings.len(),
             seconds(input, reading.time_ns),
             list(&reading.wrench.array(), 3),
@@ -116,8 +117,8 @@ fn explain_readings(input: &Input, steps: &mut Steps) {
     steps.add(
         "One place, one clock",
         &format!(
-            "The IMU sits at p = [{}] m, turned against S: a at the origin of S is a − ω̇×p − ω×(ω×p),\nand the IMU's samples are brought to \
-             the load cell's times.",
+            "The IMU sits at p = [{}] m, turned against S: a at the origin of S is a − ω̇×p − ω×(ω×p),\nand \
+             the IMU's samples are brought to the load cell's times.",
             list(&input.mounting.position.array(), 3)
         ),
     );
@@ -129,16 +130,17 @@ fn explain_rows(input: &Input, worked: &Worked, sigma: &[f64; 6], steps: &mut St
     steps.add(
         "The filter",
         &format!(
-            "ω̇ is not measured. The products of ω, a and w go through one filter of {WIDTH_S} s; ω through its derivative.\nBoth sides \
-             of A φ = w get the same filter, so it stays true. Noise of a channel becomes {} of a reading's.",
+            "ω̇ is not measured. The products of ω, a and w go through one filter of {WIDTH_S} s; ω through \
+             its derivative.\nBoth sides of A φ = w get the same filter, so it stays true. Noise of a \
+             channel becomes {} of a reading's.",
             significant(worked.gain, 2)
         ),
     );
     steps.add(
         "Rows",
         &format!(
-            "Every {ROW_EVERY} readings six rows: {} blocks. The column of the mass at {:.2} s is [{}] m/s²:\nwhat the load cell would feel \
-             of 1 kg at its origin.",
+            "Every {ROW_EVERY} readings six rows: {} blocks. The column of the mass at {:.2} s is [{}] \
+             m/s²:\nwhat the load cell would feel of 1 kg at its origin.",
             worked.blocks,
             worked.at_s - first_s,
             list(&worked.block.columns[0], 3)
@@ -147,8 +149,8 @@ fn explain_rows(input: &Input, worked: &Worked, sigma: &[f64; 6], steps: &mut St
     steps.add(
         "Weights",
         &format!(
-            "Each row is divided by its standard deviation, so that a newton and a newton metre count as they are known:\nσ of a reading = [{}] \
-             N, N m",
+            "Each row is divided by its standard deviation, so that a newton and a newton metre count as \
+             they are known:\nσ of a reading = [{}] N, N m",
             sigma.map(|s| significant(s, 2)).join(", ")
         ),
     );
@@ -160,8 +162,9 @@ fn explain_rows(input: &Input, worked: &Worked, sigma: &[f64; 6], steps: &mut St
     steps.add(
         "The factor",
         &format!(
-            "Reflections turn the rows into a triangle R of {N} columns (ten, and six offsets of w) and forget them:\n{} numbers, \
-             however long the run. RᵀR is the information; 1.96 σ of the mass is\n{}.",
+            "Reflections turn the rows into a triangle R of {N} columns (ten, and six offsets of w) and \
+             forget them:\n{} numbers, however long the run. RᵀR is the information; 1.96 σ of the mass \
+             is\n{}.",
             N * (N + 3) / 2,
             grows.join(", ")
         ),
@@ -179,7 +182,8 @@ fn explain_answer(worked: &Worked, steps: &mut Steps) {
     steps.add(
         "The answer",
         &format!(
-            "Solve R φ = z. (RᵀR)⁻¹ is the covariance: m = {} ± {} kg.\nWith it A φ explains the block of step 6: measured [{}], explained [{}].",
+            "Solve R φ = z. (RᵀR)⁻¹ is the covariance: m = {} ± {} kg.\nWith it A φ explains the block of \
+             step 6: measured [{}], explained [{}].",
             fixed(solution.estimate[0], 4),
             significant(1.96 * solution.standard_deviation[0], 2),
             list(&block.wrench, 2),
@@ -193,9 +197,10 @@ fn explain_answer(worked: &Worked, steps: &mut Steps) {
     steps.add(
         "The checks",
         &format!(
-            "What no φ explains is {} σ on average: 1 where the model and the stated noise are right.\nThe answer below counts more: noise of \
-             the IMU, outliers, rows that hang together, errors of the rig; it says whether a body can have\nthese ten numbers, and gives \
-             none that the motion does not determine.",
+            "What no φ explains is {} σ on average: 1 where the model and the stated noise are right.\nThe \
+             answer below counts more: noise of the IMU, outliers, rows that hang together, errors of the \
+             rig; it says whether a body can have\nthese ten numbers, and gives none that the motion does \
+             not determine.",
             significant((squares / free).sqrt(), 2)
         ),
     );
@@ -219,7 +224,8 @@ impl Worked {
             let Some(filtered) = filter.push(&mounting.signals(reading)) else { continue };
             let block = regressor::block(&mounting.mounted(&filtered), &mounting.position);
             let time_s = reading.time_ns as f64 * 1e-9;
-            // White noise through the filter: rows that overlap hang together, which a fit of its own takes into account.
+            // White noise through the filter: rows that overlap hang together, which a fit of its own takes
+            // into account.
             let weight = sigma.map(|s| (f64::from(ROW_EVERY)).sqrt() / s);
             let columns: [[f64; 6]; N] = std::array::from_fn(|j| {
                 std::array::from_fn(|row| match j.checked_sub(10) {

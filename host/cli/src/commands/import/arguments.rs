@@ -5,7 +5,8 @@ use clap::Args;
 /// `rigident convert`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap bracket.csv"
+    after_help = "Examples:\n  rigident convert bracket.csv bracket.mcap\n  rigident convert bracket.mcap \
+                  bracket.csv"
 )]
 pub struct Convert {
     /// The recording to read
@@ -19,9 +20,9 @@ pub struct Convert {
 
 /// `rigident import`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident import Messung_01.csv\n  rigident import log.csv --column t_s=Zeit:ms --unit Fx=kgf --sign on-sensor\n  rigident import force.lvm imu.csv --to run.rig.toml\n  rigident import log.csv --look"
-)]
+#[command(after_help = "Examples:\n  rigident import Messung_01.csv\n  rigident import log.csv --column \
+                  t_s=Zeit:ms --unit Fx=kgf --sign on-sensor\n  rigident import force.lvm imu.csv --to \
+                  run.rig.toml\n  rigident import log.csv --look")]
 pub struct Import {
     /// Files of text, Parquet or MAT; several are one recording, each with its own clock
     #[arg(required = true, value_name = "FILE")]
@@ -41,7 +42,8 @@ pub struct Import {
     /// The mark before the decimals, where the numbers do not show it
     #[arg(long, value_enum)]
     pub decimal: Option<Decimal>,
-    /// Write and ask nothing: print as an object what is understood, what is missing, and how the recording moves
+    /// Write and ask nothing: print as an object what is understood, what is missing, and how the recording
+    /// moves
     #[arg(long, conflicts_with = "to")]
     pub look: bool,
     /// Ask nothing

@@ -1,4 +1,5 @@
-//! `rigident import --look`: what is understood of files, and what a user is still to say, as an object; nothing is written.
+//! `rigident import --look`: what is understood of files, and what a user is still to say, as an object;
+//! nothing is written.
 
 use std::path::Path;
 use std::process::ExitCode;

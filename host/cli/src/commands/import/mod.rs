@@ -147,7 +147,8 @@ pub(crate) fn sign(
         Some(Sign::OnSensor) => Ok(WrenchSign::OnSensor),
         None if has_wrench && is_asked => {
             let answer = ask(
-                "Is the wrench that of the sensor on the body (at rest the force points up), or the reaction (down)?\n\
+                "Is the wrench that of the sensor on the body (at rest the force points up), or the reaction \
+                 (down)?\n\
                  on_body or on_sensor [on_body]: ",
             )?;
             match answer.as_str() {

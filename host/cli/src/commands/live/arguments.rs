@@ -9,18 +9,18 @@ use crate::options::stop_criterion::StopCriterion;
 
 /// `rigident live`
 #[derive(Args, Debug, Clone)]
-#[command(after_help = "Sources:\n  \
-                  ati+udp://HOST[?cpf=…&cpt=…]   ATI Net F/T, Axia, Schunk: wrench\n  \
-                  rtde://HOST                    Universal Robots e-Series: wrench, and with it as --imu accelerometer and turns\n  \
-                  ws://HOST[:8765]?topic=/…      a ROS 2 topic by foxglove_bridge: WrenchStamped, Imu, PoseStamped\n  \
-                  xsens://DEVICE[?baud=…]        Xsens MTi: IMU\n  \
-                  serial:DEVICE, udp://HOST:PORT, -   lines of CSV with a header, or ?columns=t_s,fx_n,…\n\n\
-                  Examples:\n  \
-                  rigident live --wrench ati+udp://192.168.1.1 --imu xsens:///dev/ttyUSB0 --rig hand.rig.toml\n  \
-                  rigident live --wrench rtde://192.168.0.9 --imu rtde://192.168.0.9 --rig ur5e.rig.toml --until m=0.02\n  \
-                  rigident live --wrench 'ws://robot?topic=/ft/wrench' --imu 'ws://robot?topic=/imu/data'\n  \
-                  ./logger | rigident live --wrench - --imu -\n\n\
-                  Ctrl-C ends it and keeps everything; what each device is to be set to stands in docs/live.md.")]
+#[command(after_help = "Sources:\n  ati+udp://HOST[?cpf=…&cpt=…]   ATI Net F/T, Axia, Schunk: wrench\n  \
+                  rtde://HOST                    Universal Robots e-Series: wrench, and with it as --imu \
+                  accelerometer and turns\n  ws://HOST[:8765]?topic=/…      a ROS 2 topic by \
+                  foxglove_bridge: WrenchStamped, Imu, PoseStamped\n  xsens://DEVICE[?baud=…]        Xsens \
+                  MTi: IMU\n  serial:DEVICE, udp://HOST:PORT, -   lines of CSV with a header, or \
+                  ?columns=t_s,fx_n,…\n\n\
+                  Examples:\n  rigident live --wrench ati+udp://192.168.1.1 --imu xsens:///dev/ttyUSB0 --rig \
+                  hand.rig.toml\n  rigident live --wrench rtde://192.168.0.9 --imu rtde://192.168.0.9 --rig \
+                  ur5e.rig.toml --until m=0.02\n  rigident live --wrench 'ws://robot?topic=/ft/wrench' --imu \
+                  'ws://robot?topic=/imu/data'\n  ./logger | rigident live --wrench - --imu -\n\n\
+                  Ctrl-C ends it and keeps everything; what each device is to be set to stands in \
+                  docs/live.md.")]
 pub struct Live {
     /// Where the wrench comes from
     #[arg(long, value_name = "URL")]

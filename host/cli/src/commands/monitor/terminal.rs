@@ -32,7 +32,8 @@ pub(crate) fn check() -> Result<(), Failure> {
     ))
 }
 
-/// Draws until q, Ctrl-C or a signal. The terminal is left as it was, also after a panic. `each` gets every view that is drawn.
+/// Draws until q, Ctrl-C or a signal. The terminal is left as it was, also after a panic. `each` gets every
+/// view that is drawn.
 ///
 /// # Errors
 /// The terminal is gone.

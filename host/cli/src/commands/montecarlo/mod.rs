@@ -244,7 +244,8 @@ fn table(runs: u64, quantities: &[Quantity<'_>], limits: &Limits95) -> String {
         let errors = bias / (std / (runs as f64).sqrt());
         let truth = if *is_drawn { "drawn".to_owned() } else { format!("{truth:.4}") };
         text.push_str(&format!(
-            "\n  {:<width$} {:<6} {truth:>9} {bias:>10.2e} {errors:>+9.2} {std:>10.3e} {crb_std:>10.3e} {:>10.3} {:>6.1} %{}",
+            "\n  {:<width$} {:<6} {truth:>9} {bias:>10.2e} {errors:>+9.2} {std:>10.3e} {crb_std:>10.3e} \
+             {:>10.3} {:>6.1} %{}",
             name,
             unit,
             judgement.efficiency(),

@@ -68,7 +68,8 @@ pub(crate) fn in_two_steps(arguments: &MontecarloMotions) -> Result<ExitCode, Fa
         say(serde_json::json!({ "runs": fewest, "motions": motions }));
     } else {
         say(format!(
-            "The tensor about S's origin, in one step and in two, {fewest} experiments of {duration_s} s at {rate_hz} Hz each:\n\n{}",
+            "The tensor about S's origin, in one step and in two, {fewest} experiments of {duration_s} s at \
+             {rate_hz} Hz each:\n\n{}",
             two_step::table(&all).trim_end()
         ));
     }
@@ -116,12 +117,13 @@ pub(crate) fn run(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
         say(serde_json::to_string(&object).map_err(Failure::input)?);
     } else {
         say(format!(
-            "Found over planned standard deviations, {fewest} experiments of {duration_s} s at {rate_hz} Hz each:\n\n{}",
+            "Found over planned standard deviations, {fewest} experiments of {duration_s} s at {rate_hz} Hz \
+             each:\n\n{}",
             table(&repeated).trim_end()
         ));
         say(
-            "\nThe thesis gives such figures in its Tables 24 to 37, which are not in the printed part that is at hand: there is nothing to set \
-             beside them.",
+            "\nThe thesis gives such figures in its Tables 24 to 37, which are not in the printed part that \
+             is at hand: there is nothing to set beside them.",
         );
         match missed.as_slice() {
             [] => say("Every parameter keeps efficiency and coverage."),

@@ -252,7 +252,8 @@ fn tables(rows: &[Row], reductions: &[Reduction]) -> String {
             worst(weighed),
         );
     }
-    text += "\n\nLying instead of standing, the thesis' estimator's worst axis is better by\n   n  precision    bias    both";
+    text += "\n\nLying instead of standing, the thesis' estimator's worst axis is better by\n   n  \
+             precision    bias    both";
     for group in reductions.chunk_by(|a, b| a.n == b.n) {
         let share = |errors: Errors| {
             let found = group.iter().find(|r| r.errors == errors.name());

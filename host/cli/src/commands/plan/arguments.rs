@@ -9,8 +9,9 @@ use rigident::plan::machine::RESERVE;
 /// `rigident plan`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident plan poses --n 5 --out poses.json\n  rigident plan motion --out motion.json\n  \
-                        rigident plan compare\n  rigident plan excitation robot.urdf -o trajectory.csv\n  rigident demo --plan motion.json"
+    after_help = "Examples:\n  rigident plan poses --n 5 --out poses.json\n  rigident plan motion --out \
+                        motion.json\n  rigident plan compare\n  rigident plan excitation robot.urdf -o \
+                        trajectory.csv\n  rigident demo --plan motion.json"
 )]
 pub struct Plan {
     /// What is planned
@@ -34,9 +35,10 @@ pub enum Planned {
 /// `rigident plan poses`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The condition number is the 2-norm one: of the stacked [F] in the thesis' equation M = [F] r, and of the normal matrix \
-                        [F]ᵀ[F], its square.\n\nExamples:\n  rigident plan poses --n 5\n  rigident plan poses --n 4 --stroke-m 0.20 \
-                        --json\n  rigident plan poses --rig bracket.rig.toml --n 6 --objective worst-uncertainty --out poses.json\n  \
+    after_help = "The condition number is the 2-norm one: of the stacked [F] in the thesis' equation M = [F] \
+                        r, and of the normal matrix [F]ᵀ[F], its square.\n\nExamples:\n  rigident plan poses \
+                        --n 5\n  rigident plan poses --n 4 --stroke-m 0.20 --json\n  rigident plan poses \
+                        --rig bracket.rig.toml --n 6 --objective worst-uncertainty --out poses.json\n  \
                         rigident plan poses --angles \"28.9,16; -29.1,15.5; 1.7,-31.9\" --stroke-m 0.20"
 )]
 pub struct PlanPoses {
@@ -58,7 +60,8 @@ pub struct PlanPoses {
     /// Use only so much of the legs' stroke, about its middle, m
     #[arg(long, value_name = "S")]
     pub stroke_m: Option<f64>,
-    /// How far the poses stay away from every limit: a share of half the stroke, of cond_max, joint angles and forces
+    /// How far the poses stay away from every limit: a share of half the stroke, of cond_max, joint angles
+    /// and forces
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     pub margin: f64,
     /// What is made best
@@ -96,17 +99,19 @@ pub enum PoseObjective {
     Condition,
     /// The largest determinant of the normal matrix (D-optimality)
     Determinant,
-    /// The least worst uncertainty of the first moment, offsets unknown, with the rig's noise; 3 poses at least
+    /// The least worst uncertainty of the first moment, offsets unknown, with the rig's noise; 3 poses at
+    /// least
     WorstUncertainty,
 }
 
 /// `rigident statics`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Beside each other: the platform thesis' estimator from measured forces, the same relative to a reference pose, and gravity \
-                        from the attitude with six offsets, which is what `rigident identify` does; then the wrench of each pose less \
-                        that of the body.\n\nExamples:\n  rigident plan poses --n 5 --out poses.json\n  rigident demo --plan poses.json \
-                        --estimate m,mc --out day1\n  rigident statics day1/demo.mcap"
+    after_help = "Beside each other: the platform thesis' estimator from measured forces, the same relative \
+                        to a reference pose, and gravity from the attitude with six offsets, which is what \
+                        `rigident identify` does; then the wrench of each pose less that of the \
+                        body.\n\nExamples:\n  rigident plan poses --n 5 --out poses.json\n  rigident demo \
+                        --plan poses.json --estimate m,mc --out day1\n  rigident statics day1/demo.mcap"
 )]
 pub struct Statics {
     /// Recording with still poses: CSV or MCAP
@@ -126,10 +131,11 @@ pub struct Statics {
 /// `rigident workspace`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "For every roll and pitch: is there a position of the plate with all legs and joints inside their limits, and one \
-                        where cond(H), metres, is below the guard too, no singular pose lying between it and home? With --json nothing is \
-                        written unless --out is given.\n\nExamples:\n  rigident workspace\n  rigident workspace --stroke-m 0.20 --yaw-deg \
-                        30\n  rigident workspace --rig bracket.rig.toml --json"
+    after_help = "For every roll and pitch: is there a position of the plate with all legs and joints inside \
+                        their limits, and one where cond(H), metres, is below the guard too, no singular \
+                        pose lying between it and home? With --json nothing is written unless --out is \
+                        given.\n\nExamples:\n  rigident workspace\n  rigident workspace --stroke-m 0.20 \
+                        --yaw-deg 30\n  rigident workspace --rig bracket.rig.toml --json"
 )]
 pub struct Workspace {
     /// Rig file with a [platform]. Default: the built-in platform of the thesis
@@ -161,9 +167,11 @@ pub struct Workspace {
 /// `rigident plan motion`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Limits are those of the rig's [platform], and 0.9 of the gyro's range; they are kept at every instant, not only at samples. Ctrl-C keeps \
-                        the best motion so far.\n\nExamples:\n  rigident plan motion\n  rigident plan motion --objective spheres --body vertical \
-                        --json\n  rigident plan motion --duration-s 40 --stroke-m 0.20 --out motion.json\n  rigident demo --plan motion.json"
+    after_help = "Limits are those of the rig's [platform], and 0.9 of the gyro's range; they are kept at \
+                        every instant, not only at samples. Ctrl-C keeps the best motion so \
+                        far.\n\nExamples:\n  rigident plan motion\n  rigident plan motion --objective \
+                        spheres --body vertical --json\n  rigident plan motion --duration-s 40 --stroke-m \
+                        0.20 --out motion.json\n  rigident demo --plan motion.json"
 )]
 pub struct PlanMotion {
     /// Rig file with a [platform]. Default: the built-in platform of the thesis
@@ -175,8 +183,8 @@ pub struct PlanMotion {
     /// Length of the whole experiment, s
     #[arg(long, default_value_t = 60.0, value_name = "S")]
     pub duration_s: f64,
-    /// The thesis' test body with plates, in either of its mountings: what the legs carry and what is predicted. Default: any
-    /// body of the rig file's load_max_kg and load_within_m, else horizontal
+    /// The thesis' test body with plates, in either of its mountings: what the legs carry and what is
+    /// predicted. Default: any body of the rig file's load_max_kg and load_within_m, else horizontal
     #[arg(long, value_enum)]
     pub body: Option<DemoBody>,
     /// The motion alone, without the static step
@@ -185,8 +193,8 @@ pub struct PlanMotion {
     /// Highest frequency of a D-optimal motion, Hz. Default: 2.35
     #[arg(long, value_name = "HZ")]
     pub highest_hz: Option<f64>,
-    /// Leave this share of the legs' stroke, or of the plate's travel, unused, half of it at either end: joints are known to
-    /// half a millimetre, and controllers overshoot. Without effect beside --stroke-m
+    /// Leave this share of the legs' stroke, or of the plate's travel, unused, half of it at either end:
+    /// joints are known to half a millimetre, and controllers overshoot. Without effect beside --stroke-m
     #[arg(long, value_name = "SHARE", default_value_t = RESERVE)]
     pub reserve: f64,
     /// Use only so much of the legs' stroke, about its middle, m
@@ -220,8 +228,9 @@ pub enum MotionObjective {
 /// `rigident plan compare`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Predicted 95 % uncertainties from the factor that the pipeline makes of each experiment, static step included, offsets unknown.\n\nExamples:\n  \
-                        rigident plan compare\n  rigident plan compare --stroke-m 0.20 --duration-s 40 --json"
+    after_help = "Predicted 95 % uncertainties from the factor that the pipeline makes of each experiment, \
+                        static step included, offsets unknown.\n\nExamples:\n  rigident plan compare\n  \
+                        rigident plan compare --stroke-m 0.20 --duration-s 40 --json"
 )]
 pub struct PlanCompare {
     /// Rig file with a [platform]. Default: the built-in platform of the thesis
@@ -241,12 +250,15 @@ pub struct PlanCompare {
 /// `rigident plan excitation`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The base is held still, with gravity along -z of its frame; of a humanoid that hangs, make the link that is held the base. Limits are \
-                        those of the model; what it does not state is asked for. Ctrl-C keeps the best trajectory so far.\n\nExamples:\n  \
-                        rigident plan excitation ur5.urdf -o trajectory.csv -o trajectory.yaml\n  rigident plan excitation panda.urdf --lock \
-                        panda_finger_joint1,panda_finger_joint2 --friction viscous,coulomb --floor-m 0\n  rigident plan excitation g1.urdf \
-                        --joints left_shoulder_pitch_joint,left_elbow_joint --speed 5 --boxes boxes.toml --json\n  ros2 topic pub -1 \
-                        /arm_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \"$(cat trajectory.yaml)\"\n  rigident identify \
+    after_help = "The base is held still, with gravity along -z of its frame; of a humanoid that hangs, make \
+                        the link that is held the base. Limits are those of the model; what it does not \
+                        state is asked for. Ctrl-C keeps the best trajectory so far.\n\nExamples:\n  \
+                        rigident plan excitation ur5.urdf -o trajectory.csv -o trajectory.yaml\n  rigident \
+                        plan excitation panda.urdf --lock panda_finger_joint1,panda_finger_joint2 --friction \
+                        viscous,coulomb --floor-m 0\n  rigident plan excitation g1.urdf --joints \
+                        left_shoulder_pitch_joint,left_elbow_joint --speed 5 --boxes boxes.toml --json\n  \
+                        ros2 topic pub -1 /arm_controller/joint_trajectory \
+                        trajectory_msgs/msg/JointTrajectory \"$(cat trajectory.yaml)\"\n  rigident identify \
                         recorded.csv --model ur5.urdf"
 )]
 pub struct PlanExcitation {
@@ -256,7 +268,8 @@ pub struct PlanExcitation {
     /// Only these joints move; the others are held at their start
     #[arg(long, value_name = "JOINT", value_delimiter = ',')]
     pub joints: Vec<String>,
-    /// Where a joint starts and ends, rad or m. Default: zero, or the nearest that is a fifth of its range from its ends
+    /// Where a joint starts and ends, rad or m. Default: zero, or the nearest that is a fifth of its range
+    /// from its ends
     #[arg(long, value_name = "JOINT=VALUE", value_delimiter = ',')]
     pub start: Vec<String>,
     /// Length, s; the fundamental is one over it
@@ -283,7 +296,8 @@ pub struct PlanExcitation {
     /// 1 σ of a reading of the base's force, N, and moment, N m
     #[arg(long, default_value = "1,0.1", value_name = "N,NM")]
     pub wrench_noise: String,
-    /// Positions of a joint, rad or m, instead of the model's; without JOINT= of every joint, no wider than the model's. Repeatable
+    /// Positions of a joint, rad or m, instead of the model's; without JOINT= of every joint, no wider than
+    /// the model's. Repeatable
     #[arg(long, value_name = "[JOINT=]LOW,HIGH", allow_hyphen_values = true)]
     pub range: Vec<String>,
     /// Largest rate, rad/s or m/s, likewise. Repeatable
@@ -292,7 +306,8 @@ pub struct PlanExcitation {
     /// Largest effort, N m or N, likewise. Repeatable
     #[arg(long, value_name = "[JOINT=]MOST")]
     pub effort: Vec<String>,
-    /// Largest acceleration, rad/s² or m/s², likewise, of which the share of rates is used; without it as efforts allow. Repeatable
+    /// Largest acceleration, rad/s² or m/s², likewise, of which the share of rates is used; without it as
+    /// efforts allow. Repeatable
     #[arg(long, value_name = "[JOINT=]MOST")]
     pub acceleration: Vec<String>,
     /// Rotor inertia as a joint feels it, kg m² or kg, instead of the model's: efforts need it. Repeatable
@@ -337,7 +352,8 @@ pub struct PlanExcitation {
     /// Random beginnings of the search
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub restarts: usize,
-    /// File to write, by its ending: .csv or .yaml (trajectory_msgs/msg/JointTrajectory). Repeatable; must not exist
+    /// File to write, by its ending: .csv or .yaml (trajectory_msgs/msg/JointTrajectory). Repeatable; must
+    /// not exist
     #[arg(long, short = 'o', value_name = "FILE")]
     pub out: Vec<PathBuf>,
     /// Print one object on standard output, and nothing else there

@@ -244,15 +244,16 @@ fn give_passive(bodies: &mut Model, arguments: &PlanExcitation) -> Result<(), Fa
         let is_asked = arguments.friction.iter().any(|list| list.contains(asked));
         if is_asked && bodies.links.iter().all(|link| *place(&mut link.passive[0].clone()) == 0.0) {
             tell!(
-                "rigident: efforts are those of a model without {asked}, and --friction asks for it: limits of effort may be passed; \
-                 give {option} [JOINT=]VALUE"
+                "rigident: efforts are those of a model without {asked}, and --friction asks for it: limits \
+                 of effort may be passed; give {option} [JOINT=]VALUE"
             );
         }
     }
     Ok(())
 }
 
-/// Returns the joints that do not move and are in a message for the controller: all that --joints holds, and those of --hold.
+/// Returns the joints that do not move and are in a message for the controller: all that --joints holds, and
+/// those of --hold.
 fn commanded(arguments: &PlanExcitation, held: &[(String, f64)]) -> Result<Vec<String>, Failure> {
     let name = |words: &str| words.split_once('=').map_or(words, |(name, _)| name).trim().to_owned();
     let locked: Vec<String> = arguments.model.changes.lock.iter().map(|words| name(words)).collect();
@@ -270,7 +271,8 @@ fn locked(whole: &Model, arguments: &PlanExcitation) -> Result<Vec<(String, f64)
     Ok(own.into_iter().map(|(name, at)| (name.to_owned(), at.unwrap_or(0.0))).collect())
 }
 
-/// Locks the joints that --joints does not name at their start, and adds them to those that are held; returns how many.
+/// Locks the joints that --joints does not name at their start, and adds them to those that are held; returns
+/// how many.
 fn hold(
     robot: &mut Model,
     arguments: &PlanExcitation,
@@ -357,7 +359,8 @@ fn tell_findings(robot: &Model, boxes: &Boxes, held: usize) {
     }
     if !boxes.guessed.is_empty() {
         tell!(
-            "rigident: the shapes of {} are not known: their boxes are made about joints, {} mm thick (--boxes, --box-radius-m)",
+            "rigident: the shapes of {} are not known: their boxes are made about joints, {} mm thick \
+             (--boxes, --box-radius-m)",
             boxes.guessed.join(", "),
             significant(2e3 * boxes.radius_m, 3)
         );
@@ -452,7 +455,8 @@ fn object<'a>(prepared: &'a Prepared, planned: &'a Excitation) -> Object<'a> {
 fn text(prepared: &Prepared, planned: &Excitation) -> String {
     let task = &prepared.task;
     let mut out = format!(
-        "{}: {} joints, {} s, {} harmonics up to {} Hz, at rest at both ends.\n\n  share of the limit used            range    rate  effort     starts at",
+        "{}: {} joints, {} s, {} harmonics up to {} Hz, at rest at both ends.\n\n  share of the limit \
+         used            range    rate  effort     starts at",
         task.model.name,
         task.limits.len(),
         task.duration_s,
@@ -469,7 +473,8 @@ fn text(prepared: &Prepared, planned: &Excitation) -> String {
     }
     let allowed = task.limits.first().map_or_else(Shares::default, |limits| limits.shares);
     out += &format!(
-        "\n  {:<32} {:>5.1} % {:>5.1} % {:>5.1} %\n\nRange and rate hold at every instant, efforts of the nominal model and distances every {} ms.",
+        "\n  {:<32} {:>5.1} % {:>5.1} % {:>5.1} %\n\nRange and rate hold at every instant, efforts of the \
+         nominal model and distances every {} ms.",
         "allowed",
         100.0 * allowed.range,
         100.0 * allowed.speed,
@@ -480,7 +485,8 @@ fn text(prepared: &Prepared, planned: &Excitation) -> String {
         Some((nearest, time_s)) => {
             let [a, b] = &nearest.between;
             out += &format!(
-                "\nNearest to each other are {a} and {b} at t = {time_s:.2} s, {:.1} mm at least; {} pairs of boxes were looked at.",
+                "\nNearest to each other are {a} and {b} at t = {time_s:.2} s, {:.1} mm at least; {} pairs \
+                 of boxes were looked at.",
                 1e3 * nearest.distance_m,
                 planned.pairs
             );
@@ -490,7 +496,8 @@ fn text(prepared: &Prepared, planned: &Excitation) -> String {
     if !planned.left_out.is_empty() {
         let pairs: Vec<String> = planned.left_out.iter().map(|[a, b]| format!("{a}–{b}")).collect();
         out += &format!(
-            "\nNot looked at, as their boxes touch in the zero or start pose: {}. Watch them, or give smaller boxes (--boxes).",
+            "\nNot looked at, as their boxes touch in the zero or start pose: {}. Watch them, or give \
+             smaller boxes (--boxes).",
             pairs.join(", ")
         );
     }
@@ -506,8 +513,9 @@ fn told(task: &Task, planned: &Excitation) -> String {
         noise.iter().fold(0.0_f64, |most, v| v.max(most)),
     ];
     let mut out = format!(
-        "\n\nPredicted at {} readings/s, efforts with noise of {} to {} (1 σ), against one random trajectory as large as limits allow (the best of many random ones is nearer):\n  \
-         condition number {:.1} instead of {:.1}",
+        "\n\nPredicted at {} readings/s, efforts with noise of {} to {} (1 σ), against one random trajectory \
+         as large as limits allow (the best of many random ones is nearer):\n  condition number {:.1} \
+         instead of {:.1}",
         task.measured.rate_hz,
         significant(least, 3),
         significant(most, 3),

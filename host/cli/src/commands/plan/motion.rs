@@ -288,8 +288,9 @@ fn object<'a>(plan: &MotionPlan, objective: &'a str, body: &'a str, coverage: [f
 fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &Task, body: &str) -> String {
     let [from, to] = plan.motion_s;
     let mut text = format!(
-        "{words}: {:.1} s, the motion from {from:.1} s to {to:.1} s; it turns into {:.0} % of all directions, its angular \
-         acceleration points into {:.0} %.\n\n  guaranteed at every instant        seen       below     allowed   margin",
+        "{words}: {:.1} s, the motion from {from:.1} s to {to:.1} s; it turns into {:.0} % of all \
+         directions, its angular acceleration points into {:.0} %.\n\n  guaranteed at every instant        \
+         seen       below     allowed   margin",
         plan.program.duration_s(),
         100.0 * rate,
         100.0 * acceleration
@@ -333,8 +334,10 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
     let p = &plan.prediction;
     let [x, y, z] = p.com_m.map(|v| 1e3 * v);
     text += &format!(
-        "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
-         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, scaled: {:.2}; with the offsets eliminated {:.2}.",
+        "\n\nThe body: {body}, {:.3} kg.\nPredicted U95 at {:.0} readings/s, offsets unknown: mass {:.4} kg; \
+         centre of mass {x:.3}, {y:.3}, {z:.3} mm;\n\
+         tensor about it (Ixx, Iyy, Izz, Iyz, Izx, Ixy) {}, 1e-3 kg m².\nCondition number of the columns, \
+         scaled: {:.2}; with the offsets eliminated {:.2}.",
         task.equipment.payload.body.mass_kg,
         task.rate_hz,
         p.parameters[0],

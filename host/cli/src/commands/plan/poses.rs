@@ -83,7 +83,8 @@ pub(crate) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     progress.show(|| "where the platform can tilt to".to_owned());
     if rig.geometry.limits.of_force().is_some() && rig.load.is_none() {
         tell!(
-            "rigident: the forces of the legs are not checked: the rig file has no load_within_m that bounds what they carry"
+            "rigident: the forces of the legs are not checked: the rig file has no load_within_m that bounds \
+             what they carry"
         );
     }
     let reach = Reach::new(rig.geometry, arguments.stroke_m)
@@ -158,7 +159,8 @@ fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
 fn named(error: PlanError, given: bool) -> Failure {
     match error {
         PlanError::Orientations { n, fewest } if given => Failure::input(format!(
-            "--angles: {n} poses; {fewest} at least (fewer leave a part of the centre of mass open), {MOST_ORIENTATIONS} at most"
+            "--angles: {n} poses; {fewest} at least (fewer leave a part of the centre of mass open), \
+             {MOST_ORIENTATIONS} at most"
         )),
         PlanError::Angles(_) => Failure::input(format!("--angles: {error}")),
         other => Failure::input(other),
@@ -185,9 +187,9 @@ fn table(plan: &PosePlan, held: &[bool], region: &Region, reach: &Reach) -> Stri
     let (least, largest) = region.tilt_range_rad();
     let [low, high] = reach.geometry().leg_length_m;
     let mut text = format!(
-        "Legs from {low:.4} m to {high:.4} m tilt the plate by {:.1}° to {:.1}°, depending on the direction.\n\n  \
-         pose     roll    pitch     tilt        x        y        z\n          \
-         °        °        °        m        m        m",
+        "Legs from {low:.4} m to {high:.4} m tilt the plate by {:.1}° to {:.1}°, depending on the \
+         direction.\n\n  pose     roll    pitch     tilt        x        y        z\n          °        \
+         °        °        m        m        m",
         least.to_degrees(),
         largest.to_degrees()
     );
@@ -212,16 +214,21 @@ fn table(plan: &PosePlan, held: &[bool], region: &Region, reach: &Reach) -> Stri
     }
     let n = plan.poses.len();
     text += &format!(
-        ". Determinant {:.4}.\n{n} poses that tilt by {steepest:.1}° at most have a normal matrix of {:.3} at least.\n",
+        ". Determinant {:.4}.\n{n} poses that tilt by {steepest:.1}° at most have a normal matrix of {:.3} \
+         at least.\n",
         plan.determinant,
         least_condition_number_in_cone(n, steepest.to_radians())
     );
     text += &match plan.predicted_u95 {
         Some([m, x, y, z]) => format!(
-            "One reading a pose, offsets unknown, predicted U95: mass {m:.2} kg, first moment {x:.3}, {y:.3}, {z:.3} kg m."
+            "One reading a pose, offsets unknown, predicted U95: mass {m:.2} kg, first moment {x:.3}, \
+             {y:.3}, {z:.3} kg m."
         ),
-        None => "These poses alone leave a part of the first moment open if the offsets are unknown: add the level pose."
-            .to_owned(),
+        None => {
+            "These poses alone leave a part of the first moment open if the offsets are unknown: add the \
+                 level pose."
+                .to_owned()
+        }
     };
     text
 }

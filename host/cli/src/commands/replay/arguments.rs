@@ -13,9 +13,10 @@ use crate::options::trees::TreeModel;
 /// `rigident replay`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig poses.rig.toml --mcu qemu\n  \
-                        rigident replay bracket.csv --mcu /dev/ttyACM0\n\nSeveral links:\n  rigident replay two_links.mcap --mcu qemu\n  rigident \
-                        replay walk.csv --model human34 --height-m 1.65 --mass-kg 60"
+    after_help = "Examples:\n  rigident replay bracket.mcap --mcu inproc\n  rigident replay poses.csv --rig \
+                        poses.rig.toml --mcu qemu\n  rigident replay bracket.csv --mcu \
+                        /dev/ttyACM0\n\nSeveral links:\n  rigident replay two_links.mcap --mcu qemu\n  \
+                        rigident replay walk.csv --model human34 --height-m 1.65 --mass-kg 60"
 )]
 pub struct Replay {
     /// The recording, CSV or MCAP

@@ -27,22 +27,25 @@ const TENSOR_SHARE: f64 = 0.01;
 const AT_MOST_S: f64 = 300.0;
 
 /// An identified estimate that a scale rules out.
-const CONTRADICTED: &str = "the estimate is none of the bodies that the scale, load_max_kg and load_within_m allow: it is not used to \
-                            plan with. One of them is wrong";
+const CONTRADICTED: &str = "the estimate is none of the bodies that the scale, load_max_kg and load_within_m \
+                            allow: it is not used to plan with. One of them is wrong";
 
 /// Whether somebody decides, and how far.
 #[derive(Args, Debug, Clone)]
 pub struct Adaptive {
     /// Decide every segment by what the device knows by then; end as soon as what is asked for is reached
     ///
-    /// Asked for is --until, or every tensor element, about S and about the centre of mass, to --until-relative.
+    /// Asked for is --until, or every tensor element, about S and about the centre of mass, to
+    /// --until-relative.
     #[arg(long, conflicts_with_all = ["plan", "duration_s", "keep_going", "forget", "window"])]
     pub adaptive: bool,
-    /// With --adaptive: largest 95 % uncertainty of every tensor element, as a share of the largest principal moment
+    /// With --adaptive: largest 95 % uncertainty of every tensor element, as a share of the largest principal
+    /// moment
     /// [default: 0.01]
     #[arg(long, value_name = "SHARE", requires = "adaptive", conflicts_with = "until")]
     pub until_relative: Option<f64>,
-    /// End after so long, s, wherever the programme is; with --adaptive begin no further segment then [default there: 300]
+    /// End after so long, s, wherever the programme is; with --adaptive begin no further segment then
+    /// [default there: 300]
     #[arg(long, value_name = "S")]
     pub at_most_s: Option<f64>,
 }
@@ -98,7 +101,8 @@ impl Adaptive {
         let planner = Planner::new(model.clone(), asked);
         if planner.choices() == 0 {
             return Err(Failure::input(
-                "--adaptive: no motion about home keeps the platform's limits; `rigident workspace` shows where it can go",
+                "--adaptive: no motion about home keeps the platform's limits; `rigident workspace` shows \
+                 where it can go",
             ));
         }
         Ok(Some(Directing {
@@ -270,7 +274,8 @@ impl Directing {
             Foreseen::Moment(u95) => {
                 let u95 = significant(u95, 2);
                 format!(
-                    "every element of the tensor can be known to ±{u95} kg m²; the largest moment is not known well yet"
+                    "every element of the tensor can be known to ±{u95} kg m²; the largest moment is not \
+                     known well yet"
                 )
             }
         };
@@ -388,15 +393,16 @@ impl Director for Directing {
             Next::Question(program) => Ok(Some(Proposal { program, drive: false })),
             Next::Unsafe => {
                 self.ends(
-                    "no motion is known to keep every limit whatever of what may be on the load cell is there: say more of it \
-                     (load_max_kg, load_within_m, offset_within_n_nm)"
+                    "no motion is known to keep every limit whatever of what may be on the load cell is \
+                     there: say more of it (load_max_kg, load_within_m, offset_within_n_nm)"
                         .to_owned(),
                 );
                 Ok(None)
             }
             Next::Hopeless(parameter) => {
                 self.ends(format!(
-                    "{parameter} cannot become as certain as asked for by anything this platform does within its limits"
+                    "{parameter} cannot become as certain as asked for by anything this platform does within \
+                     its limits"
                 ));
                 Ok(None)
             }

@@ -14,28 +14,31 @@ use crate::options::stop_criterion::StopCriterion;
 
 /// `rigident run`
 #[derive(Args, Debug, Clone)]
-#[command(
-    after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447\n  \
-                        rigident run --port ./rigident-rig --rig rig.rig.toml --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'gcs://192.168.0.1:50000?rate_hz=100'\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' --plan motion.json\n  \
-                        rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform none --until m=0.02\n\n\
-                        A rig file of two [[link]] with an [[imu]] each makes it a run of two links: initial_wxyz of the second says how \
-                        it hangs at the start. `rigident-sim serve --body two-links --write-rig rig.rig.toml` is such a rig.\n\n\
-                        Ctrl-C stops the platform, sees it at rest, and keeps what was recorded."
-)]
+#[command(after_help = "Examples:\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml --platform \
+                        tcp://192.168.1.20:7447\n  rigident run --port ./rigident-rig --rig rig.rig.toml \
+                        --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  rigident run --port \
+                        /dev/ttyACM0 --rig bracket.rig.toml --platform \
+                        'gcs://192.168.0.1:50000?rate_hz=100'\n  rigident run --port /dev/ttyACM0 --rig \
+                        bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  rigident run \
+                        --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' \
+                        --plan motion.json\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
+                        --platform none --until m=0.02\n\n\
+                        A rig file of two [[link]] with an [[imu]] each makes it a run of two links: \
+                        initial_wxyz of the second says how it hangs at the start. `rigident-sim serve \
+                        --body two-links --write-rig rig.rig.toml` is such a rig.\n\n\
+                        Ctrl-C stops the platform, sees it at rest, and keeps what was recorded.")]
 pub struct Run {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub device: PortOption,
     /// The platform's controller
     ///
-    /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI hexapod (GCS 2.0).
-    /// pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of poses or leg lengths; the plate must
-    /// stand at home when it begins, and is led back there after the experiment. none: the body is moved by hand, or by anything
-    /// else; the next move is told, and Ctrl-C ends. Behind it
-    /// ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and &baud=115200 where they apply
+    /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI
+    /// hexapod (GCS 2.0). pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of
+    /// poses or leg lengths; the plate must stand at home when it begins, and is led back there after the
+    /// experiment. none: the body is moved by hand, or by anything else; the next move is told, and Ctrl-C
+    /// ends. Behind it ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and
+    /// &baud=115200 where they apply
     #[arg(long, value_name = "ADDRESS")]
     pub platform: String,
     /// Move without asking: the limits were checked, and nobody stands in the platform's way

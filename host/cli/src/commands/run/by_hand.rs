@@ -1,4 +1,5 @@
-//! `rigident run --platform none`: the device's own sensors, and a body that is moved by hand, by a robot, by anything.
+//! `rigident run --platform none`: the device's own sensors, and a body that is moved by hand, by a robot, by
+//! anything.
 
 use std::process::ExitCode;
 use std::time::Instant;

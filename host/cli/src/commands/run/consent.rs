@@ -55,12 +55,14 @@ impl Consent<'_> {
             if load {
                 "load guard ON: ends the motion at 97 % of the load cell's range"
             } else {
-                "load guard OFF: [load_cell] has no range_n_nm, nothing ends the motion before the load cell is overloaded"
+                "load guard OFF: [load_cell] has no range_n_nm, nothing ends the motion before the load cell \
+                 is overloaded"
             },
             if motion {
                 "motion guard ON: ends the motion when the IMU does not show it"
             } else {
-                "motion guard OFF: the rig file does not say where the IMU is, and a plate that goes astray is not seen"
+                "motion guard OFF: the rig file does not say where the IMU is, and a plate that goes astray \
+                 is not seen"
             },
         ]
     }
@@ -69,12 +71,13 @@ impl Consent<'_> {
     fn assumed(&self) -> Vec<&'static str> {
         let platform = self.rig.platform.as_ref();
         let mut assumed = vec![
-            "nobody is in the machine's reach; guards, and a stop of the machine's own in somebody's hand, are there: this program is no \
-             safety function",
+            "nobody is in the machine's reach; guards, and a stop of the machine's own in somebody's hand, \
+             are there: this program is no safety function",
         ];
         if self.summary.travel.is_none() {
             assumed.push(
-                "the legs' own weight and friction are not counted; how long a stop by the controller itself takes is not known",
+                "the legs' own weight and friction are not counted; how long a stop by the controller itself \
+                 takes is not known",
             );
         }
         if platform.is_none_or(|platform| platform.part.is_empty()) {
@@ -101,7 +104,8 @@ impl fmt::Display for Consent<'_> {
         if let Some(reserve) = self.summary.stroke_reserve().filter(|reserve| *reserve < RESERVE) {
             writeln!(
                 f,
-                "  NOTE      {:.1} % of the stroke are in reserve: an error of the joints' places, or an overshoot, may meet the legs' ends",
+                "  NOTE      {:.1} % of the stroke are in reserve: an error of the joints' places, or an \
+                 overshoot, may meet the legs' ends",
                 100.0 * reserve
             )?;
         }
@@ -116,8 +120,8 @@ impl fmt::Display for Consent<'_> {
                 let whom = if value > range { "" } else { " with the worst body that may be on it" };
                 writeln!(
                     f,
-                    "  NOTE      in a stop of {stop_s} s from t = {time_s:.2} s {channel} of the load cell would come to {:.1} {unit}{whom}, \
-                     its range is {range:.1} {unit}",
+                    "  NOTE      in a stop of {stop_s} s from t = {time_s:.2} s {channel} of the load cell \
+                     would come to {:.1} {unit}{whom}, its range is {range:.1} {unit}",
                     if value > range { value } else { at_worst }
                 )?;
             } else {
@@ -130,7 +134,8 @@ impl fmt::Display for Consent<'_> {
         if let Some([before, now]) = &self.moved {
             writeln!(
                 f,
-                "  NOTE      the plate stood at {} before the warm-up and stands at {}: the way to the start is another one",
+                "  NOTE      the plate stood at {} before the warm-up and stands at {}: the way to the start \
+                 is another one",
                 check::words(before),
                 check::words(now)
             )?;
@@ -138,7 +143,8 @@ impl fmt::Display for Consent<'_> {
         if let Some([_, limit]) = self.summary.condition.filter(|[_, limit]| *limit > COND_MAX) {
             writeln!(
                 f,
-                "  NOTE      cond_max is {limit}, and {COND_MAX} by default: poses near singular ones are allowed"
+                "  NOTE      cond_max is {limit}, and {COND_MAX} by default: poses near singular ones are \
+                 allowed"
             )?;
         }
         self.found.iter().try_for_each(|found| writeln!(f, "  platform  {found}"))?;

@@ -164,7 +164,8 @@ impl Ready {
     /// Zeroes the sensors, configures the device, weighs again and shows what is consented to.
     ///
     /// # Errors
-    /// A plate that is not where it should be, a limit that would be exceeded, a link that broke. Nothing was moved.
+    /// A plate that is not where it should be, a limit that would be exceeded, a link that broke. Nothing was
+    /// moved.
     fn new(
         request: &mut Request,
         platform: &mut dyn Platform,
@@ -223,7 +224,8 @@ fn agreed(
     let now = platform.stands().map_err(unmoved)?;
     match ready.stands.zip(now).filter(|(shown, now)| !platform::near(shown, now)) {
         Some((shown, now)) => Err(Failure::link(format!(
-            "the plate stood at {} when its way was shown, and stands at {}: another program, or its own panel, has moved it. Run again.\n\
+            "the plate stood at {} when its way was shown, and stands at {}: another program, or its own \
+             panel, has moved it. Run again.\n\
              Nothing was moved.",
             check::words(&shown),
             check::words(&now)

@@ -62,7 +62,8 @@ pub(crate) fn tell_collisions(geometry: &Geometry) {
         tell!("rigident: {WITHOUT_JOINTS}");
     } else if geometry.limits.bulk.is_none() {
         tell!(
-            "rigident: collisions of legs, plate and base are not looked at: [platform] has no leg_radius_m that says how thick a leg is"
+            "rigident: collisions of legs, plate and base are not looked at: [platform] has no leg_radius_m \
+             that says how thick a leg is"
         );
     }
 }

@@ -120,8 +120,8 @@ impl<'a> Request<'a> {
         let led = summary.stops.as_ref().map(|[led, _]| led).filter(|_| self.fixed.is_some());
         match led.and_then(|led| Some((led.stop_s, led.overloads?))) {
             Some((stop_s, (violation, time_s))) => Err(Failure::input(format!(
-                "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, {violation}: use a smaller or slower \
-                 motion (--slow).\nNothing was moved."
+                "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, {violation}: \
+                 use a smaller or slower motion (--slow).\nNothing was moved."
             ))),
             None => Ok(()),
         }
@@ -134,8 +134,8 @@ impl<'a> Request<'a> {
         Consent { summary, address, rig, slow, found, guards: None, cell, moved: None, attitude: None }
     }
 
-    /// Returns the load cell in the stops that are shown, their durations, s, beside; nothing without a fixed program or
-    /// a range.
+    /// Returns the load cell in the stops that are shown, their durations, s, beside; nothing without a fixed
+    /// program or a range.
     ///
     /// # Errors
     /// Bad input: led to rest on its path the middle of the bodies would overload it. Nothing was moved.
@@ -150,8 +150,9 @@ impl<'a> Request<'a> {
         match all.first() {
             Some((stop_s, CellStopped { channel, unit, range, value, time_s, .. })) if value > range => {
                 Err(Failure::input(format!(
-                    "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, {channel} of the load cell would come to \
-                     {value:.1} {unit}, its range is {range:.1} {unit}: use a smaller or slower motion (--slow).\nNothing was moved."
+                    "led to rest in {stop_s} s from t = {time_s:.2} s, as every planned end may do, \
+                     {channel} of the load cell would come to {value:.1} {unit}, its range is {range:.1} \
+                     {unit}: use a smaller or slower motion (--slow).\nNothing was moved."
                 )))
             }
             _ => Ok(all),
@@ -194,8 +195,9 @@ fn geometry(arguments: &Run, rig: &RigFile) -> Result<Geometry, Failure> {
     }
     if !described && !platform::checks_itself(&arguments.platform) {
         return Err(Failure::input(format!(
-            "{} does not say which machine is at {}: its [platform] must give base_joints_m, plate_joints_m and leg_length_m, \
-             or travel_m and travel_rad where joints are not published, so that its limits can be checked before anything moves.\nNothing was moved.",
+            "{} does not say which machine is at {}: its [platform] must give base_joints_m, plate_joints_m \
+             and leg_length_m, or travel_m and travel_rad where joints are not published, so that its limits \
+             can be checked before anything moves.\nNothing was moved.",
             arguments.rig.display(),
             arguments.platform
         )));
@@ -203,8 +205,8 @@ fn geometry(arguments: &Run, rig: &RigFile) -> Result<Geometry, Failure> {
     Ok(geometry)
 }
 
-/// Returns the tree of a rig file with several links, if the device takes it from sensors, with its parameters; `None` if it is
-/// of one body.
+/// Returns the tree of a rig file with several links, if the device takes it from sensors, with its
+/// parameters; `None` if it is of one body.
 fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Parameter>)>, Failure> {
     if rig.link.len() < 2 {
         return Ok(None);
@@ -247,7 +249,8 @@ fn with_ways(
 fn beyond(error: PlatformError, arguments: &Run) -> Failure {
     let built_in = arguments.programme.plan.is_none() && !arguments.adaptive.adaptive;
     let advice = if built_in {
-        "\nIt is the built-in experiment: make one for this machine by `rigident plan motion --rig`, and give it by --plan."
+        "\nIt is the built-in experiment: make one for this machine by `rigident plan motion --rig`, and \
+         give it by --plan."
     } else {
         ""
     };

@@ -57,7 +57,8 @@ pub(crate) struct Rest {
 }
 
 impl Rest {
-    /// Returns the settings of a run that begins from here: noise as it was found, and how fast the run forgets.
+    /// Returns the settings of a run that begins from here: noise as it was found, and how fast the run
+    /// forgets.
     ///
     /// # Errors
     /// Bad input: what the rig file lacks, or more links than the device takes from sensors.
@@ -148,10 +149,11 @@ pub(crate) enum Attitude {
     Unknown(&'static str),
 }
 
-const UNPLACED: &str = "the base stands level, NOT compared with gravity: the rig file does not give the places of [[imu]] and \
-                        [platform.load_cell]; on a wall or a ceiling all forces are others";
-const UNKNOWN: &str = "the base stands level, NOT compared with gravity: the platform does not know its plate's pose yet; on a wall \
-                       or a ceiling all forces are others";
+const UNPLACED: &str = "the base stands level, NOT compared with gravity: the rig file does not give the \
+                        places of [[imu]] and [platform.load_cell]; on a wall or a ceiling all forces are \
+                        others";
+const UNKNOWN: &str = "the base stands level, NOT compared with gravity: the platform does not know its \
+                       plate's pose yet; on a wall or a ceiling all forces are others";
 
 /// Checks whether the plate is tilted as the platform says that it is, as far as gravity shows it. Nothing is
 /// known without the places of the IMU and the load cell, or where the platform does not know it.
@@ -178,16 +180,17 @@ pub(crate) fn check_attitude(
     );
     if off >= carried::LEVEL_RAD {
         return Err(Failure::link(format!(
-            "the plate is tilted by {:.0} degrees {against}: bring it there first. If it stands there, the base is not level, the controller \
-             levels it by a coordinate system, or the rotations of [[imu]] or [platform.load_cell] in the rig file are wrong. A platform on a \
-             wall or a ceiling is not driven: its forces are others.\nNothing was moved.",
+            "the plate is tilted by {:.0} degrees {against}: bring it there first. If it stands there, the \
+             base is not level, the controller levels it by a coordinate system, or the rotations of [[imu]] \
+             or [platform.load_cell] in the rig file are wrong. A platform on a wall or a ceiling is not \
+             driven: its forces are others.\nNothing was moved.",
             off.to_degrees()
         )));
     }
     if off >= DOUBTFUL_RAD {
         warnings.push(format!(
-            "the plate is tilted by {:.1} degrees {against}: forces were checked for a level base; look at the base, and at the rotations of \
-             [[imu]] and [platform.load_cell]",
+            "the plate is tilted by {:.1} degrees {against}: forces were checked for a level base; look at \
+             the base, and at the rotations of [[imu]] and [platform.load_cell]",
             off.to_degrees()
         ));
     }
@@ -209,7 +212,8 @@ pub(crate) fn check_untouched(rest: &Rest, now: &Rest) -> Result<(), Failure> {
     match now.moving.clone().or_else(touched) {
         None => Ok(()),
         Some(shown) => Err(Failure::link(format!(
-            "since the zero was taken, {shown}: somebody, or something, is at the platform. Run again when nobody is.\nNothing was moved."
+            "since the zero was taken, {shown}: somebody, or something, is at the platform. Run again when \
+             nobody is.\nNothing was moved."
         ))),
     }
 }
@@ -223,10 +227,12 @@ fn felt(rest: &Rest, imu: &ImuTable) -> Vector3<f64> {
     Vector3::from((mounting.rotation * felt).array())
 }
 
-/// Returns what the load cell may carry, in S, by what it reads at rest; `None` where nothing bounds it and no force has a limit.
+/// Returns what the load cell may carry, in S, by what it reads at rest; `None` where nothing bounds it and
+/// no force has a limit.
 ///
 /// # Errors
-/// Bad input: a force has a limit and nothing bounds the body, or what is read contradicts the bound. Nothing was moved.
+/// Bad input: a force has a limit and nothing bounds the body, or what is read contradicts the bound. Nothing
+/// was moved.
 pub(crate) fn weigh(rest: &Rest, rig: &RigFile) -> Result<Option<BodySet>, Failure> {
     let unmoved = |e: CarriedError| Failure::input(format!("{e}.\nNothing was moved."));
     let Some(bound) = bound(rig)? else { return Ok(None) };
@@ -257,16 +263,17 @@ pub(crate) fn check_carries(carries: &BodyParameters, rig: &RigFile, body: &Body
         && (carries.mass_kg > bound.mass_kg || away > bound.within_m)
     {
         return Err(Failure::input(format!(
-            "the plan was made for {:.2} kg with their centre of mass {away:.3} m from the load cell's origin, and the rig file allows \
-             {:.2} kg within {} m: one of them is wrong.\nNothing was moved.",
+            "the plan was made for {:.2} kg with their centre of mass {away:.3} m from the load cell's \
+             origin, and the rig file allows {:.2} kg within {} m: one of them is wrong.\nNothing was \
+             moved.",
             carries.mass_kg, bound.mass_kg, bound.within_m
         )));
     }
     let [least, most] = body.masses_kg();
     if !(least..=most).contains(&carries.mass_kg) {
         tell!(
-            "rigident: the plan was made for {:.2} kg, and the load cell carries {:.2} to {most:.2} kg: its limits are checked for these, \
-             what it predicts is not for this body",
+            "rigident: the plan was made for {:.2} kg, and the load cell carries {:.2} to {most:.2} kg: its \
+             limits are checked for these, what it predicts is not for this body",
             carries.mass_kg,
             least.max(0.0)
         );
@@ -336,7 +343,8 @@ pub(crate) fn warm_up(
     Ok(())
 }
 
-/// The sensors at rest: bias of the gyro, and the noise where the rig file states none. A plate that moves is waited for.
+/// The sensors at rest: bias of the gyro, and the noise where the rig file states none. A plate that moves is
+/// waited for.
 pub(crate) fn zero(
     session: &mut Session,
     rig: &mut RigFile,
@@ -350,8 +358,8 @@ pub(crate) fn zero(
     }
     if let Some(shown) = &rest.moving {
         return Err(Failure::link(format!(
-            "the plate does not come to rest: {shown}. The gyro's zero and the noise are measured at rest: is another program \
-             moving the platform, or is something shaking it?\nNothing was moved."
+            "the plate does not come to rest: {shown}. The gyro's zero and the noise are measured at rest: \
+             is another program moving the platform, or is something shaking it?\nNothing was moved."
         )));
     }
     tell!("zero: mean wrench {:.2?} N, N m", rest.wrench);
@@ -364,7 +372,8 @@ pub(crate) fn zero(
         let moved = (0..3).map(|k| (rest.angular_rate[k] - before[k]).abs()).fold(0.0, f64::max);
         if moved > 0.05 {
             warnings.push(format!(
-                "the gyro showed {moved:.3} rad/s at rest, and that was taken for its bias: was the platform turning evenly?"
+                "the gyro showed {moved:.3} rad/s at rest, and that was taken for its bias: was the platform \
+                 turning evenly?"
             ));
         }
     }
@@ -408,8 +417,8 @@ pub(crate) fn zero_second(
         .map_err(|_| Failure::link("the second link's IMU sends nothing: check its supply and wiring"))?;
     if let Some(shown) = &rest.moving {
         return Err(Failure::link(format!(
-            "the second link does not hang still: {shown}. Its gyro's zero is measured at rest, and its attitude at the start is \
-             initial_wxyz of its [[link]].\nNothing was moved."
+            "the second link does not hang still: {shown}. Its gyro's zero is measured at rest, and its \
+             attitude at the start is initial_wxyz of its [[link]].\nNothing was moved."
         )));
     }
     imu.gyro_bias_radps = Calibrated::Numbers(rest.angular_rate);
@@ -421,7 +430,8 @@ mod tests {
     use super::*;
     use hexapod::Geometry;
 
-    /// Two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with the noise of a poor gyro.
+    /// Two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with the noise of a
+    /// poor gyro.
     fn readings(angle: impl Fn(f64) -> f64) -> Vec<Reading<f64>> {
         (0..400)
             .map(|k| {

@@ -5,7 +5,8 @@ use clap::Args;
 /// `rigident ui`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Examples:\n  rigident ui\n  rigident ui --no-open --port 9000\n  rigident ui --site target/web/site"
+    after_help = "Examples:\n  rigident ui\n  rigident ui --no-open --port 9000\n  rigident ui --site \
+                  target/web/site"
 )]
 pub struct Ui {
     /// The port on this computer; what the page keeps is kept for it

@@ -1,4 +1,5 @@
-//! The files of the page, as `cargo xtask web` leaves them in the folder that RIGIDENT_SITE names while this is compiled.
+//! The files of the page, as `cargo xtask web` leaves them in the folder that RIGIDENT_SITE names while this
+//! is compiled.
 
 macro_rules! files {
     ($($name:literal),* $(,)?) => {

@@ -53,8 +53,8 @@ fn embedded() -> Result<Site, Failure> {
 #[cfg(not(feature = "page"))]
 fn embedded() -> Result<Site, Failure> {
     Err(Failure::input(
-        "the page is not in this build. Make it by `cargo xtask web --build`, then give its folder, --site target/web/site; or build \
-         the program with it: `cargo xtask web --program`",
+        "the page is not in this build. Make it by `cargo xtask web --build`, then give its folder, --site \
+         target/web/site; or build the program with it: `cargo xtask web --program`",
     ))
 }
 
@@ -67,7 +67,8 @@ fn check(site: &Site) -> Result<(), Failure> {
     match NEEDED.iter().find(|name| site.file(name).is_none()) {
         None => Ok(()),
         Some(name) => Err(Failure::input(format!(
-            "--site {}: it has no {name}: make the page by `cargo xtask web --build`, which leaves it in target/web/site",
+            "--site {}: it has no {name}: make the page by `cargo xtask web --build`, which leaves it in \
+             target/web/site",
             Path::display(&place)
         ))),
     }

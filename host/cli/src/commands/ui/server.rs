@@ -19,9 +19,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The largest file of a page, bytes.
 const MOST_OF_FILE: u64 = 64 << 20;
 /// Lets a browser run the page's own scripts, and talk to nobody else.
-const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self'; style-src \
-                      'self' 'unsafe-inline'; img-src 'self' data: blob:; frame-src blob:; base-uri 'none'; form-action 'none'; \
-                      frame-ancestors 'none'";
+const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; \
+                      connect-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
+                      frame-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Holds the files of a page.
 #[derive(Clone, Debug)]
@@ -37,7 +37,8 @@ pub(crate) enum Site {
 }
 
 impl Site {
-    /// Returns a file by its name relative to the page, `example/bracket.csv`; `None` if there is none, or the name leads elsewhere.
+    /// Returns a file by its name relative to the page, `example/bracket.csv`; `None` if there is none, or
+    /// the name leads elsewhere.
     pub(crate) fn file(&self, name: &str) -> Option<Vec<u8>> {
         let is_plain = |part: &str| {
             !part.starts_with('.') && part.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b))
@@ -143,8 +144,10 @@ impl Reply {
     fn head(&self) -> String {
         let packed = if self.is_packed { "Content-Encoding: gzip\r\n" } else { "" };
         format!(
-            "HTTP/1.1 {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{packed}Connection: close\r\nCache-Control: no-cache\r\n\
-             Content-Security-Policy: {POLICY}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+            "HTTP/1.1 {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{packed}Connection: \
+             close\r\nCache-Control: no-cache\r\n\
+             Content-Security-Policy: {POLICY}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: \
+             no-referrer\r\n\
              Cross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\n\r\n",
             self.status,
             self.kind,

@@ -30,11 +30,12 @@ pub enum VibrationCommand {
 /// `rigident vibration identify`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The recording has the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz), or the readings of an IMU on it, from the \
-                  release on; the rig file says what the springs are, in [suspension]. Of an IMU alone only the modes are told.\n\nExit \
-                  status 0 if the body is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident vibration identify \
-                  swing.csv\n  rigident vibration identify swing.csv --modes 5 --out swing\n  rigident vibration identify imu.csv --rig \
-                  springs.rig.toml --json"
+    after_help = "The recording has the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz), or the \
+                  readings of an IMU on it, from the release on; the rig file says what the springs are, in \
+                  [suspension]. Of an IMU alone only the modes are told.\n\nExit status 0 if the body is \
+                  identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident vibration \
+                  identify swing.csv\n  rigident vibration identify swing.csv --modes 5 --out swing\n  \
+                  rigident vibration identify imu.csv --rig springs.rig.toml --json"
 )]
 pub struct IdentifyVibration {
     /// The recording, CSV or MCAP
@@ -56,11 +57,13 @@ pub struct IdentifyVibration {
 /// `rigident vibration stiffness`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The recording is of the free vibration of a reference body on the platform; the rig file's [suspension] says where it is, \
-                  what the bare platform weighs, and about how stiff the springs are. What is printed goes into [suspension] in place of \
-                  that.\n\nExit status 0 if the stiffness is found, 1 if what is left contradicts it, 2 if a file cannot be \
-                  used.\n\nExamples:\n  rigident vibration stiffness steel.csv --body steel-cylinder.toml\n  rigident vibration stiffness \
-                  steel.csv --body steel-cylinder.toml --mounting lying --json"
+    after_help = "The recording is of the free vibration of a reference body on the platform; the rig file's \
+                  [suspension] says where it is, what the bare platform weighs, and about how stiff the \
+                  springs are. What is printed goes into [suspension] in place of that.\n\nExit status 0 if \
+                  the stiffness is found, 1 if what is left contradicts it, 2 if a file cannot be \
+                  used.\n\nExamples:\n  rigident vibration stiffness steel.csv --body steel-cylinder.toml\n  \
+                  rigident vibration stiffness steel.csv --body steel-cylinder.toml --mounting lying \
+                  --json"
 )]
 pub struct Stiffness {
     /// The recording, CSV or MCAP
@@ -85,11 +88,14 @@ pub struct Stiffness {
 /// `rigident vibration postures`
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "The file has the links in [[link]] tables, as a rig file, and in each [[posture]] mass, centre of mass and tensor of \
-                  everything with the joints locked as [posture.joint] says. Recordings have the poses of the platform and the attitudes or coordinates of \
-                  the joints, as for `rigident identify`. The factor merges with that of the motion of the same links on \
-                  springs (rigident merge).\n\nExamples:\n  rigident vibration postures docs/examples/two-link-postures.toml\n  rigident \
-                  vibration postures posture1.csv posture2.csv posture3.csv --factor postures.factor\n  rigident vibration postures postures.toml --factor postures.factor --plot sets.svg --json"
+    after_help = "The file has the links in [[link]] tables, as a rig file, and in each [[posture]] mass, \
+                  centre of mass and tensor of everything with the joints locked as [posture.joint] says. \
+                  Recordings have the poses of the platform and the attitudes or coordinates of the joints, \
+                  as for `rigident identify`. The factor merges with that of the motion of the same links on \
+                  springs (rigident merge).\n\nExamples:\n  rigident vibration postures \
+                  docs/examples/two-link-postures.toml\n  rigident vibration postures posture1.csv \
+                  posture2.csv posture3.csv --factor postures.factor\n  rigident vibration postures \
+                  postures.toml --factor postures.factor --plot sets.svg --json"
 )]
 pub struct Postures {
     /// The file of postures, TOML; or the recordings of their free vibration, one for each posture
@@ -113,9 +119,11 @@ pub struct Postures {
 #[cfg(feature = "simulator")]
 #[derive(Args, Debug, Clone)]
 #[command(
-    after_help = "Three locked postures are struck and vibrate freely; then link 1 is released and swings. Cameras see markers; everything \
-                  is identified from their recordings, which are written with their rig files into the folder.\n\nExamples:\n  rigident \
-                  vibration demo\n  rigident vibration demo --seed 7 --out paper --json\n  rigident vibration demo --body horizontal --out springs"
+    after_help = "Three locked postures are struck and vibrate freely; then link 1 is released and swings. \
+                  Cameras see markers; everything is identified from their recordings, which are written \
+                  with their rig files into the folder.\n\nExamples:\n  rigident vibration demo\n  rigident \
+                  vibration demo --seed 7 --out paper --json\n  rigident vibration demo --body horizontal \
+                  --out springs"
 )]
 pub struct DemoVibration {
     /// Seed of the noise

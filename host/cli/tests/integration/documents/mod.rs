@@ -45,7 +45,8 @@ fn same(what: &str, documented: &BTreeSet<String>, real: &BTreeSet<String>) {
 
 #[test]
 fn sections_and_cells_are_found() {
-    let text = "# a\n\n## b\n\n| `x`, `y` | `z` |\n|---|---|\n| `v` or w | u |\n### c\n| `d` | e |\n## f\n| `g` | h |\n";
+    let text = "# a\n\n## b\n\n| `x`, `y` | `z` |\n|---|---|\n| `v` or w | u |\n### c\n| `d` | e |\n## f\n| \
+                `g` | h |\n";
     let words = |heading| first_cells(section(text, heading)).into_iter().collect::<Vec<_>>();
     assert_eq!(words("## b"), ["d", "v", "x", "y"]);
     assert_eq!(words("### c"), ["d"]);

@@ -83,9 +83,9 @@ fn beyond_single(path: &std::path::Path) {
     fs::write(path, lines.collect::<Vec<_>>().join("\n") + "\n").unwrap();
 }
 
-/// What is streamed through the firmware, of one body and of two links, with its noise stated or not, leaves the
-/// factor that its recording has: they answer as one, and merged they count once. A part of a recording counts
-/// twice beside the whole, and that is said.
+/// What is streamed through the firmware, of one body and of two links, with its noise stated or not, leaves
+/// the factor that its recording has: they answer as one, and merged they count once. A part of a recording
+/// counts twice beside the whole, and that is said.
 #[test]
 fn the_factor_that_a_replay_leaves_is_that_of_its_recording() {
     let place = tempfile::tempdir().unwrap();
@@ -219,8 +219,8 @@ fn the_fixture_is_taken_off_by_every_command_alike() {
     for (k, answer) in answers.iter().enumerate() {
         let tared = values(answer);
         assert_eq!(tared.len(), 16);
-        // Firmware rounds to f32: a hundredth of the uncertainty. In double precision ε times the condition number times
-        // value over uncertainty, 2e-16 · 1e3 · 1e3, some times over.
+        // Firmware rounds to f32: a hundredth of the uncertainty. In double precision ε times the condition
+        // number times value over uncertainty, 2e-16 · 1e3 · 1e3, some times over.
         let rounding = if k == 3 { 1e-2 } else { 1e-8 };
         for j in 0..10 {
             let (value, u95) = tared[j];

@@ -28,8 +28,8 @@ fn a_gain_uncertainty_in_the_rig_file_widens_every_interval_that_it_reaches() {
     let plain = answer(&["identify"], "plain");
     assert_eq!(plain, answer(&["identify"], "zero"), "no gain errors: the same bits");
     let told = answer(&["identify"], "told");
-    // Six independent gains average at best, and are all one at worst: mass and mcz are known no better than to a
-    // share of σ/√6, no worse than to σ, besides the noise.
+    // Six independent gains average at best, and are all one at worst: mass and mcz are known no better than
+    // to a share of σ/√6, no worse than to σ, besides the noise.
     for (j, scale) in [(0, 20.0), (3, 1.06)] {
         let added = (told[j].1.powi(2) - plain[j].1.powi(2)).sqrt() / (1.96 * scale);
         assert!((GAIN / 6_f64.sqrt()..GAIN).contains(&added), "{j}: {added}");

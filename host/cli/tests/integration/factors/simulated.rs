@@ -94,7 +94,8 @@ pub fn write(folder: &Path, name: &str, body: BodyParameters, seed: u64, load_ce
     let imu = &config.imu;
     let norm = imu.rotation_wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
     let rig = format!(
-        "[[imu]]\nposition_m = {:?}\nrotation_wxyz = {:?}\ngyro_noise_radps = 4.3e-4\nclass = \"exact\"\n\n[load_cell]\nclass = \"exact\"\n\
+        "[[imu]]\nposition_m = {:?}\nrotation_wxyz = {:?}\ngyro_noise_radps = 4.3e-4\nclass \
+         = \"exact\"\n\n[load_cell]\nclass = \"exact\"\n\
          {load_cell}\n",
         imu.position_m,
         imu.rotation_wxyz.map(|v| v / norm),

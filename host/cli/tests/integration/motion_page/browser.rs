@@ -1,4 +1,5 @@
-//! Chromium without a window, steered by its DevTools protocol over two pipes: JSON messages that end in zero.
+//! Chromium without a window, steered by its DevTools protocol over two pipes: JSON messages that end in
+//! zero.
 //!
 //! The browser ends when the pipes close.
 
@@ -185,8 +186,8 @@ impl Browser {
     /// Returns the place of an element in the window, scrolled to: left, top, width, height.
     fn place(&mut self, selector: &str) -> [f64; 4] {
         let place = self.value(&format!(
-            "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{block: 'center'}}); \
-             const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; }})()"
+            "(() => \
+             {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{block: 'center'}}); const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; }})()"
         ));
         std::array::from_fn(|k| place[k].as_f64().unwrap())
     }
@@ -274,8 +275,8 @@ impl Browser {
     /// Counts the pixels of a picture that are, in every channel within 4, of a colour.
     pub fn pixels_of(&mut self, name: &str, [r, g, b]: [u8; 3]) -> f64 {
         self.count(&format!(
-            "(() => {{ const p = kept[{name:?}]; let n = 0; for (let k = 0; k < p.length; k += 4) \
-             n += Math.abs(p[k] - {r}) < 5 && Math.abs(p[k+1] - {g}) < 5 && Math.abs(p[k+2] - {b}) < 5; return n; }})()"
+            "(() => \
+             {{ const p = kept[{name:?}]; let n = 0; for (let k = 0; k < p.length; k += 4) n += Math.abs(p[k] - {r}) < 5 && Math.abs(p[k+1] - {g}) < 5 && Math.abs(p[k+2] - {b}) < 5; return n; }})()"
         ))
     }
 
@@ -284,13 +285,12 @@ impl Browser {
         self.count(&format!("new Set(new Uint32Array(kept[{name:?}].buffer)).size"))
     }
 
-    /// Counts the pixels of which any channel differs by more than 12 between two pictures, all if their sizes do. Edges are not
-    /// always smoothed in the same way.
+    /// Counts the pixels of which any channel differs by more than 12 between two pictures, all if their
+    /// sizes do. Edges are not always smoothed in the same way.
     pub fn difference(&mut self, a: &str, b: &str) -> f64 {
         self.count(&format!(
-            "(() => {{ const [a, b] = [kept[{a:?}], kept[{b:?}]]; if (a.length !== b.length) return Math.max(a.length, b.length); \
-             const off = (k) => Math.abs(a[k] - b[k]) > 12; let n = 0; \
-             for (let k = 0; k < a.length; k += 4) n += off(k) || off(k + 1) || off(k + 2); return n; }})()"
+            "(() => \
+             {{ const [a, b] = [kept[{a:?}], kept[{b:?}]]; if (a.length !== b.length) return Math.max(a.length, b.length); const off = (k) => Math.abs(a[k] - b[k]) > 12; let n = 0; for (let k = 0; k < a.length; k += 4) n += off(k) || off(k + 1) || off(k + 2); return n; }})()"
         ))
     }
 

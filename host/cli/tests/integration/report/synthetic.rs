@@ -275,8 +275,11 @@ pub fn still_poses() -> Experiment {
     answer.principal.clear();
     answer.physically_consistent = None;
     answer.warnings = vec!["accelerometer gain and bias were calibrated against |g|".to_owned()];
-    answer.advice =
-        vec!["no rotation to and fro about S.x that is fast enough: turn the body about S.x, with two or three well-separated frequencies".to_owned()];
+    answer.advice = vec![
+        "no rotation to and fro about S.x that is fast enough: turn the body about S.x, with two or \
+              three well-separated frequencies"
+            .to_owned(),
+    ];
     answer.drift = None;
     Experiment { answer, series }
 }

@@ -1,4 +1,5 @@
-//! The slow turn of a real end effector: load cell, accelerometer and attitude at 698, 254 and 99 Hz, no gyro.
+//! The slow turn of a real end effector: load cell, accelerometer and attitude at 698, 254 and 99 Hz, no
+//! gyro.
 
 use std::path::Path;
 use std::process::Command;
@@ -32,8 +33,9 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
     let (status, result) =
         identify(place.path(), Path::new(DATA), Path::new(RIG), &["--estimate", "m,mc,offset"]);
     assert_eq!(status, Some(0), "{result:#}");
-    // Nothing was weighed. Least squares over 24 still poses: 0.9323 kg, centre of mass at 43.90 mm of z. The sensors' errors are
-    // those of their classes: 0.6 % of gain each, and the lever of an IMU that sits somewhere.
+    // Nothing was weighed. Least squares over 24 still poses: 0.9323 kg, centre of mass at 43.90 mm of z. The
+    // sensors' errors are those of their classes: 0.6 % of gain each, and the lever of an IMU that sits
+    // somewhere.
     let number = |name: &str| {
         let all = result["parameters"].as_array().unwrap();
         all.iter().find(|p| p["name"] == name).unwrap()["value"].as_f64()
@@ -43,7 +45,8 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
         let u95 = all.iter().find(|p| p["name"] == name).unwrap()["u95"].as_f64().unwrap();
         assert!((number(name).unwrap() - truth).abs() < u95 && u95 < 0.03 * truth, "{result:#}");
     }
-    // Turned about y: what multiplies the acceleration and the square of the rate there is seen, the rest is not.
+    // Turned about y: what multiplies the acceleration and the square of the rate there is seen, the rest is
+    // not.
     for name in ["Ixx", "Izz", "Izx"] {
         assert_eq!(number(name), None, "{name}");
     }
@@ -57,7 +60,8 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
         assert_eq!(stream["carries"][0], name);
     }
     assert!(streams[0].get("skew_s").is_none());
-    // By another fit of the forces alone: 6.3 ms with this kernel, 6.7 ms with the filter after it, each good to half a ms.
+    // By another fit of the forces alone: 6.3 ms with this kernel, 6.7 ms with the filter after it, each good
+    // to half a ms.
     let skew = &streams[1]["skew_s"];
     assert_eq!(skew["state"], "identified");
     let (late, u95) = (skew["value"].as_f64().unwrap(), skew["u95"].as_f64().unwrap());
@@ -68,7 +72,8 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
         all.iter().find(|p| p["name"] == name).unwrap()["u95"].as_f64().unwrap()
     };
     assert!((number("m").unwrap() - 0.9328).abs() < u95("m").hypot(0.0027), "{result:#}");
-    // The channel that wanders is named, by how much too; what wanders as a drift does is estimated with the body.
+    // The channel that wanders is named, by how much too; what wanders as a drift does is estimated with the
+    // body.
     let channels = result["channels"].as_array().unwrap();
     let warnings = result["warnings"].to_string();
     assert!(!warnings.contains("gravity by the attitudes"), "{warnings}");

@@ -200,7 +200,8 @@ fn attitudes_of_a_slow_turn_are_set_by_the_gravity_that_the_accelerometer_feels(
     }
 }
 
-/// Without noise what is left is the kernel's: 9e-5 of the fastest motion, and the skews to some microseconds.
+/// Without noise what is left is the kernel's: 9e-5 of the fastest motion, and the skews to some
+/// microseconds.
 #[test]
 fn perfect_sensors_give_skews_and_body() {
     let config = RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal());

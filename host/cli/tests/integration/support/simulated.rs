@@ -1,4 +1,5 @@
-//! One body, two links and a chain of three from one generator, by Newton and Euler recursively: no rows, no filter.
+//! One body, two links and a chain of three from one generator, by Newton and Euler recursively: no rows, no
+//! filter.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -55,8 +56,8 @@ impl Subject {
                 let k = 1.0 - 0.25 * link as f64;
                 let _ = writeln!(
                     text,
-                    "nominal_mass_kg = {}\nnominal_com_m = [0.02, {}, 0.05]\nnominal_inertia_com_kgm2 = [0.02, 0.025, \
-                     0.015, 0.001, 0.002, 0.003]",
+                    "nominal_mass_kg = {}\nnominal_com_m = [0.02, {}, 0.05]\nnominal_inertia_com_kgm2 = \
+                     [0.02, 0.025, 0.015, 0.001, 0.002, 0.003]",
                     2.0 * k,
                     0.03 * k
                 );

@@ -49,7 +49,8 @@ fn a_joint_whose_zero_is_not_as_stated_is_named_with_its_size() {
         let _ = writeln!(moved, "{}", cells.join(","));
     }
     std::fs::write(place.path().join("arm.csv"), moved).unwrap();
-    let rig = "[tree]\nclass = \"exact\"\njoint_zero_std_rad = 0.001\n[[joint]]\nname = \"shoulder\"\nzero_std = 0.002\n";
+    let rig = "[tree]\nclass = \"exact\"\njoint_zero_std_rad = 0.001\n[[joint]]\nname \
+               = \"shoulder\"\nzero_std = 0.002\n";
     std::fs::write(place.path().join("arm.rig.toml"), rig).unwrap();
     let words = ["identify", "arm.csv", "--model", "arm.urdf", "--json", "--out", "o"];
     let output = rigident(place.path(), &[&words[..], &FRICTION].concat());

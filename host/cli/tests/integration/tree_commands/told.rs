@@ -205,7 +205,8 @@ fn the_example_of_two_links_is_identified() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("17 base parameters of 20"));
 }
 
-/// As the antennas, lasers and frames of published descriptions: mass without inertia, rounded moments, moments without mass.
+/// As the antennas, lasers and frames of published descriptions: mass without inertia, rounded moments,
+/// moments without mass.
 #[test]
 fn odd_links_on_fixed_joints_are_mended_with_a_word_and_block_nothing() {
     let place = tempfile::tempdir().unwrap();
@@ -214,9 +215,9 @@ fn odd_links_on_fixed_joints_are_mended_with_a_word_and_block_nothing() {
     let odd = |name: &str, mass: &str, [x, y, z]: [&str; 3]| {
         let holder = &truth.links.last().unwrap().name;
         format!(
-            "<link name=\"{name}\"><inertial><mass value=\"{mass}\"/><inertia ixx=\"{x}\" ixy=\"0\" ixz=\"0\" iyy=\"{y}\" iyz=\"0\" \
-             izz=\"{z}\"/></inertial></link><joint name=\"to_{name}\" type=\"fixed\"><parent link=\"{holder}\"/><child \
-             link=\"{name}\"/></joint>"
+            "<link name=\"{name}\"><inertial><mass value=\"{mass}\"/><inertia ixx=\"{x}\" ixy=\"0\" \
+             ixz=\"0\" iyy=\"{y}\" iyz=\"0\" izz=\"{z}\"/></inertial></link><joint name=\"to_{name}\" \
+             type=\"fixed\"><parent link=\"{holder}\"/><child link=\"{name}\"/></joint>"
         )
     };
     let links = odd("antenna", "0.01", ["0", "0", "0"])

@@ -67,7 +67,8 @@ fn degrees_swapped_joints_signs_and_zeros_are_named() {
     assert_eq!(cause["what"], "the zero of shoulder is off by 90°");
     assert!(cause["alternatives"].to_string().contains("the base stands on a wall, x up"), "{cause}");
     // The key that is advised repairs it.
-    let rig = "[tree]\nclass = \"exact\"\n[[joint]]\nname = \"shoulder\"\nposition = { name = \"shoulder_rad\", offset = -1.570796 }\n";
+    let rig = "[tree]\nclass = \"exact\"\n[[joint]]\nname = \"shoulder\"\nposition = \
+               { name = \"shoulder_rad\", offset = -1.570796 }\n";
     std::fs::write(place.join("bad.rig.toml"), rig).unwrap();
     assert_eq!(identified(place, "bad.csv", &FRICTION).1["status"], "identified");
 }
@@ -160,9 +161,13 @@ fn a_dead_torque_a_spiking_rate_and_motion_beyond_the_limits_are_told() {
     assert!(found["warnings"].to_string().contains("of shoulder_rad"), "{}", found["warnings"]);
     // A description whose limits the motion leaves: a word, or, far beyond, no answer.
     for (upper, status, word) in [(1.0, 0, "identified"), (0.05, 1, "implausible")] {
-        let limited = ARM.replace("\"elbow\" type=\"continuous\">", &format!(
-            "\"elbow\" type=\"revolute\"><limit lower=\"-{upper}\" upper=\"{upper}\" velocity=\"100\" effort=\"1000\"/>"
-        ));
+        let limited = ARM.replace(
+            "\"elbow\" type=\"continuous\">",
+            &format!(
+                "\"elbow\" type=\"revolute\"><limit lower=\"-{upper}\" upper=\"{upper}\" velocity=\"100\" \
+             effort=\"1000\"/>"
+            ),
+        );
         assert_ne!(limited, ARM);
         std::fs::write(place.join("arm.urdf"), limited).unwrap();
         let (exit, found) = identified(place, "arm.csv", &FRICTION);
@@ -181,8 +186,8 @@ fn coupled_columns_are_added_as_the_rig_file_says() {
         cells[POSITIONS[1]] = (cells[POSITIONS[1]] + cells[POSITIONS[0]]).to_degrees() + 30.0;
     };
     let _ = changed(place, &FRICTION, couple);
-    let rig = "[tree]\nclass = \"exact\"\n[[joint]]\nname = \"elbow\"\nposition = { name = \"elbow_rad\", scale = 0.017453292519943295, \
-               offset = -0.5235987755982988, plus = { shoulder_rad = -1.0 } }\n";
+    let rig = "[tree]\nclass = \"exact\"\n[[joint]]\nname = \"elbow\"\nposition = \
+               { name = \"elbow_rad\", scale = 0.017453292519943295, offset = -0.5235987755982988, plus = { shoulder_rad = -1.0 } }\n";
     std::fs::write(place.join("bad.rig.toml"), rig).unwrap();
     let values = |found: &Value| -> Vec<f64> {
         let all = found["parameters"].as_array().unwrap();

@@ -11,7 +11,8 @@ pub fn words(code: i32) -> &'static str {
         4 => "a parameter could not be read",
         5 => "an axis is not referenced or its servo is off: reference it first (FRF, SVO)",
         7 => {
-            "the position is out of limits: use smaller tilts and translations, or look at the soft limits and the centre of rotation"
+            "the position is out of limits: use smaller tilts and translations, or look at the soft limits \
+             and the centre of rotation"
         }
         8 => "the velocity is out of limits: give the motion more time",
         9 => "the centre of rotation can be set only while U, V and W are 0",
@@ -41,7 +42,8 @@ pub fn words(code: i32) -> &'static str {
         73 => "the wave generator runs: switch it off (WGO)",
         76 => "the interface's buffer ran over: lower rate_hz or raise the baud rate",
         220 => {
-            "the set points ceased and the platform came to rest: the connection or this machine is too slow, raise lead_s or lower rate_hz"
+            "the set points ceased and the platform came to rest: the connection or this machine is too \
+             slow, raise lead_s or lower rate_hz"
         }
         221 => "set points came faster than they were driven",
         301 => "the send buffer ran over",

@@ -9,7 +9,8 @@ use crate::platform::PlatformError;
 
 /// A pivot point nearer to zero than this is there, mm.
 const ZERO_MM: f64 = 1e-6;
-/// Coordinate systems that a controller has from its maker: the hexapod's own, and those of levelling and orientation.
+/// Coordinate systems that a controller has from its maker: the hexapod's own, and those of levelling and
+/// orientation.
 const MAKERS: [&str; 3] = ["ZERO", "HEXAPOD", "PI_"];
 /// An interval read back may differ by this much, by its printed form, a share: half a millisecond in ten
 /// minutes.
@@ -113,8 +114,8 @@ impl Found {
             return Vec::new();
         }
         vec![
-            "the platform's servos were off before the run and are left on: they hold the load where it is. Switch them off (SVO) only \
-             where nothing can sink or fall, nobody being near"
+            "the platform's servos were off before the run and are left on: they hold the load where it is. \
+             Switch them off (SVO) only where nothing can sink or fall, nobody being near"
                 .to_owned(),
         ]
     }
@@ -124,9 +125,10 @@ impl Found {
         let mut words = Vec::new();
         if self.consecutive {
             words.push(
-                "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which single moves are refused: \
-                 it is left in that of single moves. What 0x19001901, 0x19001903 and SCT were before that program is not known; \
-                 restarting the controller brings its own back"
+                "an earlier program has left it in the mode of consecutive moves (0x19001900 = 1), in which \
+                 single moves are refused: it is left in that of single moves. What 0x19001901, 0x19001903 \
+                 and SCT were before that program is not known; restarting the controller brings its own \
+                 back"
                     .to_owned(),
             );
         }
@@ -136,18 +138,21 @@ impl Found {
             .map_or(String::new(), |v| format!(", the velocity of single moves {v} mm/s"));
         let path: Vec<&str> = self.path.iter().skip(1).map(|c| c.trim_start_matches("SPA X ")).collect();
         words.push(format!(
-            "a path of consecutive moves is driven (0x19001900 = 1); found {}{velocity}; all of it is brought back at the end",
+            "a path of consecutive moves is driven (0x19001900 = 1); found {}{velocity}; all of it is \
+             brought back at the end",
             path.join(", ")
         ));
         if !self.servo.iter().all(|on| *on) {
             words.push(
-                "its servos are off: they are switched on, and left on at the end, as the load may sink or fall without them"
+                "its servos are off: they are switched on, and left on at the end, as the load may sink or \
+                 fall without them"
                     .to_owned(),
             );
         }
         if !self.referenced {
             words.push(
-                "it is not referenced: a reference move comes first, on a way and at a speed of its own, which nothing here checks"
+                "it is not referenced: a reference move comes first, on a way and at a speed of its own, \
+                 which nothing here checks"
                     .to_owned(),
             );
         }
@@ -155,8 +160,13 @@ impl Found {
             words.push("it does not say whether one of its macros runs: none must".to_owned());
         }
         words.push(match (&self.frames, self.knows.pivot) {
-            (Some(frames), true) => format!("coordinate systems {frames}, pivot point at zero: as in the rig file"),
-            _ => "it does not say which coordinate systems and which pivot point are in force: they must be its maker's".to_owned(),
+            (Some(frames), true) => format!(
+                "coordinate systems {frames}, pivot point at zero: as in the rig \
+                                             file"
+            ),
+            _ => "it does not say which coordinate systems and which pivot point are in force: they must be \
+                  its maker's"
+                .to_owned(),
         });
         words
     }
@@ -174,8 +184,8 @@ impl Knows {
             let answer = line.ask("SPI?")?;
             agree_on_pivot(&answer).map_err(|at| match at {
                 Some(at) => PlatformError::Refused(format!(
-                    "its pivot point is at {at} mm, and the rig file's poses are those of the plate's origin: bring it back by SPI, as \
-                     SPI R 0 S 0 T 0"
+                    "its pivot point is at {at} mm, and the rig file's poses are those of the plate's \
+                     origin: bring it back by SPI, as SPI R 0 S 0 T 0"
                 )),
                 None => line.nonsense("SPI?", &answer),
             })?;
@@ -186,7 +196,8 @@ impl Knows {
                 Ok(0) => {}
                 Ok(_) => {
                     return Err(PlatformError::Refused(
-                        "one of its macros runs, which may move it at any time: end it first (MAC STOP, or #24 while nobody is near)"
+                        "one of its macros runs, which may move it at any time: end it first (MAC STOP, or \
+                         #24 while nobody is near)"
                             .to_owned(),
                     ));
                 }
@@ -208,8 +219,8 @@ pub(super) fn agree_on_interval(line: &mut Line, wanted_ms: f64) -> Result<(), P
     match has_ms {
         Some(ms) if (ms / wanted_ms - 1.0).abs() <= PRINTED => Ok(()),
         Some(ms) => Err(PlatformError::Refused(format!(
-            "it takes a point every {ms} ms (SCT), and {wanted_ms:.6} ms were asked for: give the address a rate_hz whose interval it \
-             takes as it is, such as 100, 200 or 250"
+            "it takes a point every {ms} ms (SCT), and {wanted_ms:.6} ms were asked for: give the address a \
+             rate_hz whose interval it takes as it is, such as 100, 200 or 250"
         ))),
         None => Err(line.nonsense("SCT?", &answer)),
     }
@@ -234,8 +245,8 @@ fn frames(answer: &str) -> Result<String, PlatformError> {
         answer.lines().filter_map(|l| l.split('=').next()).map(str::trim).filter(|n| !n.is_empty()).collect();
     match names.iter().find(|name| !MAKERS.iter().any(|makers| name.starts_with(makers))) {
         Some(other) => Err(PlatformError::Refused(format!(
-            "its coordinate system {other} is in force, and the rig file's poses are those of the hexapod's own: bring that back by \
-             KEN ZERO"
+            "its coordinate system {other} is in force, and the rig file's poses are those of the hexapod's \
+             own: bring that back by KEN ZERO"
         ))),
         None if names.is_empty() => Ok("none".to_owned()),
         None => Ok(names.join(", ")),

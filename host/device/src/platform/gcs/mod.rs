@@ -1,16 +1,18 @@
 //! PI hexapods: General Command Set 2.0 over TCP or a serial line.
 //!
-//! Lives here: the questions and answers (`Line`), the driver ([`GcsPlatform`]), the errors in words. May not live
-//! here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, is in
+//! Lives here: the questions and answers (`Line`), the driver ([`GcsPlatform`]), the errors in words. May not
+//! live here: when set points are due (`platform::pace`). What is known of the protocol, with its sources, is
+//! in
 //! [`hexapod::gcs`].
 //!
 //! A program that ends early by plan is led to rest on its path. For an alarm `HLT` stops it smoothly, and
 //! `#24` abruptly if `#5` still shows motion half a second later.
 //!
-//! A program, and the way to its start, is driven as a path of consecutive `MOV`, one every `1/rate_hz`, buffered by `lead_s`; what
-//! that changes is read before and brought back after (`Found`). Before, every hundredth of a second of it is
-//! compared with the controller's limits (`TMN?`, `TMX?`), and poses all along it against `VMO?`.
-//! The built-in description of the platform must have its home where the hexapod has its zero.
+//! A program, and the way to its start, is driven as a path of consecutive `MOV`, one every `1/rate_hz`,
+//! buffered by `lead_s`; what that changes is read before and brought back after (`Found`). Before, every
+//! hundredth of a second of it is compared with the controller's limits (`TMN?`, `TMX?`), and poses all along
+//! it against `VMO?`. The built-in description of the platform must have its home where the hexapod has its
+//! zero.
 
 mod errors;
 mod found;
@@ -208,8 +210,8 @@ impl Platform for GcsPlatform {
                 if !(low[i]..=high[i]).contains(&value) {
                     let unit = if i < 3 { "mm" } else { "degrees" };
                     return Err(PlatformError::Refused(format!(
-                        "the program goes to {} = {value:.3} {unit} at t = {:.2} s, and the axis from {:.3} to {:.3} {unit}: use \
-                         smaller tilts or translations",
+                        "the program goes to {} = {value:.3} {unit} at t = {:.2} s, and the axis from {:.3} \
+                         to {:.3} {unit}: use smaller tilts or translations",
                         AXES[i],
                         at(k),
                         low[i],
@@ -226,7 +228,8 @@ impl Platform for GcsPlatform {
                 "1" => {}
                 "0" => {
                     return Err(PlatformError::Refused(format!(
-                        "it cannot reach the program's pose at t = {:.2} s ({question}): use smaller tilts or translations",
+                        "it cannot reach the program's pose at t = {:.2} s ({question}): use smaller tilts \
+                         or translations",
                         at(k)
                     )));
                 }

@@ -27,8 +27,8 @@ fn errors(fit: &Fit, run: &ArmRun) -> Vec<f64> {
     [of(".viscous", 0), of(".coulomb", 1)].concat()
 }
 
-/// With the speed that the recording shows nothing changes and friction is inside of its interval; with a jump in its place
-/// most of it is not.
+/// With the speed that the recording shows nothing changes and friction is inside of its interval; with a
+/// jump in its place most of it is not.
 #[test]
 fn friction_that_turns_over_smoothly_is_no_change() {
     for (slip, seed) in [(0.02, 11), (0.05, 12)] {
@@ -46,7 +46,8 @@ fn friction_that_turns_over_smoothly_is_no_change() {
     }
 }
 
-/// Friction that jumps is found to: its speed is no part of the fit, or below what the noise of the rate shows.
+/// Friction that jumps is found to: its speed is no part of the fit, or below what the noise of the rate
+/// shows.
 #[test]
 fn friction_that_jumps_has_no_speed() {
     let run = ArmRun { rest_s: 0.0, rate_noise: 1e-4, seed: 13, ..ArmRun::default() };

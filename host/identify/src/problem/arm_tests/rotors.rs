@@ -4,8 +4,8 @@ use rigident_laboratory::arm::ArmRun;
 use rigident_laboratory::trees::{seven_axes, truth};
 use rigident_rows::tree::drive::Friction;
 
-/// Of seven axes at right angles the rotors of the first two are parts of the moments of inertia about them: the sum is
-/// identified, the others are by themselves.
+/// Of seven axes at right angles the rotors of the first two are parts of the moments of inertia about them:
+/// the sum is identified, the others are by themselves.
 #[test]
 fn rotors_that_occur_with_inertia_are_parts_of_it() {
     let run = ArmRun { rotor: 0.3, rest_s: 0.0, rate_noise: 1e-5, ..ArmRun::default() };

@@ -24,8 +24,9 @@ fn coulomb(fit: &Fit) -> Vec<(f64, f64)> {
 
 const ALL: [&str; 1] = ["viscous,coulomb,offset"];
 
-/// Rest on both sides says nothing of friction and takes nothing of what the motion says: intervals are as wide as of the
-/// motion alone, and hold the truth. Before, noise of 5e-8 rad/s made them two hundred times as wide.
+/// Rest on both sides says nothing of friction and takes nothing of what the motion says: intervals are as
+/// wide as of the motion alone, and hold the truth. Before, noise of 5e-8 rad/s made them two hundred times
+/// as wide.
 #[test]
 fn rest_leaves_friction_alone() {
     for (rate_noise, seed) in [(0.0, 1), (5e-8, 2), (1e-3, 3)] {
@@ -60,8 +61,8 @@ fn only_rows_of_dry_friction_are_left_out() {
     assert!((of_one / left_out * 7.0 - 1.0).abs() < 0.1, "{all} {none} {one}");
 }
 
-/// A joint that is held for half of the time, and for three quarters, beside others that move: σ from the residuals is that of the
-/// rows there are, and what holds the joint is not taken for its links.
+/// A joint that is held for half of the time, and for three quarters, beside others that move: σ from the
+/// residuals is that of the rows there are, and what holds the joint is not taken for its links.
 #[test]
 fn one_joint_that_rests_takes_nothing_from_the_others() {
     let model = seven_axes();

@@ -82,8 +82,9 @@ pub struct StreamSet {
 }
 
 impl StreamSet {
-    /// Sets the clocks of streams that do not fit the wrench as they are stamped, by what both see of the motion; what was
-    /// found is the first of the warnings. Of a tree, no single body, only where they have no time in common. Done once.
+    /// Sets the clocks of streams that do not fit the wrench as they are stamped, by what both see of the
+    /// motion; what was found is the first of the warnings. Of a tree, no single body, only where they have
+    /// no time in common. Done once.
     ///
     /// # Errors
     /// [`StreamError::NoClock`] if a stream has no time in common with the wrench and nothing aligns them.
@@ -316,7 +317,8 @@ fn on_common_clock(table: &StreamTable, own_ns: i128) -> i128 {
     own_ns.saturating_add(moved.round() as i128)
 }
 
-/// Returns the columns that are of joints, by the rig file's `[[joint]]` tables or by their units, as far as they are numbers.
+/// Returns the columns that are of joints, by the rig file's `[[joint]]` tables or by their units, as far as
+/// they are numbers.
 fn joints(recording: &Recording, rig: &RigFile) -> Vec<(String, Vec<f64>)> {
     let named = |name: &str| {
         let sources = rig.joint.iter().flat_map(|table| [&table.position, &table.rate, &table.effort]);
@@ -435,7 +437,8 @@ pub(super) fn attitude(
     Ok(UnitQuaternion::from_quaternion(q) * on_plate)
 }
 
-/// Takes out rows beyond a sensor's range, or of a channel that repeats itself: after the kernel neither shows any more.
+/// Takes out rows beyond a sensor's range, or of a channel that repeats itself: after the kernel neither
+/// shows any more.
 fn screen(stream: &mut Stream, rig: &RigFile, warnings: &mut Vec<String>) {
     let mut bad = vec![false; stream.time_ns.len()];
     let after = usize::from(rig.recording.frozen_after);

@@ -1,8 +1,8 @@
 //! Whether the attitudes have gravity where the accelerometer feels it.
 //!
-//! At rest `R_SA (−g) = a`; in motion a has an acceleration besides, which changes its length as much as its direction:
-//! of an acceleration without a preferred direction, and of noise, √2 times as much falls across gravity as along it.
-//! A wrong frame, and a clock that is far off, turn the direction and leave the length.
+//! At rest `R_SA (−g) = a`; in motion a has an acceleration besides, which changes its length as much as its
+//! direction: of an acceleration without a preferred direction, and of noise, √2 times as much falls across
+//! gravity as along it. A wrong frame, and a clock that is far off, turn the direction and leave the length.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -10,7 +10,8 @@ use super::skew::Instant;
 
 /// Angles below this are mounting and bias, rad.
 const SMALL_RAD: f64 = 0.03;
-/// Across gravity there is this many times more than what is along it explains: the vibration of a real robot leaves 0.5.
+/// Across gravity there is this many times more than what is along it explains: the vibration of a real robot
+/// leaves 0.5.
 const BEYOND: f64 = 2.5;
 /// An accelerometer farther than this from a point that does not move is not taken for explained, m.
 const FARTHEST_M: f64 = 0.5;
@@ -56,10 +57,11 @@ impl Disagreement {
         let limit = SMALL_RAD.max(BEYOND * self.explained_rad);
         (self.angle_rad > limit).then(|| {
             format!(
-                "gravity by the attitudes of {file} is {:.1} degrees (RMS) from where the accelerometer feels it; noise and \
-                 acceleration explain {:.1}: a wrong frame or transposed rotation_matrix, an A whose z does not point up, a \
-                 wrong [[imu]] rotation_wxyz, or a clock that is off by more than the skew's search reaches; do not trust the \
-                 answer before it is found",
+                "gravity by the attitudes of {file} is {:.1} degrees (RMS) from where the accelerometer \
+                 feels it; noise and acceleration explain {:.1}: a wrong frame or transposed \
+                 rotation_matrix, an A whose z does not point up, a wrong [[imu]] rotation_wxyz, or a clock \
+                 that is off by more than the skew's search reaches; do not trust the answer before it is \
+                 found",
                 self.angle_rad.to_degrees(),
                 self.explained_rad.to_degrees()
             )

@@ -10,11 +10,12 @@ use rigident_io::recording::columns::Group;
 
 /// Half the kernel's width, periods of the slowest stream: seven samples of it.
 const HALF_PERIODS: f64 = 3.5;
-/// Rates between which the grid's is chosen, 1/s: the estimator's filter needs the one, nothing more than the other.
+/// Rates between which the grid's is chosen, 1/s: the estimator's filter needs the one, nothing more than the
+/// other.
 const RATES_HZ: (f64, f64) = (200.0, 1000.0);
 
-/// A mean of quaternions that is shorter than one by more than this is of no attitude: of two that are 50 degrees apart it is
-/// shorter by a tenth.
+/// A mean of quaternions that is shorter than one by more than this is of no attitude: of two that are 50
+/// degrees apart it is shorter by a tenth.
 const SHORTENED: f64 = 0.1;
 
 /// The time base.
@@ -46,7 +47,8 @@ struct Turn {
 }
 
 impl Grid {
-    /// `rate_hz` of the rig file; without it twice that of the slowest stream, between 200 and 1000 per second.
+    /// `rate_hz` of the rig file; without it twice that of the slowest stream, between 200 and 1000 per
+    /// second.
     ///
     /// # Errors
     /// [`StreamError::NoOverlap`]
@@ -77,8 +79,8 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Instants, ns of the wrench's clock, at which every stream has a value for stamps late by `late_ns`, give or take
-    /// `margin_ns`.
+    /// Instants, ns of the wrench's clock, at which every stream has a value for stamps late by `late_ns`,
+    /// give or take `margin_ns`.
     ///
     /// # Errors
     /// [`StreamError::TooShort`] if there are not enough for one row of the estimator.
@@ -182,7 +184,8 @@ impl Grid {
         instants.iter().filter_map(|at| Weights::at(time_ns, at + late_ns, self.half_ns)).collect()
     }
 
-    /// Noise that the rig file states is per sample of a stream; of a sample of the grid it is what has the same density.
+    /// Noise that the rig file states is per sample of a stream; of a sample of the grid it is what has the
+    /// same density.
     fn restate_noise(&self, set: &StreamSet, recording: &mut Recording) {
         let density = |rate_hz: f64| (self.rate_hz / rate_hz).sqrt();
         let of = |wanted: Group| {
@@ -231,10 +234,12 @@ impl Grid {
         recording.rig.load_cell.range_n_nm = None;
     }
 
-    /// 1 σ of a white rate on the grid that would leave as much noise in the estimator's ω̇ as the attitudes do, rad/s.
+    /// 1 σ of a white rate on the grid that would leave as much noise in the estimator's ω̇ as the attitudes
+    /// do, rad/s.
     ///
-    /// The noise of an attitude is that of the residuals of its own cubic, `σ² (1 − 2 l_i + Σ l²)` each; ω̇ is linear in
-    /// the attitudes, so that its variance is σ² times the sum of squares of their weights in it.
+    /// The noise of an attitude is that of the residuals of its own cubic, `σ² (1 − 2 l_i + Σ l²)` each; ω̇
+    /// is linear in the attitudes, so that its variance is σ² times the sum of squares of their weights in
+    /// it.
     fn rate_noise(&self, set: &StreamSet) -> Option<f64> {
         let stream = set.streams.iter().find(|s| s.attitude.is_some())?;
         let attitudes = stream.attitude.as_ref()?;
@@ -281,7 +286,8 @@ impl Resampled {
     }
 }
 
-/// Returns quaternions, by column, of length one; what is far from it stays as it is, for its reader to complain of.
+/// Returns quaternions, by column, of length one; what is far from it stays as it is, for its reader to
+/// complain of.
 fn unit_quaternions(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
     let norm = |row: usize| columns.iter().map(|c| c[row] * c[row]).sum::<f64>().sqrt();

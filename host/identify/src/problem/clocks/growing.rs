@@ -1,7 +1,8 @@
-//! Streams while they grow: readings of one body on a uniform grid, as soon as every stream has a value there.
+//! Streams while they grow: readings of one body on a uniform grid, as soon as every stream has a value
+//! there.
 //!
-//! Lives here: what of the samples is still needed, and the same kernel as of files. May not live here: how late stamps are; that
-//! takes a whole run.
+//! Lives here: what of the samples is still needed, and the same kernel as of files. May not live here: how
+//! late stamps are; that takes a whole run.
 
 use nalgebra::UnitQuaternion;
 use rigident_shared::calibration::{GaugeCalibration, Reading};
@@ -80,7 +81,8 @@ impl Growing {
         Self { rig, negative, on_plate, streams, rates_hz: Vec::new(), grid: None, next: 0 }
     }
 
-    /// Adds a sample of a stream, at a time of the common clock, ns; returns false if it is not after the one before.
+    /// Adds a sample of a stream, at a time of the common clock, ns; returns false if it is not after the one
+    /// before.
     pub fn push(&mut self, stream: usize, at_ns: i64, values: Vec<f64>) -> bool {
         let Some(samples) = self.streams.get_mut(stream) else { return false };
         let at_ns = at_ns.saturating_sub(samples.delay_ns);
@@ -106,8 +108,9 @@ impl Growing {
         })
     }
 
-    /// Chooses the grid by what is here, and returns the rig file and the readings of it as a recording's are prepared, with their
-    /// checks. Where the rig file does not state the load cell's noise it has what is found here.
+    /// Chooses the grid by what is here, and returns the rig file and the readings of it as a recording's are
+    /// prepared, with their checks. Where the rig file does not state the load cell's noise it has what is
+    /// found here.
     ///
     /// # Errors
     /// [`StreamError`]: too little in common, or no recording of a body.

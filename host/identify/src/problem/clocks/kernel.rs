@@ -3,8 +3,9 @@
 //! Lives here: weights of a value and of a slope at an instant. May not live here: what the numbers mean.
 //!
 //! At the instant t the cubic in `x = (t_i − t)/h` is fitted by least squares with the weights `(1 − x²)²` on
-//! `|x| < 1`; value and slope at t are linear in the samples. Cubics pass without error whatever the spacing, so jitter of
-//! the stamps leaves no trace; of a sine the value loses `0.00125 (ω h)⁴`: 9e-5 at 2.35 Hz and h = 35 ms.
+//! `|x| < 1`; value and slope at t are linear in the samples. Cubics pass without error whatever the spacing,
+//! so jitter of the stamps leaves no trace; of a sine the value loses `0.00125 (ω h)⁴`: 9e-5 at 2.35 Hz and h
+//! = 35 ms.
 
 use std::ops::Range;
 
@@ -27,8 +28,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The samples under the window at an instant, ns, of ascending sample times. `None` where there are too few, or a gap
-    /// longer than half the window.
+    /// The samples under the window at an instant, ns, of ascending sample times. `None` where there are too
+    /// few, or a gap longer than half the window.
     pub fn window(time_ns: &[i64], at_ns: i64, half_ns: i64) -> Option<Range<usize>> {
         let from = time_ns.partition_point(|t| *t <= at_ns - half_ns);
         let under = time_ns.get(from..)?;

@@ -1,4 +1,5 @@
-//! Least squares for skews: the solution, its covariance where residuals are coloured, and what the rows do not determine.
+//! Least squares for skews: the solution, its covariance where residuals are coloured, and what the rows do
+//! not determine.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -75,9 +76,9 @@ impl Fit {
     }
 }
 
-/// Sandwich with Bartlett's weights over the influence of each instant, scaled so that 1.96 σ are 95 %; its variances at
-/// least those of noise that was white before a filter of this noise gain, of which `independent` are those of rows that
-/// are independent.
+/// Sandwich with Bartlett's weights over the influence of each instant, scaled so that 1.96 σ are 95 %; its
+/// variances at least those of noise that was white before a filter of this noise gain, of which
+/// `independent` are those of rows that are independent.
 pub(super) fn sandwich(
     influence: &[DVector<f64>],
     independent: &[f64],

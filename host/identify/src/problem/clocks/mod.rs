@@ -1,14 +1,15 @@
 //! Several files, each with a clock and a rate of its own, as one recording.
 //!
-//! Lives here: reading the files that a rig file lists ([`files`]), streams while they grow ([`growing`]), the one local polynomial that every stream goes
-//! through ([`kernel`]), the common time base ([`grid`]), clocks without a common origin (`origin`), how late the stamps of each stream are ([`skew`]), by how much
-//! that uncertainty moves the estimate ([`shifts`]) and whether attitudes and accelerometer agree on gravity. May not live
-//! here: the fit, which sees an ordinary recording.
+//! Lives here: reading the files that a rig file lists ([`files`]), streams while they grow ([`growing`]),
+//! the one local polynomial that every stream goes through ([`kernel`]), the common time base ([`grid`]),
+//! clocks without a common origin (`origin`), how late the stamps of each stream are ([`skew`]), by how much
+//! that uncertainty moves the estimate ([`shifts`]) and whether attitudes and accelerometer agree on gravity.
+//! May not live here: the fit, which sees an ordinary recording.
 //!
-//! Every stream is brought to a uniform grid by the local cubic of one width in seconds, that of the slowest stream, so
-//! that all see the same low-pass: the equation of motion is linear in the signals and stays exact, where streams that
-//! were interpolated each at its own rate would be filtered each in its own way. Rates of turn come from attitudes as
-//! the slope of the same cubic through the logarithm of the rotation.
+//! Every stream is brought to a uniform grid by the local cubic of one width in seconds, that of the slowest
+//! stream, so that all see the same low-pass: the equation of motion is linear in the signals and stays
+//! exact, where streams that were interpolated each at its own rate would be filtered each in its own way.
+//! Rates of turn come from attitudes as the slope of the same cubic through the logarithm of the rotation.
 
 pub mod files;
 mod gravity;
@@ -59,7 +60,8 @@ pub enum StreamError {
     },
     /// Two files have the same quantity.
     #[error(
-        "{what} is in {first} and in {second}: each quantity comes from one stream; take it out of one of them"
+        "{what} is in {first} and in {second}: each quantity comes from one stream; take it out of one of \
+         them"
     )]
     Twice {
         /// The columns.
@@ -89,8 +91,8 @@ pub enum StreamError {
     },
     /// The streams have no time in common.
     #[error(
-        "the clocks of {first} ({first_s}) and {second} ({second_s}) do not overlap: check the scale of t_s of both, and \
-         that they count from the same origin"
+        "the clocks of {first} ({first_s}) and {second} ({second_s}) do not overlap: check the scale of t_s \
+         of both, and that they count from the same origin"
     )]
     NoOverlap {
         /// The stream with the wrench.
@@ -104,8 +106,9 @@ pub enum StreamError {
     },
     /// The streams have no time in common, and nothing that both see tells the offset of their clocks.
     #[error(
-        "the clocks of {first} and {second} do not overlap, and what both see of the motion does not align them: {why}; check the \
-         scale of t_s of both, and that they are of one run, or write clock_offset_s in [[stream]]"
+        "the clocks of {first} and {second} do not overlap, and what both see of the motion does not align \
+         them: {why}; check the scale of t_s of both, and that they are of one run, or write clock_offset_s \
+         in [[stream]]"
     )]
     NoClock {
         /// The stream with the wrench.
@@ -117,7 +120,8 @@ pub enum StreamError {
     },
     /// An overlap without a usable instant.
     #[error(
-        "the streams have only {overlap_s:.3} s in common without gaps, less than the {needed_s:.3} s that one row takes"
+        "the streams have only {overlap_s:.3} s in common without gaps, less than the {needed_s:.3} s that \
+         one row takes"
     )]
     TooShort {
         /// Time in common, s.
@@ -196,8 +200,8 @@ pub fn as_stamped(set: &StreamSet) -> Result<Recording, StreamError> {
     Ok(grid.recording(set, &instants, &grid.all(set, &instants, &late_ns)))
 }
 
-/// Brings the streams onto one time base, the skews estimated and taken off: by the rows that `pose` makes, or those of
-/// one body.
+/// Brings the streams onto one time base, the skews estimated and taken off: by the rows that `pose` makes,
+/// or those of one body.
 ///
 /// # Errors
 /// [`StreamError`] if they have nothing in common, or cannot be identified.
@@ -216,8 +220,8 @@ pub fn align(set: &StreamSet, pose: Option<&Pose<'_>>) -> Result<Aligned, Stream
                 String::new()
             };
             warnings.push(format!(
-                "how late the stamps of {} are is not identified from this motion{by}: taken as zero; a livelier turn \
-                 with rests before and after it would tell",
+                "how late the stamps of {} are is not identified from this motion{by}: taken as zero; a \
+                 livelier turn with rests before and after it would tell",
                 stream.file
             ));
         }

@@ -5,8 +5,9 @@ use rigident_fit::{COVERAGE_95, FitOptions, Silent, fit};
 
 /// Returns the columns by which errors of the clocks, independent and of unit variance, move the estimate.
 ///
-/// An error ε of the skews moves it by `S ε`, and the covariance of ε is `L Lᵀ`: the columns are those of `S L`. S is found
-/// by central differences: the streams aligned anew with each clock shifted by its σ, and fitted.
+/// An error ε of the skews moves it by `S ε`, and the covariance of ε is `L Lᵀ`: the columns are those of
+/// `S L`. S is found by central differences: the streams aligned anew with each clock shifted by its σ, and
+/// fitted.
 ///
 /// # Errors
 /// [`StreamError`] if shifted streams have nothing in common.

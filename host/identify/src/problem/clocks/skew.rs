@@ -1,25 +1,27 @@
 //! The delay of the stamps of each stream, with its uncertainty.
 //!
-//! Lives here: Gauss-Newton on the skews together with everything else the signals depend on. May not live here:
-//! what the body is; its parameters are a by-product that the identification makes anew.
+//! Lives here: Gauss-Newton on the skews together with everything else the signals depend on. May not live
+//! here: what the body is; its parameters are a by-product that the identification makes anew.
 //!
-//! Two equations hold between the streams once they are on one time base, row by row, filtered as the estimator
-//! filters them (`a` and `ω, ω̇` at the stamp plus the skew of their stream):
+//! Two equations hold between the streams once they are on one time base, row by row, filtered as the
+//! estimator filters them (`a` and `ω, ω̇` at the stamp plus the skew of their stream):
 //! ```text
 //! wrench    w = A(a, ω, ω̇) φ + b + m δ×a | mc×(δ×a)
 //! attitude  R_SA (−g) = a + ([ω̇]× + [ω]×[ω]×) d + b' + δ'×a
 //! ```
-//! The first is exact, and asked alone where it tells enough. The second says that the accelerometer feels gravity where the attitude has it, but for the acceleration of a turn
-//! about a point fixed in S at d; any other acceleration is a residual. It sets the clock of attitudes by a turn too slow
-//! to show in the wrench. Small errors of mounting δ, δ' and biases b, b' are estimated along: during a steady turn a lag
-//! and a tilt are the same thing, and only its beginning and end tell them apart.
+//! The first is exact, and asked alone where it tells enough. The second says that the accelerometer feels
+//! gravity where the attitude has it, but for the acceleration of a turn about a point fixed in S at d; any
+//! other acceleration is a residual. It sets the clock of attitudes by a turn too slow to show in the wrench.
+//! Small errors of mounting δ, δ' and biases b, b' are estimated along: during a steady turn a lag and a tilt
+//! are the same thing, and only its beginning and end tell them apart.
 //!
 //! These are one body's; a tree of links is asked by its own rows (`source_skew`).
 //!
-//! Residuals are coloured (vibration, the kernel), so that the covariance is the sandwich with Bartlett's weights over a fixed
-//! fraction of the recording, and the interval's factor the one that belongs to that fraction: Kiefer and
-//! Vogelsang, Econometric Theory 21 (2005), Table 1. It is never less than what noise gives that was white before the
-//! estimator's filter: in 120 simulated experiments of 20 s the sandwich alone held the attitude's skew in 89 %.
+//! Residuals are coloured (vibration, the kernel), so that the covariance is the sandwich with Bartlett's
+//! weights over a fixed fraction of the recording, and the interval's factor the one that belongs to that
+//! fraction: Kiefer and Vogelsang, Econometric Theory 21 (2005), Table 1. It is never less than what noise
+//! gives that was white before the estimator's filter: in 120 simulated experiments of 20 s the sandwich
+//! alone held the attitude's skew in 89 %.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use rigident_shared::calibration::Reading;
@@ -86,8 +88,8 @@ impl Skews {
     }
 }
 
-/// Estimates the skew of every stream against that of the wrench. One that is uncertain by more than half the kernel's
-/// width is not identified. `pose` makes the rows of a tree; without it they are those of one body.
+/// Estimates the skew of every stream against that of the wrench. One that is uncertain by more than half the
+/// kernel's width is not identified. `pose` makes the rows of a tree; without it they are those of one body.
 ///
 /// # Errors
 /// [`StreamError`] if the streams have too little in common, or are no recording of what is identified.
@@ -125,8 +127,8 @@ pub fn estimate(set: &StreamSet, grid: &Grid, pose: Option<&Pose<'_>>) -> Result
             skews.covariance = found.covariance;
             return Ok(skews);
         }
-        // Attitudes are tied to the accelerometer's clock: without that one theirs means nothing, and what does not converge
-        // is theirs.
+        // Attitudes are tied to the accelerometer's clock: without that one theirs means nothing, and what
+        // does not converge is theirs.
         let stream = match skews.identified.iter().copied().find(attitude_of(set)) {
             Some(attitude) if tied && !found.converged => attitude,
             _ => skews.identified[worst],
@@ -300,7 +302,8 @@ fn iterate(
     })
 }
 
-/// Returns one step of a body's skews, and the noise gain of the filter; the state is what its rows are linearised about.
+/// Returns one step of a body's skews, and the noise gain of the filter; the state is what its rows are
+/// linearised about.
 fn step(
     set: &StreamSet,
     grid: &Grid,
@@ -373,7 +376,8 @@ fn design(
                     a[(c, i)] = (before[c] - after[c]) / (2e-9 * STEP_NS as f64);
                 }
             }
-            // The attitude's equation knows the difference of two clocks, and of each derivative only the quiet one.
+            // The attitude's equation knows the difference of two clocks, and of each derivative only the
+            // quiet one.
             if let Some(attitude) = mute.iter().position(|m| *m) {
                 for (i, c) in
                     (0..skews).filter(|i| *i != attitude).flat_map(|i| (6..channels).map(move |c| (i, c)))

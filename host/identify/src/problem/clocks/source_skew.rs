@@ -1,8 +1,8 @@
 //! Skews by the rows of a source: what a tree of links has in place of a body's two equations.
 //!
-//! The rows `y = A φ` hold once every stream is on one time base. With the stamps of stream k late by `τ_k` more than was
-//! taken off they leave `e = y − A φ`, and to first order `e = −(∂e/∂τ) δτ + A δφ`: Gauss-Newton on skews and parameters
-//! together, the slopes by central differences.
+//! The rows `y = A φ` hold once every stream is on one time base. With the stamps of stream k late by `τ_k`
+//! more than was taken off they leave `e = y − A φ`, and to first order `e = −(∂e/∂τ) δτ + A δφ`:
+//! Gauss-Newton on skews and parameters together, the slopes by central differences.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -33,8 +33,8 @@ impl Rows {
     }
 }
 
-/// Returns one step of the skews of the streams `free`, and the noise gain of the filter. `phi` are the parameters that the
-/// slopes are taken at, `None` at the first step.
+/// Returns one step of the skews of the streams `free`, and the noise gain of the filter. `phi` are the
+/// parameters that the slopes are taken at, `None` at the first step.
 ///
 /// # Errors
 /// [`StreamError`] if the streams have too little in common, or make no rows.

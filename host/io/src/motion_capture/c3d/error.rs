@@ -11,7 +11,8 @@ pub enum C3dError {
     Unreadable(String),
     /// The file ends before what it promises.
     #[error(
-        "it is cut off: {what} would end at byte {needed}, and the file has {bytes} bytes; copy it again from where it was recorded"
+        "it is cut off: {what} would end at byte {needed}, and the file has {bytes} bytes; copy it again \
+         from where it was recorded"
     )]
     Truncated {
         /// The missing part.

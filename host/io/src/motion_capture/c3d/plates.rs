@@ -10,7 +10,8 @@ pub enum PlateKind {
     Pressure,
     /// Type 2: three forces and three moments about the plate's origin.
     Wrench,
-    /// Type 3: eight forces of four pillars, of which pairs of horizontal ones are added: fx12, fx34, fy14, fy23, fz1 to fz4.
+    /// Type 3: eight forces of four pillars, of which pairs of horizontal ones are added: fx12, fx34, fy14,
+    /// fy23, fz1 to fz4.
     Pillars,
     /// Type 4: type 2 through a matrix, rows by the wrench's components.
     Calibrated(Box<[[f64; 6]; 6]>),
@@ -23,9 +24,11 @@ pub struct Plate {
     pub kind: PlateKind,
     /// Its analog channels, from zero.
     pub channels: Vec<usize>,
-    /// Corners in the laboratory's frame, m: in the plate's axes those of (+x, +y), (−x, +y), (−x, −y), (+x, −y).
+    /// Corners in the laboratory's frame, m: in the plate's axes those of (+x, +y), (−x, +y), (−x, −y), (+x,
+    /// −y).
     pub corners_m: [[f64; 3]; 4],
-    /// From its origin to the middle of its surface, or the other way round, as its type has it, in its own axes, m.
+    /// From its origin to the middle of its surface, or the other way round, as its type has it, in its own
+    /// axes, m.
     pub origin_m: [f64; 3],
     /// Its number in the file, from 1.
     pub number: usize,
@@ -33,7 +36,8 @@ pub struct Plate {
     pub moment_m: f64,
 }
 
-/// Returns the plates of a recording with this many channels; those that are not wired or have no corners are left out, and named.
+/// Returns the plates of a recording with this many channels; those that are not wired or have no corners are
+/// left out, and named.
 pub(super) fn of(
     parameters: &Parameters,
     channels: usize,

@@ -54,7 +54,8 @@ impl Function {
                 }
                 other if other.ends_with("Function") || other.ends_with("Spline") => {
                     return Err(format!(
-                        "a function {other}: known are constant, linear, polynomial, cubic splines and multiples"
+                        "a function {other}: known are constant, linear, polynomial, cubic splines and \
+                         multiples"
                     ));
                 }
                 _ => {}

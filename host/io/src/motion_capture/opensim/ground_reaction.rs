@@ -1,4 +1,5 @@
-//! Wrenches of the ground as columns of a MOT file: force, centre of pressure and free moment of every plate or belt.
+//! Wrenches of the ground as columns of a MOT file: force, centre of pressure and free moment of every plate
+//! or belt.
 
 use std::io::BufRead;
 
@@ -22,8 +23,9 @@ struct Columns {
 /// Returns the wrenches about the laboratory's origin, in the file's axes, beside the given number of frames
 /// of markers, at the given rate.
 ///
-/// Columns are `…vx, …vy, …vz` (N, on the person), `…px, …py, …pz` (m) and the free moment at that point, `…torque…x` or `…mx` (N m):
-/// the names before `v` say which belong together. What is missing of the free moment is zero.
+/// Columns are `…vx, …vy, …vz` (N, on the person), `…px, …py, …pz` (m) and the free moment at that point,
+/// `…torque…x` or `…mx` (N m): the names before `v` say which belong together. What is missing of the free
+/// moment is zero.
 ///
 /// # Errors
 /// There are no forces, or a force has no centre of pressure.
@@ -35,16 +37,17 @@ pub fn ground_wrenches(
     let stems: Vec<&str> = rows.columns.iter().filter_map(|c| c.strip_suffix("vx")).collect();
     if stems.is_empty() {
         return Err(OpenSimError::Missing(
-            "no column ends in vx: forces of the ground are named like ground_force_vx, _vy, _vz, _px, _py, _pz"
-                .to_owned(),
+            "no column ends in vx: forces of the ground are named like ground_force_vx, _vy, _vz, _px, _py, \
+             _pz"
+            .to_owned(),
         ));
     }
     // Which of two columns of one name belongs to which plate is not known.
     let twice = rows.columns.iter().enumerate().find(|(k, name)| rows.columns[..*k].contains(name));
     if let Some((_, name)) = twice {
         return Err(OpenSimError::Missing(format!(
-            "two columns are called {name}: which plate each belongs to is not known; give every plate names of its own, like \
-             1_ground_force_vx"
+            "two columns are called {name}: which plate each belongs to is not known; give every plate names \
+             of its own, like 1_ground_force_vx"
         )));
     }
     let plates: Vec<Columns> =

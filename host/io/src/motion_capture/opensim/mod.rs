@@ -1,4 +1,5 @@
-//! Files of OpenSim's laboratories: markers (TRC), tables over time (MOT, STO), and wrenches of the ground in them.
+//! Files of OpenSim's laboratories: markers (TRC), tables over time (MOT, STO), and wrenches of the ground in
+//! them.
 //!
 //! Coordinates stay in the file's axes. OpenSim's ground has x forward, y up, z to the right.
 

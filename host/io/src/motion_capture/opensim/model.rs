@@ -1,5 +1,5 @@
-//! OpenSim models (`.osim`): bodies with mass, centre of mass and tensor, and the joints between them, of both layouts: a `Joint`
-//! inside of every body (before version 4), and a `JointSet` beside the bodies.
+//! OpenSim models (`.osim`): bodies with mass, centre of mass and tensor, and the joints between them, of
+//! both layouts: a `Joint` inside of every body (before version 4), and a `JointSet` beside the bodies.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -102,7 +102,8 @@ impl OsimModel {
         self.joints.iter().find(|joint| joint.child == body)
     }
 
-    /// Returns where every body is at the default coordinates, ground ← body, m; `None` for one that no joints lead to.
+    /// Returns where every body is at the default coordinates, ground ← body, m; `None` for one that no
+    /// joints lead to.
     pub fn places(&self) -> Vec<Option<Isometry3<f64>>> {
         let mut places: Vec<Option<Isometry3<f64>>> = vec![None; self.bodies.len()];
         // In the worst order each round finds one more.
@@ -123,8 +124,8 @@ impl OsimModel {
         Some((place * self.carrier(body)?.in_child).translation.vector)
     }
 
-    /// Returns the lengths between joint centres that its bodies tell, m, by the names that lengths of people have here;
-    /// of left and right the mean.
+    /// Returns the lengths between joint centres that its bodies tell, m, by the names that lengths of people
+    /// have here; of left and right the mean.
     pub fn lengths(&self) -> Vec<(String, f64)> {
         let apart = |a: &str, b: &str| Some((self.joint_centre(a)? - self.joint_centre(b)?).norm());
         let along = |from: &str, to: &str| {
@@ -143,8 +144,8 @@ impl OsimModel {
         all.into_iter().filter_map(|(name, length)| Some((name.to_owned(), length?))).collect()
     }
 
-    /// Returns the text that the model was read from with other bodies, in the model's order; everything else stays as it is, and so
-    /// do bodies that are the same.
+    /// Returns the text that the model was read from with other bodies, in the model's order; everything else
+    /// stays as it is, and so do bodies that are the same.
     ///
     /// # Errors
     /// [`OpenSimError::Missing`] if the text is another one.

@@ -37,8 +37,8 @@ pub struct Rows<R> {
 }
 
 impl<R: BufRead> Rows<R> {
-    /// Reads the header. Without a line that says so angles are in degrees if one says that in words. The header's number of columns is
-    /// not examined: programs leave an old one there, and the names say it.
+    /// Reads the header. Without a line that says so angles are in degrees if one says that in words. The
+    /// header's number of columns is not examined: programs leave an old one there, and the names say it.
     ///
     /// # Errors
     /// There is none, or it is cut off.
@@ -88,7 +88,8 @@ impl<R: BufRead> Rows<R> {
         let Some((line, text)) = self.lines.next_told()? else {
             return match self.expected.filter(|expected| *expected != self.count) {
                 Some(expected) => Err(OpenSimError::Missing(format!(
-                    "{} rows, and the header says {expected}: the file is cut off, or its header is of another",
+                    "{} rows, and the header says {expected}: the file is cut off, or its header is of \
+                     another",
                     self.count
                 ))),
                 None => Ok(None),

@@ -1,7 +1,8 @@
 //! TRC: markers as tab-separated text.
 //!
-//! Three lines of header, of which the second names and the third gives rates, counts and the unit; one line of marker names, one of
-//! axes; then frames: number, time, three coordinates a marker, blank where one was not seen.
+//! Three lines of header, of which the second names and the third gives rates, counts and the unit; one line
+//! of marker names, one of axes; then frames: number, time, three coordinates a marker, blank where one was
+//! not seen.
 
 use std::io::BufRead;
 

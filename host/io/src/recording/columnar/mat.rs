@@ -1,7 +1,8 @@
-//! Variables of a MAT file, level 5 (MATLAB's `save -v7` and `-v6`, SciPy's `savemat`), after MathWorks' *MAT-File Format*.
+//! Variables of a MAT file, level 5 (MATLAB's `save -v7` and `-v6`, SciPy's `savemat`), after MathWorks'
+//! *MAT-File Format*.
 //!
-//! A variable that is a vector is a column with the variable's name; one that is a matrix of n columns is n columns
-//! `NAME_1` … `NAME_n`. A scalar structure is its fields, named without the structure.
+//! A variable that is a vector is a column with the variable's name; one that is a matrix of n columns is n
+//! columns `NAME_1` … `NAME_n`. A scalar structure is its fields, named without the structure.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -142,8 +143,8 @@ fn most_rows(arrays: &[Array]) -> Option<usize> {
     lengths.into_iter().max_by_key(|(length, count)| (*count, *length)).map(|(length, _)| length)
 }
 
-/// Makes columns of an array. Scalars beside vectors are settings, and no columns; nor are a matrix or a vector of another
-/// length, unless it is named as a column of a recording.
+/// Makes columns of an array. Scalars beside vectors are settings, and no columns; nor are a matrix or a
+/// vector of another length, unless it is named as a column of a recording.
 fn flatten(
     array: Array,
     most: Option<usize>,

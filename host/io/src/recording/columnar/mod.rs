@@ -1,4 +1,5 @@
-//! Recordings as tables of columns: Parquet, MAT and TDMS files. Their columns are read as those of a CSV are.
+//! Recordings as tables of columns: Parquet, MAT and TDMS files. Their columns are read as those of a CSV
+//! are.
 //!
 //! Lives here: how the files hold columns. May not live here: what columns mean ([`super::csv`]).
 
@@ -48,7 +49,8 @@ pub(super) fn is_columnar(ending: &str) -> bool {
 pub(super) struct Table {
     /// Its columns.
     pub(super) columns: Vec<Cells>,
-    /// Columns that the file says are times, which are in s here, with the unit that they have in the file, s.
+    /// Columns that the file says are times, which are in s here, with the unit that they have in the file,
+    /// s.
     pub(super) times: Vec<(String, f64)>,
     /// Units of its columns, as far as the file says; empty where it cannot.
     pub(super) units: Vec<Option<String>>,
@@ -59,8 +61,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Returns a rig file as it fits the columns here: a scale of a time that says what the file says is applied
-    /// already.
+    /// Returns a rig file as it fits the columns here: a scale of a time that says what the file says is
+    /// applied already.
     ///
     /// # Errors
     /// [`RecordingError::Columns`] if it says something else.
@@ -75,8 +77,8 @@ impl Table {
                 return Err(RecordingError::Columns {
                     name: label.to_owned(),
                     reason: format!(
-                        "the rig file scales column {name:?} by {scale:?}, and the file itself says that its unit is \
-                         {unit:?} s: leave the scale out"
+                        "the rig file scales column {name:?} by {scale:?}, and the file itself says that its \
+                         unit is {unit:?} s: leave the scale out"
                     ),
                 });
             }

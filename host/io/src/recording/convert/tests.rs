@@ -4,9 +4,7 @@ use std::fs;
 /// Every group there is, odd numbers, columns in no particular order.
 fn everything() -> String {
     let mut text = String::from("# operator = \"A. N. Other\"\n# free words\n# rate_hz = 3.0\n");
-    let names = "lamp,imu1_gx_radps,imu1_gy_radps,imu1_gz_radps,t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,\
-                 imu_ay_mps2,imu_az_mps2,q1_w,q1_x,q1_y,q1_z,x_m,y_m,z_m,qw,qx,qy,qz,cmd_x_m,cmd_y_m,cmd_z_m,\
-                 cmd_qw,cmd_qx,cmd_qy,cmd_qz,g1_v,g2_v,g3_v,g4_v,g5_v,g6_v,gx_mps2,gy_mps2,gz_mps2,note";
+    let names = "lamp,imu1_gx_radps,imu1_gy_radps,imu1_gz_radps,t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,q1_w,q1_x,q1_y,q1_z,x_m,y_m,z_m,qw,qx,qy,qz,cmd_x_m,cmd_y_m,cmd_z_m,cmd_qw,cmd_qx,cmd_qy,cmd_qz,g1_v,g2_v,g3_v,g4_v,g5_v,g6_v,gx_mps2,gy_mps2,gz_mps2,note";
     text += &format!("{names}\n");
     let columns = names.split(',').count();
     for n in 0..600 {
@@ -57,9 +55,11 @@ fn a_foreign_file_becomes_one_in_the_notation_and_says_what_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     fs::write(at("a.csv"), "fx,fy,fz,tx,ty,tz,ax,ay,az\n1,2,3,4,5,6,0,0,1\n2,2,3,4,5,6,0,0,-1\n").unwrap();
-    let rig = "# ours\n[recording]\nstatic = true\nwrench_sign = \"on_sensor\"\n[recording.columns]\nfx_n = \"fx\"\n\
+    let rig = "# ours\n[recording]\nstatic = true\nwrench_sign = \"on_sensor\"\n[recording.columns]\nfx_n \
+               = \"fx\"\n\
                fy_n = \"fy\"\nfz_n = \"fz\"\nmx_nm = \"tx\"\nmy_nm = \"ty\"\nmz_nm = \"tz\"\n\
-               imu_ax_mps2 = { name = \"ax\", scale = 9.80665 }\nimu_ay_mps2 = { name = \"ay\", scale = 9.80665 }\n\
+               imu_ax_mps2 = { name = \"ax\", scale = 9.80665 }\nimu_ay_mps2 = \
+               { name = \"ay\", scale = 9.80665 }\n\
                imu_az_mps2 = { name = \"az\", scale = 9.80665 }\n";
     fs::write(at("a.rig.toml"), rig).unwrap();
     convert(&at("a.csv"), &at("b.mcap"), None).unwrap();

@@ -44,7 +44,8 @@ pub(in crate::recording) fn find<'a>(
         text.lines().take(LOOKED_AT).filter_map(separators).max().filter(|count| *count >= MOST_COLUMNS)
     {
         return Err(not(format!(
-            "it has {} columns, and recordings of up to {MOST_COLUMNS} are read: leave out what no quantity needs",
+            "it has {} columns, and recordings of up to {MOST_COLUMNS} are read: leave out what no quantity \
+             needs",
             columns + 1
         )));
     }
@@ -214,7 +215,8 @@ impl Reader<'_> {
             line,
             None,
             format!(
-                "the row has {count} values, the header {width} names: was the file cut off here? remove or mend the row"
+                "the row has {count} values, the header {width} names: was the file cut off here? remove or \
+                 mend the row"
             ),
         ))
     }
@@ -316,8 +318,8 @@ impl Reader<'_> {
         Ok(Ways { form, columns })
     }
 
-    /// Returns true if numbers with three digits after a point have decimals: by the notation, or because nothing but a
-    /// quoted cell could hold a comma.
+    /// Returns true if numbers with three digits after a point have decimals: by the notation, or because
+    /// nothing but a quoted cell could hold a comma.
     fn has_points(&self, layout: &Layout) -> bool {
         let is_own = layout.names.iter().any(|name| Known::parse(name).is_some());
         is_own || layout.separator == Separator::One(b',')
@@ -345,8 +347,8 @@ impl Reader<'_> {
                         line,
                         header,
                         format!(
-                            "{cell:?} is not a number as those before it are written: decimals have a point, or a comma, in all of \
-                             a file; correct it, or remove the row"
+                            "{cell:?} is not a number as those before it are written: decimals have a point, \
+                             or a comma, in all of a file; correct it, or remove the row"
                         ),
                     ));
                 }
@@ -361,8 +363,9 @@ impl Reader<'_> {
             Unclear::Point => ("1.234", "points"),
         };
         self.columns_error(format!(
-            "nothing shows whether {example} is more than a thousand or has decimals: all its numbers with {mark} have three digits \
-             after them. Write decimal = \"comma\" or decimal = \"point\" in [recording] of its rig file"
+            "nothing shows whether {example} is more than a thousand or has decimals: all its numbers with \
+             {mark} have three digits after them. Write decimal = \"comma\" or decimal = \"point\" in \
+             [recording] of its rig file"
         ))
     }
 }

@@ -122,7 +122,8 @@ fn every_country_and_encoding_gives_the_same_numbers() {
     }
 }
 
-/// Five tables in each of six locales, which pandas wrote (`fuzz/make_tables.py`): the numbers that were written.
+/// Five tables in each of six locales, which pandas wrote (`fuzz/make_tables.py`): the numbers that were
+/// written.
 #[test]
 fn thirty_tables_of_pandas_in_six_locales_are_read() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_csv");
@@ -214,8 +215,8 @@ fn times_of_day_and_dates_are_times() {
     }
     // Excel's days, and milliseconds, by their unit.
     let days = |r: usize| format!("46346,{:09}", 1_000_000 * r);
-    let rig = "[recording]\ncolumns = { t_s = { name = \"Zeit\", unit = \"d\" }, fx_n = \"Fx [N]\", fy_n = \"Fy [N]\", fz_n = \"Fz [N]\", \
-               mx_nm = \"Mx [Nm]\", my_nm = \"My [Nm]\", mz_nm = \"Mz [Nm]\" }\n";
+    let rig = "[recording]\ncolumns = \
+               { t_s = { name = \"Zeit\", unit = \"d\" }, fx_n = \"Fx [N]\", fy_n = \"Fy [N]\", fz_n = \"Fz [N]\", mx_nm = \"Mx [Nm]\", my_nm = \"My [Nm]\", mz_nm = \"Mz [Nm]\" }\n";
     let recording = read((head.to_owned() + &rows(&days)).as_bytes(), rig).unwrap();
     assert!((recording.rate_hz.unwrap() - 1.0 / 86.4).abs() < 1e-9);
     let milli = |r: usize| format!("88123,{:02}", 0).replace("88123", &(88_123 + 2 * r).to_string());
@@ -259,7 +260,8 @@ fn what_could_be_two_numbers_is_refused() {
     let kilo = format!("{}{}", header(&LOCALES[0]).replacen("[N]", "[kN]", 1), rows(&LOCALES[0]));
     let scaled = read(kilo.as_bytes(), "").unwrap().wrench.unwrap()[0][0];
     assert_eq!(scaled, number(thousandths(0, 1)) * 1e3);
-    let rig = "[recording]\ncolumns = { t_s = \"Time\", fx_n = \"Fx\", fy_n = \"Fy\", fz_n = \"Fz\", mx_nm = \"Mx\", my_nm = \"My\", mz_nm = \"Mz\" }\n";
+    let rig = "[recording]\ncolumns = \
+               { t_s = \"Time\", fx_n = \"Fx\", fy_n = \"Fy\", fz_n = \"Fz\", mx_nm = \"Mx\", my_nm = \"My\", mz_nm = \"Mz\" }\n";
     let said = read(kilo.as_bytes(), rig).unwrap_err().to_string();
     assert!(said.contains("fx_n is read in N") && said.contains("kN"), "{said}");
     let own = "t_s;fx_n;fy_n;fz_n;mx_nm;my_nm;mz_nm\n";
@@ -299,8 +301,8 @@ fn a_rig_file_names_columns_below_their_groups() {
     let text =
         format!("Time\tForce\t\t\tMoment\t\t\n\tX\tY\tZ\tX\tY\tZ\ns\tN\tN\tN\tNm\tNm\tNm\n{}", rows(english));
     check(&read(text.as_bytes(), "").unwrap(), "by its names");
-    let rig = "[recording]\ncolumns = { t_s = \"Time\", fx_n = \"Force X\", fy_n = \"Force Y\", fz_n = \"Force Z\", \
-               mx_nm = \"Moment X\", my_nm = \"Moment Y\", mz_nm = \"Moment Z\" }\n";
+    let rig = "[recording]\ncolumns = \
+               { t_s = \"Time\", fx_n = \"Force X\", fy_n = \"Force Y\", fz_n = \"Force Z\", mx_nm = \"Moment X\", my_nm = \"Moment Y\", mz_nm = \"Moment Z\" }\n";
     check(&read(text.as_bytes(), rig).unwrap(), "by the rig file");
     let said = read(text.as_bytes(), &rig.replace("Force Y", "Force Q")).unwrap_err().to_string();
     assert!(said.contains("Force Q"), "{said}");

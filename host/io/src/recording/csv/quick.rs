@@ -217,8 +217,8 @@ impl Reader<'_> {
     }
 }
 
-/// Returns true if nothing but a decimal mark can be meant by a point: in the notation, between commas, or where a
-/// number at the beginning of the file has not three digits after it.
+/// Returns true if nothing but a decimal mark can be meant by a point: in the notation, between commas, or
+/// where a number at the beginning of the file has not three digits after it.
 fn has_sure_points(reader: &Reader<'_>, separator: u8, body: &str) -> bool {
     const ROWS: usize = 100;
     if reader.rig.recording.decimal == Some(DecimalMark::Comma) {

@@ -47,7 +47,8 @@ fn what_is_written_is_read_to_the_last_bit_and_byte() {
 
 #[test]
 fn order_of_columns_and_quoted_texts_are_kept() {
-    let text = "# taken on a Tuesday\nnote,imu_gx_radps,imu_gy_radps,t_s,imu_gz_radps\n\"a, \"\"b\"\"\",1.0,2.0,0.0,3.0\n\
+    let text = "# taken on a \
+                Tuesday\nnote,imu_gx_radps,imu_gy_radps,t_s,imu_gz_radps\n\"a, \"\"b\"\"\",1.0,2.0,0.0,3.0\n\
                 ,1.0,2.0,0.3333333333333333,3.0\n,1.0,2.0,0.6666666666666666,3.0\n";
     let recording = read(text, "").unwrap();
     assert_eq!(recording.to_csv(), text);
@@ -106,7 +107,8 @@ fn semicolons_tabs_and_bars_separate_columns_too() {
 fn foreign_columns_units_and_signs_are_brought_into_the_notation() {
     let foreign = text(10).replace("fx_n", "Fx").replace("fy_n", "fy_lbf").replace("t_s", "time");
     let rig = "[recording]\nwrench_sign = \"on_sensor\"\n[recording.columns]\nfx_n = \"Fx\"\n\
-               fy_n = { name = \"fy_lbf\", scale = 4.4482216152605 }\nt_s = { name = \"time\", scale = 1e-3 }";
+               fy_n = { name = \"fy_lbf\", scale = 4.4482216152605 }\nt_s = \
+               { name = \"time\", scale = 1e-3 }";
     let recording = read(&foreign, rig).unwrap();
     let wrench = recording.wrench.as_ref().unwrap();
     assert_eq!(wrench[0][..3], [-1.5, 2.0 * 4.4482216152605, -300.0]);

@@ -72,16 +72,24 @@ fn choose<'t>(
         .map(|(topic, _)| *topic)
         .collect();
     match (recording.rig.recording.topics.get(key), found.as_slice()) {
-        (Some(wanted), found) => found.iter().find(|topic| *topic == wanted).copied().map(Some).ok_or_else(|| {
-            error(format!(
-                "the rig file names topic {wanted} for {key}, and there is no such topic with {schema}: there {}",
-                if found.is_empty() { "is none of that type".to_owned() } else { format!("is {}", found.join(", ")) }
-            ))
-        }),
+        (Some(wanted), found) => {
+            found.iter().find(|topic| *topic == wanted).copied().map(Some).ok_or_else(|| {
+                error(format!(
+                    "the rig file names topic {wanted} for {key}, and there is no such topic with {schema}: \
+                 there {}",
+                    if found.is_empty() {
+                        "is none of that type".to_owned()
+                    } else {
+                        format!("is {}", found.join(", "))
+                    }
+                ))
+            })
+        }
         (None, []) => Ok(None),
         (None, [one]) => Ok(Some(*one)),
         (None, several) => Err(error(format!(
-            "topics {} all hold {schema}: name one in the rig file, [recording] topics = {{ {key} = \"{}\" }}",
+            "topics {} all hold {schema}: name one in the rig file, [recording] topics = \
+             {{ {key} = \"{}\" }}",
             several.join(", "),
             several[0]
         ))),
@@ -213,8 +221,8 @@ fn align(
         return Err(RecordingError::Columns {
             name: label.to_owned(),
             reason: format!(
-                "{wrench_topic} and {imu_topic} have no time in common ({} to {} s, {} to {} s): were their clocks \
-                 set alike?",
+                "{wrench_topic} and {imu_topic} have no time in common ({} to {} s, {} to {} s): were their \
+                 clocks set alike?",
                 time::text(wrench.first().map_or(0, |v| v.0)),
                 time::text(wrench.last().map_or(0, |v| v.0)),
                 time::text(imu.first().map_or(0, |v| v.0)),
@@ -223,8 +231,8 @@ fn align(
         });
     }
     recording.warnings.push(format!(
-        "{imu_topic} has a clock of its own: interpolated (cubic) onto the times of {wrench_topic}, group delays of \
-         {wrench_delay_s} s and {imu_delay_s} s taken off{}",
+        "{imu_topic} has a clock of its own: interpolated (cubic) onto the times of {wrench_topic}, group \
+         delays of {wrench_delay_s} s and {imu_delay_s} s taken off{}",
         if lost > 0 {
             format!("; {lost} of {} wrenches have no IMU messages around them and are left out", wrench.len())
         } else {

@@ -1,5 +1,5 @@
-//! Unpacks bzip2, by which bags of ROS 1 may pack their chunks; after Seward's *bzip2* 1.0.8 and the description of its
-//! format by Tsai (2016).
+//! Unpacks bzip2, by which bags of ROS 1 may pack their chunks; after Seward's *bzip2* 1.0.8 and the
+//! description of its format by Tsai (2016).
 
 use crc::{CRC_32_BZIP2, Crc};
 

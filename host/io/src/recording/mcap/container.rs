@@ -1,8 +1,8 @@
 //! The MCAP container, read from beginning to end, as far as it goes.
 //!
 //! A recording that was cut off (power, a full disk, a killed program) has no footer and no index, and its
-//! last record is torn. So nothing here needs them: records are taken in their order, a torn or damaged one is
-//! noted, and everything whole is given out.
+//! last record is torn. So nothing here needs them: records are taken in their order, a torn or damaged one
+//! is noted, and everything whole is given out.
 
 use std::borrow::Cow;
 use std::collections::HashMap;

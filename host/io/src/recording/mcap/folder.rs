@@ -1,4 +1,5 @@
-//! The folder that `ros2 bag record` makes: `metadata.yaml`, and the files of the bag, split and compressed as that says.
+//! The folder that `ros2 bag record` makes: `metadata.yaml`, and the files of the bag, split and compressed
+//! as that says.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -175,7 +176,8 @@ mod tests {
         [0.1 * k as f64, 1.0, -2.0, 0.3, 0.02 * k as f64, 0.0]
     }
 
-    /// A database as `ros2 bag record` writes it, the messages of one topic packed one by one if that is asked for.
+    /// A database as `ros2 bag record` writes it, the messages of one topic packed one by one if that is
+    /// asked for.
     fn database(path: &Path, rows: std::ops::Range<u64>, packed: bool) {
         let bag = rusqlite::Connection::open(path).unwrap();
         bag.execute_batch(
@@ -193,8 +195,9 @@ mod tests {
         }
     }
 
-    const DESCRIPTION: &str = "rosbag2_bagfile_information:\n  compression_format: ''\n  files:\n  - path: b.mcap\n  \
-                               relative_file_paths:\n  - 'run/b.mcap'\n  - a.mcap\n  storage_identifier: mcap\n";
+    const DESCRIPTION: &str = "rosbag2_bagfile_information:\n  compression_format: ''\n  files:\n  - path: \
+                               b.mcap\n  relative_file_paths:\n  - 'run/b.mcap'\n  - a.mcap\n  \
+                               storage_identifier: mcap\n";
 
     #[test]
     fn descriptions_are_read_in_both_forms_of_a_list() {
@@ -204,7 +207,8 @@ mod tests {
             Metadata { files: vec!["run/b.mcap".into(), "a.mcap".into()], ..Metadata::default() }
         );
         let inline = metadata(
-            "relative_file_paths: [x_0.db3.zstd, \"x_1.db3.zstd\"]\ncompression_mode: FILE\ncompression_format: zstd",
+            "relative_file_paths: [x_0.db3.zstd, \"x_1.db3.zstd\"]\ncompression_mode: \
+             FILE\ncompression_format: zstd",
         );
         assert_eq!(inline.files, ["x_0.db3.zstd", "x_1.db3.zstd"]);
         assert_eq!((inline.mode.as_str(), inline.format.as_str()), ("FILE", "zstd"));

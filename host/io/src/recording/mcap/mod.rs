@@ -1,8 +1,9 @@
 //! Recordings as MCAP files with ROS 2 messages.
 //!
-//! Lives here: the container ([`container`] reads it, [`mod@write`] writes it), the messages and their encoding
-//! ([`messages`], [`cdr`], [`schemas`]), recordings of our own ([`read`]) and bags recorded elsewhere
-//! ([`bag`]), the folders that they come in ([`folder`]), bags of ROS 1 (`ros1`). May not live here: what columns and units mean ([`super::csv`], [`super`]).
+//! Lives here: the container ([`container`] reads it, [`mod@write`] writes it), the messages and their
+//! encoding ([`messages`], [`cdr`], [`schemas`]), recordings of our own ([`read`]) and bags recorded
+//! elsewhere ([`bag`]), the folders that they come in ([`folder`]), bags of ROS 1 (`ros1`). May not live
+//! here: what columns and units mean ([`super::csv`], [`super`]).
 //!
 //! | topic | message | content |
 //! |---|---|---|

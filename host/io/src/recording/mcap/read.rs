@@ -20,9 +20,9 @@ use crate::recording::{Recording, RecordingError, stem};
 use crate::rig::RigFile;
 
 impl Recording {
-    /// Reads the bytes of an MCAP file. `label` is the file's name, for messages; a rig file that is given, with
-    /// its text, takes the place of the one inside. A recording of our own is in the notation already, so that
-    /// `columns` and `wrench_sign` of a given rig file do not apply to it; to bags recorded elsewhere
+    /// Reads the bytes of an MCAP file. `label` is the file's name, for messages; a rig file that is given,
+    /// with its text, takes the place of the one inside. A recording of our own is in the notation already,
+    /// so that `columns` and `wrench_sign` of a given rig file do not apply to it; to bags recorded elsewhere
     /// `wrench_sign` applies.
     ///
     /// # Errors
@@ -70,8 +70,8 @@ impl Recording {
         }
         if !contents.complete {
             recording.warnings.push(
-                "the recording was not ended by its writer (cut off, or still being written): what is whole of \
-                 it is used"
+                "the recording was not ended by its writer (cut off, or still being written): what is whole \
+                 of it is used"
                     .to_owned(),
             );
         }
@@ -83,8 +83,8 @@ impl Recording {
             recording.rig.recording.wrench_sign = Default::default();
             if rig.is_some() && given.wrench_sign != recording.rig.recording.wrench_sign {
                 recording.warnings.push(
-                    "wrench_sign in the rig file is not applied: a recording of this program is in the on-body \
-                     sign already"
+                    "wrench_sign in the rig file is not applied: a recording of this program is in the \
+                     on-body sign already"
                         .to_owned(),
                 );
             }
@@ -157,8 +157,8 @@ impl<'a> Bag<'a> {
     }
 }
 
-/// Returns the messages of several files as those of one, unpacked if each is packed by itself. Channels of the same topic are
-/// one.
+/// Returns the messages of several files as those of one, unpacked if each is packed by itself. Channels of
+/// the same topic are one.
 fn together(label: &str, bags: &[Bag<'_>], packed: bool) -> Result<Stored, RecordingError> {
     let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
     let mut all = Stored::default();

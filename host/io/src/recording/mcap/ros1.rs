@@ -1,5 +1,5 @@
-//! Bags of ROS 1 (`.bag`, version 2.0): their records, and their messages as ROS 2 encodes them, so that all that is
-//! read of one is read of the other. After the ROS wiki's *Bags/Format/2.0*.
+//! Bags of ROS 1 (`.bag`, version 2.0): their records, and their messages as ROS 2 encodes them, so that all
+//! that is read of one is read of the other. After the ROS wiki's *Bags/Format/2.0*.
 
 use std::collections::HashMap;
 use std::io::Read;

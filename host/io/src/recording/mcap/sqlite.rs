@@ -1,7 +1,7 @@
 //! Bags of ROS 2 as SQLite databases, `.db3`: a table of topics, and one of their messages.
 //!
-//! A database is a program: its schema holds views, triggers and expressions of whoever wrote it. Only plain tables are read, within
-//! limits of length, memory and time.
+//! A database is a program: its schema holds views, triggers and expressions of whoever wrote it. Only plain
+//! tables are read, within limits of length, memory and time.
 
 use std::time::{Duration, Instant};
 
@@ -80,7 +80,10 @@ fn failed(error: rusqlite::Error) -> String {
 /// Refuses a view, or anything else that is no table, in place of one.
 fn check_table(database: &Connection, name: &str) -> Result<(), String> {
     let mut found = database
-        .prepare("SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = ?1 AND sql NOT LIKE 'CREATE VIRTUAL%'")
+        .prepare(
+            "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND name = ?1 AND sql NOT LIKE \
+                  'CREATE VIRTUAL%'",
+        )
         .map_err(failed)?;
     let tables: i64 = found.query_row([name], |row| row.get(0)).map_err(failed)?;
     if tables == 1 { Ok(()) } else { Err(format!("it is no bag of ROS 2 (.db3): it has no table {name}")) }
@@ -115,7 +118,8 @@ impl Stored {
             }
             stored.channels.push((id, channel));
         }
-        // Put in order here: SQLite would hold all of them while it sorts, and columns that are made of others could be of any size.
+        // Put in order here: SQLite would hold all of them while it sorts, and columns that are made of
+        // others could be of any size.
         let mut messages =
             database.prepare("SELECT id, topic_id, timestamp, data FROM messages").map_err(failed)?;
         let mut rows = messages.query([]).map_err(failed)?;
@@ -207,34 +211,34 @@ mod tests {
     #[test]
     fn a_hostile_database_ends_in_words_within_seconds() {
         let endless = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x+1 FROM c)";
-        let many = "INSERT INTO messages(id, topic_id, timestamp) WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x+1 FROM c \
-                    WHERE x < 1000) SELECT x, 1, x FROM c;";
+        let many = "INSERT INTO messages(id, topic_id, timestamp) WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL \
+                    SELECT x+1 FROM c WHERE x < 1000) SELECT x, 1, x FROM c;";
         for (sql, part) in [
             (
                 format!(
-                    "CREATE VIEW topics AS {endless} SELECT x AS id, '/a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM c \
-                     WHERE x < 0;{MESSAGES}"
+                    "CREATE VIEW topics AS {endless} SELECT x AS id, '/a' AS name, 'b' AS type, 'cdr' AS \
+                     serialization_format FROM c WHERE x < 0;{MESSAGES}"
                 ),
                 "no table topics",
             ),
             (
                 format!(
-                    "{TOPICS}CREATE VIEW messages AS {endless} SELECT x AS id, 1 AS topic_id, x AS timestamp, zeroblob(500000000) AS \
-                     data FROM c;"
+                    "{TOPICS}CREATE VIEW messages AS {endless} SELECT x AS id, 1 AS topic_id, x AS \
+                     timestamp, zeroblob(500000000) AS data FROM c;"
                 ),
                 "no table messages",
             ),
             (
                 format!(
-                    "{TOPICS}CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB AS \
-                     (zeroblob(200000000)));{many}"
+                    "{TOPICS}CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data \
+                     BLOB AS (zeroblob(200000000)));{many}"
                 ),
                 "larger than the file",
             ),
             (
                 format!(
-                    "{TOPICS}CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB AS \
-                     (zeroblob(900000000)));{many}"
+                    "{TOPICS}CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data \
+                     BLOB AS (zeroblob(900000000)));{many}"
                 ),
                 "more than 268435456 bytes",
             ),

@@ -1,4 +1,5 @@
-//! One topic of a bag as columns: what bags bring that is no wrench with its IMU, and streams with clocks of their own.
+//! One topic of a bag as columns: what bags bring that is no wrench with its IMU, and streams with clocks of
+//! their own.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -77,8 +78,8 @@ fn rows(
         },
         other => {
             let reason = format!(
-                "topic {topic} holds {other}, which is not read: there may be JointState, WrenchStamped, Imu, PoseStamped, \
-                 AccelStamped, QuaternionStamped and TFMessage"
+                "topic {topic} holds {other}, which is not read: there may be JointState, WrenchStamped, \
+                 Imu, PoseStamped, AccelStamped, QuaternionStamped and TFMessage"
             );
             return Err(RecordingError::Columns { name: label.to_owned(), reason });
         }
@@ -112,8 +113,8 @@ fn named(group: Group, values: &[f64]) -> Vec<(String, f64)> {
     group.names().into_iter().zip(values.iter().copied()).collect()
 }
 
-/// Angles, rates and torques of joints. Sliding joints have m, m/s and N: which they are only the model knows, so that the rig file
-/// says it (`[[joint]] position`).
+/// Angles, rates and torques of joints. Sliding joints have m, m/s and N: which they are only the model
+/// knows, so that the rig file says it (`[[joint]] position`).
 fn joints(state: super::messages::JointState) -> Vec<(String, f64)> {
     let units = [("rad", state.position), ("radps", state.velocity), ("nm", state.effort)];
     let of_unit = |(unit, values): (&str, Vec<f64>)| {
@@ -134,8 +135,9 @@ fn pose_of(message: &Message<'_>, transform: &Transform<'_>, frame: Option<&str>
         .then(|| (transform.stamp_ns.unwrap_or(message.log_time), named(Group::Platform, &transform.pose)))
 }
 
-/// Brings the messages of several publishers on one topic, as an arm and its gripper have them, to the times of the one with the
-/// most; rows that not all of them surround are left out. `None` if all have the same columns, or two have one in common.
+/// Brings the messages of several publishers on one topic, as an arm and its gripper have them, to the times
+/// of the one with the most; rows that not all of them surround are left out. `None` if all have the same
+/// columns, or two have one in common.
 fn merged(rows: &[Row]) -> Option<Vec<Row>> {
     let mut publishers: BTreeMap<Vec<&str>, Vec<&Row>> = BTreeMap::new();
     for row in rows.iter().filter(|(_, columns)| !columns.is_empty()) {
@@ -165,7 +167,8 @@ fn merged(rows: &[Row]) -> Option<Vec<Row>> {
     Some(first.iter().filter_map(together).collect())
 }
 
-/// Returns the numbers of a publisher at a time: a message's own, or by the cubic through the two before and the two after.
+/// Returns the numbers of a publisher at a time: a message's own, or by the cubic through the two before and
+/// the two after.
 fn at(rows: &[&Row], time_ns: u64) -> Option<Vec<(String, f64)>> {
     let after = rows.partition_point(|(time, _)| *time < time_ns);
     if let Some((_, columns)) = rows.get(after).filter(|(time, _)| *time == time_ns) {

@@ -82,8 +82,11 @@ impl Survey {
     pub(crate) fn clock(&self) -> Result<(Clock, Option<String>), String> {
         let (dates, said) = match (self.first, self.day_first, self.month_first) {
             (_, true, true) => {
-                return Err("its dates have the day first in some rows and the month in others: write them as 2026-12-31"
-                    .to_owned());
+                return Err(
+                    "its dates have the day first in some rows and the month in others: write them as \
+                            2026-12-31"
+                        .to_owned(),
+                );
             }
             (Some(Date::Either(..)), false, false) if self.differ => {
                 return Err(
@@ -94,7 +97,8 @@ impl Survey {
             (Some(Date::Either(..)), false, false) => (
                 Dates::Unused,
                 Some(
-                    "nothing shows whether day or month comes first in the date: times count from its midnight",
+                    "nothing shows whether day or month comes first in the date: times count from its \
+                     midnight",
                 ),
             ),
             (None, ..) => (Dates::Unused, None),

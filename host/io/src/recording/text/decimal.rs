@@ -1,7 +1,7 @@
 //! Numbers as countries write them: the mark of the decimals and the mark between thousands.
 //!
-//! A cell rules forms out; a file has one that all its numbers agree with. Where two are left that read a cell
-//! differently, none is taken.
+//! A cell rules forms out; a file has one that all its numbers agree with. Where two are left that read a
+//! cell differently, none is taken.
 
 use std::borrow::Cow;
 
@@ -124,8 +124,8 @@ impl Form {
     /// As the notation has it.
     pub(crate) const PLAIN: Self = FORMS[0];
 
-    /// Returns the form that cells agree with, a point before three digits being one before decimals; `comma` is what a
-    /// rig file says. `None` if there is none, or two.
+    /// Returns the form that cells agree with, a point before three digits being one before decimals; `comma`
+    /// is what a rig file says. `None` if there is none, or two.
     pub(crate) fn of<'a>(cells: impl IntoIterator<Item = &'a str>, comma: Option<bool>) -> Option<Self> {
         let mut forms = comma.map_or(Forms::ALL, Forms::with_decimal);
         let agree = cells.into_iter().all(|cell| forms.see(cell));
@@ -161,7 +161,8 @@ impl Form {
         }
         if !self.fits(cell) {
             return Err(format!(
-                "{cell:?} has other marks than the numbers of the file, which have a {}: correct it, or remove the row",
+                "{cell:?} has other marks than the numbers of the file, which have a {}: correct it, or \
+                 remove the row",
                 self.name()
             ));
         }

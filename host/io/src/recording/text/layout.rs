@@ -57,7 +57,8 @@ pub(crate) struct Layout {
 pub(crate) struct Steps {
     pub(crate) start_s: f64,
     pub(crate) step_s: f64,
-    /// The column that the time takes the place of; `None`: one after the others, which the file does not have.
+    /// The column that the time takes the place of; `None`: one after the others, which the file does not
+    /// have.
     pub(crate) column: Option<usize>,
     /// The columns that count n from the first row on; `None`: n is the number of the row.
     pub(crate) counter: Option<Counter>,
@@ -265,8 +266,8 @@ impl Layout {
         self.names.len() - usize::from(made && !self.names.is_empty())
     }
 
-    /// Finds the table in a text; `line` is its first line's number, `above` the last line of comment before it.
-    /// `None` if nothing in it resembles a table of numbers with names.
+    /// Finds the table in a text; `line` is its first line's number, `above` the last line of comment before
+    /// it. `None` if nothing in it resembles a table of numbers with names.
     ///
     /// # Errors
     /// Says what is wrong with a file that names its own layout.

@@ -1,5 +1,5 @@
-//! LabVIEW measurement files, after NI's *Specification for the LabVIEW Measurement File*: a header of keys, a
-//! header of channels, then rows.
+//! LabVIEW measurement files, after NI's *Specification for the LabVIEW Measurement File*: a header of keys,
+//! a header of channels, then rows.
 
 use super::layout::{Layout, Steps};
 use super::rows::{Rows, Separator};

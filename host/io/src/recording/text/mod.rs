@@ -11,7 +11,8 @@ mod lvm;
 pub(super) mod rows;
 pub(super) mod vendors;
 
-/// Returns a text with blanks for its control characters: as a cell, or a comment, of a table in text it ends no line.
+/// Returns a text with blanks for its control characters: as a cell, or a comment, of a table in text it ends
+/// no line.
 pub(super) fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

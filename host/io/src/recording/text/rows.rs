@@ -66,7 +66,8 @@ impl<'a> Rows<'a> {
         (self.at, self.line)
     }
 
-    /// Puts the next row's cells, without blanks around them, into `cells`; returns its line, `None` after the last.
+    /// Puts the next row's cells, without blanks around them, into `cells`; returns its line, `None` after
+    /// the last.
     pub(crate) fn next(&mut self, cells: &mut Vec<Cow<'a, str>>) -> Option<u64> {
         while self.at < self.text.len() {
             cells.clear();

@@ -1,8 +1,9 @@
-//! Layouts that programs of laboratories write and that their own words announce: each gives what its file does not
-//! say in the table itself: a rate instead of times, counts instead of units, where the rows end.
+//! Layouts that programs of laboratories write and that their own words announce: each gives what its file
+//! does not say in the table itself: a rate instead of times, counts instead of units, where the rows end.
 //!
-//! Sources: Universal Robots, *RTDE Guide* (names and units of outputs); Xsens, *MT Low Level Communication Protocol* (counters, units); Vicon, *Nexus User Guide*, ASCII export;
-//! Qualisys, *QTM User Manual*, TSV export; ATI, *Net F/T Manual*, Java demonstration; HBK, *catman*, ASCII export.
+//! Sources: Universal Robots, *RTDE Guide* (names and units of outputs); Xsens, *MT Low Level Communication
+//! Protocol* (counters, units); Vicon, *Nexus User Guide*, ASCII export; Qualisys, *QTM User Manual*, TSV
+//! export; ATI, *Net F/T Manual*, Java demonstration; HBK, *catman*, ASCII export.
 
 use std::borrow::Cow;
 
@@ -82,8 +83,8 @@ fn with_time(mut layout: Layout, step_s: f64, counter: Option<Counter>) -> Layou
     layout
 }
 
-/// Xsens MT Manager and MTw: lines that begin with `//`, then a header. Its units are not in the file: those of the
-/// device's messages, m/s² and rad/s.
+/// Xsens MT Manager and MTw: lines that begin with `//`, then a header. Its units are not in the file: those
+/// of the device's messages, m/s² and rad/s.
 fn xsens(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let header =
         lines(text, line).take(MOST_LINES).find(|line| !line.is_blank() && !line.text.starts_with("//"))?;
@@ -111,7 +112,8 @@ fn xsens(text: &str, line: u64) -> Option<Result<Layout, String>> {
         }
         (None, None) => {
             return Some(Err(
-                "it has no SampleTimeFine, and no line above its header says its rate: export it with SampleTimeFine"
+                "it has no SampleTimeFine, and no line above its header says its rate: export it with \
+                 SampleTimeFine"
                     .to_owned(),
             ));
         }
@@ -128,7 +130,8 @@ fn xsens(text: &str, line: u64) -> Option<Result<Layout, String>> {
     Some(Ok(with_time(layout, clock.0, Some(clock.1))))
 }
 
-/// Vicon Nexus: sections, each with its name, its rate, groups, names and units. Forces are in the one of devices.
+/// Vicon Nexus: sections, each with its name, its rate, groups, names and units. Forces are in the one of
+/// devices.
 fn vicon(text: &str, line: u64) -> Option<Result<Layout, String>> {
     const SECTIONS: [&str; 7] =
         ["Devices", "Model Outputs", "Trajectories", "Joints", "Segments", "Events", "EVENTS"];
@@ -141,7 +144,8 @@ fn vicon(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let mut section = lines(text, line).skip_while(|line| bare(line) != "Devices");
     if section.next().is_none() {
         return Some(Err(
-            "it is an export of Vicon Nexus without the section Devices: export devices too, or give the C3D file"
+            "it is an export of Vicon Nexus without the section Devices: export devices too, or give the C3D \
+             file"
                 .to_owned(),
         ));
     }
@@ -222,7 +226,8 @@ fn qualisys(text: &str, line: u64) -> Option<Result<Layout, String>> {
         .map(|names| names.into_iter().take(width).collect());
     let Some(names) = names.filter(|names: &Vec<String>| names.len() == width) else {
         return Some(Err(format!(
-            "as an export of Qualisys it has {width} columns and not as many names: export it with column headers"
+            "as an export of Qualisys it has {width} columns and not as many names: export it with column \
+             headers"
         )));
     };
     let units: Vec<_> = names.iter().map(|name| (name == "TIME").then(|| "s".to_owned())).collect();

@@ -16,7 +16,8 @@ const DESIGNED_WITHOUT_S: f64 = 3.0;
 /// often at most.
 const LOOK_S: f64 = 1.5;
 const LOOK_SHARE: f64 = 0.5;
-/// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up for it.
+/// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up
+/// for it.
 const TILTS_DEG: [f64; 2] = [25.0, 35.0];
 
 impl Planner {

@@ -215,7 +215,8 @@ impl Planner {
         std::mem::take(&mut self.made)
     }
 
-    /// Returns true if an identified estimate is none of the bodies that bounds and a scale allow: it is not used.
+    /// Returns true if an identified estimate is none of the bodies that bounds and a scale allow: it is not
+    /// used.
     pub fn contradicted(&self) -> bool {
         self.contradicted
     }
@@ -458,7 +459,8 @@ impl Planner {
         same
     }
 
-    /// Makes a motion as small as every limit needs at every instant, or leaves it out; true if it needed nothing.
+    /// Makes a motion as small as every limit needs at every instant, or leaves it out; true if it needed
+    /// nothing.
     fn fit(&mut self, index: usize) -> bool {
         let Some(centre) = self.entries.get(index).map(|entry| entry.candidate.centre) else { return false };
         // However small it were: nothing about this pose is.
@@ -477,7 +479,8 @@ impl Planner {
                 entry.guaranteed = true;
                 return tries == 0;
             }
-            // The bounds are a per cent above what is seen; forces grow with the square of the rates and less.
+            // The bounds are a per cent above what is seen; forces grow with the square of the rates and
+            // less.
             let by =
                 if over.is_finite() { 0.999 - (over - 1.0).min(0.2).max(1.0 - over.powf(-0.7)) } else { 0.8 };
             tries += 1;

@@ -4,8 +4,8 @@ use hexapod::{Axis, Limit, MotionProgram, Segment, SineTerm, Travel};
 
 use super::{DESIGNED_S, Decision, Planner, RAMP_S, SLOWER, SLOWEST, moved};
 
-/// By which a motion is stretched in time to see whether it is too fast or too large for the platform; how closely its
-/// largest size is then found, in halvings, and how often limits are found to be tighter.
+/// By which a motion is stretched in time to see whether it is too fast or too large for the platform; how
+/// closely its largest size is then found, in halvings, and how often limits are found to be tighter.
 const STRETCH: f64 = 4.0;
 const HALVINGS: u32 = 6;
 const MOST_TIGHTENED: u32 = 4;
@@ -27,9 +27,9 @@ pub(super) enum Question {
 }
 
 impl Planner {
-    /// The platform refuses a decision. It is asked which coordinate it does not move, then whether the motion is too fast
-    /// or too large for it and by how much: that limit is the tighter one from then on. Where that does not help, the
-    /// motion is made smaller and the way to it slower.
+    /// The platform refuses a decision. It is asked which coordinate it does not move, then whether the
+    /// motion is too fast or too large for it and by how much: that limit is the tighter one from then on.
+    /// Where that does not help, the motion is made smaller and the way to it slower.
     pub fn refused(&mut self, decision: &Decision) {
         let moves = moved(&decision.program);
         let unknown = (0..6).filter(|k| moves[*k] && !self.taken[*k]).map(Question::Coordinate);

@@ -1,9 +1,11 @@
 //! Rows that are free of what is not measured: `W = D L⁻¹ N` with N H = 0, and its derivative.
 //!
-//! H are the columns of what is not measured, p the rows by which it is eliminated, r the others: `N = [1, −K]` with
-//! `K = H_r H_p⁺`. The noise of torques and feet makes the rows N correlated: `T = N S Nᵀ = L Lᵀ`, and `L⁻¹ N` has white noise. D gives each row
-//! the size of its own noise again. A row is differentiated by the filter, `W ∂h = ∂(W h) − (∂W) h`, so ∂W is needed too; all of it follows
-//! from the derivatives of G, that of a Cholesky factor as `∂L = L Φ(L⁻¹ ∂T L⁻ᵀ)`, Φ the lower triangle with half the diagonal.
+//! H are the columns of what is not measured, p the rows by which it is eliminated, r the others:
+//! `N = [1, −K]` with `K = H_r H_p⁺`. The noise of torques and feet makes the rows N correlated:
+//! `T = N S Nᵀ = L Lᵀ`, and `L⁻¹ N` has white noise. D gives each row the size of its own noise again. A row
+//! is differentiated by the filter, `W ∂h = ∂(W h) − (∂W) h`, so ∂W is needed too; all of it follows from the
+//! derivatives of G, that of a Cholesky factor as `∂L = L Φ(L⁻¹ ∂T L⁻ᵀ)`, Φ the lower triangle with half the
+//! diagonal.
 
 use nalgebra::{DMatrix, DVector};
 use rigident_shared::tree::TreeError;
@@ -27,8 +29,8 @@ pub(in super::super) struct Availability {
 }
 
 impl Contact {
-    /// Returns the feet that count in a frame, each with its number and wrench: those that stand, and those of which all is
-    /// measured, whatever they read.
+    /// Returns the feet that count in a frame, each with its number and wrench: those that stand, and those
+    /// of which all is measured, whatever they read.
     pub(in super::super) fn standing(&self, frame: &Frame) -> Vec<(usize, &Foot, [f64; 6])> {
         let ground = &frame.ground;
         let feet = self.feet.iter().zip(&ground.wrenches).zip(&ground.touching).enumerate();

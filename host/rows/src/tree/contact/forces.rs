@@ -8,7 +8,8 @@ use super::super::rows::BASE;
 use super::Foot;
 use rigident_model::rows::Moving;
 
-/// Columns of a foot's wrench and their derivative as components in base axes, rows of the base and then of all freedoms.
+/// Columns of a foot's wrench and their derivative as components in base axes, rows of the base and then of
+/// all freedoms.
 pub(in super::super) struct Columns {
     pub(in super::super) values: DMatrix<f64>,
     pub(in super::super) slopes: DMatrix<f64>,
@@ -26,8 +27,8 @@ fn six(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 
-/// Returns the columns of the wrenches of some feet in the tree about the IMU, brought to a position and a rate before; base rows are
-/// about the base link's origin.
+/// Returns the columns of the wrenches of some feet in the tree about the IMU, brought to a position and a
+/// rate before; base rows are about the base link's origin.
 ///
 /// # Errors
 /// [`TreeError`] if the links are in no order.
@@ -85,10 +86,11 @@ fn about(wrench: &Vector6<f64>, arm: &Vector3<f64>) -> Vector6<f64> {
     six(&force, &(moment - arm.cross(&force)))
 }
 
-/// Returns what a turn or a shift of each freedom by one changes in the generalised forces `Σ G w` of the feet.
+/// Returns what a turn or a shift of each freedom by one changes in the generalised forces `Σ G w` of the
+/// feet.
 ///
-/// A foot's wrench beyond the freedom moves with it: by the motion of its screw on what acts at the freedoms above and at the base;
-/// what acts at freedoms beyond moves with them and stays the same.
+/// A foot's wrench beyond the freedom moves with it: by the motion of its screw on what acts at the freedoms
+/// above and at the base; what acts at freedoms beyond moves with them and stays the same.
 ///
 /// # Errors
 /// [`TreeError`] if the links are in no order.
@@ -136,7 +138,8 @@ fn moved_by(
     Ok(out)
 }
 
-/// The change of a wrench about the root's origin that is carried along by a motion: `F by n×F`, `M by n×M + v×F`.
+/// The change of a wrench about the root's origin that is carried along by a motion: `F by n×F`,
+/// `M by n×M + v×F`.
 fn spatial_move(v: &Vector3<f64>, n: &Vector3<f64>) -> Matrix6<f64> {
     let mut out = SMatrix::<f64, 6, 6>::zeros();
     out.fixed_view_mut::<3, 3>(0, 0).copy_from(&n.cross_matrix());

@@ -1,14 +1,16 @@
-//! Feet on the ground: what a robot that stands measures of the wrenches on its feet, and the rows that are left without the rest.
+//! Feet on the ground: what a robot that stands measures of the wrenches on its feet, and the rows that are
+//! left without the rest.
 //!
-//! Lives here: the feet and the states of contact (`states`), the wrenches' part in the equations of motion (`forces`), and
-//! the combinations of rows that are free of what is not measured (`availability`). Next: `forces`.
+//! Lives here: the feet and the states of contact (`states`), the wrenches' part in the equations of motion
+//! (`forces`), and the combinations of rows that are free of what is not measured (`availability`). Next:
+//! `forces`.
 //!
 //! With G the six columns that a foot's wrench w has in the equations of base and joints,
 //! ```text
 //! Y φ = [0; τ] + Σ G w
 //! ```
-//! Some components of w and τ are not measured. Their columns are H, and rows N with N H = 0 are free of them (K. Yamane,
-//! Humanoids 2011, equation 15).
+//! Some components of w and τ are not measured. Their columns are H, and rows N with N H = 0 are free of them
+//! (K. Yamane, Humanoids 2011, equation 15).
 
 pub(super) mod availability;
 pub(super) mod forces;
@@ -74,8 +76,8 @@ pub struct Contact {
 /// The ground's part of an instant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ground {
-    /// Wrench on each foot in its sensor's axes about its origin, N and N m; zero where it is not measured, and of a foot of which not
-    /// all is measured where it does not stand.
+    /// Wrench on each foot in its sensor's axes about its origin, N and N m; zero where it is not measured,
+    /// and of a foot of which not all is measured where it does not stand.
     pub wrenches: Vec<[f64; 6]>,
     /// The feet that stand.
     pub touching: Vec<bool>,

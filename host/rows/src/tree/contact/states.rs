@@ -1,4 +1,5 @@
-//! States of contact: which feet stand, and by which rows what is not measured is eliminated, as long as that is well conditioned.
+//! States of contact: which feet stand, and by which rows what is not measured is eliminated, as long as that
+//! is well conditioned.
 
 use nalgebra::DMatrix;
 use rigident_shared::tree::TreeError;
@@ -16,8 +17,8 @@ const NOTHING: f64 = 1e-6;
 /// The base's rows have no torque's noise: they are taken first.
 const BASE_FIRST: f64 = 3.0;
 
-/// Gives every frame its state of contact, and leaves out the frames at which it changes: the filter starts anew there. Returns how
-/// many were left out.
+/// Gives every frame its state of contact, and leaves out the frames at which it changes: the filter starts
+/// anew there. Returns how many were left out.
 ///
 /// # Errors
 /// [`TreeError`] if frames and model do not fit.
@@ -63,7 +64,8 @@ pub(in super::super) fn assign(input: &mut Input, moving: &mut Moving) -> Result
     Ok(left_out)
 }
 
-/// Returns how well rows tell the unknowns apart: the ratio of the smallest singular value that counts to the largest.
+/// Returns how well rows tell the unknowns apart: the ratio of the smallest singular value that counts to the
+/// largest.
 fn condition(values: &DMatrix<f64>, pivots: &[usize]) -> f64 {
     if pivots.is_empty() {
         return if values.ncols() == 0 { 1.0 } else { 0.0 };
@@ -73,7 +75,8 @@ fn condition(values: &DMatrix<f64>, pivots: &[usize]) -> f64 {
     smallest / own.max()
 }
 
-/// Returns rows by which the unknowns are eliminated: each is the one of which most is left beside those before.
+/// Returns rows by which the unknowns are eliminated: each is the one of which most is left beside those
+/// before.
 fn pivots(values: &DMatrix<f64>) -> Vec<usize> {
     let mut left = values.clone();
     for row in 0..left.nrows().min(6) {

@@ -1,4 +1,5 @@
-//! Rows of a robot on two feet against recursive Newton and Euler, and feet's generalised forces against virtual work.
+//! Rows of a robot on two feet against recursive Newton and Euler, and feet's generalised forces against
+//! virtual work.
 
 use nalgebra::{Rotation3, Vector6};
 use rigident_shared::tree::{BaseMotion, Joint, Link};

@@ -38,8 +38,8 @@ impl Preparation<'_> {
             .collect();
         if !said.is_empty() {
             self.notes.push(format!(
-                "no [[imu]] table says where the IMU of {} sits: assumed at the origin of its link, position_m = [0, 0, 0], its axes \
-                 those of the link",
+                "no [[imu]] table says where the IMU of {} sits: assumed at the origin of its link, \
+                 position_m = [0, 0, 0], its axes those of the link",
                 shortened(&said, 4)
             ));
         }
@@ -113,8 +113,9 @@ impl Preparation<'_> {
                 turning.name
             );
             let ask = format!(
-                "is it the attitude relative to S, w first, not its inverse; are both gyros in rad/s, with the axes that \
-                 rotation_wxyz of [[imu]] link = 0 and {number} says; and are the clocks one?"
+                "is it the attitude relative to S, w first, not its inverse; are both gyros in rad/s, with \
+                 the axes that rotation_wxyz of [[imu]] link = 0 and {number} says; and are the clocks \
+                 one?"
             );
             self.tell(turning.disagreement(&spans), &what, (1f64.to_degrees(), "°"), &ask)?;
         }
@@ -130,8 +131,8 @@ impl Preparation<'_> {
     ) -> Result<(), TreePrepareError> {
         let Some(found) = found else { return Ok(()) };
         let said = format!(
-            "{what} do not tell of one motion: over {SPAN_S} s it moves by {:.3}{unit} and by {:.3}{unit} (rms), and they differ by \
-             {:.0} % of that: {}",
+            "{what} do not tell of one motion: over {SPAN_S} s it moves by {:.3}{unit} and by {:.3}{unit} \
+             (rms), and they differ by {:.0} % of that: {}",
             scale * found.moved,
             scale * found.integrated,
             100.0 * found.share,

@@ -146,16 +146,16 @@ impl Preparation<'_> {
         let recording = self.recording;
         if recording.wrench.is_some() || recording.gauges.is_some() {
             return Err(self.misfit(
-                "the rig file has [[foot]] tables, and there is a wrench fx_n … on the base link as well: a robot on its feet is held \
-                 by nothing else; remove one of them"
+                "the rig file has [[foot]] tables, and there is a wrench fx_n … on the base link as well: a \
+                 robot on its feet is held by nothing else; remove one of them"
                     .to_owned(),
             ));
         }
         if recording.is_static || recording.imus.first().is_none_or(|imu| imu.accel.is_none()) {
             return Err(self.missing(
                 "the base's IMU (imu_ax_mps2 …, imu_gx_radps …) is",
-                "a robot on its feet moves, and how its base moves is not known otherwise; for a robot that is held remove the \
-                 [[foot]] tables",
+                "a robot on its feet moves, and how its base moves is not known otherwise; for a robot that \
+                 is held remove the [[foot]] tables",
             ));
         }
         Ok(())
@@ -307,7 +307,8 @@ impl Preparation<'_> {
             .collect();
         if !said.is_empty() {
             self.warnings.push(format!(
-                "the sensor of foot {} reads {} where the foot is in the air: zero it before the recording, or take it off in the rig file, [[foot]] columns = {{ {} = {{ name = …, offset = … }} }}",
+                "the sensor of foot {} reads {} where the foot is in the air: zero it before the recording, \
+                 or take it off in the rig file, [[foot]] columns = {{ {} = {{ name = …, offset = … }} }}",
                 readings.foot.name,
                 said.join(", "),
                 said.first().and_then(|s| s.split(' ').next()).unwrap_or("fz"),

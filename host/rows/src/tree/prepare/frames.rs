@@ -90,7 +90,8 @@ impl Preparation<'_> {
         Ok(frames)
     }
 
-    /// Resolves the joints of one sample, from the base outwards; the squares of what they cannot do go to `misfits`.
+    /// Resolves the joints of one sample, from the base outwards; the squares of what they cannot do go to
+    /// `misfits`.
     fn links(
         &self,
         row: usize,

@@ -93,7 +93,8 @@ impl Preparation<'_> {
         let rate_hz = self.recording.rate_hz.unwrap_or(1.0);
         if !(lowpass_hz.is_finite() && lowpass_hz > 0.0) || self.recording.is_static {
             return Err(self.misfit(format!(
-                "effort_lowpass_hz = {lowpass_hz} of joint {joint}: a frequency above zero, Hz, of a recording in motion"
+                "effort_lowpass_hz = {lowpass_hz} of joint {joint}: a frequency above zero, Hz, of a \
+                 recording in motion"
             )));
         }
         let (last, lag) = (values.len().saturating_sub(1), rate_hz / (std::f64::consts::TAU * lowpass_hz));
@@ -123,8 +124,9 @@ impl Preparation<'_> {
         });
         let Some(column) = strange else { return Ok(()) };
         Err(self.misfit(format!(
-            "column {column} of joint {joint} is in another unit than {joint}_{}, {joint}_{}, {joint}_{}; name it with its scale \
-             in the rig file, [[joint]] name = \"{joint}\", position = {{ name = \"{column}\", scale = … }}",
+            "column {column} of joint {joint} is in another unit than {joint}_{}, {joint}_{}, {joint}_{}; \
+             name it with its scale in the rig file, [[joint]] name = \"{joint}\", position = \
+             {{ name = \"{column}\", scale = … }}",
             units[0], units[1], units[2]
         )))
     }
@@ -210,8 +212,9 @@ impl Preparation<'_> {
         let part = parts.map(|l| l.joint_name.as_str()).find(|name| has(name, "nm") || has(name, "rad"));
         part.map_or_else(String::new, |name| {
             format!(
-                ". {name} is a spherical joint here, whose motion is told by attitudes and gyros, and of which {name}_rad and \
-                 {name}_nm are one axis alone: it is identified from these where the angles of all three revolute joints are recorded"
+                ". {name} is a spherical joint here, whose motion is told by attitudes and gyros, and of \
+                 which {name}_rad and {name}_nm are one axis alone: it is identified from these where the \
+                 angles of all three revolute joints are recorded"
             )
         })
     }
@@ -229,7 +232,8 @@ impl Preparation<'_> {
         let others: Vec<&str> = self.cells.keys().filter(of_these).copied().filter(|c| !own(c)).collect();
         if !others.is_empty() {
             advice += &format!(
-                ". There are columns {}: if they are efforts, name them with their scale in the rig file, [[joint]] effort",
+                ". There are columns {}: if they are efforts, name them with their scale in the rig file, \
+                 [[joint]] effort",
                 others.join(", ")
             );
         }

@@ -135,7 +135,8 @@ fn upright(mut model: Model, recording: &Recording) -> Result<Model, TreePrepare
             name: recording.name.clone(),
             model: model.name,
             why: format!(
-                "gravity_direction of the rig file is for a base that is held still, and {why}: remove the key"
+                "gravity_direction of the rig file is for a base that is held still, and {why}: remove the \
+                 key"
             ),
         });
     }
@@ -275,7 +276,8 @@ impl<'a> Preparation<'a> {
             return Err(self.missing(
                 "the wrench fx_n … mz_nm and the joints' efforts (JOINT_nm) are both",
                 format!(
-                    "a tree is identified from the wrench on its base link, from joint torques, or from both{}",
+                    "a tree is identified from the wrench on its base link, from joint torques, or from \
+                     both{}",
                     self.about_spherical()
                 ),
             ));
@@ -305,7 +307,8 @@ impl<'a> Preparation<'a> {
         if !input.has_efforts() {
             return Err(self.missing(
                 "the joints' efforts (JOINT_nm) that friction acts on are",
-                "the wrench on the base link does not see friction in the joints; leave `friction` and `drive` out",
+                "the wrench on the base link does not see friction in the joints; leave `friction` and \
+                 `drive` out",
             ));
         }
         let names = input.freedom_names();

@@ -37,8 +37,8 @@ impl<'a> Preparation<'a> {
 
     pub(super) fn uncalibrated(&self, j: usize) -> TreePrepareError {
         TreePrepareError::Unsupported(format!(
-            "{}: [[imu]] of link {j} is to be calibrated \"from_poses\", which is done for a single body only: identify the \
-             base link alone on still poses first and put the numbers into the rig file",
+            "{}: [[imu]] of link {j} is to be calibrated \"from_poses\", which is done for a single body \
+             only: identify the base link alone on still poses first and put the numbers into the rig file",
             self.recording.name
         ))
     }
@@ -71,7 +71,8 @@ impl<'a> Preparation<'a> {
                 if gyro.is_none() && !recording.is_static {
                     return Err(self.missing(
                         "the angular rate imu_gx_radps … of the base link is",
-                        "a moving base needs a gyro beside its accelerometer; of a base held still leave both out",
+                        "a moving base needs a gyro beside its accelerometer; of a base held still leave \
+                         both out",
                     ));
                 }
                 let default = ImuTable::default();
@@ -101,7 +102,8 @@ impl<'a> Preparation<'a> {
             (None, Some(_), _) => {
                 return Err(self.missing(
                     "the specific force imu_ax_mps2 … of the base link is",
-                    "a moving base needs an accelerometer beside its gyro; of a base held still leave both out",
+                    "a moving base needs an accelerometer beside its gyro; of a base held still leave both \
+                     out",
                 ));
             }
             (None, None, Some(gravity)) => gravity.iter().map(|g| BaseMotion::still(*g)).collect(),
@@ -109,7 +111,8 @@ impl<'a> Preparation<'a> {
                 let Gravity { mps2: g, direction: down, stated } = Gravity::of(recording, self.original);
                 let along = if down == DOWN { "−z".to_owned() } else { format!("{down:?}") };
                 self.notes.push(format!(
-                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along {along} of its frame{stated}"
+                    "there is no IMU on the base link: it is taken to be held still, gravity {g} m/s² along \
+                     {along} of its frame{stated}"
                 ));
                 // The model was turned.
                 vec![BaseMotion::still([0.0, 0.0, -g])]
@@ -122,8 +125,8 @@ impl<'a> Preparation<'a> {
             };
             if motions.iter().any(down) {
                 return Err(self.misfit(
-                    "its gravity columns are not along −z of the base's frame, where a base held still has gravity: turn the \
-                     model's base, or give the base an IMU"
+                    "its gravity columns are not along −z of the base's frame, where a base held still has \
+                     gravity: turn the model's base, or give the base an IMU"
                         .to_owned(),
                 ));
             }

@@ -41,8 +41,8 @@ impl Preparation<'_> {
             return (
                 format!("the motion of joint {name}, one of several of a body, is"),
                 format!(
-                    "add {name}_{}, or declare three hinges through one point to be one ball by `spherical` and give its link's \
-                     attitude and rate",
+                    "add {name}_{}, or declare three hinges through one point to be one ball by `spherical` \
+                     and give its link's attitude and rate",
                     if matches!(link.link.joint, Joint::Prismatic(_)) { "m" } else { "rad" }
                 ),
             );
@@ -50,7 +50,8 @@ impl Preparation<'_> {
         (
             format!("the motion of joint {name} (link {}) is", link.name),
             format!(
-                "add {columns}, or say `lock` {name} if it did not move, `lock` {name}=VALUE if it did not stand at zero"
+                "add {columns}, or say `lock` {name} if it did not move, `lock` {name}=VALUE if it did not \
+                 stand at zero"
             ),
         )
     }
@@ -70,7 +71,8 @@ impl Preparation<'_> {
                 let j = columns.number(i).unwrap_or(i);
                 return Err(self.missing(
                     format!("the angular rate imu{j}_gx_radps … of link {} is", self.model.links[i].name),
-                    "rates are not differentiated from attitudes: give the link a gyro, or static = true for still poses",
+                    "rates are not differentiated from attitudes: give the link a gyro, or static = true for \
+                     still poses",
                 ));
             }
         }
@@ -95,8 +97,8 @@ impl Preparation<'_> {
             );
             if rms > ANOTHER_JOINT {
                 return Err(self.misfit(format!(
-                    "{said}: is it the attitude relative to S, w first, and are joint kind, axis and rotation those of the \
-                     model?"
+                    "{said}: is it the attitude relative to S, w first, and are joint kind, axis and \
+                     rotation those of the model?"
                 )));
             }
             if rms > NOTICEABLE {
@@ -122,8 +124,9 @@ impl Preparation<'_> {
         let all: Option<Vec<f64>> = sigma.iter().copied().collect();
         if all.is_none() && sigma.iter().any(Option::is_some) {
             self.notes.push(
-                "the noise of some channels is stated and that of others is not: all are weighted by their residuals; state \
-                 noise_n_nm of [load_cell] and effort_noise of every [[joint]], as far as they are measured"
+                "the noise of some channels is stated and that of others is not: all are weighted by their \
+                 residuals; state noise_n_nm of [load_cell] and effort_noise of every [[joint]], as far as \
+                 they are measured"
                     .to_owned(),
             );
         }
@@ -147,7 +150,8 @@ impl Preparation<'_> {
             some(
                 !accelerometers.is_empty(),
                 &format!(
-                    "accelerometers of links beyond the base were not used ({}): only the base's specific force is among the rows",
+                    "accelerometers of links beyond the base were not used ({}): only the base's specific \
+                     force is among the rows",
                     accelerometers.join(", ")
                 ),
             ),

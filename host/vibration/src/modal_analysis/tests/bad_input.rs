@@ -53,7 +53,8 @@ fn clipped_channels_are_named_and_rounded_ones_are_not() {
     y.column_mut(1).apply(|v| *v = v.min(limit));
     let Err(ModalError::Clipped { channel, limit: found, .. }) = run(&y, None) else { panic!("named") };
     assert_eq!((channel.as_str(), found), ("y", limit));
-    // A converter of coarse steps has flat tops, too: of 5 000 and of 50 steps to the amplitude, with noise below a step.
+    // A converter of coarse steps has flat tops, too: of 5 000 and of 50 steps to the amplitude, with noise
+    // below a step.
     for step in [4e-7, 4e-5] {
         let mut y = noisy(&system(), &[1e-3, 2e-3, -1e-3, 1.5e-3], 20.0, 0.3 * step, 1);
         y.apply(|v| *v = (*v / step).round() * step);

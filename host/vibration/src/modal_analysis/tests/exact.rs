@@ -41,7 +41,8 @@ fn modes_two_hundredths_apart_are_exact_without_noise() {
     check(&[1.0, 1.02, 1.04, 3.0, 3.06, 5.0], &[0.003, 0.004, 0.003, 0.01, 0.002, 0.001], 100.0, 60.0);
 }
 
-/// Six channels of a thousand samples a second for ten seconds, with noise of a thousandth and a hundred thousandth of the amplitude.
+/// Six channels of a thousand samples a second for ten seconds, with noise of a thousandth and a hundred
+/// thousandth of the amplitude.
 #[test]
 fn a_platform_of_six_coordinates_has_its_six_modes_under_noise() {
     let system = System::new(&[0.7, 0.9, 1.3, 2.2, 3.1, 4.0], &[0.002, 0.003, 0.01, 0.004, 0.02, 0.001], 3);

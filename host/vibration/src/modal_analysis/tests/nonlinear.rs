@@ -8,7 +8,8 @@ use crate::study_length::runs;
 
 const RATE_HZ: f64 = 200.0;
 
-/// Duffing's decay of two coupled masses by Runge's and Kutta's method: `k x + β x³` in each spring to the ground.
+/// Duffing's decay of two coupled masses by Runge's and Kutta's method: `k x + β x³` in each spring to the
+/// ground.
 fn cubic(beta: f64, amplitude: f64, seconds: f64) -> DMatrix<f64> {
     let steps = 20;
     let (k1, k2, k12, c) = (90.0, 160.0, 25.0, 0.15);
@@ -84,8 +85,8 @@ fn the_same_springs_at_a_small_amplitude_are_linear() {
     assert!(said <= 1, "{said}");
 }
 
-/// Each test of a run is made so that noise alone gives a finding in less than one of a thousand runs. More than two in 200 have a
-/// probability of 0.1 % then.
+/// Each test of a run is made so that noise alone gives a finding in less than one of a thousand runs. More
+/// than two in 200 have a probability of 0.1 % then.
 #[test]
 fn linear_springs_are_not_blamed() {
     let system = System::new(&[0.8, 1.1, 1.7, 2.9], &[0.003, 0.01, 0.006, 0.02], 21);

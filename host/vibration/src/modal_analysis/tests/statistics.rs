@@ -94,8 +94,8 @@ fn quadratic(covariance: &DMatrix<f64>, error: &DVector<f64>, rank: usize) -> f6
     order.iter().take(rank).map(take).sum()
 }
 
-/// Limits of a mean of squares of unit normal deviates, by four standard deviations `√(2 / freedom)`; below, what the widening
-/// for coloured noise may take: the mean of max(1, χ²₆₄/64) of variance is 1.07.
+/// Limits of a mean of squares of unit normal deviates, by four standard deviations `√(2 / freedom)`; below,
+/// what the widening for coloured noise may take: the mean of max(1, χ²₆₄/64) of variance is 1.07.
 fn check_mean(mean: f64, freedom: f64, what: &str) {
     let four = 4.0 * (2.0 / freedom).sqrt();
     assert!(mean < 1.0 + four && mean > 1.0 / 1.07 - four, "{what}: {mean}, limits {four}");
@@ -118,7 +118,8 @@ fn intervals_hold_under_white_noise() {
     check_mean(joint / 12.0, 12.0 * tally.runs as f64, "joint");
 }
 
-/// The bound of Cramér and Rao from numerical derivatives of the samples by all parameters: nothing of the module is in it.
+/// The bound of Cramér and Rao from numerical derivatives of the samples by all parameters: nothing of the
+/// module is in it.
 fn bound() -> [f64; 3] {
     let system = system();
     let (omega, shapes) = system.modes();
@@ -184,7 +185,8 @@ fn intervals_hold_under_autocorrelated_noise() {
     let tally = tally(|y, run| {
         let mut normal = Normal::new(2000 + run);
         for (c, sigma) in SIGMA.iter().enumerate() {
-            // First order, with a pole at 0.9: eleven times the power of white noise at the modes, a share of which all channels have.
+            // First order, with a pole at 0.9: eleven times the power of white noise at the modes, a share of
+            // which all channels have.
             let mut state = 0.0;
             for row in 0..y.nrows() {
                 state = 0.9 * state + 0.44 * sigma * normal.next();

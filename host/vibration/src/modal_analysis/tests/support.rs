@@ -15,8 +15,8 @@ pub(super) struct System {
 }
 
 impl System {
-    /// A system with these undamped frequencies and damping ratios, a full mass matrix and shapes that are oblique:
-    /// `M = L Lᵀ`, `K = L Q Ω² Qᵀ Lᵀ`, `C = L Q (2 ζ Ω) Qᵀ Lᵀ` with Q orthogonal.
+    /// A system with these undamped frequencies and damping ratios, a full mass matrix and shapes that are
+    /// oblique: `M = L Lᵀ`, `K = L Q Ω² Qᵀ Lᵀ`, `C = L Q (2 ζ Ω) Qᵀ Lᵀ` with Q orthogonal.
     pub(super) fn new(hz: &[f64], ratios: &[f64], seed: u64) -> Self {
         let n = hz.len();
         let mut random = Normal::new(seed);
@@ -36,7 +36,8 @@ impl System {
         }
     }
 
-    /// Frequencies (rad/s) and shapes of `K ψ = ω² M ψ`, by the roots of M (not by its triangle, from which the system was made).
+    /// Frequencies (rad/s) and shapes of `K ψ = ω² M ψ`, by the roots of M (not by its triangle, from which
+    /// the system was made).
     pub(super) fn modes(&self) -> (Vec<f64>, DMatrix<f64>) {
         let eigen = self.mass.clone().symmetric_eigen();
         let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| 1.0 / v.sqrt()));

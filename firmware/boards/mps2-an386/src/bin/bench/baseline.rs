@@ -43,7 +43,8 @@ fn one<const N: usize, const BLOCKS: usize>(bench: &mut Bench, householder: Hous
         let mut blocks = rows.iter_mut();
         let mut absorb = || {
             if let Some(rows) = blocks.next() {
-                // SAFETY: it reads and writes the whole of both and nothing else; `Rows` is N + 1 columns of six.
+                // SAFETY: it reads and writes the whole of both and nothing else; `Rows` is N + 1 columns of
+                // six.
                 unsafe { householder(black_box(triangle.as_mut_ptr()), black_box(rows)) };
             }
         };
@@ -65,8 +66,9 @@ fn one<const N: usize, const BLOCKS: usize>(bench: &mut Bench, householder: Hous
     });
 }
 
-/// Rows of R are equal up to their sign, which C does not keep: each entry within what `blocks` reflections of a
-/// column can round, ε for each of their rows, times the largest condition number of such random rows, about 10.
+/// Rows of R are equal up to their sign, which C does not keep: each entry within what `blocks` reflections
+/// of a column can round, ε for each of their rows, times the largest condition number of such random rows,
+/// about 10.
 fn equal_to_rounding<const N: usize>(c: &[f32], factor: &InformationFactor<f32, N>, blocks: usize) -> bool {
     // Nothing is copied: at N = 128 a triangle is half of the RAM.
     let triangle = (0..N).flat_map(|i| (i..N).map(move |j| (i, j)));

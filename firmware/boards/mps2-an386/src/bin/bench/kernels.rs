@@ -24,8 +24,8 @@ struct Sample {
     wrench: [f32; 6],
 }
 
-/// One sample at full weight into the cascade: products of the rates, lever arm, regressor, whitening, reduction, merges
-/// of full levels.
+/// One sample at full weight into the cascade: products of the rates, lever arm, regressor, whitening,
+/// reduction, merges of full levels.
 #[inline(never)]
 pub fn body<const N: usize>(bench: &mut Bench) {
     let samples = samples();
@@ -97,8 +97,8 @@ pub fn with_rows<const N: usize, const BLOCKS: usize>(
     let place = PSRAM as *mut Dense<N, BLOCKS>;
     let mut random = random();
     // SAFETY: the board has 16 MB of RAM there, aligned for anything; nothing is linked to it and no other
-    // reference into it lives while this function runs. Every field is written before it is referred to. The factor
-    // of no rows is all zeros; made by `new`, copies of it would be on the stack.
+    // reference into it lives while this function runs. Every field is written before it is referred to. The
+    // factor of no rows is all zeros; made by `new`, copies of it would be on the stack.
     let Dense { factor, rows } = unsafe {
         (&raw mut (*place).factor).write_bytes(0, 1);
         let values = (&raw mut (*place).rows).cast::<f32>();
@@ -125,14 +125,14 @@ pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N>
     }
 }
 
-/// Six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted from where the factor
-/// has its full rank, since columns that find no row left cost nothing. The rows are where they are absorbed
-/// from: nothing is copied within the count.
+/// Six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted from where
+/// the factor has its full rank, since columns that find no row left cost nothing. The rows are where they
+/// are absorbed from: nothing is copied within the count.
 #[inline(never)]
 pub fn dense<const N: usize, const BLOCKS: usize>(bench: &mut Bench) {
     with_rows::<N, BLOCKS>(|factor, rows| {
-        // SAFETY: RAM behind what `with_rows` uses, for no more blocks than there are rows for; each is written before
-        // it is referred to.
+        // SAFETY: RAM behind what `with_rows` uses, for no more blocks than there are rows for; each is
+        // written before it is referred to.
         let blocks = unsafe {
             let place = BLOCKS_AT as *mut Block<f32, N>;
             let (pairs, _) = rows.as_chunks::<2>();

@@ -3,17 +3,19 @@
 //!
 //! - `kernel`: one reading of a body at full weight, regressor included, into the cascade;
 //! - `dense`: six given rows of N parameters into one factor;
-//! - `path`: what the application does with one reading of each sensor, as decoded from the bus, in the default
-//!   configuration at 1 kHz: a filter of 0.1 s, six rows every tenth reading, the stop rule set, nothing sent;
+//! - `path`: what the application does with one reading of each sensor, as decoded from the bus, in the
+//!   default configuration at 1 kHz: a filter of 0.1 s, six rows every tenth reading, the stop rule set,
+//!   nothing sent;
 //! - `path with drivers`: the same from the bytes on the bus;
 //! - `path with estimates`, `path with all telemetry`: `path` and what is sent to the host, by default, four
 //!   times a second and of every reading;
 //! - `frame path`: a frame of the 34-DOF human from the bytes on the bus to the factor of 128 parameters;
 //! - `watch path`: a frame of a humanoid of 30 links that is watched, a step of its test included;
-//! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in C.
+//! - `C Householder`, with the feature `c-baseline`: given rows as in `dense`, by the textbook's algorithm in
+//!   C.
 //!
-//! With the argument `traced` the search for the worst sample is left out. With `panic` or `fault` nothing is counted:
-//! the run ends so, for the test of the exit status.
+//! With the argument `traced` the search for the worst sample is left out. With `panic` or `fault` nothing is
+//! counted: the run ends so, for the test of the exit status.
 #![no_std]
 #![no_main]
 

@@ -12,13 +12,15 @@ const INSTRUCTIONS_PER_TICK: u32 = 40;
 /// The counter's width.
 const TICKS: u32 = 0x00FF_FFFF;
 
-/// Counts of samples by their ticks, the last by all longer ones; in RAM of the board outside of what the firmware is allowed.
+/// Counts of samples by their ticks, the last by all longer ones; in RAM of the board outside of what the
+/// firmware is allowed.
 const COUNTS: usize = 8192;
 const COUNTS_AT: usize = 0x21C0_0000;
 
 /// Holds what to run: everything, or no more than the marked stretches.
 pub struct Bench {
-    /// The emulator writes every instruction down; the long search for the worst sample is left to the other run.
+    /// The emulator writes every instruction down; the long search for the worst sample is left to the other
+    /// run.
     traced: bool,
     counts: &'static mut [u32; COUNTS],
 }
@@ -33,13 +35,14 @@ impl Bench {
         if !clock_counts_instructions() {
             give_up("this count needs the emulator to run with -icount shift=0");
         }
-        // SAFETY: the board has RAM there, aligned; nothing is linked to it, no other part of the bench uses it, and the counter,
-        // of which there is one, is taken for good. Any bits are counts.
+        // SAFETY: the board has RAM there, aligned; nothing is linked to it, no other part of the bench uses
+        // it, and the counter, of which there is one, is taken for good. Any bits are counts.
         let counts = unsafe { &mut *(COUNTS_AT as *mut [u32; COUNTS]) };
         Self { traced, counts }
     }
 
-    /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more. Prints
+    /// Measures `samples` samples between two marks, then, sample by sample, the worst of `search` more.
+    /// Prints
     /// `{"part":"kernel","n":10,"samples":1000,"instructions_per_sample":1234.5,"worst_of":20000,"worst_instructions":2560,
     /// "histogram":[[1120,18000],[2560,2000]]}`: samples of the search by their instructions, to one tick.
     pub fn case(&mut self, part: &str, n: usize, samples: u32, search: u32, mut sample: impl FnMut()) {
@@ -70,8 +73,7 @@ impl Bench {
             }
         }
         print!(
-            "{{\"part\":\"{part}\",\"n\":{n},\"samples\":{samples},\"instructions_per_sample\":{}.{},\"worst_of\":{search},\
-             \"worst_instructions\":{},\"histogram\":[",
+            "{{\"part\":\"{part}\",\"n\":{n},\"samples\":{samples},\"instructions_per_sample\":{}.{},\"worst_of\":{search},\"worst_instructions\":{},\"histogram\":[",
             tenths / 10,
             tenths % 10,
             worst * INSTRUCTIONS_PER_TICK

@@ -31,15 +31,15 @@ const WORDS: usize = 64;
 const TWO_LINKS: usize = 19;
 const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
-/// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application does
-/// with them, its work after each event included.
+/// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application
+/// does with them, its work after each event included.
 #[inline(never)]
 pub fn decoded(bench: &mut Bench, path: &mut Path, n: usize) {
     telling(bench, path, "path", n, SILENT, SEARCH, |_| ());
 }
 
-/// The same with an estimate four times a second, its solution and the nearest body in it, and with all readings, too.
-/// What is sent is taken away as fast as a serial port of 1 MBd does.
+/// The same with an estimate four times a second, its solution and the nearest body in it, and with all
+/// readings, too. What is sent is taken away as fast as a serial port of 1 MBd does.
 #[inline(never)]
 pub fn with_telemetry(bench: &mut Bench, path: &mut Path, n: usize) {
     let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
@@ -96,8 +96,8 @@ fn telling(
     check_running(&app);
 }
 
-/// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the drivers.
-/// The bus itself is a copy.
+/// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the
+/// drivers. The bus itself is a copy.
 #[inline(never)]
 pub fn with_drivers(bench: &mut Bench, path: &mut Path, n: usize) {
     let mut instrument = instrument(path);
@@ -136,8 +136,9 @@ fn instrument_of(
     Instrument::new("bench", path, buses, sensors::NoWait)
 }
 
-/// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128 parameters: every second
-/// frame reduces twelve rows. Of a tracked base its rows are those of nine frames under the filter.
+/// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128
+/// parameters: every second frame reduces twelve rows. Of a tracked base its rows are those of nine frames
+/// under the filter.
 #[inline(never)]
 pub fn frames(bench: &mut Bench, path: &mut Path, tracked: bool) {
     let mut instrument = instrument_of(path, sensors::Frames::new(tracked));
@@ -158,7 +159,8 @@ pub fn frames(bench: &mut Bench, path: &mut Path, tracked: bool) {
     check_running(instrument.app());
 }
 
-/// One frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty take a step of the test along.
+/// One frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty take a
+/// step of the test along.
 #[inline(never)]
 #[cfg(feature = "watch")]
 pub fn watch(bench: &mut Bench, path: &mut Path) {
@@ -178,7 +180,8 @@ pub fn watch(bench: &mut Bench, path: &mut Path) {
     let settings = Settings {
         model: ModelSettings::Watch(robot),
         rate_hz: 500.0,
-        // Frames are numbered anew after each round of them, and rows with it: as many bins as with 25 and no end.
+        // Frames are numbered anew after each round of them, and rows with it: as many bins as with 25 and no
+        // end.
         row_every: 13,
         stop: None,
         ..settings(10, SILENT)

@@ -170,7 +170,8 @@ impl Imu {
     }
 }
 
-/// Different frames, gone through again and again: more than a case takes, so that their numbers follow one another.
+/// Different frames, gone through again and again: more than a case takes, so that their numbers follow one
+/// another.
 pub const FRAMES: usize = 96;
 /// Links of the human.
 pub const TREE_LINKS: usize = 15;
@@ -190,8 +191,8 @@ impl Frames {
     /// Room for the frames.
     fn place() -> &'static mut [[u8; MAX_TREE_FRAME]; FRAMES] {
         let place = FRAMES_AT as *mut [[u8; MAX_TREE_FRAME]; FRAMES];
-        // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other reference into it
-        // is in use. It is written before it is referred to.
+        // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other
+        // reference into it is in use. It is written before it is referred to.
         unsafe {
             place.write_bytes(0, 1);
             &mut *place
@@ -245,7 +246,8 @@ pub struct Streamed {
 
 #[cfg(feature = "watch")]
 impl Streamed {
-    /// Each number a different triangle wave, as of a motion. Sequence numbers go round with the frames: each is newer than the last.
+    /// Each number a different triangle wave, as of a motion. Sequence numbers go round with the frames: each
+    /// is newer than the last.
     pub fn new() -> Self {
         const STEP: usize = (1 << 16) / FRAMES;
         let lines = Frames::place();

@@ -1,5 +1,5 @@
-//! All offsets and rates at a coarse step: the correlation of the wrench with what a stream sees, over a common frame of
-//! both that makes every channel independent of the others, by Fourier transforms.
+//! All offsets and rates at a coarse step: the correlation of the wrench with what a stream sees, over a
+//! common frame of both that makes every channel independent of the others, by Fourier transforms.
 
 use std::sync::Arc;
 
@@ -12,7 +12,8 @@ use super::signals::{CHANNELS, Signals};
 
 /// Samples for the search, 1/s.
 const RATE_HZ: f64 = 25.0;
-/// The largest error of a clock's rate, and by how much a step of it may move the ends of what is compared, s.
+/// The largest error of a clock's rate, and by how much a step of it may move the ends of what is compared,
+/// s.
 const MOST_RATE: f64 = 0.0125;
 const DRIFT_S: f64 = 0.08;
 /// The longest part of the stream that is compared, s; the liveliest is.
@@ -48,8 +49,8 @@ impl<'a> Search<'a> {
         Self { signals, wrench, part_s: liveliest(signals) }
     }
 
-    /// Returns the best correlation within `near_s` of the stamps as they are, and that of all offsets, at the clock's own
-    /// rate.
+    /// Returns the best correlation within `near_s` of the stamps as they are, and that of all offsets, at
+    /// the clock's own rate.
     pub(super) fn at_rate(&self, near_s: f64) -> (f64, f64) {
         let curve = self.curve(1.0);
         let mut found = (0.0_f64, 0.0_f64);
@@ -136,7 +137,8 @@ fn spectra(white: &White, forward: &Arc<dyn Fft<f64>>, size: usize) -> Vec<Vec<C
     white.channels.iter().map(of).collect()
 }
 
-/// Returns channels on a grid, turned so that they are independent, each of variance one; those that are noise are left out.
+/// Returns channels on a grid, turned so that they are independent, each of variance one; those that are
+/// noise are left out.
 fn white(from_s: f64, to_s: f64, at: impl Fn(f64) -> Option<Vec<f64>>, channels: usize) -> White {
     let len = (((to_s - from_s) * RATE_HZ).floor().max(0.0) as usize).saturating_add(1).min(1 << 22);
     let rows: Vec<Option<Vec<f64>>> = (0..len).map(|k| at(from_s + k as f64 / RATE_HZ)).collect();

@@ -1,13 +1,13 @@
 //! Clocks that share no origin: a stream's clock is set by what both it and the wrench see of the motion.
 //!
-//! A rigid body's wrench is linear in the specific force, the angular acceleration and the products of the rates,
-//! whatever the body and however the sensors are mounted. Where the streams fit as they are stamped nothing is done.
-//! Otherwise all offsets and rates are searched at a coarse step ([`coarse`]), the best few are refined over
-//! the whole recording ([`refine`]), and the best of these is taken if it explains the wrench and no other
-//! does nearly as well.
+//! A rigid body's wrench is linear in the specific force, the angular acceleration and the products of the
+//! rates, whatever the body and however the sensors are mounted. Where the streams fit as they are stamped
+//! nothing is done. Otherwise all offsets and rates are searched at a coarse step ([`coarse`]), the best few
+//! are refined over the whole recording ([`refine`]), and the best of these is taken if it explains the
+//! wrench and no other does nearly as well.
 //!
-//! Lives here: when a clock is sought, what is taken, and the words. May not live here: the small delays that remain
-//! ([`super::skew`]).
+//! Lives here: when a clock is sought, what is taken, and the words. May not live here: the small delays that
+//! remain ([`super::skew`]).
 
 mod coarse;
 mod refine;
@@ -55,11 +55,12 @@ pub struct Found {
     pub explained: f64,
 }
 
-/// Sets the clocks of the streams that do not fit the wrench as they are stamped; those of a tree only where they have no
-/// time in common with it. Returns what is to be said first.
+/// Sets the clocks of the streams that do not fit the wrench as they are stamped; those of a tree only where
+/// they have no time in common with it. Returns what is to be said first.
 ///
 /// # Errors
-/// [`StreamError::NoClock`] if a stream has no time in common with the wrench and nothing that both see aligns them.
+/// [`StreamError::NoClock`] if a stream has no time in common with the wrench and nothing that both see
+/// aligns them.
 pub(super) fn settle(set: &mut StreamSet, is_body: bool) -> Result<Vec<String>, StreamError> {
     let mut said = Vec::new();
     for k in (0..set.streams.len()).filter(|k| *k != set.reference) {
@@ -74,7 +75,8 @@ pub(super) fn settle(set: &mut StreamSet, is_body: bool) -> Result<Vec<String>, 
             Verdict::Fits => {}
             Verdict::Clock(found) => {
                 let stream = &mut set.streams[k];
-                let own = |ns: &i64| (1e9 * (found.offset_s + found.rate * (*ns as f64 * 1e-9))).round() as i64;
+                let own =
+                    |ns: &i64| (1e9 * (found.offset_s + found.rate * (*ns as f64 * 1e-9))).round() as i64;
                 stream.time_ns = stream.time_ns.iter().map(own).collect();
                 stream.rate_hz /= found.rate;
                 said.push(found.words(&file));
@@ -84,8 +86,8 @@ pub(super) fn settle(set: &mut StreamSet, is_body: bool) -> Result<Vec<String>, 
                 return Err(StreamError::NoClock { first: reference, second: file, why });
             }
             Verdict::None(why) => said.push(format!(
-                "the clock of {file} fits the wrench neither as it is stamped nor otherwise: {why}; do not trust the answer before \
-                 it is found"
+                "the clock of {file} fits the wrench neither as it is stamped nor otherwise: {why}; do not \
+                 trust the answer before it is found"
             )),
             Verdict::Unclear => {}
         }
@@ -134,13 +136,15 @@ pub(super) fn found(signals: &Signals) -> Verdict {
     let second = refined.iter().skip(1).find(|other| (middle(other) - middle(first)).abs() > 0.02);
     if 1.0 - first.left < EXPLAINED {
         return nothing(format!(
-            "what it sees explains {:.0} % of the wrench's variance at best: is it of another body, or another run?",
+            "what it sees explains {:.0} % of the wrench's variance at best: is it of another body, or \
+             another run?",
             100.0 * (1.0 - first.left)
         ));
     }
     if let Some(second) = second.filter(|second| first.left > CLEARLY_LESS * second.left) {
         return nothing(format!(
-            "offsets of {} s and {} s fit alike: a motion that repeats itself does not show them; move irregularly once",
+            "offsets of {} s and {} s fit alike: a motion that repeats itself does not show them; move \
+             irregularly once",
             significant(first.found.offset_s, 5),
             significant(second.found.offset_s, 5)
         ));
@@ -161,9 +165,10 @@ impl Found {
     /// Says what was found, and how to write it down.
     fn words(&self, file: &str) -> String {
         format!(
-            "the clock of {file} is not that of the wrench; by the motion that both saw its t_s = 0 is at {:.4} s from the first wrench \
-             and a second of it lasts {:.7} ± {} s, so that times in the middle of the recording are known to ± {} ms (95 %); it \
-             explains {:.0} % of the wrench's variance",
+            "the clock of {file} is not that of the wrench; by the motion that both saw its t_s = 0 is at \
+             {:.4} s from the first wrench and a second of it lasts {:.7} ± {} s, so that times in the \
+             middle of the recording are known to ± {} ms (95 %); it explains {:.0} % of the wrench's \
+             variance",
             self.offset_s,
             self.rate,
             significant(self.rate_u95, 2),

@@ -1,5 +1,5 @@
-//! Offset and rate of a clock by least squares over the whole recording: the wrench less all that is linear in what the
-//! stream sees, by Gauss and Newton, first over a part and then over all of it.
+//! Offset and rate of a clock by least squares over the whole recording: the wrench less all that is linear
+//! in what the stream sees, by Gauss and Newton, first over a part and then over all of it.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 

@@ -27,7 +27,8 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// Returns what the wrench and a stream see; `None` of a stream that sees neither force nor rate of the base.
+    /// Returns what the wrench and a stream see; `None` of a stream that sees neither force nor rate of the
+    /// base.
     pub(super) fn of(set: &StreamSet, k: usize) -> Option<Self> {
         let (reference, stream) = (set.streams.get(set.reference)?, set.streams.get(k)?);
         let of = |stream: &Stream, wanted: Group| {
@@ -121,13 +122,15 @@ impl Signals {
         ])
     }
 
-    /// Returns how many times the wrench's variance is larger than that of its noise, by the liveliest channel.
+    /// Returns how many times the wrench's variance is larger than that of its noise, by the liveliest
+    /// channel.
     pub(super) fn liveliness(&self) -> f64 {
         let ratio = |column: &Vec<f64>| {
             let count = column.len().max(4) as f64;
             let mean = column.iter().sum::<f64>() / count;
             let variance = column.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-            // Third differences of what is smooth are small; of white noise their variance is 20 times its own.
+            // Third differences of what is smooth are small; of white noise their variance is 20 times its
+            // own.
             let noise =
                 column.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).powi(2)).sum::<f64>();
             variance / (noise / 20.0 / count).max(1e-12 * variance.max(f64::MIN_POSITIVE))
@@ -141,7 +144,8 @@ fn ends_s(times: &[i64]) -> (f64, f64) {
     (seconds(times.first()), seconds(times.last()))
 }
 
-/// Returns upwards, the rate and its slope by the attitudes under a window: the cubic through their turns from the middle one.
+/// Returns upwards, the rate and its slope by the attitudes under a window: the cubic through their turns
+/// from the middle one.
 fn turn(window: &[UnitQuaternion<f64>], weights: &Weights) -> ([f64; 3], [f64; 3], [f64; 3]) {
     let middle = window.get(window.len() / 2).copied().unwrap_or_else(UnitQuaternion::identity);
     let (mut angle, mut rate) = (Vector3::zeros(), Vector3::zeros());

@@ -22,9 +22,9 @@ fn cross(a: V, b: V) -> V {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A body that is swung about by hand: roll, pitch and yaw and the place of its sensor are sums of sines whose
-/// amplitudes come and go. Angles and places are differentiated by differences; the wrench is that of Newton and Euler
-/// about the centre of mass. Nothing of the estimator's is used.
+/// A body that is swung about by hand: roll, pitch and yaw and the place of its sensor are sums of sines
+/// whose amplitudes come and go. Angles and places are differentiated by differences; the wrench is that of
+/// Newton and Euler about the centre of mass. Nothing of the estimator's is used.
 struct Hand {
     angles: [Vec<(f64, f64, f64)>; 3],
     places: [Vec<(f64, f64, f64)>; 3],
@@ -114,7 +114,8 @@ impl Hand {
     }
 }
 
-/// A recording: the wrench by its own clock, an IMU by another, which shows `(t − offset)/rate` at the time t of the wrench.
+/// A recording: the wrench by its own clock, an IMU by another, which shows `(t − offset)/rate` at the time t
+/// of the wrench.
 struct Run {
     set: StreamSet,
     clock: Clock,
@@ -193,8 +194,8 @@ impl Run {
     }
 }
 
-/// Offsets of ±300 s and rates off by 0, 100 ppm and 1 %: found within 2 ms over all that both have in common, in 99 of
-/// 100, and otherwise said.
+/// Offsets of ±300 s and rates off by 0, 100 ppm and 1 %: found within 2 ms over all that both have in
+/// common, in 99 of 100, and otherwise said.
 #[test]
 fn clocks_without_a_common_origin_are_found_within_two_milliseconds() {
     let count = runs(200, 24);

@@ -1,5 +1,6 @@
-//! Raw data of NI-DAQmx, as a task writes them that logs by itself: counts of converters, sample by sample, in a buffer for each
-//! device. A channel's index says where in a sample its count is, after NI's *TDMS File Format Internal Structure*.
+//! Raw data of NI-DAQmx, as a task writes them that logs by itself: counts of converters, sample by sample,
+//! in a buffer for each device. A channel's index says where in a sample its count is, after NI's *TDMS File
+//! Format Internal Structure*.
 
 use super::super::Room;
 use super::segments::{Cursor, Kind, Object, TORN};
@@ -47,7 +48,8 @@ impl Layout {
         let numbers = cursor.u32()?;
         if numbers != 1 {
             return Err(format!(
-                "{name} is made of {numbers} numbers of the converter, as those of thermocouples are: save it scaled"
+                "{name} is made of {numbers} numbers of the converter, as those of thermocouples are: save \
+                 it scaled"
             ));
         }
         let kind = kind(cursor.u32()?)?;

@@ -1,5 +1,5 @@
-//! Columns of a TDMS file of National Instruments: channels of one length, with their units, times from a channel or
-//! from the increment that their properties state.
+//! Columns of a TDMS file of National Instruments: channels of one length, with their units, times from a
+//! channel or from the increment that their properties state.
 
 mod daqmx;
 mod scales;
@@ -123,8 +123,8 @@ fn add_time(table: &mut Table, channels: &[&Object], rows: usize, room: &mut Roo
     if let Some((other, own)) = stated.iter().find(|(c, own)| own != step || begin(c).abs_diff(start) > 1_000)
     {
         return Err(format!(
-            "its channels are not at the same times: {} begins at {} s with steps of {step} s, {} at {} s with steps of {own} s; \
-             save those of one rate to a file of their own",
+            "its channels are not at the same times: {} begins at {} s with steps of {step} s, {} at {} s \
+             with steps of {own} s; save those of one rate to a file of their own",
             first.name(),
             time::signed_text(start),
             other.name(),

@@ -33,8 +33,8 @@ impl Scales {
     }
 }
 
-/// Returns the scales of a channel, by its own properties, its group's or the file's; `None` if its numbers are scaled
-/// already.
+/// Returns the scales of a channel, by its own properties, its group's or the file's; `None` if its numbers
+/// are scaled already.
 ///
 /// # Errors
 /// Names a kind of scale that is not read.
@@ -53,8 +53,8 @@ pub(super) fn of(channel: &Object, objects: &[Object]) -> Result<Option<Scales>,
     if count > MOST {
         return Err(format!("it has {count} scales one after the other, more than {MOST}"));
     }
-    // A scale that is not stated leaves the numbers as they are, if another one follows, or it is the converter's own:
-    // DAQmx begins so.
+    // A scale that is not stated leaves the numbers as they are, if another one follows, or it is the
+    // converter's own: DAQmx begins so.
     let own_scale = channel.layout.as_ref().map(|layout| layout.scale);
     let has_type = |k: usize| owner.text(&format!("NI_Scale[{k}]_Scale_Type")).is_some();
     let is_stated = |k: usize| has_type(k) || (k + 1 == count && own_scale != Some(k));

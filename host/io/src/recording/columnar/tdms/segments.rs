@@ -1,5 +1,5 @@
-//! The segments of a TDMS file: objects with properties, and the raw data of channels, after NI's *TDMS File Format
-//! Internal Structure*.
+//! The segments of a TDMS file: objects with properties, and the raw data of channels, after NI's *TDMS File
+//! Format Internal Structure*.
 
 use std::collections::HashMap;
 

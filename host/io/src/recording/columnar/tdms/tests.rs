@@ -51,7 +51,8 @@ fn whole_numbers_are_scaled_as_the_channel_says() {
     let said = read(&other(b"Linear\x16", b"Strain\x16")).err().map(|e| e.to_string());
     let said = said.unwrap_or_else(|| read(&other(b"Linear", b"Strain")).unwrap_err().to_string());
     assert!(said.contains("\"Strain\", which is not read"), "{said}");
-    // A first scale that is not stated leaves the counts to the second; a last one that is not stated is none.
+    // A first scale that is not stated leaves the counts to the second; a last one that is not stated is
+    // none.
     let second = Recording::load(&path("second_scale.tdms"), None).unwrap();
     assert_eq!(second.wrench, recording.wrench);
     let said = read(&other(b"NI_Scale[0]_Scale_Type", b"NI_Scale[9]_Scale_Type")).unwrap_err().to_string();
@@ -77,7 +78,8 @@ fn counts_of_two_devices_are_scaled_and_lines_are_bits() {
     }
     let said = read(&bare).unwrap_err().to_string();
     assert!(said.contains("counts of the converter") && said.contains("save it scaled"), "{said}");
-    // The last sample of the first device is cut off, and all of the second device's second half: what is whole is read.
+    // The last sample of the first device is cut off, and all of the second device's second half: what is
+    // whole is read.
     let objects = segments::read(&bytes[..bytes.len() - 8 * ROWS / 2 - 1]).unwrap();
     let lengths: Vec<usize> = objects[1..].iter().map(length).collect();
     assert_eq!(lengths, [39, 39, 39, 39, 20, 20, 39]);
@@ -96,7 +98,8 @@ fn counts_of_two_devices_are_scaled_and_lines_are_bits() {
     }
 }
 
-/// A segment as the specification has it, in either byte order: channels of f32, i16 and f64, three values each.
+/// A segment as the specification has it, in either byte order: channels of f32, i16 and f64, three values
+/// each.
 fn segment(is_big: bool, is_interleaved: bool) -> Vec<u8> {
     let order = |mut bytes: Vec<u8>| {
         if is_big {

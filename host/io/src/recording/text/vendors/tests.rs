@@ -86,7 +86,8 @@ fn vicon_sections_are_read_by_their_rate_and_end() {
 
 #[test]
 fn qualisys_plates_need_their_units_and_have_the_rate_of_the_header() {
-    let keys = "NO_OF_SAMPLES\t40\nFREQUENCY\t500\nTIME_STAMP\t2026-11-20, 10:12:33.002\t12.5\nDATA_INCLUDED\tFORCE\n\
+    let keys = "NO_OF_SAMPLES\t40\nFREQUENCY\t500\nTIME_STAMP\t2026-11-20, \
+                10:12:33.002\t12.5\nDATA_INCLUDED\tFORCE\n\
                 FORCE_PLATE_TYPE\tBertec\nFORCE_PLATE_NAME\tForce-plate 1\nFORCE_PLATE_OFFSET_X\t0.000\n";
     let own = |k: usize| format!("0.5\t-1.5\t{}\t12\t-34\t56\t1.5\t2.5\t0", 700 + k);
     let (bare, named) =
@@ -126,8 +127,10 @@ fn qualisys_plates_need_their_units_and_have_the_rate_of_the_header() {
 
 #[test]
 fn counts_of_a_net_ft_are_divided() {
-    let head = "Start Time: 11/20/26 10:12 AM\nRDT Sample Rate: 7000\n\"PLEASE NOTE: The sample rate is read …\"\n\
-                Force Units: N\nCounts per Unit Force: 1000000.0\nTorque Units: Nm\nCounts per Unit Torque: 1000000.0\n\
+    let head = "Start Time: 11/20/26 10:12 AM\nRDT Sample Rate: 7000\n\"PLEASE NOTE: The sample rate is read \
+                …\"\n\
+                Force Units: N\nCounts per Unit Force: 1000000.0\nTorque Units: Nm\nCounts per Unit Torque: \
+                1000000.0\n\
                 Status (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz, Tx, Ty, Tz, Time\n";
     let body = |fx: &str| {
         rows(40, |k| {
@@ -142,7 +145,8 @@ fn counts_of_a_net_ft_are_divided() {
     let recording = read(&format!("{head}{}", body("1500000"))).unwrap();
     assert_eq!(recording.wrench.as_ref().unwrap()[0], [1.5, -0.25, 0.0007, 0.012, -0.034, 56e-6]);
     assert!((recording.rate_hz.unwrap() - 7000.0).abs() < 1e-3);
-    // Numbers with decimals under the same lines are in units already, and have the times of their own column.
+    // Numbers with decimals under the same lines are in units already, and have the times of their own
+    // column.
     let decimals = rows(40, |k| {
         format!(
             "0x00000000, {}, {}, 1.5, -0.25, {}.0, 0.012, -0.034, 0.056, 11/20/26 10:12:33.{:03} AM",
