@@ -338,13 +338,13 @@ impl<'a> Capture<'a> {
 pub struct Samples<'a> {
     ring: Consumer<'a, Captured>,
     lost: &'a Lost,
-    told: [u32; EDGES],
+    reported: [u32; EDGES],
 }
 
 impl<'a> Samples<'a> {
     /// Returns the other end of this ring, with this count.
     pub fn new(ring: Consumer<'a, Captured>, lost: &'a Lost) -> Self {
-        Self { ring, told: lost.counts(), lost }
+        Self { ring, reported: lost.counts(), lost }
     }
 
     /// Takes the oldest sample out. Put it where [`Answering`] finds it, then tell the application.
@@ -355,13 +355,13 @@ impl<'a> Samples<'a> {
     /// Forgets what is in the ring, and what was lost until now.
     pub fn clear(&mut self) {
         while self.ring.dequeue().is_some() {}
-        self.told = self.lost.counts();
+        self.reported = self.lost.counts();
     }
 
     /// Returns how many samples of each sensor were lost since this was asked for the last time.
     pub fn newly_lost(&mut self) -> [(Sensor, u32); EDGES] {
         let counts = self.lost.counts();
-        let before = core::mem::replace(&mut self.told, counts);
+        let before = core::mem::replace(&mut self.reported, counts);
         let new =
             |k: usize| counts.get(k).zip(before.get(k)).map_or(0, |(now, then)| now.wrapping_sub(*then));
         [(Sensor::LoadCell, new(0)), (Sensor::Imu, new(1)), (Sensor::SecondImu, new(2))]

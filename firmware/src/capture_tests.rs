@@ -53,7 +53,7 @@ const ALL: [bool; EDGES] = [true; EDGES];
 const LOAD_CELL: [bool; EDGES] = [true, false, false];
 
 #[test]
-fn the_requests_are_what_the_drivers_send() {
+fn the_requests_are_those_of_the_drivers() {
     // The CRC of a NULL command, worked out bit by bit: x¹⁶ + x¹² + x⁵ + 1, seed all ones.
     let crc = [0_u8; 3].iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1)).fold(
         0xffff_u16,
@@ -70,7 +70,7 @@ fn the_requests_are_what_the_drivers_send() {
 }
 
 #[test]
-fn what_a_sensor_holds_from_before_is_thrown_away() {
+fn old_samples_of_a_sensor_are_thrown_away() {
     let (mut ring, lost) = (Ring::new(), Lost::new());
     let (producer, consumer) = ring.split();
     let (mut capture, mut samples) = (Capture::new(producer, &lost), Samples::new(consumer, &lost));
@@ -121,7 +121,7 @@ fn edges_wait_while_the_bus_is_taken_and_keep_their_times() {
 }
 
 #[test]
-fn what_is_lost_is_counted_and_what_follows_has_its_own_time() {
+fn lost_samples_are_counted_and_later_ones_have_their_own_times() {
     let (mut ring, lost) = (Ring::new(), Lost::new());
     let (producer, consumer) = ring.split();
     let (mut capture, mut samples) = (Capture::new(producer, &lost), Samples::new(consumer, &lost));
@@ -269,7 +269,7 @@ fn no_conversion_is_dated_by_a_later_edge_after_a_failed_transfer() {
 /// The longest checkpoint stops the main loop for this many samples of three sensors, which the ring has room
 /// for.
 #[test]
-fn the_ring_holds_what_three_sensors_signal_while_the_longest_checkpoint_is_written() {
+fn the_ring_has_room_for_three_sensors_while_the_longest_checkpoint_is_written() {
     assert_eq!(RECORD_WORDS * 4, crate::storage::record::RECORD_BYTES as u64);
     let samples = EDGES as u64 * LONGEST_AWAY_NS.div_ceil(SHORTEST_PERIOD_NS);
     assert!(samples < ROOM as u64, "{samples} samples in {} ms", LONGEST_AWAY_NS / 1_000_000);

@@ -33,32 +33,32 @@ impl EventRoom {
 
     /// The event of this place with its number, if what is there is one.
     fn read(&self, place: usize) -> Option<(u32, EventMessage)> {
-        let [numbered, time_ms, told] =
+        let [numbered, time_ms, content] =
             self.0.get(place)?.each_ref().map(|word| word.load(Ordering::Relaxed));
         let (number, count) = (numbered >> COUNT_BITS, numbered as u8);
-        let [code, detail, ..] = told.to_be_bytes();
+        let [code, detail, ..] = content.to_be_bytes();
         let is_one = number as usize % MAX_EVENTS == place
             && count > 0
-            && told as u16 == check(numbered, time_ms, told);
+            && content as u16 == check(numbered, time_ms, content);
         is_one.then_some((number, EventMessage { time_ms, code, detail, count }))
     }
 
     fn write(&self, number: u32, event: &EventMessage) {
         let numbered = number << COUNT_BITS | u32::from(event.count);
-        let told = u32::from_be_bytes([event.code, event.detail, 0, 0]);
-        let told = told | u32::from(check(numbered, event.time_ms, told));
-        let words = [numbered, event.time_ms, told];
+        let content = u32::from_be_bytes([event.code, event.detail, 0, 0]);
+        let content = content | u32::from(check(numbered, event.time_ms, content));
+        let words = [numbered, event.time_ms, content];
         for (slot, word) in self.0.iter().skip(number as usize % MAX_EVENTS).take(1).flatten().zip(words) {
             slot.store(word, Ordering::Relaxed);
         }
     }
 }
 
-fn check(numbered: u32, time_ms: u32, told: u32) -> u16 {
+fn check(numbered: u32, time_ms: u32, content: u32) -> u16 {
     let mut digest = CRC16.digest();
     digest.update(&numbered.to_le_bytes());
     digest.update(&time_ms.to_le_bytes());
-    digest.update(&told.to_be_bytes()[..2]);
+    digest.update(&content.to_be_bytes()[..2]);
     digest.finalize()
 }
 
@@ -168,7 +168,7 @@ mod tests {
             events.note(k * 1_000_000, EventCode::Lost, 1);
         }
         events.note(0, EventCode::Lost, 2);
-        // Starts are told one by one.
+        // Starts are noted one by one.
         events.note(0, EventCode::Started, 4);
         events.note(0, EventCode::Started, 4);
         let report = events.report().events;
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_memory_holds_when_power_comes_on_is_no_event() {
+    fn random_memory_at_power_on_is_no_event() {
         let mut seed = 1_u64;
         let mut random = || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -22,7 +22,7 @@ pub(crate) fn state(state: StateName, reason: Reason) {
     };
     match reason {
         Reason::Boot => defmt::info!("{=str}: power came on", name),
-        Reason::Command => defmt::info!("{=str}: told so", name),
+        Reason::Command => defmt::info!("{=str}: commanded", name),
         Reason::HostQuiet => defmt::warn!("{=str}: the host is quiet", name),
         Reason::StopRule => defmt::info!("{=str}: the uncertainty asked for is reached", name),
         Reason::LoadCell(fault) => defmt::error!("{=str}: load cell, {=str}", name, fault_name(fault)),

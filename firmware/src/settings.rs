@@ -187,18 +187,18 @@ fn watch(settings: &Settings, robot: &WatchSettings) -> Result<Configuration, Se
 /// A link of a robot that is watched.
 #[cold]
 #[inline(never)]
-pub(crate) fn watch_link(told: &WatchLinkSettings, i: u8) -> Result<WatchLink<f32>, SettingName> {
-    let axis = told.axis.into();
-    let joint = match told.joint {
+pub(crate) fn watch_link(given: &WatchLinkSettings, i: u8) -> Result<WatchLink<f32>, SettingName> {
+    let axis = given.axis.into();
+    let joint = match given.joint {
         WatchJoint::Fixed => Joint::Fixed,
         WatchJoint::Revolute => Joint::Revolute(axis),
         WatchJoint::Prismatic => Joint::Prismatic(axis),
     };
-    let length: f32 = told.axis.iter().map(|v| v * v).sum();
-    ensure(told.joint == WatchJoint::Fixed || (length - 1.0).abs() < 1e-3, SettingName::Link(i))?;
-    let rotation = turned(told.rotation_wxyz).ok_or(SettingName::Link(i))?;
-    let link = Link { parent: usize::from(told.parent), joint, rotation, position: told.position_m.into() };
-    Ok(WatchLink { link, parameters: told.parameters })
+    let length: f32 = given.axis.iter().map(|v| v * v).sum();
+    ensure(given.joint == WatchJoint::Fixed || (length - 1.0).abs() < 1e-3, SettingName::Link(i))?;
+    let rotation = turned(given.rotation_wxyz).ok_or(SettingName::Link(i))?;
+    let link = Link { parent: usize::from(given.parent), joint, rotation, position: given.position_m.into() };
+    Ok(WatchLink { link, parameters: given.parameters })
 }
 
 /// The setting that a watch's refusal is about.

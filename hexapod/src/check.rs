@@ -193,7 +193,7 @@ mod tests {
 
     /// What is refused oversteps at that time; what is passed does not, examined every 0.2 ms.
     #[test]
-    fn the_first_overstepping_is_named_and_what_passes_keeps_the_limits() {
+    fn the_first_overstepping_is_named_and_passed_programs_keep_the_limits() {
         let g = Geometry::thesis();
         let (mut passed, mut stopped) = (0, 0);
         for k in 0..12 {

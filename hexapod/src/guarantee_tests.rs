@@ -174,7 +174,7 @@ fn an_overstepped_limit_is_named_with_leg_and_time() {
 
 /// Limits a little above the bounds are shown to be met, any a little below what was seen is not.
 #[test]
-fn what_is_proven_is_what_the_bounds_say() {
+fn proofs_agree_with_the_bounds() {
     let mut g = machine();
     let load =
         Load::new(Bodies::Within { known: Vec::new(), body: BodySet::bounded(20.0, [0.0, 0.0, 0.15], 0.2) });

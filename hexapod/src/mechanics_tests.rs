@@ -449,7 +449,7 @@ fn a_jerk_beyond_its_limit_is_refused_and_more_time_helps() {
 }
 
 #[test]
-fn a_limit_that_is_hardly_overstepped_is_told_with_as_many_digits_as_show_it() {
+fn a_limit_that_is_hardly_overstepped_is_reported_with_as_many_digits_as_show_it() {
     use super::{Limit, Violation};
     let said =
         |limit, value, allowed| Violation { limit, leg: Some(2), between: None, value, allowed }.to_string();

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_set_points_are_read() {
         for point in [
             SetPoint::Pose(Pose { position_m: [0.1, 0.2, 0.7], rpy_rad: [0.1, 0.2, -0.3] }),
             SetPoint::Legs([0.61, 0.62, 0.63, 0.64, 0.65, 0.66]),
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_line_is_refused() {
+    fn bad_lines_are_refused() {
         assert_eq!(SetPoint::read(""), Err(LineError::NotNumbers));
         assert_eq!(SetPoint::read("0,1,2,nan,4,5,6"), Err(LineError::NotNumbers));
         assert_eq!(SetPoint::read("0,1,2,3"), Err(LineError::Count(3)));

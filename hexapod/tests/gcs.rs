@@ -123,7 +123,7 @@ fn answers_are_read_as_the_vendors_client_reads_them() {
 }
 
 #[test]
-fn commands_are_what_the_vendors_client_sends() {
+fn commands_are_those_of_the_vendors_client() {
     let lines = recorded().lines;
     let line = |name: &str| lines[name].clone();
     let byte = |value: u8| char::from(value).to_string();

@@ -56,8 +56,8 @@ fn main() -> ExitCode {
 
 fn serve(options: &ServeOptions) -> Result<(), Failure> {
     let leave = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&leave);
-    ctrlc::set_handler(move || told.store(true, Ordering::Release))
+    let stop = Arc::clone(&leave);
+    ctrlc::set_handler(move || stop.store(true, Ordering::Release))
         .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
 
     let rig = Rig::new(options.rig()).map_err(|e| Failure(2, e.to_string()))?;
@@ -88,8 +88,8 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     let lines = match &options.stream {
         None => None,
         Some(at) => {
-            let told = |said: &str| eprintln!("rigident-sim: the stream is not followed: {said}");
-            let mut lines = StreamServer::listen(at, Arc::clone(&rig), told).map_err(|e| {
+            let report = |said: &str| eprintln!("rigident-sim: the stream is not followed: {said}");
+            let mut lines = StreamServer::listen(at, Arc::clone(&rig), report).map_err(|e| {
                 Failure(3, format!("no lines at {at}: {e}; name another address by --stream"))
             })?;
             if let Some(name) = &options.stream_port_link {
@@ -139,8 +139,8 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
 /// Offers sensors until Ctrl-C.
 fn sensors(options: &SensorsOptions) -> Result<(), Failure> {
     let leave = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&leave);
-    ctrlc::set_handler(move || told.store(true, Ordering::Release))
+    let stop = Arc::clone(&leave);
+    ctrlc::set_handler(move || stop.store(true, Ordering::Release))
         .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
     let moved = body_moved(options.duration_s, options.seed);
     let begun = std::time::Instant::now();

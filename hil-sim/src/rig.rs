@@ -308,8 +308,7 @@ impl Rig {
         self.advance(limit_ns.max(self.now_ns))
     }
 
-    /// When the next conversion or sample is due, ns of the rig's clock, whether anybody is told of it or
-    /// not.
+    /// When the next conversion or sample is due, ns of the rig's clock, whether it is reported or not.
     pub fn next_due_ns(&mut self) -> Option<u64> {
         self.follow_rates();
         let tickers = [&self.adc_ticker, &self.imu_ticker, &self.second_ticker];

@@ -11,7 +11,7 @@ from typing import Any
 import apache_beam as beam
 import rigident
 
-# So many factors wait before they are merged.
+# The number of factors that wait before they are merged.
 WAITING = 100
 
 

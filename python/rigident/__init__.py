@@ -1,7 +1,7 @@
 """Mass, centre of mass and inertia tensor of bodies, robots and people, each with a 95 % uncertainty.
 
 The functions call the commands of the command line ``rigident`` in this process: their numbers are its numbers. What a
-column, a field or an option means stands in docs/formats.md and docs/commands.md.
+column, a field or an option means is in docs/formats.md and docs/commands.md.
 
 >>> import rigident
 >>> result = rigident.identify("docs/examples/bracket.csv")

@@ -34,7 +34,7 @@ class Called:
     """Its exit status: 0 all is identified or done, 1 a part of it, or a check found something."""
     output: str
     """What it would print on standard output."""
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
     """Lines that it would print on standard error: warnings and notes."""
 
 
@@ -50,8 +50,8 @@ def command(*words: PathLike, recording: _rigident.Recording | None = None) -> C
     >>> rigident.command("model", "base-params", "human34", "--json").status
     0
     """
-    status, output, told = _rigident.call([os.fspath(word) for word in words], recording)
-    return Called(status, output, tuple(told))
+    status, output, messages = _rigident.call([os.fspath(word) for word in words], recording)
+    return Called(status, output, tuple(messages))
 
 
 def rig_path(rig: Rig | None, folder: Path) -> Path | None:
@@ -97,7 +97,7 @@ def option(name: str, value: object) -> list[str]:
 
 
 def repeated(name: str, values: Iterable[object] | str) -> list[str]:
-    """Returns the words of an option that may stand more than once; a text is one value."""
+    """Returns the words of an option that may be given more than once; a text is one value."""
     values = [values] if isinstance(values, str) else values
     return [word for value in values for word in option(name, value)]
 
@@ -118,7 +118,7 @@ def rig_file(rig: Rig | None) -> Iterator[Path | None]:
             place = error.place
             if place is not None and place.file == str(path):
                 place = Place("the rig", None, place.index, place.column)
-            raise type(error)(words, error.status, place, error.told) from None
+            raise type(error)(words, error.status, place, error.messages) from None
 
 
 def listed(values: Iterable[str] | str) -> list[str]:

@@ -35,7 +35,7 @@ class RigidentError(Exception):
     """Exit status of the command line: 1 stopped, 2 bad input or usage, 3 link or hardware."""
     place: Place | None
     """Where it is, if it is at a place."""
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
     """Warnings and notes that came before."""
 
     def __init__(
@@ -43,16 +43,16 @@ class RigidentError(Exception):
         message: str,
         status: int = 2,
         place: Place | tuple[str | None, int | None, int | None, str | None] | None = None,
-        told: Iterable[str] = (),
+        messages: Iterable[str] = (),
     ) -> None:
         super().__init__(message)
         self.status = status
         self.place = Place(*place) if isinstance(place, tuple) else place
-        self.told = tuple(told)
+        self.messages = tuple(messages)
 
     def __reduce__(self) -> tuple[type[RigidentError], tuple[object, ...]]:
         # Workers send it to the process that started them.
-        return type(self), (str(self), self.status, self.place, self.told)
+        return type(self), (str(self), self.status, self.place, self.messages)
 
 
 class NoNumber(RigidentError, ValueError):
@@ -63,9 +63,9 @@ class NoNumber(RigidentError, ValueError):
         message: str,
         status: int = 1,
         place: Place | tuple[str | None, int | None, int | None, str | None] | None = None,
-        told: Iterable[str] = (),
+        messages: Iterable[str] = (),
     ) -> None:
-        super().__init__(message, status, place, told)
+        super().__init__(message, status, place, messages)
 
 
 class NotIdentified(NoNumber):

@@ -50,7 +50,7 @@ class Factor:
     """The bytes of the factor file."""
     name: str = field(default="factor", compare=False)
     """A name for messages."""
-    told: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    warnings: tuple[str, ...] = field(default=(), repr=False, compare=False)
     """Warnings and notes of the checks when it was made."""
 
     @classmethod
@@ -76,8 +76,8 @@ class Factor:
         """
         with rig_file(rig) as path:
             options = read_options(path, calibration, model, lock, spherical, tool, height_m, mass_kg, sex)
-            data, told = _rigident.factor(given(recording, name, path), options)
-        return cls(data, cls.from_bytes(data, name).recordings[0], tuple(told))
+            data, warnings = _rigident.factor(given(recording, name, path), options)
+        return cls(data, cls.from_bytes(data, name).recordings[0], tuple(warnings))
 
     @classmethod
     def from_bytes(cls, data: bytes, name: str = "factor") -> Factor:
@@ -120,8 +120,8 @@ class Factor:
             if not isinstance(one, Factor):
                 raise TypeError(f"{type(one).__name__} is no factor: Factor.from_bytes and Factor.read make one")
         named = [(factor.data, _named(number, factor)) for number, factor in enumerate(factors, start=1)]
-        data, told = _rigident.merge(named, shared_offset, force)
-        return cls(data, "merged", tuple(told))
+        data, warnings = _rigident.merge(named, shared_offset, force)
+        return cls(data, "merged", tuple(warnings))
 
     @classmethod
     def merge_by_key(cls, pairs: Iterable[tuple[Key, Factor]]) -> dict[Key, Factor]:
@@ -178,7 +178,7 @@ class Factor:
 
     def __getstate__(self) -> dict[str, Any]:
         # What was read of the bytes is not sent to other processes.
-        return {"data": self.data, "name": self.name, "told": self.told}
+        return {"data": self.data, "name": self.name, "warnings": self.warnings}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -89,7 +89,7 @@ class Result:
     """What to act on before using the numbers."""
     notes: tuple[str, ...]
     """Information that asks for nothing."""
-    told: tuple[str, ...] = field(repr=False)
+    messages: tuple[str, ...] = field(repr=False)
     """What the command said beside its answer."""
     json: str = field(repr=False)
     """The object as the command prints it with ``--json``."""
@@ -172,7 +172,7 @@ def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None
     """Takes an answer of the compiled part: its object, exit status, what was said beside it, page, and factor with its name."""
     from rigident._factor import Factor
 
-    text, exit_status, told, page, kept = answered
+    text, exit_status, messages, page, kept = answered
     whole = json.loads(text)
 
     def vector(key: str) -> NDArray[np.float64] | None:
@@ -213,7 +213,7 @@ def result_of(answered: tuple[str, int, list[str], str, tuple[bytes, str] | None
         advice=tuple(whole.get("advice", [])),
         warnings=tuple(whole.get("warnings", [])),
         notes=tuple(whole.get("notes", [])),
-        told=tuple(told),
+        messages=tuple(messages),
         json=text,
         page=page,
         factor=None if kept is None else Factor.from_bytes(*kept),

@@ -28,7 +28,7 @@ class Plan:
     """The object of ``--json``: what is planned, and what it will tell."""
     text: str = field(repr=False)
     """The plan's file, JSON, for ``rigident run --plan`` and ``rigident demo --plan``."""
-    told: tuple[str, ...] = field(repr=False)
+    messages: tuple[str, ...] = field(repr=False)
     """Warnings and notes."""
 
 
@@ -44,7 +44,7 @@ class Trajectory:
     """The CSV."""
     yaml: str = field(repr=False)
     """The JointTrajectory of ROS 2."""
-    told: tuple[str, ...] = field(repr=False)
+    messages: tuple[str, ...] = field(repr=False)
     """Warnings and notes."""
 
     @property
@@ -207,7 +207,7 @@ def excitation(
             columns=_columns(text),
             csv=text,
             yaml=points.read_text(encoding="utf-8"),
-            told=called.told,
+            messages=called.messages,
         )
 
 
@@ -218,7 +218,7 @@ def _planned(what: str, words: list[str], rig: Rig | None) -> Plan:
         called = command(
             "plan", what, *words, *option("--rig", rig_path(rig, folder)), "--json", f"--out={out}"
         )
-        return Plan(json.loads(called.output), out.read_text(encoding="utf-8"), called.told)
+        return Plan(json.loads(called.output), out.read_text(encoding="utf-8"), called.messages)
 
 
 def _columns(text: str) -> dict[str, NDArray[np.float64]]:

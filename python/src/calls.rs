@@ -42,10 +42,10 @@ pub fn call(
 ) -> PyResult<(i32, String, Vec<String>)> {
     let memory = recording.map(|recording| recording.inner.clone());
     let called = watched(py, move |stop| cli::call(words, memory, stop))?;
-    let Called { status, output, told, failure } = called;
+    let Called { status, output, messages, failure } = called;
     match failure {
-        Some(failure) => Err(raised(py, &failure, &told)),
-        None => Ok((status as i32, output, told)),
+        Some(failure) => Err(raised(py, &failure, &messages)),
+        None => Ok((status as i32, output, messages)),
     }
 }
 
@@ -88,7 +88,7 @@ fn finished<T: Send>(py: Python<'_>, thread: JoinHandle<T>) -> PyResult<T> {
     let joined = py.detach(|| thread.join());
     joined.map_err(|panic| {
         let words = panic.downcast_ref::<String>().map(String::as_str);
-        let words = words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason told");
+        let words = words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason given");
         PyRuntimeError::new_err(format!("a fault of rigident itself, please report it: {words}"))
     })
 }

@@ -29,8 +29,8 @@ impl Refused {
     }
 
     /// Makes the exception.
-    pub fn raised(&self, py: Python<'_>, told: &[String]) -> PyErr {
-        exception(py, &self.message, &self.failure, told)
+    pub fn raised(&self, py: Python<'_>, messages: &[String]) -> PyErr {
+        exception(py, &self.message, &self.failure, messages)
     }
 }
 
@@ -40,15 +40,15 @@ pub fn refused(py: Python<'_>, error: impl Into<Error>) -> PyErr {
 }
 
 /// Makes the exception of a command's failure.
-pub fn raised(py: Python<'_>, failure: &Failure, told: &[String]) -> PyErr {
-    exception(py, &failure.to_string(), failure, told)
+pub fn raised(py: Python<'_>, failure: &Failure, messages: &[String]) -> PyErr {
+    exception(py, &failure.to_string(), failure, messages)
 }
 
-fn exception(py: Python<'_>, message: &str, failure: &Failure, told: &[String]) -> PyErr {
+fn exception(py: Python<'_>, message: &str, failure: &Failure, messages: &[String]) -> PyErr {
     let place = failure.place().map(|Place { file, line, index, column }| (file, line, index, column));
     let exception = py
         .import("rigident._errors")
         .and_then(|module| module.getattr("RigidentError"))
-        .and_then(|class| class.call1((message, failure.status() as i32, place, told)));
+        .and_then(|class| class.call1((message, failure.status() as i32, place, messages)));
     exception.map_or_else(|error| error, PyErr::from_value)
 }

@@ -196,26 +196,27 @@ pub fn identify(py: Python<'_>, recording: Given<'_>, options: IdentifyWords) ->
     let done = watched(py, move |stop| {
         let (options, loads) = options.typed()?;
         let found = application::identify(recording, &options, &caller(&stop))?;
-        let mut told = Vec::new();
+        let mut messages = Vec::new();
         if let Some(model) = &found.model {
             model.write()?;
         } else if let Some(path) = options.write_model.filter(|_| found.answer.is_contradicted()) {
-            told.push(format!("write_model {}: not written: the recording cannot be true", path.display()));
+            messages
+                .push(format!("write_model {}: not written: the recording cannot be true", path.display()));
         }
         let written = write_loads(&found.answer, &loads, &caller(&stop))?;
         let is_written = written.iter().all(|load| load.refused.is_none());
         for load in written {
-            told.extend(
+            messages.extend(
                 load.refused.map(|why| format!("write_load {}: not written: {why}", load.path.display())),
             );
         }
         if found.answer.payload.is_none() {
             let why = "the recording with the payload cannot be true";
-            told.extend(
+            messages.extend(
                 loads.iter().map(|path| format!("write_load {}: not written: {why}", path.display())),
             );
         }
-        answered(&found, is_written, told)
+        answered(&found, is_written, messages)
     })?;
     done.map_err(|why| why.raised(py, &[]))
 }
@@ -232,12 +233,12 @@ pub fn factor(py: Python<'_>, recording: Given<'_>, options: ReadWords) -> PyRes
         let options = FactorOptions { rig, calibration, tree: tree.typed()?, ..FactorOptions::default() };
         let name = recording.name();
         let made = application::factor(recording, &options, &caller(&stop))?;
-        let mut told: Vec<String> =
+        let mut messages: Vec<String> =
             made.warnings().chain(&made.notes).map(|said| format!("{name}: {said}")).collect();
         if made.is_contradicted() {
-            told.push(format!("{name}: not to be used; the factor says so to whoever solves it"));
+            messages.push(format!("{name}: not to be used; the factor says so to whoever solves it"));
         }
-        Ok((made.factor.to_bytes(), told))
+        Ok((made.factor.to_bytes(), messages))
     })?;
     done.map_err(|why| why.raised(py, &[]))
 }
@@ -257,13 +258,14 @@ pub fn merge(
         let read = |(bytes, name): &(PyBackedBytes, String)| PooledFactor::from_bytes(bytes, name);
         let factors = factors.iter().map(read).collect::<Result<Vec<_>, _>>().map_err(Error::from)?;
         let merged = application::merge(factors, shared_offset, force)?;
-        let mut told = Vec::new();
+        let mut messages = Vec::new();
         if merged.repeated > 0 {
             let (repeated, given) = (merged.repeated, merged.given);
-            told.push(format!("{repeated} of {given} factors are left out: their recordings are in others"));
+            messages
+                .push(format!("{repeated} of {given} factors are left out: their recordings are in others"));
         }
-        told.extend(merged.warnings);
-        Ok((merged.factor.to_bytes(), told))
+        messages.extend(merged.warnings);
+        Ok((merged.factor.to_bytes(), messages))
     })?;
     done.map_err(|why| why.raised(py, &[]))
 }
@@ -318,10 +320,10 @@ fn plain(name: &str) -> Result<(), Refused> {
     Ok(())
 }
 
-fn answered(found: &Identified, is_written: bool, told: Vec<String>) -> Result<Answered, Refused> {
+fn answered(found: &Identified, is_written: bool, messages: Vec<String>) -> Result<Answered, Refused> {
     let text = serde_json::to_string_pretty(&found.answer)
         .map_err(|error| Refused::usage(format!("the result cannot be put into JSON: {error}")))?;
     let kept = found.factor.as_ref().map(|factor| (factor.to_bytes(), found.answer.source.recording.clone()));
     let status = i32::from(!(is_written && found.is_whole()));
-    Ok((text, status, told, found.page(), kept))
+    Ok((text, status, messages, found.page(), kept))
 }

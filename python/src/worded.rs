@@ -17,7 +17,7 @@ pub fn notice(notice: &Notice) -> String {
         ),
         Notice::LockedAtZero(joints) => {
             format!(
-                "{}; say lock='JOINT=VALUE' (rad or m) if it stood elsewhere",
+                "{}; say lock='JOINT=VALUE' (rad or m) if it was elsewhere",
                 words::locked_at_zero(joints)
             )
         }

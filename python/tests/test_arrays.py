@@ -23,7 +23,7 @@ def refused(columns: Any, rig: Any = RIG) -> rigident.RigidentError:
     return caught.value
 
 
-def test_what_is_not_finite_has_column_and_index(bracket: Columns) -> None:
+def test_numbers_that_are_not_finite_have_column_and_index(bracket: Columns) -> None:
     for value in (np.nan, np.inf, -np.inf):
         column = bracket["imu_gy_radps"].copy()
         column[17] = value
@@ -60,7 +60,7 @@ def test_dtypes(bracket: Columns, column: Any, word: str) -> None:
     assert word in str(error)
 
 
-def test_what_is_masked_is_no_number(bracket: Columns) -> None:
+def test_masked_values_are_no_numbers(bracket: Columns) -> None:
     mask = np.arange(1001) == 17
     error = refused({**bracket, "fz_n": np.ma.masked_array(bracket["fz_n"], mask)})
     assert error.place == rigident.Place(file="run", column="fz_n", index=17) and "masked" in str(error)
@@ -133,12 +133,12 @@ def test_an_exception_goes_from_a_worker_to_its_owner(bracket: Columns) -> None:
     assert (str(again), again.status, again.place) == (str(error), error.status, error.place)
 
 
-def test_what_is_no_recording_at_all() -> None:
+def test_things_that_are_no_recording() -> None:
     with pytest.raises(TypeError, match="int is no recording"):
         rigident.identify(7)  # type: ignore[arg-type]
 
 
-def test_what_a_rig_cannot_hold_is_told_with_its_key(bracket: Columns) -> None:
+def test_values_that_a_rig_cannot_hold_are_reported_with_their_key(bracket: Columns) -> None:
     for value, word in [(np.nan, "nan is not a finite number"), (None, "NoneType"), (1j, "complex")]:
         error = refused(bracket, rig={"load_cell": {"noise_n_nm": [0.1, value, 0.1, 0.1, 0.1, 0.1]}})
         assert "load_cell.noise_n_nm[1]" in str(error) and word in str(error)

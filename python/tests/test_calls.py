@@ -133,7 +133,7 @@ def test_the_report_is_shown_in_jupyter() -> None:
     assert shown.startswith("<iframe srcdoc=") and shown.count("<") == 2
 
 
-def test_what_is_not_identified_has_no_number(tmp_path: Path) -> None:
+def test_unidentified_parameters_have_no_number(tmp_path: Path) -> None:
     # A third of a second of motion tells little.
     lines = (EXAMPLES / "bracket.csv").read_text(encoding="utf-8").splitlines()
     path = tmp_path / "short.csv"

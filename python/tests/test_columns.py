@@ -37,11 +37,11 @@ def saved(name: str, columns: dict[str, Any], folder: Path) -> Path:
 def test_a_table_is_the_recording_of_its_csv(name: str, bracket: dict[str, Any], tmp_path: Path) -> None:
     expected = rigident.identify(EXAMPLES / "bracket.csv").object["parameters"]
     path = saved(name, bracket, tmp_path)
-    # NAME.rig.toml stands beside NAME.parquet, whatever dots are in NAME.
+    # NAME.rig.toml is beside NAME.parquet, whatever dots are in NAME.
     assert rigident.identify(path, rig=EXAMPLES / "bracket.rig.toml").object["parameters"] == expected
 
 
-def test_what_is_packed_otherwise_is_told(bracket: dict[str, Any], tmp_path: Path) -> None:
+def test_other_packings_are_refused_by_name(bracket: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table(bracket), path, compression="brotli")
     with pytest.raises(rigident.RigidentError, match="packed by brotli.*zstd, gzip, lz4 or snappy"):
@@ -49,14 +49,14 @@ def test_what_is_packed_otherwise_is_told(bracket: dict[str, Any], tmp_path: Pat
 
 
 @pytest.mark.parametrize("packing", ["zstd", "gzip", "lz4", "snappy", "none"])
-def test_what_is_packed_by_common_means_is_read(packing: str, bracket: dict[str, Any], tmp_path: Path) -> None:
+def test_common_packings_are_read(packing: str, bracket: dict[str, Any], tmp_path: Path) -> None:
     expected = rigident.identify(EXAMPLES / "bracket.csv").object["parameters"]
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table(bracket), path, compression=packing)
     assert rigident.identify(path, rig=EXAMPLES / "bracket.rig.toml").object["parameters"] == expected
 
 
-def test_a_cell_without_a_number_is_told_with_its_place(bracket: dict[str, Any], tmp_path: Path) -> None:
+def test_a_cell_without_a_number_is_reported_with_its_place(bracket: dict[str, Any], tmp_path: Path) -> None:
     force = [None if k == 17 else value for k, value in enumerate(bracket["fz_n"])]
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({**bracket, "fz_n": force}), path)

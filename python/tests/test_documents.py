@@ -31,7 +31,7 @@ def test_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     exec(block, {})
 
 
-def test_the_page_names_what_there_is() -> None:
+def test_the_page_names_the_functions() -> None:
     page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     for call in re.findall(r"\| `(Factor|Model|plan)\.?(\w*)\(", page):
         owner, name = call

@@ -30,7 +30,7 @@ def test_merging_is_of_rows_and_idempotent(bracket: dict[str, Any]) -> None:
     assert set(both.recordings) == {"first", "second"}
     again = rigident.Factor.merge(both, first)
     assert again.rows == both.rows
-    assert any("left out" in words for words in again.told)
+    assert any("left out" in words for words in again.warnings)
     result = both.solve(rig=RIG)
     mass = result["m"]
     assert mass.value is not None and mass.u95 is not None
@@ -78,7 +78,7 @@ def test_factors_of_other_models_are_refused(bracket: dict[str, Any]) -> None:
     assert caught.value.status == 2
 
 
-def test_what_is_merged_is_named_by_its_recordings(bracket: dict[str, Any]) -> None:
+def test_merged_factors_are_named_by_their_recordings(bracket: dict[str, Any]) -> None:
     one = rigident.Factor.of(bracket, rig=RIG, name="monday")
     other = rigident.Factor.of(EXAMPLES / "two-links.csv")
     with pytest.raises(rigident.RigidentError) as caught:

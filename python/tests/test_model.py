@@ -70,7 +70,7 @@ def test_arrays_of_other_shapes_are_refused(arm: rigident.Model) -> None:
         arm.regressor([0.0] * 2, [0.0] * 2, [0.0] * 2, rows="wrist")  # type: ignore[arg-type]
 
 
-def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
+def test_bad_models_are_refused(tmp_path: Path) -> None:
     with pytest.raises(rigident.RigidentError, match="nowhere"):
         rigident.Model("nowhere.urdf")
     with pytest.raises(rigident.RigidentError, match="J1,J2,J3"):

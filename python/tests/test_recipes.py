@@ -90,7 +90,7 @@ class Dask:
     def __init__(self) -> None:
         self.cluster = LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
         self.client = Client(self.cluster)
-        # What stands in a file of tests is sent by its content.
+        # Definitions in a file of tests are sent by their content.
         for module in (sys.modules[__name__], with_dask):
             cloudpickle.register_pickle_by_value(module)
 
@@ -167,7 +167,7 @@ def test_thousands_of_recordings_by_two_workers_one_of_which_is_killed(workers: 
     elapsed = time.monotonic() - started
     again = done(factors) - COUNT
     assert again > 0, "the killed worker had done something"
-    # Of so many a factor has the number; that each is in it once is what the information of the serial merge says.
+    # A factor of this many has only their number; the serial merge below shows that each is in it once.
     assert sum(factor.runs for factor in merged.values()) == COUNT
 
     listed = tmp_path / "list.txt"

@@ -73,7 +73,7 @@ def test_numbers_are_those_of_the_object() -> None:
     assert [tensor[1, 2], tensor[2, 0], tensor[0, 1]] == [yz, zx, xy]
 
 
-def test_factors_and_what_they_say(tmp_path: Path) -> None:
+def test_factors_and_their_answers(tmp_path: Path) -> None:
     path = EXAMPLES / "bracket.csv"
     written = tmp_path / "bracket.factor"
     by_command("factor", path, "-o", written)
@@ -83,7 +83,7 @@ def test_factors_and_what_they_say(tmp_path: Path) -> None:
     assert numbers(factor.solve(known={"mass_kg": (3.2, 0.001)}).json) == numbers(printed)
 
 
-def test_options_mean_what_they_do_on_the_command_line(tmp_path: Path) -> None:
+def test_options_have_the_meaning_of_the_command_line(tmp_path: Path) -> None:
     path = EXAMPLES / "bracket.csv"
     printed = by_command(
         "identify", path, "--json", "--out", tmp_path / "out", "--symmetry", "x±0.002", "--estimate", "m,mc", "--window", 8

@@ -48,12 +48,12 @@ def test_the_package_is_well_typed(folder: Path) -> None:
     assert ended.returncode == 0, ended.stdout
 
 
-def test_the_stubs_are_those_of_what_is_compiled(folder: Path) -> None:
+def test_the_stubs_are_those_of_the_compiled_part(folder: Path) -> None:
     ended = mypy("mypy.stubtest", "rigident", "--ignore-disjoint-bases", folder=folder)
     assert ended.returncode == 0, ended.stdout + ended.stderr
 
 
-def test_what_a_user_writes_is_checked(folder: Path) -> None:
+def test_the_code_of_a_user_is_checked(folder: Path) -> None:
     (folder / "use.py").write_text(USE, encoding="utf-8")
     ended = mypy("mypy", "--strict", "use.py", folder=folder)
     assert ended.returncode == 0, ended.stdout

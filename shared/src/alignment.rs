@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_for_an_imu_that_has_gone_is_counted_when_the_run_ends() {
+    fn readings_that_wait_for_a_lost_imu_are_counted_when_the_run_ends() {
         // Of an IMU that is well some are on their way, and stay so; of one that has gone none is forgotten.
         let (on_the_way, given_up) = left_at_the_end(|_| true);
         assert!((1..=6).contains(&on_the_way) && given_up == 0, "{on_the_way} {given_up}");
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_between_readings_too_far_apart_is_counted_when_the_run_ends() {
+    fn readings_that_wait_for_a_slow_imu_are_counted_when_the_run_ends() {
         // An IMU that a changed setting makes eight times as slow: its last reading comes with the 200th, the
         // 199th and so on.
         for phase in 0..8 {

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mounting_the_signals_is_taking_the_signals_of_what_is_mounted() {
+    fn mounted_signals_are_the_signals_of_the_mounted_readings() {
         let mounting = ImuMounting::<f64> {
             rotation: Rotation::from_quaternion([0.8, -0.3, 0.4, 0.2]).unwrap(),
             accel_scale: [1.01, 0.98, 1.02],

@@ -84,7 +84,7 @@ function chosen(file) {
     const unit = document.querySelector(`#columns select[data-unit="${k}"]`)?.value;
     const [units, before] = [groupOf(what.value)?.units, groupOf(column.column)?.units];
     const isOwn = column.name === what.value;
-    // Of what was just picked the SI's unit stands in the list, unless the file says one.
+    // For a quantity that was just picked the list has the SI's unit, unless the file says one.
     const first = column.unit || column.is_clock || isOwn ? undefined : UNITS[units]?.[0];
     found[what.value] = { name: column.name, unit: units === before && unit ? unit : first, isOwn };
   }

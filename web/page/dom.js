@@ -31,5 +31,5 @@ export function download(name, bytes, type = "application/octet-stream") {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-/** A number as people write it, with so many digits that count. */
+/** A number as people write it, with this number of significant digits. */
 export const digits = (value, count = 4) => (Number.isFinite(value) ? String(Number(value.toPrecision(count))) : "–");

@@ -11,9 +11,9 @@ const FIRST = 6;
 
 let changed = () => {};
 
-/** Makes the table; `told` is called after each change. */
-export function start(told) {
-  changed = told;
+/** Makes the table; `notify` is called after each change. */
+export function start(notify) {
+  changed = notify;
   const head = COLUMNS.map(([name, title]) => make("th", { scope: "col", title }, name));
   document.querySelector("#pose-table thead").replaceChildren(make("tr", {}, make("th", { scope: "col" }, "pose"), ...head, make("td")));
   by("add-pose").addEventListener("click", () => {

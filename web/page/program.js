@@ -11,7 +11,7 @@ function start() {
   worker ??= new Worker("worker.js", { type: "module" });
   worker.onmessage = ({ data }) => {
     if (data.id !== waiting?.id) return;
-    if (data.told !== undefined) return waiting.told(data.told);
+    if (data.message !== undefined) return waiting.report(data.message);
     const { resolve, reject } = waiting;
     waiting = undefined;
     if (data.failed !== undefined) reject(new Error(data.failed));
@@ -29,14 +29,14 @@ function start() {
 let queue = Promise.resolve();
 
 /**
- * Runs a command: `words` as on a command line, `files` as pairs of path and File, Blob or text. `told` is called with what it says on
+ * Runs a command: `words` as on a command line, `files` as pairs of path and File, Blob or text. `report` is called with what it says on
  * standard error. Returns `{status, output, errors, made}`; `made` are pairs of path and bytes.
  */
-export function call(words, files, told = () => {}) {
+export function call(words, files, report = () => {}) {
   const job = () =>
     new Promise((resolve, reject) => {
       start();
-      waiting = { id: ++number, resolve, reject, told };
+      waiting = { id: ++number, resolve, reject, report };
       worker.postMessage({ id: number, words, files });
     });
   const called = queue.then(job);

@@ -82,12 +82,12 @@ function clean(path) {
 /**
  * Runs a compiled program to its end.
  *
- * `words` are its command line without its name, `files` what it finds, and where it writes; `told` is called with each text that
+ * `words` are its command line without its name, `files` what it finds, and where it writes; `report` is called with each text that
  * it writes on standard error. Returns its status, and what it wrote on standard output. What cannot go on (the program's own
  * fault) is thrown.
  */
-export async function run(module, words, files, told) {
-  const system = new System(["rigident", ...words], files, told);
+export async function run(module, words, files, report) {
+  const system = new System(["rigident", ...words], files, report);
   const instance = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: system.calls() });
   system.memory = instance.exports.memory;
   let status = 0;
@@ -101,10 +101,10 @@ export async function run(module, words, files, told) {
 }
 
 class System {
-  constructor(words, files, told) {
+  constructor(words, files, report) {
     this.words = words.map((word) => new TextEncoder().encode(`${word}\0`));
     this.files = files;
-    this.told = told;
+    this.report = report;
     this.written = [];
     this.errors = new TextDecoder();
     this.handles = new Map([[ROOT, { folder: "" }]]);
@@ -155,7 +155,7 @@ class System {
     }
     if (handle === 2) {
       const text = list.map((piece) => this.errors.decode(piece, { stream: true })).join("");
-      if (text !== "") this.told(text);
+      if (text !== "") this.report(text);
       return ERRNO.SUCCESS;
     }
     const open = this.handles.get(handle);

@@ -16,9 +16,9 @@ function program() {
 
 onmessage = async ({ data: { id, words, files } }) => {
   const errors = [];
-  const told = (text) => {
+  const report = (text) => {
     errors.push(text);
-    postMessage({ id, told: text });
+    postMessage({ id, message: text });
   };
   try {
     const module = await program();
@@ -27,7 +27,7 @@ onmessage = async ({ data: { id, words, files } }) => {
       system.put(path, new Uint8Array(typeof file === "string" ? new TextEncoder().encode(file) : await file.arrayBuffer()));
     }
     const given = new Set(system.files.keys());
-    const ended = await run(module, words, system, told);
+    const ended = await run(module, words, system, report);
     const written = [...system.files].filter(([path]) => !given.has(path));
     const made = written.map(([path, file]) => [path, file.content().slice()]);
     postMessage({ id, status: ended.status, output: ended.output, errors: errors.join(""), made });

@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_without_a_board_says_of_each_step_what_is_missing() {
+    fn a_page_without_a_board_names_the_missing_part_of_each_step() {
         let all = steps(&Err(NO_PORT.to_owned()), || panic!("nobody is there to be restarted"));
         let page = page(None, &all, false);
         assert!(page.contains("No board answered") && !page.contains("| yes |"));

@@ -99,8 +99,8 @@ fn expect_offender(feature: &str, offenders: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Handlers that return within so many instructions: one of one or two beside its return may lose the result
-/// of a division or root that it interrupts (Arm's erratum 776924 of the Cortex-M4).
+/// Handlers that return within this many instructions: one of one or two beside its return may lose the
+/// result of a division or root that it interrupts (Arm's erratum 776924 of the Cortex-M4).
 const SHORT: usize = 3;
 
 /// Exceptions and interrupts whose handlers are too short.
@@ -203,7 +203,7 @@ mod tests {
     use super::*;
     use crate::elf::thumb;
 
-    /// Decoded from half-words, as they stand in memory.
+    /// Decoded from half-words, as they are in memory.
     fn decoded(halfwords: &[u16]) -> Vec<(u32, Instruction)> {
         let mut found = Vec::new();
         let mut at = 0;

@@ -279,7 +279,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wrong_chip_is_named_and_so_is_what_to_do() {
+    fn a_wrong_chip_is_named_with_the_remedy() {
         let [f405, f446, _] = &CHIPS;
         assert!(is_chip(f405, 0x1007_6413).is_ok());
         let error = is_chip(f405, 0x1000_0431).unwrap_err().to_string();

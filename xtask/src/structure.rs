@@ -63,8 +63,8 @@ const KNOWN_ARROWS: [KnownArrow; 28] = [
     ("firmware", "", "settings", "sample_path", "the settings hold the limits that the sample path checks"),
     ("host/io", "", "rig", "recording", "a rig file's columns are those a recording may have"),
     ("host/fit", "", "pool", "factor_file", "a pooled factor reads and writes itself"),
-    ("host/fit", "", "source", "condition", "the default of a source's filter stands in another file"),
-    ("host/fit", "", "source", "made_blocks", "the default of a source's blocks stands in another file"),
+    ("host/fit", "", "source", "condition", "the default of a source's filter is in another file"),
+    ("host/fit", "", "source", "made_blocks", "the default of a source's blocks is in another file"),
     (
         "host/device",
         "platform",
@@ -73,22 +73,22 @@ const KNOWN_ARROWS: [KnownArrow; 28] = [
         "a simulated world holds the watch of the motion that it drives",
     ),
     ("host/device", "platform", "error", "gcs", "an error words the codes of the protocol"),
-    ("host/device", "platform", "gcs", "address", "the line stands beside the address that opens it"),
-    ("host/device", "platform", "network", "address", "the patience stands beside the address that opens it"),
-    ("host/device", "platform", "stream", "address", "the line stands beside the address that opens it"),
+    ("host/device", "platform", "gcs", "address", "the line is beside the address that opens it"),
+    ("host/device", "platform", "network", "address", "the patience is beside the address that opens it"),
+    ("host/device", "platform", "stream", "address", "the line is beside the address that opens it"),
     ("host/rows", "tree", "frames", "contact", "the input of a tree holds its contacts"),
     ("host/rows", "tree", "frames", "errors", "the input of a tree holds errors of its signals"),
     ("host/rows", "tree", "frames", "rows", "the input of a tree makes the maker of its rows"),
-    ("host/rows", "tree", "contact", "rows", "the number of rows of a base stands beside them"),
+    ("host/rows", "tree", "contact", "rows", "the number of rows of a base is beside them"),
     ("host/rows", "tree", "source", "friction_speed", "a source finds the speed of friction in itself"),
     ("host/rows", "tree", "source", "sensitivities", "a source makes the rows of its own errors"),
     ("host/people", "person", "people", "level", "a person is judged by what was made of the trials"),
     ("host/people", "person", "people", "plausible", "a person is judged by what was made of the trials"),
-    ("tables", "", "document", "estimation", "the list of documents stands beside their type"),
-    ("tables", "", "document", "faults", "the list of documents stands beside their type"),
-    ("tables", "", "document", "people", "the list of documents stands beside their type"),
-    ("tables", "", "document", "platform", "the list of documents stands beside their type"),
-    ("tables", "", "document", "trees", "the list of documents stands beside their type"),
+    ("tables", "", "document", "estimation", "the list of documents is beside their type"),
+    ("tables", "", "document", "faults", "the list of documents is beside their type"),
+    ("tables", "", "document", "people", "the list of documents is beside their type"),
+    ("tables", "", "document", "platform", "the list of documents is beside their type"),
+    ("tables", "", "document", "trees", "the list of documents is beside their type"),
 ];
 
 /// Files of the host that name sizes of factors, with the reason: none, as it has one `Factor`.
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_names_sizes_is_told_and_one_that_does_not_any_more_is_too() {
+    fn a_file_that_names_sizes_is_reported_and_one_that_does_not_any_more_is_too() {
         let files = [
             ("lib.rs", "mod a; mod b;"),
             ("a.rs", "fn f(x: F) { assert!(matches!(x, F::Ten(_)), \"{}\", 1); }"),

@@ -40,7 +40,7 @@ const COLUMNS: [&str; 6] =
 const UNTIL: &str =
     "device_tree_commands::the_device_decides_when_two_links_and_a_person_are_known_well_enough";
 const GAINS_ON_DEVICE: &str =
-    "device_tree_commands::gain_errors_of_several_links_are_counted_from_what_the_device_read";
+    "device_tree_commands::gain_errors_of_several_links_are_counted_from_readings_of_the_device";
 const LINKS_LIVE: &str =
     "device_tree_commands::two_links_are_identified_live_recorded_replayed_to_the_bit_and_identified_again";
 const PERSON_LIVE: &str =
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_between_the_marks_is_replaced() {
+    fn only_the_text_between_the_marks_is_replaced() {
         let [from, to] = MARKS;
         let made = replaced(&format!("a\n{from}old\n{to}\nb"), "new\n").unwrap();
         assert_eq!(made, format!("a\n{from}new\n{to}\nb"));

@@ -249,7 +249,7 @@ mod tests {
 
     /// Otherwise it would fail where what it needs is missing instead of being skipped.
     #[test]
-    fn ignored_tests_have_the_word_of_what_they_need_in_their_names() {
+    fn ignored_tests_have_the_word_of_their_need_in_their_names() {
         let mut files = Vec::new();
         sources(places::root(), &mut files);
         let words = [

@@ -106,26 +106,26 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     /// Takes up what a checkpoint holds. False if it is not of these settings.
     fn restore(&mut self, head: &CheckpointHead, factor: &[u8]) -> bool {
-        let told = &head.counters;
+        let report = &head.counters;
         let Some(path) = self.path.samples_mut() else { return false };
-        if !path.restore(factor, head.rows, &counters(told)) {
+        if !path.restore(factor, head.rows, &counters(report)) {
             return false;
         }
         let unaligned_now = path.unaligned();
         self.errors = SensorErrors {
-            load_cell_crc: told.load_cell_crc_errors,
-            load_cell_other: told.load_cell_errors,
-            load_cell_clipped: told.load_cell_clipped,
-            clipped_gauges: told.clipped_gauges,
-            load_cell_stale: told.load_cell_stale,
-            load_cell_resyncs: told.load_cell_resyncs,
-            without_excitation: told.without_excitation,
-            overdue_transfers: told.overdue_transfers,
-            failed_transfers: told.failed_transfers,
-            imu: told.imu_errors,
-            second_imu: told.second_imu_errors,
+            load_cell_crc: report.load_cell_crc_errors,
+            load_cell_other: report.load_cell_errors,
+            load_cell_clipped: report.load_cell_clipped,
+            clipped_gauges: report.clipped_gauges,
+            load_cell_stale: report.load_cell_stale,
+            load_cell_resyncs: report.load_cell_resyncs,
+            without_excitation: report.without_excitation,
+            overdue_transfers: report.overdue_transfers,
+            failed_transfers: report.failed_transfers,
+            imu: report.imu_errors,
+            second_imu: report.second_imu_errors,
             // The value reported is what the path counts from here on less this.
-            unaligned_before: unaligned_now.wrapping_sub(told.unaligned),
+            unaligned_before: unaligned_now.wrapping_sub(report.unaligned),
             ..SensorErrors::default()
         };
         (self.run.injected_next, self.run.batch_first) = (head.next_index, head.next_reading);
@@ -134,14 +134,14 @@ impl<P: DerefMut<Target = Path>> App<P> {
 }
 
 /// Returns the estimator's counters, of what was reported of them.
-fn counters(told: &CounterReport) -> Counters {
+fn counters(report: &CounterReport) -> Counters {
     Counters {
-        readings: told.readings,
-        rejected: told.rejected,
-        rejected_by_channel: told.rejected_by_channel,
-        gaps: told.gaps,
-        blocks: told.blocks,
-        knocks: told.knocks,
+        readings: report.readings,
+        rejected: report.rejected,
+        rejected_by_channel: report.rejected_by_channel,
+        gaps: report.gaps,
+        blocks: report.blocks,
+        knocks: report.knocks,
         last_rejection: None,
     }
 }

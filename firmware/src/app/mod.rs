@@ -419,20 +419,20 @@ impl<P: DerefMut<Target = Path>> App<P> {
 
     fn hold(&mut self, reason: Reason) {
         self.absorb(false);
-        self.keep_what_there_is();
+        self.keep_all();
         self.flush_readings();
         self.enter(StateName::Holding, reason);
     }
 
     fn fail(&mut self, reason: Reason) {
         self.absorb(false);
-        self.keep_what_there_is();
+        self.keep_all();
         self.flush_readings();
         self.enter(StateName::Fault, reason);
     }
 
     /// A run pauses or ends: nothing of it is to be lost.
-    fn keep_what_there_is(&mut self) {
+    fn keep_all(&mut self) {
         if let Some(path) = self.path.samples() {
             self.keeping.hurry(path.counters().readings);
         }

@@ -131,7 +131,7 @@ fn running() -> (Imu<Bus>, Rc<RefCell<Chip>>) {
 }
 
 #[test]
-fn bring_up_sets_what_the_documentation_says() {
+fn bring_up_sets_the_documented_registers() {
     for (rate_hz, code) in [(200, 7), (500, 15), (1000, 6), (2000, 5)] {
         let (mut imu, chip) = fresh();
         // Old samples must not outlive it.

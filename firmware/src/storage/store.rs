@@ -153,7 +153,7 @@ impl<F: NorFlash> Store<F> {
             Wanted::Checkpoints(run) => {
                 if let (Some((head, _)), Kept::Run(kept)) = (checkpoint(bytes, writer, run), &mut scan.kept) {
                     let checkpoints = kept.checkpoints.saturating_add(1);
-                    *kept = KeptRun { checkpoints, ..told(kept, &head) };
+                    *kept = KeptRun { checkpoints, ..reported(kept, &head) };
                     scan.last = Some(number);
                 }
                 true
@@ -306,7 +306,7 @@ fn checkpoint(bytes: &[u8], writer: Writer, run: u32) -> Option<(CheckpointHead,
 }
 
 /// Returns the report of a run with this checkpoint.
-pub(super) fn told(run: &KeptRun, head: &CheckpointHead) -> KeptRun {
+pub(super) fn reported(run: &KeptRun, head: &CheckpointHead) -> KeptRun {
     KeptRun {
         readings: head.counters.readings,
         blocks: head.counters.blocks,

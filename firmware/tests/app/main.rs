@@ -231,7 +231,7 @@ fn a_repeated_command_is_answered_from_memory_and_acts_once() {
 }
 
 #[test]
-fn a_quiet_host_ends_in_holding_and_is_told() {
+fn a_quiet_host_ends_in_holding_and_is_reported() {
     let mut host = Host::new();
     let s = Settings { host_timeout_ms: 2000, ..settings(Source::Injected) };
     host.run(s, 0);
@@ -243,13 +243,13 @@ fn a_quiet_host_ends_in_holding_and_is_told() {
     host.app.tick(4_000_000_000);
     assert_eq!(host.app.state(), (StateName::Holding, Reason::HostQuiet));
     host.drain();
-    let told = Telemetry::State { state: StateName::Holding, reason: Reason::HostQuiet };
-    assert!(host.telemetry.contains(&told));
+    let reported = Telemetry::State { state: StateName::Holding, reason: Reason::HostQuiet };
+    assert!(host.telemetry.contains(&reported));
 }
 
 /// Noise on the line is no host: neither bytes, nor zeros, nor a frame with a changed bit put off the end.
 #[test]
-fn noise_on_the_line_does_not_stand_for_a_host() {
+fn noise_on_the_line_is_not_taken_for_a_host() {
     let mut frame = [0; MAX_FRAME];
     let length = encode(Kind::Command, 9, &Command::Heartbeat, &mut frame).unwrap();
     frame[2] ^= 4;
@@ -354,7 +354,7 @@ fn mass_to(u95: f32) -> StopRule {
 }
 
 #[test]
-fn a_stop_rule_that_lets_the_run_go_on_is_told_once() {
+fn a_stop_rule_that_lets_the_run_go_on_is_reported_once() {
     let stop = StopRule { goes_on: true, ..mass_to(0.02) };
     let mut host = Host::new();
     host.run(Settings { stop: Some(stop), ..settings(Source::Injected) }, 6000);
@@ -434,7 +434,7 @@ fn a_bus_that_damages_more_than_one_frame_in_a_thousand_is_a_fault() {
 }
 
 #[test]
-fn answers_overtake_telemetry_and_what_has_no_room_is_counted() {
+fn answers_overtake_telemetry_and_messages_without_room_are_counted() {
     let mut host = Host::new();
     let mut s = settings(Source::Sensors);
     s.telemetry.stream_readings = true;
@@ -525,7 +525,7 @@ fn garbage_and_wild_commands_never_corrupt_a_later_run() {
 
 /// Room for events that outlives a program, as a board's memory does a reset.
 #[test]
-fn events_of_the_program_before_are_told_by_the_next_one() {
+fn events_of_the_program_before_are_reported_by_the_next_one() {
     let room: &'static EventRoom = Box::leak(Box::new(EventRoom::empty()));
     let program = |reset| {
         let mut host = Host::new();
@@ -542,7 +542,7 @@ fn events_of_the_program_before_are_told_by_the_next_one() {
     assert!(first.ask(&Command::Start).is_err());
     let mut second = program(ResetReason::Watchdog);
     let Ok(Reply::Events(report)) = second.ask(&Command::ReadEvents) else { panic!("no events") };
-    let told: Vec<(u8, u8)> = report.events.iter().map(|event| (event.code, event.detail)).collect();
+    let reported: Vec<(u8, u8)> = report.events.iter().map(|event| (event.code, event.detail)).collect();
     let expected = [
         (EventCode::Started, number_of_reset(ResetReason::PowerOn)),
         (EventCode::Configured, number_of_reason(Reason::Command)),
@@ -551,7 +551,7 @@ fn events_of_the_program_before_are_told_by_the_next_one() {
         (EventCode::Refused, ErrorCode::WrongState(StateName::Fault).number() as u8),
         (EventCode::Started, number_of_reset(ResetReason::Watchdog)),
     ];
-    assert_eq!(told, expected.map(|(code, detail)| (code as u8, detail)));
+    assert_eq!(reported, expected.map(|(code, detail)| (code as u8, detail)));
     // A board without such memory keeps none, and says so.
     let Ok(Reply::Events(none)) = Host::new().ask(&Command::ReadEvents) else { panic!("no answer") };
     assert!(none.events.is_empty());

@@ -138,7 +138,7 @@ fn undisturbed() -> (Vec<ChangeReport>, CounterReport) {
 }
 
 #[test]
-fn a_change_is_told_when_it_is_found_and_when_it_is_measured() {
+fn a_change_is_reported_when_it_is_found_and_when_it_is_measured() {
     let (changes, counters) = undisturbed();
     let [found, measured] = changes.as_slice() else { panic!("{changes:?}") };
     assert!(found.size.is_none() && (CHANGE..CHANGE + RATE_HZ).contains(&found.found), "{found:?}");
@@ -152,7 +152,7 @@ fn a_change_is_told_when_it_is_found_and_when_it_is_measured() {
 }
 
 #[test]
-fn what_comes_twice_or_late_is_left_out_and_other_requests_are_answered_between_frames() {
+fn repeated_and_late_frames_are_left_out_and_other_requests_are_answered_between_frames() {
     let (wanted, clean) = undisturbed();
     let mut host = Host::watches();
     // Sequence numbers wrap in between.
@@ -182,7 +182,7 @@ fn what_comes_twice_or_late_is_left_out_and_other_requests_are_answered_between_
 }
 
 #[test]
-fn what_is_damaged_or_never_comes_is_lost_and_the_watch_goes_on() {
+fn damaged_and_missing_frames_are_lost_and_the_watch_goes_on() {
     let mut host = Host::watches();
     for number in 0..FRAMES {
         match number {
@@ -280,7 +280,7 @@ fn frames_that_cease_are_a_fault() {
 }
 
 #[test]
-fn bytes_that_found_no_room_are_told_of_the_run() {
+fn bytes_without_room_are_counted_for_the_run() {
     let mut host = Host::watches();
     host.app.on_overruns(2);
     host.app.on_overruns(1);

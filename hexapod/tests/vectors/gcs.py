@@ -36,7 +36,7 @@ ERRORS = ["PARAM_SYNTAX", "UNKNOWN_COMMAND", "COMMAND_TOO_LONG", "MOVE_WITHOUT_R
 
 
 class Tap(PIGateway):
-    """Keeps what is sent; answers what it was told to."""
+    """Keeps the lines that are sent; answers from a table."""
 
     timeout, connected, connectionid = 1000, True, 1
 
@@ -117,9 +117,9 @@ def lines():
         """All that is sent but the questions who the device is and what axes it has."""
         tap.sent = []
         act()
-        told = [line for line in tap.sent if line not in ("*IDN?\n", "SAI? ALL\n")]
-        assert len(told) == 1, told
-        return told[0]
+        own = [line for line in tap.sent if line not in ("*IDN?\n", "SAI? ALL\n")]
+        assert len(own) == 1, own
+        return own[0]
 
     return {
         "servo": sent(lambda: commands.SVO(AXES, [True] * 6)),

@@ -115,7 +115,7 @@ impl Icm42688 {
 
     /// Whether pin INT1 is up: latched, as its driver sets it, until INT_STATUS is read.
     pub fn signals(&self) -> bool {
-        // Bits 1 to 4 of INT_SOURCE0 enable what stands in the same bits of INT_STATUS.
+        // Bits 1 to 4 of INT_SOURCE0 enable the same bits of INT_STATUS.
         self.status & self.register(INT_SOURCE0) & (INT_DATA_READY | INT_FIFO_THRESHOLD | INT_FIFO_FULL) != 0
     }
 

@@ -70,7 +70,7 @@ fn the_published_driver_initialises_it_and_sets_the_rate_it_asked_for() {
 }
 
 #[test]
-fn the_published_driver_reads_back_what_was_sampled() {
+fn the_published_driver_reads_the_sample_back() {
     let (bus, mut driver) = ready(OutputDataRate::Hz1000);
     let accel = [1.2345, -9.80665, 25.0];
     let gyro = [0.5, -1.25, 3.0];

@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_legs_cannot_do_is_refused_and_changes_nothing() {
+    fn motions_beyond_the_legs_are_refused_and_change_nothing() {
         let (geometry, home, mut f) = start();
         let mut far = home;
         far.position_m[2] += 0.5;

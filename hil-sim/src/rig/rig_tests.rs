@@ -129,7 +129,7 @@ fn events_come_in_time_order_and_none_while_no_program_runs() {
 }
 
 #[test]
-fn free_running_sensors_sample_a_resting_plate_up_to_the_time_told() {
+fn free_running_sensors_sample_a_resting_plate_up_to_the_given_time() {
     let mut rig = Rig::new(RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal())).unwrap();
     bring_up(&mut rig);
     let mut events = 0;
@@ -166,7 +166,7 @@ fn the_same_seed_gives_the_same_words_and_another_seed_others() {
 }
 
 #[test]
-fn the_apparent_offset_is_what_a_biased_accelerometer_leaves_over() {
+fn the_apparent_offset_is_the_remainder_of_a_biased_accelerometer() {
     // Statics only: with the biased specific force the weight comes out wrong by exactly what the offset
     // takes off.
     let config = RigConfig::thesis_vertical();

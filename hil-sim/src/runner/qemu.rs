@@ -400,10 +400,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_with_the_stack_is_told_from_others() {
+    fn the_line_with_the_stack_is_distinguished_from_others() {
         let line = |message: &str| stack_use(&LogLine { level: "info", message: message.to_owned() });
         assert_eq!(line("stack: 4296 of 124892 bytes used"), Some(StackUse { used: 4296, size: 124_892 }));
-        for other in ["", "stack: many of 3 bytes used", "stack: 1 of 2 bytes", "running: told so"] {
+        for other in ["", "stack: many of 3 bytes used", "stack: 1 of 2 bytes", "running: commanded"] {
             assert_eq!(line(other), None);
         }
     }

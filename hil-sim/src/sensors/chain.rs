@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_clip_freeze_saturate_drift_and_are_knocked_as_told() {
+    fn channels_clip_freeze_saturate_drift_and_are_knocked_as_configured() {
         let mut models = SensorModels::ideal();
         models.faults = vec![
             Fault::Frozen { channel: Channel::Wrench(0), during: 1.0..2.0 },

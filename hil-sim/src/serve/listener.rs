@@ -29,8 +29,8 @@ impl Listener {
         // Accepting without waiting, so that it can be asked to end.
         listener.set_nonblocking(true)?;
         let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
-        let listening = thread::spawn(move || accept(&listener, &attend, &told));
+        let stop = Arc::clone(&leave);
+        let listening = thread::spawn(move || accept(&listener, &attend, &stop));
         Ok(Self { address, leave, listening: Some(listening) })
     }
 

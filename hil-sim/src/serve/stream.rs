@@ -51,9 +51,9 @@ impl StreamServer {
         tell: impl Fn(&str) + Send + Sync + 'static,
     ) -> io::Result<Self> {
         let tell: Tell = Arc::new(tell);
-        let (shared, told) = (Arc::clone(&rig), Arc::clone(&tell));
+        let (shared, report) = (Arc::clone(&rig), Arc::clone(&tell));
         let listener = Listener::listen(address, move |stream, leave| {
-            let mut receiver = Receiver::new(Arc::clone(&shared), Arc::clone(&told));
+            let mut receiver = Receiver::new(Arc::clone(&shared), Arc::clone(&report));
             // A client that breaks off has nobody left to be informed.
             let _ = connection(stream, &mut receiver, leave);
         })?;
@@ -61,7 +61,7 @@ impl StreamServer {
         datagrams.set_read_timeout(Some(LOOK_AGAIN))?;
         let leave = Arc::new(AtomicBool::new(false));
         let mut server = Self { listener, leave, others: Vec::new(), rig, tell };
-        let (shared, told) = (Arc::clone(&server.rig), Arc::clone(&server.tell));
+        let (shared, report) = (Arc::clone(&server.rig), Arc::clone(&server.tell));
         server.also(move |leave| {
             let mut senders: HashMap<SocketAddr, Receiver> = HashMap::new();
             let mut buffer = [0; 2048];
@@ -73,7 +73,7 @@ impl StreamServer {
                     }
                     let receiver = senders
                         .entry(sender)
-                        .or_insert_with(|| Receiver::new(Arc::clone(&shared), Arc::clone(&told)));
+                        .or_insert_with(|| Receiver::new(Arc::clone(&shared), Arc::clone(&report)));
                     receiver.feed(buffer.get(..n).unwrap_or_default());
                 }
             }
@@ -228,7 +228,7 @@ impl Receiver {
         }
         if away[0] > NEAR[0] || away[1] > NEAR[1] {
             return Err(format!(
-                "the stream begins {:.1} mm and {:.1} mrad from where the plate stands: begin there",
+                "the stream begins {:.1} mm and {:.1} mrad from the pose of the plate: begin there",
                 1e3 * away[0],
                 1e3 * away[1]
             ));

@@ -131,7 +131,7 @@ fn time_is_right_across_every_wrap_of_72_hours() {
 
 /// A bit of any setting of a sensor that changes while the board measures is a word, not another number.
 #[test]
-fn settings_of_sensors_that_change_while_it_measures_are_told() {
+fn settings_of_sensors_that_change_while_it_measures_are_reported() {
     let change = |what: What| {
         let life = runs::run_with(1, 4, |chip| chip.with(|m| m.later.push((1_500 * MS, what))));
         (runs::end(&life, &[]), life.outcome.words)
@@ -149,16 +149,16 @@ fn settings_of_sensors_that_change_while_it_measures_are_told() {
     }
 }
 
-/// What happened before a reset is told after it, in order and with its times, and a program's start with its
+/// Events before a reset are reported after it, in order and with their times, and a program's start with its
 /// reason.
 #[test]
-fn events_before_a_reset_are_told_after_it() {
+fn events_before_a_reset_are_reported_after_it() {
     let change = |chip: &Chip| chip.with(|m| m.later.push((1_500 * MS, What::Imu(0x4f, 0x02))));
     let life = runs::run_with(1, 4, change);
     let seen = &life.outcome.events;
     let last_start = seen.iter().rposition(|event| event.code == EventCode::Started as u8).unwrap();
     let start = seen[..last_start].iter().rposition(|event| event.code == EventCode::Started as u8).unwrap();
-    let told: Vec<_> = seen[start + 1..].iter().map(|event| (event.code, event.detail)).collect();
+    let reported: Vec<_> = seen[start + 1..].iter().map(|event| (event.code, event.detail)).collect();
     let reason = |reason| number_of_reason(reason);
     let expected = [
         (EventCode::Configured, reason(Reason::Command)),
@@ -168,7 +168,7 @@ fn events_before_a_reset_are_told_after_it() {
         (EventCode::Started, number_of_reset(ResetReason::Software)),
         (EventCode::Configured, reason(Reason::Command)),
     ];
-    assert_eq!(told, expected.map(|(code, detail)| (code as u8, detail)), "{seen:?}");
+    assert_eq!(reported, expected.map(|(code, detail)| (code as u8, detail)), "{seen:?}");
     // Found within two seconds of the change, and times begin anew with the program.
     let fault_ms = seen[start + 3].time_ms;
     assert!((1_500..3_600).contains(&fault_ms), "{fault_ms}");

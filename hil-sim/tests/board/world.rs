@@ -44,7 +44,7 @@ pub struct Life {
     pub truth: [f64; 10],
 }
 
-/// The rig and its settings at this rate, with so many seconds of the thesis' motion.
+/// The rig and its settings at this rate, with this many seconds of the thesis' motion.
 pub fn rig(rate_hz: f64, seconds: f64, seed: u64) -> (Rig, Settings) {
     let config = RigConfig::thesis_horizontal().with_rates(rate_hz, rate_hz).with_seed(seed);
     let settings = Settings {

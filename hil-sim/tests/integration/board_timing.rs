@@ -224,7 +224,7 @@ fn with_the_ring_no_sample_is_lost_while_the_board_estimates() {
 /// A main loop that stands still for longer than the ring has room loses samples. Each is counted, and those
 /// that arrive have their own times.
 #[test]
-fn what_does_not_fit_into_the_ring_is_counted_exactly() {
+fn samples_without_room_in_the_ring_are_counted_exactly() {
     let (signalled, lost) = with_the_ring(90 * MS);
     // Of 180 samples in 90 ms 143 find room, four times a second.
     let expected = (180 - 143) * (END / ESTIMATES_EVERY) as u32;

@@ -225,7 +225,7 @@ fn while_a_run_is_under_way_nothing_is_erased_and_a_full_journal_says_so() {
 }
 
 #[test]
-fn what_other_firmware_wrote_is_told_and_not_read() {
+fn records_of_other_firmware_are_reported_and_not_read() {
     let flash = SharedFlash::new(SMALL, 4);
     let mut other = store::<SMALL>(&flash).written_by(0x0BAD_F00D);
     other.begin_run(&settings(1.0)).unwrap();

@@ -76,7 +76,7 @@ fn the_port_carries_every_byte_value_both_ways_and_its_name_goes_with_it() {
 }
 
 #[test]
-fn what_one_user_has_not_read_is_not_given_to_the_next() {
+fn bytes_unread_by_one_user_are_not_given_to_the_next() {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("rig");
     let mut port = Port::open(Some(&name)).unwrap();

@@ -68,8 +68,8 @@ impl Server {
 
     /// Ctrl-C; what is left in the folder.
     fn interrupt(mut self) -> Vec<String> {
-        let told = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
-        assert!(told.unwrap().success());
+        let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
+        assert!(sent.unwrap().success());
         let deadline = Instant::now() + PATIENCE;
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
@@ -134,7 +134,7 @@ fn the_rig_file_is_written_once_and_nothing_is_written_over() {
 }
 
 #[test]
-fn what_cannot_be_had_is_named_with_the_option_that_changes_it() {
+fn unavailable_places_are_named_with_the_option_that_changes_them() {
     let folder = tempfile::tempdir().unwrap();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();

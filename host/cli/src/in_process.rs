@@ -29,7 +29,7 @@ pub struct Called {
     /// The text that would be on standard output.
     pub output: String,
     /// Lines that would be on standard error: warnings and notes.
-    pub told: Vec<String>,
+    pub messages: Vec<String>,
     /// Why there is no answer, if there is none.
     pub failure: Option<Failure>,
 }
@@ -48,7 +48,7 @@ pub fn call<W: Into<OsString>>(
     kept::begin(stop);
     let words = std::iter::once(OsString::from("rigident")).chain(words.into_iter().map(Into::into));
     let ended = catch_unwind(AssertUnwindSafe(|| parse(words).map(|parsed| run(parsed, recording))));
-    let (mut output, told) = kept::end().map(|kept| (kept.output, kept.told)).unwrap_or_default();
+    let (mut output, messages) = kept::end().map(|kept| (kept.output, kept.messages)).unwrap_or_default();
     let (status, failure) = match ended {
         Ok(Ok(Ok(code))) => (status_of(code), None),
         Ok(Ok(Err(failure))) => (failure.status(), Some(failure)),
@@ -66,7 +66,7 @@ pub fn call<W: Into<OsString>>(
             (failure.status(), Some(failure))
         }
     };
-    Called { status, output, told, failure }
+    Called { status, output, messages, failure }
 }
 
 /// Reads the words of a command line, the program's name first.

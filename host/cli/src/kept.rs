@@ -15,7 +15,7 @@ pub(crate) struct Kept {
     /// Standard output.
     pub(crate) output: String,
     /// Lines of standard error.
-    pub(crate) told: Vec<String>,
+    pub(crate) messages: Vec<String>,
     stop: Arc<AtomicBool>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Stopped;
 
 /// From now on this thread keeps what it would print, until [`end`].
 pub(crate) fn begin(stop: Arc<AtomicBool>) {
-    KEPT.set(Some(Kept { output: String::new(), told: Vec::new(), stop }));
+    KEPT.set(Some(Kept { output: String::new(), messages: Vec::new(), stop }));
 }
 
 /// Returns what was stored; this thread prints again.
@@ -53,11 +53,11 @@ pub(crate) fn keep(text: &impl fmt::Display) -> bool {
 }
 
 /// Keeps a line of standard error likewise.
-pub(crate) fn told(words: fmt::Arguments<'_>) -> bool {
+pub(crate) fn keep_message(words: fmt::Arguments<'_>) -> bool {
     KEPT.with_borrow_mut(|kept| {
         kept.as_mut().map(|kept| {
             let line = words.to_string();
-            kept.told.push(line.strip_prefix("rigident: ").unwrap_or(&line).trim().to_owned());
+            kept.messages.push(line.strip_prefix("rigident: ").unwrap_or(&line).trim().to_owned());
         })
     })
     .is_some()

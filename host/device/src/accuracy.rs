@@ -21,11 +21,11 @@ pub struct Accuracy {
 impl Accuracy {
     /// Returns the accuracy of a device's estimate; parameters that the rows do not determine do not count.
     pub fn of(device: &Estimate, host: &Estimate) -> Self {
-        let told: Vec<usize> = (0..host.len()).filter(|j| host.is_determined(*j)).collect();
-        let size = told.iter().map(|j| host.unjudged().values[*j].powi(2)).sum::<f64>().sqrt();
+        let determined: Vec<usize> = (0..host.len()).filter(|j| host.is_determined(*j)).collect();
+        let size = determined.iter().map(|j| host.unjudged().values[*j].powi(2)).sum::<f64>().sqrt();
         let roundings = ALLOWED_ROUNDINGS * f64::from(f32::EPSILON) * host.condition_number * size;
         let mut all = Self::default();
-        for j in told {
+        for j in determined {
             let sd = host.unjudged().covariance[(j, j)].sqrt();
             let off = (device.unjudged().values[j] - host.unjudged().values[j]).abs();
             if off / sd >= all.largest_difference_sd {

@@ -46,16 +46,16 @@ mod tests {
     }
 
     #[test]
-    fn only_another_board_than_the_calibrated_one_is_told() {
+    fn only_another_board_than_the_calibrated_one_is_reported() {
         let rig = |key: &str| RigFile::parse(&format!("[load_cell]\n{key}\n")).unwrap();
         let named = rig("board_id = \"0102030405060708090A0b0c\"");
         let [this, other] =
             [[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 13]];
         assert_eq!(another_board(&named, &board(this)), None);
-        let told = another_board(&named, &board(other)).unwrap();
+        let said = another_board(&named, &board(other)).unwrap();
         assert!(
-            told.contains("0102030405060708090A0b0c") && told.contains("0102030405060708090a0b0d"),
-            "{told}"
+            said.contains("0102030405060708090A0b0c") && said.contains("0102030405060708090a0b0d"),
+            "{said}"
         );
         // The simulator has no number, and most rig files name none.
         assert_eq!(another_board(&named, &board([0; 12])), None);

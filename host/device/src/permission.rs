@@ -15,7 +15,7 @@ pub struct Ownership {
 
 impl Ownership {
     /// Returns what to type so that the port can be opened.
-    pub fn what_to_do(&self) -> String {
+    pub fn advice(&self) -> String {
         if self.needs_login {
             format!("you are in the group {} since your last login: log out and in again", self.group)
         } else {
@@ -71,7 +71,7 @@ mod tests {
     const GROUPS: &str = "root:x:0:\ndialout:x:20:ann,ben\nusers:x:100:\n";
 
     #[test]
-    fn a_user_who_is_not_in_the_group_is_told_how_to_join_and_a_member_to_log_in() {
+    fn a_user_who_is_not_in_the_group_is_advised_to_join_and_a_member_to_log_in() {
         let of = |groups: &str, user: &str| {
             judge(
                 20,
@@ -83,9 +83,9 @@ mod tests {
         let may = of("20 100 ", "ann");
         assert_eq!((may.group.as_str(), may.has_group, may.needs_login), ("dialout", true, false));
         let stranger = of("100 ", "eve");
-        assert!(!stranger.has_group && stranger.what_to_do().contains("usermod -aG dialout"));
+        assert!(!stranger.has_group && stranger.advice().contains("usermod -aG dialout"));
         let member = of("100 ", "ben");
-        assert!(member.needs_login && member.what_to_do().contains("log out"));
+        assert!(member.needs_login && member.advice().contains("log out"));
         let root = judge(20, GROUPS, "Uid:\t0\t0\t0\t0\nGroups:\t0 \n", "root");
         assert!(root.has_group);
         assert_eq!(judge(77, GROUPS, "", "ann").group, "77");

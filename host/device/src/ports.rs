@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_device_is_found_every_port_is_told_with_what_to_do() {
+    fn without_a_device_every_port_is_named_with_advice() {
         assert!(matches!(only(Vec::new()), Err(NotFound::NoPort)));
         let none = NotFound::NoPort.to_string();
         assert!(["cable", "driver", "udev", "doctor()"].iter().all(|word| none.contains(word)), "{none}");

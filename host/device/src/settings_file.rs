@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_named_with_its_table() {
+    fn differences_are_named_with_their_table() {
         let (old, mut new) = (example(), example());
         new.imu.rate_hz = 500.0;
         new.load_cell.known_offset_n_nm = Some([0.5; 6]);

@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counters_become_words_and_what_never_happened_is_left_out() {
+    fn counters_become_words_and_zeros_are_left_out() {
         assert!(trouble(&CounterReport::default()).is_empty());
         let mut counters = CounterReport {
             last_rejection: 2,

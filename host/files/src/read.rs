@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn larger_files_and_what_is_no_file_are_refused() {
+    fn larger_files_and_folders_are_refused() {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("a.toml");
         std::fs::write(&path, "four").unwrap();

@@ -11,7 +11,7 @@
 //! are those after the whitening: in the measured ones noise of the signals is common to all, and hides what
 //! a channel has of its own.
 
-use super::residuals::told;
+use super::residuals::informative_blocks;
 use super::{Autocorrelation, BlockResidual, Filter, Whitener, Whitening};
 
 /// A deviation this many standard deviations long is not chance: 6 channels, two tests, one false alarm in
@@ -56,7 +56,7 @@ impl Series {
         let weighted = |s: &&[BlockResidual]| s.iter().map(|r| r.weighted(channel)).collect();
         Self {
             stretches: stretches.iter().map(weighted).collect(),
-            count: stretches.iter().map(|s| told(s, channel)).sum::<usize>().max(1) as f64,
+            count: stretches.iter().map(|s| informative_blocks(s, channel)).sum::<usize>().max(1) as f64,
             known: Vec::new(),
         }
     }
@@ -142,7 +142,7 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
             return None;
         }
         // The sum ends where two neighbours no longer are positive together (Geyer 1992).
-        let (mut tail, mut told) = (0.0, vec![gamma[0]]);
+        let (mut tail, mut autocovariance) = (0.0, vec![gamma[0]]);
         for lag in (1..longest).step_by(2) {
             let pair = [lag, lag + 1].map(|lag| series.autocovariance(lag));
             let sum = pair[0] + pair[1];
@@ -150,17 +150,17 @@ pub fn detect(residuals: &[BlockResidual], filter: &Filter, variance: &[f64], fi
                 break;
             }
             tail += sum;
-            told.extend(pair);
+            autocovariance.extend(pair);
         }
         let sum = gamma[0] + 2.0 * tail;
         // What is fitted is as slow as the noise: at every lag it has taken a share `p/n` of the sum
         // (Bartlett 1946).
-        let taken = (fitted * (2 * told.len() - 1) as f64 / series.count).min(MOST_TAKEN);
+        let taken = (fitted * (2 * autocovariance.len() - 1) as f64 / series.count).min(MOST_TAKEN);
         let sum = sum / (1.0 - taken);
         let back = fitted * sum / series.count;
-        told.iter_mut().for_each(|gamma| *gamma += back);
+        autocovariance.iter_mut().for_each(|gamma| *gamma += back);
         let factor = (f64::from(filter.every) * sum / scale).max(0.0).sqrt();
-        Some(Coloured { channel, found: Autocorrelation { mean, chance, factor }, autocovariance: told })
+        Some(Coloured { channel, found: Autocorrelation { mean, chance, factor }, autocovariance })
     });
     let mut found: Vec<Coloured> = found.filter(|c| c.found.factor > NOTICEABLE).collect();
     found.sort_by(|a, b| b.found.factor.total_cmp(&a.found.factor));
@@ -178,8 +178,8 @@ pub fn whitened(residuals: &[BlockResidual], whitening: &Whitening) -> Vec<Block
         rows.fill(0.0);
         whitener.apply(residual.time_s, &mut rows, &mut values, weights);
         // Where channels are mixed every one has something of the others.
-        let told = residual.weights.iter().map(|weight| f64::from(u8::from(*weight != 0.0)));
-        let weights = if whitening.weights().is_some() { told.collect() } else { Vec::new() };
+        let present = residual.weights.iter().map(|weight| f64::from(u8::from(*weight != 0.0)));
+        let weights = if whitening.weights().is_some() { present.collect() } else { Vec::new() };
         BlockResidual { time_s: residual.time_s, values, weights }
     };
     residuals.iter().map(of).collect()
@@ -192,7 +192,7 @@ mod tests {
     /// Slow noise of which a mean, a line and a curve were taken: the sum over its lags is that of the noise
     /// on the mean, and too small by a third where that is not counted.
     #[test]
-    fn what_was_fitted_to_slow_noise_is_counted_back() {
+    fn a_fit_to_slow_noise_is_counted_back() {
         use nalgebra::DMatrix;
         use rand_chacha::ChaCha8Rng;
         use rand_chacha::rand_core::SeedableRng;

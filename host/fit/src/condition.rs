@@ -272,9 +272,10 @@ pub fn absorb<B: RowBlocks + ?Sized>(
         let skipped = range.start.saturating_sub(start).min(end - start) * channels;
         let count = (end - start) * channels;
         let lines = rows.chunks_exact(parameters.max(1)).zip(values.iter().copied());
-        let told = (start..end).flat_map(|block| (0..channels).map(move |c| mixed || blocks.tells(block, c)));
-        let lines = lines.zip(told).take(count).skip(skipped);
-        factor.absorb(lines.filter(|(_, told)| *told).map(|(line, _)| line));
+        let present =
+            (start..end).flat_map(|block| (0..channels).map(move |c| mixed || blocks.tells(block, c)));
+        let lines = lines.zip(present).take(count).skip(skipped);
+        factor.absorb(lines.filter(|(_, present)| *present).map(|(line, _)| line));
         start = end;
     }
     factor
@@ -290,7 +291,7 @@ pub struct StoredBlocks {
     rows: Vec<f64>,
     measured: Vec<f64>,
     /// Blocks and channels that tell nothing.
-    untold: HashSet<(usize, usize)>,
+    missing: HashSet<(usize, usize)>,
 }
 
 impl RowBlocks for StoredBlocks {
@@ -316,7 +317,7 @@ impl RowBlocks for StoredBlocks {
     }
 
     fn tells(&self, block: usize, channel: usize) -> bool {
-        self.untold.is_empty() || !self.untold.contains(&(block, channel))
+        self.missing.is_empty() || !self.missing.contains(&(block, channel))
     }
 }
 
@@ -338,7 +339,7 @@ impl StoredBlocks {
             time_s: Vec::new(),
             rows: Vec::new(),
             measured: Vec::new(),
-            untold: HashSet::new(),
+            missing: HashSet::new(),
         }
     }
 
@@ -347,7 +348,7 @@ impl StoredBlocks {
         self.time_s.clear();
         self.rows.clear();
         self.measured.clear();
-        self.untold.clear();
+        self.missing.clear();
     }
 
     /// Adds a block.
@@ -358,9 +359,9 @@ impl StoredBlocks {
         self.time_s.push(time_s);
         self.rows.extend_from_slice(&due.smoothed);
         self.measured.extend_from_slice(&due.measured);
-        let untold = due.untold.iter().enumerate().filter(|(_, untold)| **untold);
-        for (c, _) in untold {
-            self.untold.insert((block, c));
+        let missing = due.missing.iter().enumerate().filter(|(_, missing)| **missing);
+        for (c, _) in missing {
+            self.missing.insert((block, c));
             let own = self.rows.iter_mut().skip(from + c * length).take(length);
             own.chain(self.measured.iter_mut().skip(block * channels + c).take(1)).for_each(|v| *v = 0.0);
         }
@@ -533,8 +534,8 @@ impl Taps {
         self.out.smoothed.resize(rows, 0.0);
         self.out.measured.clear();
         self.out.measured.resize(channels, 0.0);
-        self.out.untold.clear();
-        self.out.untold.resize(channels, false);
+        self.out.missing.clear();
+        self.out.missing.resize(channels, false);
         let mut taps = self.weights.iter().zip(&self.samples);
         loop {
             // Several at a time, each sum in the order of the taps: fewer sums are stored.
@@ -553,7 +554,7 @@ impl Taps {
                 for (sum, value) in self.out.measured.iter_mut().zip(&sample.measured) {
                     *sum += h * value;
                 }
-                self.out.untold.iter_mut().zip(&sample.untold).for_each(|(any, own)| *any |= own);
+                self.out.missing.iter_mut().zip(&sample.missing).for_each(|(any, own)| *any |= own);
             }
             if some.iter().any(Option::is_none) {
                 break;

@@ -40,7 +40,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// Writes the rows of at most so many blocks.
+    /// Writes the rows of at most this many blocks.
     fn of(source: &dyn RowSource, most: usize) -> Result<Self, FitError> {
         let blocks = source.blocks(&Silent)?;
         if blocks.is_empty() {
@@ -103,7 +103,7 @@ impl Rows {
     }
 }
 
-/// Returns what weighted least squares explain of the rows of a source, of at most so many blocks
+/// Returns what weighted least squares explain of the rows of a source, of at most this many blocks
 /// ([`BLOCKS`]).
 ///
 /// # Errors

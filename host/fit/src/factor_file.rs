@@ -21,8 +21,8 @@ const MAGIC: &[u8; 8] = b"RIGIDFAC";
 /// Version 6 holds the errors of each rig apart from its rows, and the variance of each run. Version 5 holds
 /// the labels of each run after what version 4 holds, and that its checks after what version 3 holds: any
 /// parameters and channels. 1 and 2 held one body's ten or sixteen parameters.
-/// 7 says how many runs stand for one, where there are such. 8 holds some readings of each run, and each
-/// number that errors have in common once.
+/// 7 says how many runs one entry represents, where there are such. 8 holds some readings of each run, and
+/// each number that errors have in common once.
 pub const VERSION: u16 = 8;
 /// Has no readings, and all numbers of every error.
 const WITHOUT_READINGS: u16 = 7;
@@ -176,7 +176,7 @@ pub struct FactorSource {
     /// program, or of several runs.
     #[serde(skip)]
     pub readings: Vec<u64>,
-    /// What is left of several runs that are no longer told apart; `None` of one.
+    /// What is left of several runs that are no longer distinguished; `None` of one.
     #[serde(skip)]
     pub folded: Option<Folded>,
 }
@@ -427,8 +427,8 @@ fn scales_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u
     Ok(rest)
 }
 
-/// Takes the rigs, and what stands behind them, off the bytes: whether errors are in the rows, the rigs, and
-/// the bytes of their numbers.
+/// Takes the rigs, and the parts that follow them, off the bytes: whether errors are in the rows, the rigs,
+/// and the bytes of their numbers.
 fn rigs_of<'a>(
     version: u16,
     bytes: &'a [u8],
@@ -470,7 +470,7 @@ fn folded_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u
             && own.freedom.is_none_or(|v| (1.0..LARGEST).contains(&v))
     };
     if !folded.iter().flatten().all(usual) {
-        return Err(FactorFileError::Header("runs that are no longer told apart, and impossible"));
+        return Err(FactorFileError::Header("runs that are no longer distinguished, and impossible"));
     }
     sources.iter_mut().zip(folded).for_each(|(source, own)| source.folded = own);
     Ok(rest)

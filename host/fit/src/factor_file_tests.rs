@@ -58,7 +58,7 @@ fn every_damaged_byte_is_noticed() {
 }
 
 #[test]
-fn other_versions_and_other_files_are_told_by_kind() {
+fn other_versions_and_other_files_are_named_by_kind() {
     for version in [0_u16, 1, 2] {
         let body = postcard::to_allocvec(&(version, 99_u64)).unwrap();
         let error = read(&sealed(&body)).unwrap_err();
@@ -96,7 +96,7 @@ fn hostile_sizes_are_refused_before_room_is_made() {
 }
 
 #[test]
-fn what_cannot_be_reckoned_with_is_named() {
+fn impossible_contents_are_named() {
     let good = file(&tree(1));
     let with = |change: &dyn Fn(&mut PooledFactor)| {
         let mut file = good.clone();

@@ -121,7 +121,7 @@ fn dependent_columns_are_not_determined() {
 }
 
 #[test]
-fn entries_round_trip_and_refuse_what_is_no_factor() {
+fn entries_round_trip_and_refuse_all_but_factors() {
     let (a, y) = rows(20, 4, 0.3);
     let factor = absorbed(&a, &y);
     let entries = factor.entries();

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rounds_to_zero_has_no_sign_of_its_own() {
+    fn numbers_that_round_to_zero_have_no_sign_of_their_own() {
         for (value, decimals, expected) in [
             (0.344, 2, "+0.34"),
             (-1.337, 2, "-1.34"),

@@ -51,7 +51,7 @@ const IN_COMMON: usize = 2;
 /// What tells the readings of a run from others.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
-    /// The fingerprint of all, times included: that of the same readings, whatever file they stand in.
+    /// The fingerprint of all, times included: that of the same readings, whatever file they are in.
     pub fingerprint: u64,
     /// The smallest hashes of single readings in single precision, in order, times left out: a sample of all,
     /// so that recordings that have a good part of their readings in common show some in common.
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_are_told_apart_where_one_ends() {
+    fn texts_are_distinguished_where_one_ends() {
         let of = |texts: [&str; 2]| {
             let mut hash = Fingerprint::default();
             texts.iter().for_each(|text| hash.add_text(text));

@@ -155,15 +155,15 @@ impl Gaussian {
         let sd = self.covariance.diagonal().map(f64::sqrt);
         let n = sd.len();
         let taken = &self.covariance - &after.covariance;
-        let told = DMatrix::from_fn(n, n, |i, j| taken[(i, j)] / (sd[i] * sd[j]));
-        Agreement::new(&(&after.mean - &self.mean).component_div(&sd), told)
+        let learned = DMatrix::from_fn(n, n, |i, j| taken[(i, j)] / (sd[i] * sd[j]));
+        Agreement::new(&(&after.mean - &self.mean).component_div(&sd), learned)
     }
 
     /// Returns the distribution after something has informed of `y = map x + shift`, whose distribution was
     /// `before` and is `after`: `K = Σ mapᵀ S⁻¹`, `x̂ + K (y′ − y)`, `Σ − K (S − S′) Kᵀ`.
     ///
     /// Returns `None` if sizes differ or the result is not one of [`Gaussian::new`].
-    pub fn told(&self, map: &DMatrix<f64>, before: &Self, after: &Self) -> Option<Self> {
+    pub fn informed(&self, map: &DMatrix<f64>, before: &Self, after: &Self) -> Option<Self> {
         let m = before.names.len();
         if before.names != after.names || map.shape() != (m, self.names.len()) {
             return None;
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_the_whitening_say_what_the_covariance_says() {
+    fn rows_of_the_whitening_agree_with_the_covariance() {
         let known = correlated();
         let w = known.whitening();
         let back = (w.tr_mul(&w)).try_inverse().unwrap();
@@ -203,7 +203,7 @@ mod tests {
     /// A measurement of `y = a + b`, once by the normal equations, once by what it does to the distribution
     /// of y.
     #[test]
-    fn what_is_told_of_a_part_moves_the_whole() {
+    fn information_on_a_part_moves_the_whole() {
         let known = correlated();
         let map = DMatrix::from_row_slice(1, 3, &[1.0, 1.0, 0.0]);
         let (value, sigma) = (0.5, 0.2);
@@ -211,7 +211,7 @@ mod tests {
         let variance = 1.0 / (1.0 / before.covariance()[(0, 0)] + 1.0 / (sigma * sigma));
         let mean = variance * (before.mean()[0] / before.covariance()[(0, 0)] + value / (sigma * sigma));
         let after = Gaussian::independent(&[("y".into(), mean, variance.sqrt())]).unwrap();
-        let told = known.told(&map, &before, &after).unwrap();
+        let informed = known.informed(&map, &before, &after).unwrap();
 
         let w = known.whitening();
         let normal = w.tr_mul(&w) + map.tr_mul(&map) / (sigma * sigma);
@@ -219,16 +219,16 @@ mod tests {
             w.tr_mul(&w) * known.mean() + map.transpose() * DVector::from_element(1, value / (sigma * sigma));
         let covariance = normal.try_inverse().unwrap();
         let mean = &covariance * right;
-        for (found, expected) in told.mean().iter().zip(mean.iter()) {
+        for (found, expected) in informed.mean().iter().zip(mean.iter()) {
             assert!((found - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{found} {expected}");
         }
-        for (found, expected) in told.covariance().iter().zip(covariance.iter()) {
+        for (found, expected) in informed.covariance().iter().zip(covariance.iter()) {
             assert!((found - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{found} {expected}");
         }
     }
 
     #[test]
-    fn what_is_no_distribution_is_refused() {
+    fn matrices_that_are_no_distribution_are_refused() {
         let names = || vec!["a".to_owned(), "b".to_owned()];
         let zero = DVector::zeros(2);
         let of = |v: [f64; 4]| Gaussian::new(names(), zero.clone(), DMatrix::from_row_slice(2, 2, &v));

@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_told_apart_by_their_labels() {
+    fn runs_are_distinguished_by_their_labels() {
         let keys = ["rig".to_owned(), "body".to_owned()];
         let one = factor(&[("body", "a"), ("rig", "2"), ("day", "monday")]);
         assert_eq!(values(&one, &keys), Ok(vec!["2".to_owned(), "a".to_owned()]));

@@ -53,12 +53,12 @@ impl ErrorScores {
 
     /// Returns the errors along the columns of `directions`; `None` where the rows do not tell them.
     pub fn larger(&self, directions: &DMatrix<f64>) -> Option<Larger> {
-        let told = directions.transpose() * &self.information * directions;
+        let informed = directions.transpose() * &self.information * directions;
         let drawn = (directions.transpose() * &self.beforehand * directions).cholesky()?.inverse();
-        let covariance = told.cholesky()?.inverse();
-        let (told, prior) = (covariance.diagonal(), drawn.diagonal());
+        let covariance = informed.cholesky()?.inverse();
+        let (total, prior) = (covariance.diagonal(), drawn.diagonal());
         if covariance.iter().any(|v| !v.is_finite())
-            || prior.iter().zip(&told).any(|(prior, all)| *prior < LEAST * all)
+            || prior.iter().zip(&total).any(|(prior, all)| *prior < LEAST * all)
         {
             return None;
         }
@@ -66,8 +66,8 @@ impl ErrorScores {
         let value = &covariance * &score;
         Some(Larger {
             chi2: score.dot(&value),
-            sd: (&told - prior).map(|variance| variance.max(0.0).sqrt()),
-            drawn_sd: told.map(f64::sqrt),
+            sd: (&total - prior).map(|variance| variance.max(0.0).sqrt()),
+            drawn_sd: total.map(f64::sqrt),
             value,
         })
     }

@@ -35,8 +35,8 @@ pub(super) struct Columns {
     signals: usize,
     /// Further knowledge of errors: rows of all columns with their values, of unit σ.
     observations: Vec<(Vec<f64>, f64)>,
-    /// The number of them that rows determine ([`RowSource::told_errors`]).
-    told: usize,
+    /// The number of them that rows determine ([`RowSource::determined_errors`]).
+    determined: usize,
     /// The prior knowledge of what is left of them.
     pub(super) prior: Prior,
     /// The value of each that the signals are corrected for.
@@ -106,7 +106,7 @@ impl Columns {
     /// Returns the nuisance parameters that a source has, those whose σ is zero left out.
     pub(super) fn of(source: &dyn RowSource) -> Self {
         let mut nuisances = source.nuisances();
-        let told = nuisances.iter().take(source.told_errors()).filter(|k| k.sigma > 0.0).count();
+        let determined = nuisances.iter().take(source.determined_errors()).filter(|k| k.sigma > 0.0).count();
         nuisances.retain(|k| k.sigma > 0.0);
         let mut prior = Prior::new(source.parameters(), &mut nuisances, source.beforehand());
         let parameters = source.parameters().len();
@@ -135,7 +135,7 @@ impl Columns {
             observations,
             nuisances,
             parameters,
-            told,
+            determined,
             offsets: source.channels().iter().map(|c: &Channel| c.offset).collect(),
             prior,
             corrected,
@@ -199,8 +199,8 @@ impl Columns {
         let shared: Vec<usize> = (0..count).filter(|k| self.nuisances[*k].scope == Scope::Rig).collect();
         let is_own = |j: usize| j >= n && self.nuisances[j - n].scope == Scope::Recording;
         let mut rows = joint.clone();
-        if self.told < count {
-            rows = rows.for_given_others(n + self.told);
+        if self.determined < count {
+            rows = rows.for_given_others(n + self.determined);
         }
         let mut known = Vec::new();
         for (k, row) in whitening.row_iter().enumerate() {
@@ -236,8 +236,8 @@ impl Columns {
         let rows: Vec<(Vec<f64>, f64)> =
             rows.map(|row| (row.iter().copied().collect(), (row * mean)[0])).collect();
         let mut known = joint.clone();
-        if self.told < self.nuisances.len() {
-            known = known.for_given_others(self.parameters + self.told);
+        if self.determined < self.nuisances.len() {
+            known = known.for_given_others(self.parameters + self.determined);
         }
         known.absorb(rows.iter().map(|(row, value)| (row.as_slice(), *value)));
         known.absorb(self.observations.iter().map(|(row, value)| (row.as_slice(), *value)));
@@ -336,7 +336,7 @@ fn contracted<'a>(source: &'a dyn RowSource, phi: &'a [f64]) -> OtherColumns<'a>
         for (to, row) in rows.differentiated.iter_mut().zip(all.differentiated.chunks_exact(n)) {
             *to = dot(row, phi);
         }
-        (rows.measured, rows.untold) = (all.measured, all.untold);
+        (rows.measured, rows.missing) = (all.measured, all.missing);
         Ok(())
     })
 }

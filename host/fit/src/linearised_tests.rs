@@ -235,7 +235,7 @@ fn the_errors_put_in_are_found_and_taken_off() {
 }
 
 #[test]
-fn what_is_next_to_certain_changes_nothing() {
+fn errors_next_to_certain_change_nothing() {
     let with = Example::new(vec![nuisance("gain", 1e-12, Effect::Gain { channel: 0 })]).fitted();
     let without = Example::new(Vec::new()).fitted();
     assert!(with.nuisances[0].value.abs() < 1e-12 && with.nuisances[0].pull() == 0.0);
@@ -256,7 +256,7 @@ fn together() -> Gaussian {
 }
 
 #[test]
-fn what_is_known_together_counts_with_mean_and_correlation() {
+fn joint_prior_knowledge_counts_with_mean_and_correlation() {
     let known = together();
     let example = Example { noise: 0.8, beforehand: Some(known.clone()), ..Example::all() };
     let found = example.fitted();

@@ -22,7 +22,7 @@ pub struct MadeBlocks<'a, S: RowSource + ?Sized> {
     /// The first sample under the filter of each run's first block.
     starts: Vec<usize>,
     /// Blocks and channels that tell nothing.
-    untold: HashSet<(usize, usize)>,
+    missing: HashSet<(usize, usize)>,
     kept: Mutex<(usize, StoredBlocks)>,
 }
 
@@ -46,15 +46,15 @@ impl<'a, S: RowSource + ?Sized> MadeBlocks<'a, S> {
             time_s: Vec::new(),
             run: (kept / coefficients.max(1)).max(1),
             starts: Vec::new(),
-            untold: HashSet::new(),
+            missing: HashSet::new(),
             kept: Mutex::new((0, StoredBlocks::of(walk.filter().clone()))),
         };
         let (_, first) = blocks.kept.get_mut().unwrap_or_else(PoisonError::into_inner);
         while let Some((time_s, due)) = walk.next(progress) {
             let block = blocks.time_s.len();
             blocks.time_s.push(time_s);
-            let untold = due.untold.iter().enumerate().filter(|(_, untold)| **untold);
-            blocks.untold.extend(untold.map(|(channel, _)| (block, channel)));
+            let missing = due.missing.iter().enumerate().filter(|(_, missing)| **missing);
+            blocks.missing.extend(missing.map(|(channel, _)| (block, channel)));
             if block < blocks.run {
                 first.push(time_s, due);
             }
@@ -109,7 +109,7 @@ impl<S: RowSource + ?Sized> RowBlocks for MadeBlocks<'_, S> {
     }
 
     fn tells(&self, block: usize, channel: usize) -> bool {
-        self.untold.is_empty() || !self.untold.contains(&(block, channel))
+        self.missing.is_empty() || !self.missing.contains(&(block, channel))
     }
 }
 
@@ -156,8 +156,8 @@ mod tests {
                 (*s, *d) = (wave(k), wave(k + 7));
             }
             rows.measured.iter_mut().enumerate().for_each(|(c, m)| *m = wave(c + 20));
-            rows.untold[0] = (500..540).contains(&sample);
-            rows.untold[1] = (520..600).contains(&sample);
+            rows.missing[0] = (500..540).contains(&sample);
+            rows.missing[1] = (520..600).contains(&sample);
             Ok(())
         }
     }

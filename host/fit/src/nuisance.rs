@@ -125,13 +125,17 @@ pub struct NuisanceFit {
 }
 
 /// Rows tell of an error where its estimate has at least this share of the variance beforehand.
-const TOLD: f64 = 0.1;
+const LEAST_SHARE: f64 = 0.1;
 
 impl NuisanceFit {
     /// Returns how far the estimate is from its value beforehand, in the standard deviations that it has if
     /// the error is drawn from the prior. Zero where the rows say nothing of it.
     pub fn pull(&self) -> f64 {
-        if self.told() > TOLD { (self.value - self.expected) / self.drawn.sqrt() } else { 0.0 }
+        if self.learned_share() > LEAST_SHARE {
+            (self.value - self.expected) / self.drawn.sqrt()
+        } else {
+            0.0
+        }
     }
 
     /// Returns true if it is not as stated.
@@ -140,7 +144,7 @@ impl NuisanceFit {
     }
 
     /// Returns the share of the prior's variance that the estimate has: what the rows tell.
-    pub fn told(&self) -> f64 {
+    pub fn learned_share(&self) -> f64 {
         (self.drawn / self.nuisance.sigma.powi(2)).clamp(0.0, 1.0)
     }
 }
@@ -170,16 +174,16 @@ pub struct Agreement {
 
 impl Agreement {
     /// Returns the agreement of estimates that are `off` by the given number of standard deviations
-    /// beforehand, of which rows have `told`: the covariance that `off` has if the truth is drawn as known
+    /// beforehand, with `learned`: the covariance that `off` has if the truth is drawn as known
     /// beforehand. `None` if they tell of nothing.
-    pub(super) fn new(off: &DVector<f64>, told: DMatrix<f64>) -> Option<Self> {
+    pub(super) fn new(off: &DVector<f64>, learned: DMatrix<f64>) -> Option<Self> {
         if off.is_empty() {
             return None;
         }
-        let eigen = nalgebra::SymmetricEigen::new(told);
+        let eigen = nalgebra::SymmetricEigen::new(learned);
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0.0);
         for (share, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *share > TOLD {
+            if *share > LEAST_SHARE {
                 chi2 += direction.dot(off).powi(2) / share;
                 degrees_of_freedom += 1.0;
             }

@@ -100,8 +100,8 @@ fn disagreement(
     let rank = |factor: &Factor| factor.solve(rounding).determined.iter().filter(|d| **d).count();
     let mut both = own.clone();
     both.merge(bare);
-    let told = rank(sought).min(of_sought.ncols());
-    let compared = (rank(own) + rank(bare)).saturating_sub(rank(&both) + told);
+    let rank_sought = rank(sought).min(of_sought.ncols());
+    let compared = (rank(own) + rank(bare)).saturating_sub(rank(&both) + rank_sought);
     let dof = compared as f64;
     let surprising = chi2 > dof && ChiSquared::new(dof).is_ok_and(|d| d.sf(chi2) < SURPRISING);
     surprising.then(|| chi2 / dof)

@@ -75,7 +75,7 @@ fn runs(shared: bool) -> [WithErrors; 2] {
 /// Oracle: the normal equations of all rows, with columns for the arm, both runs' offsets, the payload and
 /// every error.
 #[test]
-fn a_payload_is_what_the_difference_of_both_runs_says() {
+fn a_payload_is_the_difference_of_both_runs() {
     for shared in [true, false] {
         let [with, without] = runs(shared);
         let found = without.tare().payload(&with.fit, &carrier()).unwrap();
@@ -119,7 +119,7 @@ fn a_payload_is_what_the_difference_of_both_runs_says() {
 
 /// Errors that both runs share cancel: intervals are smaller than of errors of each run's own.
 #[test]
-fn what_both_runs_share_cancels() {
+fn shared_errors_of_both_runs_cancel() {
     let sd = |shared: bool| {
         let [with, without] = runs(shared);
         let found = without.tare().payload(&with.fit, &carrier()).unwrap();
@@ -131,7 +131,7 @@ fn what_both_runs_share_cancels() {
 
 /// What is left of two runs of the same arm is noise; what a body on the link does not explain is reported.
 #[test]
-fn runs_that_differ_by_more_than_a_payload_are_told_and_widened() {
+fn runs_that_differ_by_more_than_a_payload_are_reported_and_widened() {
     let parameters = tree(2);
     let bare = Run::new(&parameters, &truth(32), 300, 2.0, 2);
     let mut phi = truth(32);

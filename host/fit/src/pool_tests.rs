@@ -105,7 +105,7 @@ fn the_order_of_merging_and_of_columns_does_not_matter() {
 
 /// Runs of bodies that differ by ten standard deviations: the intervals hold both.
 #[test]
-fn runs_that_disagree_are_told_and_widen_the_intervals() {
+fn runs_that_disagree_are_reported_and_widen_the_intervals() {
     let parameters = body();
     let (mut phi, mut runs) = (truth(16), Vec::new());
     for seed in 0..2 {
@@ -124,7 +124,7 @@ fn runs_that_disagree_are_told_and_widen_the_intervals() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_by_kind() {
+fn factors_that_do_not_fit_are_refused_by_kind() {
     let runs = runs(&tree(1), 2);
     let [a, b] = [&runs[0].pooled, &runs[1].pooled];
     let merge = |files: &[&PooledFactor], shared: bool| {
@@ -169,7 +169,7 @@ fn what_does_not_fit_is_refused_by_kind() {
 }
 
 #[test]
-fn ten_thousand_runs_merge_and_are_told_in_one_line() {
+fn ten_thousand_runs_merge_and_are_named_in_one_line() {
     let run = Run::new(&body(), &truth(16), 60, 3.0, 0);
     let files: Vec<PooledFactor> = (0..10_000)
         .map(|seed| {
@@ -208,7 +208,7 @@ fn more_rows_than_a_word_of_32_bits_are_counted() {
 }
 
 #[test]
-fn lacking_offsets_are_told() {
+fn lacking_offsets_are_reported() {
     let runs = runs(&body(), 2);
     let merged = PooledFactor::merged(pooled(&runs), false).unwrap();
     assert!(merged.without_offset_in_words().unwrap().contains("each run has its own"));
@@ -389,7 +389,7 @@ fn runs_of_one_rig_do_not_average_its_errors_out() {
 }
 
 #[test]
-fn runs_of_one_rig_that_state_other_errors_are_told_and_old_ones_refused() {
+fn runs_of_one_rig_that_state_other_errors_are_reported_and_old_ones_refused() {
     let runs = runs(&body(), 2);
     let first = with_errors(&runs[0], "rig", 0.0);
     let mut second = with_errors(&runs[1], "rig", 0.0);

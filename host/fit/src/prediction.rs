@@ -34,7 +34,7 @@ pub struct PredictedBlock {
     pub predicted: Vec<f64>,
     /// False where the block tells nothing of a channel, as dry friction at rest is unknown; empty if it
     /// tells of all.
-    pub told: Vec<bool>,
+    pub determined: Vec<bool>,
 }
 
 /// Returns plain least squares: every row counts alike, in its channel's unit, nothing is known beforehand,
@@ -140,7 +140,7 @@ impl Prediction {
                 time_s: left.time_s - half_s,
                 predicted: measured.iter().zip(&left.values).map(|(m, left)| m - left).collect(),
                 measured,
-                told: left.weights.iter().map(|weight| *weight != 0.0).collect(),
+                determined: left.weights.iter().map(|weight| *weight != 0.0).collect(),
             }
         };
         let all: Vec<PredictedBlock> = left.iter().enumerate().map(of_block).collect();
@@ -179,8 +179,8 @@ impl Fit {
 
 /// Returns the standard deviation of a channel's filtered measurements about their mean.
 fn measured_sd(blocks: &[PredictedBlock], channel: usize) -> f64 {
-    let told = blocks.iter().filter(|block| block.told.get(channel) != Some(&false));
-    let values: Vec<f64> = told.filter_map(|block| block.measured.get(channel).copied()).collect();
+    let determined = blocks.iter().filter(|block| block.determined.get(channel) != Some(&false));
+    let values: Vec<f64> = determined.filter_map(|block| block.measured.get(channel).copied()).collect();
     let mean =
         |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count.max(1) as f64;
     let centre = mean(&mut values.iter().copied(), values.len());

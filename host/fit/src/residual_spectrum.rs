@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::residuals::told;
+use super::residuals::informative_blocks;
 use super::{BlockResidual, Filter, RowBlocks};
 
 /// Row blocks of a stretch at most,
@@ -50,7 +50,8 @@ fn bands_of(residuals: &[BlockResidual], filter: &Filter, window: impl Fn(usize,
     let parts: Vec<&[BlockResidual]> =
         stretches.iter().flat_map(|own| residuals[own.clone()].chunks_exact(length)).collect();
     let blocks = residuals.len().max(1) as f64;
-    let shares: Vec<f64> = (0..channels).map(|c| told(residuals, c).max(1) as f64 / blocks).collect();
+    let shares: Vec<f64> =
+        (0..channels).map(|c| informative_blocks(residuals, c).max(1) as f64 / blocks).collect();
     let (mut white, mut rising) = (filter.white_autocovariance(), filter.derivative_autocovariance());
     if white.is_empty() {
         (white, rising) = (vec![1.0], vec![0.0]);

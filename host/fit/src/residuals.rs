@@ -37,7 +37,7 @@ pub(super) fn residuals(
 }
 
 /// Returns the number of blocks that tell of a channel.
-pub(super) fn told(residuals: &[BlockResidual], channel: usize) -> usize {
+pub(super) fn informative_blocks(residuals: &[BlockResidual], channel: usize) -> usize {
     residuals.iter().filter(|r| r.tells(channel)).count()
 }
 
@@ -45,7 +45,7 @@ pub(super) fn told(residuals: &[BlockResidual], channel: usize) -> usize {
 pub(super) fn rms(residuals: &[BlockResidual], channels: usize) -> Vec<f64> {
     let of_channel = |c: usize| {
         let squares: f64 = residuals.iter().map(|r| r.weighted(c).powi(2)).sum();
-        (squares / told(residuals, c).max(1) as f64).sqrt()
+        (squares / informative_blocks(residuals, c).max(1) as f64).sqrt()
     };
     (0..channels).map(of_channel).collect()
 }
@@ -82,7 +82,7 @@ pub(super) fn raw_sigma(
     let filter = blocks.filter();
     // Filtered blocks are worth this many independent samples each.
     let left = |c: usize| {
-        let blocks = told(residuals, c) as f64;
+        let blocks = informative_blocks(residuals, c) as f64;
         let fitted = fitted.get(c).copied().unwrap_or(0.0);
         let dof = (blocks * filter.row_noise_gain().min(1.0) - fitted).max(1.0);
         dof / (dof + fitted)

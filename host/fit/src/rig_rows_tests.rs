@@ -46,7 +46,7 @@ fn a_shift_is_added_to_the_covariance_with_its_correlations() {
 }
 
 #[test]
-fn what_is_no_set_of_errors_is_refused() {
+fn impossible_sets_of_errors_are_refused() {
     let made = |errors: Vec<RigError>, covariance: DMatrix<f64>| {
         RigRows::new(N, joint().factor().clone(), errors, covariance)
     };
@@ -61,7 +61,7 @@ fn what_is_no_set_of_errors_is_refused() {
 
 /// What is known of errors beforehand is in the estimate by how it moves with that: `J Σ Jᵀ`, `J = dφ̂/dμ`.
 #[test]
-fn the_part_that_is_no_noise_is_that_of_what_is_known_beforehand() {
+fn the_part_that_is_no_noise_is_that_of_prior_knowledge() {
     for correlation in [0.0, 0.2] {
         let sigma = DMatrix::from_row_slice(2, 2, &[0.25, 0.3 * correlation, 0.3 * correlation, 0.36]);
         let of = |expected: [f64; 2]| {
@@ -92,7 +92,7 @@ fn the_part_that_is_no_noise_is_that_of_what_is_known_beforehand() {
 /// Errors that are half noise of few degrees of freedom, half known: intervals hold the truth as they
 /// state, where Student's t on the whole would hold it too often.
 #[test]
-fn noise_of_few_degrees_of_freedom_beside_what_is_known_covers_what_it_states() {
+fn noise_of_few_degrees_of_freedom_beside_prior_knowledge_covers_as_stated() {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};

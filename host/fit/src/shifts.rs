@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_of_rows_move_these_more_than_what_is_known_beside_them() {
+    fn errors_of_rows_move_these_more_than_prior_knowledge_does() {
         // Rows of two parameters of which the second is next to unknown, and 1 ± 0.5 known of it beforehand.
         let r = DMatrix::from_row_slice(2, 2, &[4.0, 1.0, 0.0, 0.2]);
         let known = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 0.0, 2.0]);

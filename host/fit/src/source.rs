@@ -36,7 +36,7 @@ pub struct SampleRows {
     /// Measured values, one a channel.
     pub measured: Vec<f64>,
     /// Channels of which the sample tells nothing, one a channel: no filtered row that it is under has them.
-    pub untold: Vec<bool>,
+    pub missing: Vec<bool>,
 }
 
 impl SampleRows {
@@ -48,13 +48,13 @@ impl SampleRows {
         }
         self.measured.clear();
         self.measured.resize(channels, 0.0);
-        self.untold.clear();
-        self.untold.resize(channels, false);
+        self.missing.clear();
+        self.missing.resize(channels, false);
     }
 
     /// Returns true if it has channels and tells of none.
     pub(super) fn tells_nothing(&self) -> bool {
-        !self.untold.is_empty() && self.untold.iter().all(|untold| *untold)
+        !self.missing.is_empty() && self.missing.iter().all(|missing| *missing)
     }
 }
 
@@ -124,14 +124,14 @@ pub trait RowSource: Send + Sync {
         for sample in 0..self.samples() {
             rows.clear(channels, parameters);
             let time_ns = (self.timing() != Timing::Static).then(|| self.time_ns(sample));
-            // A rejected sample is one of the readings too; what of it is told apart is its time.
+            // A rejected sample is one of the readings too; its time distinguishes it.
             let good = self.rows(sample, &mut rows).is_ok();
             take(time_ns, if good { rows.measured.as_slice() } else { &[] });
         }
     }
 
-    /// Returns what tells these readings from others, whatever file they stand in: a run counts once where
-    /// factors are merged.
+    /// Returns what distinguishes these readings from others, whatever file they are in: a run counts once
+    /// where factors are merged.
     fn identity(&self) -> Identity {
         Identity::of(|take| self.each_reading(take))
     }
@@ -196,7 +196,7 @@ pub trait RowSource: Send + Sync {
     /// that for no such error, and its covariance has what these may move. Where noise of the signals is in
     /// the columns of errors as in the measured side, an error that all have in common would explain the
     /// noise.
-    fn told_errors(&self) -> usize {
+    fn determined_errors(&self) -> usize {
         usize::MAX
     }
 

@@ -52,7 +52,7 @@ mod tests {
     use crate::{Kind, Owner};
 
     #[test]
-    fn sums_are_told_from_what_stands_alone() {
+    fn sums_are_distinguished_from_single_parameters() {
         let owner = Owner::Link("arm".into());
         let mut parameter = Parameter::new("arm.MSx", owner.clone(), Kind::FirstMoment, "kg m");
         assert_eq!(weights(&parameter, "arm")[1], 1.0);

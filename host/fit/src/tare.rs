@@ -71,7 +71,7 @@ pub enum TareError {
 /// use rigident_fit::tare::{Tare, TareError};
 /// use rigident_fit::Fit;
 ///
-/// /// Takes the merged runs of a bare fixture off what a run with the body told.
+/// /// Takes the merged runs of a bare fixture off a run with the body.
 /// fn body_alone(mut total: Fit, bare: Vec<PooledFactor>) -> Result<Fit, Box<dyn std::error::Error>> {
 ///     let fixture = Tare::new(PooledFactor::merged(bare, false)?)?;
 ///     fixture.take_off(&mut total)?;

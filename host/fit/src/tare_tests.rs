@@ -98,7 +98,7 @@ fn convergence_is_that_of_the_body_alone() {
 
 /// What the fixture's runs do not determine is not known of the body either.
 #[test]
-fn what_the_fixture_does_not_tell_is_unknown_of_the_body() {
+fn parameters_unknown_of_the_fixture_are_unknown_of_the_body() {
     let mut still = bare(2);
     // Still poses: no column of the tensor.
     (4..10).for_each(|j| still.a.column_mut(j).fill(0.0));
@@ -112,7 +112,7 @@ fn what_the_fixture_does_not_tell_is_unknown_of_the_body() {
 }
 
 #[test]
-fn what_cannot_be_taken_off_is_refused_by_kind_and_changes_nothing() {
+fn an_impossible_tare_is_refused_by_kind_and_changes_nothing() {
     let total = Run::new(&tree(1), &truth(25), 100, 3.0, 1);
     let refuse = |tare: Tare| {
         let mut fit = total.fit();

@@ -30,13 +30,13 @@ impl Behind {
     ) -> Self {
         let (tasks, received) = channel();
         let failed = Arc::new(Mutex::new(None));
-        let told = Arc::clone(&failed);
+        let shared = Arc::clone(&failed);
         let thread = std::thread::spawn(move || {
             let (written, to) = work(to, &received);
             match written {
                 Ok(()) => end(to),
                 Err(error) => {
-                    *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(again(&error));
+                    *shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(again(&error));
                     Err(error)
                 }
             }
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_behind_is_the_error_of_the_next_call_and_of_the_end() {
+    fn failures_behind_are_the_error_of_the_next_call_and_of_the_end() {
         let mut behind = Behind::new(Stalled { kept: Arc::default(), full: true }, |_| Ok(()));
         behind.write_all(b"first").unwrap();
         let deadline = Instant::now() + Duration::from_secs(20);

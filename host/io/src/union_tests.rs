@@ -45,7 +45,7 @@ fn one_run_twice_is_that_run_with_its_offsets() {
 }
 
 #[test]
-fn what_cannot_be_taken_out_again_is_refused() {
+fn inseparable_runs_are_refused() {
     let runs = factors(3);
     let pair = |a: usize, b: usize| PooledFactor {
         name: format!("{a}{b}"),
@@ -76,14 +76,14 @@ fn files_are_merged_as_factors_are() {
         run.write(&files[k]).unwrap();
     }
     files.push(files[4].clone());
-    let told = std::sync::Mutex::new((0, 0));
+    let progress = std::sync::Mutex::new((0, 0));
     let all = union_of_files(&files, false, &|k, n| {
-        let mut told = told.lock().unwrap();
-        *told = (told.0.max(k), n);
+        let mut progress = progress.lock().unwrap();
+        *progress = (progress.0.max(k), n);
     })
     .unwrap();
     // The one that is left out is not read again.
-    assert_eq!(*told.lock().unwrap(), (301, 302));
+    assert_eq!(*progress.lock().unwrap(), (301, 302));
     let serial = PooledFactor::merged(runs, false).unwrap();
     assert_eq!((all.repeated, all.factor.runs()), (1, 150));
     assert!(apart(&all.factor, &serial) < 1e-13);

@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_carried_in_one_trial_of_two_is_told() {
+    fn a_load_carried_in_one_trial_of_two_is_reported() {
         let model = Standard::default().human34().unwrap();
         let bare = somebody(&model, 4);
         let hand = model.link("r_hand").unwrap();
@@ -525,7 +525,7 @@ mod tests {
             let [a, b] = [&right, &wrong].map(|study| study.together(&both).unwrap());
             let shift = 10.0 * (b.estimate.unjudged().values[0] - a.estimate.unjudged().values[0]);
             // The vertical zero of the second trial's plate, 1 σ of which is 5 N; 5 N of the whole weight
-            // stand for 0.51 kg.
+            // are 0.51 kg.
             let zeros = right.moved(&both)[1].1.row(0).into_owned();
             assert!((shift / zeros[8].abs() - 1.0).abs() < 0.1, "{shift} {zeros}");
             assert_eq!(zeros[2] == 0.0, both.len() == 1, "{zeros}");

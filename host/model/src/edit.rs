@@ -56,8 +56,8 @@ impl Model {
         }
         let value = value.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
             ModelError::Option(format!(
-                "`lock` {words}: {value} is no number; it stands as JOINT=VALUE, rad for an angle, m for a \
-                 length"
+                "`lock` {words}: {value} is no number; it is written as JOINT=VALUE, rad for an angle, m for \
+                 a length"
             ))
         })?;
         Ok((name, Some(value)))
@@ -70,7 +70,7 @@ impl Model {
             _ if value == 0.0 => {}
             Joint::Fixed => {
                 return Err(ModelError::Option(format!(
-                    "`lock` {name}={value}: it is a fixed joint and stands where the model has it; leave it \
+                    "`lock` {name}={value}: it is a fixed joint and stays where the model has it; leave it \
                      out"
                 )));
             }

@@ -396,7 +396,7 @@ mod tests {
     use crate::inertial::impossibility;
 
     #[test]
-    fn the_models_have_the_papers_links_and_freedoms_and_weigh_what_is_asked() {
+    fn the_models_have_the_papers_links_and_freedoms_and_weigh_as_asked() {
         for sex in [Sex::Female, Sex::Male] {
             let person = Person { height_m: 1.60, mass_kg: 60.0, sex, ..Person::default() };
             for (model, links, freedoms) in

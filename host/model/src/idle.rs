@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_within_its_noise_stays_and_the_slowest_motion_beyond_it_moves() {
+    fn a_motion_within_its_noise_is_rest_and_the_slowest_beyond_it_is_none() {
         let series = |f: &dyn Fn(f64) -> f64| (0..4000).map(|k| f(f64::from(k))).collect::<Vec<f64>>();
         // Of unit variance, white.
         let white = |k: f64| {

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_inertias_are_told_apart() {
+    fn impossible_inertias_are_distinguished() {
         let body = |mass: f64, i: [f64; 3]| {
             let tensor = Matrix3::from_diagonal(&i.into());
             let turned = Rotation3::from_euler_angles(0.1, 0.2, 0.3);

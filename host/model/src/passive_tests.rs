@@ -56,12 +56,12 @@ fn rotors_friction_and_springs_of_mjcf_are_read_with_their_classes() {
     assert_eq!(of(&model, "jd"), Passive { armature: 0.01, damping: 0.125, stiffness: 4.0, ..NONE });
     // Hinges and slides have columns of theirs.
     assert_eq!(findings(&model, "joint jb"), "");
-    let told = findings(&model, "joint jd");
-    assert!(told.contains("armature, damping, stiffness: there are no columns of a ball"), "{told}");
+    let said = findings(&model, "joint jd");
+    assert!(said.contains("armature, damping, stiffness: there are no columns of a ball"), "{said}");
 }
 
 #[test]
-fn what_a_language_has_words_for_is_written() {
+fn attributes_that_a_language_has_are_written() {
     let kept: [(Language, Vec<Passive>); 3] = [
         (Language::Mjcf, all(|p| p)),
         (Language::Urdf, {
@@ -109,7 +109,7 @@ fn universal_joints_keep_both_axes_in_every_language() {
 }
 
 #[test]
-fn a_file_is_written_and_what_it_loses_is_told() {
+fn a_file_is_written_and_its_losses_are_reported() {
     let place = tempfile::tempdir().unwrap();
     for (name, lost) in
         [("w.urdf", Some("of ja, jb, jd; write")), ("w.xml", None), ("w.sdf", Some("of c2, jd; write"))]
@@ -193,7 +193,7 @@ fn friction_of_urdf_and_springs_of_sdf_are_read() {
 }
 
 #[test]
-fn what_is_not_read_of_mjcf_is_told() {
+fn unread_attributes_of_mjcf_are_reported() {
     let powers = MJCF.replace("damping=\"0.25\"", "damping=\"0.25 0 0.1\" springdamper=\"1 0.5\"");
     let model = mjcf::parse(&powers, "m.xml").unwrap().model;
     assert_eq!(of(&model, "ja").damping, 0.25);
@@ -203,7 +203,7 @@ fn what_is_not_read_of_mjcf_is_told() {
 }
 
 #[test]
-fn joints_that_are_locked_or_made_a_ball_lose_what_they_had() {
+fn joints_that_are_locked_or_made_a_ball_lose_their_attributes() {
     let mut locked = model();
     locked.lock(&["ja=0.5".to_owned()]).unwrap();
     assert_eq!(of(&locked, "ja"), NONE);
@@ -273,8 +273,8 @@ fn friction_and_rotors_go_into_a_file_that_is_kept() {
         assert!(written.contains("<!-- kept -->"));
         let table = path.with_extension("joints.yaml");
         assert_eq!(std::fs::remove_file(&table).is_ok(), language != Language::Mjcf);
-        let told = remarks::remarks(&wanted, Some(&source), &path, &[]);
-        assert_eq!(told.len(), usize::from(language != Language::Mjcf), "{told:?}");
+        let said = remarks::remarks(&wanted, Some(&source), &path, &[]);
+        assert_eq!(said.len(), usize::from(language != Language::Mjcf), "{said:?}");
     }
     let urdf = std::fs::read_to_string(place.path().join("new_k.urdf")).unwrap();
     assert!(urdf.contains("<dynamics friction = '0.0000001' spring=\"kept\"  damping=\"0.25\"/>"), "{urdf}");

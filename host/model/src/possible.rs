@@ -18,7 +18,7 @@ const ROUNDED: f64 = 0.01;
 
 /// Returns the parameters of a body that is as these say, but no flatter than a body can be, and what was
 /// done; `None` if they are too far from any body's, or without mass.
-fn mended(phi: &Parameters, rounded_only: bool) -> Option<(Parameters, String)> {
+fn corrected(phi: &Parameters, rounded_only: bool) -> Option<(Parameters, String)> {
     let body = InertialParameters::<Body, f64>::from_vector(*phi);
     if phi.iter().any(|v| !v.is_finite()) || body.mass <= 0.0 {
         return None;
@@ -71,7 +71,7 @@ impl Model {
             let Some((phi, why)) = link.nominal.and_then(|phi| Some((phi, impossibility(&phi)?))) else {
                 continue;
             };
-            let found = mended(&phi, false);
+            let found = corrected(&phi, false);
             let tensor = |phi: &Parameters| InertialParameters::<Body, f64>::from_vector(*phi).inertia_com();
             let change = found.as_ref().map_or(0.0, |(new, _)| {
                 let before = tensor(&phi);
@@ -104,7 +104,7 @@ impl Model {
             let Some((phi, why)) = out[i].and_then(|phi| Some((phi, impossibility(&phi)?))) else { continue };
             let whole = welded.link(&self.links[holds].name).and_then(|k| welded.links[k].nominal);
             let is_body = whole.is_some_and(|whole| impossibility(&whole).is_none());
-            let text = match mended(&phi, !is_body) {
+            let text = match corrected(&phi, !is_body) {
                 Some((new, taken)) => {
                     out[i] = Some(new);
                     format!("{why}; where every link has to be a body its inertia is taken as {taken}")
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_inertia_keeps_mass_centre_and_what_is_possible() {
+    fn the_nearest_inertia_keeps_mass_centre_and_possible_moments() {
         let urdf = |moments: &str, mass: f64| {
             format!(
                 "<robot name='r'><link name='base'/><link name='arm'><inertial><origin xyz='0.1 0 0.2' \

@@ -117,8 +117,8 @@ fn followers_that_cannot_follow_move_by_themselves_with_a_word() {
             + &joint("ab", "a", "b", "<mimic joint=\"bc\"/>")
             + &joint("bc", "b", "c", mimic);
         let model = urdf(&body).unwrap();
-        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
-        (model.links.iter().filter(|l| l.mimic.is_some()).count(), told.join("; "))
+        let said: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.links.iter().filter(|l| l.mimic.is_some()).count(), said.join("; "))
     };
     assert_eq!(of(""), (1, String::new()));
     for (mimic, why) in [
@@ -132,8 +132,8 @@ fn followers_that_cannot_follow_move_by_themselves_with_a_word() {
         ),
         ("<mimic joint=\"ab\" offset=\"inf\"/>", "finite"),
     ] {
-        let (_, told) = of(mimic);
-        assert!(told.contains(why) && told.contains("moves by itself"), "{mimic}: {told}");
+        let (_, said) = of(mimic);
+        assert!(said.contains(why) && said.contains("moves by itself"), "{mimic}: {said}");
     }
     // One that leads may follow nothing, and its followers still follow it.
     assert_eq!(of("<mimic joint=\"zz\"/>").0, 1);
@@ -146,8 +146,8 @@ fn planar_joints_are_two_slides_and_a_hinge() {
     for (axis, slides) in [("0 0 1", ["1 0 0", "0 1 0"]), ("1 0 0", ["0 1 0", "0 0 1"])] {
         let one = joint("ab", "a", "b", &format!("{place}<axis xyz=\"{axis}\"/>"));
         let model = urdf(&(link("a") + &link("b") + &one.replace("continuous", "planar"))).unwrap();
-        let told = &model.findings;
-        assert!(told.len() == 1 && told[0].text.contains("is planar"), "{told:?}");
+        let said = &model.findings;
+        assert!(said.len() == 1 && said[0].text.contains("is planar"), "{said:?}");
         let row = |name: &str, from: &str, to: &str, axis: &str, place: &str| {
             joint(name, from, to, &format!("{place}<axis xyz=\"{axis}\"/>"))
         };
@@ -168,12 +168,12 @@ fn planar_joints_are_two_slides_and_a_hinge() {
 }
 
 #[test]
-fn what_is_missing_of_an_inertia_is_told_and_the_rest_is_read() {
+fn missing_elements_of_an_inertia_are_reported_and_the_rest_is_read() {
     let read = |old: &str, new: &str| {
         let text = link("a") + &link("b").replacen(old, new, 1) + &joint("ab", "a", "b", "");
         let model = urdf(&text).unwrap();
-        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
-        (model.links[1].nominal, told.join("\n"))
+        let said: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.links[1].nominal, said.join("\n"))
     };
     let mass = "<mass value=\"1\"/>";
     for (new, why) in [
@@ -181,58 +181,58 @@ fn what_is_missing_of_an_inertia_is_told_and_the_rest_is_read() {
         ("<mass/>", "<mass> has no value; counted as"),
         ("<mass value=\"heavy\"/>", "value of <mass> is \"heavy\" and not a number; counted as"),
     ] {
-        let (nominal, told) = read(mass, new);
-        assert!(nominal.is_none() && told.contains(why) && told.contains("has no mass"), "{told}");
+        let (nominal, said) = read(mass, new);
+        assert!(nominal.is_none() && said.contains(why) && said.contains("has no mass"), "{said}");
     }
-    let (nominal, told) = read(" ixz=\"0\"", "");
+    let (nominal, said) = read(" ixz=\"0\"", "");
     assert_eq!(nominal, read("", "").0);
-    assert!(told.contains("<inertia> has no ixz; what is missing of its inertia counts as zero"), "{told}");
-    let (nominal, told) = read(" izz=\"1\"", "");
-    assert!(nominal.unwrap()[6] == 0.0 && told.contains("has no izz"), "{told}");
+    assert!(said.contains("<inertia> has no ixz; what is missing of its inertia counts as zero"), "{said}");
+    let (nominal, said) = read(" izz=\"1\"", "");
+    assert!(nominal.unwrap()[6] == 0.0 && said.contains("has no izz"), "{said}");
 }
 
 #[test]
-fn what_is_fixed_together_is_judged_as_one_body_and_mended() {
+fn links_fixed_together_are_judged_as_one_body_and_repaired() {
     let model = |mass: f64, i: [f64; 3], kind: &str| {
         let mass = format!("value=\"{mass}\"");
         let moments = format!("ixx=\"{}\" iyy=\"{}\" izz=\"{}\"", i[0], i[1], i[2]);
         let c = link("c").replace("value=\"1\"", &mass).replace("ixx=\"1\" iyy=\"1\" izz=\"1\"", &moments);
         let bc = joint("bc", "b", "c", "").replace("continuous", kind);
         let model = urdf(&(link("a") + &link("b") + &c + &joint("ab", "a", "b", "") + &bc)).unwrap();
-        let told: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
-        (model.possible().0[2], told.join("\n"))
+        let said: Vec<String> = model.findings.iter().map(ToString::to_string).collect();
+        (model.possible().0[2], said.join("\n"))
     };
     // A ball of a kilogram of water.
     let radius = (3.0 / (4000.0 * std::f64::consts::PI)).cbrt();
     for kind in ["fixed", "continuous"] {
-        let (point, told) = model(1.0, [0.0; 3], kind);
+        let (point, said) = model(1.0, [0.0; 3], kind);
         assert!(
-            told.contains("link c: no distribution of mass") && told.contains("ball of 0.124 m"),
-            "{told}"
+            said.contains("link c: no distribution of mass") && said.contains("ball of 0.124 m"),
+            "{said}"
         );
         let point = point.unwrap();
         assert!((point[4] - 0.4 * radius * radius).abs() < 1e-15 && point[0] == 1.0, "{point:?}");
         // The thickness of a plate is lost in the file's digits.
-        let (plate, told) = model(1.0, [0.01, 0.01, 0.02001], kind);
-        assert!(told.contains("plate a tenth as thick as wide"), "{told}");
+        let (plate, said) = model(1.0, [0.01, 0.01, 0.02001], kind);
+        assert!(said.contains("plate a tenth as thick as wide"), "{said}");
         assert_eq!(inertial::impossibility(&plate.unwrap()), None);
-        let (sound, told) = model(1.0, [1.0; 3], kind);
-        assert!(told.is_empty() && sound.is_some(), "{told}");
+        let (sound, said) = model(1.0, [1.0; 3], kind);
+        assert!(said.is_empty() && sound.is_some(), "{said}");
         // A whole body's impossible inertia is not to be repaired.
-        let (negative, told) = model(1.0, [-0.01, 0.01, 0.01], kind);
-        let is_mended = inertial::impossibility(&negative.unwrap()).is_none();
-        assert_eq!((is_mended, told.contains("is taken as")), (kind == "fixed", kind == "fixed"), "{told}");
-        let (ghost, told) = model(0.0, [0.01; 3], kind);
+        let (negative, said) = model(1.0, [-0.01, 0.01, 0.01], kind);
+        let is_repaired = inertial::impossibility(&negative.unwrap()).is_none();
+        assert_eq!((is_repaired, said.contains("is taken as")), (kind == "fixed", kind == "fixed"), "{said}");
+        let (ghost, said) = model(0.0, [0.01; 3], kind);
         assert_eq!(
-            (ghost.is_none(), told.contains("left out")),
+            (ghost.is_none(), said.contains("left out")),
             (kind == "fixed", kind == "fixed"),
-            "{told}"
+            "{said}"
         );
     }
 }
 
 #[test]
-fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
+fn faults_of_a_urdf_are_reported_with_line_link_and_attribute() {
     let good = format!(
         "{}\n{}\n{}",
         link("a"),
@@ -265,7 +265,7 @@ fn faults_of_a_urdf_are_told_with_line_link_and_attribute() {
 
 /// As in descriptions of iCub, Romeo and Talos, which Pinocchio reads.
 #[test]
-fn a_urdf_is_read_where_only_what_nobody_uses_is_wrong() {
+fn a_urdf_is_read_where_only_unused_parts_are_wrong() {
     let visual = "<visual><geometry><mesh filename=\"x\"/></geometry><material \
                   name=\"m\"><texture/></material></visual>";
     let links = link("a").replace("</link>", &format!("{visual}</link>")) + &link("b") + &link("c");
@@ -289,7 +289,7 @@ fn a_urdf_is_read_where_only_what_nobody_uses_is_wrong() {
 
 /// Oracle: inverse dynamics of the tree whose joints are there.
 #[test]
-fn joints_are_locked_where_they_stand_and_their_followers_with_them() {
+fn joints_are_locked_where_they_are_and_their_followers_with_them() {
     use super::dynamics::inverse_dynamics;
     use rigident_shared::tree::BaseMotion;
     let body = link("a")

@@ -93,7 +93,7 @@ fn difference(a: &Model, b: &Model) -> f64 {
 }
 
 #[test]
-fn inverse_dynamics_of_what_was_written_agree_in_every_language() {
+fn inverse_dynamics_of_written_models_agree_in_every_language() {
     let model = model();
     for language in LANGUAGES {
         let text = write::generated(&model, language).unwrap();

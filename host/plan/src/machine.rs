@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_of_travel_is_a_machine_without_joints_and_what_contradicts_it_is_named() {
+    fn a_table_of_travel_is_a_machine_without_joints_and_contradictions_are_named() {
         let travel = "travel_m = [0.05, 0.05, 0.025]\ntravel_rad = [0.26, 0.26, 0.5]\n";
         let read = |more: &str| geometry(&RigFile::parse(&format!("[platform]\n{more}")).unwrap());
         let whole = read(&format!("{travel}plate_speed_mps = 0.05\nplate_rate_radps = 0.6")).unwrap();
@@ -498,7 +498,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn missing_keys_are_named() {
         assert_eq!(geometry(&RigFile::default()).unwrap_err(), MachineError::NoPlatform);
         assert_eq!(geometry(&file("")).unwrap_err(), MachineError::Missing("leg_length_m"));
         let axes = "base_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]";

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_used_is_said() {
+    fn unusable_plans_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.json");
         let complaint = |text: &str, geometry: &Geometry| {

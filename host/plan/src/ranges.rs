@@ -213,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_sensor_does_not_follow_is_named_with_its_time() {
+    fn motions_beyond_a_sensor_are_named_with_their_time() {
         let text = "[[imu]]\nrange_radps = 1\nrange_mps2 = 30\n[load_cell]\nrange_n_nm = [500, 500, 500, 40, \
                     40, 40]\n";
         let rig = RigFile::parse(text).unwrap();

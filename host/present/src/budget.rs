@@ -134,7 +134,7 @@ fn errors(answer: &Answer) -> String {
             escape(&unit),
             number(&significant(error.sigma, 2)),
             number(&format!("{sd:+.1}")),
-            100.0 * error.told,
+            100.0 * error.learned,
             escape(&error.basis),
             if error.stated { "" } else { " (default)" },
         )
@@ -144,11 +144,12 @@ fn errors(answer: &Answer) -> String {
         if answer.is_contradicted() { " The recording cannot be true: they are no calibration." } else { "" };
     format!(
         "<h2>Errors of the rig</h2>\n<p class=\"soft\">Estimated with the body and eliminated: each is zero \
-         beforehand, give or take σ, and the recording has told the share of that variance.{unusable}</p>\n\
+         beforehand, give or take σ; learned is the share of that variance that the recording has \
+         removed.{unusable}</p>\n\
          <div class=\"scroll\"><table class=\"tight\"><thead><tr><th scope=\"col\">error</th><th \
          class=\"right\" scope=\"col\">estimate</th><th scope=\"col\">± U95</th><th class=\"right\" \
          scope=\"col\">σ beforehand</th><th class=\"right\" scope=\"col\">in σ</th><th class=\"right\" \
-         scope=\"col\">told, %</th><th \
+         scope=\"col\">learned, %</th><th \
          scope=\"col\">from</th></tr></thead>\n<tbody>{rows}</tbody></table></div>\n"
     )
 }

@@ -177,7 +177,7 @@ fn results(answer: &Answer, series: &Series) -> String {
         tables.extend(groups.iter().map(|g| table(g, true)));
         if answer.model.is_some() {
             note = "<p class=\"soft\">All that rows of this kind can tell apart, in the axes of each link \
-                    and about its origin. Each stands for a combination, named beside it.</p>\n"
+                    and about its origin. Each is a combination, named beside it.</p>\n"
                 .to_owned();
         }
     }

@@ -119,7 +119,7 @@ fn held(tool: &ToolResult) -> String {
     let name = printable(&tool.name);
     let mass = with_u95(tool.mass_kg.value, tool.mass_kg.u95, "kg");
     let centre = tool.com_m.as_ref().map_or_else(
-        || "its centre of mass is not told".to_owned(),
+        || "its centre of mass is not identified".to_owned(),
         |c| {
             let of = |m: &Measured| with_u95(m.value, m.u95, "m");
             format!("its centre of mass is at {}, {}, {} of it", of(&c[0]), of(&c[1]), of(&c[2]))

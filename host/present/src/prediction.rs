@@ -157,11 +157,14 @@ fn table(found: &Predictions) -> String {
 fn plot(found: &Predictions, columns: &[(String, Prediction)], c: usize) -> Option<TimePlot> {
     let channel = found.channels.get(c)?;
     let (name, shown) = columns.iter().rev().find(|(name, _)| name != "least squares")?;
-    let told: Vec<_> = shown.blocks.iter().filter(|block| block.told.get(c) != Some(&false)).collect();
+    let shown_blocks: Vec<_> =
+        shown.blocks.iter().filter(|block| block.determined.get(c) != Some(&false)).collect();
     let mut plot = TimePlot::new(channel.name.clone(), channel.unit.clone());
     let value = |values: &[f64]| values.get(c).copied().unwrap_or(f64::NAN);
     if channel.measured_sd.is_some() {
-        plot = plot.with("measured", told.len(), |k| (told[k].time_s, value(&told[k].measured)));
+        plot = plot.with("measured", shown_blocks.len(), |k| {
+            (shown_blocks[k].time_s, value(&shown_blocks[k].measured))
+        });
     }
-    Some(plot.with(name, told.len(), |k| (told[k].time_s, value(&told[k].predicted))))
+    Some(plot.with(name, shown_blocks.len(), |k| (shown_blocks[k].time_s, value(&shown_blocks[k].predicted))))
 }

@@ -90,7 +90,7 @@ impl<'a> ImuRun<'a> {
 
     /// Returns what the program predicts, angular rate, rad/s, and specific force, m/s², at a time after the
     /// first reading, s.
-    fn foretold(&self, time_s: f64, begins_s: f64) -> [[f64; 3]; 2] {
+    fn expected(&self, time_s: f64, begins_s: f64) -> [[f64; 3]; 2] {
         let (force, rate) = self.sensors.imu(&self.trajectory.state(time_s - begins_s));
         [rate, force]
     }
@@ -100,7 +100,7 @@ impl<'a> ImuRun<'a> {
         let every = (self.readings.len() / 4000).max(1);
         let (mut sum, mut squares, mut count) = ([0.0; 3], 0.0, 0.0);
         for k in (0..self.readings.len()).step_by(every) {
-            let [rate, _] = self.foretold(self.time_s(k), begins_s);
+            let [rate, _] = self.expected(self.time_s(k), begins_s);
             let read = self.readings[k].angular_rate.array();
             let off: [f64; 3] = std::array::from_fn(|i| read[i] - rate[i]);
             if off.iter().all(|v| v.is_finite()) {
@@ -118,11 +118,11 @@ impl<'a> ImuRun<'a> {
         // Sums and sums of squares of what was read, and of what the program leaves of it.
         let (mut sums, mut squares) = ([[0.0; 6]; 2], [[0.0; 6]; 2]);
         for (sample, reading) in self.readings.iter().enumerate() {
-            let foretold = self.foretold(self.time_s(sample), self.begins_s);
+            let expected = self.expected(self.time_s(sample), self.begins_s);
             let read = [reading.angular_rate.array(), reading.specific_force.array()];
             for (k, value) in read.into_iter().flatten().enumerate().filter(|(_, value)| value.is_finite()) {
                 let of = &parameters[OF_AN_AXIS * k..][..OF_AN_AXIS];
-                let fitted = of[0] + (0..3).map(|j| of[1 + j] * foretold[k / 3][j]).sum::<f64>();
+                let fitted = of[0] + (0..3).map(|j| of[1 + j] * expected[k / 3][j]).sum::<f64>();
                 for (which, value) in [value, value - fitted].into_iter().enumerate() {
                     sums[which][k] += value;
                     squares[which][k] += value * value;
@@ -175,7 +175,7 @@ impl RowSource for ImuRun<'_> {
     fn rows(&self, sample: usize, rows: &mut SampleRows) -> Result<(), Rejection> {
         let Some(reading) = self.readings.get(sample) else { return Err(Rejection::NotFinite(0)) };
         let read = [reading.angular_rate.array(), reading.specific_force.array()];
-        let foretold = self.foretold(self.time_s(sample), self.begins_s);
+        let expected = self.expected(self.time_s(sample), self.begins_s);
         let width = self.parameters.len();
         for (k, value) in read.into_iter().flatten().enumerate() {
             if !value.is_finite() {
@@ -184,7 +184,7 @@ impl RowSource for ImuRun<'_> {
             rows.measured[k] = value;
             let row = &mut rows.smoothed[width * k + OF_AN_AXIS * k..][..OF_AN_AXIS];
             row[0] = 1.0;
-            row[1..].copy_from_slice(&foretold[k / 3]);
+            row[1..].copy_from_slice(&expected[k / 3]);
         }
         Ok(())
     }

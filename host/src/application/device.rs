@@ -64,10 +64,10 @@ pub fn channel_sigma(
     let raised = precision::raise(&mut sigma, &largest_numbers(loaded.source(), caller)?);
     if !given {
         notes.push(format!(
-            "noise_n_nm is not given: the device was told {} N, N m, from the residuals of a batch",
+            "noise_n_nm is not given: the device was given {} N, N m, from the residuals of a batch",
             sigma.map(|s| if s < 1e-3 { format!("{s:.1e}") } else { format!("{s:.3}") }).join(", ")
         ));
     }
-    notes.extend(precision::told(&sigma, &raised));
+    notes.extend(precision::raised_warning(&sigma, &raised));
     Ok(sigma)
 }

@@ -199,7 +199,7 @@ mod tests {
     use rigident_model::idle::white_noise;
 
     #[test]
-    fn what_is_held_is_told_from_what_moves() {
+    fn held_joints_are_distinguished_from_moving_ones() {
         let series = |f: &dyn Fn(f64) -> f64| (0..2000).map(|k| f(f64::from(k))).collect::<Vec<f64>>();
         // Of about unit variance, white.
         let white = |k: f64| ((k * 12.9898).sin() * 43_758.545).fract() * 1.7;

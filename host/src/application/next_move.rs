@@ -28,7 +28,7 @@ pub struct NextMove {
     sender: Option<Sender<Vec<Reading<f64>>>>,
     said: Arc<Mutex<Option<String>>>,
     thread: Option<JoinHandle<()>>,
-    told: Option<String>,
+    returned: Option<String>,
 }
 
 impl NextMove {
@@ -39,7 +39,7 @@ impl NextMove {
         let said = Arc::new(Mutex::new(None));
         let (rig, asked, written) = (rig.clone(), asked.to_vec(), Arc::clone(&said));
         let thread = std::thread::spawn(move || look(&receiver, &rig, rate_hz, &asked, &written));
-        Self { piece: Vec::new(), sender: Some(sender), said, thread: Some(thread), told: None }
+        Self { piece: Vec::new(), sender: Some(sender), said, thread: Some(thread), returned: None }
     }
 
     /// Takes a reading.
@@ -56,10 +56,10 @@ impl NextMove {
     /// Returns what to do next, if that is something else than was returned last.
     pub fn news(&mut self) -> Option<String> {
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        if said == self.told {
+        if said == self.returned {
             return None;
         }
-        self.told.clone_from(&said);
+        self.returned.clone_from(&said);
         said
     }
 }

@@ -65,7 +65,7 @@ impl fmt::Display for Notice {
                 columns.join(", ")
             ),
             Self::LockedAtZero(joints) => {
-                write!(f, "{}; state the position (rad or m) if it stood elsewhere", locked_at_zero(joints))
+                write!(f, "{}; state the position (rad or m) if it was elsewhere", locked_at_zero(joints))
             }
             Self::Tool { words, link } => {
                 write!(f, "tool {words} changes nothing of the answer: {}", tool(link))

@@ -221,9 +221,9 @@ fn csv(found: &Predictions, columns: &[(String, Prediction)]) -> String {
         let Some(first) = all.first() else { continue };
         let _ = write!(out, "{:.6}", first.time_s);
         for c in 0..found.channels.len() {
-            let told = first.told.get(c) != Some(&false);
+            let determined = first.determined.get(c) != Some(&false);
             let cell = |value: Option<&f64>| match value {
-                Some(value) if told => format!(",{value:.9}"),
+                Some(value) if determined => format!(",{value:.9}"),
                 _ => ",".to_owned(),
             };
             if has_measured {

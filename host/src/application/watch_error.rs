@@ -61,6 +61,6 @@ pub enum WatchError {
     #[error("the firmware does not take link {0} of the model: a number is none")]
     Link(u8),
     /// The device refuses something else.
-    #[error("the firmware does not take what was told of {0:?}")]
+    #[error("the firmware does not take the setting {0:?}")]
     Setting(SettingName),
 }

@@ -454,8 +454,8 @@ impl Prepared {
         let config = &self.campaign.config;
         let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
         let largest = |sigma: [f64; 3]| sigma.iter().copied().fold(0.0, f64::max);
-        let told = self.campaign.tell_noise;
-        let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|_| told);
+        let is_stated = self.campaign.tell_noise;
+        let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|_| is_stated);
         let table = ImuTable {
             accel_noise_mps2: stated(imu.accel_noise_mps2),
             gyro_noise_radps: stated(imu.gyro_noise_radps),
@@ -470,7 +470,7 @@ impl Prepared {
             is_static: false,
             rate_hz: self.campaign.rate_hz,
             mounting: mounting(config),
-            channel_sigma: Some(cell.noise_n_nm).filter(|_| told),
+            channel_sigma: Some(cell.noise_n_nm).filter(|_| is_stated),
             gyro_sigma: stated(imu.gyro_noise_radps),
             known_offset: None,
             nuisances: errors::of_cell(&cell_table, readings.iter().map(|reading| reading.wrench.array())),

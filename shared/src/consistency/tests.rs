@@ -354,7 +354,7 @@ fn whatever_the_factor_nothing_leaves_the_cone() {
 }
 
 #[test]
-fn what_is_not_determined_is_said() {
+fn undetermined_factors_are_reported() {
     let mut random = Random(9);
     let phi = body(&mut random, 0.1);
     let full = factor::<10>(&mut random, &phi, 0.01, 1.0);

@@ -90,7 +90,7 @@ fn whitened_noise_is_white_and_rises_as_its_poles_say() {
     // Column k of T is columns[k].
     let t = Matrix6::from_fn(|c, k| noise.whitening.columns[k][c]);
     let white = t * square(&noise.refresh.white) * t.transpose();
-    assert!((white / 2.0 - Matrix6::identity()).norm() < 1e-12, "a row stands for two samples: {white}");
+    assert!((white / 2.0 - Matrix6::identity()).norm() < 1e-12, "a row counts for two samples: {white}");
     let slope = SMatrix::<f64, 6, 3>::from_fn(|c, k| noise.refresh.slope[k][c]);
     let rising = t * slope * slope.transpose() * t.transpose() / 2.0;
     for i in 0..6 {
@@ -260,20 +260,20 @@ fn an_estimate_beside_the_imu_s_noise_is_calibrated() {
 fn without_noise_of_the_imu_nothing_changes() {
     let mut random = Random(3);
     let mut plain = Estimator::<f64, 10, TAPS>::new(&config()).unwrap();
-    let mut told = plain;
-    told.set_imu_noise(&ImuNoise { accel: 0.0, gyro: 0.0 }).unwrap();
+    let mut noiseless = plain;
+    noiseless.set_imu_noise(&ImuNoise { accel: 0.0, gyro: 0.0 }).unwrap();
     let mut small = plain;
     small.set_imu_noise(&ImuNoise { accel: 1e-5, gyro: 1e-7 }).unwrap();
     for n in 0..2000_u32 {
         let r = reading(n, &mut random, false);
-        for estimator in [&mut plain, &mut told, &mut small] {
+        for estimator in [&mut plain, &mut noiseless, &mut small] {
             estimator.absorb(&r);
             if n % 100 == 99 {
                 while estimator.look(0.0).is_none() {}
             }
         }
     }
-    assert_eq!(plain.factor(), told.factor());
+    assert_eq!(plain.factor(), noiseless.factor());
     assert_eq!(
         plain.factor(),
         small.factor(),

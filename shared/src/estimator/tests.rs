@@ -214,7 +214,7 @@ fn memory<T: Scalar>(span: Span<T>) -> MemoryConfig<T> {
 }
 
 #[test]
-fn what_is_never_forgotten_is_what_is_always_kept() {
+fn an_endless_memory_keeps_the_whole_factor() {
     let mut forever = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
     let mut endless = forever;
     endless.set_memory(&memory(Span::TimeConstant(1e30))).unwrap();
@@ -245,7 +245,7 @@ fn what_is_never_forgotten_is_what_is_always_kept() {
 }
 
 #[test]
-fn a_look_is_at_what_is_remembered() {
+fn a_look_is_at_the_remembered_rows() {
     let mut estimator = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
     estimator.set_memory(&memory(Span::Window(5.0))).unwrap();
     let mut looks = 0;
@@ -312,7 +312,7 @@ fn noise_at_rest_is_no_excitation() {
 /// At rest next to nothing is known of the body. What such a reference leaves unexplained must not pass for
 /// noise later on, or no knock is ever large against it.
 #[test]
-fn a_knock_is_told_after_a_run_that_began_at_rest() {
+fn a_knock_is_reported_after_a_run_that_began_at_rest() {
     for span in [Span::TimeConstant(1e6), Span::TimeConstant(10.0), Span::Window(10.0)] {
         let mut estimator = Estimator::<f64, 16, TAPS>::new(&config(200.0, false)).unwrap();
         estimator.set_memory(&memory(span)).unwrap();

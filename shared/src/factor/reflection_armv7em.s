@@ -1,7 +1,7 @@
 @ `reduce` of reflection.rs on a Cortex-M4F: the same operations on every number in the same order, so the same bits.
 @ One column at a time stays in registers while the reflections of all earlier columns are applied to it, two in a
 @ round, each loaded by one instruction. No float instruction waits for the one before it where something else could
-@ stand between.
+@ be between.
 @
 @ r0 this column of [R z]   r1 stride of these, bytes   r2 pivots left   r3 the block's columns, 52 bytes each: rows, k
 @ r4 this column of the block   r5 pairs of reflections left   r6 reflection   r7 its entry in this column

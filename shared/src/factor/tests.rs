@@ -316,7 +316,7 @@ fn the_body_s_cascade_is_the_factor_of_the_full_rows() {
 /// One level drifts, the cascade does not: f32 against f64 on the very same rows after 1e6 blocks, in units
 /// of the standard deviation, within what f32 can hold (20 ε cond ‖φ‖).
 #[test]
-fn the_cascade_holds_what_a_single_level_loses() {
+fn the_cascade_keeps_digits_that_a_single_level_loses() {
     let mut random = Random(17);
     let noise = 0.01_f64;
     let mut single = InformationFactor::<f32, 6>::new();

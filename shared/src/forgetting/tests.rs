@@ -61,7 +61,7 @@ fn forgetting_of_one_is_no_forgetting() {
 }
 
 #[test]
-fn one_segment_forgets_what_the_formula_says() {
+fn one_segment_forgets_by_the_formula() {
     // M⊥ + λ M∥ + S by nalgebra on the matrices themselves, X being the excited coordinates.
     let mut random = Random(5);
     let lambda = 0.7;

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_encoded_is_decoded() {
+    fn encoded_messages_are_decoded() {
         let (bytes, n) = frame(0x00ff);
         assert!(bytes[..n - 1].iter().all(|b| *b != 0));
         let mut decoder = Decoder::new();
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn another_version_is_told_from_a_damaged_frame() {
+    fn another_version_is_distinguished_from_a_damaged_frame() {
         let raw = [PROTOCOL_VERSION + 1, 0, 0, 0];
         let mut body = raw.to_vec();
         body.extend(CRC32.checksum(&raw).to_le_bytes());

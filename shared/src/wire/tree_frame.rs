@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_comes_back_and_every_damaged_one_is_told() {
+    fn a_frame_comes_back_and_every_damaged_one_is_refused() {
         let base = core::array::from_fn(|k| k as f32 - 7.5);
         let links: [[f32; LINK_NUMBERS]; 2] =
             core::array::from_fn(|i| core::array::from_fn(|k| (10 * i + k) as f32 * 0.125));
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_another_kind_are_told_from_their_version() {
+    fn frames_of_another_kind_are_recognised_by_their_version() {
         let base: [f32; TRACKED_BASE_NUMBERS] = core::array::from_fn(|k| k as f32 - 7.5);
         let links = [core::array::from_fn(|k| k as f32 * 0.125); 14];
         let mut bytes = [0; MAX_TREE_FRAME];

@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_comes_back_and_that_of_another_robot_is_told() {
+    fn a_frame_comes_back_and_that_of_another_robot_is_refused() {
         let imu = core::array::from_fn(|k| k as f32 - 2.5);
         let feet: [[f32; 6]; 2] =
             core::array::from_fn(|i| core::array::from_fn(|k| (10 * i + k) as f32 * 0.125));

@@ -174,7 +174,7 @@ fn crc_32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn the_frame_is_what_the_module_page_says() {
+fn the_frame_is_that_of_the_module_page() {
     for (name, message) in samples() {
         let bytes = frame_of(&message);
         let (zero, line) = bytes.split_last().unwrap();

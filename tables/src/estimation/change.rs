@@ -338,7 +338,7 @@ fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
 
 /// The reports about the recordings of a case.
 #[derive(Default)]
-struct Told {
+struct Reports {
     runs: usize,
     body: usize,
     offset: usize,
@@ -354,35 +354,35 @@ struct Told {
     mass_sd: f64,
 }
 
-fn one(case: Case, seed: u64) -> Told {
+fn one(case: Case, seed: u64) -> Reports {
     let Recording { readings, changed_at_s } = recording(case, seed);
     let fit = fitted(case, readings);
-    let mut told = Told { runs: 1, ..Told::default() };
+    let mut reports = Reports { runs: 1, ..Reports::default() };
     if let Some(change) = &fit.lack_of_fit.change {
         match change.changed {
-            Changed::Body => told.body = 1,
-            Changed::Offset => told.offset = 1,
-            Changed::Either => told.either = 1,
+            Changed::Body => reports.body = 1,
+            Changed::Offset => reports.offset = 1,
+            Changed::Either => reports.either = 1,
         }
         let error = (change.time_s - changed_at_s).abs();
-        told.in_time = usize::from(error <= 0.2);
-        told.in_interval = usize::from(error <= change.time_u95_s);
-        told.time_errors.push(error);
+        reports.in_time = usize::from(error <= 0.2);
+        reports.in_interval = usize::from(error <= change.time_u95_s);
+        reports.time_errors.push(error);
         if let (Case::Lost(mass), Some(step)) = (case, change.steps.iter().find(|s| s.column == 0)) {
-            told.mass_error = (step.value + mass).powi(2);
-            told.mass_sd = step.deviation.powi(2);
+            reports.mass_error = (step.value + mass).powi(2);
+            reports.mass_sd = step.deviation.powi(2);
         }
     }
     match fit.lack_of_fit.not_rigid.map(|found| found.motion) {
         Some(Motion::Resonance { frequency_hz }) => {
-            told.resonance = 1;
-            told.frequencies.push((frequency_hz[0] * frequency_hz[1]).sqrt());
+            reports.resonance = 1;
+            reports.frequencies.push((frequency_hz[0] * frequency_hz[1]).sqrt());
         }
-        Some(Motion::Spring) => told.spring = 1,
-        Some(Motion::Bursts { .. }) => told.bursts = 1,
+        Some(Motion::Spring) => reports.spring = 1,
+        Some(Motion::Bursts { .. }) => reports.bursts = 1,
         None => {}
     }
-    told
+    reports
 }
 
 /// Returns the middle one of some numbers.
@@ -392,7 +392,7 @@ fn median(values: &[f64]) -> Option<f64> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-impl Told {
+impl Reports {
     fn row(&self, case: Case) -> String {
         let count = |n: usize| if n == 0 { String::new() } else { n.to_string() };
         let changed = self.body + self.offset + self.either;
@@ -425,23 +425,23 @@ impl Told {
     }
 }
 
-fn line(case: Case, runs: usize, seed: u64) -> Told {
-    let jobs = (0..runs).map(|k| -> Job<'_, Told> { Box::new(move || one(case, seed + k as u64)) });
-    let mut all = Told::default();
-    for told in in_parallel(jobs.collect()) {
-        all.runs += told.runs;
-        all.body += told.body;
-        all.offset += told.offset;
-        all.either += told.either;
-        all.resonance += told.resonance;
-        all.spring += told.spring;
-        all.bursts += told.bursts;
-        all.frequencies.extend(told.frequencies);
-        all.in_time += told.in_time;
-        all.in_interval += told.in_interval;
-        all.time_errors.extend(told.time_errors);
-        all.mass_error += told.mass_error;
-        all.mass_sd += told.mass_sd;
+fn line(case: Case, runs: usize, seed: u64) -> Reports {
+    let jobs = (0..runs).map(|k| -> Job<'_, Reports> { Box::new(move || one(case, seed + k as u64)) });
+    let mut all = Reports::default();
+    for reports in in_parallel(jobs.collect()) {
+        all.runs += reports.runs;
+        all.body += reports.body;
+        all.offset += reports.offset;
+        all.either += reports.either;
+        all.resonance += reports.resonance;
+        all.spring += reports.spring;
+        all.bursts += reports.bursts;
+        all.frequencies.extend(reports.frequencies);
+        all.in_time += reports.in_time;
+        all.in_interval += reports.in_interval;
+        all.time_errors.extend(reports.time_errors);
+        all.mass_error += reports.mass_error;
+        all.mass_sd += reports.mass_sd;
     }
     all
 }

@@ -16,7 +16,7 @@ const TIMES_S: [f64; 7] = [0.0, 0.002, 0.01, 0.02, 0.05, 0.2, 1.0];
 
 /// One way of knowing σ.
 #[derive(Clone, Copy, Default)]
-pub struct Told {
+pub struct Stated {
     /// Runs times the share of the intervals that hold the truth: as they are, and had they not counted
     /// colour.
     pub held: f64,
@@ -27,7 +27,7 @@ pub struct Told {
     factor: f64,
 }
 
-impl Told {
+impl Stated {
     fn add(&mut self, said: &Fit, phi: &[f64; N]) {
         let states = states(said);
         for j in 0..N {
@@ -51,8 +51,8 @@ impl Told {
 pub struct Line {
     squares: [f64; N],
     batch: [f64; N],
-    pub given: Told,
-    estimated: Told,
+    pub given: Stated,
+    estimated: Stated,
 }
 
 /// The experiment with noise of the channels' standard deviation and of this correlation time.
@@ -73,7 +73,7 @@ pub fn line(study: &Study, time_s: f64, seed: u64, runs: u64) -> Line {
     let mut normal = Normal::new(seed);
     let phi = study.ideal_parameters();
     let mut line =
-        Line { squares: [0.0; N], batch: [0.0; N], given: Told::default(), estimated: Told::default() };
+        Line { squares: [0.0; N], batch: [0.0; N], given: Stated::default(), estimated: Stated::default() };
     let mut meat = nalgebra::DMatrix::zeros(N, N);
     for _ in 0..runs {
         let readings = readings(study, time_s, &mut normal);
@@ -111,16 +111,16 @@ pub fn table() -> String {
             |ratio: &dyn Fn(usize) -> f64| ((0..N).map(|j| ratio(j).ln()).sum::<f64>() / N as f64).exp();
         let spread = line.squares.map(f64::sqrt);
         let batch = mean(&|j| line.batch[j] / spread[j]);
-        for (told, name) in [(line.given, "given"), (line.estimated, "from the data")] {
-            let shipped = mean(&|j| told.sd[j] / runs / spread[j]);
-            let factor = if told.warned > 0.0 { short(told.factor / told.warned) } else { "–".to_owned() };
+        for (sums, name) in [(line.given, "given"), (line.estimated, "from the data")] {
+            let shipped = mean(&|j| sums.sd[j] / runs / spread[j]);
+            let factor = if sums.warned > 0.0 { short(sums.factor / sums.warned) } else { "–".to_owned() };
             text += &format!(
                 "| {} | {name} | {batch:.2} | {} | {:.1} % | {:.1} % | {:.0} % | {factor} |\n",
                 if time_s > 0.0 { time_s.to_string() } else { "0 (white)".to_owned() },
                 short(shipped),
-                100.0 * told.held / runs,
-                100.0 * told.held_as_white / runs,
-                100.0 * told.warned / runs,
+                100.0 * sums.held / runs,
+                100.0 * sums.held_as_white / runs,
+                100.0 * sums.warned / runs,
             );
         }
     }

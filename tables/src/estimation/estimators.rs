@@ -67,7 +67,7 @@ impl Known {
     fn new(exact: &BodySource, noisy: &BodySource, truth: &[f64; N]) -> Self {
         let (rows, blocks) = rows_of(exact);
         let sigma: Vec<f64> = noisy.signal_noise().iter().map(SignalNoise::size).collect();
-        let of_cell: Vec<f64> = noisy.channels().iter().map(|c: &Channel| c.sigma.expect("told")).collect();
+        let of_cell: Vec<f64> = noisy.channels().iter().map(|c: &Channel| c.sigma.expect("stated")).collect();
         let gain = blocks.filter().row_noise_gain() / f64::from(blocks.filter().every);
         let cell =
             DMatrix::from_fn(CHANNELS, CHANNELS, |i, j| if i == j { of_cell[i].powi(2) * gain } else { 0.0 });

@@ -24,7 +24,7 @@ fn averaged(h: &[f64]) -> usize {
     h.chunk_by(|a, b| a == b).map(<[f64]>::len).min().unwrap_or(0)
 }
 
-fn told(value: f64) -> String {
+fn shown(value: f64) -> String {
     if value.abs() < ROUNDING { format!("< {}", short(ROUNDING)) } else { short(value) }
 }
 
@@ -108,7 +108,7 @@ pub fn table() -> String {
             if k * row_rate > 0.5 * rate_hz {
                 String::new()
             } else {
-                told(magnitude(&h, k * row_rate, rate_hz))
+                shown(magnitude(&h, k * row_rate, rate_hz))
             }
         };
         text += &format!(
@@ -120,7 +120,7 @@ pub fn table() -> String {
             alias(1.0),
             alias(2.0),
             alias(3.0),
-            told(every * sum - 1.0),
+            shown(every * sum - 1.0),
         );
     }
     text

@@ -24,8 +24,8 @@ pub fn table() -> String {
     let white = RigConfig::thesis_horizontal();
     let gains = white.clone().with_sensors(gain_error_sensors());
     let host = verdict(Campaign::new(white.clone()), RUNS, 1);
-    let told = verdict(Campaign::new(gains.clone()), RUNS, 1);
-    let untold = verdict(Campaign { tell_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
+    let stated = verdict(Campaign::new(gains.clone()), RUNS, 1);
+    let not_stated = verdict(Campaign { tell_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
     let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | \
                     gains not stated: coverage |\n\
                     |---|---|---|---|---|---|---|---|---|\n"
@@ -41,9 +41,9 @@ pub fn table() -> String {
             PARAMETER_UNITS[j],
             short(host.parameters[j].crb_std),
             quality(&host),
-            short(told.parameters[j].crb_std),
-            quality(&told),
-            100.0 * untold.parameters[j].coverage95,
+            short(stated.parameters[j].crb_std),
+            quality(&stated),
+            100.0 * not_stated.parameters[j].coverage95,
         );
     }
     let both = white.clone().with_sensors(noise_and_gain_error_sensors());
@@ -63,7 +63,7 @@ pub fn table() -> String {
         );
     };
     line(("white", &host), 200.0, Solver::Host, 1);
-    line(("gain", &told), 200.0, Solver::Host, 1);
+    line(("gain", &stated), 200.0, Solver::Host, 1);
     for (noise, config, rate_hz, solver, seed) in [
         ("white", &white, 200.0, Solver::Host, 2),
         ("white", &white, 1000.0, Solver::Host, 1),

@@ -92,7 +92,7 @@ fn complaint(case: &Case, verdict: &Verdict) -> Option<String> {
         _ => {}
     }
     match case.expected {
-        Expected::Detected if !verdict.detected => Some("nobody was told".to_owned()),
+        Expected::Detected if !verdict.detected => Some("nothing was reported".to_owned()),
         Expected::Survived if verdict.worst.is_none() => Some("no number was given".to_owned()),
         _ => None,
     }

@@ -306,7 +306,7 @@ pub fn bit_rot(place: Place) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     let mut random = ChaCha8Rng::seed_from_u64(9);
     judged(place, &flash, Supply::failing(1, 100, 0))?;
-    let mut told = Vec::new();
+    let mut kept = Vec::new();
     for _ in 0..20 {
         let spoilt = SharedFlash::of_board();
         *spoilt.lock() = flash.lock().clone();
@@ -320,21 +320,21 @@ pub fn bit_rot(place: Place) -> Result<Verdict, String> {
             done: Arc::default(),
         };
         let mut session = Session::open(Client::new(Box::new(restarting))).map_err(|e| e.to_string())?;
-        told.push(session.client().hello().map_err(|e| e.to_string())?.kept);
+        kept.push(session.client().hello().map_err(|e| e.to_string())?.kept);
     }
-    let honest = told.iter().filter(|kept| match kept {
+    let honest = kept.iter().filter(|kept| match kept {
         Kept::Run(run) => run.readings <= READINGS && run.blocks == run.readings,
         Kept::Nothing | Kept::Damaged | Kept::OtherFirmware { .. } => true,
         Kept::NoStorage => false,
     });
     let honest = honest.count();
-    let runs = told.iter().filter(|kept| matches!(kept, Kept::Run(_))).count();
-    if honest < told.len() {
-        return Err(format!("{told:?}"));
+    let runs = kept.iter().filter(|kept| matches!(kept, Kept::Run(_))).count();
+    if honest < kept.len() {
+        return Err(format!("{kept:?}"));
     }
     Ok(Verdict {
-        detected: runs < told.len(),
+        detected: runs < kept.len(),
         worst: None,
-        words: format!("of {} rotten bits of the settings {} were told", told.len(), told.len() - runs),
+        words: format!("of {} rotten bits of the settings {} were reported", kept.len(), kept.len() - runs),
     })
 }

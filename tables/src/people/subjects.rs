@@ -198,8 +198,9 @@ pub fn racket_table() -> String {
         let all: Vec<Measured> =
             std::iter::once(found.mass_kg).chain(found.first_moment_kgm).chain(found.inertia_kgm2).collect();
         let inside = all.iter().zip(RACKET).filter(|(m, v)| (m.value - v).abs() <= m.u95).count();
-        let centre =
-            found.com_m.map_or("not told".to_owned(), |c| format!("{:.3} ± {:.3}", -c[2].value, c[2].u95));
+        let centre = found
+            .com_m
+            .map_or("not determined".to_owned(), |c| format!("{:.3} ± {:.3}", -c[2].value, c[2].u95));
         out.push_str(&format!(
             "| {seed} | {:.3} ± {:.3} | {centre} | {:.4} ± {:.4} | {:.4} ± {:.4} | {inside} |\n",
             all[0].value, all[0].u95, all[4].value, all[4].u95, all[5].value, all[5].u95

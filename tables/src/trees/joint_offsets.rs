@@ -41,8 +41,8 @@ fn set_of(poses: Poses, count: usize, set: usize) -> (Vec<f64>, Vec<Pose>) {
     (truth, all)
 }
 
-/// Returns what is said of the noise: what it is.
-fn told() -> Noise {
+/// Returns the stated noise, which is the true one.
+fn stated_noise() -> Noise {
     Noise { height_m: 1e-4, floor_rad: 0.0, ..Noise::default() }
 }
 
@@ -53,7 +53,7 @@ fn answered(setup: &Setup, poses: &[Pose]) -> Answer {
 /// Returns whether the command refuses a set in which nothing is wrong, or says that it did not settle.
 fn refused(poses: Poses, count: usize, set: usize) -> bool {
     let (_, all) = set_of(poses, count, set);
-    let setup = setup(told());
+    let setup = setup(stated_noise());
     let answer = answered(&setup, &all);
     !answer.converged || contradiction(&setup, &all, &answer).expect("poses that can be used").is_some()
 }
@@ -83,7 +83,7 @@ pub fn refusals() -> String {
 
 fn found(poses: Poses, count: usize, set: usize) -> Found {
     let (truth, all) = set_of(poses, count, set);
-    let answer = answered(&setup(told()), &all);
+    let answer = answered(&setup(stated_noise()), &all);
     let both = answer.offsets.iter().zip(&truth).filter_map(|(offset, truth)| {
         let own = offset.measured?;
         Some([own.value - truth, own.u95])

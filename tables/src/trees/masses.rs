@@ -159,7 +159,7 @@ pub fn table() -> String {
         .iter()
         .take(2)
         .map(|(n, rank, condition)| {
-            format!("{condition:.1e} of {n} unknowns, of whose directions {rank} are told")
+            format!("{condition:.1e} of {n} unknowns, of whose directions {rank} are determined")
         })
         .collect();
     let (source, factors) = factors(&truth, &BELIEVED);

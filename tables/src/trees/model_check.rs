@@ -42,7 +42,7 @@ struct Robot {
     /// Indices of the links that no file before had, with an inertia that a body can have.
     links: Vec<usize>,
     /// Findings as published.
-    told: Vec<Finding>,
+    findings: Vec<Finding>,
 }
 
 fn robots() -> Vec<Robot> {
@@ -57,9 +57,9 @@ fn robots() -> Vec<Robot> {
         };
         let links = (0..model.links.len()).filter(is_new).collect();
         let shapes = shapes(&text, Path::new(&path));
-        let told = of_inertias(&model, &shapes);
+        let findings = of_inertias(&model, &shapes);
         let name = path.file_stem()?.to_string_lossy().into_owned();
-        Some(Robot { name, model, shapes, links, told })
+        Some(Robot { name, model, shapes, links, findings })
     };
     files().into_iter().filter_map(read).collect()
 }
@@ -141,7 +141,7 @@ impl Count {
     }
 }
 
-fn is_told(findings: &[Finding], name: &str) -> bool {
+fn is_reported(findings: &[Finding], name: &str) -> bool {
     findings.iter().any(|finding| finding.place == format!("link {name}"))
 }
 
@@ -180,7 +180,7 @@ pub fn table() -> String {
     let distinct: usize = robots.iter().map(|robot| robot.links.len()).sum();
     let mut out = format!(
         "{} descriptions, {distinct} distinct links whose inertia a body can have.\n\n| mistake in one link \
-         | told | of links with shapes or a twin | smaller mistakes |\n|---|---|---|---|\n",
+         | reported | of links with shapes or a twin | smaller mistakes |\n|---|---|---|---|\n",
         robots.len()
     );
     let mut lopsided = Count::default();
@@ -192,18 +192,18 @@ pub fn table() -> String {
             for &i in &robot.links {
                 let link = &robot.model.links[i];
                 let twin = twins.get(&i).map(|k| robot.model.links[*k].name.as_str());
-                let before =
-                    is_told(&robot.told, &link.name) || twin.is_some_and(|t| is_told(&robot.told, t));
+                let before = is_reported(&robot.findings, &link.name)
+                    || twin.is_some_and(|t| is_reported(&robot.findings, t));
                 let Some(phi) = link.nominal.filter(|_| !before) else { continue };
                 for (wrong, share) in make(&Parts::of(&phi)).into_iter().filter(|(_, share)| *share >= SMALL)
                 {
                     let mut model = robot.model.clone();
                     let wrong = wrong.parameters();
                     model.links[i].nominal = Some(wrong);
-                    let told = of_inertias(&model, &robot.shapes);
+                    let findings = of_inertias(&model, &robot.shapes);
                     let found = impossibility(&wrong).is_some()
-                        || is_told(&told, &link.name)
-                        || twin.is_some_and(|twin| is_told(&told, twin));
+                        || is_reported(&findings, &link.name)
+                        || twin.is_some_and(|twin| is_reported(&findings, twin));
                     if share < LARGE {
                         small.add(found);
                         continue;
@@ -236,7 +236,7 @@ pub fn table() -> String {
     );
     // A whole file with the other convention.
     for robot in &robots {
-        let is_file_told = |told: &[Finding]| told.iter().any(|finding| finding.place == "model");
+        let is_file_reported = |findings: &[Finding]| findings.iter().any(|finding| finding.place == "model");
         let (_, negate) = MISTAKES[2];
         let mut model = robot.model.clone();
         let mut matter = 0;
@@ -248,12 +248,12 @@ pub fn table() -> String {
                 link.nominal = Some(wrong.parameters());
             }
         }
-        if matter >= 3 && !is_file_told(&robot.told) {
-            whole.add(is_file_told(&of_inertias(&model, &robot.shapes)));
+        if matter >= 3 && !is_file_reported(&robot.findings) {
+            whole.add(is_file_reported(&of_inertias(&model, &robot.shapes)));
         }
     }
     out += &format!(
-        " In all links of a file, three or more of which have such shapes, they are told of as its \
+        " In all links of a file, three or more of which have such shapes, they are reported as its \
          convention: {}.\n",
         whole.words()
     );
@@ -271,15 +271,15 @@ const AS_PUBLISHED: [&str; 4] = [
 /// Reports the files as they are. What is true of them nobody knows; a file of which three links or
 /// more are reported is taken to have mistakes, and what is reported of others for false alarms.
 fn as_published(robots: &[Robot], distinct: usize) -> String {
-    let told = |robot: &Robot, i: usize| -> Option<usize> {
+    let reported = |robot: &Robot, i: usize| -> Option<usize> {
         let place = format!("link {}", robot.model.links[i].name);
-        let kinds = robot.told.iter().filter(|finding| finding.place == place).filter_map(kind);
+        let kinds = robot.findings.iter().filter(|finding| finding.place == place).filter_map(kind);
         kinds.filter_map(|kind| AS_PUBLISHED.iter().position(|known| *known == kind)).next()
     };
     let mut counts = [[0; 2]; AS_PUBLISHED.len()];
     let mut names: [Vec<String>; 2] = Default::default();
     for robot in robots {
-        let all: Vec<usize> = robot.links.iter().filter_map(|i| told(robot, *i)).collect();
+        let all: Vec<usize> = robot.links.iter().filter_map(|i| reported(robot, *i)).collect();
         let few = usize::from(all.len() < 3);
         for kind in &all {
             counts[*kind][few] += 1;
@@ -289,7 +289,7 @@ fn as_published(robots: &[Robot], distinct: usize) -> String {
         }
     }
     let mut out =
-        "\n| told as published | links | of files with three or more | of others |\n|---|---|---|---|\n"
+        "\n| reported as published | links | of files with three or more | of others |\n|---|---|---|---|\n"
             .to_owned();
     for (name, [many, few]) in AS_PUBLISHED.iter().zip(counts) {
         out += &format!("| {name} | {} | {many} | {few} |\n", many + few);

@@ -10,7 +10,7 @@ use rigident::study::{Judgement, TreeCampaign, TreeExperiment};
 const RUNS: u64 = 100;
 
 fn row(tree: &str, noise: &str, model: &Model, experiment: TreeExperiment) -> String {
-    let told = if experiment.tell_noise { "stated" } else { "from the data" };
+    let known = if experiment.tell_noise { "stated" } else { "from the data" };
     let campaign = TreeCampaign::new(model, experiment).expect("a motion that shows all");
     let verdict = campaign.run(RUNS, 1, &AtomicBool::new(false), |_| ()).expect("a fit each time");
     assert!(verdict.not_identified.is_empty(), "{:?}", verdict.not_identified);
@@ -19,7 +19,7 @@ fn row(tree: &str, noise: &str, model: &Model, experiment: TreeExperiment) -> St
     let mean = |of: &dyn Fn(&Judgement) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
     let least = |of: &dyn Fn(&Judgement) -> f64| all.iter().map(of).fold(f64::INFINITY, f64::min);
     format!(
-        "| {tree} | {noise} | {told} | {:.2} | {:.2} | {:.2} | {:.2} | {:.1} % | {:.0} % |\n",
+        "| {tree} | {noise} | {known} | {:.2} | {:.2} | {:.2} | {:.2} | {:.1} % | {:.0} % |\n",
         mean(&Judgement::efficiency),
         least(&Judgement::efficiency),
         mean(&|p| (p.bias / p.std).powi(2)).sqrt(),

@@ -162,7 +162,7 @@ fn judged(scene: &PicksUp) -> Tally {
     tally.watched_s = if scene.holds_s.is_none() { scene.seconds - settled } else { 0.0 };
     for wrong in left {
         eprintln!(
-            "seed {}: told at {:.2} s of {:?}, {:.2}",
+            "seed {}: reported at {:.2} s of {:?}, {:.2}",
             scene.seed,
             seconds(wrong.found),
             scene.holds_s,

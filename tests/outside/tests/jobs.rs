@@ -72,7 +72,7 @@ fn a_person_is_identified_from_shared_data() -> Result<(), Error> {
 
 /// A recording with moments in N mm has no result, and the kind of error of a missing file can be matched.
 #[test]
-fn nothing_is_identified_of_what_cannot_be_true() -> Result<(), Error> {
+fn nothing_is_identified_of_an_impossible_recording() -> Result<(), Error> {
     let folder = std::env::temp_dir().join(format!("outside-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder for a recording");
     let wrong = folder.join("bracket.csv");

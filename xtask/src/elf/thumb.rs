@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn returns_and_register_calls_are_told_apart() {
+    fn returns_and_register_calls_are_distinguished() {
         assert_eq!(at(0, 0x4770, 0).flow, Flow::Return); // bx lr
         assert_eq!(at(0, 0xbd80, 0).flow, Flow::Return); // pop {r7, pc}
         assert_eq!(at(0, 0xe8bd, 0x8ff0).flow, Flow::Return); // pop.w {r4-r11, pc}

@@ -134,8 +134,8 @@ fn one(case: &Case, binary: &Path, folder: &Path, options: &Options) -> Result<E
         (true, false) => Ending::OnPurpose(reasons),
         _ => {
             let error = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-            let told = error.lines().last().map(|line| format!("standard error: {line}"));
-            Ending::Different(unexplained.into_iter().chain(told).collect())
+            let last = error.lines().last().map(|line| format!("standard error: {line}"));
+            Ending::Different(unexplained.into_iter().chain(last).collect())
         }
     })
 }

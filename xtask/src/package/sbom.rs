@@ -46,7 +46,7 @@ mod tests {
     use crate::package::graph;
 
     #[test]
-    fn the_bill_has_what_is_linked_and_nothing_that_only_builds() {
+    fn the_bill_has_the_linked_crates_and_none_that_only_build() {
         let parts = graph::parts("x86_64-unknown-linux-gnu").unwrap();
         let names: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
         for linked in ["nalgebra", "clap", "libsqlite3-sys", "zstd-sys"] {

@@ -1,4 +1,4 @@
-//! The place of a model of the chip, which stands for registers and the core where the drivers run on a
+//! The place of a model of the chip, which replaces registers and the core where the drivers run on a
 //! computer.
 
 use std::cell::RefCell;

@@ -236,11 +236,11 @@ fn reason() -> (ResetReason, Option<BadEnd>) {
     }
 }
 
-fn end(why: u32, told: [u32; 3]) -> ! {
+fn end(why: u32, words: [u32; 3]) -> ! {
     cortex_m::interrupt::disable();
     let [mark, first, second, third] = WATCHDOG_SCRATCH;
     mark.write(MARK + why);
-    [first, second, third].iter().zip(told).for_each(|(register, word)| register.write(word));
+    [first, second, third].iter().zip(words).for_each(|(register, word)| register.write(word));
     SCB::sys_reset()
 }
 

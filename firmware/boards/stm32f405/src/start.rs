@@ -48,11 +48,11 @@ fn note() -> Option<(u32, BadEnd)> {
     let words: [u32; WORDS] =
         core::array::from_fn(|k| NOTE.get(k).map_or(0, |word| word.load(Ordering::Relaxed)));
     NOTE.iter().for_each(|word| word.store(0, Ordering::Relaxed));
-    let [told @ .., checked] = words;
-    if digest(told.into_iter()) != checked {
+    let [content @ .., checked] = words;
+    if digest(content.into_iter()) != checked {
         return None;
     }
-    let [mark, pc, lr, status, address, line, file] = told;
+    let [mark, pc, lr, status, address, line, file] = content;
     Some((mark.checked_sub(MARK)?, BadEnd { pc, lr, status, address, line, file }))
 }
 
@@ -117,8 +117,8 @@ pub fn go() {
 /// Ends the program with a note of why and where, and starts the chip anew.
 pub(crate) fn end(why: u32, at: &BadEnd) -> ! {
     interrupts::disable();
-    let told = [MARK + why, at.pc, at.lr, at.status, at.address, at.line, at.file];
-    let words = told.into_iter().chain([digest(told.into_iter())]);
+    let content = [MARK + why, at.pc, at.lr, at.status, at.address, at.line, at.file];
+    let words = content.into_iter().chain([digest(content.into_iter())]);
     NOTE.iter().zip(words).for_each(|(slot, word)| slot.store(word, Ordering::Relaxed));
     restart()
 }

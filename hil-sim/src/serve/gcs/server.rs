@@ -95,10 +95,10 @@ impl GcsServer {
         let mut port = Port::open(name)?;
         let terminal = port.terminal().to_owned();
         let leave = Arc::new(AtomicBool::new(false));
-        let (told, hexapod) = (Arc::clone(&leave), Arc::clone(&self.hexapod));
+        let (stop, hexapod) = (Arc::clone(&leave), Arc::clone(&self.hexapod));
         let serving = thread::spawn(move || {
             // A line that is gone has nobody left to be informed.
-            let _ = serve_port(&mut port, &hexapod, &told);
+            let _ = serve_port(&mut port, &hexapod, &stop);
             lock(&hexapod).left(0);
         });
         Ok(GcsPort { terminal, leave, serving: Some(serving) })

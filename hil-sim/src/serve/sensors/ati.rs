@@ -41,8 +41,8 @@ impl AtiServer {
             let _ = answer_calibration(stream);
         })?;
         let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
-        let thread = std::thread::spawn(move || serve(&socket, &played, &told));
+        let stop = Arc::clone(&leave);
+        let thread = std::thread::spawn(move || serve(&socket, &played, &stop));
         Ok(Self { udp, page, port, leave, threads: vec![thread] })
     }
 

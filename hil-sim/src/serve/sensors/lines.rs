@@ -95,12 +95,12 @@ impl LinesServer {
         mut send: impl FnMut(&str) -> bool + Send + 'static,
     ) -> Self {
         let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
+        let stop = Arc::clone(&leave);
         let every = (played.rate_hz as u64).max(1);
         let thread = std::thread::spawn(move || {
             let header = quantity.header() + "\n";
             let mut first = true;
-            played.play(&told, |number, sample| {
+            played.play(&stop, |number, sample| {
                 if (std::mem::take(&mut first) || number % every == 0) && !send(&header) {
                     return false;
                 }

@@ -25,9 +25,9 @@ impl XsensServer {
         let mut port = Port::open(name)?;
         let terminal = port.terminal().to_owned();
         let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
+        let stop = Arc::clone(&leave);
         let thread = std::thread::spawn(move || {
-            played.play(&told, |number, sample| {
+            played.play(&stop, |number, sample| {
                 // A line that nobody reads is full; what it does not take is gone.
                 port.write(&message(number, played.own_s(number), sample)).is_ok()
             });

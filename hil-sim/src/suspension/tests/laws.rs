@@ -149,7 +149,7 @@ fn in_its_posture_the_tree_rests_and_preloads_carry_the_weight() {
 }
 
 #[test]
-fn what_is_damped_loses_the_power_of_its_damping() {
+fn a_damped_chain_loses_the_power_of_its_damping() {
     let rig = chain().at_rest(&rests()).unwrap();
     let motion = rig.simulate(&moving(), &Run { duration_s: 0.3, rate_hz: 2000.0, step_s: None }).unwrap();
     let power = |i: &Instant| {

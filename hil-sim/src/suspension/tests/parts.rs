@@ -180,7 +180,7 @@ fn the_paper_s_whole_is_that_of_its_table_2() {
 }
 
 #[test]
-fn what_makes_no_sense_is_named() {
+fn impossible_suspensions_are_named() {
     let refused = |change: &dyn Fn(&mut Suspension)| {
         let mut made_of = chain();
         change(&mut made_of);

@@ -69,7 +69,7 @@ pub struct Machine {
     next_sensors: u64,
     /// The longest that the program computes at a look at the time, ps.
     pub computing: u64,
-    /// The program stands still for long at this look at the time, of so many.
+    /// The program stands still at one look at the time in this many, and for how long, ps.
     pub long_computing: (u32, u64),
     /// What happens to the sensors, and when, ps.
     pub later: Vec<(u64, What)>,

@@ -7,7 +7,7 @@ use super::{Machine, US};
 /// What goes wrong between a data-ready pin and the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeFault {
-    /// One edge in so many does not arrive.
+    /// One edge in this many does not arrive.
     Lost(u64),
     /// Pulses of so long, ps, come in between, every so often, ps.
     Glitches { lasts: u64, every: u64 },

@@ -30,7 +30,7 @@ pub struct Port {
     pub to_host: Vec<u8>,
     /// Of the host's adapter, baud.
     pub host_baud: f64,
-    /// A byte in so many of those from the host is another; noise makes bytes, so often, ps: from when to
+    /// One byte in this many of those from the host is another; noise makes bytes, so often, ps: from when to
     /// when.
     pub noise: Option<(u64, u64, u64)>,
     next_noise: Option<u64>,

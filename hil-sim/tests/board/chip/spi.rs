@@ -11,7 +11,7 @@ pub enum BusFault {
     Clock,
     /// The line from the sensors is held low, or high.
     Data(bool),
-    /// A byte in so many has a bit inverted.
+    /// One byte in this many has a bit inverted.
     Noise(u64),
 }
 
@@ -309,7 +309,7 @@ impl Machine {
                     }
                     self.serve_streams();
                 } else if stops {
-                    // Section 10.3.14: the end of a stream that was stopped is told, too.
+                    // Section 10.3.14: the end of a stream that was stopped is reported, too.
                     stream.flags |= ENDED;
                 }
             }

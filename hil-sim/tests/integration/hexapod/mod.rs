@@ -23,10 +23,10 @@ impl Served {
     fn new() -> Self {
         let rig = Rig::new(RigConfig::thesis_horizontal()).unwrap().shared();
         let leave = Arc::new(AtomicBool::new(false));
-        let (told, running) = (Arc::clone(&leave), Arc::clone(&rig));
+        let (stop, running) = (Arc::clone(&leave), Arc::clone(&rig));
         let clock = std::thread::spawn(move || {
             let began = Instant::now();
-            while !told.load(Ordering::Acquire) {
+            while !stop.load(Ordering::Acquire) {
                 let now = began.elapsed().as_nanos() as u64;
                 let mut rig = running.lock().unwrap();
                 while rig.next_event_before(now) != BusEvent::Idle {}

@@ -71,7 +71,7 @@ fn every_line_of_an_answer_but_the_last_ends_with_a_space() {
 }
 
 #[test]
-fn errors_are_kept_until_they_are_asked_for_and_say_what_was_wrong() {
+fn errors_are_kept_until_they_are_asked_for_and_name_the_fault() {
     let served = Served::new();
     let mut client = Client::new(&served);
     for (line, code) in [
@@ -147,7 +147,7 @@ fn a_stream_that_ceases_brakes_and_takes_no_more_points_until_it_is_begun_anew()
 }
 
 #[test]
-fn a_client_that_goes_away_stops_what_it_had_started_and_no_other() {
+fn a_client_that_goes_away_stops_its_own_motion_and_no_other() {
     let served = Served::new();
     let mut client = Client::new(&served);
     client.reference();

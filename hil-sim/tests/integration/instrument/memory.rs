@@ -91,7 +91,7 @@ fn the_device_remembers_as_double_precision_does() {
 }
 
 #[test]
-fn the_stop_rule_judges_what_is_remembered() {
+fn the_stop_rule_judges_the_remembered_rows() {
     let config = RigConfig::thesis_horizontal();
     let rows = rows(&config, 60.0);
     let run = |memory, mass_u95| {

@@ -170,7 +170,7 @@ fn a_bus_that_breaks_ends_the_firmware_with_its_reason() {
 
 #[test]
 #[ignore = "needs the emulated board"]
-fn what_is_missing_is_named_together_with_what_to_type() {
+fn missing_parts_are_named_with_the_command_to_type() {
     let message = |options: QemuOptions| match Qemu::spawn(&options, rig(), Pacing::LockStep) {
         Ok(_) => panic!("it started"),
         Err(e) => e.to_string(),

@@ -51,7 +51,7 @@ fn in_real_time_samples_come_at_their_rate_whether_or_not_the_plate_moves() {
 }
 
 #[test]
-fn a_quiet_host_is_noticed_and_told() {
+fn a_quiet_host_is_noticed_and_reported() {
     let (config, rig) = rig();
     let mut mcu = InProcess::new(rig.clone(), Pacing::LockStep);
     let mut device = Device::greet(&mut mcu);

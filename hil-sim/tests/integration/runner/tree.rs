@@ -420,7 +420,7 @@ fn a_full_level_holds_until_it_is_taken() {
 }
 
 #[test]
-fn what_a_tree_cannot_be_set_to_is_named() {
+fn impossible_settings_of_a_tree_are_named() {
     let tree = human();
     let good = tree_settings(&tree);
     let (bus, _) = FrameBus::new(Vec::new(), RATE_HZ);

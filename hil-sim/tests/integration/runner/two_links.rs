@@ -277,7 +277,7 @@ fn the_stop_rule_looks_at_the_second_link_s_parameters_too() {
 }
 
 #[test]
-fn what_two_links_cannot_be_set_to_is_named() {
+fn impossible_settings_of_two_links_are_named() {
     let config = config(noisy());
     let rig = Rig::new(config.clone()).unwrap().shared();
     let mut mcu = InProcess::new(rig, Pacing::LockStep);
@@ -303,7 +303,7 @@ fn what_two_links_cannot_be_set_to_is_named() {
 }
 
 #[test]
-fn a_second_imu_that_is_not_there_is_told() {
+fn a_second_imu_that_is_not_there_is_reported() {
     let config = RigConfig::thesis_horizontal();
     let rig = Rig::new(config.clone()).unwrap().shared();
     let mut mcu = InProcess::new(rig, Pacing::LockStep);

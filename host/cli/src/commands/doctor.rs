@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_line_says_how_it_stands_and_what_to_do() {
+    fn each_line_has_its_verdict_and_advice() {
         let check =
             |what, standing, found: &str, advice| Check { what, standing, found: found.to_owned(), advice };
         let ok = check("emulator", Standing::Ok, "QEMU 7.2.1", None);

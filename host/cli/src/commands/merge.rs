@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_files_are_told_apart_and_stay_in_their_folder() {
+    fn names_of_files_are_distinguished_and_stay_in_their_folder() {
         let keys = ["body".to_owned(), "rig".to_owned()];
         let name = |body: &str, rig: &str| file_name(&keys, &vec![body.to_owned(), rig.to_owned()]);
         assert_eq!(name("bracket 7", "2"), "body=bracket 7,rig=2");

@@ -69,7 +69,7 @@ mod tests {
     use rigident::device::ports::{Port, Unusable};
 
     #[test]
-    fn every_port_keeps_its_own_answer_and_trouble_is_told_by_kind() {
+    fn every_port_keeps_its_own_answer_and_trouble_is_reported_by_kind() {
         let port = |name: &str, kind| Port { port: name.to_owned(), kind, usb: None };
         let ports = vec![
             port("/dev/ttyS0", Attached::Unknown),

@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_time_left_is_told_where_it_is_known() {
+    fn the_time_left_is_reported_where_it_is_known() {
         assert_eq!(time_left(10_000, 60_000, 166.0), ", 5 min left");
         assert_eq!(time_left(50_000, 60_000, 1000.0), ", 10 s left");
         assert_eq!(time_left(70_000, 60_000, 1000.0), ", 0 s left");

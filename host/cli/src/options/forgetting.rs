@@ -42,7 +42,7 @@ mod tests {
     const MOVING: RowsOf = RowsOf { rate_hz: 1000.0, is_static: false };
 
     #[test]
-    fn what_makes_no_sense_is_refused_with_its_reason() {
+    fn nonsense_is_refused_with_its_reason() {
         let said = |remember: Forgetting, rows: RowsOf| remember.span(&rows).unwrap_err().to_string();
         let forget = |s| Forgetting { forget: Some(s), window: None };
         let window = |s| Forgetting { forget: None, window: Some(s) };

@@ -193,7 +193,7 @@ impl ModelChanges {
         });
         let lengths_m = lengths_m
             .collect::<Option<Vec<_>>>()
-            .ok_or_else(|| Failure::input("--segment stands as NAME=METRES, for example thigh=0.44"))?;
+            .ok_or_else(|| Failure::input("--segment is written NAME=METRES, for example thigh=0.44"))?;
         let sex = match self.sex {
             SexWord::Female => Sex::Female,
             SexWord::Male => Sex::Male,

@@ -40,7 +40,7 @@ pub(crate) fn can_be_asked(yes: bool) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(
-        "nothing was moved: there is no terminal to ask at, give --yes if nobody stands in the platform's \
+        "nothing was moved: there is no terminal to ask at, give --yes if nobody is in the platform's \
          way",
     ))
 }
@@ -222,8 +222,8 @@ mod tests {
     #[test]
     fn only_a_clear_yes_moves_the_platform() {
         assert!(agreed("y\n") && agreed(" Yes \n"));
-        let (told, silent) = (AtomicBool::new(false), || Ok("y\n".to_owned()));
-        assert_eq!(answered(silent, &told).unwrap().as_deref(), Some("y\n"));
+        let (stop, silent) = (AtomicBool::new(false), || Ok("y\n".to_owned()));
+        assert_eq!(answered(silent, &stop).unwrap().as_deref(), Some("y\n"));
         for answer in ["", "\n", "n\n", "yess\n", "ok\n", "y y\n"] {
             assert!(!agreed(answer), "{answer:?}");
         }
@@ -242,7 +242,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_was_typed_before_the_question_is_no_answer() {
+    fn keys_typed_before_the_question_are_no_answer() {
         let [mut keyboard, terminal] = terminal();
         keyboard.write_all(b"y\n").unwrap();
         // The line is there to be read as soon as the terminal has seen it.
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_stop_at_the_question_does_not_wait_for_an_answer() {
-        let told = AtomicBool::new(false);
+        let stop = AtomicBool::new(false);
         let never = || {
             std::thread::sleep(Duration::from_secs(3600));
             Ok(String::new())
@@ -283,9 +283,9 @@ mod tests {
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 std::thread::sleep(Duration::from_millis(100));
-                told.store(true, Ordering::Relaxed);
+                stop.store(true, Ordering::Relaxed);
             });
-            assert_eq!(answered(never, &told).unwrap(), None);
+            assert_eq!(answered(never, &stop).unwrap(), None);
         });
         assert!(begun.elapsed() < Duration::from_secs(5));
     }

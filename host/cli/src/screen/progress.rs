@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_tells_what_how_much_and_how_long() {
+    fn a_line_names_the_stage_its_share_and_its_time() {
         let elapsed = Duration::from_millis(12_300);
         assert_eq!(line("rows of frames", 0.43, elapsed), "rows of frames 43 %, 12 s");
         assert_eq!(line("reading panda.csv", 0.0, elapsed), "reading panda.csv, 12 s");

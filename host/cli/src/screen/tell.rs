@@ -61,7 +61,7 @@ pub(crate) fn tell(words: fmt::Arguments<'_>, end: &str) {
     let text = words.to_string();
     let text = in_own_terms(&text);
     let text = printable::lines(&text);
-    if !kept::told(format_args!("{text}")) {
+    if !kept::keep_message(format_args!("{text}")) {
         let _ = write(&format!("{text}{end}"));
     }
 }

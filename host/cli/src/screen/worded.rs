@@ -32,7 +32,7 @@ pub(crate) fn notice(notice: &Notice) -> String {
         ),
         Notice::LockedAtZero(joints) => {
             format!(
-                "{}; say --lock JOINT=VALUE (rad or m) if it stood elsewhere",
+                "{}; say --lock JOINT=VALUE (rad or m) if it was elsewhere",
                 words::locked_at_zero(joints)
             )
         }

@@ -103,7 +103,7 @@ fn write_arm(at: &Path) {
 
 #[test]
 #[ignore = "needs rosbags in Python"]
-fn joint_states_of_bags_give_what_their_table_gives_by_an_independent_ros_reader() {
+fn joint_states_of_bags_agree_with_their_table_by_an_independent_ros_reader() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     write_arm(at);

@@ -65,7 +65,7 @@ fn no_worse(found: &Value) {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn walking_people_of_shared_data_weigh_what_scales_and_plates_say() {
+fn walking_people_of_shared_data_weigh_as_much_as_scales_and_plates_say() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, line: &[&str], files: &[(&str, &str)]| {
         let own = folder.path().join(name);
@@ -161,7 +161,7 @@ fn standing_alone_shared_data_tell_the_mass_and_little_else() {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn a_model_of_shared_data_s_person_is_written_and_weighs_what_she_does() {
+fn a_model_of_shared_data_s_person_is_written_and_weighs_as_much_as_she() {
     let folder = tempfile::tempdir().unwrap();
     let line = ["--height-m", "1.8", "--write-model", "subject.urdf", "--symmetric-sides"];
     let found = identify(folder.path(), &line, GAIT);
@@ -173,9 +173,9 @@ fn a_model_of_shared_data_s_person_is_written_and_weighs_what_she_does() {
         let own = segments.iter().find(|s| s["name"] == name).unwrap();
         own["mass_kg"]["value"].as_f64().unwrap()
     };
-    let told: f64 = segments.iter().map(|s| s["mass_kg"]["value"].as_f64().unwrap()).sum();
-    assert!((written - told).abs() < 1e-6 * told, "{written} {told}");
-    assert!((told / 72.6 - 1.0).abs() < 0.01, "{told}");
+    let identified: f64 = segments.iter().map(|s| s["mass_kg"]["value"].as_f64().unwrap()).sum();
+    assert!((written - identified).abs() < 1e-6 * identified, "{written} {identified}");
+    assert!((identified / 72.6 - 1.0).abs() < 0.01, "{identified}");
     for segment in ["thigh", "shank", "foot", "upper_arm"] {
         let (left, right) = (of(&format!("l_{segment}")), of(&format!("r_{segment}")));
         assert!((left - right).abs() < 1e-9 * left, "{segment}: {left} {right}");

@@ -62,7 +62,7 @@ print(json.dumps([w.tolist() for w in wrenches]))
 
 #[test]
 #[ignore = "needs ezc3d in Python and the shared recordings"]
-fn plates_of_every_type_made_of_shared_data_do_what_an_independent_c3d_reader_says() {
+fn plates_of_every_type_made_of_shared_data_agree_with_an_independent_c3d_reader() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data/human_btk_pig_60kg_functional/FunctionalStatic.c3d");
     let python = python();

@@ -140,7 +140,7 @@ fn squats_end_with_status_one_and_without_zeros() {
     assert_eq!(status(&output), 1);
     let words = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(words.lines().any(|l| l.contains("left_hip_z") && l.contains("not identified")), "{words}");
-    assert!(said(&output).contains("not told by these poses: left_hip_z"), "{}", said(&output));
+    assert!(said(&output).contains("not determined by these poses: left_hip_z"), "{}", said(&output));
     let text = fs::read_to_string(files.at().join("joints.rig.toml")).unwrap();
     assert!(
         text.contains("# left_hip_z: not identified") && !text.contains("name = \"left_hip_z\""),

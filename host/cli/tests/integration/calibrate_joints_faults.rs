@@ -15,7 +15,7 @@ use crate::study_length::runs;
 const OFF: f64 = 2.0;
 
 /// Runs changed poses and returns what is said; an answer is to hold the truth.
-fn told(files: &Files, poses: &[Pose], what: &str) -> Option<String> {
+fn refusal(files: &Files, poses: &[Pose], what: &str) -> Option<String> {
     files.write("poses.csv", &csv(&files.setup, poses));
     let output = files.run(&["--json"]);
     if status(&output) == 2 {
@@ -33,12 +33,12 @@ fn told(files: &Files, poses: &[Pose], what: &str) -> Option<String> {
 fn refused(files: &Files, change: impl Fn(&mut Pose), word: &str) {
     let mut poses = files.poses.clone();
     poses.iter_mut().for_each(change);
-    let said = told(files, &poses, word).unwrap_or_else(|| panic!("not refused: {word}"));
+    let said = refusal(files, &poses, word).unwrap_or_else(|| panic!("not refused: {word}"));
     assert!(said.contains(word), "{word}: {said}");
 }
 
 #[test]
-fn an_imu_turned_by_right_angles_is_told_and_the_turn_to_write_works() {
+fn an_imu_turned_by_right_angles_is_reported_and_the_turn_to_write_works() {
     let files = Files::new();
     let turns = right_angles().into_iter().map(|turn| UnitQuaternion::from_rotation_matrix(&turn));
     let turns: Vec<_> = turns.filter(|turn| turn.angle() > 1e-6).collect();
@@ -47,7 +47,7 @@ fn an_imu_turned_by_right_angles_is_told_and_the_turn_to_write_works() {
         // The IMU's axes go to the link's by `turn`.
         let mut poses = files.poses.clone();
         poses.iter_mut().for_each(|pose| pose.attitudes[0] *= turn);
-        let said = told(&files, &poses, "turned").expect("refused");
+        let said = refusal(&files, &poses, "turned").expect("refused");
         let written = said.split("rotation_wxyz = ").nth(1).unwrap_or_else(|| panic!("{turn}: {said}"));
         let list = &written[..=written.find(']').unwrap()];
         files.write(
@@ -61,18 +61,18 @@ fn an_imu_turned_by_right_angles_is_told_and_the_turn_to_write_works() {
 }
 
 #[test]
-fn attitudes_the_other_way_round_are_told_and_a_world_with_z_down_does_no_harm() {
+fn attitudes_the_other_way_round_are_reported_and_a_world_with_z_down_does_no_harm() {
     let files = Files::new();
     refused(&files, |pose| pose.attitudes[0] = pose.attitudes[0].inverse(), "the other way round");
     // A plane is one from above and from below.
     let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let mut poses = files.poses.clone();
     poses.iter_mut().for_each(|pose| pose.attitudes[0] = down * pose.attitudes[0]);
-    assert!(told(&files, &poses, "z down").is_none());
+    assert!(refusal(&files, &poses, "z down").is_none());
 }
 
 #[test]
-fn signs_units_and_exchanged_columns_are_told() {
+fn signs_units_and_exchanged_columns_are_reported() {
     let files = Files::new();
     for k in (0..7).step_by(runs(1, 6) as usize) {
         let name = files.setup.tree.joint_name(files.setup.joints[k]).to_owned();
@@ -86,7 +86,7 @@ fn signs_units_and_exchanged_columns_are_told() {
             }
             let mut poses = files.poses.clone();
             poses.iter_mut().for_each(|pose| pose.positions[k] = change(pose.positions[k]));
-            let said = told(&files, &poses, &format!("{what} {name}"));
+            let said = refusal(&files, &poses, &format!("{what} {name}"));
             if what == "sign" {
                 let said = said.unwrap_or_else(|| panic!("{name}"));
                 assert!(said.contains(&format!("{name} counts the other way")), "{said}");
@@ -102,7 +102,7 @@ fn signs_units_and_exchanged_columns_are_told() {
     refused(&files, |pose| pose.positions.swap(3, 10), "left_knee_y and right_knee_y are exchanged");
     let mut poses = files.poses.clone();
     poses.iter_mut().enumerate().for_each(|(k, pose)| pose.stands[k % 2] = k % 3 > 0);
-    assert!(told(&files, &poses, "honest").is_none());
+    assert!(refusal(&files, &poses, "honest").is_none());
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn a_floor_that_leans_or_a_step_gives_no_wrong_number() {
                     }
                     pose.attitudes[0] = lean * pose.attitudes[0];
                 }
-                let said = told(&files, &poses, &format!("floor {degrees} {axis:?} {one_way}"));
+                let said = refusal(&files, &poses, &format!("floor {degrees} {axis:?} {one_way}"));
                 if said.is_some_and(|said| said.contains("the floor leans")) {
                     named += 1;
                 }
@@ -133,7 +133,7 @@ fn a_floor_that_leans_or_a_step_gives_no_wrong_number() {
     let mut named = 0;
     for mm in [1.0, 3.0, 6.0, 10.0, 20.0, 50.0] {
         let poses = flat_poses(&files.setup, 40, &files.truth, &|_| {}, &[], [1e-3 * mm, 0.0]);
-        let said = told(&files, &poses, &format!("step {mm}"));
+        let said = refusal(&files, &poses, &format!("step {mm}"));
         named += u32::from(
             said.is_some_and(|said| said.contains("the sole left stands") && said.contains("higher")),
         );
@@ -167,7 +167,7 @@ fn an_imu_mounted_askew_gives_no_wrong_number() {
             let askew = UnitQuaternion::from_axis_angle(&axis, f64::to_radians(degrees));
             let mut poses = files.poses.clone();
             poses.iter_mut().for_each(|pose| pose.attitudes[0] *= askew);
-            told(&files, &poses, &format!("mounting {degrees} {axis:?}"));
+            refusal(&files, &poses, &format!("mounting {degrees} {axis:?}"));
         }
     }
 }

@@ -226,7 +226,7 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
 }
 
 #[test]
-fn what_is_not_the_reference_or_not_the_rig_calibrates_nothing() {
+fn another_body_or_another_rig_calibrates_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("cylinder.toml"), CYLINDER).unwrap();

@@ -123,7 +123,7 @@ fn a_certificate_has_the_results_numbers_in_the_customers_units_and_its_files_ha
 }
 
 #[test]
-fn what_is_missing_is_listed_and_makes_a_draft() {
+fn missing_entries_are_listed_and_make_a_draft() {
     let place = tempfile::tempdir().unwrap();
     bracket(place.path(), "");
     let words = ["identify", "bracket.csv", "--out", "out", "--certificate", "c.html", "--certify"];
@@ -132,8 +132,8 @@ fn what_is_missing_is_listed_and_makes_a_draft() {
     let output = rigident(place.path(), &[&words[..], &["nummer=7"]].concat());
     assert!(complaint(&output).contains("nummer"));
     let output = rigident(place.path(), &[&words[..], &["number=7</style><script>"]].concat());
-    let told = said(&output);
-    assert!(told.contains("is a draft") && told.contains("certificate.customer"), "{told}");
+    let words = said(&output);
+    assert!(words.contains("is a draft") && words.contains("certificate.customer"), "{words}");
     let page = fs::read_to_string(place.path().join("c.html")).unwrap();
     assert!(page.contains("Draft of a certificate") && !page.contains("<script"));
     assert!(page.contains("<code>certificate.procedure</code>") && page.contains("not stated"));

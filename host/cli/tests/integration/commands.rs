@@ -54,7 +54,7 @@ fn a_demonstration_ends_when_the_uncertainties_asked_for_are_reached() {
 }
 
 #[test]
-fn a_demonstration_that_decides_for_itself_is_over_soon_and_says_what_it_decided() {
+fn a_demonstration_that_decides_for_itself_is_over_soon_and_lists_its_decisions() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     let output = rigident(at, &["demo", "--adaptive", "--json", "--out", "a"]);
@@ -457,7 +457,7 @@ fn a_stop_criterion_that_is_not_reached_is_a_warning_of_every_kind_of_body() {
 
 /// Honest runs agree within what they state; one that is heavier is reported.
 #[test]
-fn repeated_runs_are_summed_up_and_one_that_differs_is_told() {
+fn repeated_runs_are_summed_up_and_one_that_differs_is_reported() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     for seed in ["1", "2", "3"] {

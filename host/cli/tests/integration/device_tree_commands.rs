@@ -180,7 +180,7 @@ fn the_emulated_board_takes_a_person_s_frames() {
 }
 
 #[test]
-fn without_noise_two_links_are_found_to_what_the_converters_leave() {
+fn without_noise_two_links_are_found_to_the_resolution_of_the_converters() {
     let place = tempfile::tempdir().unwrap();
     let found = answer(place.path(), "demo --body two-links --ideal --duration-s 20 --out a --json");
     assert_eq!(found["rejected_rows"], 0);
@@ -223,7 +223,7 @@ fn options_of_one_body_are_refused_by_name_before_anything_is_done() {
 }
 
 #[test]
-fn what_a_recording_lacks_for_the_device_is_named() {
+fn inputs_missing_for_the_device_are_named() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     answer(place, "demo --body human34 --duration-s 4 --out a --json");
@@ -322,7 +322,7 @@ fn wrenches_far_off_count_less_on_a_device_of_two_links() {
 }
 
 #[test]
-fn gain_errors_of_several_links_are_counted_from_what_the_device_read() {
+fn gain_errors_of_several_links_are_counted_from_readings_of_the_device() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     answer(place, "demo --body two-links --duration-s 20 --out a --json");

@@ -44,7 +44,7 @@ fn a_csv_is_identified() {
 
 /// The arm of picks-up.py holds 0.4 kg at (0.30, 0, −0.03) m of its hand from 8 to 11.5 s.
 #[test]
-fn what_an_arm_picks_up_and_puts_down_is_told_with_its_size() {
+fn loads_that_an_arm_picks_up_and_puts_down_are_reported_with_their_size() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples");
     let [recording, model] =
         ["picks-up.csv", "picks-up.urdf"].map(|name| examples.join(name).display().to_string());
@@ -61,10 +61,10 @@ fn what_an_arm_picks_up_and_puts_down_is_told_with_its_size() {
         assert!(number(&between[0]) <= at_s && at_s <= number(&between[1]), "{change}");
         for (name, wanted) in [("mass", 0.4), ("mcx", 0.12), ("mcz", -0.012)] {
             let size = change["size"].as_array().unwrap();
-            let told = size.iter().find(|entry| entry["name"] == name).unwrap();
+            let entry_found = size.iter().find(|entry| entry["name"] == name).unwrap();
             // Four standard deviations.
-            let error = (number(&told["change"]) - sign * wanted).abs();
-            assert!(error < 4.0 / 1.96 * number(&told["u95"]), "{name}: {change}");
+            let error = (number(&entry_found["change"]) - sign * wanted).abs();
+            assert!(error < 4.0 / 1.96 * number(&entry_found["u95"]), "{name}: {change}");
         }
     }
     let frames = &answer["frames"];

@@ -144,7 +144,7 @@ fn a_folder_with_something_in_it_is_refused_before_anything_else() {
 }
 
 #[test]
-fn what_fails_after_its_folder_is_there_leaves_its_error_in_it() {
+fn failures_after_the_folder_is_made_leave_their_error_in_it() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     let demo = rigident(at, &["demo", "--duration-s", "20", "--out", "d"]);
@@ -224,8 +224,8 @@ fn ctrl_c_before_a_map_is_complete_ends_with_1() {
         .unwrap();
     // Until there is a handler it would be ended by the signal.
     std::thread::sleep(std::time::Duration::from_millis(1000));
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(told.success());
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
     let output = child.wait_with_output().unwrap();
     assert_eq!(status(&output), 1, "{}", said(&output));
     assert_eq!(json(&output)["status"], "failed");

@@ -10,7 +10,7 @@ use poses::{QUANTITIES, off};
 /// Of mass, first moment, sums and differences of it, and the centre of mass no interval holds the truth less
 /// often than it states, from six poses on, with gains that are known and with gains that are not.
 #[test]
-fn intervals_of_few_poses_hold_what_they_state() {
+fn intervals_of_few_poses_keep_their_coverage() {
     for gain in [0.0, 5e-4, 5e-3] {
         for poses in [6, 8, 12, 24] {
             let count = runs(1_500, 250);

@@ -97,7 +97,7 @@ impl Drop for Board {
 
 #[test]
 #[ignore = "needs the STM32F405's image"]
-fn it_says_what_it_is_and_why_it_started() {
+fn it_says_its_name_and_why_it_started() {
     let place = tempfile::tempdir().unwrap();
     let board = Board::boot(place.path());
     let info = board.info(place.path());

@@ -177,15 +177,16 @@ fn noise_that_nobody_states_is_read_off_the_readings() {
         assert!(found > 0.5 * stated && found < 2.0 * stated, "{found} {stated}");
     }
     // A statement that the readings belie does not count.
-    let told = ImuTable { gyro_noise_radps: Some(1e-5), accel_noise_mps2: Some(1.0), ..ImuTable::default() };
-    let held = imu_noise(Some(&told), &input(&config, readings.measured(3)).readings);
+    let stated =
+        ImuTable { gyro_noise_radps: Some(1e-5), accel_noise_mps2: Some(1.0), ..ImuTable::default() };
+    let held = imu_noise(Some(&stated), &input(&config, readings.measured(3)).readings);
     assert!((held.gyro, held.accel) == (found.gyro, 1.0), "{held:?}");
     let unknown = imu_noise(None, &[]);
     assert!(unknown.accel > 0.0 && unknown.gyro > 0.0);
 }
 
 #[test]
-fn what_excludes_each_other_is_refused() {
+fn options_that_exclude_each_other_are_refused() {
     let said = |arguments: &[&str]| {
         let output = Command::new(env!("CARGO_BIN_EXE_rigident")).args(arguments).output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())

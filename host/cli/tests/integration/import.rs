@@ -59,7 +59,7 @@ fn shared_cases_are_read_as_proposed_and_nothing_is_overwritten() {
 }
 
 #[test]
-fn what_the_file_does_not_say_is_asked_for() {
+fn units_missing_in_the_file_are_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let names = "when;Fx;Fy;Fz;Mx;My;Mz\n";
     let row = |k: usize| format!("{};1,5;2,5;3,5;0,1;0,2;0,{k:02}\n", 2 * k);
@@ -87,7 +87,7 @@ fn what_the_file_does_not_say_is_asked_for() {
 }
 
 #[test]
-fn a_look_says_what_is_missing_and_writes_nothing() {
+fn a_look_names_missing_entries_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let rows: String = (0..50).map(|k| format!("{};1,5;2;19,6;0;0;{},25\n", k * 10, k % 3)).collect();
     fs::write(folder.path().join("a.csv"), format!("Zeit;Fx;Fy;Fz;Mx;My;Mz\n{rows}")).unwrap();
@@ -121,7 +121,7 @@ fn a_look_says_what_is_missing_and_writes_nothing() {
 
 /// Files that nptdms and openpyxl wrote: proposed, read, and reported by `info`.
 #[test]
-fn workbooks_and_tdms_files_are_imported_and_told() {
+fn workbooks_and_tdms_files_are_imported_and_reported() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/recording_table");
     let folder = tempfile::tempdir().unwrap();
     for (name, form) in [("waveform.tdms", "tdms"), ("openpyxl.xlsx", "xlsx")] {
@@ -171,7 +171,7 @@ fn an_impossible_model_is_repaired_and_written() {
 }
 
 #[test]
-fn markers_are_shown_with_their_places_and_what_is_missing() {
+fn markers_are_shown_with_their_places_and_missing_ones_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let names = "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE odd";
     let labels: Vec<&str> = names.split(' ').collect();

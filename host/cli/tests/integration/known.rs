@@ -69,7 +69,7 @@ fn a_known_mass_narrows_a_recording_s_answer_and_bad_statements_write_nothing() 
 /// is.
 #[test]
 #[ignore = "needs ../shared/data"]
-fn what_is_only_known_beforehand_is_prior_dominated_in_shared_data() {
+fn parameters_known_only_beforehand_are_prior_dominated_in_shared_data() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let data = root.join("../../../shared/data/endeffector_ati_gamma_imu/0-calibration_fts-accel.csv");
     let data = data.display().to_string();

@@ -275,8 +275,9 @@ fn left_of_truth(robot: &Robot, feet: Feet) -> Vec<(String, f64)> {
     let phi = source.base().map() * robot.parameters(&source.input().model);
     let found = Prediction::of(&source, phi.as_slice(), &[]).unwrap();
     let of = |(c, channel): (usize, &rigident::fit::Channel)| {
-        let told = found.blocks.iter().filter(|block| block.told.get(c) != Some(&false));
-        let mut left: Vec<f64> = told.map(|block| (block.measured[c] - block.predicted[c]).abs()).collect();
+        let determined = found.blocks.iter().filter(|block| block.determined.get(c) != Some(&false));
+        let mut left: Vec<f64> =
+            determined.map(|block| (block.measured[c] - block.predicted[c]).abs()).collect();
         left.sort_by(f64::total_cmp);
         let median = left.get(left.len() / 2).copied()?;
         (left.len() > 50).then(|| (channel.name.clone(), median / found.measured_sd[c]))
@@ -286,7 +287,7 @@ fn left_of_truth(robot: &Robot, feet: Feet) -> Vec<(String, f64)> {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn rows_hold_for_what_an_independent_engine_measured_of_shared_data_robots() {
+fn rows_hold_for_measurements_by_an_independent_engine_of_shared_data_robots() {
     for (name, feet, limit, least) in [
         ("solo12", Feet::All, 1e-4, 18),
         ("solo12", Feet::WithoutHorizontal, 1e-4, 10),
@@ -305,7 +306,7 @@ fn rows_hold_for_what_an_independent_engine_measured_of_shared_data_robots() {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn flight_single_and_double_support_are_told_apart_of_shared_data_robots() {
+fn flight_single_and_double_support_of_shared_data_robots_are_distinguished() {
     for name in ["solo12", "g1", "jvrc1"] {
         let (robot, folder) = (Robot::read(name), tempfile::tempdir().unwrap());
         let source = robot.source(folder.path(), Feet::All);
@@ -375,7 +376,7 @@ fn intervals_hold_the_truth_of_a_shared_data_quadruped_with_noise() {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn masses_of_a_shared_data_quadruped_predict_what_they_have_not_seen() {
+fn masses_of_a_shared_data_quadruped_predict_unseen_motions() {
     let (robot, folder) = (Robot::read("solo12"), tempfile::tempdir().unwrap());
     robot.write(folder.path(), Feet::WithoutHorizontal, Some(7));
     let text = std::fs::read_to_string(folder.path().join("solo12.csv")).unwrap();
@@ -410,8 +411,8 @@ fn masses_of_a_shared_data_quadruped_predict_what_they_have_not_seen() {
     let found = object(&output);
     let channels = found["channels"].as_array().unwrap();
     let (mut better, mut count) = (0, 0);
-    let told = channels.iter().filter(|channel| channel["models"].is_array());
-    for channel in told {
+    let judged = channels.iter().filter(|channel| channel["models"].is_array());
+    for channel in judged {
         let of = |name: &str| {
             let all = channel["models"].as_array().unwrap();
             all.iter().find(|e| e["model"] == name).and_then(|e| e["rms"].as_f64()).unwrap()
@@ -553,7 +554,7 @@ fn bad_input_of_feet_and_torques_of_shared_data_robots_is_named() {
 /// The command with a robot of another program's: nothing changes and nothing is reported, and what it lacks
 /// is named.
 #[test]
-fn a_robot_is_watched_from_the_command_line_and_what_it_lacks_is_named() {
+fn a_robot_is_watched_from_the_command_line_and_missing_inputs_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let robot = Robot::read("solo12");
     let path = robot.write(folder.path(), Feet::All, Some(11));

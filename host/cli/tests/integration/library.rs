@@ -365,7 +365,7 @@ fn factors_solutions_and_predictions_are_those_of_the_commands() {
 
 /// The library refuses what the command refuses, by its kind, and knows no words of the command line.
 #[test]
-fn what_the_command_refuses_the_library_refuses_by_its_kind() {
+fn refusals_of_the_command_are_refusals_of_the_library_by_their_kind() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     recordings(at);
@@ -442,18 +442,18 @@ fn a_watch_is_that_of_the_command_to_the_last_bit() {
     assert_eq!(status(&printed), 0, "{}", said(&printed));
     let tree = Tree { model: Some(model.clone()), ..Tree::default() };
     let options = application::WatchOptions { tree, settle_s: 6.0, ..application::WatchOptions::of("hand") };
-    let (mut noted, mut told) = (Vec::new(), 0);
+    let (mut noted, mut reported) = (Vec::new(), 0);
     let watched = application::watch(
         Path::new(&recording),
         &options,
         &mut |note| noted.push(note.to_owned()),
-        &mut |_| told += 1,
+        &mut |_| reported += 1,
         &Caller::default(),
     );
     let watched = watched.unwrap();
     assert_eq!(String::from_utf8_lossy(&printed.stdout).trim(), serde_json::json!(watched).to_string());
-    // Each change is told when it is found, and when it has been measured.
-    assert!(watched.is_whole && told == 2 * watched.changes.len() && told > 0, "{watched:?}");
+    // Each change is reported when it is found, and when it has been measured.
+    assert!(watched.is_whole && reported == 2 * watched.changes.len() && reported > 0, "{watched:?}");
     for note in noted.iter().chain(&watched.warnings) {
         assert!(note.contains('`') || said(&printed).contains(note.as_str()), "{note}");
     }
@@ -461,7 +461,7 @@ fn a_watch_is_that_of_the_command_to_the_last_bit() {
 
 /// What a device cannot do the library refuses by its kind, before there is one.
 #[test]
-fn what_no_device_can_do_is_refused_by_its_kind() {
+fn tasks_beyond_every_device_are_refused_by_their_kind() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     recordings(at);

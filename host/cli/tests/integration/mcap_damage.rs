@@ -124,7 +124,7 @@ impl Seek for SmallDisk {
 }
 
 #[test]
-fn a_full_disk_is_said_and_what_was_written_is_read() {
+fn a_full_disk_is_reported_and_the_part_written_is_read() {
     let full_size = whole().len();
     let disk = SmallDisk { bytes: Arc::default(), room: full_size * 3 / 4 };
     let Err(error) = record(disk.clone()) else { panic!("the disk was full") };
@@ -135,7 +135,7 @@ fn a_full_disk_is_said_and_what_was_written_is_read() {
 }
 
 #[test]
-fn what_is_no_recording_is_told_with_advice() {
+fn other_files_are_refused_with_advice() {
     for bytes in [&b""[..], b"t_s,fx_n\n0,1\n", b"\x89MCAP0\r\n"] {
         let error = Recording::from_mcap_bytes("thing.mcap", bytes, None).unwrap_err().to_string();
         assert!(error.contains("thing.mcap"), "{error}");

@@ -135,7 +135,7 @@ fn intervals_are_those_of_the_best_estimate() {
 
 /// The verdicts do not depend on where the origin is, nor on the units that parameters are counted in.
 #[test]
-fn what_is_identified_depends_on_no_origin_and_no_unit() {
+fn estimates_depend_on_no_origin_and_no_unit() {
     let body = Body::of_mass(3.2);
     let mut seen = std::collections::BTreeSet::new();
     for (seed, conditions) in [

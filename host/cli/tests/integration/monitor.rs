@@ -73,7 +73,7 @@ fn a_recording_that_grows_is_followed() {
 }
 
 #[test]
-fn what_cannot_be_watched_is_refused_in_words() {
+fn unusable_sources_are_refused_in_words() {
     for (arguments, words) in [
         (&["monitor", "none.mcap", "--once"][..], "none.mcap"),
         (&["monitor", RECORDING], "--once"),

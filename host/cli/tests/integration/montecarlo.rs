@@ -138,7 +138,7 @@ fn two_links_keep_the_promises_against_a_bound_of_their_own() {
 
 /// Noise that is as large as the load cell's in the forces, and that nobody stated.
 #[test]
-fn two_links_with_ordinary_imus_keep_the_promises_without_being_told() {
+fn two_links_with_ordinary_imus_keep_the_promises_without_stated_noise() {
     let mut coarse = TreeExperiment { tell_noise: false, ..experiment(20.0) };
     (coarse.noise.accel, coarse.noise.gyro) = (0.1, 0.005);
     tree_promises(&trees::two_links(), coarse);

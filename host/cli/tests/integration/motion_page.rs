@@ -60,7 +60,7 @@ const FITS_THE_WIDTH: &str = "document.documentElement.scrollWidth <= innerWidth
 
 #[test]
 #[ignore = "needs Chromium"]
-fn in_a_browser_a_motion_plays_pauses_and_goes_where_it_is_told() {
+fn in_a_browser_a_motion_plays_pauses_and_goes_to_the_frame_asked_for() {
     let mut browser = opened("plays.html", &figure::walk("Walk", 4.0));
     assert_eq!((browser.number(FRAME), text(&mut browser, "#play").trim()), (0.0, "Play"));
 

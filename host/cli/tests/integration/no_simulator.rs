@@ -5,7 +5,7 @@
 use crate::program::rigident_anywhere as rigident;
 
 #[test]
-fn what_needs_the_simulated_rig_is_refused_with_the_feature_that_brings_it() {
+fn commands_for_the_simulated_rig_are_refused_with_the_feature_that_brings_it() {
     let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/two-links.csv");
     for arguments in [&["demo"][..], &[], &["montecarlo"], &["replay", recording, "--mcu", "inproc"]] {
         let out = rigident(arguments);
@@ -16,7 +16,7 @@ fn what_needs_the_simulated_rig_is_refused_with_the_feature_that_brings_it() {
 }
 
 #[test]
-fn the_help_says_what_this_build_lacks() {
+fn the_help_names_features_missing_in_this_build() {
     let help = rigident(&["--help"]);
     let text = String::from_utf8_lossy(&help.stdout);
     let line = |command: &str| text.lines().find(|l| l.trim_start().starts_with(command)).unwrap().to_owned();

@@ -81,7 +81,7 @@ fn line<'a>(more: &[&'a str]) -> Vec<&'a str> {
 }
 
 #[test]
-fn a_payload_is_identified_and_its_controllers_are_told() {
+fn a_payload_is_identified_and_written_for_its_controllers() {
     let place = tempfile::tempdir().unwrap();
     let load = payload(3.0, 0.25);
     record(place.path(), &load, 0.02, 20.0);
@@ -101,15 +101,18 @@ fn a_payload_is_identified_and_its_controllers_are_told() {
         assert_eq!(p["frame"], "l7's payload");
     }
     assert!(parameters[0]["u95"].as_f64().unwrap() < 0.05, "{}", parameters[0]);
-    let told = &found["payload"];
-    assert_eq!((told["link"].as_str(), told["load"]["basis"].as_str()), (Some("l7"), Some("identified")));
-    assert_eq!(told["without"], "without");
+    let own_load = &found["payload"];
+    assert_eq!(
+        (own_load["link"].as_str(), own_load["load"]["basis"].as_str()),
+        (Some("l7"), Some("identified"))
+    );
+    assert_eq!(own_load["without"], "without");
     for file in files {
         let path = place.path().join(file);
         let text = std::fs::read_to_string(&path).unwrap();
         let again = Language::of_path(&path).unwrap().read(&text).unwrap();
         for (k, own) in ["mass_kg", "com_m", "inertia_com_kgm2"].into_iter().enumerate() {
-            let own: Vec<f64> = match &told["load"][own] {
+            let own: Vec<f64> = match &own_load["load"][own] {
                 Value::Array(all) => all.iter().map(|v| v.as_f64().unwrap()).collect(),
                 one => vec![one.as_f64().unwrap()],
             };
@@ -181,7 +184,7 @@ fn a_small_payload_is_a_point_mass_and_a_tiny_one_is_not_identified() {
 }
 
 #[test]
-fn what_is_no_payload_is_named() {
+fn unusable_payloads_are_named() {
     let place = tempfile::tempdir().unwrap();
     record(place.path(), &payload(3.0, 0.2), 0.05, 8.0);
     let said = |more: &[&str]| complaint(&rigident(place.path(), &line(more)));

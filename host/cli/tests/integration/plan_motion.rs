@@ -53,7 +53,7 @@ fn the_object_is_that_of_the_contract_and_the_plan_is_for_this_machine_only() {
 
 /// Roll, pitch and yaw are made as large as the stroke allows.
 #[test]
-fn a_plan_leaves_a_twentieth_of_the_stroke_unused_unless_told_otherwise() {
+fn a_plan_leaves_a_twentieth_of_the_stroke_unused_by_default() {
     let folder = tempfile::tempdir().unwrap();
     let thesis = hexapod::Geometry::thesis();
     let keeps = |name: &str, more: &[&str]| {
@@ -120,8 +120,8 @@ fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
             .spawn()
             .unwrap();
         std::thread::sleep(std::time::Duration::from_millis(1500));
-        let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        assert!(told.success());
+        let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
         let begun = std::time::Instant::now();
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
@@ -145,7 +145,7 @@ fn a_duration_that_is_too_short_says_how_much_is_needed() {
 /// The standard error of a standard deviation from n runs is its `1/√(2n)`: 4 % at night. All ten together
 /// within 10 %, each within 10 % and two and a half of its standard errors.
 #[test]
-fn what_is_predicted_is_what_many_runs_find() {
+fn predictions_agree_with_many_runs() {
     let count = runs(300, 80);
     let config = RigConfig::thesis_vertical();
     let task = Task {

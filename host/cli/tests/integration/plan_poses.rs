@@ -84,14 +84,14 @@ fn ctrl_c_ends_a_search_soon_with_the_best_by_then() {
             .spawn()
             .unwrap();
         std::thread::sleep(std::time::Duration::from_millis(delay_ms));
-        let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
         let begun = std::time::Instant::now();
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(begun.elapsed().as_secs() < 30);
         match output.status.code() {
             Some(1) => {
-                assert!(told.success() && said.contains("stopped by Ctrl-C"), "{said}");
+                assert!(killed.success() && said.contains("stopped by Ctrl-C"), "{said}");
                 let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
                 assert_eq!(plan["poses_deg"].as_array().unwrap().len(), 30);
                 interrupted += 1;
@@ -121,7 +121,7 @@ fn less_stroke_is_worse_and_the_worst_uncertainty_is_least_when_that_is_asked_fo
 
 #[cfg(feature = "simulator")]
 #[test]
-fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output() {
+fn impossible_plans_are_reported_with_status_2_and_nothing_on_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     let rig = |name: &str, text: &str| {
         let path = folder.path().join(name);
@@ -158,7 +158,7 @@ fn what_cannot_be_planned_is_said_with_status_2_and_nothing_on_standard_output()
 
 #[cfg(feature = "simulator")]
 #[test]
-fn the_montecarlo_of_still_poses_predicts_what_it_finds() {
+fn the_montecarlo_of_still_poses_predicts_its_findings() {
     let folder = tempfile::tempdir().unwrap();
     let plot = folder.path().join("plot.svg");
     let arguments = ["montecarlo", "poses", "--from", "3", "--to", "4", "--json", "--plot"];

@@ -149,7 +149,7 @@ fn moving() -> ArmRun {
 /// leave as much.
 #[test]
 #[ignore = "needs ../shared/data and Pinocchio in Python"]
-fn plain_least_squares_of_shared_data_leave_what_live_pinocchio_s_leave() {
+fn plain_least_squares_of_shared_data_leave_the_residuals_of_live_pinocchio_s() {
     for (file, locked) in ARMS {
         let (found, folder) = compare(file, locked, &moving());
         let script =

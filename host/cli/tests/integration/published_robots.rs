@@ -61,7 +61,7 @@ fn compare(model: &Model, pinocchio: &Value, what: &str) {
 fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
     let all = asked(&[]);
     let place = tempfile::tempdir().unwrap();
-    let (mut read, mut odd, mut mended) = (0, 0, 0);
+    let (mut read, mut odd, mut repaired) = (0, 0, 0);
     for (path, said) in &all {
         let Some(said) = said else { continue };
         let model = urdf::read(Path::new(path)).unwrap_or_else(|error| panic!("{error}"));
@@ -70,7 +70,7 @@ fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
         let (possible, found) = model.possible();
         odd += usize::from(!found.is_empty());
         let is_body = |phi: &Option<_>| phi.as_ref().is_none_or(|phi| impossibility(phi).is_none());
-        mended += usize::from(!found.is_empty() && possible.iter().all(is_body));
+        repaired += usize::from(!found.is_empty() && possible.iter().all(is_body));
         // With repaired inertias and friction they are written as they are stored.
         let names: Vec<&str> = model.links.iter().map(|link| link.name.as_str()).collect();
         let new = names.iter().zip(&possible).filter_map(|(name, phi)| Some((*name, (*phi)?)));
@@ -84,7 +84,7 @@ fn published_robots_that_pinocchio_reads_are_read_with_the_same_inertias() {
     // One has a <robot> without a name and holds nothing.
     assert_eq!((all.len(), read), (69, 68));
     // Negative moments of whole bodies are not repaired.
-    assert_eq!((odd, mended), (29, 27));
+    assert_eq!((odd, repaired), (29, 27));
 }
 
 /// Parts of a joint of this type, and of the link that it holds.

@@ -48,7 +48,7 @@ fn identify(folder: &Path, file: &str) -> Value {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn a_real_arm_of_shared_data_is_identified_and_predicts_what_it_has_not_seen() {
+fn a_real_arm_of_shared_data_is_identified_and_predicts_unseen_motions() {
     let folder = tempfile::tempdir().unwrap();
     let all = lines();
     write(folder.path(), "first", &all[..=FIRST]);

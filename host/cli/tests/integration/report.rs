@@ -71,7 +71,7 @@ fn every_parameter_channel_and_motion_has_its_plot() {
 /// Numbers that could only come from parameters that are not identified are planted everywhere they could
 /// leak.
 #[test]
-fn what_is_not_identified_shows_no_number() {
+fn unidentified_parameters_show_no_number() {
     let mut data = synthetic::still_poses();
     for history in data.series.convergence.iter_mut().skip(4) {
         history.estimate.fill(777.125);

@@ -149,7 +149,7 @@ fn size(said: &str, name: &str) -> [f64; 4] {
 }
 
 /// Checks that the sentence gives the true size, and that its figures belong together.
-fn told(said: &str, name: &str, truth: f64) {
+fn check_size(said: &str, name: &str, truth: f64) {
     let [value, u95, deviations, sd] = size(said, name);
     // Two in a thousand are farther off.
     assert!(
@@ -165,21 +165,21 @@ fn an_error_larger_than_stated_is_named_with_its_size() {
     assert_eq!(contradictions(&identified(STATED, &NONE, 1)), Vec::<String>::new());
     let gyro = contradictions(&identified(STATED, &Errors { gyro_scale: 0.02, ..NONE }, 2));
     // The error that all three axes share, not the share of each that is left beside what is stated.
-    told(&gyro[0], "gyro_scale_x, gyro_scale_y, gyro_scale_z alike", 0.02);
+    check_size(&gyro[0], "gyro_scale_x, gyro_scale_y, gyro_scale_z alike", 0.02);
     let gain = [0.0, 0.0, 0.0, 0.01, 0.0, 0.0];
     let moment = contradictions(&identified(STATED, &Errors { gain, ..NONE }, 3));
-    told(&moment[0], "gain_mx", 0.01);
+    check_size(&moment[0], "gain_mx", 0.01);
 }
 
 /// At rest in one attitude |g| is 2 % too large: the accelerometer's bias, its scale or gravity. The sensor
 /// is good to a percent, and gravity to a tenth of that.
 #[test]
-fn errors_that_cannot_be_told_apart_are_all_named_the_likeliest_first() {
+fn errors_that_cannot_be_distinguished_are_all_named_the_likeliest_first() {
     let errors = Errors { accel_scale: 0.02, rest_s: 4.0, ..NONE };
     let said = contradictions(&identified(DEFAULT, &errors, 4));
     assert_eq!(said.len(), 1, "{said:?}");
-    told(&said[0], "accelerometer_bias_z", 0.02 * G);
-    told(&said[0], "accelerometer_scale_x, accelerometer_scale_y, accelerometer_scale_z alike", 0.02);
+    check_size(&said[0], "accelerometer_bias_z", 0.02 * G);
+    check_size(&said[0], "accelerometer_scale_x, accelerometer_scale_y, accelerometer_scale_z alike", 0.02);
     let after = said[0].split_once(": ").unwrap().1;
     let place = |name: &str| after.find(name).unwrap_or(usize::MAX);
     assert!(
@@ -226,7 +226,7 @@ fn identified_poses(drift_n: f64, seed: u64) -> Fit {
 /// Nothing is stated of the load cell: neither its noise nor its class. What drifts may not make its own
 /// tolerance larger.
 #[test]
-fn poses_that_drift_are_told_whatever_the_drift() {
+fn poses_that_drift_are_reported_whatever_the_drift() {
     let tolerance = |found: &Fit| {
         let drift = found.nuisances.iter().find(|k| k.nuisance.name == "drift_line_fz").unwrap();
         drift.nuisance.sigma
@@ -240,8 +240,8 @@ fn poses_that_drift_are_told_whatever_the_drift() {
     for drift_n in [5.0, 20.0] {
         for (seed, before) in honest.iter().enumerate() {
             let found = identified_poses(drift_n, seed as u64);
-            let told = found.lack_of_fit.pose_drift.iter().any(|drift| drift.channel == 2);
-            assert!(told || !contradictions(&found).is_empty(), "{drift_n} N, {seed}");
+            let drifts = found.lack_of_fit.pose_drift.iter().any(|drift| drift.channel == 2);
+            assert!(drifts || !contradictions(&found).is_empty(), "{drift_n} N, {seed}");
             // Half of the drift, as a share of the weight, at most.
             assert!(tolerance(&found) < (1.0 + 0.6 * drift_n / (MASS * G)) * tolerance(before));
         }
@@ -251,7 +251,7 @@ fn poses_that_drift_are_told_whatever_the_drift() {
 /// Noise that is stated thirty times too large or too small is reported with both figures, whatever the
 /// sensor, and nothing of the honest.
 #[test]
-fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
+fn noise_stated_far_from_that_of_readings_is_reported_with_both_figures() {
     let warnings = |rig: &str| {
         let found = identified(rig, &NONE, 5);
         (rigident::answer::Answer::new(&found, rigident::answer::Context::default()).unwrap().warnings, found)
@@ -275,13 +275,13 @@ fn noise_stated_far_from_what_readings_show_is_told_with_both_figures() {
         let off: Vec<&str> =
             found.stated_noise.iter().filter(|n| n.far_off().is_some()).map(|n| n.name.as_str()).collect();
         assert_eq!(off, [name]);
-        let told = said.iter().find(|said| said.starts_with(name)).unwrap_or_else(|| panic!("{said:?}"));
-        let words: Vec<&str> = told.split([' ', ',']).collect();
-        assert!(words.contains(&figures[0]), "{told}");
+        let sentence = said.iter().find(|said| said.starts_with(name)).unwrap_or_else(|| panic!("{said:?}"));
+        let words: Vec<&str> = sentence.split([' ', ',']).collect();
+        assert!(words.contains(&figures[0]), "{sentence}");
         let near = |word: &&str| {
             word.parse::<f64>().is_ok_and(|v| (v / figures[1].parse::<f64>().unwrap() - 1.0).abs() < 0.1)
         };
-        assert!(words.iter().any(near), "{told}");
+        assert!(words.iter().any(near), "{sentence}");
     }
 }
 

@@ -113,8 +113,8 @@ fn imu_noise(subject: Subject) {
         }
     });
     let cell = format!("noise_n_nm = {:?}", std::array::from_fn::<f64, 6, _>(sigma));
-    noisy.write(place.path(), "told", &subject.rig(&cell, &format!("gyro_noise_radps = {gyro}"), false));
-    let [clean, told] = ["a", "told"].map(|name| identify(subject, place.path(), name, &[]));
+    noisy.write(place.path(), "stated", &subject.rig(&cell, &format!("gyro_noise_radps = {gyro}"), false));
+    let [clean, stated] = ["a", "stated"].map(|name| identify(subject, place.path(), name, &[]));
     let largest = |found: &Found| {
         let sds = found.names().into_iter().map(|name| {
             let ((v, _), (w, u95)) = (clean.of(&name), found.of(&name));
@@ -123,8 +123,8 @@ fn imu_noise(subject: Subject) {
         sds.fold(0.0, f64::max)
     };
     // The noise of the gyros alone makes the difference: the same noise of the wrench is in both.
-    assert!(largest(&told) < 4.5, "{}", largest(&told));
-    assert!(told.names().iter().any(|name| name == subject.mass_name()[0]));
+    assert!(largest(&stated) < 4.5, "{}", largest(&stated));
+    assert!(stated.names().iter().any(|name| name == subject.mass_name()[0]));
 }
 
 fn outliers(subject: Subject) {

@@ -13,13 +13,13 @@ use serde_json::Value;
 use crate::program::{complaint, json as answer, rigident};
 
 mod errors;
+mod findings;
 mod gross;
 mod locked;
-mod told;
 mod untrue;
 
-/// Everything that an answer tells in words: warnings and notes.
-fn told(found: &Value) -> String {
+/// Everything that an answer says in words: warnings and notes.
+fn in_words(found: &Value) -> String {
     format!("{}{}", found["warnings"], found["notes"])
 }
 
@@ -194,7 +194,7 @@ fn a_leg_with_three_hinges_in_one_body_is_identified_and_written() {
 }
 
 #[test]
-fn a_joint_that_never_moves_and_what_is_behind_it_are_named() {
+fn a_joint_that_never_moves_and_the_links_behind_it_are_named() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 1);
     let words = ["identify", "arm.csv", "--model", "arm.urdf", "--json", "--out", "o"];
@@ -217,7 +217,7 @@ fn a_joint_that_never_moves_and_what_is_behind_it_are_named() {
 }
 
 #[test]
-fn what_is_missing_or_does_not_fit_is_named() {
+fn missing_and_unsuitable_inputs_are_named() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 2);
     let csv = std::fs::read_to_string(place.path().join("arm.csv")).unwrap();
@@ -281,7 +281,7 @@ fn what_is_missing_or_does_not_fit_is_named() {
                = \"elbow\"\neffort_noise = 0.05\n";
     std::fs::write(place.path().join("one.rig.toml"), rig).unwrap();
     let words = ["identify", "one.csv", "--model", "arm.urdf", "--json", "--out", "noted"];
-    let warnings = told(&answer(&rigident(place.path(), &[&words[..], &FRICTION].concat())));
+    let warnings = in_words(&answer(&rigident(place.path(), &[&words[..], &FRICTION].concat())));
     for word in ["gain_uncertainty", "[body]", "[truth]", "the noise of some channels is stated"] {
         assert!(warnings.contains(word), "{word}: {warnings}");
     }

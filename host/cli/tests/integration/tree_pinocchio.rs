@@ -164,7 +164,7 @@ print(json.dumps(list(pin.rnea(model, model.createData(), np.array(full), np.arr
 
 #[test]
 #[ignore = "needs Pinocchio in Python"]
-fn what_is_written_has_the_inverse_dynamics_of_a_live_pinocchio() {
+fn written_models_have_the_inverse_dynamics_of_a_live_pinocchio() {
     use rigident::model::dynamics::inverse_dynamics;
     use rigident::model::{write, xml::Language};
     let given = write::parse(CHAIN, "chain").unwrap().model;

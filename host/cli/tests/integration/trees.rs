@@ -116,7 +116,7 @@ fn seven_axes_without_noise_come_out_to_a_millionth_by_rates_and_by_positions_al
 
 /// A second and a half of motion leaves some of two links open, and the answer says what would help.
 #[test]
-fn what_a_short_motion_leaves_open_is_advised() {
+fn parameters_left_open_by_a_short_motion_bring_advice() {
     let model = two_links();
     let found = Identified::of(&two_link_recording(&model, 200.0, 1.5, Some(3)), &model, &plain());
     let context = Context { links: Some(found.links()), ..Context::default() };
@@ -244,20 +244,20 @@ fn intervals_count_noise_that_is_autocorrelated() {
 fn intervals_count_gain_errors_of_the_load_cell() {
     let model = two_links();
     let exact = two_link_recording(&model, 200.0, 12.0, None);
-    let share = |told: bool| {
+    let share = |stated: bool| {
         coverage(40, |seed| {
             let mut recording = with_remembered_noise(&exact, 0.0, seed);
             recording = with_gain_errors(&recording, [0.01; 6], seed);
-            if !told {
+            if !stated {
                 recording.rig.load_cell.gain_uncertainty = None;
             }
             Identified::of(&recording, &model, &plain()).beside(&model, &OFFSET)
         })
     };
-    let (told, untold) = (share(true).inside, share(false).inside);
+    let (stated, unstated) = (share(true).inside, share(false).inside);
     let allowed = 3.0 * (0.05_f64 * 0.95 / (2.0 * 40.0)).sqrt();
-    assert!((told - 0.95).abs() < allowed, "{told}");
-    assert!(untold < 0.8, "{untold}");
+    assert!((stated - 0.95).abs() < allowed, "{stated}");
+    assert!(unstated < 0.8, "{unstated}");
 }
 
 /// Without noise gains that are exact are found and change nothing; without a σ they are not searched for.

@@ -185,7 +185,7 @@ fn altered(from: &Path, to: &Path, column: usize, change: impl Fn(f64) -> f64) {
 }
 
 #[test]
-fn recordings_of_postures_tell_what_they_are_and_whether_a_spring_changed() {
+fn recordings_of_postures_show_their_postures_and_whether_a_spring_changed() {
     let place = tempfile::tempdir().unwrap();
     object(place.path(), &["vibration", "demo", "--seed", "2", "--out", "demo", "--json"]);
     let posture = |k: usize| format!("demo/posture{k}.csv");
@@ -292,7 +292,7 @@ fn springs_that_contradict_the_modes_give_no_body_in_any_way() {
 }
 
 #[test]
-fn what_is_wrong_is_named() {
+fn faults_are_named() {
     let place = tempfile::tempdir().unwrap();
     let refused = |arguments: &[&str], words: &str| {
         let output = rigident(place.path(), arguments);

@@ -68,7 +68,7 @@ fn joined(mut a: Vec<Reading<f64>>, b: Vec<Reading<f64>>) -> Vec<Reading<f64>> {
 }
 
 /// Advice, and which parameters are identified; σ are the thesis'.
-fn told(readings: &[Reading<f64>], knows_offset: bool) -> (Vec<String>, Vec<bool>) {
+fn advised(readings: &[Reading<f64>], knows_offset: bool) -> (Vec<String>, Vec<bool>) {
     let input = Input {
         readings: readings.to_vec(),
         is_static: false,
@@ -105,7 +105,7 @@ fn says(readings: &[Reading<f64>], expected: &[&str]) {
 
 #[track_caller]
 fn says_with(readings: &[Reading<f64>], knows_offset: bool, expected: &[&str]) {
-    let (sentences, identified) = told(readings, knows_offset);
+    let (sentences, identified) = advised(readings, knows_offset);
     assert!(
         sentences.len() == expected.len() && sentences.iter().zip(expected).all(|(s, e)| s.starts_with(e)),
         "{sentences:#?}\nin place of {expected:#?}; identified: {identified:?}"
@@ -119,9 +119,11 @@ fn still_poses_lack_rotation_and_too_few_of_them_lack_tilt() {
                        S.x, S.y and S.z";
     says(&still(&[[0.0, 0.0]]), &["one still pose only: hold the body still in three or more attitudes"]);
     says(&still(&[[10.0, 5.0]; 3]), &["one still pose only"]);
-    let along_y = "no tilt about S.y: the centre of mass along S.y cannot be told from the wrench offset";
+    let along_y = "no tilt about S.y: the centre of mass along S.y cannot be distinguished from the wrench \
+                   offset";
     says(&still(&[[20.0, 0.0], [-20.0, 0.0]]), &[along_y, no_rotation]);
-    let along_x = "no tilt about S.x: the centre of mass along S.x cannot be told from the wrench offset";
+    let along_x = "no tilt about S.x: the centre of mass along S.x cannot be distinguished from the wrench \
+                   offset";
     says(&still(&[[0.0, 20.0], [0.0, -20.0]]), &[along_x, no_rotation]);
     says(&still(&THESIS_POSES_DEG[..2]), &["no tilt about (-0.50, 0.87, 0.03) of S", no_rotation]);
     says(&still(&THESIS_POSES_DEG), &[no_rotation]);
@@ -147,8 +149,8 @@ fn the_axes_without_rotation_are_named_and_no_others() {
         says(&joined(turning(60.0, sines), poses.clone()), &[expected]);
     }
     // ω̇ × mc shows the first moments across the axis.
-    let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be told from the \
-                 wrench offset";
+    let level = "no tilt about S.x or S.y: the mass and the centre of mass along S.z cannot be \
+                 distinguished from the wrench offset";
     says(&turning(60.0, &YAW), &[level, "no rotation to and fro about S.x or S.y"]);
 }
 
@@ -168,25 +170,25 @@ fn roll_and_pitch_lack_yaw_until_their_coupling_brings_enough_of_it() {
 #[test]
 fn the_motion_asked_for_is_enough_and_not_far_too_much() {
     let both = [ROLL, PITCH].concat();
-    let (sentences, _) = told(&turning(6.0, &both), false);
+    let (sentences, _) = advised(&turning(6.0, &both), false);
     let words: Vec<&str> = sentences[0].split(' ').collect();
     let times = words.windows(4).find(|w| w[1..] == ["times", "as", "long,"]).map(|w| w[0]).unwrap();
     let times: f64 = times.parse().unwrap();
     // Ramps of 1 s each at either length.
     let lasting = |times: f64| 2.0 + 4.0 * times;
-    assert!(told(&turning(lasting(1.3 * times), &both), false).0.is_empty());
-    assert!(!told(&turning(lasting(0.6 * times), &both), false).0.is_empty());
+    assert!(advised(&turning(lasting(1.3 * times), &both), false).0.is_empty());
+    assert!(!advised(&turning(lasting(0.6 * times), &both), false).0.is_empty());
 }
 
 #[test]
-fn an_axis_between_those_of_s_is_told_by_its_components() {
+fn an_axis_between_those_of_s_is_named_by_its_components() {
     let both: Vec<_> =
         ROLL.iter().flat_map(|(_, f, p)| [(Axis::Roll, *f, *p), (Axis::Pitch, *f, *p)]).collect();
     says(&turning(20.0, &both), &["no rotation to and fro about (-0.71, 0.71, 0.00) of S"]);
 }
 
 #[test]
-fn rotation_at_one_frequency_is_told_from_missing_rotation() {
+fn rotation_at_one_frequency_is_distinguished_from_missing_rotation() {
     let one = "all rotation about S.x and S.y is at one frequency: the tensor and the first moment are \
                collinear; add a second, well-separated frequency";
     let cone = turning(40.0, &CONE);
@@ -194,13 +196,13 @@ fn rotation_at_one_frequency_is_told_from_missing_rotation() {
     // Either remedy that the sentence names.
     says(&joined(cone, still(&THESIS_POSES_DEG)), &["too little rotation about S.z"]);
     let second = [&CONE[..], &[(Axis::Roll, 1.3, 0.0), (Axis::Pitch, 1.3, 1.0)]].concat();
-    let (sentences, _) = told(&turning(40.0, &second), false);
+    let (sentences, _) = advised(&turning(40.0, &second), false);
     assert!(!sentences.iter().any(|s| s.contains("frequency:")), "{sentences:?}");
 }
 
 /// Noise of all sensors, σ from the rig; the gyro's noise must not pass for rotation.
 #[test]
-fn measured_motions_are_told_the_same_and_the_demonstration_lacks_nothing() {
+fn measured_motions_bring_the_same_advice_and_the_demonstration_lacks_nothing() {
     let config = RigConfig::thesis_horizontal();
     let hints = |program: &MotionProgram| {
         let input = Input {
@@ -225,11 +227,11 @@ fn measured_motions_are_told_the_same_and_the_demonstration_lacks_nothing() {
     assert!(hints(&thesis_program(&config.geometry, 60.0)).is_empty());
     let hold =
         MotionProgram { start: config.geometry.home(), segments: vec![Segment::Hold { duration_s: 60.0 }] };
-    let told = hints(&hold);
-    assert!(told.len() == 1 && told[0].starts_with("one still pose only"), "{told:?}");
+    let said = hints(&hold);
+    assert!(said.len() == 1 && said[0].starts_with("one still pose only"), "{said:?}");
     let mut still = thesis_program(&config.geometry, 60.0);
     still.segments.retain(|s| !matches!(s, Segment::Multisine { .. }));
-    let told = hints(&still);
-    assert!(told.iter().any(|s| s.contains("rotation about S.z")), "{told:?}");
-    assert!(!told.iter().any(|s| s.contains("tilt")), "{told:?}");
+    let said = hints(&still);
+    assert!(said.iter().any(|s| s.contains("rotation about S.z")), "{said:?}");
+    assert!(!said.iter().any(|s| s.contains("tilt")), "{said:?}");
 }

@@ -61,7 +61,7 @@ fn one_wrong_line_in_the_rig_file_is_named_and_nothing_gets_a_number() {
 }
 
 #[test]
-fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
+fn the_fault_of_a_body_s_recording_is_named_and_corrected_by_the_advice() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     // Of a gyro whose range is stated most readings in degrees are beyond it, and left out.
@@ -90,10 +90,10 @@ fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
             (Some(1), Some("implausible")),
             "{name}"
         );
-        let told = &result["cause"];
+        let named = &result["cause"];
         assert!(
-            told["what"].as_str().unwrap().contains(cause) && told["confirmed"] == true,
-            "{name}: {told}"
+            named["what"].as_str().unwrap().contains(cause) && named["confirmed"] == true,
+            "{name}: {named}"
         );
         let page = fs::read_to_string(at.join(format!("{name}.out/report.html"))).unwrap();
         assert!(
@@ -103,9 +103,9 @@ fn the_fault_of_a_body_s_recording_is_named_and_mended_by_what_is_advised() {
         );
     }
     let scale = gyro.map(|name| format!("{name} = {{ name = \"{name}\", scale = 0.017453292519943295 }}"));
-    let mended = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
-    fs::write(at.join("degrees.rig.toml"), mended).unwrap();
-    let output = rigident(at, &["identify", "degrees.csv", "--json", "--out", "mended"]);
+    let corrected = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
+    fs::write(at.join("degrees.rig.toml"), corrected).unwrap();
+    let output = rigident(at, &["identify", "degrees.csv", "--json", "--out", "corrected"]);
     assert_eq!(json(&output)["status"], "identified", "{}", said(&output));
 }
 
@@ -144,10 +144,10 @@ fn of_two_units_that_explain_alike_the_possible_body_decides() {
     assert_eq!((&result["status"], &cause["confirmed"]), (&"implausible".into(), &true.into()), "{cause}");
     assert!(cause["what"].as_str().unwrap().contains("the moment is in N mm"), "{cause}");
     let scale = moments.map(|name| format!("{name} = {{ name = \"{name}\", scale = 0.001 }}"));
-    let mended = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
-    assert_ne!(mended, rig);
-    fs::write(at.join("mm.rig.toml"), mended).unwrap();
-    let found = json(&rigident(at, &["identify", "mm.csv", "--json", "--out", "mended"]));
+    let corrected = rig.replace("[recording]", &format!("[recording]\ncolumns = {{ {} }}", scale.join(", ")));
+    assert_ne!(corrected, rig);
+    fs::write(at.join("mm.rig.toml"), corrected).unwrap();
+    let found = json(&rigident(at, &["identify", "mm.csv", "--json", "--out", "corrected"]));
     assert_eq!(found["status"], "identified", "{found}");
     // The bracket's own moment, which 1 N mm in place of 1 N m would make a thousand times as large.
     assert!(found["inertia_com_kgm2"][0].as_f64().unwrap() < 0.1, "{found}");

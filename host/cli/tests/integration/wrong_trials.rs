@@ -259,7 +259,7 @@ fn plates_of_shared_data_that_cannot_be_are_named() {
 }
 
 #[test]
-fn what_is_no_trial_is_refused() {
+fn files_without_a_trial_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("walk.csv"), "t,fx\n0,1\n").unwrap();
     std::fs::write(folder.path().join("text.c3d"), "this is no C3D file").unwrap();
@@ -318,7 +318,7 @@ fn opensim_models_that_are_no_persons_of_shared_data_are_named() {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn trials_of_two_persons_of_shared_data_are_told_apart() {
+fn trials_of_two_persons_of_shared_data_are_distinguished() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| data(name).display().to_string();
     let one = file("human_btk_pig_60kg_functional/FunctionalWalk.c3d");
@@ -369,7 +369,7 @@ fn said_of_plates((status, said): (i32, String), code: i32, words: &[&str]) {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn plates_of_shared_data_that_are_not_where_the_file_has_them_are_told() {
+fn plates_of_shared_data_that_are_not_where_the_file_has_them_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let standing = data("human_btk_pig_60kg_functional/FunctionalStatic.c3d").display().to_string();
     let over_plates = |bytes: &[u8]| {
@@ -403,7 +403,7 @@ fn plates_of_shared_data_that_are_not_where_the_file_has_them_are_told() {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn plates_of_shared_data_with_another_scale_or_a_zero_that_drifts_are_told() {
+fn plates_of_shared_data_with_another_scale_or_a_zero_that_drifts_are_reported() {
     let (trc, mot) = walk();
     let header = mot_header(&mot);
     // One belt of two.

@@ -36,7 +36,7 @@ fn refused(output: &Output, status: i32) -> String {
 }
 
 #[test]
-fn settings_go_into_a_file_and_back_and_what_is_refused_changes_nothing() {
+fn settings_go_into_a_file_and_back_and_refused_ones_change_nothing() {
     let served = Served::new();
     let run = |arguments: &[&str]| rigident(&served, &[arguments, &["--port", "port"]].concat());
     let info = good(&run(&["info", "--json"]));
@@ -131,12 +131,12 @@ fn other_firmware(port: &mut Port, leave: &AtomicBool) {
 }
 
 #[test]
-fn firmware_built_from_other_definitions_is_named_with_what_to_do() {
+fn firmware_built_from_other_definitions_is_named_with_advice() {
     let served = Served::new();
     let mut port = Port::open(Some(&served.path("other"))).unwrap();
     let leave = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&leave);
-    let answering = std::thread::spawn(move || other_firmware(&mut port, &told));
+    let leaving = Arc::clone(&leave);
+    let answering = std::thread::spawn(move || other_firmware(&mut port, &leaving));
     for command in [&["info"][..], &["configure"], &["monitor", "--once"]] {
         let said = refused(&rigident(&served, &[command, &["--port", "other"]].concat()), 3);
         assert!(said.contains("flash the firmware"), "{command:?}: {said}");

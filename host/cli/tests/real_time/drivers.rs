@@ -119,7 +119,7 @@ fn a_planned_end_goes_to_rest_on_the_path() {
 }
 
 #[test]
-fn what_the_hexapod_cannot_reach_is_refused_before_anything_moves_and_names_the_axis() {
+fn unreachable_motions_are_refused_before_anything_moves_with_the_axis_named() {
     let served = Served::new();
     let mut platform = connect(&served.address(), &Geometry::thesis()).unwrap();
     let mut far = Geometry::thesis().home();
@@ -289,7 +289,7 @@ fn a_controller_lost_in_mid_motion_is_named_with_the_command_and_the_plate_stops
 }
 
 #[test]
-fn a_refusal_in_mid_motion_is_told_in_words_and_the_plate_is_seen_at_rest() {
+fn a_refusal_in_mid_motion_is_reported_in_words_and_the_plate_is_seen_at_rest() {
     let served = Served::new();
     let mut platform = ready(&served, &served.address(), &swing(30.0));
     platform.start().unwrap();
@@ -387,7 +387,7 @@ fn a_stream_is_led_to_rest_on_its_path_and_one_that_begins_elsewhere_or_is_garba
     while said.lock().unwrap().len() < 7 {
         assert!(Instant::now() < deadline, "{:?}", said.lock().unwrap());
     }
-    assert!(said.lock().unwrap()[0].contains("from where the plate stands"));
+    assert!(said.lock().unwrap()[0].contains("from the pose of the plate"));
     assert_eq!(served.rig.lock().unwrap().pose(), home);
 
     let mut platform = ready(&served, &format!("pose+tcp://{}", lines.address()), &swing(30.0));

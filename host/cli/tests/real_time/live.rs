@@ -85,7 +85,7 @@ fn warnings(result: &Value) -> String {
 }
 
 #[test]
-fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses_are_told() {
+fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses_are_reported() {
     let scene = Scene::new(16.0, "\n[recording]\nwrench_sign = \"on_sensor\"\n");
     let lossy = Delivery { lose: 0.02, jitter_s: 0.003, ..Delivery::default() };
     let ati = AtiServer::listen("127.0.0.1:0", scene.played((500.0, 80e-6, 0.0), lossy)).unwrap();
@@ -94,14 +94,14 @@ fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses
     let imu = format!("xsens://{}", mti.terminal().display());
     let result = scene.answer(&["--wrench", &ati.url(), "--imu", &imu, "--at-most-s", "15"]);
     check_truth(&result, 4);
-    let told = warnings(&result);
+    let said = warnings(&result);
     assert!(
-        told.contains("samples never came, by their sequence numbers") || told.contains("never came"),
-        "{told}"
+        said.contains("samples never came, by their sequence numbers") || said.contains("never came"),
+        "{said}"
     );
     // A fiftieth of them: "N samples of M never came"; within five standard deviations of 8 000 throws.
-    let words: Vec<&str> = told.split(" never came").next().unwrap().rsplit(' ').take(4).collect();
-    let [all, _, _, lost] = words[..] else { panic!("{told}") };
+    let words: Vec<&str> = said.split(" never came").next().unwrap().rsplit(' ').take(4).collect();
+    let [all, _, _, lost] = words[..] else { panic!("{said}") };
     let [lost, all] = [lost, all].map(|n| n.parse::<f64>().unwrap());
     assert!(all > 6000.0 && (lost / all - 0.02).abs() < 5.0 * (0.02 / all).sqrt(), "{lost} of {all}");
     // Rates of both clocks, by arrivals up to 3 ms late over 15 s.
@@ -130,7 +130,7 @@ fn a_force_sensor_and_an_imu_on_clocks_of_their_own_identify_the_body_and_losses
 }
 
 #[test]
-fn a_robot_alone_identifies_what_is_on_its_flange() {
+fn a_robot_alone_identifies_the_load_on_its_flange() {
     let scene = Scene::new(16.0, "\n[recording]\nwrench_sign = \"on_sensor\"\n");
     let late = Delivery { jitter_s: 0.001, ..Delivery::default() };
     let robot = RtdeServer::listen("127.0.0.1:0", scene.played((500.0, 20e-6, 5000.0), late)).unwrap();
@@ -146,7 +146,7 @@ fn a_robot_alone_identifies_what_is_on_its_flange() {
 }
 
 #[test]
-fn a_robot_that_stands_still_is_told_to_move_and_not_that_its_gyro_is_dead() {
+fn a_robot_that_stands_still_is_advised_to_move_and_its_gyro_is_not_called_dead() {
     let mut scene = Scene::new(1.0, "\n[recording]\nwrench_sign = \"on_sensor\"\n");
     // Its poses have no noise, and are the same to the last digit.
     scene.moved.1.segments = vec![Segment::Hold { duration_s: 1.0 }];
@@ -286,7 +286,7 @@ fn failed(scene: &Scene, output: &Output, status: i32, words: &[&str], kept: boo
 }
 
 #[test]
-fn what_could_never_be_used_is_refused_before_anything_is_recorded() {
+fn unusable_streams_are_refused_before_anything_is_recorded() {
     let scene = Scene::new(12.0, "");
     let ports = [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap());
     let played = || scene.played((250.0, 0.0, 12.0), Delivery::default());
@@ -307,7 +307,7 @@ fn what_could_never_be_used_is_refused_before_anything_is_recorded() {
 }
 
 #[test]
-fn a_source_that_stops_ends_the_run_in_words_and_with_what_came_before() {
+fn a_source_that_stops_ends_the_run_in_words_and_with_the_earlier_readings() {
     let scene = Scene::new(12.0, "");
     let at = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let stops = Delivery { stops_after_s: Some(11.0), ..Delivery::default() };
@@ -324,7 +324,7 @@ fn a_source_that_stops_ends_the_run_in_words_and_with_what_came_before() {
 }
 
 #[test]
-fn a_bridge_without_the_topic_or_with_another_type_tells_what_there_is() {
+fn a_bridge_without_the_topic_or_with_another_type_names_its_topics() {
     let scene = Scene::new(10.0, "");
     let bridge = bridge(&scene, 1.75e9, Delivery::default(), BOTH);
     let url = |topic: &str| format!("ws://{}?topic={topic}", bridge.address());
@@ -358,7 +358,7 @@ fn a_bridge_without_the_topic_or_with_another_type_tells_what_there_is() {
 }
 
 #[test]
-fn stamps_that_are_not_of_one_clock_are_told_and_what_came_is_kept() {
+fn stamps_that_are_not_of_one_clock_are_reported_and_the_readings_are_kept() {
     let scene = Scene::new(10.0, "");
     // The IMU's driver stamps by the device's own time since it was switched on.
     let bridge = bridge(&scene, 312.0, Delivery::default(), BOTH);
@@ -380,7 +380,7 @@ fn stamps_that_are_not_of_one_clock_are_told_and_what_came_is_kept() {
 }
 
 #[test]
-fn units_that_cannot_be_are_told_and_what_came_is_kept() {
+fn impossible_units_are_reported_and_the_readings_are_kept() {
     let scene = Scene::new(12.0, "");
     let at = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let in_g = Delivery { scale: 1.0 / 9.80665, ..Delivery::default() };
@@ -487,11 +487,11 @@ fn a_run_without_a_platform_tells_the_next_move_and_identifies_the_body() {
     let served = super::Served::new();
     let mut command = super::runs::run_at(&served, "none", "out", &["--at-most-s", "22", "--json"]);
     let mut running = command.spawn().unwrap();
-    let said = std::io::BufReader::new(running.stderr.take().unwrap());
-    let mut told = Vec::new();
-    for line in std::io::BufRead::lines(said).map_while(Result::ok) {
+    let errors = std::io::BufReader::new(running.stderr.take().unwrap());
+    let mut said = Vec::new();
+    for line in std::io::BufRead::lines(errors).map_while(Result::ok) {
         let moves = line.starts_with("move the body now");
-        told.push(line);
+        said.push(line);
         if moves {
             let mut rig = served.rig.lock().unwrap();
             rig.load_program(body_moved(16.0, 3).1).unwrap();
@@ -499,12 +499,12 @@ fn a_run_without_a_platform_tells_the_next_move_and_identifies_the_body() {
         }
     }
     let output = running.wait_with_output().unwrap();
-    let told = told.join("\n");
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let said = said.join("\n");
+    assert_eq!(output.status.code(), Some(0), "{said}");
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(result["status"], "identified", "{told}");
+    assert_eq!(result["status"], "identified", "{said}");
     check_truth(&result, 10);
-    assert!(told.contains("hold the body still") && told.contains("next: "), "{told}");
+    assert!(said.contains("hold the body still") && said.contains("next: "), "{said}");
     let plan = super::runs::run_at(&served, "none", "out2", &["--plan", "x.json"]).output().unwrap();
     assert_eq!(plan.status.code(), Some(2));
 }

@@ -47,10 +47,10 @@ impl Served {
         let hexapod = GcsServer::listen("127.0.0.1:0", Arc::clone(&rig)).unwrap();
         let mut port = Port::open(Some(&folder.path().join("port"))).unwrap();
         let leave = Arc::new(AtomicBool::new(false));
-        let (told, shared) = (Arc::clone(&leave), Arc::clone(&rig));
+        let (leaving, shared) = (Arc::clone(&leave), Arc::clone(&rig));
         let carrying = std::thread::spawn(move || {
             let mut firmware = Firmware(Box::new(InProcess::new(shared, Pacing::RealTime)));
-            carry(&mut port, &mut firmware, &told).unwrap();
+            carry(&mut port, &mut firmware, &leaving).unwrap();
         });
         Self { folder, rig, hexapod: Some(hexapod), leave, carrying: Some(carrying) }
     }

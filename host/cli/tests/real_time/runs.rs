@@ -103,8 +103,8 @@ fn a_run_that_is_stopped_on_the_way_to_its_start_leaves_a_trace() {
         }
     }
     let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(told.success());
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
     let status = child.wait().unwrap();
     let said = rest.join().unwrap();
     assert_eq!(status.code(), Some(1), "{said}");
@@ -194,7 +194,7 @@ fn a_run_on_a_hexapod_identifies_the_body_and_tells_how_the_platform_followed() 
 }
 
 #[test]
-fn a_run_with_two_links_identifies_both_and_what_it_cannot_do_is_said_before_anything_moves() {
+fn a_run_with_two_links_identifies_both_and_unsuitable_options_are_refused_before_anything_moves() {
     let second = SecondLink { with_program: true, ..SecondLink::arm() };
     let config = RigConfig::two_links().with_second(second);
     let served = Served::of(config.clone());
@@ -258,7 +258,7 @@ fn a_run_that_decides_for_itself_ends_when_the_tensor_is_known() {
 }
 
 #[test]
-fn ctrl_c_and_sigterm_stop_the_platform_and_keep_what_was_recorded() {
+fn ctrl_c_and_sigterm_stop_the_platform_and_keep_the_recording() {
     for signal in ["-INT", "-TERM"] {
         interrupted_by(signal);
     }
@@ -275,8 +275,8 @@ fn interrupted_by(signal: &str) {
     }
     let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
     std::thread::sleep(std::time::Duration::from_secs(8));
-    let told = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
-    assert!(told.success());
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
     let status = child.wait().unwrap();
     let said = rest.join().unwrap();
     assert_ne!(served.rig.lock().unwrap().motion(), MotionState::Moving, "{said}");
@@ -310,9 +310,9 @@ fn a_terminal_that_takes_nothing_any_more_holds_back_neither_guards_nor_ctrl_c()
         MotionState::Moving,
         "it was stopped for want of a watch"
     );
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     let stopped = Instant::now();
-    assert!(told.success());
+    assert!(killed.success());
     while served.rig.lock().unwrap().motion() == MotionState::Moving {
         assert!(stopped.elapsed() < Duration::from_millis(1500), "Ctrl-C was not heard");
         std::thread::sleep(Duration::from_millis(5));
@@ -346,7 +346,7 @@ fn a_motion_is_ended_before_it_overloads_the_load_cell() {
 /// A program that is stopped for longer than the device waits for it: the device stops absorbing, the hexapod
 /// moves on.
 #[test]
-fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
+fn a_host_that_stalls_in_mid_run_is_reported_and_later_readings_are_taken_in() {
     let served = Served::new();
     // A controller that has the whole program drives on without us.
     let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
@@ -360,8 +360,8 @@ fn a_host_that_stalls_in_mid_run_is_told_of_and_what_follows_is_taken_in() {
     }
     let rest = std::thread::spawn(move || heard.map_while(Result::ok).collect::<Vec<_>>().join("\n"));
     let signal = |name: &str| {
-        let told = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
-        assert!(told.success());
+        let killed = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
     };
     std::thread::sleep(std::time::Duration::from_secs(8));
     signal("-STOP");
@@ -394,7 +394,7 @@ fn a_stream_that_nobody_follows_ends_the_run_in_words_within_half_a_second_of_mo
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let error = result["error"].as_str().unwrap();
-    assert!(error.contains("is told to move, and for 0.25 s after the IMU shows none of it"), "{error}");
+    assert!(error.contains("is commanded to move, and for 0.25 s after the IMU shows none of it"), "{error}");
     // It holds for 0.3 s, and moves gently at first.
     let moved_s =
         error.split("t = ").nth(1).and_then(|t| t.split(' ').next()).unwrap().parse::<f64>().unwrap();
@@ -442,7 +442,7 @@ fn a_stream_begins_at_home_ends_there_and_is_not_begun_from_elsewhere() {
     // A lean says something of the body, if not everything.
     assert!(matches!(output.status.code(), Some(0 | 1)), "{}", said(&output));
     assert!(
-        said(&output).contains("it begins at home: the plate must stand there now, x 0.0"),
+        said(&output).contains("it begins at home: the plate must be there now, x 0.0"),
         "{}",
         said(&output)
     );
@@ -476,7 +476,7 @@ fn a_machine_that_the_rig_file_does_not_describe_is_not_taken_for_the_built_in_o
 
 /// The simulated controller has its legs' limits all the same: the motion inside the travel keeps them.
 #[test]
-fn a_machine_without_joints_is_driven_inside_its_travel_and_what_is_not_checked_is_said() {
+fn a_machine_without_joints_is_driven_inside_its_travel_and_the_checks_left_out_are_reported() {
     let served = Served::new();
     let rig = text(&served.path("rig.toml"));
     let of_legs = ["base_joints_m", "plate_joints_m", "leg_length_m", "leg_rate_mps", "cond_max"]

@@ -94,7 +94,7 @@ fn a_motion_that_someone_else_ends_is_no_end() {
 }
 
 #[test]
-fn what_another_client_has_loaded_meanwhile_is_not_driven() {
+fn a_program_loaded_meanwhile_by_another_client_is_not_driven() {
     let served = Served::new();
     let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();
     let address = format!("tcp://{}", controller.address());
@@ -110,7 +110,7 @@ fn what_another_client_has_loaded_meanwhile_is_not_driven() {
 }
 
 #[test]
-fn stray_lines_do_not_stop_what_another_client_moves() {
+fn stray_lines_do_not_stop_a_motion_of_another_client() {
     let served = Served::new();
     let server = StreamServer::listen("127.0.0.1:0", Arc::clone(&served.rig), |_| {}).unwrap();
     let controller = Controller::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap();

@@ -60,7 +60,7 @@ pub(super) fn permissions(found: &[Answered]) -> Option<Check> {
     Some(if owner.has_group {
         Check::ok(WHAT, format!("this user may open ports of the group {}", owner.group))
     } else {
-        Check::to_do(WHAT, format!("this user is not in the group {}", owner.group), owner.what_to_do())
+        Check::to_do(WHAT, format!("this user is not in the group {}", owner.group), owner.advice())
     })
 }
 
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_system_clock_that_was_never_set_is_told() {
+    fn a_system_clock_that_was_never_set_is_reported() {
         assert_eq!(system_clock(UNIX_EPOCH).standing, Standing::ToDo);
         assert_eq!(
             system_clock(UNIX_EPOCH + std::time::Duration::from_secs(EARLIEST_S)).standing,

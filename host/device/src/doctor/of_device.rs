@@ -214,7 +214,7 @@ mod tests {
     use crate::doctor::Standing;
 
     #[test]
-    fn a_clock_that_runs_fast_is_told_from_arrivals_that_scatter() {
+    fn a_clock_that_runs_fast_is_distinguished_from_arrivals_that_scatter() {
         // 1 % fast, delays of 0 to 4 ms.
         let beats = |rate: f64| -> Vec<(f64, f64)> {
             (0..6).map(|k| (f64::from(k) / rate + 1e-3 * f64::from(k * 7 % 5), f64::from(k))).collect()
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn events_are_told_in_words_and_unknown_ones_by_their_numbers() {
+    fn events_are_reported_in_words_and_unknown_ones_by_their_numbers() {
         let event = |time_ms, code, detail, count| EventMessage { time_ms, code, detail, count };
         let all = [
             event(0, 1, 4, 1),

@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn firmware_of_another_protocol_is_told_from_silence() {
+    fn firmware_of_another_protocol_is_distinguished_from_silence() {
         let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION + 1, 0), false)));
         let error = client.hello().unwrap_err();
         assert!(
@@ -442,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn firmware_whose_hello_is_not_known_is_told_from_silence() {
+    fn firmware_whose_hello_is_not_known_is_distinguished_from_silence() {
         // No result has this many variants.
         let mut client = Client::new(Box::new(Canned(frame_of_version(PROTOCOL_VERSION, 0x77), false)));
         let error = client.greet(1).unwrap_err();

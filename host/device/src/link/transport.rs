@@ -77,7 +77,7 @@ fn may_open(port: &str) -> String {
             "join the group that owns it (usually `sudo usermod -aG dialout $USER`, then log in again)"
                 .to_owned()
         },
-        |ownership| ownership.what_to_do(),
+        |ownership| ownership.advice(),
     )
 }
 

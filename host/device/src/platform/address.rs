@@ -78,7 +78,7 @@ impl Address {
             baud: BAUD,
         };
         if place.is_empty() {
-            return Err(wrong("nothing stands behind ://".to_owned()));
+            return Err(wrong("nothing follows ://".to_owned()));
         }
         for setting in settings.split('&').filter(|s| !s.is_empty()) {
             let bad = |e: &dyn Display| wrong(format!("{setting}: {e}"));
@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_depends_on_joints_is_not_offered_a_machine_without() {
+    fn links_that_need_joints_are_refused_for_a_machine_without() {
         let travel = hexapod::Travel {
             shift_m: [0.1; 3],
             turn_rad: [0.3; 3],
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_or_not_there_is_said_so() {
+    fn unknown_and_unreachable_platforms_are_reported() {
         let geometry = Geometry::thesis();
         let error = |address: &str| connect(address, &geometry).err().unwrap();
         assert!(matches!(error("ftp://127.0.0.1:1"), PlatformError::Address { .. }));

@@ -139,7 +139,7 @@ impl fmt::Display for Summary {
         }
         writeln!(f, ":")?;
         if let Some(pose) = &self.from {
-            writeln!(f, "  it begins at home: the plate must stand there now, {}", words(pose))?;
+            writeln!(f, "  it begins at home: the plate must be there now, {}", words(pose))?;
         }
         if self.assumed {
             writeln!(f, "  the rig file has no [platform]: the limits are the built-in platform's")?;
@@ -353,7 +353,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_without_joints_shows_its_travel_and_what_is_not_checked() {
+    fn a_machine_without_joints_shows_its_travel_and_the_checks_left_out() {
         let travel = Travel {
             shift_m: [0.1; 3],
             turn_rad: [0.5; 3],

@@ -78,9 +78,9 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Keeper {
     fn new(line: &Arc<Mutex<Line>>) -> Self {
         let (leave, watched) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Instant::now())));
-        let (told, line, last) = (Arc::clone(&leave), Arc::clone(line), Arc::clone(&watched));
+        let (leaving, line, last) = (Arc::clone(&leave), Arc::clone(line), Arc::clone(&watched));
         let thread = thread::spawn(move || {
-            while !told.load(Ordering::Acquire) && lock(&last).elapsed().as_secs_f64() < UNWATCHED_S {
+            while !leaving.load(Ordering::Acquire) && lock(&last).elapsed().as_secs_f64() < UNWATCHED_S {
                 thread::sleep(HEARD_EVERY / 2);
                 let mut line = lock(&line);
                 // What is wrong is reported to whoever asks next.

@@ -78,7 +78,7 @@ pub(super) trait Sink: Send {
         Ok(None)
     }
     /// A set point that comes this long after its time ends the motion, s. Whether a controller that says
-    /// nothing goes by a line's time or follows as it comes, nobody knows: one that goes by it stands by
+    /// nothing goes by a line's time or follows as it comes, nobody knows: one that goes by it rests by
     /// then.
     fn patience_s(&self) -> f64 {
         0.0
@@ -230,14 +230,14 @@ impl<S: Sink + 'static> Pace<S> {
         let shared = Arc::new(Mutex::new(Shared { watched_s: clock.now_s(), ..Shared::default() }));
         let stop = Asked::default();
         let course = Course { program_s: 0.0, resumed_s: f64::NEG_INFINITY, slowing_s: None, alarmed: false };
-        let (told, asked) = (Arc::clone(&shared), stop.clone());
+        let (own, asked) = (Arc::clone(&shared), stop.clone());
         let clock = clock.clone();
         let run = Run {
             sink,
             trajectory,
             timing,
             looks_hz,
-            shared: told,
+            shared: own,
             stop: asked,
             course,
             clock: clock.clone(),
@@ -316,9 +316,9 @@ struct Run<S> {
 
 /// The place of the plate on its path.
 struct Course {
-    /// The program's own time, s: it goes slower once the plate is led to rest, or where it stood.
+    /// The program's own time, s: it goes slower once the plate is led to rest, or where it rested.
     program_s: f64,
-    /// The time when the plate set off again after it stood, s.
+    /// The time when the plate set off again after it rested, s.
     resumed_s: f64,
     /// Since when the plate is led to rest, s.
     slowing_s: Option<f64>,
@@ -477,7 +477,7 @@ impl<S: Sink> Run<S> {
             Ok(Some(true)) => End::AtRest,
             Ok(Some(false)) => End::Unseen(format!(
                 "its controller says that it still moved {REST_S} s after the last set point, though it was \
-                 told to stop"
+                 commanded to stop"
             )),
             Ok(None) if ended != Ended::Broken => {
                 // Nothing more can be known: the last points were those of a plate at rest.

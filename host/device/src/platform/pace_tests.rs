@@ -24,7 +24,7 @@ impl Sink for Slow {
     }
 }
 
-type Told = Vec<Result<Motion, PlatformError>>;
+type Motions = Vec<Result<Motion, PlatformError>>;
 
 fn shift() -> Trajectory {
     let home = Geometry::thesis().home();
@@ -34,50 +34,53 @@ fn shift() -> Trajectory {
     program.trajectory().unwrap()
 }
 
-fn ended(pace: &Pace<impl Sink + 'static>) -> Told {
-    let mut told = Vec::new();
-    while told.last() != Some(&Ok(Motion::Done)) {
+fn ended(pace: &Pace<impl Sink + 'static>) -> Motions {
+    let mut motions = Vec::new();
+    while motions.last() != Some(&Ok(Motion::Done)) {
         let now = pace.motion();
         if now != Ok(Motion::Moving) {
-            told.push(now);
+            motions.push(now);
         }
         thread::sleep(Duration::from_millis(5));
     }
-    told
+    motions
 }
 
 /// The points of a move of 0.1 m in 2 s, one of which took this long, s, with a lead of 0.3 s; what was
 /// reported.
-fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Told) {
+fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Motions) {
     let sent = Arc::default();
     let sink = Slow { sent: Arc::clone(&sent), delay: Duration::from_secs_f64(delay_s) };
     let timing = Timing { rate_hz: 100.0, lead_s: 0.3, follows };
-    let told = ended(&Pace::begin(sink, shift(), timing, 20.0, &Clock::of_this_machine()));
+    let motions = ended(&Pace::begin(sink, shift(), timing, 20.0, &Clock::of_this_machine()));
     let sent = sent.lock().unwrap().clone();
-    (sent, told)
+    (sent, motions)
 }
 
 #[test]
-fn what_comes_after_its_time_ends_the_motion_on_its_path_and_after_a_gap_nothing_moves_any_more() {
+fn late_points_end_the_motion_on_its_path_and_after_a_gap_nothing_moves_any_more() {
     // A seventh of a second after its time: led to rest further on.
-    let (sent, told) = driven(0.45, Follows::Unknown);
-    assert!(matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 0.1), "{told:?}");
+    let (sent, motions) = driven(0.45, Follows::Unknown);
+    assert!(
+        matches!(motions.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 0.1),
+        "{motions:?}"
+    );
     let end = sent.last().unwrap().1;
     assert!(sent[59].1 + 1e-3 < end && end < 0.099, "{end}");
     assert!(sent[sent.len() - 10..].iter().all(|point| point.1 == end), "it ends at rest");
     // Two seconds: the plate has been at the last point for long.
     for follows in [Follows::Unknown, Follows::Arrival] {
-        let (sent, told) = driven(2.0, follows);
+        let (sent, motions) = driven(2.0, follows);
         assert!(
-            matches!(told.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 1.0),
-            "{told:?}"
+            matches!(motions.as_slice(), [Err(PlatformError::Late(late)), Ok(_)] if *late > 1.0),
+            "{motions:?}"
         );
         assert!(
             sent.len() > 70 && sent[60..].iter().all(|point| (point.1 - sent[59].1).abs() < 1e-12),
             "{:?}",
             &sent[58..]
         );
-        assert!(sent[60].0 > sent[59].0 + 1.0, "and is told so for times to come");
+        assert!(sent[60].0 > sent[59].0 + 1.0, "and it is sent so for times to come");
     }
 }
 
@@ -92,9 +95,9 @@ fn a_host_that_stood_still_makes_up_for_it_with_no_burst() {
         (Follows::Arrival, 0.1),
         (Follows::Arrival, 0.4),
     ] {
-        let (sent, told) = driven(delay_s, follows);
+        let (sent, motions) = driven(delay_s, follows);
         let late = follows == Follows::Unknown && delay_s > 0.3;
-        assert_eq!(told.len(), if late { 2 } else { 1 }, "{follows:?} {delay_s}: {told:?}");
+        assert_eq!(motions.len(), if late { 2 } else { 1 }, "{follows:?} {delay_s}: {motions:?}");
         // As one that takes points as they come would have it, once the buffer is full.
         for pair in sent[31..].windows(2) {
             let (way, time) = ((pair[1].1 - pair[0].1).abs(), (pair[1].2 - pair[0].2).as_secs_f64());
@@ -116,8 +119,8 @@ fn a_host_that_stood_still_makes_up_for_it_with_no_burst() {
 #[test]
 fn a_controller_that_goes_by_time_has_its_lead_again_after_a_stall() {
     for (follows, within_s) in [(Follows::Time, 0.0..0.5), (Follows::Unknown, 0.8..9.0)] {
-        let (sent, told) = driven(0.18, follows);
-        assert_eq!(told, [Ok(Motion::Done)], "{follows:?}");
+        let (sent, motions) = driven(0.18, follows);
+        assert_eq!(motions, [Ok(Motion::Done)], "{follows:?}");
         let begun = sent[0].2;
         let lead = |point: &Point| point.0 - (point.2 - begun).as_secs_f64();
         let again = sent[60..].iter().find(|point| lead(point) > 0.25).unwrap_or(sent.last().unwrap());

@@ -137,7 +137,7 @@ impl Platform for StreamPlatform {
             .ok_or_else(|| PlatformError::Refused("no motion program is loaded".to_owned()))?;
         if !same(&self.at, &program.start) {
             return Err(PlatformError::Refused(format!(
-                "its plate stands at {}, and the program begins at {}",
+                "its plate is at {}, and the program begins at {}",
                 check::words(&self.at),
                 check::words(&program.start)
             )));

@@ -86,7 +86,7 @@ mod tests {
     use hexapod::{Axis, Geometry, MotionProgram, Segment, SineTerm};
 
     #[test]
-    fn a_delay_and_a_constant_error_are_told_apart() {
+    fn a_delay_and_a_constant_error_are_distinguished() {
         let home = Geometry::thesis().home();
         let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.3 };
         let program = MotionProgram {

@@ -51,7 +51,7 @@ pub(super) fn between(
     }
     if let Err(violation) = geometry.check_pose(from) {
         return Err(PlatformError::Refused(format!(
-            "its plate stands at {}, beyond the limits of the rig file: {violation}. Bring it home by its \
+            "its plate is at {}, beyond the limits of the rig file: {violation}. Bring it home by its \
              own program first, or correct [platform]",
             check::words(from)
         )));
@@ -90,9 +90,9 @@ pub(super) fn drive(
     while platform.motion()? == Motion::Moving {
         if !go_on() {
             platform.stop(Stop::Alarm)?;
-            let told_s = clock.now_s();
+            let stopped_s = clock.now_s();
             while platform.motion()? == Motion::Moving {
-                if clock.now_s() - told_s > REST_S {
+                if clock.now_s() - stopped_s > REST_S {
                     return Err(PlatformError::Unseen(format!(
                         "it still moves {REST_S} s after the command to stop: use its own emergency stop"
                     )));

@@ -93,7 +93,7 @@ impl Session {
         taking: &mut Taking,
         observer: &mut dyn Observer,
     ) -> Result<(), String> {
-        let mut told = platform.stop(stop);
+        let mut stopping = platform.stop(stop);
         let mut deadline = Instant::now() + REST;
         loop {
             // In lock-step the plate moves only while the device is heard. What is broken there has been
@@ -102,11 +102,11 @@ impl Session {
             let late = Instant::now() > deadline;
             if stop == Stop::Planned && (late || heard.is_err() || INTERRUPTED.load(Ordering::Relaxed)) {
                 stop = Stop::Alarm;
-                told = platform.stop(stop);
+                stopping = platform.stop(stop);
                 deadline = Instant::now() + REST;
             }
             match platform.motion() {
-                Ok(Motion::Holding | Motion::Done) => return told.map_err(|e| e.to_string()),
+                Ok(Motion::Holding | Motion::Done) => return stopping.map_err(|e| e.to_string()),
                 Ok(Motion::Moving) if Instant::now() < deadline => {}
                 Ok(Motion::Moving) => return Err(format!("it still moves after {} s", REST.as_secs())),
                 Err(error) => return Err(error.to_string()),

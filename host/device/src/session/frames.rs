@@ -211,7 +211,7 @@ mod tests {
     use rigident_model::human::Person;
 
     #[test]
-    fn a_recording_of_frames_is_these_frames_and_what_one_lacks_is_named() {
+    fn a_recording_of_frames_is_these_frames_and_missing_columns_are_named() {
         let human = Person::default().human34().unwrap();
         let tree = person::tree(&human, &human.nominal());
         let sent = frames_of(&tree, 5, 100.0, [1.0; 6], 3);

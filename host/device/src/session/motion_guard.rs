@@ -266,7 +266,7 @@ impl Course {
             Seen::Still => (
                 0,
                 format!(
-                    "the plate is told to move, and for {} s after the IMU shows none of it",
+                    "the plate is commanded to move, and for {} s after the IMU shows none of it",
                     DELAYS_S[1]
                 ),
             ),
@@ -321,7 +321,7 @@ struct Look<'a> {
 
 /// The program's prediction for the middle of a bin.
 #[derive(Clone, Copy)]
-struct Foretold {
+struct Expected {
     six: Six,
     /// Acceleration of the plate's origin in P, m/s².
     origin: [f64; 3],
@@ -330,17 +330,17 @@ struct Foretold {
 /// The program's predictions, every [`BIN_S`] from a time on, s.
 struct Foresight {
     from_s: f64,
-    steps: Vec<Foretold>,
+    steps: Vec<Expected>,
 }
 
 impl Foresight {
     /// Between the steps on straight lines.
-    fn at(&self, time_s: f64) -> Foretold {
+    fn at(&self, time_s: f64) -> Expected {
         let place = ((time_s - self.from_s) / BIN_S).clamp(0.0, (self.steps.len() - 2) as f64);
         let (a, b) = (&self.steps[place as usize], &self.steps[place as usize + 1]);
         let part = place.fract();
         let line = |a: f64, b: f64| a + part * (b - a);
-        Foretold {
+        Expected {
             six: std::array::from_fn(|k| line(a.six[k], b.six[k])),
             origin: std::array::from_fn(|k| line(a.origin[k], b.origin[k])),
         }
@@ -348,17 +348,17 @@ impl Foresight {
 }
 
 impl Look<'_> {
-    fn foretold(&self, time_s: f64) -> Foretold {
+    fn expected(&self, time_s: f64) -> Expected {
         let state: PlateState = self.course.trajectory.state(time_s);
         let (force, rate) = self.sensors.imu(&state);
         let [force, rate] = [force, rate].map(|v| self.to_plate * Vector3::from(v));
         let origin = state.rotation.transpose() * state.acceleration;
-        Foretold { six: [rate.x, rate.y, rate.z, force.x, force.y, force.z], origin: origin.into() }
+        Expected { six: [rate.x, rate.y, rate.z, force.x, force.y, force.z], origin: origin.into() }
     }
 
     fn foresight(&self, from_s: f64, to_s: f64) -> Foresight {
         let steps = ((to_s - from_s) / BIN_S).ceil() as usize + 2;
-        let steps = (0..steps).map(|k| self.foretold(from_s + BIN_S * k as f64)).collect();
+        let steps = (0..steps).map(|k| self.expected(from_s + BIN_S * k as f64)).collect();
         Foresight { from_s, steps }
     }
 
@@ -369,7 +369,7 @@ impl Look<'_> {
             bins.map(|bin| (bin.time_s / bin.count, bin.sum.map(|sum| sum / bin.count))).unzip();
         let (Some(first), Some(last)) = (times.first(), times.last()) else { return (Seen::NotJudged, None) };
         let foresight = self.foresight(first - DELAYS_S[1], last - DELAYS_S[0]);
-        let told = |delay_s: f64| times.iter().map(|t| foresight.at(t - delay_s)).collect::<Vec<_>>();
+        let expected_at = |delay_s: f64| times.iter().map(|t| foresight.at(t - delay_s)).collect::<Vec<_>>();
         let delays = || {
             let steps = ((DELAYS_S[1] - DELAYS_S[0]) / BIN_S).round() as i32;
             (0..=steps).map(|k| DELAYS_S[0] + BIN_S * f64::from(k))
@@ -377,28 +377,28 @@ impl Look<'_> {
         let noise = noise(&measured);
 
         // At every delay that may be it moves: otherwise it may just rest.
-        let least = delays().map(|d| motion(&sixes(&told(d)))).fold(f64::INFINITY, f64::min);
+        let least = delays().map(|d| motion(&sixes(&expected_at(d)))).fold(f64::INFINITY, f64::min);
         if least < LEAST.max(ABOVE_NOISE * noise) {
-            let most = delays().map(|d| motion(&sixes(&told(d)))).fold(0.0, f64::max);
+            let most = delays().map(|d| motion(&sixes(&expected_at(d)))).fold(0.0, f64::max);
             let rests = most < RESTS && motion(&measured) < RESTS.max(ABOVE_NOISE * noise);
-            return (Seen::NotJudged, rests.then(|| bias(&measured, &told(0.0))));
+            return (Seen::NotJudged, rests.then(|| bias(&measured, &expected_at(0.0))));
         }
         let beyond_noise = (motion(&measured).powi(2) - noise * noise).max(0.0).sqrt();
         if beyond_noise < DEAD * least {
             return (Seen::Still, None);
         }
         let (best, rest) = delays()
-            .map(|d| (d, unexplained(&measured, &sixes(&told(d)))))
+            .map(|d| (d, unexplained(&measured, &sixes(&expected_at(d)))))
             .fold((0.0, f64::INFINITY), |best, now| if now.1 < best.1 { now } else { best });
-        let foretold = told(best);
-        let axis = self.axis(&measured, &foretold, noise);
+        let expected = expected_at(best);
+        let axis = self.axis(&measured, &expected, noise);
         match axis {
             Some((axis, share)) if axes == Axes::Each => return (Seen::Axis(axis, share), None),
             Some(_) => return (Seen::Follows, None),
             None => {}
         }
         if rest < FOLLOWS {
-            return (Seen::Follows, self.bias.map(|_| bias(&measured, &foretold)));
+            return (Seen::Follows, self.bias.map(|_| bias(&measured, &expected)));
         }
         let earlier = self.foresight(first - LATEST_S, *last);
         let lagging = |delay_s: f64| {
@@ -412,14 +412,15 @@ impl Look<'_> {
 
     /// The axis that does not follow, with its share: turns first, as a missing turn changes what is felt
     /// along the others.
-    fn axis(&self, measured: &[Six], foretold: &[Foretold], noise: f64) -> Option<(usize, f64)> {
+    fn axis(&self, measured: &[Six], expected: &[Expected], noise: f64) -> Option<(usize, f64)> {
         let turns = [0, 1, 2].map(|k| {
-            let pairs: Vec<[f64; 2]> = measured.iter().zip(foretold).map(|(m, f)| [m[k], f.six[k]]).collect();
+            let pairs: Vec<[f64; 2]> = measured.iter().zip(expected).map(|(m, f)| [m[k], f.six[k]]).collect();
             Share::of(&pairs)
         });
-        let all = turns.iter().map(|turn| turn.told * turn.told).sum::<f64>().sqrt();
+        let all = turns.iter().map(|turn| turn.predicted * turn.predicted).sum::<f64>().sqrt();
         let dead = |share: f64| !(DEAD..MOST).contains(&share);
-        let judged = |turn: &Share| turn.told > LEAST.max(ABOVE_NOISE * noise) && turn.told > OF_ALL * all;
+        let judged =
+            |turn: &Share| turn.predicted > LEAST.max(ABOVE_NOISE * noise) && turn.predicted > OF_ALL * all;
         let axis = turns.iter().position(|turn| judged(turn) && dead(turn.share));
         if let Some(k) = axis {
             return Some((3 + k, turns[k].share));
@@ -429,18 +430,19 @@ impl Look<'_> {
         }
         // What is felt beyond what the turns make: f − (f predicted − a) is the acceleration.
         let ways = [0, 1, 2].map(|k| {
-            let raw = |(m, f): (&Six, &Foretold)| [m[3 + k] - f.six[3 + k] + f.origin[k], f.origin[k]];
-            let pairs: Vec<[f64; 2]> = measured.iter().zip(foretold).map(raw).collect();
+            let raw = |(m, f): (&Six, &Expected)| [m[3 + k] - f.six[3 + k] + f.origin[k], f.origin[k]];
+            let pairs: Vec<[f64; 2]> = measured.iter().zip(expected).map(raw).collect();
             match self.bias {
                 Some(bias) => Share::of(&pairs.iter().map(|[m, f]| [m - bias[k], *f]).collect::<Vec<_>>()),
                 None => Share::of(&without_mean(pairs)),
             }
         });
-        let all_ways = ways.iter().map(|way| way.told * way.told).sum::<f64>().sqrt();
+        let all_ways = ways.iter().map(|way| way.predicted * way.predicted).sum::<f64>().sqrt();
         // Delay and scale leave this much of gravity and of the turns in it.
         let leak = 9.81 * all * LEAK_S + ACCELERATION * noise;
-        let judged =
-            |way: &Share| way.told > (3.0 * leak).max(ACCELERATION * LEAST) && way.told > OF_ALL * all_ways;
+        let judged = |way: &Share| {
+            way.predicted > (3.0 * leak).max(ACCELERATION * LEAST) && way.predicted > OF_ALL * all_ways
+        };
         ways.iter().position(|way| judged(way) && dead(way.share)).map(|k| (k, ways[k].share))
     }
 }
@@ -449,7 +451,7 @@ impl Look<'_> {
 #[derive(Clone, Copy)]
 struct Share {
     /// Root mean square of what is predicted.
-    told: f64,
+    predicted: f64,
     share: f64,
 }
 
@@ -464,8 +466,8 @@ impl Share {
         let mut kept = pairs.to_vec();
         kept.sort_by(|[m, f], [n, g]| (m - share * f).abs().total_cmp(&(n - share * g).abs()));
         kept.truncate(pairs.len().saturating_sub(OUTLIERS));
-        let told = (pairs.iter().map(|[_, f]| f * f).sum::<f64>() / pairs.len().max(1) as f64).sqrt();
-        Self { told, share: fit(&kept) }
+        let predicted = (pairs.iter().map(|[_, f]| f * f).sum::<f64>() / pairs.len().max(1) as f64).sqrt();
+        Self { predicted, share: fit(&kept) }
     }
 }
 
@@ -479,15 +481,15 @@ fn without_mean(mut pairs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 }
 
 /// Mean of the specific force read less that predicted, m/s².
-fn bias(measured: &[Six], foretold: &[Foretold]) -> [f64; 3] {
+fn bias(measured: &[Six], expected: &[Expected]) -> [f64; 3] {
     let n = measured.len().max(1) as f64;
     std::array::from_fn(|k| {
-        measured.iter().zip(foretold).map(|(m, f)| m[3 + k] - f.six[3 + k]).sum::<f64>() / n
+        measured.iter().zip(expected).map(|(m, f)| m[3 + k] - f.six[3 + k]).sum::<f64>() / n
     })
 }
 
-fn sixes(foretold: &[Foretold]) -> Vec<Six> {
-    foretold.iter().map(|f| f.six).collect()
+fn sixes(expected: &[Expected]) -> Vec<Six> {
+    expected.iter().map(|f| f.six).collect()
 }
 
 /// Specific force without its mean, which holds gravity and the bias; all as rad/s.
@@ -514,10 +516,10 @@ fn motion(six: &[Six]) -> f64 {
 }
 
 /// Returns the share of the energy predicted that is not in what is read.
-fn unexplained(measured: &[Six], foretold: &[Six]) -> f64 {
-    let (m, f) = (moving(measured), moving(foretold));
+fn unexplained(measured: &[Six], expected: &[Six]) -> f64 {
+    let (m, f) = (moving(measured), moving(expected));
     let distance = |(a, b): (&Six, &Six)| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
-    squares(m.iter().zip(&f).map(distance)) / motion(foretold).powi(2).max(f64::MIN_POSITIVE)
+    squares(m.iter().zip(&f).map(distance)) / motion(expected).powi(2).max(f64::MIN_POSITIVE)
 }
 
 /// The noise of averaged readings, rad/s: by how much one differs from the middle of its neighbours.

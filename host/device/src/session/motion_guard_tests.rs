@@ -72,7 +72,7 @@ fn read(config: &RigConfig, program: &MotionProgram, rate_hz: f64, seed: u64) ->
 
 /// Returns when it was ended, and the words.
 fn ended(
-    told: &MotionProgram,
+    program: &MotionProgram,
     config: &RigConfig,
     rows: &[ReadingRow],
     late_s: f64,
@@ -80,7 +80,7 @@ fn ended(
     let sensors = config.payload().sensors().unwrap();
     let to_plate = config.payload().load_cell.rotation().unwrap() * sensors.imu_rotation();
     let mut guard = MotionGuard::new(sensors, to_plate, [0.0; 3], Axes::Each);
-    guard.begins(told, Some(0.0)).unwrap();
+    guard.begins(program, Some(0.0)).unwrap();
     for row in rows {
         let time_s = row.time_ns as f64 * 1e-9;
         let [force, rate] = [row.specific_force, row.angular_rate].map(|v| v.map(|v| v as f32));
@@ -152,7 +152,7 @@ fn a_way_that_is_not_gone_is_named_where_it_is_felt() {
 }
 
 #[test]
-fn a_plate_that_stops_or_comes_late_is_told_within_half_a_second() {
+fn a_plate_that_stops_or_comes_late_is_reported_within_half_a_second() {
     let config = config(1.0);
     for seed in 0..RUNS {
         let program = multisine(seed);
@@ -164,7 +164,7 @@ fn a_plate_that_stops_or_comes_late_is_told_within_half_a_second() {
         rows.extend(read(&config, &rest, 200.0, seed + 100).into_iter().map(later));
         let (time_s, said) = ended(&program, &config, &rows, 0.05).unwrap();
         assert!(time_s > 4.05 && time_s < 4.55, "motion {seed}: {time_s}");
-        assert!(said.contains("is told to move") || said.contains("does not follow"), "{said}");
+        assert!(said.contains("is commanded to move") || said.contains("does not follow"), "{said}");
 
         let mut late = program.clone();
         late.segments.insert(0, Segment::Hold { duration_s: 0.5 });
@@ -175,7 +175,7 @@ fn a_plate_that_stops_or_comes_late_is_told_within_half_a_second() {
 
 /// One that begins in time and falls behind: at four fifths of the speed.
 #[test]
-fn a_plate_that_falls_behind_is_told_with_the_delay_or_the_axis() {
+fn a_plate_that_falls_behind_is_reported_with_the_delay_or_the_axis() {
     let config = config(1.0);
     let home = config.geometry.home();
     let slower = |speed: f64| {

@@ -50,13 +50,13 @@ pub fn raise(sigma: &mut [f64], largest: &[f64]) -> Vec<usize> {
 }
 
 /// Says which σ were raised, if any.
-pub fn told(sigma: &[f64; 6], raised: &[usize]) -> Option<String> {
+pub fn raised_warning(sigma: &[f64; 6], raised: &[usize]) -> Option<String> {
     let names: Vec<&str> = raised.iter().filter_map(|c| CHANNEL_NAMES.get(*c).copied()).collect();
     let most = raised.iter().filter_map(|c| sigma.get(*c)).fold(0.0_f64, |most, s| most.max(*s));
     (!raised.is_empty()).then(|| {
         format!(
             "the device counts in single precision, which bears no smaller noise than {most:.1e} N or N m of \
-             {}: it was told that, and its own estimate holds six digits; the answer is counted in double \
+             {}: it was given that, and its own estimate holds six digits; the answer is counted in double \
              precision here",
             names.join(", ")
         )

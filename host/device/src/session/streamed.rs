@@ -80,7 +80,7 @@ impl Session {
         &mut self,
         robot: &WatchedRobot,
         pace: Pace,
-        told: &mut dyn FnMut(&ChangeReport),
+        report: &mut dyn FnMut(&ChangeReport),
     ) -> Result<Watched, SessionError> {
         self.configure(&robot.settings)?;
         for (i, link) in robot.links.iter().enumerate() {
@@ -94,8 +94,8 @@ impl Session {
         self.start()?;
         let mut watched = Watched::default();
         let outcome = self
-            .stream(&robot.frames, pace, &mut watched, told)
-            .and_then(|()| self.conclude_watch(baud.is_some(), &mut watched, told));
+            .stream(&robot.frames, pace, &mut watched, report)
+            .and_then(|()| self.conclude_watch(baud.is_some(), &mut watched, report));
         watched.broken = outcome.err();
         Ok(watched)
     }
@@ -122,7 +122,7 @@ impl Session {
         frames: &[NumberedFrame],
         pace: Pace,
         watched: &mut Watched,
-        told: &mut dyn FnMut(&ChangeReport),
+        report: &mut dyn FnMut(&ChangeReport),
     ) -> Result<(), SessionError> {
         let begun = Instant::now();
         for (k, frame) in frames.iter().enumerate() {
@@ -136,7 +136,7 @@ impl Session {
             // Sequence numbers wrap.
             self.client().stream(k as u16, &frame.payload)?;
             watched.sent += 1;
-            self.hear(watched, told)?;
+            self.hear(watched, report)?;
             if self.client().is_out() {
                 let gone = std::io::Error::from(std::io::ErrorKind::BrokenPipe);
                 return Err(LinkError::Gone(gone).into());
@@ -168,7 +168,7 @@ impl Session {
         &mut self,
         quick: bool,
         watched: &mut Watched,
-        told: &mut dyn FnMut(&ChangeReport),
+        report: &mut dyn FnMut(&ChangeReport),
     ) -> Result<(), SessionError> {
         match self.client().ask("hold", &Command::Hold) {
             // It has missed them, having waited for this in vain.
@@ -181,7 +181,7 @@ impl Session {
             self.client().set_baud(BAUD)?;
         }
         self.read_counters(watched)?;
-        self.hear(watched, told).or_else(|error| match error {
+        self.hear(watched, report).or_else(|error| match error {
             SessionError::Stopped { reason: Reason::Frames(SensorFault::Silent), .. } => Ok(()),
             other => Err(other),
         })
@@ -199,12 +199,12 @@ impl Session {
     fn hear(
         &mut self,
         watched: &mut Watched,
-        told: &mut dyn FnMut(&ChangeReport),
+        report: &mut dyn FnMut(&ChangeReport),
     ) -> Result<(), SessionError> {
         while let Some(message) = self.client().next_telemetry() {
             match message {
                 Telemetry::Change(change) => {
-                    told(&change);
+                    report(&change);
                     watched.changes.push(change);
                 }
                 Telemetry::State { state: state @ StateName::Fault, reason } => {

@@ -39,8 +39,8 @@ pub fn settings(
     sigma: [f64; 6],
 ) -> Result<(Settings, DMatrix<f64>), DeviceTreeError> {
     let input = source.input();
-    let (told, parameters) = device_tree(&input.model)?;
-    let ModelSettings::Tree(mut links) = told else { return Err(DeviceTreeError::Links(0)) };
+    let (model, parameters) = device_tree(&input.model)?;
+    let ModelSettings::Tree(mut links) = model else { return Err(DeviceTreeError::Links(0)) };
     if links.len() > SUSPENDED_LINKS {
         return Err(DeviceTreeError::OnSprings(links.len()));
     }

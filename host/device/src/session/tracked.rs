@@ -74,8 +74,8 @@ pub fn left_out(frames: &[Vec<u8>], links: usize) -> u32 {
 /// [`DeviceTreeError`] says what does not fit onto the device.
 pub fn settings(source: &TreeSource) -> Result<(Settings, DMatrix<f64>), DeviceTreeError> {
     let input = source.input();
-    let (mut told, parameters) = device_tree(&input.model)?;
-    if let ModelSettings::Tree(links) = &mut told
+    let (mut model, parameters) = device_tree(&input.model)?;
+    if let ModelSettings::Tree(links) = &mut model
         && let Some(base) = links.first_mut()
     {
         base.joint = LinkJoint::Free;
@@ -84,12 +84,12 @@ pub fn settings(source: &TreeSource) -> Result<(Settings, DMatrix<f64>), DeviceT
     let own = source.parameters();
     let is = |j: usize, k: usize| own.get(k).map(|p| &p.name) == parameters.get(j).map(|p| &p.name);
     let map = DMatrix::from_fn(parameters.len(), own.len(), |j, k| f64::from(u8::from(is(j, k))));
-    Ok((settings_of(told, input.rate_hz, std::array::from_fn(sigma))?, map))
+    Ok((settings_of(model, input.rate_hz, std::array::from_fn(sigma))?, map))
 }
 
 /// The device's settings for frames of this model, whose wrench has no offset and this noise.
 pub(super) fn settings_of(
-    told: ModelSettings,
+    model: ModelSettings,
     rate_hz: f64,
     sigma: [f64; 6],
 ) -> Result<Settings, DeviceTreeError> {
@@ -104,5 +104,5 @@ pub(super) fn settings_of(
         ..RigFile::default()
     };
     let timing = DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: 0 };
-    tree_settings(&rig, &timing, told)
+    tree_settings(&rig, &timing, model)
 }

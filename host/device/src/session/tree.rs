@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn what_became_of_frames_is_said_once_for_every_reason() {
+    fn lost_frames_are_reported_once_for_every_reason() {
         let links: Vec<String> = ["base", "arm", "hand"].map(str::to_owned).into();
         assert!(
             complaints(&FrameReport { frames: 9, absorbed: 9, ..FrameReport::default() }, &links).is_empty()

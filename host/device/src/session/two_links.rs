@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_of_readings_is_these_readings_and_what_one_lacks_is_named() {
+    fn a_recording_of_readings_is_these_readings_and_missing_columns_are_named() {
         let rig = RigFile::parse(&text("spherical", "[[imu]]\nlink = 1")).unwrap();
         assert_eq!(attitude_source(&rig), AttitudeSource::Streamed);
         let number = |k: usize, n: usize| ((37 * k + n) as f32).sin();
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_named() {
+    fn unsuitable_rig_files_are_refused_by_name() {
         let refused = |text: &str| {
             let rig = RigFile::parse(text).unwrap();
             two_link_settings(&rig, &TIMING, None, AttitudeSource::Streamed).unwrap_err().to_string()

@@ -168,7 +168,7 @@ impl WatchedRobot {
             return Err(WatchError::Rate(input.rate_hz));
         }
         let place = Vector3::from(place);
-        let links = (0..count).map(|i| told_link(input, i, &place)).collect::<Result<Vec<_>, _>>()?;
+        let links = (0..count).map(|i| link_settings(input, i, &place)).collect::<Result<Vec<_>, _>>()?;
         let (feet, sigma) = feet(input, &place)?;
         let [pushed, weight] = weights(input);
         if !(weight / UNLIKE..=weight * UNLIKE).contains(&pushed) {
@@ -196,7 +196,7 @@ fn wxyz(rotation: &Matrix3<f64>) -> [f32; 4] {
 }
 
 /// A link, the base's origin moved to the IMU.
-fn told_link(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkSettings, WatchError> {
+fn link_settings(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkSettings, WatchError> {
     let link = &input.model.links[i];
     let phi = link.nominal.ok_or_else(|| WatchError::NoParameters(link.name.clone()))?;
     let own = InertialParameters::<Body, f64>::from_vector(phi);
@@ -269,7 +269,7 @@ fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64;
         moment += m * m + (f * arm).powi(2);
     }
     let [force, moment] = [force, moment].map(|square| square.sqrt().max(LEAST_SIGMA));
-    let told = sensors.iter().map(|(link, rotation, position, _)| {
+    let settings = sensors.iter().map(|(link, rotation, position, _)| {
         let from = if *link == 0 { *place } else { Vector3::zeros() };
         FootSettings {
             link: *link as u8,
@@ -277,7 +277,7 @@ fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64;
             position_m: (position - from).map(|v| v as f32).into(),
         }
     });
-    Ok((told.collect(), [force, force, force, moment, moment, moment]))
+    Ok((settings.collect(), [force, force, force, moment, moment, moment]))
 }
 
 /// Returns what noise sixth differences of the base's wrench show.

@@ -93,15 +93,18 @@ fn short() -> WatchedRobot {
 }
 
 #[test]
-fn the_firmware_tells_what_the_watch_does_and_counts_what_it_leaves_out() {
+fn the_firmware_agrees_with_the_watch_and_counts_frames_left_out() {
     let robot = short();
     let firmware = here(&robot);
     assert!(firmware.broken.is_none() && firmware.sent == 7500, "{:?}", firmware.broken);
     let (own, _) = changes::<f32>(&robot);
     assert_eq!((firmware.changes.len(), own.len()), (2, 2), "{:?} {own:?}", firmware.changes);
-    for (told, own) in firmware.changes.iter().zip(&own) {
-        let size = told.size.map(|size| (size.change, size.standard_deviation));
-        assert_eq!((told.found, told.at, told.between, size), (own.found, own.at, own.between, own.size));
+    for (reported, own) in firmware.changes.iter().zip(&own) {
+        let size = reported.size.map(|size| (size.change, size.standard_deviation));
+        assert_eq!(
+            (reported.found, reported.at, reported.between, size),
+            (own.found, own.at, own.between, own.size)
+        );
     }
     // A number that is none, one of another robot, and two that were never recorded.
     let mut spoiled = robot.clone();
@@ -138,7 +141,7 @@ fn the_firmware_tells_what_the_watch_does_and_counts_what_it_leaves_out() {
 }
 
 #[test]
-fn a_port_that_vanishes_ends_the_watch_and_leaves_what_was_found() {
+fn a_port_that_vanishes_ends_the_watch_and_leaves_earlier_changes() {
     let robot = short();
     let line = Line { out_after: Some(7100), ..Line::to(in_process(Pacing::LockStep)) };
     let begun = Instant::now();
@@ -275,7 +278,7 @@ impl Transport for OtherRate {
 }
 
 #[test]
-fn a_rate_at_which_nothing_is_understood_is_told_and_taken_back() {
+fn a_rate_at_which_nothing_is_understood_is_reported_and_taken_back() {
     let mut robot = short();
     robot.frames.truncate(10);
     let rates = Arc::new(Mutex::new(Vec::new()));

@@ -9,22 +9,22 @@ use rigident_laboratory::picks_up::{HAND, PicksUp, RATE_HZ};
 
 /// The watch of these settings as the firmware makes it, in any precision.
 fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
-    let ModelSettings::Watch(told) = &robot.settings.model else { panic!("a watch") };
+    let ModelSettings::Watch(stated) = &robot.settings.model else { panic!("a watch") };
     let [s, r] = [robot.settings.load_cell.noise_n_nm, robot.settings.load_cell.range_n_nm];
     let config = WatchConfig {
-        links: told.links,
-        watched: told.watched,
+        links: stated.links,
+        watched: stated.watched,
         rate_hz: T::from_f32(robot.settings.rate_hz),
         // A tenth in single precision is more than one, and then the filter two frames longer in double.
         width_s: T::from_f64_const(0.1),
         row_every: robot.settings.row_every,
         channel_sigma: s.map(T::from_f32),
         range: r.map(T::from_f32),
-        limit: T::from_f32(told.limit),
-        settle: told.settle_bins,
-        forget_s: T::from_f32(told.forget_s),
+        limit: T::from_f32(stated.limit),
+        settle: stated.settle_bins,
+        forget_s: T::from_f32(stated.forget_s),
     };
-    let feet: Vec<WatchFoot<T>> = told.feet[..usize::from(told.foot_count)]
+    let feet: Vec<WatchFoot<T>> = stated.feet[..usize::from(stated.foot_count)]
         .iter()
         .map(|f| WatchFoot {
             link: f.link,
@@ -89,7 +89,7 @@ fn judged(change: (&Change<f32>, &Change<f32>), at_s: f64, wanted: &[f64; 10]) -
 }
 
 #[test]
-fn what_is_picked_up_and_dropped_is_found_with_its_size() {
+fn loads_picked_up_and_dropped_are_found_with_their_size() {
     let (mut inside, mut of, mut in_time) = (0_u32, 0_u32, 0_u32);
     for (seed, off) in (1..=runs(4, 1)).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
         let holds = [30.0, 40.0];
@@ -116,7 +116,7 @@ fn what_is_picked_up_and_dropped_is_found_with_its_size() {
 }
 
 #[test]
-fn nothing_is_told_where_nothing_changes() {
+fn nothing_is_reported_where_nothing_changes() {
     for (seed, off) in (101..=100 + runs(4, 1)).flat_map(|seed| [(seed, 0.0), (seed, 0.03), (seed, 0.06)]) {
         let (found, watch) =
             changes::<f32>(&robot(&PicksUp { seconds: 60.0, off, seed, ..PicksUp::default() }));
@@ -125,7 +125,7 @@ fn nothing_is_told_where_nothing_changes() {
 }
 
 #[test]
-fn single_precision_tells_what_double_does() {
+fn single_precision_agrees_with_double() {
     let case = PicksUp { holds_s: Some([30.0, 99.0]), seconds: 34.0, ..PicksUp::default() };
     let robot = robot(&case);
     let (single, double) = (changes::<f32>(&robot).0, changes::<f64>(&robot).0);
@@ -174,7 +174,7 @@ fn a_base_about_its_imu_is_the_same_body() {
 }
 
 #[test]
-fn the_line_must_carry_what_frames_need() {
+fn the_line_must_carry_the_frames() {
     let (_, input, _) = PicksUp { seconds: 0.1, ..PicksUp::default() }.input().unwrap();
     let robot = WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap();
     // 31 links, two feet: 6 + 6·4 + 2·24 + 30·8 bytes, header and check of 8, COBS of 2, a zero; 10 bits

@@ -69,16 +69,16 @@ impl Engine<'_> {
         let sigma = |k: usize| self.columns.nuisances[k].sigma;
         let Prior { mean, covariance, .. } = &self.columns.prior;
         let known = DVector::from_fn(count, |k, _| (joint.values[n + k] - mean[n + k]) / sigma(k));
-        let told = DMatrix::from_fn(count, count, |i, j| {
+        let learned = DMatrix::from_fn(count, count, |i, j| {
             (covariance[(i, j)] - joint.covariance[(n + i, n + j)]) / (sigma(i) * sigma(j))
         });
         // In standard deviations beforehand: errors of several units.
         let prior = DMatrix::from_fn(count, count, |i, j| covariance[(i, j)] / (sigma(i) * sigma(j)));
-        let scores = ErrorScores::new(&known, prior, &told);
+        let scores = ErrorScores::new(&known, prior, &learned);
         // The law of friction is the model's, not the rig's.
         let of_rig: Vec<usize> =
             (0..count).filter(|k| !self.columns.nuisances[*k].is_of_friction()).collect();
-        let told = told.select_rows(&of_rig).select_columns(&of_rig);
-        (Agreement::new(&known.select_rows(&of_rig), told), scores)
+        let learned = learned.select_rows(&of_rig).select_columns(&of_rig);
+        (Agreement::new(&known.select_rows(&of_rig), learned), scores)
     }
 }

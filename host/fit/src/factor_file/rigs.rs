@@ -33,7 +33,7 @@ pub(super) struct StoredRig<N = u32> {
     pub(super) rows: u64,
 }
 
-/// The rigs, in the order of their numbers, and what their errors are told apart by, each once.
+/// The rigs, in the order of their numbers, and the keys that distinguish their errors, each once.
 #[derive(Serialize, Deserialize)]
 #[serde(bound(deserialize = "N: Deserialize<'de>"))]
 pub(super) struct Rigs<N = u32> {

@@ -85,8 +85,8 @@ pub(super) fn find(bins: &Bins) -> Vec<PoseDrift> {
         let pairs = left.iter().zip(left.iter().skip(1)).map(|(a, b)| a * b).sum::<f64>();
         let correlation = pairs / left.norm_squared();
         let correlation_probability = erfc(correlation * (count as f64).sqrt() / 2f64.sqrt()) * 0.5;
-        let is_told = probability < FALSE_ALARM || correlation_probability < FALSE_ALARM;
-        is_told.then_some(PoseDrift { channel, probability, correlation, correlation_probability })
+        let is_reported = probability < FALSE_ALARM || correlation_probability < FALSE_ALARM;
+        is_reported.then_some(PoseDrift { channel, probability, correlation, correlation_probability })
     };
     (0..bins.channels).filter_map(of_channel).collect()
 }

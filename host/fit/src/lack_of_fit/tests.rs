@@ -187,7 +187,7 @@ fn the_probability_of_a_step_by_chance_is_no_smaller_than_it_is() {
 
 /// Rounding is no noise, and columns of which there are none explain nothing.
 #[test]
-fn what_was_computed_is_not_accused_and_nothing_is_found_by_no_columns() {
+fn computed_rows_are_not_accused_and_nothing_is_found_by_no_columns() {
     let mut blocks = Blocks::new(2000, 1, |_, _| [0.0; 2]);
     for (row, measured) in blocks.rows.iter().zip(&mut blocks.measured) {
         let exact = |c: usize| row[c * N..(c + 1) * N].iter().zip(PHI).map(|(a, phi)| a * phi).sum::<f64>();
@@ -300,7 +300,7 @@ fn noise_above_the_motion_is_no_part_that_swings_and_a_part_is_one() {
 
 /// Of 10 % of the body on a spring of 1.6 Hz, rows through the spring's own differential equation.
 #[test]
-fn a_part_on_a_spring_is_told_with_its_frequency() {
+fn a_part_on_a_spring_is_reported_with_its_frequency() {
     let omega = std::f64::consts::TAU * 1.6;
     let count = 3000;
     let (mut swing, mut extra) = ([0.0_f64; 2], Vec::new());
@@ -327,7 +327,7 @@ fn a_part_on_a_spring_is_told_with_its_frequency() {
 
 /// The angle is the second integral of the turning column, each sine over −ω².
 #[test]
-fn a_spring_is_told_from_a_resonance() {
+fn a_spring_is_distinguished_from_a_resonance() {
     let angle = |t: f64| {
         let of = |size: f64, f: f64| {
             let omega = std::f64::consts::TAU * f;
@@ -341,7 +341,7 @@ fn a_spring_is_told_from_a_resonance() {
 }
 
 #[test]
-fn bursts_are_told_and_do_not_contradict() {
+fn bursts_are_reported_and_do_not_contradict() {
     let mut normal = Normal::new(9);
     let noise: Vec<f64> = (0..3000).map(|_| normal.draw()).collect();
     let blocks = Blocks::new(3000, 8, |t, _| {
@@ -358,7 +358,7 @@ fn bursts_are_told_and_do_not_contradict() {
 /// A drift of two standard deviations from the first to the last of 40 poses, and none; and white noise in
 /// 200 recordings.
 #[test]
-fn poses_that_drift_are_told_and_others_are_not() {
+fn poses_that_drift_are_reported_and_others_are_not() {
     let drifting = Blocks::new(40, 3, |t, _| [0.0, 0.6 * (t * RATE_HZ / 40.0)]).still().look();
     assert_eq!(drifting.pose_drift.iter().map(|d| d.channel).collect::<Vec<_>>(), [1]);
     assert!(drifting.pose_drift[0].probability < 1e-4 && drifting.pose_drift[0].correlation > 0.5);
@@ -399,7 +399,7 @@ fn the_inverse_of_the_covariance_is_that_of_the_noise() {
 /// The mean over 60 drawings of what is found, a line projected out; slow noise is taken as larger than
 /// found.
 #[test]
-fn white_and_slow_noise_are_told_apart() {
+fn white_and_slow_noise_are_distinguished() {
     let count = 200;
     let (mut white, mut walk) = ([0.0; 2], 0.0);
     let line = basis(&drift(count), ROUNDING);

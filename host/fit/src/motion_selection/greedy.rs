@@ -154,8 +154,8 @@ pub fn e_optimal(candidates: &[Candidate], count: usize) -> Result<Vec<usize>, S
         let mut offers: Vec<(f64, usize)> = (0..candidates.len())
             .filter(|k| !chosen.contains(k))
             .map(|k| {
-                let told = &scaled.triangles[k] * &directions;
-                ((&own + told.tr_mul(&told)).symmetric_eigenvalues().min(), k)
+                let gained = &scaled.triangles[k] * &directions;
+                ((&own + gained.tr_mul(&gained)).symmetric_eigenvalues().min(), k)
             })
             .collect();
         offers.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

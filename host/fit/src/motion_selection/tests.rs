@@ -132,7 +132,7 @@ fn each_way_is_best_by_its_own_measure_and_order_does_not_matter() {
 }
 
 #[test]
-fn the_published_rule_keeps_what_excites_a_part_and_drops_near_duplicates() {
+fn the_published_rule_keeps_motions_that_excite_a_part_and_drops_near_duplicates() {
     let (mut candidates, _) = motions(6, 6, 30);
     // The same motion once more.
     let twin = Candidate { name: "twin".to_owned(), ..candidates[2].clone() };
@@ -153,7 +153,7 @@ fn the_published_rule_keeps_what_excites_a_part_and_drops_near_duplicates() {
 }
 
 #[test]
-fn left_out_rows_are_left_what_the_factors_say() {
+fn left_out_rows_have_the_residuals_of_their_factors() {
     let (candidates, made) = motions(5, 4, 25);
     let chosen = [0, 3];
     let choice = compare("two", &candidates, &chosen, None).unwrap();
@@ -176,7 +176,7 @@ fn left_out_rows_are_left_what_the_factors_say() {
 }
 
 #[test]
-fn what_cannot_be_chosen_from_is_named() {
+fn impossible_choices_are_named() {
     let (mut candidates, _) = motions(3, 4, 10);
     assert_eq!(check(&[]), Err(SelectionError::Nothing));
     assert_eq!(d_optimal(&candidates, 0), Err(SelectionError::Zero));

@@ -34,7 +34,7 @@ fn same(a: &Fit, b: &Fit) {
 
 /// All at once, and in groups that are written, read and merged again: one answer, one size, one set of runs.
 #[test]
-fn runs_that_are_no_longer_told_apart_are_counted_in_any_grouping() {
+fn runs_that_are_no_longer_distinguished_are_counted_in_any_grouping() {
     let all = factors(600);
     let whole = PooledFactor::merged(all.clone(), false).unwrap();
     let groups: Vec<PooledFactor> =

@@ -189,12 +189,12 @@ impl Stated {
         if self.sigma > 0.0 && self.sigma.is_finite() {
             Ok(self)
         } else {
-            Err(KnownError::Sigma { name: self.told(), sigma: self.sigma })
+            Err(KnownError::Sigma { name: self.label(), sigma: self.sigma })
         }
     }
 
     /// The name that messages use.
-    fn told(&self) -> String {
+    fn label(&self) -> String {
         let Some(axis) = self.plane.and_then(|k| ["x", "y", "z"].get(k)) else { return self.name.clone() };
         if self.name.is_empty() {
             format!("symmetry {axis}")
@@ -204,7 +204,7 @@ impl Stated {
     }
 
     fn resolve(&self, parameters: &[Parameter]) -> Result<Known, KnownError> {
-        let name = self.told();
+        let name = self.label();
         let subject = match self.plane {
             Some(axis) => Subject::plane(&name, &self.name, axis, parameters)?,
             None => Subject::named(&self.name, parameters)?,

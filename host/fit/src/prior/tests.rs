@@ -171,7 +171,7 @@ fn a_tight_statement_comes_out_as_it_went_in() {
 }
 
 #[test]
-fn a_plane_of_symmetry_removes_what_crosses_it_and_nothing_else() {
+fn a_plane_of_symmetry_removes_parameters_across_it_alone() {
     let mut phi = truth();
     for j in [2, 7, 9] {
         phi[j] = 0.0;
@@ -259,7 +259,7 @@ fn known_values_that_contradict_each_other_are_refused_and_nothing_is_absorbed()
 }
 
 #[test]
-fn what_cannot_be_used_is_named() {
+fn unusable_statements_are_named() {
     let parameters = body();
     let one = |text: &str| stated(&[text], &[]).and_then(|known| known.check(&parameters)).unwrap_err();
     for text in ["mass_kg", "mass_kg=20", "mass_kg=x±1", "mass_kg=20±x", "=±", "mass_kg=±1", "", "=1±1"]
@@ -312,7 +312,7 @@ fn what_cannot_be_used_is_named() {
 /// Until a row of a known value is refused, what it does to the others is exact: a row a thousand times as
 /// loose, itself far tighter than the data, gives the same.
 #[test]
-fn a_sigma_too_small_to_be_held_is_refused_and_the_smallest_that_is_told_spoils_nothing() {
+fn a_sigma_too_small_to_be_held_is_refused_and_the_smallest_accepted_spoils_nothing() {
     let fit = data(&truth(), 0.05);
     let with = |text: String| applied(&fit, &[&text], &[]);
     for (name, value) in [("mass_kg", 20.01), ("com_x_m", 0.0101), ("iyy_com_kgm2", 0.05), ("mcx_kgm", 0.2)] {

@@ -24,7 +24,7 @@ fn with_errors(sigma: [f64; 2]) -> Fit {
 /// Shares sum to one; the share of a source is what the variance loses if that source were known, as far as
 /// nothing else takes its place.
 #[test]
-fn shares_are_what_the_variance_is_made_of() {
+fn shares_are_the_parts_of_the_variance() {
     let fit = with_errors([0.01, 0.02]);
     let all = budget(&fit, true, |_| true);
     assert_eq!(all.len(), 10);
@@ -48,7 +48,7 @@ fn shares_are_what_the_variance_is_made_of() {
 }
 
 #[test]
-fn the_source_with_the_largest_share_on_average_is_what_to_improve() {
+fn the_source_with_the_largest_share_on_average_is_to_be_improved() {
     let of = |quantity: &str, noise: f64, arm: f64| Budget {
         quantity: quantity.to_owned(),
         contributions: [("noise", noise), ("lever arm", arm)]

@@ -73,8 +73,8 @@ impl Answer {
             }
             // Of a single run the residuals say the same here.
             let own = warnings.iter().filter(|warning| !self.warnings.contains(warning));
-            let told: Vec<String> = own.map(|warning| format!("{name}: {warning}")).collect();
-            self.warnings.extend(told);
+            let named: Vec<String> = own.map(|warning| format!("{name}: {warning}")).collect();
+            self.warnings.extend(named);
             self.runs.push(Run { recording: name.clone(), verdict });
         }
     }

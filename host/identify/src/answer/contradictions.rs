@@ -167,7 +167,7 @@ fn causes(fit: &Fit) -> Vec<Vec<Sized<'_>>> {
             first.iter().enumerate().filter(|(other, _)| *other != k).map(|(_, cause)| cause.clone());
         let others: Vec<Cause> = others.collect();
         let free = |left: ErrorScores, cause: &Cause| left.freed(&cause.directions(scores.count()));
-        told_apart(weighed(&candidates, &others.iter().fold(scores.clone(), free), &others))
+        equally_good(weighed(&candidates, &others.iter().fold(scores.clone(), free), &others))
     };
     (0..first.len()).map(alone).filter(|alternatives| !alternatives.is_empty()).collect()
 }
@@ -189,7 +189,7 @@ fn overlap(one: &Cause, other: &Cause) -> bool {
 }
 
 /// Returns those that explain as much as the first one, the likeliest beforehand first.
-fn told_apart(weighed: Vec<Sized<'_>>) -> Vec<Sized<'_>> {
+fn equally_good(weighed: Vec<Sized<'_>>) -> Vec<Sized<'_>> {
     let most = weighed.first().map_or(0.0, Sized::weight);
     let mut kept: Vec<Sized> = Vec::new();
     for sized in weighed.into_iter().take_while(|sized| sized.weight() > most - TIE) {
@@ -269,7 +269,7 @@ fn in_words(fit: &Fit, alternatives: &[Sized]) -> String {
     let each: Vec<String> = alternatives.iter().map(|sized| sized_in_words(sized, coverage)).collect();
     let calibrated = |found: &&NuisanceFit| matches!(found.nuisance.basis, Basis::Calibration(_));
     let is_calibrated = alternatives.iter().flat_map(|sized| &sized.cause.fits).all(calibrated);
-    let mend = if is_calibrated { "calibrate the rig again" } else { "correct the rig file" };
+    let remedy = if is_calibrated { "calibrate the rig again" } else { "correct the rig file" };
     let apart = if alternatives.len() > 1 {
         let ratio = ratio_in_words(alternatives, coverage);
         format!("; the recording does not tell these apart, the likeliest beforehand is first{ratio}")
@@ -277,7 +277,7 @@ fn in_words(fit: &Fit, alternatives: &[Sized]) -> String {
         String::new()
     };
     format!(
-        "{}: {}{apart}; the intervals do not count that: {mend}, or look for another cause that looks the \
+        "{}: {}{apart}; the intervals do not count that: {remedy}, or look for another cause that looks the \
          same",
         groups.join(" or "),
         each.join("; or "),

@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_of_equal_moments_are_not_told() {
+    fn axes_of_equal_moments_are_undetermined() {
         let mut derived = inertia_com(&estimate());
         derived.value = [0.3, 0.3001, 0.1, 0.0, 0.0, 0.0];
         let p = principal(&derived);

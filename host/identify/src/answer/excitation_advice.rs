@@ -142,10 +142,10 @@ impl Information {
 
     /// Returns the weakest direction that has no share in those reported already, in the units of `needed`,
     /// with its information.
-    fn weakest_beside(&self, told: &[Body]) -> Option<(Body, f64)> {
+    fn weakest_beside(&self, reported: &[Body]) -> Option<(Body, f64)> {
         let mut space = SMatrix::<f64, 10, 10>::identity();
         let mut basis: Vec<Body> = Vec::new();
-        for change in told {
+        for change in reported {
             let x = change.component_div(&self.unit).normalize();
             let left = basis.iter().fold(x, |x, b| x - b * b.dot(&x));
             if let Some(b) = left.try_normalize(1e-6) {
@@ -243,12 +243,12 @@ pub(super) fn advice(
     let mass = Body::from_fn(|j, _| f64::from(u8::from(j == 0)));
     let mass = Some((mass, information.about(&mass))).filter(|(_, q)| *q < 1.0);
 
-    let mut told: Vec<Body> = mass.iter().map(|(m, _)| *m).collect();
+    let mut reported: Vec<Body> = mass.iter().map(|(m, _)| *m).collect();
     for (v, _) in &moments {
-        told.push(Body::from_fn(|j, _| if (1..4).contains(&j) { v[j - 1] } else { 0.0 }));
+        reported.push(Body::from_fn(|j, _| if (1..4).contains(&j) { v[j - 1] } else { 0.0 }));
     }
     for (i, (p, _)) in rotations.iter().enumerate() {
-        told.extend(rotations.iter().skip(i).map(|(q, _)| tensor(p, q)));
+        reported.extend(rotations.iter().skip(i).map(|(q, _)| tensor(p, q)));
     }
 
     let mut advice = Vec::new();
@@ -260,12 +260,12 @@ pub(super) fn advice(
     advice.extend(tilt(&information, mass.map(|(_, q)| q), &moments));
     advice.extend(rotation(&rotations));
     for _ in 0..10 {
-        let Some((x, q)) = information.weakest_beside(&told).filter(|(_, q)| *q < 1.0) else { break };
+        let Some((x, q)) = information.weakest_beside(&reported).filter(|(_, q)| *q < 1.0) else { break };
         let sentence = between(&information, &x, q);
         if !advice.contains(&sentence) {
             advice.push(sentence);
         }
-        told.push(x.component_mul(&information.unit));
+        reported.push(x.component_mul(&information.unit));
     }
     if advice.is_empty() { fallback() } else { advice }
 }
@@ -455,7 +455,7 @@ fn tilt(information: &Information, mass: Option<f64>, moments: &[(Vector3<f64>, 
     };
     let what: Vec<String> = mass.map(|_| "the mass".to_owned()).into_iter().chain(along).collect();
     let why = if information.mean_force.is_some() {
-        format!("{} cannot be told from the wrench offset", listed(&what, "and"))
+        format!("{} cannot be distinguished from the wrench offset", listed(&what, "and"))
     } else {
         format!("gravity says nothing of {}", listed(&what, "and"))
     };

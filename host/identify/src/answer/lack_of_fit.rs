@@ -6,7 +6,7 @@ use rigident_fit::lack_of_fit::{self as found, Motion};
 use rigident_fit::{COVERAGE_95, Fit, Measured};
 
 /// Steps below this many standard deviations are not reported.
-const TOLD_SD: f64 = 3.0;
+const REPORTED_SD: f64 = 3.0;
 /// Steps at most that words tell.
 const IN_WORDS: usize = 4;
 /// A resonance is reported by one frequency if its range is narrower than this factor.
@@ -36,9 +36,9 @@ fn of_change(fit: &Fit, change: &found::Change) -> Change {
             let parameter = fit.parameters.get(step.column)?;
             let certain = step.value.abs() / step.deviation;
             let measured = Measured { value: step.value, u95: COVERAGE_95 * step.deviation };
-            let told =
+            let reported =
                 ParameterStep { name: parameter.name.clone(), unit: parameter.unit.clone(), step: measured };
-            (certain > TOLD_SD && measured.u95.is_finite()).then_some((certain, told))
+            (certain > REPORTED_SD && measured.u95.is_finite()).then_some((certain, reported))
         })
         .collect();
     steps.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_has_no_nearest_one_and_what_is_not_determined_neither() {
+    fn a_body_has_no_nearest_one_nor_has_an_undetermined_one() {
         assert_eq!(nearest_body(&rod(0.0)), None);
         assert_eq!(nearest_body(&rod(0.05).without(7)), None);
     }

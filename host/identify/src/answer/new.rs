@@ -416,7 +416,7 @@ fn errors(fit: &Fit) -> Vec<RigError> {
             sigma: found.nuisance.sigma,
             basis,
             stated,
-            told: found.told(),
+            learned: found.learned_share(),
             pull: Some(found.pull()).filter(|pull| *pull != 0.0 && pull.is_finite()),
         }
     };
@@ -462,12 +462,12 @@ fn principal(inertia_com: &Derived<6>) -> Vec<PrincipalMoment> {
     let found = derived::principal(inertia_com);
     (0..3)
         .map(|i| {
-            let told = found.axes_sd_rad[i].is_finite();
+            let is_known = found.axes_sd_rad[i].is_finite();
             PrincipalMoment {
                 moment_kgm2: found.moments[i],
                 u95_kgm2: found.moments_u95[i],
-                axis: told.then_some(found.axes[i]),
-                axis_u95_rad: told.then_some(found.axes_u95_rad[i]),
+                axis: is_known.then_some(found.axes[i]),
+                axis_u95_rad: is_known.then_some(found.axes_u95_rad[i]),
             }
         })
         .collect()

@@ -17,7 +17,7 @@ pub struct PayloadResult {
     pub rotation_wxyz: [f64; 4],
     /// The recordings without the payload.
     pub without: String,
-    /// The load that a controller can be told; absent if there is none that should be.
+    /// The load that a controller can be given; absent if there is none that should be.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<ControllerLoad>,
     /// Why there is no load, where there is none.
@@ -25,7 +25,7 @@ pub struct PayloadResult {
     pub refused: Option<String>,
 }
 
-/// A load as a controller is told it.
+/// A load as a controller takes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ControllerLoad {
     /// Mass, kg.

@@ -72,7 +72,7 @@ pub struct ToolResult {
     pub mass_kg: Measured,
     /// First moments about the link's origin, kg m.
     pub first_moment_kgm: [Measured; 3],
-    /// Centre of mass, m; absent if the mass is not told.
+    /// Centre of mass, m; absent if the mass is not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub com_m: Option<[Measured; 3]>,
     /// Ixx, Iyy, Izz, Iyz, Izx, Ixy about the link's origin, kg m².
@@ -220,7 +220,7 @@ pub struct TrialResult {
     /// Cut-off of the smoothing of markers and plates, Hz.
     pub cut_off_hz: f64,
     /// How late the plates are against the cameras, s, with its U95; absent if it was given or cannot be
-    /// told.
+    /// determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_s: Option<Measured>,
     /// True if that was taken out.

@@ -21,7 +21,7 @@ fn judge(model: &Model, recording: &Recording) -> PhysicalConsistency {
 }
 
 #[test]
-fn what_bodies_have_is_possible_with_noise_and_without() {
+fn parameters_of_bodies_are_possible_with_noise_and_without() {
     let two = two_links();
     for noise in [None, Some(3), Some(8)] {
         let judged = judge(&two, &two_link_recording(&two, 200.0, 20.0, noise));
@@ -58,7 +58,7 @@ fn the_unit_of_mass_does_not_matter() {
 }
 
 #[test]
-fn reversed_signs_are_recognised_and_other_mistakes_are_told() {
+fn reversed_signs_are_recognised_and_other_mistakes_are_reported() {
     let two = two_links();
     let mut reversed = two_link_recording(&two, 200.0, 20.0, Some(3));
     reversed.wrench.iter_mut().flatten().flatten().for_each(|v| *v = -*v);

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_answer_is_refused_by_its_kind() {
+    fn texts_that_are_no_answer_are_refused_by_kind() {
         assert!(matches!(Answer::read("t_s,fx_n"), Err(ReadError::Json(_))));
         assert!(matches!(Answer::read("{}"), Err(ReadError::Schema { found }) if found.is_empty()));
         assert!(matches!(Answer::read("{\"schema\": \"rigident/result/3\"}"), Err(ReadError::Json(_))));

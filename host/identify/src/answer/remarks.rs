@@ -209,7 +209,7 @@ fn signal_noise(fit: &Fit, rate_sigma: f64) -> Option<String> {
     };
     (worst > SIGNAL_NOISE).then(|| {
         format!(
-            "noise of the rates{sigma} stands in the rows and does not average out: up to {:.0} % of an \
+            "noise of the rates{sigma} is in the rows and does not average out: up to {:.0} % of an \
              interval is for it. Better gyros or encoders, or faster motion, make intervals narrower; a \
              longer recording does not",
             100.0 * worst

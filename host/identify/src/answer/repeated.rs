@@ -63,8 +63,8 @@ pub fn is_usable(answer: &Answer) -> bool {
 /// Sums up the answers of several runs of one body, or of one tree.
 pub fn summary(answers: &[Answer]) -> Summary {
     let mut names: Vec<(String, String)> = Vec::new();
-    let told: Vec<Vec<Quantity>> = answers.iter().map(quantities).collect();
-    for Quantity { name, unit, .. } in told.iter().flatten() {
+    let by_run: Vec<Vec<Quantity>> = answers.iter().map(quantities).collect();
+    for Quantity { name, unit, .. } in by_run.iter().flatten() {
         if !names.iter().any(|(known, _)| known == name) {
             names.push((name.clone(), unit.clone()));
         }
@@ -72,7 +72,7 @@ pub fn summary(answers: &[Answer]) -> Summary {
     let count = names.len().max(1) as f64;
     let mut summary = Summary { runs: answers.len(), ..Summary::default() };
     for (name, unit) in names {
-        let of: Vec<&Quantity> = told.iter().flatten().filter(|q| q.name == name).collect();
+        let of: Vec<&Quantity> = by_run.iter().flatten().filter(|q| q.name == name).collect();
         let measured: Vec<Measured> = of.iter().filter_map(|q| q.measured).collect();
         let Some(repeated) = repeated(&measured) else {
             summary.left_out.push(name);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn scatter_is_told_where_it_is_more_than_stated_and_seldom_where_it_is_not() {
+    fn scatter_is_reported_where_it_is_more_than_stated_and_seldom_where_it_is_not() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let mut surprised = |scale: f64| {
             let mut runs = |_: usize| {

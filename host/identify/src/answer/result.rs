@@ -166,7 +166,7 @@ pub struct Answer {
     /// 95 % expanded uncertainty of `inertia_com_kgm2`, kg m².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_com_u95_kgm2: Option<[f64; 6]>,
-    /// Tensor of the one body about the origin of S, kg m²; its uncertainty stands with the parameters.
+    /// Tensor of the one body about the origin of S, kg m²; its uncertainty is with the parameters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_origin_kgm2: Option<[f64; 6]>,
     /// Principal moments about the centre of mass and their axes, largest first; empty where the tensor is
@@ -177,7 +177,7 @@ pub struct Answer {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_frame: Option<BodyFrame>,
     /// True if some distribution of mass has these parameters: of one body exactly these, of a tree some
-    /// within the uncertainty. Absent if that cannot be told.
+    /// within the uncertainty. Absent if that is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physically_consistent: Option<bool>,
     /// How far the estimate is from the parameters that bodies can have.
@@ -343,7 +343,8 @@ pub struct RigError {
     /// True if the rig file or a calibration states it; else it is a default.
     pub stated: bool,
     /// Share of the variance beforehand that the recording has taken away.
-    pub told: f64,
+    #[serde(alias = "told")]
+    pub learned: f64,
     /// The estimate in the standard deviations that it would have if it were drawn as stated; absent where
     /// the recording says nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -450,7 +451,7 @@ pub struct Parameter {
     /// Its true value, where it is known; never used for the answer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
-    /// Standard parameters that a base parameter stands for and their constant weights, the one that names it
+    /// Standard parameters that a base parameter combines and their constant weights, the one that names it
     /// first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<(String, f64)>,
@@ -520,7 +521,7 @@ pub struct PrincipalMoment {
     pub moment_kgm2: f64,
     /// Its 95 % expanded uncertainty, kg m².
     pub u95_kgm2: f64,
-    /// Its unit axis in S; absent where two moments cannot be told apart.
+    /// Its unit axis in S; absent where two moments cannot be distinguished.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// 95 % expanded uncertainty of the axis' direction, rad.

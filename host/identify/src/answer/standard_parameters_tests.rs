@@ -82,7 +82,7 @@ fn the_truth_as_nominal_model_is_its_own_answer() {
 
 /// An antenna of zero inertia, rounded brackets and a frame of moments without mass, fixed to what moves.
 #[test]
-fn what_is_fixed_and_cannot_be_a_body_by_itself_blocks_nothing() {
+fn fixed_links_that_are_no_bodies_by_themselves_block_nothing() {
     let found = Identified::of(None);
     let mut model = found.model.clone();
     let moments = [[0.0; 3], [1e-4, 1e-4, 2.001e-4], [1e-3; 3]];

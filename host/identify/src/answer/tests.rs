@@ -101,7 +101,7 @@ fn an_answer_s_quantities_are_those_of_one_body() {
 }
 
 #[test]
-fn what_a_slow_motion_leaves_open_is_not_identified_and_advised() {
+fn parameters_open_by_a_slow_motion_are_not_identified_and_advised() {
     for (size, words) in [(0.01, vec![]), (0.05, vec!["I"]), (0.0, vec!["m"])] {
         let new = answer(&of_body(&input(readings(2000, 200.0, size, 0.5), false, Some(0.5))), &words);
         assert!(!new.advice.is_empty(), "{size}");
@@ -110,7 +110,7 @@ fn what_a_slow_motion_leaves_open_is_not_identified_and_advised() {
 }
 
 #[test]
-fn known_values_dominate_what_the_data_do_not_tell() {
+fn known_values_dominate_parameters_not_in_the_data() {
     let mut fit = of_body(&input(readings(2000, 200.0, 0.01, 0.5), false, Some(0.5)));
     let known =
         ["ixx_kgm2=0.0280±0.0005", "iyy_kgm2=0.0333±0.0005", "izz_kgm2=0.0166±0.5"].map(str::to_owned);
@@ -183,7 +183,7 @@ fn a_fit() -> Fit {
 
 /// A twentieth of the body is lost after 12 s: every number is one of before or after within its interval.
 #[test]
-fn a_body_that_changed_is_told_with_time_and_size_and_is_not_identified() {
+fn a_body_that_changed_is_reported_with_time_and_size_and_is_not_identified() {
     let mut all = readings(4000, 200.0, 0.4, 0.5);
     let offset = rig().truth.unwrap().apparent_offset_n_nm.unwrap();
     for reading in &mut all[2400..] {
@@ -201,8 +201,8 @@ fn a_body_that_changed_is_told_with_time_and_size_and_is_not_identified() {
     let mass = &answer.fit.as_ref().unwrap().parameters[0];
     assert_eq!((answer.parameters[0].state, mass.name.as_str()), (ParameterState::Contradicted, "m"));
     assert!((mass.value - 3.2).abs() < mass.u95 && (mass.value - 0.95 * 3.2).abs() < mass.u95, "{mass:?}");
-    let told = answer.warnings.iter().find(|w| w.contains("after the beginning")).unwrap();
-    assert!(told.contains(": m −1") && told.contains(" g, "), "{told}");
+    let warning = answer.warnings.iter().find(|w| w.contains("after the beginning")).unwrap();
+    assert!(warning.contains(": m −1") && warning.contains(" g, "), "{warning}");
     let back: Answer = serde_json::from_value(serde_json::to_value(&answer).unwrap()).unwrap();
     assert_eq!(back, answer);
 }
@@ -257,7 +257,7 @@ fn an_unknown_word_is_refused_and_a_broken_run_has_failed() {
 
 /// A factor alone has no residuals, so no root mean squares of them.
 #[test]
-fn what_is_not_known_is_absent_and_never_null() {
+fn unknown_values_are_absent_and_never_null() {
     let mut fit = a_fit();
     fit.residuals.clear();
     fit.estimate.condition_number = f64::INFINITY;

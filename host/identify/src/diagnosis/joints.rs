@@ -290,7 +290,7 @@ fn of_order(joints: &[Named], has_efforts: bool) -> Vec<Fault> {
 
 fn of_gravity(case: &Case) -> Vec<Fault> {
     let recording = &case.recording;
-    let told = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some())
+    let is_known = recording.imus.first().is_some_and(|imu| imu.accel.is_some() || imu.gyro.is_some())
         || recording.gravity.is_some()
         || recording.wrench.is_some();
     let own = recording.rig.recording.gravity_direction;
@@ -302,7 +302,7 @@ fn of_gravity(case: &Case) -> Vec<Fault> {
         ("on a wall, y down", [0.0, 1.0, 0.0]),
         ("on a wall, y up", [0.0, -1.0, 0.0]),
     ];
-    let others = directions.into_iter().filter(|(_, down)| !told && *down != own);
+    let others = directions.into_iter().filter(|(_, down)| !is_known && *down != own);
     others
         .map(|(words, down)| {
             let what = format!("the base stands {words}");
@@ -329,7 +329,7 @@ fn of_delays(case: &Case, joints: &[Named], has_rates: bool, has_efforts: bool) 
     all
 }
 
-/// Returns the delay of a quantity by so many rows and seconds.
+/// Returns the delay of a quantity by this many rows and seconds.
 fn of_delay(joints: &[Named], quantity: Quantity, (rows, s): (isize, f64)) -> Fault {
     let what = match quantity {
         Quantity::Effort => "effort",

@@ -302,7 +302,7 @@ fn with_speeds(friction: &Friction, problem: &Problem) -> Friction {
     Friction { by_drive, ..friction.clone() }
 }
 
-/// Returns the mean logarithm of what least squares leave of at most so many blocks, and of how many
+/// Returns the mean logarithm of what least squares leave of at most this many blocks, and of how many
 /// channels; `None` if there are no rows.
 fn left_by(rows: &dyn RowSource, blocks: usize) -> Option<(f64, usize)> {
     let found = explained(rows, blocks).ok()?;
@@ -334,7 +334,7 @@ fn shortened(case: &Case, rows: usize) -> Case {
     Case { recording, model: case.model.clone(), options: case.options.clone() }
 }
 
-/// Returns the case of one body with means of its rows, so many that some [`THINNED_HZ`] a second are left.
+/// Returns the case of one body with means of its rows, such that some [`THINNED_HZ`] a second are left.
 fn thinned(case: &Case) -> Case {
     let rate_hz = case.recording.rate_hz.unwrap_or(1.0);
     let by = (rate_hz / THINNED_HZ) as usize;

@@ -229,7 +229,7 @@ pub(super) fn moved_imu(case: &mut Case, s: f64, accel: bool, gyro: bool) -> boo
     cut(case, rows)
 }
 
-/// Moves readings to so many rows earlier; the ends of the recording are to be cut off.
+/// Moves readings to this many rows earlier; the ends of the recording are to be cut off.
 pub(super) fn earlier<T>(rows: &mut [T], by: isize) {
     let by = if by < 0 { rows.len().saturating_sub(by.unsigned_abs()) } else { by.unsigned_abs() };
     if by < rows.len() {
@@ -401,7 +401,7 @@ mod tests {
     use rigident_rows::tree::ProblemOptions;
 
     #[test]
-    fn axes_are_all_there_once_and_called_by_what_was_done() {
+    fn axes_are_all_there_once_and_named_by_their_change() {
         let all = signed_permutations();
         assert_eq!(all.len(), 47);
         for (k, axes) in all.iter().enumerate() {
@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_moves_what_is_late_and_cuts_what_has_no_partner() {
+    fn a_delay_moves_late_readings_and_cuts_those_without_partner() {
         for (s, first) in [(0.03, 3.0), (-0.03, 0.0)] {
             let what = late("the gyro", s);
             let fault = faults(&case()).into_iter().find(|fault| fault.what == what).unwrap();

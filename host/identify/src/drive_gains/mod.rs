@@ -21,9 +21,9 @@ pub mod start;
 pub const WIDE: f64 = 1.0;
 /// Gains are identified where their U95 is at most this share of them, and ratios where theirs is.
 pub const COARSEST: f64 = 0.1;
-/// What all gains have in common is told by nothing if its standard deviation, relative, is larger: then it
-/// stays as it was guessed.
-pub const UNTOLD: f64 = 0.2;
+/// What all gains have in common is determined by nothing if its standard deviation, relative, is larger:
+/// then it stays as it was guessed.
+pub const UNDETERMINED: f64 = 0.2;
 /// Rounds of scaling at most.
 pub const MOST_ROUNDS: usize = 8;
 /// Gains that move by less than this share of their standard deviations have settled.

@@ -15,7 +15,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Returns the errors of the gains of these joints by rows over so many parameters and the errors of a
+    /// Returns the errors of the gains of these joints by rows over this many parameters and the errors of a
     /// rig, with all that is known of either; `None` if one of the joints has none, or the rows are no
     /// numbers.
     pub fn of(rows: &Factor, parameters: usize, errors: &[RigError], joints: &[String]) -> Option<Self> {

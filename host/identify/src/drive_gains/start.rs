@@ -59,8 +59,8 @@ pub fn gains(source: &TreeSource, nominal: &Model) -> Result<Option<Vec<f64>>, F
 /// Returns the reciprocal of the first unknown of rows, if they show it.
 fn seen(factor: &Factor) -> Option<f64> {
     let solution = factor.solve(factor.rounding());
-    let (estimate, told) = (*solution.estimate.first()?, *solution.determined.first()?);
+    let (estimate, determined) = (*solution.estimate.first()?, *solution.determined.first()?);
     let free = factor.rows() as f64 - factor.parameters() as f64;
     let variance = factor.residual_sum_of_squares() / free.max(1.0) * solution.covariance[(0, 0)];
-    (told && estimate.abs() > SEEN * variance.max(0.0).sqrt()).then(|| 1.0 / estimate)
+    (determined && estimate.abs() > SEEN * variance.max(0.0).sqrt()).then(|| 1.0 / estimate)
 }

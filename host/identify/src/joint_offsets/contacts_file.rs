@@ -153,7 +153,7 @@ pub fn parse(text: &str, what: &str, tree: &JointTree, sites: Sites) -> Result<C
         contacts.imus.push(Imu { link, rotation: UnitQuaternion::from_quaternion(given) });
     }
     if contacts.links().all(|link| tree.joints_to(std::iter::once(link)).is_ok_and(|way| way.is_empty())) {
-        return Err(format!("{what}: no joint stands between the base and any sole: nothing can be found"));
+        return Err(format!("{what}: no joint is between the base and any sole: nothing can be found"));
     }
     Ok(contacts)
 }
@@ -233,7 +233,7 @@ fn sole(table: &SoleTable, tree: &JointTree, planes: &[Plane], sites: Sites) -> 
     let apart = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm();
     for (k, corner) in corners_m.iter().enumerate() {
         if corners_m.iter().take(k).any(|other| apart(corner, other) < LEAST_EXTENT_M) {
-            return Err(format!("corner {corner:?} stands twice"));
+            return Err(format!("corner {corner:?} is stated twice"));
         }
     }
     let wanted = table.plane.as_deref().unwrap_or(FLOOR);

@@ -200,7 +200,7 @@ fn faults(setup: &Setup, poses: &[Pose], answer: &Answer) -> Result<Vec<Fault>, 
     let some: Vec<Pose> = poses.iter().step_by(every).cloned().collect();
     let plain = fitted(setup, &some)?;
     let before = score(setup, &plain);
-    let freedom: f64 = plain.told.iter().map(|told| told.degrees_of_freedom).sum();
+    let freedom: f64 = plain.observed.iter().map(|observed| observed.degrees_of_freedom).sum();
     let mut named: Vec<(f64, Fault)> = Vec::new();
     let too_large = answer.state.shared.offsets.iter().any(|offset| offset.abs() > LARGEST_RAD);
     let too_much = before > freedom + SUSPICIOUS * (2.0 * freedom).sqrt();
@@ -302,9 +302,9 @@ fn glance(fault: &Fault, setup: &Setup, poses: &[Pose]) -> f64 {
         for _ in 0..BASE_STEPS {
             let rows = setup.rows(pose, base, &shared);
             let Some(whitener) = setup.whitener(&rows) else { return f64::INFINITY };
-            let told = rows.told(&whitener);
-            left = told.squares;
-            *base = base.moved(&told.base_step(&[]));
+            let observed = rows.observed(&whitener);
+            left = observed.squares;
+            *base = base.moved(&observed.base_step(&[]));
         }
         // One bad pose is none of a fault's.
         sum += left.sqrt();
@@ -404,7 +404,7 @@ fn sizes(setup: &Setup) -> Vec<(Setup, Fault)> {
 
 /// Returns a fault with its size if that is far from zero and from what is stated of it.
 fn sized(setup: &Setup, (other, found, scale): (&Setup, &Found, f64), fault: Fault) -> Option<Fault> {
-    let factor = merged(other, &found.told, &found.weights, &found.state.shared);
+    let factor = merged(other, &found.observed, &found.weights, &found.state.shared);
     let estimate = Estimate::new(&factor, ROUNDING, scale, Noise::Given);
     let shared = &found.state.shared;
     let (columns, values, stated): (Vec<usize>, Vec<f64>, f64) = match &fault {

@@ -6,8 +6,8 @@
 
 use nalgebra::{Cholesky, DVector, Dyn};
 
-use super::pose::Told;
-use super::solve::{Found, ROUNDS, State, Weights, for_each, merged, prior_rows, told, weights};
+use super::pose::Observed;
+use super::solve::{Found, ROUNDS, State, Weights, for_each, merged, observed, prior_rows, weights};
 use super::{Pose, Setup};
 
 /// Directions of one round at most.
@@ -47,10 +47,10 @@ impl Round<'_> {
     fn at(&self, state: State) -> Point {
         let own = for_each(self.poses, |k, pose| {
             let mut base = state.bases.get(k).copied().unwrap_or_default();
-            let mut last = Told::default();
+            let mut last = Observed::default();
             for _ in 0..BASE_STEPS {
                 let Some(whitener) = self.whiteners.get(k) else { break };
-                last = self.setup.rows(pose, &base, &state.shared).told(whitener);
+                last = self.setup.rows(pose, &base, &state.shared).observed(whitener);
                 let step = last.base_step(&[]);
                 base = base.moved(&step);
                 if step.iter().all(|v| v.abs() < BASE_ENOUGH) {
@@ -63,8 +63,8 @@ impl Round<'_> {
         for (row, value) in prior_rows(self.setup, &state.shared) {
             gradient -= DVector::from_vec(row) * value;
         }
-        for ((_, told), weight) in own.iter().zip(&self.weights.each) {
-            let Some(factor) = told.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
+        for ((_, observed), weight) in own.iter().zip(&self.weights.each) {
+            let Some(factor) = observed.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
             gradient -= *weight * factor.r().tr_mul(&DVector::from_column_slice(factor.z()));
         }
         let bases = own.into_iter().map(|(base, _)| base).collect();
@@ -139,7 +139,7 @@ pub(super) fn in_rounds(
     let (mut steps, mut converged) = (0, false);
     let mut last = Vec::new();
     for _ in 0..ROUNDS {
-        let all = told(setup, poses, &state)?;
+        let all = observed(setup, poses, &state)?;
         let weights = weights(&all, left_out);
         let factor = merged(setup, &all, &weights.each, &state.shared);
         let lengths = factor.r().column_iter().map(|c| c.norm()).collect::<Vec<_>>();
@@ -161,7 +161,7 @@ pub(super) fn in_rounds(
             break;
         }
     }
-    let all = told(setup, poses, &state)?;
+    let all = observed(setup, poses, &state)?;
     let Weights { each, scale } = weights(&all, left_out);
-    Ok(Found { state, told: all, weights: each, scale, steps, converged, last })
+    Ok(Found { state, observed: all, weights: each, scale, steps, converged, last })
 }

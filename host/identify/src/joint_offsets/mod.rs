@@ -230,7 +230,7 @@ impl Setup {
         }
         if asked.is_empty() {
             return Err(
-                "no joint stands between the base and the contacts: there is no offset to find".to_owned()
+                "no joint is between the base and the contacts: there is no offset to find".to_owned()
             );
         }
         Ok(Self { tree, contacts, measured_links, joints, asked, noise })

@@ -21,7 +21,7 @@ const ANYWHERE_M: f64 = 100.0;
 /// 1 σ of a heading that says nothing, rad.
 const ANY_HEADING: f64 = 100.0;
 /// Directions of the base below this share of the best known are not determined by a pose.
-const TOLD: f64 = 1e-6;
+const DETERMINED: f64 = 1e-6;
 
 /// The base of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +81,7 @@ pub struct Rows {
 
 /// The information of a pose on what is shared, its base eliminated, and how its base follows.
 #[derive(Clone, Debug, Default)]
-pub struct Told {
+pub struct Observed {
     /// Whitened rows of the shared columns; `None` if they cannot be made.
     pub factor: Option<Factor>,
     /// Rows of the triangle that hold the base's columns: `[R_bb R_bs z_b]`.
@@ -92,7 +92,7 @@ pub struct Told {
     pub degrees_of_freedom: f64,
 }
 
-impl Told {
+impl Observed {
     /// Returns the step of the base that goes with a step of the shared columns.
     pub fn base_step(&self, shared: &[f64]) -> Vec<f64> {
         let count = self.base.nrows();
@@ -399,19 +399,19 @@ impl Rows {
             (0..self.of.len()).filter(|k| self.of.get(*k) != Some(&RowOf::Kept)).collect();
         let base = self.columns.columns(0, self.base_columns).select_rows(&measured);
         let values = base.singular_values();
-        let told = values.iter().filter(|value| **value > TOLD * values.max()).count();
-        measured.len() as f64 - told as f64
+        let determined = values.iter().filter(|value| **value > DETERMINED * values.max()).count();
+        measured.len() as f64 - determined as f64
     }
 
     /// Returns what the rows say, whitened, with the base eliminated.
-    pub fn told(&self, whitener: &Cholesky<f64, Dyn>) -> Told {
+    pub fn observed(&self, whitener: &Cholesky<f64, Dyn>) -> Observed {
         let (count, columns) = self.columns.shape();
         let mut all = DMatrix::zeros(count, columns + 1);
         all.view_mut((0, 0), (count, columns)).copy_from(&self.columns);
         all.set_column(columns, &self.residual);
         let solved = whitener.l_dirty().solve_lower_triangular_mut(&mut all);
         if !solved || !all.iter().all(|v| v.is_finite()) {
-            return Told::default();
+            return Observed::default();
         }
         let values: Vec<f64> = all.column(columns).iter().copied().collect();
         let mut whole = Factor::new(columns);
@@ -425,6 +425,6 @@ impl Rows {
         let shared: Vec<usize> = (of_base..columns).collect();
         let factor = whole.eliminate_others(&shared);
         let squares = factor.residual_sum_of_squares() + factor.z().iter().map(|z| z * z).sum::<f64>();
-        Told { factor: Some(factor), base, squares, degrees_of_freedom: self.degrees_of_freedom() }
+        Observed { factor: Some(factor), base, squares, degrees_of_freedom: self.degrees_of_freedom() }
     }
 }

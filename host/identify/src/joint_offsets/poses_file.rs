@@ -112,7 +112,7 @@ impl PosesTable {
                 if value.abs() > *most {
                     let name = setup.tree.joint_name(*link);
                     let hint = if setup.tree.slides(*link) { "mm" } else { "degrees" };
-                    return Err(place(&format!("joint {name} stands at {value}: is it in {hint}?")));
+                    return Err(place(&format!("joint {name} is at {value}: is it in {hint}?")));
                 }
                 positions.push(value);
             }

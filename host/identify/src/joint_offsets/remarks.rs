@@ -106,15 +106,15 @@ impl Answer {
         let open = named(&|o| o.measured.is_none());
         if !open.is_empty() {
             warnings.push(format!(
-                "not told by these poses: {open}; take poses with one knee bent more than the other, feet \
-                 turned and apart, pelvis tilted"
+                "not determined by these poses: {open}; take poses with one knee bent more than the other, \
+                 feet turned and apart, pelvis tilted"
             ));
         }
         let still = named(&|o| o.measured.is_some() && o.stands_still());
         if !still.is_empty() {
             warnings.push(format!(
-                "{still}: stands still in all poses; its offset is told by the motion of the others alone, \
-                 and by the lengths of links"
+                "{still}: stands still in all poses; its offset is determined by the motion of the others \
+                 alone, and by the lengths of links"
             ));
         }
         if self.variance_ratio > NOISIER {

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::pose::{RowOf, Told};
+use super::pose::{Observed, RowOf};
 use super::search::{Method, find};
 use super::solve::{Found, State, merged};
 use super::turns::turn_of;
@@ -178,10 +178,10 @@ fn moves<'a>(setup: &Setup, poses: impl Iterator<Item = &'a Pose> + Clone) -> Ve
 }
 
 fn answer(setup: &Setup, poses: &[Pose], found: &Found, coarsest: Coarsest) -> Answer {
-    let factor = merged(setup, &found.told, &found.weights, &found.state.shared);
-    let kept = || found.told.iter().zip(&found.weights).filter(|(_, weight)| **weight > 0.0);
-    let squares: f64 = kept().map(|(told, _)| told.squares).sum();
-    let counted: f64 = kept().map(|(told, _)| told.degrees_of_freedom).sum();
+    let factor = merged(setup, &found.observed, &found.weights, &found.state.shared);
+    let kept = || found.observed.iter().zip(&found.weights).filter(|(_, weight)| **weight > 0.0);
+    let squares: f64 = kept().map(|(observed, _)| observed.squares).sum();
+    let counted: f64 = kept().map(|(observed, _)| observed.degrees_of_freedom).sum();
     let estimate = Estimate::new(&factor, ROUNDING, 1.0, Noise::Given);
     // What a prior tells of a column takes nothing from the rows.
     let of_priors = setup.priors(&found.state.shared).into_iter();
@@ -238,9 +238,9 @@ fn offsets(
         let measured = estimate.measured(k).map(|own| Measured { value: *value, ..own });
         let fine = measured.filter(|own| own.u95 <= coarsest.of(slides));
         let open = fine.is_none().then(|| {
-            let told = directions.iter().map(|(least, _)| least).fold(0.0_f64, |most, s| most.max(*s));
+            let largest = directions.iter().map(|(least, _)| least).fold(0.0_f64, |most, s| most.max(*s));
             let own = |(least, parts): &(f64, Vec<f64>)| {
-                parts.get(k).map_or(0.0, |part| part / least.max(ROUNDING * told.max(1e-300))).abs()
+                parts.get(k).map_or(0.0, |part| part / least.max(ROUNDING * largest.max(1e-300))).abs()
             };
             let most = directions.iter().max_by(|a, b| own(a).total_cmp(&own(b)));
             let mut beside: Vec<(f64, &str)> = most
@@ -324,15 +324,15 @@ fn over_poses(
     scale: f64,
     coarsest: Coarsest,
 ) -> Vec<OverPoses> {
-    let kept: Vec<(&Told, f64)> =
-        found.told.iter().zip(&found.weights).filter(|(_, w)| **w > 0.0).map(|(t, w)| (t, *w)).collect();
+    let kept: Vec<(&Observed, f64)> =
+        found.observed.iter().zip(&found.weights).filter(|(_, w)| **w > 0.0).map(|(t, w)| (t, *w)).collect();
     let mut counts: Vec<usize> = (0..).map(|k| 3_usize << k).take_while(|n| *n < kept.len()).collect();
     counts.push(kept.len());
     let mut factor = merged(setup, &[], &[], &found.state.shared);
     let (mut out, mut taken) = (Vec::new(), 0);
     for poses in counts {
-        for (told, weight) in kept.iter().skip(taken).take(poses - taken) {
-            if let Some(own) = &told.factor {
+        for (observed, weight) in kept.iter().skip(taken).take(poses - taken) {
+            if let Some(own) = &observed.factor {
                 factor.merge(&own.discount(1.0 / weight));
             }
         }
@@ -383,7 +383,7 @@ fn left(setup: &Setup, poses: &[Pose], found: &Found) -> (f64, f64) {
 /// Returns the poses that were left out, with what is off in each.
 fn bad(setup: &Setup, poses: &[Pose], found: &Found) -> Vec<BadPose> {
     let mut out = Vec::new();
-    for (k, (pose, told)) in poses.iter().zip(&found.told).enumerate() {
+    for (k, (pose, observed)) in poses.iter().zip(&found.observed).enumerate() {
         if found.weights.get(k).is_some_and(|weight| *weight > 0.0) {
             continue;
         }
@@ -405,7 +405,7 @@ fn bad(setup: &Setup, poses: &[Pose], found: &Found) -> Vec<BadPose> {
             let link = setup.measured_links.get(n).map_or("", |link| setup.tree.link_name(*link));
             (link.to_owned(), f64::sqrt(*squares))
         });
-        let ratio = told.squares / told.degrees_of_freedom.max(1.0);
+        let ratio = observed.squares / observed.degrees_of_freedom.max(1.0);
         out.push(BadPose { name: pose.name.clone(), ratio, attitude_off, height_off });
     }
     out

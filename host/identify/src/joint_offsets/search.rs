@@ -2,7 +2,7 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::pose::Told;
+use super::pose::Observed;
 use super::shared::Shared;
 use super::solve::{Found, ROUNDS, State, gauss_newton};
 use super::{Pose, Setup, gradient};
@@ -54,13 +54,13 @@ pub(super) fn fitted(setup: &Setup, poses: &[Pose]) -> Result<Found, String> {
 
 /// Returns which poses are farther off than chance allows.
 fn too_far(found: &Found, before: &[bool]) -> Vec<bool> {
-    let chance = CHANCE / found.told.len().max(1) as f64;
-    let far = |told: &Told| {
-        let limit = ChiSquared::new(told.degrees_of_freedom)
+    let chance = CHANCE / found.observed.len().max(1) as f64;
+    let far = |observed: &Observed| {
+        let limit = ChiSquared::new(observed.degrees_of_freedom)
             .map_or(f64::INFINITY, |chi2| chi2.inverse_cdf(1.0 - chance));
-        told.squares > found.scale * limit
+        observed.squares > found.scale * limit
     };
-    let now: Vec<bool> = found.told.iter().map(far).collect();
+    let now: Vec<bool> = found.observed.iter().map(far).collect();
     // What is left must be most of them, or nothing says which are the bad ones.
     if now.iter().filter(|far| **far).count() * 2 < now.len() { now } else { before.to_vec() }
 }

@@ -5,7 +5,7 @@
 
 use nalgebra::DVector;
 
-use super::pose::{Base, Told};
+use super::pose::{Base, Observed};
 use super::shared::Shared;
 use super::{Pose, Setup};
 use rigident_fit::Factor;
@@ -45,7 +45,7 @@ pub struct Found {
     /// Offsets and bases.
     pub state: State,
     /// The information of each pose there.
-    pub told: Vec<Told>,
+    pub observed: Vec<Observed>,
     /// The weight of each pose, 0 to 1; 0 if it is left out.
     pub weights: Vec<f64>,
     /// Median of the poses' squares over their degrees of freedom, at least 1: by how much the stated noise
@@ -70,13 +70,13 @@ pub(super) fn for_each<R: Send>(poses: &[Pose], job: impl Fn(usize, &Pose) -> R 
 ///
 /// # Errors
 /// Names a pose whose rows cannot be made.
-pub fn told(setup: &Setup, poses: &[Pose], state: &State) -> Result<Vec<Told>, String> {
+pub fn observed(setup: &Setup, poses: &[Pose], state: &State) -> Result<Vec<Observed>, String> {
     let all = for_each(poses, |k, pose| {
         let base = state.bases.get(k).copied().unwrap_or_default();
         let rows = setup.rows(pose, &base, &state.shared);
-        setup.whitener(&rows).map(|whitener| rows.told(&whitener)).unwrap_or_default()
+        setup.whitener(&rows).map(|whitener| rows.observed(&whitener)).unwrap_or_default()
     });
-    match all.iter().zip(poses).find(|(told, _)| told.factor.is_none()) {
+    match all.iter().zip(poses).find(|(observed, _)| observed.factor.is_none()) {
         Some((_, pose)) => {
             Err(format!("{}: its rows cannot be weighed: are its numbers possible?", pose.name))
         }
@@ -93,44 +93,49 @@ pub(super) struct Weights {
 }
 
 /// Returns the square from which on a pose counts less.
-fn limit(told: &Told, scale: f64) -> f64 {
-    scale * (told.degrees_of_freedom + HUBER * (2.0 * told.degrees_of_freedom).sqrt())
+fn limit(observed: &Observed, scale: f64) -> f64 {
+    scale * (observed.degrees_of_freedom + HUBER * (2.0 * observed.degrees_of_freedom).sqrt())
 }
 
 /// Returns how much each pose counts.
-pub(super) fn weights(told: &[Told], left_out: &[bool]) -> Weights {
-    let ratio = |told: &Told| told.squares / told.degrees_of_freedom.max(1.0);
-    let tells = |told: &&Told| told.degrees_of_freedom > 0.0;
-    let mut ratios: Vec<f64> = told.iter().filter(tells).map(ratio).collect();
+pub(super) fn weights(observed: &[Observed], left_out: &[bool]) -> Weights {
+    let ratio = |observed: &Observed| observed.squares / observed.degrees_of_freedom.max(1.0);
+    let tells = |observed: &&Observed| observed.degrees_of_freedom > 0.0;
+    let mut ratios: Vec<f64> = observed.iter().filter(tells).map(ratio).collect();
     ratios.sort_by(f64::total_cmp);
     let scale = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
-    let weigh = |(told, left_out): (&Told, &bool)| {
-        let limit = limit(told, scale);
+    let weigh = |(observed, left_out): (&Observed, &bool)| {
+        let limit = limit(observed, scale);
         if *left_out {
             0.0
-        } else if told.squares <= limit {
+        } else if observed.squares <= limit {
             1.0
         } else {
-            (limit / told.squares).sqrt()
+            (limit / observed.squares).sqrt()
         }
     };
-    Weights { each: told.iter().zip(left_out).map(weigh).collect(), scale }
+    Weights { each: observed.iter().zip(left_out).map(weigh).collect(), scale }
 }
 
 /// Returns the sum of what the poses' squares count.
-fn cost(setup: &Setup, told: &[Told], left_out: &[bool], scale: f64, shared: &Shared) -> f64 {
-    let of = |told: &Told| {
-        let limit = limit(told, scale);
-        if told.squares <= limit { told.squares } else { 2.0 * (limit * told.squares).sqrt() - limit }
+fn cost(setup: &Setup, observed: &[Observed], left_out: &[bool], scale: f64, shared: &Shared) -> f64 {
+    let of = |observed: &Observed| {
+        let limit = limit(observed, scale);
+        if observed.squares <= limit {
+            observed.squares
+        } else {
+            2.0 * (limit * observed.squares).sqrt() - limit
+        }
     };
-    let poses: f64 = told.iter().zip(left_out).filter(|(_, out)| !**out).map(|(told, _)| of(told)).sum();
+    let poses: f64 =
+        observed.iter().zip(left_out).filter(|(_, out)| !**out).map(|(observed, _)| of(observed)).sum();
     poses + setup.priors(shared).iter().map(|prior| (prior.off / prior.sigma).powi(2)).sum::<f64>()
 }
 
 /// Returns the sum of what the poses' squares count, the stated noise being true; what is known beforehand
 /// counts too.
 pub(super) fn score(setup: &Setup, found: &Found) -> f64 {
-    cost(setup, &found.told, &vec![false; found.told.len()], 1.0, &found.state.shared)
+    cost(setup, &found.observed, &vec![false; found.observed.len()], 1.0, &found.state.shared)
 }
 
 /// Returns the rows of what is known beforehand of what is shared, whitened.
@@ -147,12 +152,12 @@ pub(super) fn prior_rows(setup: &Setup, shared: &Shared) -> Vec<(Vec<f64>, f64)>
 }
 
 /// Returns the factor of what all poses share.
-pub fn merged(setup: &Setup, told: &[Told], weights: &[f64], shared: &Shared) -> Factor {
+pub fn merged(setup: &Setup, observed: &[Observed], weights: &[f64], shared: &Shared) -> Factor {
     let mut all = Factor::new(setup.shared_columns());
     let prior = prior_rows(setup, shared);
     all.absorb(prior.iter().map(|(row, value)| (row.as_slice(), *value)));
-    for (told, weight) in told.iter().zip(weights) {
-        let Some(own) = told.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
+    for (observed, weight) in observed.iter().zip(weights) {
+        let Some(own) = observed.factor.as_ref().filter(|_| *weight > 0.0) else { continue };
         if *weight < 1.0 {
             all.merge(&own.discount(1.0 / weight));
         } else {
@@ -178,9 +183,13 @@ fn step(factor: &Factor) -> Vec<f64> {
 
 impl State {
     /// Returns the state after a step of what is shared, the bases following.
-    fn moved(&self, setup: &Setup, told: &[Told], step: &[f64]) -> Self {
-        let bases =
-            self.bases.iter().zip(told).map(|(base, told)| base.moved(&told.base_step(step))).collect();
+    fn moved(&self, setup: &Setup, observed: &[Observed], step: &[f64]) -> Self {
+        let bases = self
+            .bases
+            .iter()
+            .zip(observed)
+            .map(|(base, observed)| base.moved(&observed.base_step(step)))
+            .collect();
         Self { shared: self.shared.moved(setup, step), bases }
     }
 }
@@ -188,14 +197,14 @@ impl State {
 /// Searches by steps of Gauss and Newton.
 ///
 /// # Errors
-/// As [`told`].
+/// As [`observed`].
 pub(super) fn gauss_newton(
     setup: &Setup,
     poses: &[Pose],
     mut state: State,
     left_out: &[bool],
 ) -> Result<Found, String> {
-    let mut all = told(setup, poses, &state)?;
+    let mut all = observed(setup, poses, &state)?;
     let mut counts = weights(&all, left_out);
     let (mut steps, mut converged) = (0, false);
     let mut last = Vec::new();
@@ -206,7 +215,7 @@ pub(super) fn gauss_newton(
         for halving in 0..=HALVINGS {
             let part: Vec<f64> = full.iter().map(|v| share * v).collect();
             let next = state.moved(setup, &all, &part);
-            let there = told(setup, poses, &next)?;
+            let there = observed(setup, poses, &next)?;
             let after = cost(setup, &there, left_out, counts.scale, &next.shared);
             if after <= before * (1.0 + RISE) + f64::EPSILON || halving == HALVINGS {
                 (state, all) = (next, there);
@@ -219,5 +228,5 @@ pub(super) fn gauss_newton(
         converged = full.iter().all(|v| v.abs() < ENOUGH);
         last = full;
     }
-    Ok(Found { state, told: all, weights: counts.each, scale: counts.scale, steps, converged, last })
+    Ok(Found { state, observed: all, weights: counts.each, scale: counts.scale, steps, converged, last })
 }

@@ -75,7 +75,7 @@ fn touching(noise: Noise) -> Setup {
 }
 
 #[test]
-fn columns_are_the_slopes_of_what_is_expected() {
+fn columns_are_the_slopes_of_the_expected_readings() {
     for yaw_rad in [0.01, 1.0] {
         let setup = touching(Noise { yaw_rad, ..Noise::default() });
         let mut pose = random_poses(1, &random_offsets(0.1, 2), Reading::default(), 9)[0].clone();
@@ -156,7 +156,7 @@ fn a_bad_pose_is_named_and_does_not_spoil_the_others() {
 }
 
 #[test]
-fn a_mounting_that_may_be_off_widens_what_it_tilts() {
+fn a_mounting_that_may_be_off_widens_the_offsets_it_tilts() {
     let truth = random_offsets(2.0_f64.to_radians(), 13);
     let poses = random_poses(40, &truth, Reading::default(), 14);
     let exact = answer(&setup(Noise::default()), &poses);

@@ -173,7 +173,7 @@ fn a_loading_with_a_slip_is_named_by_its_line_and_honest_ones_are_not() {
 
 /// A weight that is 3 % heavier than it says, in each of its loadings.
 #[test]
-fn a_weight_that_is_not_what_it_says_is_named() {
+fn a_weight_off_its_stated_mass_is_named() {
     let (mut rows, _) = World::new(7).table(3);
     rows.iter_mut().filter(|row| row[0] == 2.0).for_each(|row| row[0] = 2.06);
     let error = solved(&rows, &Uncertainty { reading_v: Some(2e-7), ..Uncertainty::default() }).unwrap_err();
@@ -190,7 +190,7 @@ fn bridges_that_bend_leave_residuals() {
 }
 
 #[test]
-fn tables_that_cannot_be_read_say_where_and_what_to_do() {
+fn unreadable_tables_name_the_place_and_the_remedy() {
     let head = "mass_kg,x_m,y_m,z_m,g1_v,g2_v,g3_v,g4_v,g5_v,g6_v\n";
     for (text, words) in [
         ("", "there is no loading"),

@@ -185,7 +185,7 @@ impl Study<'_> {
         let all = self.merged(None);
         let rows = BaseRows::of(&all, self.base, unknowns.bodies.len());
         let sizes = rows.relative(&unknowns).rows.singular_values();
-        let told: Vec<f64> = sizes.iter().copied().filter(|size| *size > ROUNDED * sizes.max()).collect();
+        let nonzero: Vec<f64> = sizes.iter().copied().filter(|size| *size > ROUNDED * sizes.max()).collect();
         let held_out = self.held_out(unknowns.bodies.len());
         let mut outcomes = Vec::new();
         let total = (ways.len() + fixed.len()).max(1) as f64;
@@ -197,7 +197,7 @@ impl Study<'_> {
                 tried.push((setting, left));
             }
             let least = tried.iter().map(|(_, left)| *left).min_by(|a, b| a.squares.total_cmp(&b.squares));
-            let most = least.map_or(0.0, |least: Left| least.squares + least.equal(told.len()));
+            let most = least.map_or(0.0, |least: Left| least.squares + least.equal(nonzero.len()));
             // What rows hardly tell is noise: of equally good settings the strongest trust has the least of
             // it.
             let best = tried.into_iter().find(|(_, left)| left.squares <= most);
@@ -212,14 +212,14 @@ impl Study<'_> {
         }
         Ok(Comparison {
             unknowns: unknowns.names.len(),
-            rank: told.len(),
-            condition: sizes.max() / told.iter().copied().fold(f64::INFINITY, f64::min),
+            rank: nonzero.len(),
+            condition: sizes.max() / nonzero.iter().copied().fold(f64::INFINITY, f64::min),
             rows: rows.count(),
             nominal: rows.cost(&unknowns.nominal),
             equal: {
                 let left = outcomes.iter().filter_map(|outcome| outcome.left_out);
                 left.min_by(|a, b| a.squares.total_cmp(&b.squares))
-                    .map_or(0.0, |least| least.equal(told.len()))
+                    .map_or(0.0, |least| least.equal(nonzero.len()))
             },
             outcomes,
         })
@@ -373,7 +373,7 @@ mod tests {
     /// Parts of unequal length whose rows leave the same differ by chance alone; parts that differ are as
     /// good as they scatter.
     #[test]
-    fn what_is_left_is_as_good_as_the_parts_scatter() {
+    fn residuals_are_as_good_as_the_parts_scatter() {
         let even = Left::of(&[(1000.0, 1000.0), (500.0, 500.0)]).unwrap();
         assert_eq!((even.squares, even.equal(8)), (1500.0, 8.0));
         let uneven = Left::of(&[(1000.0, 1000.0), (3000.0, 1000.0), (2000.0, 1000.0)]).unwrap();

@@ -42,7 +42,7 @@ impl Suspect {
         match &self.fault {
             Fault::Dead => format!(
                 "the torque of joint {joint} hardly changes, and the model predicts that it does: its \
-                 channel seems dead; mend it, or leave its column out"
+                 channel seems dead; repair it, or leave its column out"
             ),
             Fault::Sign => format!(
                 "the torque of joint {joint} has the opposite sign of what the model predicts: turn it in \
@@ -104,7 +104,7 @@ pub fn suspects(source: &TreeSource, model: &Model) -> Result<Vec<Suspect>, FitE
             .blocks
             .iter()
             .zip(&without.blocks)
-            .filter(|(block, _)| block.told.get(channel) != Some(&false))
+            .filter(|(block, _)| block.determined.get(channel) != Some(&false))
             .filter_map(|(block, own)| {
                 let ground = block.measured.get(channel)? - own.measured.get(channel)?;
                 Some((*own.measured.get(channel)?, block.predicted.get(channel)? - ground))
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrong_with_a_channel_is_told() {
+    fn faults_of_a_channel_are_reported() {
         let wave = |k: usize| (0.1 * k as f64).sin();
         let pairs = |scale: f64, constant: f64| -> Vec<(f64, f64)> {
             (0..100).map(|k| (scale * wave(k) + constant, wave(k) + 0.1 * wave(7 * k))).collect()

@@ -36,7 +36,7 @@ fn all_singular_values_are_least_squares_and_few_are_their_part() {
 }
 
 #[test]
-fn ridge_is_what_its_normal_equations_say() {
+fn ridge_agrees_with_its_normal_equations() {
     let (rows, values, _) = problem(5);
     let scale: Vec<f64> = (0..12).map(|k| 0.1 + 0.3 * k as f64).collect();
     let weights =

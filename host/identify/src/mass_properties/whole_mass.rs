@@ -54,8 +54,8 @@ fn sum(factor: &Factor, weights: &DVector<f64>) -> Option<(f64, f64)> {
     let count = weights.len();
     let solution = factor.leading(count).solve(ROUNDED);
     let largest = weights.amax();
-    let is_told = |j: usize| solution.determined.get(j) == Some(&true);
-    if (0..count).any(|j| weights[j].abs() > SAME * largest && !is_told(j)) {
+    let is_determined = |j: usize| solution.determined.get(j) == Some(&true);
+    if (0..count).any(|j| weights[j].abs() > SAME * largest && !is_determined(j)) {
         return None;
     }
     let estimate = DVector::from_column_slice(&solution.estimate);

@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn an_instrument_is_known_by_its_number_or_by_what_is_stated_of_it() {
+    fn an_instrument_is_known_by_its_number_or_its_settings() {
         let plain = RigFile { imu: vec![ImuTable::default()], ..RigFile::default() };
         let of = |rig: &RigFile, group: &str| instrument(rig, &error(group));
         let mut other = plain.clone();

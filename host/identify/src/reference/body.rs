@@ -187,7 +187,7 @@ pub enum ReferenceError {
         path: String,
         /// The key.
         key: String,
-        /// What stands there.
+        /// The value there.
         value: String,
         /// What should.
         advice: String,
@@ -201,7 +201,7 @@ pub enum ReferenceError {
         count: usize,
     },
     /// There is no such mounting.
-    #[error("reference body {name} has no mounting {mounting}{}", told(known))]
+    #[error("reference body {name} has no mounting {mounting}{}", choices(known))]
     Mounting {
         /// Its name.
         name: String,
@@ -212,7 +212,7 @@ pub enum ReferenceError {
     },
 }
 
-fn told(known: &[String]) -> String {
+fn choices(known: &[String]) -> String {
     if known.is_empty() {
         "; there is no [[mounting]]".to_owned()
     } else {

@@ -77,8 +77,8 @@ fn tolerances_are_propagated_as_draws_spread() {
         }
     }
     for (j, variance) in squares.iter().enumerate() {
-        let told = mounted.covariance()[(j, j)];
-        assert!((variance / told).sqrt() - 1.0 < 0.025 && (told / variance).sqrt() - 1.0 < 0.025, "{j}");
+        let stated = mounted.covariance()[(j, j)];
+        assert!((variance / stated).sqrt() - 1.0 < 0.025 && (stated / variance).sqrt() - 1.0 < 0.025, "{j}");
     }
     // The mass is weighed, its place along z has the limits of place and length.
     let limit = |a: f64| a / 3.0_f64.sqrt();
@@ -91,7 +91,7 @@ fn tolerances_are_propagated_as_draws_spread() {
 }
 
 #[test]
-fn what_is_no_reference_is_named() {
+fn faults_of_a_reference_are_named() {
     let refused = |text: &str| ReferenceBody::parse(text, "test").unwrap_err();
     let key = |text: &str| match refused(text) {
         ReferenceError::Value { key, .. } => key,
@@ -123,7 +123,7 @@ fn what_is_no_reference_is_named() {
 
 /// A cuboid of the same numbers, as a drawing and as measured, is the same body.
 #[test]
-fn a_drawing_and_what_was_measured_of_it_are_one_body() {
+fn a_drawing_and_its_measurement_are_one_body() {
     let head = "name = \"b\"\nmass_kg = 12\nmass_std_kg = 1e-3\n";
     let drawn = format!("{head}[cuboid]\nsize_m = [0.1, 0.2, 0.3]\nsize_tolerance_m = [0, 0, 0]\n");
     let measured = format!(

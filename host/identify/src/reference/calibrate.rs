@@ -113,7 +113,7 @@ fn joint(
         let mut known = beforehand.known.clone();
         for (k, run) in runs.iter().enumerate() {
             progress((round as f64 + k as f64 / runs.len() as f64) / ROUNDS as f64);
-            known = told(run, &known, &beforehand.causes, about, judged)?;
+            known = known_after(run, &known, &beforehand.causes, about, judged)?;
         }
         Ok(known)
     };
@@ -214,7 +214,7 @@ fn improbable(chi2: f64, degrees_of_freedom: f64) -> bool {
 
 /// Returns what is known after a run, its signals corrected for the means of `about`; what contradicts is
 /// refused if the run is `judged`.
-fn told(
+fn known_after(
     run: &Run,
     known: &Gaussian,
     causes: &[String],
@@ -262,5 +262,5 @@ fn told(
             Mismatch::All { chi2: agreement.chi2, degrees_of_freedom: agreement.degrees_of_freedom };
         return Err(CalibrateError::OtherBody { run: run.name.clone(), mismatch: Box::new(mismatch) });
     }
-    known.told(&map, &before, &after).ok_or_else(singular)
+    known.informed(&map, &before, &after).ok_or_else(singular)
 }

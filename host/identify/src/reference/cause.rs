@@ -32,8 +32,8 @@ pub(super) fn of(quantities: &[Quantity], limit: f64) -> String {
     let near = |ratio: f64, unit: f64| (ratio / unit).ln().abs() < NEAR || (ratio * unit).ln().abs() < NEAR;
     for all in [&mass, &centre, &tensor] {
         let unit = ratio(all).and_then(|ratio| UNITS.iter().find(|(unit, _)| near(ratio, *unit)));
-        if let (Some((_, told)), Some(first)) = (unit, all.first()) {
-            return format!("a mistake in units: {} differs by a factor of {told}", first.name);
+        if let (Some((_, factor)), Some(first)) = (unit, all.first()) {
+            return format!("a mistake in units: {} differs by a factor of {factor}", first.name);
         }
     }
     let halved = ratio(&tensor).is_some_and(|ratio| near(ratio, DIAMETER));
@@ -77,17 +77,17 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_tells_the_cause() {
-        let told = |quantities: &[Quantity]| of(quantities, 1.43);
+    fn differences_show_the_cause() {
+        let cause = |quantities: &[Quantity]| of(quantities, 1.43);
         let centre = |e_n: f64| quantity("com_z", 0.067, 0.067, e_n);
         let tensor = |factor: f64, e_n: f64| quantity("Izz_com", 0.002 * factor, 0.002, e_n);
         let mass = |value: f64, e_n: f64| quantity("m", value, 3.32, e_n);
-        assert!(told(&[mass(3.36, 1.9), centre(0.1), tensor(1.0, 0.3)]).contains("weighed wrongly"));
-        assert!(told(&[mass(1.506, -90.0), centre(0.1), tensor(1.0, 0.3)]).contains("pounds"));
-        assert!(told(&[mass(3.32, 0.0), quantity("com_z", 0.067, 67.0, -900.0)]).contains("millimetres"));
-        assert!(told(&[mass(3.32, 0.2), centre(3.0), tensor(1.0, 0.3)]).contains("place or mounting"));
-        assert!(told(&[mass(3.32, 0.2), centre(0.3), tensor(4.0, 30.0)]).contains("radius for a diameter"));
-        assert!(told(&[mass(3.32, 0.2), centre(0.3), tensor(1.2, 3.0)]).contains("drawing"));
-        assert!(told(&[mass(3.1, -9.0), centre(5.0), tensor(1.2, 3.0)]).contains("another body"));
+        assert!(cause(&[mass(3.36, 1.9), centre(0.1), tensor(1.0, 0.3)]).contains("weighed wrongly"));
+        assert!(cause(&[mass(1.506, -90.0), centre(0.1), tensor(1.0, 0.3)]).contains("pounds"));
+        assert!(cause(&[mass(3.32, 0.0), quantity("com_z", 0.067, 67.0, -900.0)]).contains("millimetres"));
+        assert!(cause(&[mass(3.32, 0.2), centre(3.0), tensor(1.0, 0.3)]).contains("place or mounting"));
+        assert!(cause(&[mass(3.32, 0.2), centre(0.3), tensor(4.0, 30.0)]).contains("radius for a diameter"));
+        assert!(cause(&[mass(3.32, 0.2), centre(0.3), tensor(1.2, 3.0)]).contains("drawing"));
+        assert!(cause(&[mass(3.1, -9.0), centre(5.0), tensor(1.2, 3.0)]).contains("another body"));
     }
 }

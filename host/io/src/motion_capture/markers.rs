@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_stays_where_it_was() {
+    fn kept_frames_stay_in_their_places() {
         let all: Vec<[f32; 3]> = (0..40).map(|k| [k as f32, 0.0, 1.0]).collect();
         let whole = Markers::new(2, all);
         let mut some = whole.clone();

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zero_that_drifts_is_told() {
+    fn a_zero_that_drifts_is_reported() {
         assert_eq!(drift(&plate(0.0), &|_| false), None);
         assert_eq!(drift(&plate(4.0), &|_| false), None);
         // From the middle of the first second to that of the last: two thirds.

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_column_and_index() {
+    fn faults_are_reported_with_column_and_index() {
         let good = columns(20);
         let mut bad = good.clone();
         bad[3][17] = f64::NAN;

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn other_units_are_told_from_other_columns() {
+    fn other_units_are_distinguished_from_other_columns() {
         for (name, meant) in [
             ("fx_lbf", "fx_n"),
             ("mx_lbf_in", "mx_nm"),

@@ -295,7 +295,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_other_programs_mean_what_they_say() {
+    fn names_of_other_programs_keep_their_meaning() {
         for (name, stated, known, unit) in [
             ("Fx [N]", None, "fx_n", Some("N")),
             ("Fy (N)", None, "fy_n", Some("N")),

@@ -237,7 +237,7 @@ impl<'a> Reader<'a> {
             let rig = &mut self.rig.recording;
             let contradicts = |is_set: bool, differs: bool| {
                 if is_set && differs {
-                    Err(at(format!("comment {key} = {value} contradicts the rig file: mend one of them")))
+                    Err(at(format!("comment {key} = {value} contradicts the rig file: correct one of them")))
                 } else {
                     Ok(())
                 }
@@ -338,7 +338,7 @@ impl<'a> Reader<'a> {
         let mut known_columns = Vec::new();
         for (place, name) in header.into_iter().enumerate() {
             if columns.iter().any(|c| c.header == name) {
-                return Err(self.columns_error(format!("column {name:?} stands there twice: rename one")));
+                return Err(self.columns_error(format!("column {name:?} appears twice: rename one")));
             }
             let source = sources.get(name.as_str()).copied();
             let known = source.map_or_else(|| Known::parse(&name), |(known, _)| Known::parse(known));
@@ -653,12 +653,12 @@ fn refuse(cell: &str) -> String {
     if cell.is_empty() {
         "the value is missing: fill it in, or remove the row".to_owned()
     } else if cell.parse::<f64>().is_ok() {
-        format!("{cell} is not a finite number: mend it, or remove the row")
+        format!("{cell} is not a finite number: correct it, or remove the row")
     } else if nearest_known(&cell).as_deref() == Some(cell.as_str()) {
         format!("{cell:?} is the name of a column: the header is repeated here; remove the line")
     } else {
         let marks = if cell.contains(',') { " (decimals have a point)" } else { "" };
-        format!("{cell:?} is not a number{marks}: mend it, or remove the row")
+        format!("{cell:?} is not a number{marks}: correct it, or remove the row")
     }
 }
 

@@ -463,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_comes_before_what_is_found() {
+    fn a_choice_comes_before_a_guess() {
         let rows = (0..9).map(|k| format!("{k},0.5,1.5,2.5,3.5,4.5,5.5,7.5\n")).collect::<String>();
         let (_folder, found) = understood(&("tick,Fx,Fy,Fz,Mx,My,Mz,\"Fx new\"\n".to_owned() + &rows));
         let undecided = found.proposal(&Choices::default()).unwrap_err();

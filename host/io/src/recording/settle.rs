@@ -170,8 +170,8 @@ mod tests {
     use crate::rig::RigFile;
 
     #[test]
-    fn stamps_that_jitter_are_told_from_rows_that_are_missing() {
-        let told = |time_ns: Vec<u64>| {
+    fn stamps_that_jitter_are_distinguished_from_missing_rows() {
+        let warnings_of = |time_ns: Vec<u64>| {
             let mut recording = Recording { time_ns, ..Recording::default() };
             recording.warn_of_gaps(5e6);
             recording.warnings
@@ -185,16 +185,16 @@ mod tests {
             (0..2000).map(|n| (10_000_000 + n * 5_000_000 + jitter(2e6)).unsigned_abs()).collect();
         let mut sorted = shaken;
         sorted.sort_unstable();
-        let said = told(sorted);
+        let said = warnings_of(sorted);
         assert!(
             matches!(said.as_slice(), [one] if one.starts_with("stamps jitter by 2.0 ms")
             || one.starts_with("stamps jitter by 1.9 ms")),
             "{said:?}"
         );
         let holes: Vec<u64> = (0..2000).filter(|n| n % 100 != 7).map(|n| n * 5_000_000).collect();
-        let said = told(holes);
+        let said = warnings_of(holes);
         assert!(matches!(said.as_slice(), [one] if one.contains("about 20 rows are missing")), "{said:?}");
-        assert!(told((0..2000).map(|n| n * 5_000_000 + (n % 2) * 100_000).collect()).is_empty());
+        assert!(warnings_of((0..2000).map(|n| n * 5_000_000 + (n % 2) * 100_000).collect()).is_empty());
     }
 
     #[test]

@@ -263,7 +263,7 @@ impl RigCalibration {
         }
         if self.distribution().is_none() {
             return Err("the errors' values, standard deviations and correlations are those of no \
-                        distribution: a number is not finite, a std not positive, a name stands twice, or \
+                        distribution: a number is not finite, a std not positive, a name appears twice, or \
                         the correlations contradict each other"
                 .to_owned());
         }
@@ -347,7 +347,7 @@ impl CalibratedRig {
         let differ = |a: &[f64], b: &[f64]| {
             a.len() != b.len() || a.iter().zip(b).any(|(a, b)| (a - b).abs() > SAME * a.abs().max(1.0))
         };
-        let told = |key, a: &dyn std::fmt::Debug, b: &dyn std::fmt::Debug| {
+        let found = |key, a: &dyn std::fmt::Debug, b: &dyn std::fmt::Debug| {
             Some((key, format!("{a:?}"), format!("{b:?}")))
         };
         // A serial number that one of the two does not give says nothing.
@@ -355,27 +355,27 @@ impl CalibratedRig {
         let text = |serial: &Option<String>| serial.clone().unwrap_or_default();
         if serial(&self.load_cell_serial, &own.load_cell_serial) {
             let (calibrated, own) = (text(&self.load_cell_serial), text(&own.load_cell_serial));
-            return told("load_cell.serial", &calibrated, &own);
+            return found("load_cell.serial", &calibrated, &own);
         }
         if serial(&self.imu_serial, &own.imu_serial) {
-            return told("imu.serial", &text(&self.imu_serial), &text(&own.imu_serial));
+            return found("imu.serial", &text(&self.imu_serial), &text(&own.imu_serial));
         }
         if differ(&[self.gravity_mps2], &[own.gravity_mps2]) {
-            return told("recording.gravity_mps2", &self.gravity_mps2, &own.gravity_mps2);
+            return found("recording.gravity_mps2", &self.gravity_mps2, &own.gravity_mps2);
         }
         let matrix =
             |rig: &Self| rig.load_cell_calibration.iter().flatten().flatten().copied().collect::<Vec<f64>>();
         if differ(&matrix(self), &matrix(own)) {
-            return told("load_cell.calibration", &matrix(self), &matrix(own));
+            return found("load_cell.calibration", &matrix(self), &matrix(own));
         }
         if differ(&self.imu_position_m, &own.imu_position_m) {
-            return told("imu.position_m", &self.imu_position_m, &own.imu_position_m);
+            return found("imu.position_m", &self.imu_position_m, &own.imu_position_m);
         }
         if differ(&self.imu_rotation_wxyz, &own.imu_rotation_wxyz) {
-            return told("imu.rotation_wxyz", &self.imu_rotation_wxyz, &own.imu_rotation_wxyz);
+            return found("imu.rotation_wxyz", &self.imu_rotation_wxyz, &own.imu_rotation_wxyz);
         }
         if differ(&self.accel_scale, &own.accel_scale) {
-            return told("imu.accel_scale", &self.accel_scale, &own.accel_scale);
+            return found("imu.accel_scale", &self.accel_scale, &own.accel_scale);
         }
         None
     }

@@ -109,7 +109,7 @@ fn reason(change: &dyn Fn(&mut RigCalibration)) -> String {
 }
 
 #[test]
-fn what_no_rig_has_is_named_with_its_place() {
+fn impossible_values_are_named_with_their_place() {
     assert!(reason(&|c| c.error[0].name = "gain_fq".to_owned()).starts_with("error[0].name"));
     assert!(reason(&|c| c.error[1].unit = "mm".to_owned()).starts_with("error[1].unit"));
     let ahead = humantime::format_rfc3339(SystemTime::now() + 3 * CLOCKS).to_string();
@@ -118,7 +118,7 @@ fn what_no_rig_has_is_named_with_its_place() {
 
 /// Every number and word counts; how the file is laid out does not.
 #[test]
-fn an_edited_calibration_is_told() {
+fn an_edited_calibration_is_refused() {
     let good = calibration();
     let changes: [&dyn Fn(&mut RigCalibration); 6] = [
         &|c| c.error[0].std *= 1e-3,

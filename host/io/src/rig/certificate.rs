@@ -80,7 +80,7 @@ pub struct CertificateTable {
     /// Unit of moments of inertia; `kg cm2` without it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inertia_unit: Option<InertiaUnit>,
-    /// Equipment beside the load cell and the IMU, whose serial numbers stand with them.
+    /// Equipment beside the load cell and the IMU, whose serial numbers are in their own tables.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub equipment: Vec<EquipmentTable>,
 }

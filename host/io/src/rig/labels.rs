@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_label_is_refused() {
+    fn malformed_labels_are_refused() {
         assert_eq!(parse("body=bracket 7=b"), Ok(("body".to_owned(), "bracket 7=b".to_owned())));
         for text in
             ["body", "=a", "body=", "b y=a", "body= a", "body=a\nb", &format!("body={}", "a".repeat(101))]

@@ -46,7 +46,7 @@ pub struct RigFile {
     pub imu: Vec<ImuTable>,
     /// The load cell.
     pub load_cell: LoadCellTable,
-    /// What a body of known properties told of the rig's errors.
+    /// The rig's errors, identified by a body of known properties.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationTable>,
     /// The customer's frame.
@@ -690,7 +690,7 @@ pub struct JointTable {
     /// 1 σ of the effort per sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort_noise: Option<f64>,
-    /// 1 σ of the position where the joint stands at zero, rad or m; that of `[tree]` otherwise.
+    /// 1 σ of the position where the joint is at zero, rad or m; that of `[tree]` otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zero_std: Option<f64>,
     /// 1 σ of the effort's scale, relative; that of `[tree]` otherwise.

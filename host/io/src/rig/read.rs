@@ -301,7 +301,7 @@ impl Check<'_> {
                     &key,
                     column,
                     format!(
-                        "{name} is no column of a recording{}; it stands as known name = \"name in the \
+                        "{name} is no column of a recording{}; write it as known name = \"name in the \
                          file\"",
                         near.map_or_else(String::new, |n| format!(" (is it {n}?)"))
                     ),
@@ -429,7 +429,7 @@ impl Check<'_> {
         for (i, imu) in self.rig.imu.iter().enumerate() {
             let key = |name: &str| format!("imu[{i}].{name}");
             if imu.link >= MOST_LINKS {
-                return Err(self.refuse(&key("link"), imu.link, "there are not so many links"));
+                return Err(self.refuse(&key("link"), imu.link, "no model has this many links"));
             }
             if links.contains(&imu.link) {
                 return Err(self.refuse(
@@ -638,7 +638,7 @@ impl Check<'_> {
                     ));
                 }
                 Some(parent) if !names.contains(&parent.as_str()) => {
-                    return Err(self.refuse(&key("parent"), parent, "must be a link that stands above"));
+                    return Err(self.refuse(&key("parent"), parent, "must be a link named above"));
                 }
                 _ => {}
             }

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_spring_cannot_be_is_named() {
+    fn impossible_springs_are_named() {
         let of = |more: &str| {
             let key = complaint(&format!("[[spring]]\nat_m = [0.1, 0.1, 0.0]\naxial_npm = 1e3\n{more}\n"));
             key.map(|key| key.replace("spring[0].", ""))

@@ -95,7 +95,7 @@ fn every_key_of_the_format_is_read_and_written() {
 
 /// The content of the file, and the words that its message must hold.
 #[test]
-fn what_makes_no_sense_is_named_with_its_line() {
+fn nonsense_is_named_with_its_line() {
     for (text, words) in [
         (
             "[load_cell]\nnoise_n_nm = [1,1,1,1,1,0]",

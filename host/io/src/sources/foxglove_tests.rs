@@ -47,7 +47,7 @@ fn a_topic_is_subscribed_to_and_its_messages_are_samples() {
 }
 
 #[test]
-fn topics_that_are_missing_or_wrong_are_told_with_those_there_are() {
+fn missing_and_wrong_topics_are_reported_with_the_topics_there_are() {
     let mut absent = decoder(Role::Wrench, Some("/wrench"));
     assert_eq!(absent.text(ADVERTISED), Ok(None));
     assert!(

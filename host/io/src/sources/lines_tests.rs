@@ -72,7 +72,7 @@ fn lines_of_other_programs_are_samples_too() {
 }
 
 #[test]
-fn what_is_no_stream_is_said() {
+fn lines_of_no_stream_are_reported() {
     let said = |text: &str| {
         let mut decoder = Decoder::new(None, &RigFile::default(), false);
         decoder.feed(text.as_bytes(), &mut Vec::new()).unwrap_err()

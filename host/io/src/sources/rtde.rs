@@ -151,7 +151,7 @@ impl Decoder {
         let types: Vec<&str> = types.split(',').collect();
         if types.len() != variables.len() {
             return Err(format!(
-                "{} variables were asked for, and {} are told",
+                "{} variables were asked for, and {} are given",
                 variables.len(),
                 types.len()
             ));

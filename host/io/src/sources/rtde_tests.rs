@@ -66,7 +66,7 @@ fn data_become_samples_and_missing_packages_are_counted() {
 }
 
 #[test]
-fn what_the_controller_lacks_is_said() {
+fn variables_missing_in_the_controller_are_reported() {
     let all = || variables(&"rtde://r".parse().unwrap(), &[Role::Wrench, Role::Imu]).unwrap();
     let said = |answer: &[u8]| Decoder::new(answer, all(), 500.0).unwrap_err();
     assert!(said(b"\x00DOUBLE,NOT_FOUND,VECTOR3D,VECTOR6D").contains("e-Series"));

@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wraps_gaps_repeats_and_restarts_are_told_apart() {
+    fn wraps_gaps_repeats_and_restarts_are_distinguished() {
         let mut bits16 = Sequence::new(16);
         let said: Vec<_> = [65_534, 65_535, 0, 4, 3, 4, 5].map(|n| bits16.note(n)).to_vec();
         let expected = [

@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_an_address_is_said() {
+    fn faults_of_an_address_are_reported() {
         for (text, part) in [
             ("tcp://a", "begins with none of ati+udp://"),
             ("rtde://", "host or device is missing"),

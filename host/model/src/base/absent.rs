@@ -2,7 +2,7 @@
 //!
 //! The rules' combinations `B φ` are independent as long as every link may have mass. Where some have none,
 //! their columns of B go, and rows that then depend on others with them: `B' = B'_i N`, B'_i independent
-//! columns, so that `N φ` are the base parameters that are left, each standing for a standard one.
+//! columns, so that `N φ` are the base parameters that are left, each in place of a standard one.
 
 use nalgebra::{DMatrix, DVector};
 

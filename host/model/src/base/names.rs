@@ -15,7 +15,7 @@ pub fn legend<'a>(names: impl Iterator<Item = &'a str>) -> Option<String> {
     }
     grouped.then(|| {
         let mut said = "M, MS and J are the mass, the first moment and the tensor about the joint of a link \
-                        with what of links beyond it cannot be told from it"
+                        with the parts of links beyond it that cannot be distinguished from it"
             .to_owned();
         if primed {
             said += "; with a prime (MSx', Jzz') in axes turned so that z' is the joint's axis, which is \

@@ -178,7 +178,7 @@ const LOPSIDED: &str = "<visual><origin xyz=\"0.2 0.05 0.1\"/><geometry><box siz
                         size=\"0.1 0.1 0.1\"/></geometry></visual>";
 
 /// A model of one such link, of the inertia of its shapes after a change.
-fn told(change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> Vec<Finding> {
+fn findings_after(change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> Vec<Finding> {
     let text = format!(
         "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{LOPSIDED}</link><joint name=\"j\" \
          type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/></joint></robot>"
@@ -201,17 +201,18 @@ fn inertia(shape: &Shape, change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>))
 }
 
 #[test]
-fn mistakes_of_convention_are_told_and_nothing_else() {
-    assert_eq!(told(|_, _| ()), []);
-    let origin = told(|c, i| *i += (Matrix3::identity() * c.norm_squared() - *c * c.transpose()) * 2.0);
+fn mistakes_of_convention_are_reported_and_nothing_else() {
+    assert_eq!(findings_after(|_, _| ()), []);
+    let origin =
+        findings_after(|c, i| *i += (Matrix3::identity() * c.norm_squared() - *c * c.transpose()) * 2.0);
     assert!(origin.len() == 1 && origin[0].text.contains("about the link's origin"), "{origin:?}");
-    let signs = told(|_, i| *i = Matrix3::from_diagonal(&i.diagonal()) * 2.0 - *i);
+    let signs = findings_after(|_, i| *i = Matrix3::from_diagonal(&i.diagonal()) * 2.0 - *i);
     assert!(
         signs.len() == 1 && signs[0].text.contains("products of inertia have the sign opposite"),
         "{signs:?}"
     );
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let side = told(|c, _| c[axis] = -c[axis]);
+        let side = findings_after(|c, _| c[axis] = -c[axis]);
         // A box around simple shapes tells it first.
         assert!(side.len() == 1 && side[0].text.contains("outside of the box"), "{name}: {side:?}");
     }
@@ -219,7 +220,7 @@ fn mistakes_of_convention_are_told_and_nothing_else() {
 
 /// Three links whose products all have the wrong sign, by a mesh of another file.
 #[test]
-fn a_whole_file_s_products_are_told_as_its_convention() {
+fn a_whole_file_s_products_are_reported_as_its_convention() {
     let place = tempfile::tempdir().unwrap();
     let robots = place.path().join("askew/robots");
     std::fs::create_dir_all(&robots).unwrap();
@@ -250,20 +251,20 @@ fn a_whole_file_s_products_are_told_as_its_convention() {
         model
     };
     assert_eq!(of_inertias(&model(false), &shapes), []);
-    let told = of_inertias(&model(true), &shapes);
+    let found = of_inertias(&model(true), &shapes);
     assert!(
-        told.len() == 4 && told[3].place == "model" && told[3].text.contains("in 3 of 3 links"),
-        "{told:?}"
+        found.len() == 4 && found[3].place == "model" && found[3].text.contains("in 3 of 3 links"),
+        "{found:?}"
     );
     let mut mirrored = model(false);
     mirrored.links[1].nominal = Some(inertia(&shapes["l1"], |c, _| c.x = -c.x));
-    let told = of_inertias(&mirrored, &shapes);
-    assert!(told.len() == 1 && told[0].text.contains("if x had the other sign"), "{told:?}");
+    let found = of_inertias(&mirrored, &shapes);
+    assert!(found.len() == 1 && found[0].text.contains("if x had the other sign"), "{found:?}");
 }
 
 /// A left and a right link without shapes.
 #[test]
-fn a_side_that_is_the_other_s_image_but_for_one_thing_is_told() {
+fn a_side_that_is_the_other_s_image_but_for_one_thing_is_reported() {
     let text = "<robot name=\"r\"><link name=\"a\"/><link name=\"FL_leg\"/><link name=\"FR_leg\"/><joint \
                 name=\"l\" type=\"continuous\"><origin xyz=\"0 0.2 0\"/><parent link=\"a\"/><child \
                 link=\"FL_leg\"/></joint><joint name=\"r\" type=\"continuous\"><origin xyz=\"0 -0.2 \
@@ -276,12 +277,12 @@ fn a_side_that_is_the_other_s_image_but_for_one_thing_is_told() {
         let centre = Position::new(centre.x, centre.y, centre.z);
         Some(InertialParameters::<Body, f64>::from_centre_of_mass(2.0, centre, tensor).to_vector())
     };
-    let told = |change| -> Vec<Finding> {
+    let findings_after = |change| -> Vec<Finding> {
         let mut model = urdf::parse(text, "r.urdf").unwrap();
         (model.links[1].nominal, model.links[2].nominal) = (body(1.0, |_, _| ()), body(-1.0, change));
         of_inertias(&model, &std::collections::BTreeMap::new())
     };
-    assert_eq!(told(|_, _| ()), []);
+    assert_eq!(findings_after(|_, _| ()), []);
     type Change = fn(&mut Vector3<f64>, &mut Matrix3<f64>);
     let cases: [(Change, &str); 4] = [
         (|c, _| c.z = -c.z, "the sign of z of the centre of mass"),
@@ -296,7 +297,7 @@ fn a_side_that_is_the_other_s_image_but_for_one_thing_is_told() {
         ),
     ];
     for (change, why) in cases {
-        let found = told(change);
+        let found = findings_after(change);
         assert!(found.iter().any(|f| f.place == "link FR_leg" && f.text.contains(why)), "{why}: {found:?}");
     }
 }

@@ -89,7 +89,7 @@ fn a_point_mass_is_written_where_the_language_has_one() {
 }
 
 #[test]
-fn what_no_body_is_is_not_written() {
+fn impossible_bodies_are_not_written() {
     let load = Load { inertia_com_kgm2: [0.01, 0.01, 0.03, 0.0, 0.0, 0.0], ..turned_box() };
     let nothing = Load { mass_kg: 0.0, com_m: [0.0; 3], inertia_com_kgm2: [0.0; 6] };
     for language in ALL {
@@ -100,7 +100,7 @@ fn what_no_body_is_is_not_written() {
 }
 
 #[test]
-fn what_is_no_load_is_refused() {
+fn texts_without_a_load_are_refused() {
     for language in ALL {
         for text in ["", "set_target_payload(1.0)", "{\"mass\": 1}", "robot.setLoad(1.0);", "{M 1.0}"] {
             assert!(matches!(language.read(text), Err(LoadError::Read(_))), "{language:?} {text}");
@@ -163,7 +163,7 @@ fn no_remark_becomes_a_statement() {
 }
 
 #[test]
-fn what_is_neither_comment_nor_statement_is_not_let_through() {
+fn text_that_is_neither_comment_nor_statement_is_not_let_through() {
     let load = turned_box();
     for language in ALL {
         let plain = language.write(&load, "tool0", &[]).unwrap();

@@ -102,7 +102,7 @@ fn settings_of_the_compiler_and_of_joints_are_followed_as_mujoco_does() {
 }
 
 #[test]
-fn what_is_not_followed_is_named() {
+fn attributes_not_followed_are_named() {
     let body = |attributes: &str| {
         arm("", "", ["", "", ""]).replace("name=\"l2\"", &format!("name=\"l2\" {attributes}"))
     };
@@ -149,8 +149,8 @@ fn what_is_not_followed_is_named() {
             "settotalmass = 9 kg is not followed, as the masses of l1 are not stated",
         ),
     ] {
-        let told = place(&mjcf::parse(&text, "arm.xml").unwrap().model);
-        assert!(told.contains(wanted), "{wanted}: {told}");
+        let said = place(&mjcf::parse(&text, "arm.xml").unwrap().model);
+        assert!(said.contains(wanted), "{wanted}: {said}");
     }
     assert_eq!(place(&mjcf::parse(&arm("", "", ["", "", ""]), "arm.xml").unwrap().model), "");
 }
@@ -179,7 +179,7 @@ fn bodies_and_joints_without_names_have_those_of_their_path() {
 }
 
 #[test]
-fn the_robot_is_the_tree_and_what_lies_beside_it_is_named() {
+fn the_robot_is_the_tree_and_bodies_beside_it_are_named() {
     let inertial = "<inertial pos=\"0 0 0\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/>";
     let loose = |name: &str| format!("<body name=\"{name}\"><freejoint/>{inertial}</body>");
     let table = format!("<body name=\"table\">{inertial}</body>");

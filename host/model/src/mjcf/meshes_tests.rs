@@ -43,7 +43,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn meshes_weigh_what_they_do_in_mujoco() {
+fn meshes_weigh_as_in_mujoco() {
     let folder = folder();
     let mesh = |attributes: &str| format!("<asset><mesh name=\"w\" {attributes}/></asset>");
     let plain = "<geom type=\"mesh\" mesh=\"w\"/>";

@@ -160,15 +160,15 @@ fn such_bodies_are_written_with_their_joints_and_have_the_same_inverse_dynamics(
 }
 
 #[test]
-fn what_is_not_read_of_a_joint_is_told_and_is_no_reason_to_doubt_the_links() {
+fn unread_attributes_of_a_joint_are_reported_and_do_not_cast_doubt_on_the_links() {
     let joint = "<joint name=\"hip\" type=\"ball\" armature=\"0.01\" damping=\"0.5\" stiffness=\"0\"/>";
-    let told: Vec<String> = leg(joint).findings.iter().map(ToString::to_string).collect();
+    let said: Vec<String> = leg(joint).findings.iter().map(ToString::to_string).collect();
     // What a hinge does by itself has columns.
     let turning = joint.replace("\"ball\"", "\"hinge\" axis=\"0 1 0\"");
     assert!(leg(&turning).findings.is_empty());
     assert!(
-        matches!(told.as_slice(), [one] if one.contains("joint hip") && one.contains("armature, damping:") && !one.contains("stiffness")),
-        "{told:?}"
+        matches!(said.as_slice(), [one] if one.contains("joint hip") && one.contains("armature, damping:") && !one.contains("stiffness")),
+        "{said:?}"
     );
     assert!(leg(&hinge("hip", "0 1 0", "0 0 0")).findings.is_empty());
 }

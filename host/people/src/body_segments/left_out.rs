@@ -201,7 +201,7 @@ mod tests {
             time_s: 0.0,
             measured: vec![0.0],
             predicted: vec![-off],
-            told: Vec::new(),
+            determined: Vec::new(),
         };
         let of = |value: &dyn Fn(usize) -> f64| Prediction {
             residual_rms: Vec::new(),

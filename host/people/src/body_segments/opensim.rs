@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_person_is_refused() {
+    fn models_of_no_person_are_refused() {
         let model = Person::default().human34().unwrap();
         let segments: Vec<_> = model.links.iter().map(|l| (l.name.as_str(), l.nominal.unwrap())).collect();
         let alone = OsimModel::parse(&format!(

@@ -38,8 +38,8 @@ pub fn person_result(
     // Whoever is not of rigid segments in these motions shows none, nor does one whose mass is not known.
     let mass_kg = state.filter(ParameterState::is_identified).and_then(|_| fit.data_alone().measured(place?));
     let tells = study.tells_segments() && mass_kg.is_some();
-    let told = tells.then(|| segments(study, person, found)).transpose()?;
-    let (segments, centre) = told.unzip();
+    let found_segments = tells.then(|| segments(study, person, found)).transpose()?;
+    let (segments, centre) = found_segments.unzip();
     Ok(PersonResult {
         model: person.subject.model.name.clone(),
         table: format!("P. de Leva (1996), {}", person.subject.person.sex.words()),

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_are_told_apart_and_what_they_lack_is_named() {
+    fn sets_are_distinguished_and_their_missing_markers_are_named() {
         let gait = labels(
             "LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE RTOE C7 CLAV STRN \
              T10 LSHO RSHO",

@@ -55,12 +55,12 @@ pub fn footprints(person: &Person, trial: usize) -> Vec<Footprint> {
         add(&mut sums, tracked, k, (own, &floor));
     }
     let plates = sums.iter().enumerate().flat_map(|(plate, feet)| feet.iter().map(move |sum| (plate, sum)));
-    let told = plates.filter(|(_, sum)| sum.count >= FEWEST);
+    let loaded = plates.filter(|(_, sum)| sum.count >= FEWEST);
     let print = |(plate, sum): (usize, &Sum)| {
         let off_m = sum.off.map(|off| off / sum.load);
         Some(Footprint { plate, axis: sum.axis.try_normalize(1e-6)?, off_m })
     };
-    told.filter_map(print).collect()
+    loaded.filter_map(print).collect()
 }
 
 /// Adds the loads of a frame, by its place among those that are used, each to the foot that it is under.

@@ -15,10 +15,10 @@ use rigident_fit::parallel;
 use rigident_io::motion_capture::trial::Trial;
 
 /// A freedom is not determined by a frame if its deviation is this many times the trial's median, …
-const UNTOLD: f32 = 2.5;
+const UNDETERMINED: f32 = 2.5;
 /// … and larger than this, rad: straight legs show the turn about their axis by markers a thumb's breadth off
 /// it, bent ones by the shank's.
-const LEAST_UNTOLD: f32 = 0.2;
+const LEAST_UNDETERMINED: f32 = 0.2;
 /// The heading of a trunk that no marker follows is that of the pelvis over this time, s.
 const HEADING_S: f64 = 1.0;
 /// Their first pose is that to which this many frames before lead, …
@@ -69,16 +69,20 @@ struct Stretch {
 
 impl Stretch {
     /// Forgets frames in which a freedom is not determined that is determined elsewhere, and all deviations.
-    fn forget_untold(&mut self, usual: &[f32]) {
-        let is_told = |deviations: &[f32]| {
-            deviations.iter().zip(usual).all(|(own, usual)| *own <= LEAST_UNTOLD.max(UNTOLD * usual))
+    fn forget_missing(&mut self, usual: &[f32]) {
+        let is_determined = |deviations: &[f32]| {
+            deviations
+                .iter()
+                .zip(usual)
+                .all(|(own, usual)| *own <= LEAST_UNDETERMINED.max(UNDETERMINED * usual))
         };
         let deviations = std::mem::take(&mut self.deviations);
         let frames = (deviations.len() / usual.len().max(1)).max(1);
         let width = (self.numbers.len() / frames).max(1);
         let rows = self.numbers.chunks_exact_mut(width);
-        let untold = rows.zip(deviations.chunks_exact(usual.len().max(1))).filter(|(_, own)| !is_told(own));
-        untold.for_each(|(row, _)| row.fill(f32::NAN));
+        let undetermined =
+            rows.zip(deviations.chunks_exact(usual.len().max(1))).filter(|(_, own)| !is_determined(own));
+        undetermined.for_each(|(row, _)| row.fill(f32::NAN));
     }
 }
 
@@ -133,7 +137,7 @@ pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + 
             let first = stretches[k] * STRETCH;
             let mut own = stretch(subject, trial, first..trial.frames().min(first + STRETCH));
             if let Some(usual) = usual {
-                own.forget_untold(usual);
+                own.forget_missing(usual);
             }
             progress((1 + done.fetch_add(1, Ordering::Relaxed)) as f64 / count as f64);
             own
@@ -155,7 +159,7 @@ pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + 
     let (mut filled, mut all) = (0, Vec::with_capacity(count));
     for k in 0..count {
         let Some(mut own) = (if k % every == 0 { telling.next() } else { others.next() }) else { break };
-        own.forget_untold(&usual);
+        own.forget_missing(&usual);
         filled += own.filled;
         for ((sum, count), own) in distances.iter_mut().zip(&own.distances) {
             *sum += own.0;

@@ -11,7 +11,7 @@ use super::information::{Information, RigModel};
 /// An explanation must leave less than this share of the discrepancy, and the discrepancy must be larger than
 /// [`LEAST`].
 const SHARE: f64 = 0.5;
-/// Sum over the six columns of |ln(told / expected)|: together twice as much, or a sixth of one column.
+/// Sum over the six columns of |ln(observed / expected)|: together twice as much, or a sixth of one column.
 const LEAST: f64 = 1.8;
 
 /// Returns the coordinates that were at rest: the smallest set, of those that should have moved, that
@@ -20,7 +20,7 @@ pub fn stood_still(
     rig: &RigModel,
     program: &MotionProgram,
     moves: &[bool; 6],
-    told: &Information,
+    observed: &Information,
 ) -> [bool; 6] {
     let none = [false; 6];
     let Ok(whole) = rig.information(program, &none) else { return none };
@@ -29,13 +29,14 @@ pub fn stood_still(
         return none;
     }
     let distance = |lost: &[bool; 6]| {
-        rig.information(program, lost).map_or(f64::INFINITY, |expected| discrepancy(&expected, told, floor))
+        rig.information(program, lost)
+            .map_or(f64::INFINITY, |expected| discrepancy(&expected, observed, floor))
     };
-    let as_told = distance(&none);
-    if as_told < LEAST {
+    let as_observed = distance(&none);
+    if as_observed < LEAST {
         return none;
     }
-    let mut best = (SHARE * as_told, none);
+    let mut best = (SHARE * as_observed, none);
     // Fewer axes first.
     let mut sets: Vec<u8> = (1..8).collect();
     sets.sort_by_key(|set| set.count_ones());
@@ -53,13 +54,13 @@ pub fn stood_still(
 }
 
 /// `floor` is what counts as nothing.
-fn discrepancy(expected: &Information, told: &Information, floor: f64) -> f64 {
-    (4..10).map(|j| ((told[(j, j)].max(0.0) + floor) / (expected[(j, j)] + floor)).ln().abs()).sum()
+fn discrepancy(expected: &Information, observed: &Information, floor: f64) -> f64 {
+    (4..10).map(|j| ((observed[(j, j)].max(0.0) + floor) / (expected[(j, j)] + floor)).ln().abs()).sum()
 }
 
 /// Returns which share of the expected information on rotation arrived; at most 1.
-pub fn share(expected: &Information, told: &Information) -> f64 {
+pub fn share(expected: &Information, observed: &Information) -> f64 {
     let sum = |m: &Information| (4..10).map(|j| m[(j, j)].max(0.0)).sum::<f64>();
     let whole = sum(expected);
-    if whole > 0.0 { (sum(told) / whole).min(1.0) } else { 1.0 }
+    if whole > 0.0 { (sum(observed) / whole).min(1.0) } else { 1.0 }
 }

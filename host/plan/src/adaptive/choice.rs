@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leads_to_the_goal_at_once_or_cannot_begin_otherwise_stays_as_it_was_chosen() {
+    fn a_motion_that_reaches_the_goal_or_cannot_begin_otherwise_stays_as_chosen() {
         let mut turns = Turns::default();
         turns.driven(&[4, 5], 4);
         let choice = |seconds| Choice { sequence: vec![4, 5], seconds };

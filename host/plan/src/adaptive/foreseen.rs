@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_agrees_twice_is_said_once_until_it_changes() {
+    fn a_forecast_that_agrees_twice_is_said_once_until_it_changes() {
         let mut forecast = Forecast::default();
         let mut said = |values: &[Foreseen]| -> Vec<bool> {
             values.iter().map(|value| forecast.take(*value).is_some()).collect()

@@ -11,8 +11,8 @@ use rigident_sim::rig::{Readings, RigConfig, RigError};
 use super::foreseen::{Forecast, Foreseen};
 use super::goal::{Asked, largest_principal};
 use super::information::RigModel;
+use super::observed::Observed;
 use super::planner::{Next, Planner};
-use super::told::Told;
 use crate::carried::{CarriedError, LoadBound, Weighing};
 use crate::equipment::Equipment;
 use crate::machine;
@@ -101,8 +101,8 @@ impl Device {
         Self { estimator: Box::new(estimator), absorbed: 0 }
     }
 
-    fn told(&self, model: &RigModel) -> Told {
-        model.told(&Factor::from(&self.estimator.factor()))
+    fn observed(&self, model: &RigModel) -> Observed {
+        model.observed(&Factor::from(&self.estimator.factor()))
     }
 }
 
@@ -201,8 +201,8 @@ impl Rehearsal {
             device.estimator.absorb(&reading(&row));
             device.absorbed = k + 1;
             if k % every == 0 && k > every {
-                let told = device.told(&self.believed);
-                if told.worst(asked, &self.believed) <= 1.0 {
+                let observed = device.observed(&self.believed);
+                if observed.worst(asked, &self.believed) <= 1.0 {
                     return Ok(Some(k as f64 / rate_hz));
                 }
             }
@@ -217,16 +217,16 @@ impl Rehearsal {
         seconds: Option<f64>,
         segments: Vec<(String, f64, f64)>,
     ) -> Outcome {
-        let told = device.told(&self.believed);
+        let observed = device.observed(&self.believed);
         let truth = self.config.body.parameters();
         let principal = largest_principal(&truth).unwrap_or(1.0);
-        let error = told.estimate.map_or(f64::INFINITY, |phi| {
+        let error = observed.estimate.map_or(f64::INFINITY, |phi| {
             (4..10).map(|j| (phi[j] - truth[j]).abs() / principal).fold(0.0, f64::max)
         });
         Outcome {
             seconds,
             spent_s: device.absorbed as f64 / self.believed.rate_hz,
-            worst: told.worst(asked, &self.believed),
+            worst: observed.worst(asked, &self.believed),
             error,
             lost: [false; 6],
             segments,
@@ -313,7 +313,7 @@ impl Rehearsal {
             if planner.choices() == 0 {
                 break (None, Some("no motion about home keeps the limits".to_owned()));
             }
-            let before = device.told(&self.believed);
+            let before = device.observed(&self.believed);
             let known = before.known();
             let began = Instant::now();
             let next = planner.next(&known);
@@ -353,7 +353,7 @@ impl Rehearsal {
             taken = taken.max(self.taken(&self.as_followed(&decision.program)));
             whole.segments.extend(decision.program.segments.iter().cloned());
             let reached = self.absorb(&mut device, &whole, asked, seed)?;
-            let after = device.told(&self.believed);
+            let after = device.observed(&self.believed);
             let goal = planner.goal(&after.known());
             let expected = goal.worst(&(before.information + decision.tells()), after.variance_scale);
             segments.push((decision.name.clone(), expected, after.worst(asked, &self.believed)));
@@ -364,8 +364,8 @@ impl Rehearsal {
             planner.carried_out(&decision, &(after.information - before.information));
         };
         let outcome = self.outcome(&device, asked, reached, segments);
-        let told = device.told(&self.believed);
-        let known = told.known();
+        let observed = device.observed(&self.believed);
+        let known = observed.known();
         let promised = forecast.said();
         let off = promised
             .and_then(|said| Some(asked.came_of(said, &planner.goal(&known), &known)? / said.value() - 1.0));

@@ -10,9 +10,9 @@ use rigident_sim::sensors::SensorModels;
 use super::compact::Compact;
 use super::information::deviations;
 use super::library::{Candidate, library};
+use super::observed::Observed;
 use super::planner::Known;
 use super::rehearsal::{Outcome, Rehearsal};
-use super::told::Told;
 use super::{Asked, Information, Next, Planner, RigModel};
 
 const ASKED: Asked = Asked::Tensor(0.01);
@@ -34,7 +34,7 @@ fn adaptive(rehearsal: &Rehearsal) -> Outcome {
 /// information, with its σ_t of 12 ms that is 3 % at 2.35 Hz and 12 % of products at twice that; of
 /// deviations half as much.
 #[test]
-fn a_motion_tells_what_was_foreseen() {
+fn a_motion_tells_as_foreseen() {
     let mut config = RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal());
     config.load_cell.position_m = [0.02, -0.03, 0.04];
     config.load_cell.rotation_wxyz = [0.9, 0.1, -0.3, 0.2];
@@ -247,7 +247,7 @@ fn more_noise_than_assumed_takes_longer_and_is_not_believed_away() {
 }
 
 #[test]
-fn what_cannot_be_reached_is_named() {
+fn unreachable_goals_are_named() {
     let config = RigConfig::thesis_horizontal();
     let model = RigModel { body: Some(BodySet::known(&config.body)), ..model(&config, RATE_HZ) };
     // A thousand years of segments would not do.
@@ -270,15 +270,15 @@ fn what_cannot_be_reached_is_named() {
 }
 
 #[test]
-fn an_axis_that_stood_still_is_told_from_one_that_moved() {
+fn an_axis_that_stood_still_is_distinguished_from_one_that_moved() {
     let model = model(&RigConfig::thesis_horizontal(), RATE_HZ);
     for candidate in library(&model, &[false; 6]) {
         let Segment::Multisine { .. } = candidate.segment else { continue };
         let moves = candidate.moves();
         let program = MotionProgram { start: candidate.centre, segments: vec![candidate.segment.clone()] };
-        let told = model.information(&program, &[false; 6]).unwrap();
+        let observed = model.information(&program, &[false; 6]).unwrap();
         assert_eq!(
-            super::axes::stood_still(&model, &program, &moves, &told),
+            super::axes::stood_still(&model, &program, &moves, &observed),
             [false; 6],
             "{}",
             candidate.name
@@ -286,8 +286,8 @@ fn an_axis_that_stood_still_is_told_from_one_that_moved() {
         for axis in [Axis::Roll, Axis::Pitch, Axis::Yaw].map(|a| a as usize).into_iter().filter(|k| moves[*k])
         {
             let lost = std::array::from_fn(|k| k == axis);
-            let told = model.information(&program, &lost).unwrap();
-            let found = super::axes::stood_still(&model, &program, &moves, &told);
+            let observed = model.information(&program, &lost).unwrap();
+            let found = super::axes::stood_still(&model, &program, &moves, &observed);
             assert_eq!(found, lost, "{}", candidate.name);
         }
     }
@@ -347,17 +347,17 @@ fn a_tensor_without_a_positive_moment_is_not_taken_for_known() {
     };
     let config = RigConfig::thesis_horizontal();
     let rig = RigModel { body: Some(BodySet::known(&config.body)), ..model(&config, RATE_HZ) };
-    let told = |moment_kgm2: f64| Told {
+    let observed = |moment_kgm2: f64| Observed {
         information: Information::identity() * 1e14,
         estimate: Some(body(moment_kgm2)),
         first: None,
         variance_scale: 1.0,
     };
-    assert!(told(4e-4).worst(&asked, &rig) < 1.0);
-    assert_eq!(told(-1e-5).worst(&asked, &rig), f64::INFINITY);
+    assert!(observed(4e-4).worst(&asked, &rig) < 1.0);
+    assert_eq!(observed(-1e-5).worst(&asked, &rig), f64::INFINITY);
     let mut planner = Planner::new(rig.clone(), asked);
-    assert!(matches!(planner.next(&told(4e-4).known()), Next::Reached));
-    assert!(!matches!(planner.next(&told(-1e-5).known()), Next::Reached));
+    assert!(matches!(planner.next(&observed(4e-4).known()), Next::Reached));
+    assert!(!matches!(planner.next(&observed(-1e-5).known()), Next::Reached));
     let absolute = Asked::Absolute([1.0; 16]);
-    assert!(told(-1e-5).worst(&absolute, &rig) < 1.0);
+    assert!(observed(-1e-5).worst(&absolute, &rig) < 1.0);
 }

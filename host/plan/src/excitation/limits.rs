@@ -86,7 +86,7 @@ fn given<'a, const N: usize>(option: &str, words: &'a str, model: &Model) -> Res
         Some(values) => Ok(Given { joint, values }),
         None => {
             let form = if N == 2 { "JOINT=LOW,HIGH" } else { "JOINT=VALUE" };
-            Err(format!("{option} {words}: stands as {form}, or without JOINT= for every joint"))
+            Err(format!("{option} {words}: is written as {form}, or without JOINT= for every joint"))
         }
     }
 }

@@ -266,7 +266,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn seven_axes_tell_what_was_promised_and_far_more_than_at_random() {
+fn seven_axes_tell_as_promised_and_far_more_than_at_random() {
     let mut task = seven();
     task.measured.friction = friction("viscous,coulomb,offset");
     let (held, ratios, plan) = end_to_end(&seven_axes(), &task, 1..9);
@@ -328,7 +328,7 @@ fn a_message_has_a_point_for_every_time_and_a_number_for_every_joint() {
 }
 
 #[test]
-fn what_cannot_be_planned_is_said() {
+fn impossible_plans_are_reported() {
     let error = |task: &Task| plan(task, &AtomicBool::new(false), |_| ()).err().unwrap();
     let short = error(&Task { duration_s: 2.0, ..seven() });
     assert!(matches!(short, ExcitationError::TooShort { harmonics: 1, .. }), "{short}");
@@ -383,7 +383,7 @@ fn shared(file: &str, locked: &[&str]) -> Model {
 
 #[test]
 #[ignore = "needs ../shared/data"]
-fn robots_of_shared_data_tell_what_was_promised() {
+fn robots_of_shared_data_tell_as_promised() {
     let fingers = ["panda_finger_joint1", "panda_finger_joint2"];
     for (file, locked) in [("ur5_robot.urdf", &[][..]), ("panda.urdf", &fingers)] {
         let model = shared(file, locked);

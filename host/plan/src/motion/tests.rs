@@ -110,7 +110,7 @@ fn a_motion_of_a_machine_without_joints_keeps_its_travel() {
 
 /// Every instant of the long motion, one after the other, and what the platform does then.
 #[test]
-fn a_long_motion_tells_what_its_repeated_period_says() {
+fn a_long_motion_tells_as_much_as_its_repeated_period() {
     let task = task(Objective::DOptimal);
     let step = step_s(task.highest_hz);
     let frame = Frame::bare(&task.equipment.geometry, 64.0).unwrap();
@@ -213,7 +213,7 @@ fn spheres_keep_the_inertial_forces_off_the_load_cell() {
 }
 
 #[test]
-fn what_cannot_be_planned_is_said() {
+fn impossible_plans_are_reported() {
     let error = |task: &Task| plan(task, &AtomicBool::new(false), |_| ()).unwrap_err();
     let short = Task { duration_s: 8.0, ..task(Objective::RollPitchYaw) };
     assert!(matches!(error(&short), PlanError::Frame(FrameError::TooShort { .. })));

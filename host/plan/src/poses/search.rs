@@ -242,7 +242,7 @@ mod tests {
 
     /// Two orientations on a border that is no circle, by trying all pairs in steps of three degrees.
     #[test]
-    fn no_pair_of_a_grid_is_better_than_what_is_found() {
+    fn no_pair_of_a_grid_is_better_than_the_pair_found() {
         let inside = |up: &Vector3<f64>| {
             let tilt = up.z.acos();
             tilt <= 0.5 + 0.12 * (3.0 * up.y.atan2(up.x)).cos()

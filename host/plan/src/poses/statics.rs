@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_poses_are_refused() {
         let poses = poses([0.0; 6], &mut |_| 0.0);
         assert_eq!(statics(&poses[..2], None, 0), Err(StaticsError::TooFew(2)));
         let error = statics(&poses, None, 6).unwrap_err();

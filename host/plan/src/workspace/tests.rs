@@ -107,7 +107,7 @@ fn largest_tilts_are_the_published_ones() {
 }
 
 #[test]
-fn limited_joints_take_from_the_map_and_what_is_left_keeps_them() {
+fn limited_joints_take_from_the_map_and_the_rest_keeps_them() {
     let mut geometry = Geometry::thesis();
     geometry.limits.plate_joints = Some(geometry.cones_about_home(0.5));
     let (limited, whole) = (map(&geometry, 9.0, 0.0), map(&Geometry::thesis(), 9.0, 0.0));

@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_used_has_no_certificate() {
+    fn unusable_answers_have_no_certificate() {
         let (table, rig) = (CertificateTable::default(), RigFile::default());
         let certified = Certified { table: &table, rig: &rig, evidence: &[] };
         for status in [Status::Implausible, Status::Failed, Status::NotIdentified] {

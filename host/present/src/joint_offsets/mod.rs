@@ -82,15 +82,15 @@ pub fn with_unit(measured: Measured, length: bool) -> String {
 /// Returns the page as one self-contained HTML file.
 pub fn page(found: &OffsetsPage) -> String {
     let mut html = beginning_with(&found.model, "offsets of joint angles", STYLE);
-    let told = found.offsets.iter().filter(|row| row.measured.is_some()).count();
+    let identified = found.offsets.iter().filter(|row| row.measured.is_some()).count();
     let all = counted(found.offsets.len(), "offset", "offsets");
     let left_out = found.deviations.iter().filter(|pose| pose.left_out).count();
     let poses = counted(found.deviations.len() - left_out, "pose", "poses");
-    let class = if told == found.offsets.len() { "good" } else { "fair" };
+    let class = if identified == found.offsets.len() { "good" } else { "fair" };
     html.push_str(&format!(
         "<header><h1>{}</h1>\n<p class=\"source\"><span>Offsets of joint \
          angles</span><span>{}</span><span>{poses}</span></p>\n\
-         <p class=\"status {class}\">{told} of {all} identified</p></header>\n{}",
+         <p class=\"status {class}\">{identified} of {all} identified</p></header>\n{}",
         escape(&found.model),
         escape(&found.source),
         notes("Warnings", &found.warnings)

@@ -36,9 +36,9 @@ fn worst(answer: &Answer) -> Option<String> {
 
 /// Returns the answer of a number of poses as text.
 pub fn text(answer: &Answer, poses: usize, coarsest: Coarsest) -> String {
-    let told = answer.offsets.iter().filter(|offset| offset.measured.is_some()).count();
+    let identified = answer.offsets.iter().filter(|offset| offset.measured.is_some()).count();
     let mut out = format!(
-        "{told} of {} from {}; attitudes are left with {}°, contacts with {} mm\n\n",
+        "{identified} of {} from {}; attitudes are left with {}°, contacts with {} mm\n\n",
         counted(answer.offsets.len(), "offset", "offsets"),
         counted(poses - answer.bad.len(), "pose", "poses"),
         significant(answer.attitude_rms.to_degrees(), 2),

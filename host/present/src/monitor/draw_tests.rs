@@ -148,7 +148,7 @@ fn the_course_falls_with_the_logarithm_of_the_uncertainty() {
 }
 
 #[test]
-fn words_are_wrapped_and_what_does_not_fit_is_marked() {
+fn words_are_wrapped_and_text_cut_off_is_marked() {
     assert_eq!(wrapped("one two three four", 9, 2), ["one two", "three fo…"]);
     assert_eq!(wrapped("one two", 9, 2), ["one two"]);
     assert_eq!(wrapped("incomprehensible", 9, 2), ["incompre…"]);

@@ -282,7 +282,7 @@ fn serve(stream: TcpStream, topics: &Mutex<Topics>, leave: &AtomicBool) -> Resul
     let mut client = Client::default();
     while !leave.load(Ordering::Relaxed) {
         match socket.read() {
-            Ok(Message::Text(text)) => client.told(&text),
+            Ok(Message::Text(text)) => client.receive(&text),
             Ok(Message::Close(_)) => break,
             Ok(_) => {}
             Err(tungstenite::Error::Io(error))
@@ -336,7 +336,7 @@ struct Client {
 
 impl Client {
     /// Takes what the client says; what is not understood is left.
-    fn told(&mut self, text: &str) {
+    fn receive(&mut self, text: &str) {
         let said: Value = serde_json::from_str(text).unwrap_or_default();
         let number = |value: &Value| value.as_u64().and_then(|n| u32::try_from(n).ok());
         match said["op"].as_str() {
@@ -416,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_identified_is_not_sent_and_a_schema_names_every_number() {
+    fn unidentified_parameters_are_not_sent_and_a_schema_names_every_number() {
         let messages = messages(&view(3.0));
         let (_, parameters) = messages.iter().find(|(topic, _)| *topic == "/rigident/parameters").unwrap();
         assert_eq!(
@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_is_told_topics_and_gets_what_it_subscribes_to_until_it_does_no_more() {
+    fn a_client_receives_the_topics_and_its_subscriptions_until_it_ends_them() {
         let server = Server::listen("127.0.0.1:0".parse().unwrap()).unwrap();
         server.publish(&view(3.0));
         let request =

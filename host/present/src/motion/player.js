@@ -159,7 +159,7 @@ function setPlaying(playing) {
   Object.assign(state, { playing, before: null, frame: playing ? state.frame : Math.round(state.frame) });
   play.classList.toggle("playing", playing);
   play.querySelector("span").textContent = playing ? "Pause" : "Play";
-  // A reader is told of a frame that stays.
+  // A screen reader announces a frame that stays.
   now.setAttribute("aria-live", playing ? "off" : "polite");
   redraw();
 }

@@ -48,7 +48,7 @@ function roundUp(value) {
   return [1, 2, 5, 10].map((m) => m * decade).find((v) => v >= value * (1 - 1e-9));
 }
 
-// Force that an arrow of one metre stands for, N.
+// Force that an arrow of one metre represents, N.
 const newtonPerMetre = (() => {
   let most = 0;
   for (const force of forces)

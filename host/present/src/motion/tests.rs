@@ -82,7 +82,7 @@ fn no_text_of_a_file_becomes_markup_or_script() {
 }
 
 #[test]
-fn nothing_is_loaded_and_what_cannot_be_known_is_a_dash() {
+fn nothing_is_loaded_and_unknown_numbers_are_dashes() {
     let mut motion = swaying(3, 5);
     let nothing = Rms { value: f64::NAN, percent: f64::NAN };
     motion.errors =

@@ -111,14 +111,14 @@ fn errors_that_are_known_move_nothing() {
     let sizes: Vec<(String, f64)> =
         shared.iter().enumerate().map(|(k, own)| (own.name.clone(), size(own, k))).collect();
     let of = |name: &str| sizes.iter().find(|(own, _)| own == name).map_or(0.0, |(_, value)| *value);
-    let told = |scale: f64| {
+    let stated = |scale: f64| {
         let known: Vec<(String, f64, f64)> =
             shared.iter().map(|k| (k.name.clone(), scale * of(&k.name), 1e-3 * k.sigma)).collect();
         Gaussian::independent(&known).unwrap()
     };
-    let exact = fitted(&source(readings(&|_| 0.0)).informed(told(0.0)));
-    let rig = source(readings(&of)).informed(told(1.0));
-    let (first_order, corrected) = (fitted(&rig), fitted(&rig.clone().linearised(&told(1.0))));
+    let exact = fitted(&source(readings(&|_| 0.0)).informed(stated(0.0)));
+    let rig = source(readings(&of)).informed(stated(1.0));
+    let (first_order, corrected) = (fitted(&rig), fitted(&rig.clone().linearised(&stated(1.0))));
     let furthest = |found: &Fit| {
         (0..10).fold(0.0_f64, |most, j| {
             let (a, b) = (exact.estimate.measured(j).unwrap(), found.estimate.measured(j).unwrap());

@@ -84,7 +84,7 @@ fn a_centrifuge_is_no_wrong_unit() {
 
 /// A body that turns to and fro all the time, its IMU 1.16 m away: nowhere |a| is near gravity.
 #[test]
-fn an_imu_far_away_is_no_wrong_unit_and_millimetres_are_told() {
+fn an_imu_far_away_is_no_wrong_unit_and_millimetres_are_reported() {
     let lever = [1.0, -0.3, 0.5];
     let mut far = input(true, 1.0, [0.0; 3]);
     for (n, reading) in far.readings.iter_mut().enumerate() {
@@ -157,7 +157,7 @@ fn a_gyro_tells_a_turning_body_from_still_poses_whatever_its_bias() {
 }
 
 #[test]
-fn poses_a_millisecond_apart_are_told_and_minutes_apart_are_not() {
+fn poses_a_millisecond_apart_are_reported_and_minutes_apart_are_not() {
     let every = |step: f64| hurried_poses(&(0..100).map(|n| f64::from(n) * step).collect::<Vec<_>>());
     assert!(every(1e-3).is_some_and(|w| w.contains("every 1.000 ms")));
     assert_eq!((every(20.0), hurried_poses(&[]), hurried_poses(&[3.0])), (None, None, None));

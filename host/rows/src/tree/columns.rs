@@ -106,7 +106,7 @@ fn scaled(recording: &Recording, column: &str, factor: f64) -> Result<Option<Vec
             name: recording.file(),
             column: column.to_owned(),
             row: recording.place(row),
-            reason: format!("{cell:?} is not a finite number: mend it, or remove the row"),
+            reason: format!("{cell:?} is not a finite number: correct it, or remove the row"),
         })
     });
     values.collect::<Result<Vec<f64>, _>>().map(Some)

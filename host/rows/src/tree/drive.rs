@@ -70,7 +70,7 @@ impl Term {
             return match speed(text).filter(|speed| *speed >= 0.0) {
                 Some(speed) => Ok(Self::Coulomb(Some(speed))),
                 None => Err(format!(
-                    "`friction` {word}: stands as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; \
+                    "`friction` {word}: is written as coulomb:SPEED, rad/s or m/s, for example coulomb:0.02; \
                      coulomb:0 has the sign of the rate"
                 )),
             };
@@ -84,7 +84,7 @@ impl Term {
         match speed(text).filter(|speed| *speed > 0.0) {
             Some(speed) => Ok(Self::Stribeck(Some(speed))),
             None => Err(format!(
-                "`friction` {word}: stands as stribeck:RATE with a rate above zero, rad/s or m/s, for \
+                "`friction` {word}: is written as stribeck:RATE with a rate above zero, rad/s or m/s, for \
                  example stribeck:0.05"
             )),
         }
@@ -218,7 +218,7 @@ impl Friction {
                 Some((name, words)) if !name.trim().is_empty() => (Some(name.trim()), words),
                 Some(_) => {
                     return Err(format!(
-                        "`friction` {list}: stands as JOINT=LIST, for example joint_1=viscous"
+                        "`friction` {list}: is written as JOINT=LIST, for example joint_1=viscous"
                     ));
                 }
                 None => (None, list),
@@ -376,7 +376,8 @@ impl Drive {
     pub fn parse(words: &str, names: &[String], friction: &Friction) -> Result<Self, String> {
         let refuse = |why: String| format!("`drive` {words}: {why}");
         let form = || {
-            let form = "stands as NAME=JOINT+JOINT, for example m6=joint_5+joint_6 or m6=0.5*joint_5-joint_6";
+            let form =
+                "is written as NAME=JOINT+JOINT, for example m6=joint_5+joint_6 or m6=0.5*joint_5-joint_6";
             refuse(form.to_owned())
         };
         let (name, sum) = words.split_once('=').ok_or_else(form)?;
@@ -521,7 +522,7 @@ mod tests {
 
     /// What a model states of a joint is asked for beside the list; `none` takes it out again.
     #[test]
-    fn what_a_model_states_has_columns() {
+    fn terms_that_a_model_states_have_columns() {
         let urdf = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint \
                     name=\"j1\" type=\"continuous\"><parent link=\"a\"/><child link=\"b\"/><dynamics \
                     damping=\"0.5\"/></joint><joint name=\"j2\" type=\"continuous\"><parent \

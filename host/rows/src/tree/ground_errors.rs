@@ -62,7 +62,7 @@ pub fn with_wrenches<'a>(
                 column.zip(about_base(frame, wrench)).for_each(|(to, value)| *to = value);
             }
         }
-        (rows.measured, rows.untold) = (own.measured, own.untold);
+        (rows.measured, rows.missing) = (own.measured, own.missing);
         Ok(())
     })
 }

@@ -132,7 +132,7 @@ mod tests {
 
     /// The values of a chain by ideal IMUs and attitudes of links, by the shared kinematics.
     #[test]
-    fn joints_are_what_moved_the_links() {
+    fn joints_are_those_that_moved_the_links() {
         let skew = Vector3::new(0.3, -0.5, 0.7).normalize();
         let turned = Rotation3::from_euler_angles(0.4, -0.2, 1.0).into_inner();
         let link =

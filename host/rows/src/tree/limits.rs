@@ -7,7 +7,7 @@ use rigident_fit::figures::significant;
 use rigident_model::limits::Limits;
 
 /// Beyond a limit by this share of it, or of the range, is worth a word;
-const TOLD: f64 = 0.01;
+const NOTICEABLE: f64 = 0.01;
 /// by this one of it, it cannot be: a unit is wrong. Descriptions often state less than the machine can.
 const IMPOSSIBLE: f64 = 2.0;
 
@@ -51,7 +51,7 @@ pub fn beyond(input: &Input) -> Vec<Beyond> {
             let (least, most) =
                 (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
             let over = (lower - least).max(most - upper) / (upper - lower);
-            if over > TOLD {
+            if over > NOTICEABLE {
                 found.push(Beyond {
                     text: format!(
                         "{name} is at {} to {} {}, and the model limits it to {} to {}: are its unit and its \
@@ -72,7 +72,7 @@ pub fn beyond(input: &Input) -> Vec<Beyond> {
         for (what, value, limit, unit) in
             [("moves at up to", rate, velocity, units[1]), ("has efforts up to", force, effort, units[2])]
         {
-            let Some(limit) = limit.filter(|limit| value > (1.0 + TOLD) * limit) else { continue };
+            let Some(limit) = limit.filter(|limit| value > (1.0 + NOTICEABLE) * limit) else { continue };
             found.push(Beyond {
                 text: format!(
                     "{name} {what} {} {unit}, and the model limits it to {}: is its unit right?",

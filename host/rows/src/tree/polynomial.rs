@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_of_the_slope_is_what_least_squares_gives() {
+    fn noise_of_the_slope_is_that_of_least_squares() {
         // Straight lines only: var = σ²/Σt²; a higher degree costs more, never less.
         let fit = Polynomial::new(1000.0);
         let sum: f64 = (0..=2 * fit.half()).map(|i| ((i as f64 - fit.half() as f64) / 1000.0).powi(2)).sum();

@@ -67,7 +67,7 @@ impl Standard {
             let rows = moving.momentum_rows(Rows::Both).unwrap();
             let measured = vec![swing(t, 1.0, 0.0)[0]; 13];
             momentum.push(SampleRows {
-                untold: Vec::new(),
+                missing: Vec::new(),
                 smoothed: rows.smoothed,
                 differentiated: rows.differentiated,
                 measured,

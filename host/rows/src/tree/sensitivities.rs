@@ -254,7 +254,7 @@ impl<'a> ErrorRows<'a> {
         let refuse = Rejection::NotFinite(0);
         self.source.measure(sample, &mut rows.measured)?;
         rows.measured.fill(0.0);
-        self.source.mark_untold(sample, rows);
+        self.source.mark_missing(sample, rows);
         let input = self.source.input();
         let frame = input.frames.get(sample).ok_or(refuse)?;
         let available = self.in_room(sample, |room| {

@@ -374,7 +374,7 @@ fn columns_of_a_robot_on_its_feet_are_those_of_corrected_readings() {
 
 /// Skew moves by the slope of what is predicted, friction and rotors included.
 #[test]
-fn what_is_predicted_is_what_the_rows_predict() {
+fn predictions_agree_with_the_rows() {
     let mut random = Random(3);
     let axis = |random: &mut Random| random.three().normalize();
     let joints = [

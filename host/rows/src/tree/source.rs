@@ -144,18 +144,18 @@ impl TreeSource {
 
     /// Marks the channels of drives with dry friction that are at rest, and those by which what feet do not
     /// measure is eliminated.
-    pub(super) fn mark_untold(&self, sample: usize, rows: &mut SampleRows) {
+    pub(super) fn mark_missing(&self, sample: usize, rows: &mut SampleRows) {
         if let Some((contact, frame)) = self.input.contact.as_ref().zip(self.input.frames.get(sample)) {
             let pivots = contact.states.get(frame.ground.state).map_or(&[][..], |state| &state.pivots);
             for pivot in pivots {
-                rows.untold.iter_mut().skip(*pivot).take(1).for_each(|untold| *untold = true);
+                rows.missing.iter_mut().skip(*pivot).take(1).for_each(|missing| *missing = true);
             }
             return;
         }
         let first = self.input.first_effort();
         let standing = self.input.frames.get(sample).map_or(&[][..], |frame| &frame.standing);
         for freedom in standing.iter().filter(|_| self.input.has_efforts()) {
-            rows.untold.iter_mut().skip(first + freedom).take(1).for_each(|untold| *untold = true);
+            rows.missing.iter_mut().skip(first + freedom).take(1).for_each(|missing| *missing = true);
         }
     }
 
@@ -274,7 +274,7 @@ impl RowSource for TreeSource {
         self.measure(sample, &mut rows.measured)?;
         let mut maker = self.maker.lock().unwrap_or_else(PoisonError::into_inner);
         maker.available(frame, rows).map_err(|_| refuse)?;
-        self.mark_untold(sample, rows);
+        self.mark_missing(sample, rows);
         Ok(())
     }
 

@@ -81,7 +81,7 @@ fn a_tracked_person_s_parameters_come_out_of_positions_and_rates_alone() {
 }
 
 #[test]
-fn what_a_tracked_base_cannot_have_is_refused_and_its_factors_are_of_their_own() {
+fn impossible_options_of_a_tracked_base_are_refused_and_its_factors_are_of_their_own() {
     let model = Person::default().human34().unwrap();
     let tree = person::tree(&model, &model.nominal());
     let tracked = input(&model, &tree, &Vector3::zeros(), 20);

@@ -23,8 +23,8 @@ pub(super) fn doubtful_plates(person: &Person, study: &Study) -> Result<Vec<Find
 }
 
 fn shifts(name: &str, found: &PlateErrors) -> Vec<String> {
-    let told = found.carrying.iter().filter_map(|k| Some((*k, found.shift(*k).if_significant()?)));
-    let told = told.map(|(k, shift)| {
+    let sentences = found.carrying.iter().filter_map(|k| Some((*k, found.shift(*k).if_significant()?)));
+    let sentences = sentences.map(|(k, shift)| {
         let [x, y] = [0, 1].map(|axis| {
             let u95 = COVERAGE_95 * shift.covariance[(axis, axis)].max(0.0).sqrt();
             format!("{:.1} ± {:.1} cm", 1e2 * shift.value_m[axis], 1e2 * u95)
@@ -36,13 +36,13 @@ fn shifts(name: &str, found: &PlateErrors) -> Vec<String> {
              centres of pressure; first moments are wrong by it"
         )
     });
-    told.collect()
+    sentences.collect()
 }
 
 fn scales(name: &str, found: &PlateErrors) -> Vec<String> {
     let plate = |k: usize| found.plates.get(k).map_or("", String::as_str);
     let other = found.pairs().filter_map(|(a, b)| Some((a, b, found.ratio(a, b)?)));
-    let told = other.map(|(a, b, [ratio, sigma])| {
+    let sentences = other.map(|(a, b, [ratio, sigma])| {
         format!(
             "{name}: {} reads {ratio:.2} ± {:.2} times what {} does of one motion: check the scales of both",
             plate(a),
@@ -50,5 +50,5 @@ fn scales(name: &str, found: &PlateErrors) -> Vec<String> {
             plate(b)
         )
     });
-    told.collect()
+    sentences.collect()
 }

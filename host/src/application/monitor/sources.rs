@@ -150,7 +150,7 @@ mod tests {
     use rigident_device::session::{DeviceTiming, settings};
 
     #[test]
-    fn what_a_device_was_told_makes_the_same_settings_again() {
+    fn settings_of_a_device_make_the_same_settings_again() {
         let mut rig = RigFile::default();
         rig.recording.rate_hz = Some(500.0);
         rig.load_cell.noise_n_nm = Some([0.1, 0.1, 0.2, 0.01, 0.01, 0.01]);
@@ -159,9 +159,9 @@ mod tests {
             vec![ImuTable { position_m: [0.1, 0.0, -0.05], range_radps: Some(8.5), ..ImuTable::default() }];
         let timing =
             DeviceTiming { rate_hz: 500.0, is_static: false, source: Source::Injected, host_timeout_ms: 0 };
-        let told = settings(&rig, &timing, None, None).unwrap();
-        let again = settings(&rig_of(&told), &timing, None, None).unwrap();
-        assert_eq!(again, told);
+        let given = settings(&rig, &timing, None, None).unwrap();
+        let again = settings(&rig_of(&given), &timing, None, None).unwrap();
+        assert_eq!(again, given);
     }
 
     #[test]

@@ -135,10 +135,10 @@ fn noise(
     source.free().iter().zip(&own).for_each(|(k, sigma)| six[*k] = *sigma);
     let places: Vec<usize> = raised.iter().filter_map(|c| source.free().get(*c).copied()).collect();
     notes.push(format!(
-        "the device was told the noise of the springs' wrench, {} N, N m, from the residuals of a batch",
+        "the device was given the noise of the springs' wrench, {} N, N m, from the residuals of a batch",
         six.map(|s| format!("{s:.2}")).join(", ")
     ));
-    notes.extend(precision::told(&six, &places));
+    notes.extend(precision::raised_warning(&six, &places));
     Ok(six)
 }
 

@@ -200,7 +200,7 @@ fn notes(rig: &RigFile, vibration: &Vibration) -> Vec<String> {
     }
     if samples.is_of_imu() {
         notes.push(
-            "the recording has no poses: the body is told by the modes of the IMU's readings alone"
+            "the recording has no poses: the body is identified by the modes of the IMU's readings alone"
                 .to_owned(),
         );
     }

@@ -273,13 +273,13 @@ fn jyy(
     bounds: &OpenBounds,
     merged: Measured,
 ) -> Option<PaperJyy> {
-    let told = subset.factor(&alone.scaled_factor()).solve(RANK);
+    let identified = subset.factor(&alone.scaled_factor()).solve(RANK);
     let there = subset.factor(&moving.scaled_factor());
     let (r, z) = (there.r(), DVector::from_column_slice(there.z()));
     let [arm] = *subset.open() else { return None };
     // The open column is Jyy of the arm: Σ Jyy less that of the base.
     let sum = alone.parameters.iter().position(|p| p.name == NAMES[JYY])?;
-    let mut psi = DVector::from_vec(told.estimate);
+    let mut psi = DVector::from_vec(identified.estimate);
     let total = psi[sum];
     psi[arm] = 0.0;
     let left = &z - &r * &psi;

@@ -30,8 +30,8 @@ pub struct IdentifiedPostures {
     pub schema: &'static str,
     /// Number of the base parameters.
     pub parameters: usize,
-    /// Number of their directions that the postures tell.
-    pub told: usize,
+    /// Number of their directions that the postures determine.
+    pub determined: usize,
     /// True if the uncertainty is stated, false if the postures' scatter tells it.
     pub sigma_stated: bool,
     /// The origin of the uncertainty, in words.
@@ -100,7 +100,8 @@ pub struct PostureShare {
 /// let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/examples/two-link-postures.toml");
 /// let found = vibration_postures(&[file.into()], None, &Caller::default())?;
 /// // Three postures of two links on a spherical joint leave one number open, and bound it.
-/// assert!(found.told + 1 == found.parameters && found.open.is_some_and(|open| open.least < open.most));
+/// assert!(found.determined + 1 == found.parameters);
+/// assert!(found.open.is_some_and(|open| open.least < open.most));
 /// # Ok::<(), rigident::application::Error>(())
 /// ```
 pub fn vibration_postures(
@@ -127,7 +128,7 @@ fn of_file(files: &[PathBuf], rig: Option<&Path>) -> Result<IdentifiedPostures, 
     let pooled = source.pooled();
     let fit = pooled.fit();
     let from = if source.sigma_given() { "what the file states" } else { "the scatter of the postures" };
-    Ok(told(&file, &source, (&fit, pooled), from))
+    Ok(identified(&file, &source, (&fit, pooled), from))
 }
 
 /// Returns what recordings of locked postures tell.
@@ -161,13 +162,14 @@ fn recordings(
     let (source, mut fit) = together.map_err(VibrationError::from)?;
     let pooled = PooledFactor::of(&fit, &name);
     take_platform_off(&table, &mut fit)?;
-    let mut told = told(&PosturesFile::default(), &source, (&fit, pooled), "the modes and the springs");
-    told.warnings.extend(findings);
-    told.warnings.extend(settled(&table, &support, &postures));
-    Ok(told)
+    let mut found =
+        identified(&PosturesFile::default(), &source, (&fit, pooled), "the modes and the springs");
+    found.warnings.extend(findings);
+    found.warnings.extend(settled(&table, &support, &postures));
+    Ok(found)
 }
 
-fn told(
+fn identified(
     file: &PosturesFile,
     source: &PostureSource,
     (fit, factor): (&Fit, PooledFactor),
@@ -179,8 +181,8 @@ fn told(
     let name = |k: &usize| source.names().get(*k).cloned().unwrap_or_default();
     let all = sets(source);
     let whole = all.iter().find(|set| set.postures.len() == source.names().len());
-    let told = whole.map_or(0, |set| set.rank);
-    let warnings = warnings(source, &values, &all, told);
+    let determined = whole.map_or(0, |set| set.rank);
+    let warnings = warnings(source, &values, &all, determined);
     let shares = shares(source, &subset).into_iter().enumerate();
     let named = |set: PostureSet| NamedSet {
         postures: set.postures.iter().map(name).collect(),
@@ -192,7 +194,7 @@ fn told(
     IdentifiedPostures {
         schema: "rigident/postures/1",
         parameters: source.parameters().len(),
-        told,
+        determined,
         sigma_stated: source.sigma_given(),
         from,
         open: subset.bounds(fit, leaf),
@@ -205,20 +207,27 @@ fn told(
     }
 }
 
-fn warnings(source: &PostureSource, values: &[SubsetValue], sets: &[PostureSet], told: usize) -> Vec<String> {
+fn warnings(
+    source: &PostureSource,
+    values: &[SubsetValue],
+    sets: &[PostureSet],
+    determined: usize,
+) -> Vec<String> {
     let mut warnings: Vec<String> = contradiction(source).into_iter().collect();
     let open: Vec<&str> = values.iter().filter(|v| v.measured.is_none()).map(|v| v.name.as_str()).collect();
     if open.is_empty() {
         return warnings;
     }
-    warnings
-        .push(format!("not told by these postures: {}; take the next one that is proposed", open.join(", ")));
+    warnings.push(format!(
+        "not determined by these postures: {}; take the next one that is proposed",
+        open.join(", ")
+    ));
     // A posture without which the rank is the same adds none.
     let names = source.names();
     for (k, name) in names.iter().enumerate().filter(|_| names.len() > 1) {
         let without: Vec<usize> = (0..names.len()).filter(|j| *j != k).collect();
         let fewer = sets.iter().find(|set| set.postures == without);
-        if told < source.parameters().len() && fewer.is_some_and(|set| set.rank == told) {
+        if determined < source.parameters().len() && fewer.is_some_and(|set| set.rank == determined) {
             warnings.push(format!("{name} adds no rank: turn the joints elsewhere"));
         }
     }

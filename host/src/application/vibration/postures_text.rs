@@ -11,8 +11,9 @@ impl fmt::Display for IdentifiedPostures {
         let with_reference = self.subset.iter().any(|v| v.reference.is_some());
         writeln!(
             f,
-            "{} of {} base parameters' directions are told; uncertainty from {}\n\n  {:<14} {:>24} {:>8}{}",
-            self.told,
+            "{} of {} base parameters' directions are determined; uncertainty from {}\n\n  \
+             {:<14} {:>24} {:>8}{}",
+            self.determined,
             self.parameters,
             self.from,
             "",

@@ -103,9 +103,9 @@ pub fn identify(decay: &FreeDecay<'_>, options: &Options) -> Result<Modes, Modal
     let mut poles = first.poles.clone();
     poles.sort_by(|a, b| a.natural().total_cmp(&b.natural()));
     let searched_fit = Fit::at(&searched.samples, poles.clone())
-        .ok_or_else(|| failed("the modes are not told apart at the lower rate"))?;
+        .ok_or_else(|| failed("the modes are not distinguished at the lower rate"))?;
     let fit = Fit::refined(&samples, poles, LAST_STEPS)
-        .ok_or_else(|| failed("the modes are not told apart at the full rate"))?;
+        .ok_or_else(|| failed("the modes are not distinguished at the full rate"))?;
     let columns = residuals(&samples, &fit.poles, &fit.amplitudes);
     let (spectrum, levels) = left(&samples, Some(&fit));
     let noise = Noise::new(&fit, &columns, &spectrum);

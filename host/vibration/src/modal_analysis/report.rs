@@ -188,7 +188,7 @@ impl Evidence<'_> {
             .collect();
         let exact = self.fit.is_exact();
         let shifts = if exact { Vec::new() } else { shifts(samples, fit, &near, &wider) };
-        let told =
+        let is_reported =
             |s: &&Shift| modes.contains(&s.component) && s.relative.abs() > (SHIFT_LIMIT * s.sd).max(1e-9);
         let combinations = combinations(&fit.poles, &modes, self.strengths);
         let mut lines = if exact {
@@ -197,9 +197,9 @@ impl Evidence<'_> {
             harmonics(self.samples, self.fit, self.columns, self.spectrum, combinations)
         };
         lines.extend(self.fitted_harmonics(&modes));
-        let mut found = self.beside(|parent| shifts.iter().any(|s| s.component == parent && told(&s)));
+        let mut found = self.beside(|parent| shifts.iter().any(|s| s.component == parent && is_reported(&s)));
         let mut said = vec![false; lines.len()];
-        for shift in shifts.iter().filter(told) {
+        for shift in shifts.iter().filter(is_reported) {
             let of = lines.iter().position(|line| line.combination.parent == shift.component);
             found.push(self.shift_finding(shift, of.map(|k| &lines[k])));
             for (said, line) in said.iter_mut().zip(&lines) {

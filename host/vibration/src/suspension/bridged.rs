@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_swings_before_a_gap_counts_and_another_swing_does_not() {
+    fn a_swing_before_a_gap_counts_and_another_swing_does_not() {
         let (values, time_ns) = rows(800..820, None);
         let stretch = 800..values.nrows();
         let late = found(&values.rows(800, values.nrows() - 800).into_owned()).unwrap();

@@ -50,8 +50,8 @@ pub enum SuspensionError {
     },
     /// A pose is none.
     #[error(
-        "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: mend it, or remove the \
-         row"
+        "{place}: {pose:?} is no pose x, y, z, qw, qx, qy, qz with a unit quaternion: correct it, or remove \
+         the row"
     )]
     Pose {
         /// The place of it.

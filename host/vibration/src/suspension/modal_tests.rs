@@ -142,7 +142,7 @@ fn intervals_hold_at_the_rate_they_state() {
 }
 
 #[test]
-fn weight_that_is_left_out_is_told() {
+fn weight_that_is_left_out_is_reported() {
     // Springs that carry the weight elsewhere: the modes contradict it, as tilting has another stiffness.
     let support = support(0.0);
     let shapes = measured(&modes(&support, &support.springs.stiffness(), 6), 1e-5, 1e-5, &mut rng(1));

@@ -87,12 +87,12 @@ pub struct PostureTable {
     pub com_m: [f64; 3],
     /// Tensor about the centre of mass, axes of the base link, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
     pub inertia_com_kgm2: [f64; 6],
-    /// How the joints stand, by the names of their links.
+    /// The positions of the joints, by the names of their links.
     #[serde(default)]
     pub joint: BTreeMap<String, JointStand>,
 }
 
-/// How a locked joint stands.
+/// The position of a locked joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum JointStand {

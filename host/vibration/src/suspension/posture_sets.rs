@@ -231,14 +231,14 @@ pub fn sets(source: &PostureSource) -> Vec<PostureSet> {
 pub fn shares(source: &PostureSource, subset: &Subset) -> Vec<f64> {
     let n = source.names().len();
     let solution = subset.factor(&source.factor(0..n)).solve(RANK);
-    let told = |j: &usize| solution.determined[*j] && !subset.open.contains(j);
-    let told: Vec<usize> = (0..subset.names.len()).filter(told).collect();
-    let covariance = solution.covariance.select_rows(&told).select_columns(&told);
+    let determined = |j: &usize| solution.determined[*j] && !subset.open.contains(j);
+    let determined: Vec<usize> = (0..subset.names.len()).filter(determined).collect();
+    let covariance = solution.covariance.select_rows(&determined).select_columns(&determined);
     let share = |k: usize| {
-        let rows = subset.factor(&source.factor([k])).r().select_columns(&told);
+        let rows = subset.factor(&source.factor([k])).r().select_columns(&determined);
         let taken = rows * &covariance;
         let each = taken.column_iter().enumerate().map(|(j, own)| own.norm_squared() / covariance[(j, j)]);
-        each.sum::<f64>() / told.len().max(1) as f64
+        each.sum::<f64>() / determined.len().max(1) as f64
     };
     let all: Vec<f64> = (0..n).map(share).collect();
     let whole: f64 = all.iter().sum();
@@ -248,8 +248,8 @@ pub fn shares(source: &PostureSource, subset: &Subset) -> Vec<f64> {
 fn rank_and_condition(factor: &Factor) -> (usize, f64) {
     let singular = factor.r_of_unit_columns().singular_values();
     let most = singular.max();
-    let told: Vec<f64> = singular.iter().copied().filter(|s| *s > RANK * most).collect();
-    (told.len(), most / told.iter().copied().fold(most, f64::min))
+    let nonzero: Vec<f64> = singular.iter().copied().filter(|s| *s > RANK * most).collect();
+    (nonzero.len(), most / nonzero.iter().copied().fold(most, f64::min))
 }
 
 /// Returns the posture that tells most with those there are: it raises the rank, else it makes the variance

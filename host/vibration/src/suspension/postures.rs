@@ -286,7 +286,7 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
         let name = &link.name;
         let stand = posture.joint.get(name);
         match (&link.link.joint, stand) {
-            (_, None) => return Err(format!("joint.{name} is missing: how does it stand?")),
+            (_, None) => return Err(format!("joint.{name} is missing: what is its position?")),
             (Joint::Revolute(_) | Joint::Prismatic(_), Some(JointStand::Coordinate(q))) if q.is_finite() => {
                 all.push(*q)
             }
@@ -309,7 +309,7 @@ fn positions(model: &Model, posture: &PostureTable) -> Result<Vec<f64>, String> 
             }
             _ => {
                 return Err(format!(
-                    "joint.{name}: a spherical joint stands by a quaternion w, x, y, z or a matrix, a \
+                    "joint.{name}: a spherical joint is given by a quaternion w, x, y, z or a matrix, a \
                      revolute or prismatic one by a number; other joints cannot be locked here"
                 ));
             }

@@ -196,7 +196,7 @@ fn random_postures_have_the_rank_of_the_theory() {
 }
 
 #[test]
-fn what_is_wrong_with_a_posture_is_named() {
+fn faults_of_a_posture_are_named() {
     let refuse = |text: &str| {
         let file: PosturesFile = toml::from_str(text).unwrap();
         match PostureSource::new(&file, "f.toml") {
@@ -219,7 +219,7 @@ fn what_is_wrong_with_a_posture_is_named() {
 }
 
 #[test]
-fn rounding_in_the_rows_leaves_what_postures_tell() {
+fn rounding_in_the_rows_leaves_the_postures_values() {
     let source = PostureSource::new(&paper(), "the paper").unwrap();
     let mut found = source.pooled().fit();
     let subset = Subset::new(source.parameters(), source.model());

@@ -153,7 +153,7 @@ fn a_centre_of_mass_off_the_middle_shifts_the_load_of_springs_of_unlike_heights(
 }
 
 #[test]
-fn what_springs_pull_against_each_other_counts_too() {
+fn a_pull_of_springs_against_each_other_counts_too() {
     // Four above and four below that pull downward by 50 N each.
     let mut places = leaning(0.2);
     places.extend(

@@ -130,7 +130,7 @@ pub(super) fn joints(
         let Some((_, rows)) = recording.attitudes.iter().find(|(own, _)| *own == j) else {
             return Err(SuspensionError::Missing {
                 name: recording.name.clone(),
-                missing: format!("how link {} stands is", link.name),
+                missing: format!("the position of link {} is", link.name),
                 advice: format!(
                     "give its attitude against the base link, q{j}_w, q{j}_x, q{j}_y, q{j}_z, or the column \
                      of its joint; a joint that is locked by `lock` {}=VALUE",

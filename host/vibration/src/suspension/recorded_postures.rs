@@ -56,7 +56,7 @@ impl RecordedPosture {
         let shapes = found.modes.shapes.clone();
         let whole = own.estimate.clone();
         take_platform_off(recording, &mut own)?;
-        if !own.estimate.unjudged().determined.iter().all(|told| *told) {
+        if !own.estimate.unjudged().determined.iter().all(|determined| *determined) {
             return Err(refuse(
                 "its modes do not tell all ten parameters of a body: strike the platform so that it moves in \
                  all directions".to_owned(),
@@ -85,8 +85,8 @@ impl RecordedPosture {
     /// Returns the mass of everything without the platform, and its 1 σ, kg.
     pub fn mass_kg(&self) -> Option<(f64, f64)> {
         let solution = self.alone.solve(self.alone.rounding());
-        let is_told = solution.determined.first() == Some(&true);
-        is_told.then(|| (solution.estimate[0], solution.covariance[(0, 0)].sqrt()))
+        let is_determined = solution.determined.first() == Some(&true);
+        is_determined.then(|| (solution.estimate[0], solution.covariance[(0, 0)].sqrt()))
     }
 
     /// Returns the ten parameters of everything about O, axes of P, and their covariance.

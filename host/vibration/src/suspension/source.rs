@@ -289,7 +289,7 @@ impl RowSource for SuspendedSource {
         false
     }
 
-    fn told_errors(&self) -> usize {
+    fn determined_errors(&self) -> usize {
         // Of (1 + e) K and no body noise is least at e = −1: the rows tell of the damping alone.
         self.support.springs.dampings()
     }

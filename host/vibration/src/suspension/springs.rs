@@ -410,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_what_other_springs_change() {
+    fn errors_are_the_changes_by_other_springs() {
         let at = displaced(0.1);
         let own = springs(FOUR);
         let other = springs(&FOUR.replace("axial_npm = 8.8e3", "axial_npm = 9.68e3"));

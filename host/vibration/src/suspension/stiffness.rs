@@ -18,7 +18,7 @@ const UNKNOWN: f64 = 1e3;
 /// A value stated as exact is known to this share.
 const EXACT: f64 = 1e-6;
 /// An element whose standard deviation is more than this share of what it was beforehand is not determined.
-const TOLD: f64 = 0.01;
+const DETERMINED: f64 = 0.01;
 
 /// Springs that differ by more standard deviations from what is stated are others, or the body is.
 const OTHER: f64 = 4.0;
@@ -104,7 +104,7 @@ pub fn stiffness(
     for (k, (nuisance, by)) in nuisances.iter().zip(unknown).enumerate() {
         let at = 10 + k;
         let sd = solution.covariance[(at, at)].max(0.0).sqrt();
-        if !solution.determined[at] || sd.is_nan() || sd > TOLD * nuisance.sigma {
+        if !solution.determined[at] || sd.is_nan() || sd > DETERMINED * nuisance.sigma {
             return None;
         }
         stiffness += by * solution.estimate[at];

@@ -191,10 +191,10 @@ impl Track {
         top.sort_by(f64::total_cmp);
         let noise = top.get(top.len() / 2).copied().unwrap_or(0.0);
         let accelerated = |(k, p): (usize, &f64)| (p - noise).max(0.0) * ((k + 1) as f64).powi(4);
-        let told = |(_, p): &(usize, &f64)| **p > ABOVE_NOISE * noise;
-        let whole: f64 = all.iter().enumerate().filter(told).map(accelerated).sum();
+        let above_noise = |(_, p): &(usize, &f64)| **p > ABOVE_NOISE * noise;
+        let whole: f64 = all.iter().enumerate().filter(above_noise).map(accelerated).sum();
         let mut left = 0.0;
-        for (k, p) in all.iter().enumerate().rev().filter(told) {
+        for (k, p) in all.iter().enumerate().rev().filter(above_noise) {
             left += accelerated((k, p));
             if left > LEFT_OUT * whole {
                 return (k + 1) as f64 * BIN_HZ;

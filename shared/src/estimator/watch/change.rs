@@ -479,8 +479,8 @@ impl<T: Scalar> Test<T> {
         let size: [T; LINK] = self.both.last(COMMON);
         let root = alarm.inflation.sqrt();
         let deviation = core::array::from_fn(|k| {
-            let told = self.both.inflation(COMMON + k) < T::from_f32(INFLATION);
-            if told { self.both.standard_deviation(COMMON + k) * root } else { T::ONE / T::ZERO }
+            let is_determined = self.both.inflation(COMMON + k) < T::from_f32(INFLATION);
+            if is_determined { self.both.standard_deviation(COMMON + k) * root } else { T::ONE / T::ZERO }
         });
         // The offset is the same after the change: rows before it that know of nothing else stay.
         let mut block: Block<T> = [const { Column::ZERO }; ALL + 1];

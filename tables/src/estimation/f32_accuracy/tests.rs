@@ -14,7 +14,7 @@ fn holds(line: &Line, condition: Option<f64>) {
 }
 
 #[test]
-fn f32_holds_what_it_can_at_every_condition_number() {
+fn f32_keeps_its_digits_at_every_condition_number() {
     for condition in CONDITIONS {
         random::<10>(condition, &[100, 10_000], 1).iter().for_each(|line| holds(line, Some(condition)));
         random::<16>(condition, &[100, 10_000], 2).iter().for_each(|line| holds(line, Some(condition)));
@@ -22,7 +22,7 @@ fn f32_holds_what_it_can_at_every_condition_number() {
 }
 
 #[test]
-fn f32_holds_what_it_can_for_a_body_through_the_whole_estimator() {
+fn f32_keeps_its_digits_for_a_body_through_the_whole_estimator() {
     body::<10>(&[100, 10_000], 3).iter().for_each(|line| holds(line, None));
     body::<16>(&[100, 10_000], 4).iter().for_each(|line| holds(line, None));
 }

@@ -76,7 +76,7 @@ fn verdict(case: &mut Case, truth: &dyn Fn(&Problem) -> Vec<Option<f64>>) -> Ver
 /// A fault: its name, what must be said of it, and how it comes into a recording.
 struct Planted {
     name: &'static str,
-    told: &'static str,
+    named: &'static str,
     plant: fn(&mut Case),
 }
 
@@ -87,7 +87,7 @@ fn table_of(faults: &[Planted], seeds: u64, run: impl Fn(&Planted, u64) -> Verdi
         let begun = std::time::Instant::now();
         let verdict = run(&faults[k % faults.len()], (k / faults.len()) as u64);
         let fault = &faults[k % faults.len()];
-        let right = verdict.said.contains(fault.told);
+        let right = verdict.said.contains(fault.named);
         eprintln!(
             "  {}: {:?}, worst {:.1}, {right}, {:.1} s: {}",
             fault.name,
@@ -108,7 +108,7 @@ fn table_of(faults: &[Planted], seeds: u64, run: impl Fn(&Planted, u64) -> Verdi
         let number = |holds: &dyn Fn(&Verdict) -> bool| own.iter().filter(|verdict| holds(verdict)).count();
         let harmless = number(&Verdict::is_harmless);
         let silent = number(&Verdict::is_silent);
-        let named = number(&|verdict| !verdict.is_harmless() && verdict.said.contains(fault.told));
+        let named = number(&|verdict| !verdict.is_harmless() && verdict.said.contains(fault.named));
         let row = [own.len(), silent, harmless, own.len() - silent - harmless, named];
         all.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
         text += &format!("| {} | {} |\n", fault.name, row.map(|v| v.to_string()).join(" | "));

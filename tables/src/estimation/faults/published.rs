@@ -138,7 +138,7 @@ type Published = (Planted, Plant);
 type Plant = fn(&mut Moved, usize);
 
 fn faults() -> Vec<Published> {
-    let of = |name, told| Planted { name, told, plant: |_| {} };
+    let of = |name, named| Planted { name, named, plant: |_| {} };
     vec![
         (of("wrench in the axes of the world", "the wrench is in the axes of the world"), world_wrench),
         (

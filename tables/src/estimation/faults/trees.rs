@@ -186,47 +186,48 @@ const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
 #[rustfmt::skip]
 const FAULTS: [Planted; 38] = [
-    Planted { name: "angles and rates in degrees", told: "positions and rates of the joints are in degrees", plant: |c| scale(c, &MOTION, None, DEGREES) },
-    Planted { name: "angles in degrees, rates in rad/s", told: "deg", plant: |c| scale(c, &["rad"], None, DEGREES) },
-    Planted { name: "rates in deg/s", told: "deg", plant: |c| scale(c, &["radps"], None, DEGREES) },
-    Planted { name: "rates in rpm", told: "0.1047 times", plant: |c| scale(c, &["radps"], None, 30.0 / std::f64::consts::PI) },
-    Planted { name: "rates reversed", told: "has the opposite sign", plant: |c| scale(c, &["radps"], None, -1.0) },
-    Planted { name: "joints 2 and 3 swapped", told: "shoulder_lift_joint and elbow_joint are swapped", plant: |c| reorder(c, &ALL, [0, 2, 1, 3, 4, 5]) },
-    Planted { name: "joints 1 and 2 swapped", told: "shoulder_pan_joint and shoulder_lift_joint are \
+    Planted { name: "angles and rates in degrees", named: "positions and rates of the joints are in \
+        degrees", plant: |c| scale(c, &MOTION, None, DEGREES) },
+    Planted { name: "angles in degrees, rates in rad/s", named: "deg", plant: |c| scale(c, &["rad"], None, DEGREES) },
+    Planted { name: "rates in deg/s", named: "deg", plant: |c| scale(c, &["radps"], None, DEGREES) },
+    Planted { name: "rates in rpm", named: "0.1047 times", plant: |c| scale(c, &["radps"], None, 30.0 / std::f64::consts::PI) },
+    Planted { name: "rates reversed", named: "has the opposite sign", plant: |c| scale(c, &["radps"], None, -1.0) },
+    Planted { name: "joints 2 and 3 swapped", named: "shoulder_lift_joint and elbow_joint are swapped", plant: |c| reorder(c, &ALL, [0, 2, 1, 3, 4, 5]) },
+    Planted { name: "joints 1 and 2 swapped", named: "shoulder_pan_joint and shoulder_lift_joint are \
         swapped", plant: |c| reorder(c, &ALL, [1, 0, 2, 3, 4, 5]) },
-    Planted { name: "joints 5 and 6 swapped", told: "wrist_2_joint and wrist_3_joint are swapped", plant: |c| reorder(c, &ALL, [0, 1, 2, 3, 5, 4]) },
-    Planted { name: "efforts of 2 and 3 swapped", told: "the efforts of shoulder_lift_joint and \
+    Planted { name: "joints 5 and 6 swapped", named: "wrist_2_joint and wrist_3_joint are swapped", plant: |c| reorder(c, &ALL, [0, 1, 2, 3, 5, 4]) },
+    Planted { name: "efforts of 2 and 3 swapped", named: "the efforts of shoulder_lift_joint and \
         elbow_joint", plant: |c| reorder(c, &["nm"], [0, 2, 1, 3, 4, 5]) },
-    Planted { name: "efforts of 5 and 6 swapped", told: "the efforts of wrist_2_joint and wrist_3_joint", plant: |c| reorder(c, &["nm"], [0, 1, 2, 3, 5, 4]) },
-    Planted { name: "all columns off by one joint", told: "all columns of each joint are those", plant: |c| reorder(c, &ALL, [5, 0, 1, 2, 3, 4]) },
-    Planted { name: "efforts off by one joint", told: "the efforts of each joint are those", plant: |c| reorder(c, &["nm"], [1, 2, 3, 4, 5, 0]) },
-    Planted { name: "joint 2 counts backwards", told: "position and rate of shoulder_lift_joint are \
+    Planted { name: "efforts of 5 and 6 swapped", named: "the efforts of wrist_2_joint and wrist_3_joint", plant: |c| reorder(c, &["nm"], [0, 1, 2, 3, 5, 4]) },
+    Planted { name: "all columns off by one joint", named: "all columns of each joint are those", plant: |c| reorder(c, &ALL, [5, 0, 1, 2, 3, 4]) },
+    Planted { name: "efforts off by one joint", named: "the efforts of each joint are those", plant: |c| reorder(c, &["nm"], [1, 2, 3, 4, 5, 0]) },
+    Planted { name: "joint 2 counts backwards", named: "position and rate of shoulder_lift_joint are \
         reversed", plant: |c| scale(c, &MOTION, Some(1), -1.0) },
-    Planted { name: "joint 4 counts backwards", told: "position and rate of wrist_1_joint are reversed", plant: |c| scale(c, &MOTION, Some(3), -1.0) },
-    Planted { name: "joint 6 counts backwards", told: "wrist_3_joint", plant: |c| scale(c, &MOTION, Some(5), -1.0) },
-    Planted { name: "joint 2 turns the other way", told: "shoulder_lift_joint turns the other way", plant: |c| scale(c, &ALL, Some(1), -1.0) },
-    Planted { name: "joint 3 turns the other way", told: "elbow_joint turns the other way", plant: |c| scale(c, &ALL, Some(2), -1.0) },
-    Planted { name: "effort of joint 3 reversed", told: "the effort of elbow_joint is reversed", plant: |c| scale(c, &["nm"], Some(2), -1.0) },
-    Planted { name: "effort of joint 6 reversed", told: "wrist_3_joint", plant: |c| scale(c, &["nm"], Some(5), -1.0) },
-    Planted { name: "all efforts reversed", told: "all efforts are reversed", plant: |c| scale(c, &["nm"], None, -1.0) },
-    Planted { name: "zero of joint 2 off by 90°", told: "the zero of shoulder_lift_joint is off by 90°", plant: |c| zero(c, 1, 90.0) },
-    Planted { name: "zero of joint 3 off by 90°", told: "the zero of elbow_joint is off by 90°", plant: |c| zero(c, 2, 90.0) },
-    Planted { name: "zero of joint 4 off by −90°", told: "the zero of wrist_1_joint is off by -90°", plant: |c| zero(c, 3, -90.0) },
-    Planted { name: "zero of joint 3 off by 180°", told: "the zero of elbow_joint is off by 180°", plant: |c| zero(c, 2, 180.0) },
-    Planted { name: "zero of joint 2 off by 5°", told: "joint_zero_shoulder_lift_joint", plant: |c| zero(c, 1, 5.0) },
-    Planted { name: "efforts 20 ms late", told: "late by 20 ms", plant: |c| late(c, &["nm"], 4) },
-    Planted { name: "efforts 50 ms late", told: "late by 50 ms", plant: |c| late(c, &["nm"], 10) },
-    Planted { name: "positions and rates 20 ms late", told: "early by 20 ms", plant: |c| late(c, &MOTION, 4) },
-    Planted { name: "efforts in N mm", told: "the efforts are in N mm", plant: |c| scale(c, &["nm"], None, 1e3) },
-    Planted { name: "efforts in N cm", told: "the efforts are in N cm", plant: |c| scale(c, &["nm"], None, 1e2) },
-    Planted { name: "efforts in kgf m", told: "the efforts are in kgf m", plant: |c| scale(c, &["nm"], None, 1.0 / 9.80665) },
-    Planted { name: "effort of joint 3 in N cm", told: "the effort of elbow_joint is in N cm", plant: |c| scale(c, &["nm"], Some(2), 1e2) },
-    Planted { name: "effort of joint 2 30 % too large", told: "gain_shoulder_lift_joint", plant: |c| scale(c, &["nm"], Some(1), 1.3) },
-    Planted { name: "effort of joint 4 zero throughout", told: "wrist_1_joint_nm", plant: |c| scale(c, &["nm"], Some(3), 0.0) },
-    Planted { name: "position of joint 4 constant", told: "wrist_1_joint_rad", plant: |c| scale(c, &["rad"], Some(3), 0.0) },
-    Planted { name: "rate spike of joint 3", told: "elbow_joint_radps", plant: |c| each(c, "radps", |row, k, v| if row == 1234 && k == 2 { v + 50.0 } else { v }) },
-    Planted { name: "effort spike of joint 3", told: "elbow_joint", plant: |c| each(c, "nm", |row, k, v| if row == 1234 && k == 2 { v + 2000.0 } else { v }) },
-    Planted { name: "friction left out", told: "friction of the joints is left out", plant: |c| c.options.friction = Vec::new().into() },
+    Planted { name: "joint 4 counts backwards", named: "position and rate of wrist_1_joint are reversed", plant: |c| scale(c, &MOTION, Some(3), -1.0) },
+    Planted { name: "joint 6 counts backwards", named: "wrist_3_joint", plant: |c| scale(c, &MOTION, Some(5), -1.0) },
+    Planted { name: "joint 2 turns the other way", named: "shoulder_lift_joint turns the other way", plant: |c| scale(c, &ALL, Some(1), -1.0) },
+    Planted { name: "joint 3 turns the other way", named: "elbow_joint turns the other way", plant: |c| scale(c, &ALL, Some(2), -1.0) },
+    Planted { name: "effort of joint 3 reversed", named: "the effort of elbow_joint is reversed", plant: |c| scale(c, &["nm"], Some(2), -1.0) },
+    Planted { name: "effort of joint 6 reversed", named: "wrist_3_joint", plant: |c| scale(c, &["nm"], Some(5), -1.0) },
+    Planted { name: "all efforts reversed", named: "all efforts are reversed", plant: |c| scale(c, &["nm"], None, -1.0) },
+    Planted { name: "zero of joint 2 off by 90°", named: "the zero of shoulder_lift_joint is off by 90°", plant: |c| zero(c, 1, 90.0) },
+    Planted { name: "zero of joint 3 off by 90°", named: "the zero of elbow_joint is off by 90°", plant: |c| zero(c, 2, 90.0) },
+    Planted { name: "zero of joint 4 off by −90°", named: "the zero of wrist_1_joint is off by -90°", plant: |c| zero(c, 3, -90.0) },
+    Planted { name: "zero of joint 3 off by 180°", named: "the zero of elbow_joint is off by 180°", plant: |c| zero(c, 2, 180.0) },
+    Planted { name: "zero of joint 2 off by 5°", named: "joint_zero_shoulder_lift_joint", plant: |c| zero(c, 1, 5.0) },
+    Planted { name: "efforts 20 ms late", named: "late by 20 ms", plant: |c| late(c, &["nm"], 4) },
+    Planted { name: "efforts 50 ms late", named: "late by 50 ms", plant: |c| late(c, &["nm"], 10) },
+    Planted { name: "positions and rates 20 ms late", named: "early by 20 ms", plant: |c| late(c, &MOTION, 4) },
+    Planted { name: "efforts in N mm", named: "the efforts are in N mm", plant: |c| scale(c, &["nm"], None, 1e3) },
+    Planted { name: "efforts in N cm", named: "the efforts are in N cm", plant: |c| scale(c, &["nm"], None, 1e2) },
+    Planted { name: "efforts in kgf m", named: "the efforts are in kgf m", plant: |c| scale(c, &["nm"], None, 1.0 / 9.80665) },
+    Planted { name: "effort of joint 3 in N cm", named: "the effort of elbow_joint is in N cm", plant: |c| scale(c, &["nm"], Some(2), 1e2) },
+    Planted { name: "effort of joint 2 30 % too large", named: "gain_shoulder_lift_joint", plant: |c| scale(c, &["nm"], Some(1), 1.3) },
+    Planted { name: "effort of joint 4 zero throughout", named: "wrist_1_joint_nm", plant: |c| scale(c, &["nm"], Some(3), 0.0) },
+    Planted { name: "position of joint 4 constant", named: "wrist_1_joint_rad", plant: |c| scale(c, &["rad"], Some(3), 0.0) },
+    Planted { name: "rate spike of joint 3", named: "elbow_joint_radps", plant: |c| each(c, "radps", |row, k, v| if row == 1234 && k == 2 { v + 50.0 } else { v }) },
+    Planted { name: "effort spike of joint 3", named: "elbow_joint", plant: |c| each(c, "nm", |row, k, v| if row == 1234 && k == 2 { v + 2000.0 } else { v }) },
+    Planted { name: "friction left out", named: "friction of the joints is left out", plant: |c| c.options.friction = Vec::new().into() },
 ];
 /// Tilts of the table that the arm is on, degrees, and what must be said.
 const TILTS: [(&str, &str, f64); 4] = [
@@ -238,7 +239,7 @@ const TILTS: [(&str, &str, f64); 4] = [
 
 /// The table of faults.
 pub fn table() -> String {
-    let tilts = TILTS.map(|(name, told, _)| Planted { name, told, plant: |_| {} });
+    let tilts = TILTS.map(|(name, named, _)| Planted { name, named, plant: |_| {} });
     let all: Vec<Planted> = FAULTS.into_iter().chain(tilts).collect();
     table_of(&all, SEEDS, |fault, seed| {
         let arm = Arm::new(seed);

@@ -24,8 +24,8 @@ fn shipped_standard_deviations_are_those_of_the_sandwich() {
 #[test]
 fn intervals_count_noise_that_is_not_white() {
     for (time_s, seed) in [(0.05, 7), (0.2, 8)] {
-        let told = coloured_noise::line(&Study::new(coloured_noise::RATE_HZ), time_s, seed, 60).given;
-        let [counted, as_white] = [told.held, told.held_as_white].map(|held| held / 60.0);
+        let stated = coloured_noise::line(&Study::new(coloured_noise::RATE_HZ), time_s, seed, 60).given;
+        let [counted, as_white] = [stated.held, stated.held_as_white].map(|held| held / 60.0);
         assert!((0.90..=0.99).contains(&counted), "{time_s} s: {counted}");
         assert!(as_white < 0.82, "{time_s} s: {as_white}");
     }

@@ -251,8 +251,8 @@ fn run(machines: &[Hexapod], number: u64) -> Outcome {
     let world = World::new(hexapod.config(), lines, fault, when, hexapod.referee());
     let rate_hz = if fault == Fault::Rounding { 300 } else { 100 };
     let address = format!("{}://simulated:1?rate_hz={rate_hz}", if lines { "pose+tcp" } else { "gcs" });
-    let told = driven(hexapod, program, &world, &address, fault);
-    judge(&mut outcome, hexapod, program, &world, (fault, lines), told);
+    let result = driven(hexapod, program, &world, &address, fault);
+    judge(&mut outcome, hexapod, program, &world, (fault, lines), result);
     outcome
 }
 
@@ -264,19 +264,19 @@ fn driven(
     address: &str,
     fault: Fault,
 ) -> Result<(), String> {
-    let told = |e: platform::PlatformError| e.to_string();
+    let text = |e: platform::PlatformError| e.to_string();
     let mut platform =
-        platform::connect_simulated(address, &hexapod.geometry, world.wire(), world.clone()).map_err(told)?;
+        platform::connect_simulated(address, &hexapod.geometry, world.wire(), world.clone()).map_err(text)?;
     platform.carries(Some(Load::body(hexapod.body)));
-    platform.load(program).map_err(told)?;
+    platform.load(program).map_err(text)?;
     if fault == Fault::PivotMoved(false) {
         world.other_says("SPI R 20 S 0 T 0\n");
     }
-    platform.approach(&|| true).map_err(told)?;
+    platform.approach(&|| true).map_err(text)?;
     if fault == Fault::PivotMoved(true) {
         world.other_says("SPI R 20 S 0 T 0\n");
     }
-    platform.start().map_err(told)?;
+    platform.start().map_err(text)?;
     let ended = ended(platform.as_mut());
     // As the session does after every error.
     if ended.is_err() {
@@ -307,7 +307,7 @@ fn judge(
     program: &MotionProgram,
     world: &World,
     (fault, lines): (Fault, bool),
-    told: Result<(), String>,
+    result: Result<(), String>,
 ) {
     let said_at_s = platform::World::now_s(world);
     world.passes(3.0);
@@ -319,8 +319,8 @@ fn judge(
         let away = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
         away(end.position_m, at.position_m) < 1e-3 * hexapod.radius_m && away(end.rpy_rad, at.rpy_rad) < 1e-3
     });
-    outcome.refused = told.is_err() && moved_s == 0.0;
-    match &told {
+    outcome.refused = result.is_err() && moved_s == 0.0;
+    match &result {
         Ok(()) if lines && !moves && !there => outcome.unseen = true,
         Ok(()) if !there || moves => outcome.untrue = Some("said to be done, and is not there".to_owned()),
         Err(error) if error.contains("is at rest") && moved_s > said_at_s + 0.002 => {
@@ -330,13 +330,13 @@ fn judge(
         _ => {}
     }
     let stalled_s = if let Fault::HostStalled(s) = fault { s } else { 0.0 };
-    if told.is_err() {
+    if result.is_err() {
         // The controller may have stopped it before the host went on.
         outcome.rest_s = world
             .failed_s()
             .map(|at_s| if moved_s > at_s + stalled_s { moved_s - at_s - stalled_s } else { 0.0 });
     }
-    outcome.error = told.err();
+    outcome.error = result.err();
 }
 
 fn machines() -> Vec<Hexapod> {

@@ -49,7 +49,7 @@ fn simulated(hexapod: &Hexapod, program: &MotionProgram, lines: bool, fault: Fau
             platform::connect_simulated(&address, &hexapod.geometry, world.wire(), world.clone())
                 .expect("a simulated controller");
         platform.load(program).and_then(|()| platform.approach(&|| true)).expect("it is at home");
-        platform.start().expect("it begins where it stands");
+        platform.start().expect("it begins where it is");
         let _ = ended(platform.as_mut());
         world.passes(1.0);
         let failed_s = world.failed_s().expect("it went wrong");

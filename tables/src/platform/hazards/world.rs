@@ -22,7 +22,7 @@ pub enum Fault {
     None,
     /// Somebody says stop, or the plan ends.
     Stop(Stop),
-    /// The host stands still for so long, s.
+    /// The host stands still for this long, s.
     HostStalled(f64),
     LinkCut,
     /// From then on everything takes this much longer over the line, s.

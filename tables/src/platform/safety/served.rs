@@ -81,8 +81,8 @@ impl Between {
             if let (Ok(c), Ok(d)) = (a.try_clone(), b.try_clone()) {
                 sides.lock().unwrap_or_else(PoisonError::into_inner).extend([c, d]);
             }
-            let told = Arc::clone(&frozen);
-            thread::spawn(move || pass(host, b, &told));
+            let is_frozen = Arc::clone(&frozen);
+            thread::spawn(move || pass(host, b, &is_frozen));
             pass(controller, a, &frozen);
         });
         Ok(between)
@@ -149,11 +149,11 @@ impl Served {
         let between = Between::new(own)?;
         let mut port = Port::open(Some(&folder.join("port")))?;
         let (leave, cut) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-        let (told, mute, shared) = (Arc::clone(&leave), Arc::clone(&cut), Arc::clone(&rig));
+        let (stop, mute, shared) = (Arc::clone(&leave), Arc::clone(&cut), Arc::clone(&rig));
         let carrying = thread::spawn(move || {
             let firmware = Firmware(Box::new(InProcess::new(shared, Pacing::RealTime)));
             // A line that is gone is seen by the run.
-            let _ = carry(&mut port, &mut Cut { firmware, cut: mute }, &told);
+            let _ = carry(&mut port, &mut Cut { firmware, cut: mute }, &stop);
         });
         let scheme = match driver {
             Driver::Json => "tcp",
@@ -254,9 +254,9 @@ impl Served {
     }
 
     fn signal(&self, name: &str) -> io::Result<()> {
-        let told =
+        let status =
             Command::new("kill").args([name, &self.child.id().to_string()]).stderr(Stdio::null()).status()?;
-        if told.success() { Ok(()) } else { Err(io::Error::other("the run has ended already")) }
+        if status.success() { Ok(()) } else { Err(io::Error::other("the run has ended already")) }
     }
 
     /// Readings in the recording that is left, if one can be read.

@@ -173,7 +173,7 @@ pub struct IdentifyBody {
     /// Parts of a single trial, each a motion; or strides, of every trial
     #[arg(long, value_name = "N|strides", default_value = "4", value_parser = parts)]
     pub parts: Parts,
-    /// Identify from so many of the motions; by default from all
+    /// Identify from this number of motions; by default from all
     #[arg(long, value_name = "K")]
     pub motions: Option<usize>,
     /// How they are chosen

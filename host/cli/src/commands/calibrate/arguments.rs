@@ -40,8 +40,8 @@ pub enum CalibrateWhat {
 #[derive(Args, Debug, Clone)]
 #[command(
     after_help = "Efforts are currents, or anything proportional to the torque: columns JOINT_a, or what \
-                  [[joint]] effort of the rig file names. Efforts alone tell how gains stand to each other; \
-                  how large they are is told by a load that is known (--loaded, --payload, --known), or by \
+                  [[joint]] effort of the rig file names. Efforts alone tell the ratios of gains; \
+                  how large they are is given by a load that is known (--loaded, --payload, --known), or by \
                   the model's masses as far as they are trusted (--nominal-sigma). A wrist sensor weighs the \
                   load: what it says goes to --known.\n\nExit status 0 if every gain is identified, 1 if \
                   not, 2 if a file cannot be used.\n\nExamples:\n  rigident calibrate drives arm.urdf \

@@ -118,7 +118,7 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
     let has_size = arguments.loaded.is_some() || arguments.nominal_sigma.is_some();
     if found.reference.is_some() && found.drives.iter().all(|drive| !drive.is_identified) && !has_size {
         warnings.push(
-            "the currents tell how the gains stand to each other and not how large they are: record a load \
+            "the currents tell the ratios of the gains and not how large they are: record a load \
              that is known (--loaded, --payload, --known mass_kg=…), or trust the model's masses \
              (--nominal-sigma 0.1)"
                 .to_owned(),

@@ -19,8 +19,8 @@ use crate::options::stop_criterion::StopCriterion;
                   hand.rig.toml\n  rigident live --wrench rtde://192.168.0.9 --imu rtde://192.168.0.9 --rig \
                   ur5e.rig.toml --until m=0.02\n  rigident live --wrench 'ws://robot?topic=/ft/wrench' --imu \
                   'ws://robot?topic=/imu/data'\n  ./logger | rigident live --wrench - --imu -\n\n\
-                  Ctrl-C ends it and keeps everything; what each device is to be set to stands in \
-                  docs/live.md.")]
+                  Ctrl-C ends it and keeps everything; docs/live.md says what each device is to \
+                  be set to.")]
 pub struct Live {
     /// Where the wrench comes from
     #[arg(long, value_name = "URL")]

@@ -377,7 +377,7 @@ fn measured(arguments: &PlanExcitation, bodies: &Model, limits: &[JointLimits]) 
         arguments.wrench_noise.split(',').filter_map(|word| word.trim().parse().ok()).collect();
     let &[force, moment] = wrench.as_slice() else {
         return Err(Failure::input(format!(
-            "--wrench-noise {}: stands as N,NM, for example 1,0.1",
+            "--wrench-noise {}: write it as N,NM, for example 1,0.1",
             arguments.wrench_noise
         )));
     };
@@ -501,11 +501,11 @@ fn text(prepared: &Prepared, planned: &Excitation) -> String {
             pairs.join(", ")
         );
     }
-    out + &told(task, planned)
+    out + &predicted_text(task, planned)
 }
 
-/// Returns what the trajectory will tell, in words.
-fn told(task: &Task, planned: &Excitation) -> String {
+/// Returns in words how well the trajectory will identify the parameters.
+fn predicted_text(task: &Task, planned: &Excitation) -> String {
     let (before, after) = (&planned.before, &planned.after);
     let noise = &task.measured.effort_noise;
     let [least, most] = [

@@ -52,7 +52,7 @@ pub struct Summary {
 #[command(
     after_help = "Compares what models predict of a recording with what was measured, channel by channel: \
                   root mean square of what is left, and that over the standard deviation of what was \
-                  measured (NRMSE), both behind the filter of 0.1 s. The nominal model of --model stands \
+                  measured (NRMSE), both behind the filter of 0.1 s. The nominal model of --model is shown \
                   beside it, and plain least squares on --train, the recording that the results are \
                   of.\n\nExit status 0, 2 if something cannot be read or does not fit.\n\nExamples:\n  \
                   rigident validate identify/result.json other.csv --model arm.urdf --train first.csv\n  \

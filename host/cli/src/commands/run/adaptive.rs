@@ -13,7 +13,7 @@ use rigident::fit::figures::significant;
 use rigident::plan::adaptive::library::word;
 use rigident::plan::adaptive::planner::Known;
 use rigident::plan::adaptive::{
-    Asked, Decision, Forecast, Foreseen, Information, Next, Planner, RigModel, Told,
+    Asked, Decision, Forecast, Foreseen, Information, Next, Observed, Planner, RigModel,
 };
 use rigident::plan::machine;
 use rigident::present::{Decided, Stage};
@@ -249,16 +249,16 @@ impl Directing {
         self.why = Some(why);
     }
 
-    fn notice(&mut self, told: &Told) {
-        let worst = told.worst(&self.asked, &self.model);
-        let goal = self.planner.goal(&told.known());
-        self.last = Some((worst, goal.furthest(&told.information)));
+    fn notice(&mut self, observed: &Observed) {
+        let worst = observed.worst(&self.asked, &self.model);
+        let goal = self.planner.goal(&observed.known());
+        self.last = Some((worst, goal.furthest(&observed.information)));
     }
 
     /// Says what can be reached where the time there is will not do, again when that has changed.
-    fn promise(&mut self, told: &Told, decision: &Decision) {
+    fn promise(&mut self, observed: &Observed, decision: &Decision) {
         let left_s = self.at_most_s - self.spent_s;
-        let known = told.known();
+        let known = observed.known();
         if decision.expected_s <= left_s {
             return;
         }
@@ -307,13 +307,13 @@ impl Directing {
     }
 
     /// Takes in the result of the last decision.
-    fn account(&mut self, told: &Told, ended_s: Option<f64>) {
+    fn account(&mut self, observed: &Observed, ended_s: Option<f64>) {
         let whole = ended_s.is_none();
         let Some(decision) = self.decision.take() else { return };
-        let known = told.known();
+        let known = observed.known();
         let goal = self.planner.goal(&known);
-        let expected = goal.worst(&(self.before + decision.tells()), told.variance_scale);
-        let got = told.worst(&self.asked, &self.model);
+        let expected = goal.worst(&(self.before + decision.tells()), observed.variance_scale);
+        let got = observed.worst(&self.asked, &self.model);
         let short = if whole { "" } else { " of the whole segment" };
         let said = format!(
             "the worst U95 is {} of what is asked for, {} was expected{short}",
@@ -325,21 +325,21 @@ impl Directing {
         let decided = self.decided(&decision, expected);
         self.decisions.push(Decided { got: Some(got), lasted_s: Some(lasted_s), whole, ..decided });
         if whole {
-            let newly = self.planner.carried_out(&decision, &(told.information - self.before));
-            self.lost(&newly, "was told to move and did not");
+            let newly = self.planner.carried_out(&decision, &(observed.information - self.before));
+            self.lost(&newly, "was commanded to move and did not");
         }
     }
 
     /// States what the segment is for.
-    fn judge_before(&mut self, told: &Told, decision: &Decision) {
-        let goal = self.planner.goal(&told.known());
-        let worst = told.worst(&self.asked, &self.model);
-        let purpose = match told.estimate {
-            Some(_) if worst.is_finite() => goal.furthest(&told.information),
+    fn judge_before(&mut self, observed: &Observed, decision: &Decision) {
+        let goal = self.planner.goal(&observed.known());
+        let worst = observed.worst(&self.asked, &self.model);
+        let purpose = match observed.estimate {
+            Some(_) if worst.is_finite() => goal.furthest(&observed.information),
             _ => "everything",
         };
         self.worst_before = (worst, purpose.to_owned());
-        self.last_expected = goal.worst(&(told.information + decision.tells()), told.variance_scale);
+        self.last_expected = goal.worst(&(observed.information + decision.tells()), observed.variance_scale);
     }
 
     fn lost(&mut self, newly: &[bool; 6], what: &str) {
@@ -372,15 +372,15 @@ fn words(ratio: f64) -> String {
 
 impl Director for Directing {
     fn next(&mut self, factor: &Factor) -> Result<Option<Proposal>, String> {
-        let told = self.model.told(factor);
-        self.variance_scale = told.variance_scale;
-        self.account(&told, None);
-        self.notice(&told);
+        let observed = self.model.observed(factor);
+        self.variance_scale = observed.variance_scale;
+        self.account(&observed, None);
+        self.notice(&observed);
         if self.spent_s >= self.at_most_s {
             self.ends(format!("the {} s of --at-most-s are over", self.at_most_s));
             return Ok(None);
         }
-        let next = self.planner.next(&told.known());
+        let next = self.planner.next(&observed.known());
         if self.planner.contradicted() && !self.warnings.iter().any(|w| w == CONTRADICTED) {
             tell!("  {CONTRADICTED}");
             self.warnings.push(CONTRADICTED.to_owned());
@@ -408,9 +408,9 @@ impl Director for Directing {
             }
             Next::Segment(decision) => {
                 tell!("{}: {:.1} s", decision.name, decision.program.duration_s());
-                self.promise(&told, &decision);
-                self.judge_before(&told, &decision);
-                self.before = told.information;
+                self.promise(&observed, &decision);
+                self.judge_before(&observed, &decision);
+                self.before = observed.information;
                 let program = decision.program.clone();
                 self.decision = Some(decision);
                 Ok(Some(Proposal { program, drive: true }))
@@ -460,13 +460,13 @@ impl Director for Directing {
     }
 
     fn is_reached(&mut self, factor: &Factor, time_s: f64) -> bool {
-        let told = self.model.told(factor);
-        self.variance_scale = told.variance_scale;
-        let reached = told.worst(&self.asked, &self.model) <= 1.0;
+        let observed = self.model.observed(factor);
+        self.variance_scale = observed.variance_scale;
+        let reached = observed.worst(&self.asked, &self.model) <= 1.0;
         if reached {
             self.reached = true;
-            self.notice(&told);
-            self.account(&told, Some(time_s));
+            self.notice(&observed);
+            self.account(&observed, Some(time_s));
         }
         reached
     }

@@ -35,13 +35,13 @@ pub struct Run {
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI
     /// hexapod (GCS 2.0). pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of
-    /// poses or leg lengths; the plate must stand at home when it begins, and is led back there after the
-    /// experiment. none: the body is moved by hand, or by anything else; the next move is told, and Ctrl-C
-    /// ends. Behind it ?rate_hz=100, &lead_s=0.2 (set points are sent so long before their time) and
+    /// poses or leg lengths; the plate must be at home when it begins, and is led back there after the
+    /// experiment. none: the body is moved by hand, or by anything else; the next move is shown, and Ctrl-C
+    /// ends. Behind it ?rate_hz=100, &lead_s=0.2 (set points are sent this long before their time) and
     /// &baud=115200 where they apply
     #[arg(long, value_name = "ADDRESS")]
     pub platform: String,
-    /// Move without asking: the limits were checked, and nobody stands in the platform's way
+    /// Move without asking: the limits were checked, and nobody is in the platform's way
     #[arg(long)]
     pub yes: bool,
     /// Do everything but the motion: connect, weigh, warm up, zero, check, and show what would be asked

@@ -62,11 +62,11 @@ pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     comments.extend(rest.comments());
     let expected = arguments.adaptive.at_most_s.map_or(0, |s| (s * rate_hz) as usize);
     let mut watcher = Watcher::recording(folder.file("run.mcap"), &rig, &comments, expected)?;
-    let mut told = rig.clone();
-    told.load_cell.noise_n_nm.get_or_insert(rest.sigma);
+    let mut completed = rig.clone();
+    completed.load_cell.noise_n_nm.get_or_insert(rest.sigma);
     let asked = arguments.stop.asked(&arguments.output.estimate);
-    watcher.next_move = Some(NextMove::new(&told, rate_hz, &asked));
-    tell!("move the body now: the next move is told as the readings come; Ctrl-C ends and keeps everything");
+    watcher.next_move = Some(NextMove::new(&completed, rate_hz, &asked));
+    tell!("move the body now: the next move is shown as the readings come; Ctrl-C ends and keeps everything");
     session.at_most_s = arguments.adaptive.at_most_s;
     let nothing = MotionProgram { start: Geometry::thesis().home(), segments: Vec::new() };
     let mut take = session.follow(&mut ByHand::default(), &nothing, &mut watcher).map_err(Failure::link)?;
@@ -96,7 +96,7 @@ fn refuse_programmes(arguments: &Run, rig: &RigFile) -> Result<(), Failure> {
     let said = if arguments.programme.plan.is_some() {
         "--plan: nothing is here that could drive it; name the platform"
     } else if arguments.adaptive.adaptive {
-        "--adaptive decides for a platform; without one the next move is told to whoever moves the body"
+        "--adaptive decides for a platform; without one the next move is shown to whoever moves the body"
     } else if rig.link.len() > 1 {
         "several [[link]] are run on a platform; by hand it is one body"
     } else {

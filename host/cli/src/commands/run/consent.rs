@@ -85,12 +85,12 @@ impl Consent<'_> {
         }
         assumed.push(match self.attitude {
             Some(Attitude::Unknown(why)) => why,
-            _ => "the base stands level: gravity is along -z of A",
+            _ => "the base is level: gravity is along -z of A",
         });
         if self.summary.from.is_some() {
-            assumed.push("the plate stands at home: nothing measures where it is");
+            assumed.push("the plate is at home: nothing measures where it is");
         }
-        assumed.push("what is fastened is fast; cables, fixtures and what stands near are not looked at");
+        assumed.push("what is fastened is fast; cables, fixtures and obstacles near it are not looked at");
         assumed
     }
 }
@@ -134,7 +134,7 @@ impl fmt::Display for Consent<'_> {
         if let Some([before, now]) = &self.moved {
             writeln!(
                 f,
-                "  NOTE      the plate stood at {} before the warm-up and stands at {}: the way to the start \
+                "  NOTE      the plate was at {} before the warm-up and is at {}: the way to the start \
                  is another one",
                 check::words(before),
                 check::words(now)
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guards_that_are_off_and_what_is_assumed_are_said() {
+    fn guards_that_are_off_and_assumptions_are_reported() {
         let summary =
             Summary { leg_length_m: [0.551, 0.8], leg_limits_m: [0.55, 0.85], ..Summary::default() };
         let rig = RigFile::default();

@@ -224,7 +224,7 @@ fn agreed(
     let now = platform.stands().map_err(unmoved)?;
     match ready.stands.zip(now).filter(|(shown, now)| !platform::near(shown, now)) {
         Some((shown, now)) => Err(Failure::link(format!(
-            "the plate stood at {} when its way was shown, and stands at {}: another program, or its own \
+            "the plate was at {} when its way was shown, and is at {}: another program, or its own \
              panel, has moved it. Run again.\n\
              Nothing was moved.",
             check::words(&shown),

@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_line_has_its_time_and_says_what_it_is() {
+    fn every_line_has_its_time_and_its_kind() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trace.jsonl");
         let trace = TraceFile::create(path.clone()).unwrap();

@@ -149,10 +149,10 @@ pub(crate) enum Attitude {
     Unknown(&'static str),
 }
 
-const UNPLACED: &str = "the base stands level, NOT compared with gravity: the rig file does not give the \
+const UNPLACED: &str = "the base is level, NOT compared with gravity: the rig file does not give the \
                         places of [[imu]] and [platform.load_cell]; on a wall or a ceiling all forces are \
                         others";
-const UNKNOWN: &str = "the base stands level, NOT compared with gravity: the platform does not know its \
+const UNKNOWN: &str = "the base is level, NOT compared with gravity: the platform does not know its \
                        plate's pose yet; on a wall or a ceiling all forces are others";
 
 /// Checks whether the plate is tilted as the platform says that it is, as far as gravity shows it. Nothing is
@@ -174,13 +174,11 @@ pub(crate) fn check_attitude(
     let (_, cell) = machine::load_cell(rig).map_err(Failure::input)?;
     // At rest the accelerometer feels "up".
     let off = carried::off_level_rad(&(cell * felt(rest, imu)), stands);
-    let against = format!(
-        "against how it should stand by the platform ({}), as gravity shows it",
-        check::words(stands)
-    );
+    let against =
+        format!("against the attitude by the platform ({}), as gravity shows it", check::words(stands));
     if off >= carried::LEVEL_RAD {
         return Err(Failure::link(format!(
-            "the plate is tilted by {:.0} degrees {against}: bring it there first. If it stands there, the \
+            "the plate is tilted by {:.0} degrees {against}: bring it there first. If it is there, the \
              base is not level, the controller levels it by a coordinate system, or the rotations of [[imu]] \
              or [platform.load_cell] in the rig file are wrong. A platform on a wall or a ceiling is not \
              driven: its forces are others.\nNothing was moved.",
@@ -380,7 +378,7 @@ pub(crate) fn zero(
     let mut sigma = rig.load_cell.noise_n_nm.unwrap_or(rest.sigma);
     let felt = rest.specific_force.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
     let raised = precision::raise(&mut sigma, &rest.wrench.map(|w| w.abs().max(felt)));
-    warnings.extend(precision::told(&sigma, &raised));
+    warnings.extend(precision::raised_warning(&sigma, &raised));
     if rig.load_cell.noise_n_nm.is_none() {
         warnings.push(format!("noise_n_nm is not given: measured at rest, {sigma:.3?} N, N m"));
     }
@@ -464,7 +462,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plate_that_moves_is_told_from_noise_and_bias() {
+    fn a_plate_that_moves_is_distinguished_from_noise_and_bias() {
         let seen = |angle: fn(f64) -> f64| at_rest(&readings(angle), None).unwrap().moving;
         assert_eq!(seen(|_| 0.0), None);
         assert_eq!(seen(|_| 0.4), None);

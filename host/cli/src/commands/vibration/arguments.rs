@@ -32,8 +32,8 @@ pub enum VibrationCommand {
 #[command(
     after_help = "The recording has the poses of the platform (x_m, y_m, z_m, qw, qx, qy, qz), or the \
                   readings of an IMU on it, from the release on; the rig file says what the springs are, in \
-                  [suspension]. Of an IMU alone only the modes are told.\n\nExit status 0 if the body is \
-                  identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident vibration \
+                  [suspension]. Of an IMU alone only the modes are identified.\n\nExit status 0 if the body \
+                  is identified, 1 if not, 2 if a file cannot be used.\n\nExamples:\n  rigident vibration \
                   identify swing.csv\n  rigident vibration identify swing.csv --modes 5 --out swing\n  \
                   rigident vibration identify imu.csv --rig springs.rig.toml --json"
 )]

@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
 fn ended(watched: &WatchedLink, broken: &str) -> Failure {
     let found = watched.changes.len();
     Failure::link(format!(
-        "the watch ended after {} of {} frames: {broken}\n{found} {} found until then, as told above; \
+        "the watch ended after {} of {} frames: {broken}\n{found} {} found until then, as listed above; \
          nothing is known of what came after",
         watched.frames.sent,
         watched.all_frames,
@@ -72,7 +72,7 @@ fn text(change: &Change) -> String {
     for (name, unit) in PARAMETERS {
         said += &match size.iter().find(|own| own.name == name) {
             Some(own) => format!("\n  {name:5} {:+.4} ± {:.4} {unit}", f64::from(own.change), own.u95),
-            None => format!("\n  {name:5} not told by the motion"),
+            None => format!("\n  {name:5} not determined by the motion"),
         };
     }
     said
@@ -81,7 +81,7 @@ fn text(change: &Change) -> String {
 fn summary(watched: &WatchedLink) -> String {
     let settled = match watched.status {
         WatchStatus::NotSettled => {
-            "the recording ended before the watch had settled: nothing could be told (--settle-s)".to_owned()
+            "the recording ended before the watch had settled: nothing could be found (--settle-s)".to_owned()
         }
         _ => format!("errors of the model make the limit {:.1} times as large", watched.excess),
     };

@@ -125,7 +125,7 @@ fn the_factor_that_a_replay_leaves_is_that_of_its_recording() {
 
 /// A factor whose recording lost a part of the body half-way, and one of an honest recording.
 #[test]
-fn what_a_recording_is_accused_of_follows_its_factor() {
+fn accusations_of_a_recording_follow_its_factor() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     write(at, "lost", together(&body(), &fixture()), 1, &noise());
@@ -282,7 +282,7 @@ fn a_tare_that_does_not_tell_the_tensor_leaves_it_unknown() {
 }
 
 #[test]
-fn runs_of_different_bodies_are_refused_unless_forced_and_then_told_apart() {
+fn runs_of_different_bodies_are_refused_unless_forced_and_then_distinguished() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     write(at, "a", body(), 1, &noise());
@@ -309,7 +309,7 @@ fn runs_of_different_bodies_are_refused_unless_forced_and_then_told_apart() {
 }
 
 #[test]
-fn offsets_asked_of_merged_runs_are_told_to_be_eliminated() {
+fn offsets_asked_of_merged_runs_are_reported_as_eliminated() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     for (name, seed) in [("a", 1), ("b", 2)] {

@@ -14,7 +14,7 @@ fn a_gain_uncertainty_in_the_rig_file_widens_every_interval_that_it_reaches() {
     for (name, cell) in [
         ("plain", noise()),
         ("zero", format!("{}\n{none}", noise())),
-        ("told", format!("{}\n{gains}", noise())),
+        ("stated", format!("{}\n{gains}", noise())),
         ("residuals", gains),
     ] {
         write(at, name, body(), 1, &cell);
@@ -27,20 +27,20 @@ fn a_gain_uncertainty_in_the_rig_file_widens_every_interval_that_it_reaches() {
     };
     let plain = answer(&["identify"], "plain");
     assert_eq!(plain, answer(&["identify"], "zero"), "no gain errors: the same bits");
-    let told = answer(&["identify"], "told");
+    let stated = answer(&["identify"], "stated");
     // Six independent gains average at best, and are all one at worst: mass and mcz are known no better than
     // to a share of σ/√6, no worse than to σ, besides the noise.
     for (j, scale) in [(0, 20.0), (3, 1.06)] {
-        let added = (told[j].1.powi(2) - plain[j].1.powi(2)).sqrt() / (1.96 * scale);
+        let added = (stated[j].1.powi(2) - plain[j].1.powi(2)).sqrt() / (1.96 * scale);
         assert!((GAIN / 6_f64.sqrt()..GAIN).contains(&added), "{j}: {added}");
     }
     // A true zero, multiplied by whatever gain, stays one.
-    assert!(told[1].1 < 1.2 * plain[1].1 && told[1].1 >= plain[1].1, "{} {}", told[1].1, plain[1].1);
+    assert!(stated[1].1 < 1.2 * plain[1].1 && stated[1].1 >= plain[1].1, "{} {}", stated[1].1, plain[1].1);
     // The firmware's factor does not hold the gains: its readings do, to single precision.
-    let replayed = answer(&["replay"], "told");
+    let replayed = answer(&["replay"], "stated");
     // σ from 1 000 independent residuals a channel: 2 %, four times, and Student's t.
     let estimated = answer(&["identify"], "residuals");
-    for (j, (value, u95)) in told.iter().enumerate() {
+    for (j, (value, u95)) in stated.iter().enumerate() {
         assert!((replayed[j].0 - value).abs() < 1e-3 * u95, "{j}");
         assert!((replayed[j].1 / u95 - 1.0).abs() < 1e-3, "{j}: {} {u95}", replayed[j].1);
         assert!((estimated[j].1 / u95 - 1.0).abs() < 0.09, "{j}: {} {u95}", estimated[j].1);

@@ -22,8 +22,8 @@ const NOISE: [f64; 2] = [0.05, 0.002];
 /// the centre of mass.
 pub const QUANTITIES: usize = 9;
 
-/// Returns how far the answer to so many still poses is off, in U95, and this. Gains have an error of `gain`,
-/// 1 σ, which is stated.
+/// Returns how far the answer to this number of still poses is off, in U95, and this. Gains have an error of
+/// `gain`, 1 σ, which is stated.
 pub fn off(seed: u64, poses: usize, gain: f64) -> [(f64, f64); QUANTITIES] {
     let fit = fit(seed, poses, gain);
     let estimate = &fit.estimate;

@@ -37,27 +37,27 @@ pub fn information_of(truth: &[f64], exact: Exact<'_>, seed: u64, conditions: &C
     let mut all = DMatrix::zeros(6 * rows, count);
     for row in 0..rows {
         let t = (row as f64 + 0.5) * TOGETHER as f64 / RATE_HZ;
-        let told = |parameters: &[f64], z: &[f64; RIG_ERRORS], own: &[f64; RECORDING_ERRORS]| {
+        let wrench = |parameters: &[f64], z: &[f64; RIG_ERRORS], own: &[f64; RECORDING_ERRORS]| {
             let exact = |there: &There| exact(parameters, t, there);
-            SMatrix::<f64, 6, 1>::from(Rig::of(z, conditions).told(exact, &motion, t, own, conditions))
+            SMatrix::<f64, 6, 1>::from(Rig::of(z, conditions).wrench_read(exact, &motion, t, own, conditions))
         };
         let none = ([0.0; RIG_ERRORS], [0.0; RECORDING_ERRORS]);
         for column in 0..count {
             let slope = match column {
                 _ if column < n => {
                     let unit: Vec<f64> = (0..n).map(|j| f64::from(u8::from(j == column))).collect();
-                    told(&unit, &none.0, &none.1)
+                    wrench(&unit, &none.0, &none.1)
                 }
                 _ if column < kept => central(|by| {
                     let mut z = none.0;
                     z[column - n] = by;
-                    told(truth, &z, &none.1)
+                    wrench(truth, &z, &none.1)
                 }),
                 _ if column < kept + 6 => SMatrix::ith(column - kept, 1.0),
                 _ => central(|by| {
                     let mut own = none.1;
                     own[column - kept - 6] = by;
-                    told(truth, &none.0, &own)
+                    wrench(truth, &none.0, &own)
                 }),
             };
             all.fixed_view_mut::<6, 1>(6 * row, column).copy_from(&(whiten * slope));
@@ -71,8 +71,8 @@ pub fn information_of(truth: &[f64], exact: Exact<'_>, seed: u64, conditions: &C
 }
 
 /// Returns the slope by central differences of half a standard deviation.
-fn central(told: impl Fn(f64) -> SMatrix<f64, 6, 1>) -> SMatrix<f64, 6, 1> {
-    told(0.5) - told(-0.5)
+fn central(wrench: impl Fn(f64) -> SMatrix<f64, 6, 1>) -> SMatrix<f64, 6, 1> {
+    wrench(0.5) - wrench(-0.5)
 }
 
 /// Returns what makes the noise of readings taken together white and of unit variance: that of the cell, and

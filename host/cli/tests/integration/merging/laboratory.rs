@@ -189,7 +189,7 @@ impl Rig {
     /// Returns the wrench that the load cell would read, if the IMU reads what an ideal one at the nominal
     /// place reads of the motion; errors of the recording are in their standard deviations. `exact` is the
     /// wrench that is there.
-    pub fn told(
+    pub fn wrench_read(
         &self,
         exact: impl Fn(&There) -> [f64; 6],
         motion: &Motion,
@@ -209,12 +209,12 @@ impl Rig {
         let arm = self.place;
         let specific =
             accel * (read - of(15, accel_bias)) - gained.cross(&arm) - rate.cross(&rate.cross(&arm));
-        let mut told = self.of_cell(&exact(&There { rate, gained, specific }));
+        let mut wrench = self.of_cell(&exact(&There { rate, gained, specific }));
         let s = 2.0 * t / (SECONDS - 1.0 / RATE_HZ) - 1.0;
-        for (c, told) in told.iter_mut().enumerate() {
-            *told += drift * RANGE[c] * (own[2 * c] * s + own[2 * c + 1] * (1.5 * s * s - 0.5));
+        for (c, wrench) in wrench.iter_mut().enumerate() {
+            *wrench += drift * RANGE[c] * (own[2 * c] * s + own[2 * c + 1] * (1.5 * s * s - 0.5));
         }
-        told
+        wrench
     }
 
     /// Returns the readings of a recording: what is its own, and its motion, are drawn by the seed.

@@ -159,8 +159,8 @@ pub fn principal_off(fit: &Fit, body: &Body) -> Errors {
         let angle = own.cross(&eigen.eigenvectors.column(order[k])).norm().min(1.0).asin();
         (angle / found.axes_u95_rad[k], found.axes_u95_rad[k])
     };
-    let told = |k: &usize| found.axes_u95_rad[*k].is_finite();
-    (0..3).map(moment).chain((0..3).filter(told).map(axis)).collect()
+    let known = |k: &usize| found.axes_u95_rad[*k].is_finite();
+    (0..3).map(moment).chain((0..3).filter(known).map(axis)).collect()
 }
 
 /// Returns U95 of each parameter by `1.96` times the standard deviation of the best estimate, the geometric

@@ -58,7 +58,7 @@ fn several_files_give_a_factor_and_a_fixture_as_one_recording_does() {
 }
 
 #[test]
-fn commands_for_one_clock_say_what_to_do_with_several() {
+fn commands_for_one_clock_give_advice_for_several() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     fs::write(at.join("run.rig.toml"), "[[stream]]\nfile = \"wrench.csv\"\n").unwrap();

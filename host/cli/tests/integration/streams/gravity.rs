@@ -33,7 +33,7 @@ fn attitudes_that_fit_give_no_warning_however_lively_the_motion() {
 }
 
 #[test]
-fn a_wrong_frame_and_a_clock_far_off_are_told() {
+fn a_wrong_frame_and_a_clock_far_off_are_reported() {
     for simulated in [thesis(), slow_turn()] {
         let (rig, [wrench, imu, attitude]) = simulated.files(1, 5e-5);
         let files = [wrench, imu, attitude];

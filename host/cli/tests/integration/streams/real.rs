@@ -87,7 +87,7 @@ fn a_slow_turn_of_three_clocks_in_shared_data_has_the_mass_of_the_still_poses() 
 /// The mass hardly moves where the matrices are transposed, so that nothing else tells.
 #[test]
 #[ignore = "needs ../shared/data"]
-fn transposed_attitudes_in_shared_data_are_told_by_gravity() {
+fn transposed_attitudes_in_shared_data_are_recognised_by_gravity() {
     let place = tempfile::tempdir().unwrap();
     let rig = std::fs::read_to_string(RIG).unwrap();
     std::fs::write(place.path().join("turn.rig.toml"), rig.replace("S in A", "A in S")).unwrap();
@@ -99,7 +99,7 @@ fn transposed_attitudes_in_shared_data_are_told_by_gravity() {
 /// 300 ms of half a turn in 6.3 s are 8.6 degrees on the average; the skew's search does not find them.
 #[test]
 #[ignore = "needs ../shared/data"]
-fn attitudes_whose_clock_is_far_off_in_shared_data_are_told_by_gravity() {
+fn attitudes_whose_clock_is_far_off_in_shared_data_are_recognised_by_gravity() {
     let place = tempfile::tempdir().unwrap();
     for file in ["1-baseline_wrench.csv", "1-baseline_accel.csv"] {
         std::fs::copy(Path::new(DATA).join(file), place.path().join(file)).unwrap();

@@ -10,7 +10,7 @@ fn errors_that_nobody_states_rest_on_the_defaults_of_classes() {
     std::fs::remove_file(place.path().join("arm.rig.toml")).unwrap();
     let words = ["identify", "arm.csv", "--model", "arm.urdf", "--json", "--out", "o"];
     let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
-    assert_eq!(found["status"], "identified", "{}", told(&found));
+    assert_eq!(found["status"], "identified", "{}", in_words(&found));
     let errors = found["errors"].as_array().unwrap();
     for (name, unit, sigma) in [
         ("joint_zero_shoulder", "rad", 0.2_f64.to_radians() / 3.0_f64.sqrt()),
@@ -25,7 +25,7 @@ fn errors_that_nobody_states_rest_on_the_defaults_of_classes() {
     }
     // Without --friction offset a torque may have one.
     assert!(errors.iter().any(|e| e["name"] == "effort_offset_elbow"));
-    let said = told(&found);
+    let said = in_words(&found);
     assert!(said.contains("defaults of the classes tree industrial (joint zero 0.002 rad"), "{said}");
     assert!(found["budget"].to_string().contains("effort gain"), "{}", found["budget"]);
     // What is stated exactly is not searched for.
@@ -57,7 +57,7 @@ fn a_joint_whose_zero_is_not_as_stated_is_named_with_its_size() {
     assert_eq!(output.status.code(), Some(1));
     let found = answer(&output);
     assert_eq!(found["status"], "implausible");
-    let said = told(&found);
+    let said = in_words(&found);
     assert!(
         said.contains("joint zero: joint_zero_shoulder 0.0") && said.contains("joint.zero_std"),
         "{said}"

@@ -69,13 +69,13 @@ fn rates_that_are_not_those_of_the_positions_are_refused_by_name() {
 }
 
 #[test]
-fn what_is_assumed_of_imus_and_joints_is_told_and_an_imu_on_no_link_is_refused() {
+fn assumptions_about_imus_and_joints_are_reported_and_an_imu_on_no_link_is_refused() {
     let place = tempfile::tempdir().unwrap();
     two_links(place.path(), Vector3::z());
     let warnings = |rig: &str| {
         std::fs::write(place.path().join("two.rig.toml"), rig).unwrap();
         let out = format!("o{}", rig.len());
-        told(&answer(&rigident(place.path(), &["identify", "two.csv", "--json", "--out", &out])))
+        in_words(&answer(&rigident(place.path(), &["identify", "two.csv", "--json", "--out", &out])))
     };
     let (imu, position) = ("no [[imu]] table says", "has no position_m");
     let said = warnings(RIG);
@@ -134,7 +134,7 @@ fn a_held_joint_with_an_encoder_s_noise_is_named_as_never_moving() {
 /// A pipe in place of a file, whose writer takes its time.
 #[cfg(unix)]
 #[test]
-fn what_takes_longer_than_a_second_is_told_on_standard_error() {
+fn stages_longer_than_a_second_are_reported_on_standard_error() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 2);
     let pipe = place.path().join("slow.csv");
@@ -148,8 +148,8 @@ fn what_takes_longer_than_a_second_is_told_on_standard_error() {
     let words = ["identify", "slow.csv", "--model", "arm.urdf", "--json", "--out", "o"];
     let output = rigident(place.path(), &words);
     writer.join().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(told.contains("reading slow.csv, 1 s"), "{told}");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(errors.contains("reading slow.csv, 1 s"), "{errors}");
     assert_eq!(answer(&output)["source"]["rows"], 6000);
     // What is done at once is not worth a line.
     let words = ["model", "base-params", "arm.urdf"];

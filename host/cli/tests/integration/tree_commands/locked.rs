@@ -31,7 +31,7 @@ fn largest_error(found: &Value, angle: f64) -> f64 {
 }
 
 fn warnings(found: &Value) -> String {
-    told(found)
+    in_words(found)
 }
 
 #[test]

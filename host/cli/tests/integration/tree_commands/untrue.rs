@@ -74,7 +74,7 @@ fn degrees_swapped_joints_signs_and_zeros_are_named() {
 }
 
 #[test]
-fn units_of_torques_are_told_by_the_nominal_model() {
+fn units_of_torques_are_recognised_by_the_nominal_model() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     arm_recording(place, 2);
@@ -85,7 +85,7 @@ fn units_of_torques_are_told_by_the_nominal_model() {
 }
 
 #[test]
-fn friction_that_is_left_out_and_friction_that_pushes_are_told() {
+fn friction_that_is_left_out_and_friction_that_pushes_are_reported() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     arm_recording(place, 2);
@@ -115,7 +115,7 @@ fn friction_that_is_left_out_and_friction_that_pushes_are_told() {
 }
 
 #[test]
-fn a_base_on_a_wall_is_told_and_its_key_mends_it() {
+fn a_base_on_a_wall_is_reported_and_its_key_corrects_it() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     arm_recording(place, 2);
@@ -145,7 +145,7 @@ fn a_base_on_a_wall_is_told_and_its_key_mends_it() {
 }
 
 #[test]
-fn a_dead_torque_a_spiking_rate_and_motion_beyond_the_limits_are_told() {
+fn a_dead_torque_a_spiking_rate_and_motion_beyond_the_limits_are_reported() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
     arm_recording(place, 2);
@@ -193,9 +193,9 @@ fn coupled_columns_are_added_as_the_rig_file_says() {
         let all = found["parameters"].as_array().unwrap();
         all.iter().map(|p| p["value"].as_f64().unwrap()).collect()
     };
-    let (mended, plain) =
+    let (corrected, plain) =
         (identified(place, "bad.csv", &FRICTION).1, identified(place, "arm.csv", &FRICTION).1);
-    for (a, b) in values(&mended).iter().zip(values(&plain)) {
+    for (a, b) in values(&corrected).iter().zip(values(&plain)) {
         assert!((a - b).abs() < 1e-6, "{a} {b}");
     }
     std::fs::write(place.join("bad.rig.toml"), rig.replace("shoulder_rad", "shoulder_deg")).unwrap();

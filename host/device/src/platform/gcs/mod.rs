@@ -282,7 +282,7 @@ impl Platform for GcsPlatform {
         let here = GcsPosition(self.resting()?.line.six("POS?")?).pose(&reference);
         if !way::near(&here, &program.start) {
             return Err(PlatformError::Refused(format!(
-                "its plate stands at {}, and the program begins at {}",
+                "its plate is at {}, and the program begins at {}",
                 check::words(&here),
                 check::words(&program.start)
             )));
@@ -414,8 +414,8 @@ impl Sink for Hexapod {
     }
 
     fn halt(&mut self) -> Result<bool, PlatformError> {
-        let told = self.line.tell(HALT);
-        match told.and_then(|()| self.line.check_soon(HALT)) {
+        let sent = self.line.tell(HALT);
+        match sent.and_then(|()| self.line.check_soon(HALT)) {
             // A controller that does not know it.
             Err(PlatformError::Controller { code, .. }) if code == i32::from(error::UNKNOWN_COMMAND) => {
                 self.halt_abruptly().map(|()| true)

@@ -25,7 +25,7 @@ struct Machine {
     /// The error that a reference move meets.
     reference_error: i32,
     error: i32,
-    told: Vec<(Instant, String)>,
+    received: Vec<(Instant, String)>,
     answers: VecDeque<u8>,
     line: Vec<u8>,
 }
@@ -53,7 +53,7 @@ impl Default for Machine {
             cycle_ms: 1e-6,
             reference_error: 0,
             error: 0,
-            told: Vec::new(),
+            received: Vec::new(),
             answers: VecDeque::new(),
             line: Vec::new(),
         }
@@ -80,7 +80,7 @@ impl Machine {
             IS_READY => self.answers.extend([if self.moving { READY - 1 } else { READY }, b'\n']),
             hexapod::gcs::MACRO => self.answer(if self.in_macro { "1" } else { "0" }),
             hexapod::gcs::STOP => {
-                self.told.push((Instant::now(), "#24".to_owned()));
+                self.received.push((Instant::now(), "#24".to_owned()));
                 if self.halt != Halts::Never {
                     self.stopped();
                 }
@@ -96,7 +96,7 @@ impl Machine {
     fn obey(&mut self, line: &str) {
         let verb = line.split(' ').next().unwrap();
         if !verb.ends_with('?') {
-            self.told.push((Instant::now(), line.to_owned()));
+            self.received.push((Instant::now(), line.to_owned()));
         }
         match verb {
             "*IDN?" => self.answer("a hexapod of the tests"),
@@ -131,7 +131,7 @@ impl Machine {
     }
 
     fn when(&self, command: &str) -> Option<Instant> {
-        self.told.iter().find(|(_, said)| said.starts_with(command)).map(|(at, _)| *at)
+        self.received.iter().find(|(_, said)| said.starts_with(command)).map(|(at, _)| *at)
     }
 }
 
@@ -182,11 +182,11 @@ fn a_reference_move_that_meets_an_error_is_stopped() {
     let error = platform.approach(&|| true).unwrap_err();
     assert!(matches!(error, PlatformError::Controller { code: 45, .. }), "{error}");
     let machine = machine.lock().unwrap();
-    assert!(machine.when("HLT").is_some() && !machine.moving, "{:?}", machine.told);
+    assert!(machine.when("HLT").is_some() && !machine.moving, "{:?}", machine.received);
 }
 
 #[test]
-fn what_a_smooth_stop_does_not_stop_is_stopped_abruptly_half_a_second_later() {
+fn a_smooth_stop_without_effect_turns_abrupt_half_a_second_later() {
     for (halt, seconds) in [(Halts::Ignored, 0.5..0.9), (Halts::Unknown, 0.0..0.3)] {
         let unreferenced = Machine { referenced: false, halt, ..Machine::default() };
         let (machine, mut platform) = connected(unreferenced, "gcs://h:1");
@@ -202,7 +202,7 @@ fn what_a_smooth_stop_does_not_stop_is_stopped_abruptly_half_a_second_later() {
 type Change = (fn(&mut Machine), &'static str);
 
 #[test]
-fn what_another_client_changes_after_the_connection_is_found_before_anything_moves() {
+fn changes_by_another_client_after_the_connection_are_found_before_anything_moves() {
     let changes: [Change; 4] = [
         (|m| m.pivot_mm = 100.0, "pivot point is at T = 100 mm"),
         (|m| m.frame = "MINE", "coordinate system MINE"),
@@ -248,7 +248,7 @@ fn servos_that_were_off_are_left_on_and_nothing_is_changed_in_a_machine_that_mov
     let left = platform.release().unwrap();
     assert!(left[0].contains("left on"), "{left:?}");
     let machine = machine.lock().unwrap();
-    assert!(machine.servo && machine.when("HLT") < machine.when("SPA"), "{:?}", machine.told);
+    assert!(machine.servo && machine.when("HLT") < machine.when("SPA"), "{:?}", machine.received);
 }
 
 #[test]
@@ -263,5 +263,5 @@ fn a_machine_that_does_not_come_to_rest_is_left_as_it_is() {
     let error = platform.release().unwrap_err().to_string();
     assert!(error.contains("still moves"), "{error}");
     let machine = machine.lock().unwrap();
-    assert!(machine.when("#24").is_some() && machine.when("SPA").is_none(), "{:?}", machine.told);
+    assert!(machine.when("#24").is_some() && machine.when("SPA").is_none(), "{:?}", machine.received);
 }

@@ -40,9 +40,9 @@ fn rest_leaves_friction_alone() {
             // Of 21 one at most is beyond 1.6 U95 once in 30.
             assert!((own.0 - wanted).abs() < 1.6 * own.1, "joint {k}: {own:?}, true {wanted}");
         }
-        let told =
+        let is_noted =
             rested.0.notes.iter().any(|note| note.contains("standing still") && note.contains("l7_joint 10"));
-        assert!(told, "{:?}", rested.0.notes);
+        assert!(is_noted, "{:?}", rested.0.notes);
         assert!(motion.0.notes.iter().all(|note| !note.contains("standing still")), "{:?}", motion.0.notes);
     }
 }
@@ -80,9 +80,9 @@ fn one_joint_that_rests_takes_nothing_from_the_others() {
             );
         }
         let wanted = truth(&model, problem.tree().unwrap().base());
-        let told = wanted.iter().enumerate().filter(|(j, _)| fit.estimate.is_determined(*j));
+        let determined = wanted.iter().enumerate().filter(|(j, _)| fit.estimate.is_determined(*j));
         let (inside, all): (Vec<bool>, usize) = {
-            let all: Vec<bool> = told
+            let all: Vec<bool> = determined
                 .map(|(j, wanted)| (fit.estimate.unjudged().values[j] - wanted).abs() < u95(&fit, j))
                 .collect();
             let count = all.len();

@@ -105,7 +105,7 @@ mod tests {
 
     /// The series of the kernel's transfer function, from its fourth moment: what the module page states.
     #[test]
-    fn of_a_sine_is_lost_what_is_stated_whatever_the_rate() {
+    fn a_sine_loses_the_stated_share_at_any_rate() {
         for period in [1_433_000_i64, 3_934_000, 10_090_000] {
             let times = jittered(2_000_000_000 / period, period);
             let (half, frequency) = (35_000_000_i64, 2.35);

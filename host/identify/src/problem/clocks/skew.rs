@@ -117,8 +117,8 @@ pub fn estimate(set: &StreamSet, grid: &Grid, pose: Option<&Pose<'_>>) -> Result
         if pose.is_none() && !tied && skews.identified.iter().any(|k| attitude_of(set)(k) && loose(k)) {
             tied = true;
             // The wrench has set the others' clocks.
-            let untold = |k: usize| !found.converged || set.streams[k].attitude.is_some();
-            for (k, late) in skews.late_ns.iter_mut().enumerate().filter(|(k, _)| untold(*k)) {
+            let undetermined = |k: usize| !found.converged || set.streams[k].attitude.is_some();
+            for (k, late) in skews.late_ns.iter_mut().enumerate().filter(|(k, _)| undetermined(*k)) {
                 *late = start[k];
             }
             continue;

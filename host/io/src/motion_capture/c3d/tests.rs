@@ -168,7 +168,7 @@ fn three_processors_write_the_same_recording_in_two_ways() {
 }
 
 #[test]
-fn what_is_wrong_with_a_file_is_named() {
+fn faults_of_a_file_are_named() {
     let good = file(84, true, 2);
     let mut other = good.clone();
     other[1] = 0;

@@ -36,7 +36,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// Returns the next line that is not blank.
-    pub(super) fn next_told(&mut self) -> Result<Option<(usize, &str)>, OpenSimError> {
+    pub(super) fn next_filled(&mut self) -> Result<Option<(usize, &str)>, OpenSimError> {
         while self.next()?.is_some() {
             if !self.text.trim().is_empty() {
                 break;

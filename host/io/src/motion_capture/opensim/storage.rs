@@ -67,7 +67,7 @@ impl<R: BufRead> Rows<R> {
                 _ => {}
             }
         }
-        let (line, names) = lines.next_told()?.ok_or_else(|| {
+        let (line, names) = lines.next_filled()?.ok_or_else(|| {
             OpenSimError::Missing("the file ends before the names of its columns".to_owned())
         })?;
         let mut columns: Vec<String> = names.split_whitespace().map(str::to_owned).collect();
@@ -85,7 +85,7 @@ impl<R: BufRead> Rows<R> {
     /// # Errors
     /// The row is none, or there are other rows than the header says.
     pub fn next_row(&mut self) -> Result<Option<(f64, &[f64])>, OpenSimError> {
-        let Some((line, text)) = self.lines.next_told()? else {
+        let Some((line, text)) = self.lines.next_filled()? else {
             return match self.expected.filter(|expected| *expected != self.count) {
                 Some(expected) => Err(OpenSimError::Missing(format!(
                     "{} rows, and the header says {expected}: the file is cut off, or its header is of \

@@ -74,7 +74,7 @@ impl Trc {
         let Frames { mut lines, header } = file;
         let trc = &mut self;
         let mut frames = 0;
-        while let Some((line, text)) = lines.next_told()? {
+        while let Some((line, text)) = lines.next_filled()? {
             let time = trc.frame(text, line, header.metre)?;
             if frames == 0 {
                 trc.first_s = time;

@@ -115,7 +115,7 @@ fn read(
     let text = |bytes: &ByteArray| {
         bytes.as_utf8().map(one_line).map_err(|_| "it holds text that is not UTF-8".to_owned())
     };
-    match group.get_column_reader(n).map_err(told)? {
+    match group.get_column_reader(n).map_err(in_words)? {
         ColumnReader::BoolColumnReader(reader) => cells(reader, room, |v| Ok(u8::from(*v).to_string())),
         ColumnReader::Int32ColumnReader(reader) => {
             let whole = |v: &i32| if is_unsigned { i128::from(v.cast_unsigned()) } else { i128::from(*v) };
@@ -142,7 +142,7 @@ fn read(
 }
 
 /// Says why a column cannot be read.
-fn told(error: ParquetError) -> String {
+fn in_words(error: ParquetError) -> String {
     let said = error.to_string();
     // What it was packed by is the last word.
     match said.rsplit_once("Disabled feature at compile time: ") {
@@ -162,7 +162,7 @@ fn cells<T: DataType>(
     loop {
         let (mut values, mut levels) = (Vec::new(), Vec::new());
         let (records, ..) =
-            reader.read_records(AT_ONCE, Some(&mut levels), None, &mut values).map_err(told)?;
+            reader.read_records(AT_ONCE, Some(&mut levels), None, &mut values).map_err(in_words)?;
         if records == 0 {
             return Ok(cells);
         }

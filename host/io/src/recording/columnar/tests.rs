@@ -144,7 +144,7 @@ fn variables_of_mat_files_become_columns() {
 }
 
 #[test]
-fn what_is_no_table_of_one_length_is_told() {
+fn tables_of_unequal_length_are_reported() {
     let two = [matrix("t_s", 3, 1, doubles(&[0.0, 1.0, 2.0])), matrix("fx_n", 2, 1, doubles(&[0.0, 1.0]))];
     let said =
         Recording::from_columns("run.mat", mat_file(&two), &RigFile::default()).unwrap_err().to_string();

@@ -51,7 +51,7 @@ fn csv_to_mcap_and_back_is_the_same_file_byte_for_byte() {
 }
 
 #[test]
-fn a_foreign_file_becomes_one_in_the_notation_and_says_what_it_was() {
+fn a_foreign_file_becomes_one_in_the_notation_and_names_its_origin() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     fs::write(at("a.csv"), "fx,fy,fz,tx,ty,tz,ax,ay,az\n1,2,3,4,5,6,0,0,1\n2,2,3,4,5,6,0,0,-1\n").unwrap();

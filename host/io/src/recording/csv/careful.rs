@@ -216,7 +216,7 @@ impl Reader<'_> {
             None,
             format!(
                 "the row has {count} values, the header {width} names: was the file cut off here? remove or \
-                 mend the row"
+                 correct the row"
             ),
         ))
     }

@@ -225,7 +225,7 @@ fn times_of_day_and_dates_are_times() {
 }
 
 #[test]
-fn what_could_be_two_numbers_is_refused() {
+fn ambiguous_numbers_are_refused() {
     let head = "Time [s];Fx [N];Fy [N];Fz [N];Mx [Nm];My [Nm];Mz [Nm]\n";
     let row = |t: i64| format!("{t};1,234;-5,678;9,012;1,000;2,345;3,456\n");
     let text = head.to_owned() + &(0..20).map(row).collect::<String>();
@@ -336,7 +336,7 @@ fn shared_cases_of_a_laboratory_are_read() {
 
 /// Whatever is read is written and read again as the same numbers.
 #[test]
-fn damaged_exports_never_panic_and_what_is_read_comes_back() {
+fn damaged_exports_never_panic_and_rows_read_come_back() {
     let folder =
         std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz/corpus/recording_csv"));
     let mut state = 88_172_645_463_325_252_u64;

@@ -34,7 +34,7 @@ fn with_line(n: usize, from: &str, to: &str) -> String {
 }
 
 #[test]
-fn what_is_written_is_read_to_the_last_bit_and_byte() {
+fn written_files_are_read_to_the_last_bit_and_byte() {
     let recording = read(&text(50), "").unwrap();
     assert_eq!((recording.name.as_str(), recording.rows()), ("test", 50));
     assert_eq!(recording.rate_hz, Some(200.0));
@@ -134,7 +134,7 @@ fn gauges_of_a_sensor_that_reports_the_reaction_take_the_sign_in_their_matrix() 
 }
 
 #[test]
-fn comments_state_what_the_rig_file_can() {
+fn comments_state_keys_of_the_rig_file() {
     let signed = format!("# wrench_sign = \"on_sensor\"\n# rate_hz = 200.0\n{}", text(5));
     let recording = read(&signed, "").unwrap();
     assert_eq!(recording.wrench.as_ref().unwrap()[0][0], -1.5);
@@ -163,7 +163,7 @@ fn a_comment_stays_on_its_line() {
 }
 
 #[test]
-fn a_full_disk_is_told_from_other_failures() {
+fn a_full_disk_is_distinguished_from_other_failures() {
     struct Full;
     impl Write for Full {
         fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
@@ -180,7 +180,7 @@ fn a_full_disk_is_told_from_other_failures() {
 }
 
 #[test]
-fn jitter_is_tolerated_and_gaps_are_told() {
+fn jitter_is_tolerated_and_gaps_are_reported() {
     let mut text = String::from("t_s,imu_gx_radps,imu_gy_radps,imu_gz_radps\n");
     // 300 rows per second, stamped in whole milliseconds; a quarter of a second is missing.
     for n in (0..600).chain(675..900) {
@@ -234,12 +234,12 @@ fn bad_input_is_named_with_its_place() {
         (good.replace("t_s", "t_ms"), "", &["t_ms", "it must be t_s"]),
         (good.replace("t_s", "Time"), "", &["column t_s is missing", "is it \"Time\"?"]),
         (good.replace("t_s", "lamp2"), "", &["column t_s is missing", "static = true"]),
-        (good.replace("lamp", "fx_n"), "", &["\"fx_n\" stands there twice"]),
+        (good.replace("lamp", "fx_n"), "", &["\"fx_n\" appears twice"]),
         (HEADER.replace("lamp", "imu0_ax_mps2") + one, "", &["imu_ax_mps2 is in two columns"]),
         (with_line(4, "300.0", "NaN"), "", &["test.csv, line 5, column fz_n", "NaN is not a finite number"]),
         (with_line(4, "300.0", "-inf"), "", &["line 5, column fz_n", "finite"]),
         (with_line(4, "300.0", "1e999"), "", &["line 5, column fz_n", "finite"]),
-        (with_line(4, "300.0", "n/a"), "", &["line 5, column fz_n", "\"n/a\" is not a number: mend it"]),
+        (with_line(4, "300.0", "n/a"), "", &["line 5, column fz_n", "\"n/a\" is not a number: correct it"]),
         (with_line(4, "300.0", ""), "", &["line 5, column fz_n", "missing"]),
         (
             with_line(4, "0.01,", "0.002,"),

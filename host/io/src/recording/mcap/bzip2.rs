@@ -231,7 +231,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_bzip2_packs_comes_back_and_damage_is_found() {
+    fn bzip2_data_come_back_and_damage_is_found() {
         let plain = format!("{}banana\n", "a".repeat(40));
         assert_eq!(unpack(PACKED, 1000), Ok(plain.clone().into_bytes()));
         assert!(unpack(PACKED, 20).unwrap_err().contains("more than 20 bytes"));

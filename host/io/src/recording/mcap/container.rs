@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn a_torn_file_gives_what_is_whole() {
+    fn a_torn_file_gives_its_whole_part() {
         let plain = records();
         let whole = file(&[chunk_record("", &plain, &plain), chunk_record("", &plain, &plain)]);
         let chunk = chunk_record("", &plain, &plain).len();

@@ -93,7 +93,7 @@ fn damaged_and_swollen_workbooks_are_refused() {
 }
 
 #[test]
-fn old_workbooks_are_named_with_what_to_do() {
+fn old_workbooks_are_named_with_advice() {
     let said = Recording::load(Path::new("a.xls"), None).unwrap_err().to_string();
     assert!(said.contains("save it as .xlsx"), "{said}");
 }

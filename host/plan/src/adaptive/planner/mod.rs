@@ -501,8 +501,8 @@ impl Planner {
         self.shrunk |= entry.kind != Kind::Look;
         let smallest = if self.identified { SMALLEST } else { SMALLEST_LOOK };
         let smaller = if entry.scale < smallest { None } else { entry.candidate.smaller(by) };
-        let told = smaller.and_then(|candidate| self.tells(&candidate).map(|tells| (candidate, tells)));
-        match (told, self.entries.get_mut(index)) {
+        let smaller = smaller.and_then(|candidate| self.tells(&candidate).map(|tells| (candidate, tells)));
+        match (smaller, self.entries.get_mut(index)) {
             (Some((candidate, tells)), Some(entry)) => {
                 (entry.candidate, entry.tells, entry.guaranteed) = (candidate, tells, false);
             }
@@ -534,7 +534,7 @@ impl Planner {
     }
 
     /// The decision was carried out to its end with this result. Coordinates that turn out not to follow.
-    pub fn carried_out(&mut self, decision: &Decision, told: &Information) -> [bool; 6] {
+    pub fn carried_out(&mut self, decision: &Decision, observed: &Information) -> [bool; 6] {
         self.turns.driven(&decision.members, decision.index);
         if let Some(entry) = self.entries.get(decision.index) {
             self.at = entry.place;
@@ -545,12 +545,12 @@ impl Planner {
         for (taken, moved) in self.taken.iter_mut().zip(moved(&decision.program)) {
             *taken |= moved;
         }
-        let newly = stood_still(&self.rig, &decision.program, &decision.moves, told);
+        let newly = stood_still(&self.rig, &decision.program, &decision.moves, observed);
         if newly.contains(&true) {
             self.lose(&newly);
             return newly;
         }
-        let came = share(&decision.tells, told);
+        let came = share(&decision.tells, observed);
         if came < AS_EXPECTED
             && let Some(entry) = self.entries.get_mut(decision.index)
             && matches!(entry.candidate.segment, Segment::Multisine { .. })

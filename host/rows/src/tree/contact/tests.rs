@@ -158,7 +158,7 @@ fn cases() -> [([bool; 6], [bool; 6], Vec<usize>); 4] {
 }
 
 #[test]
-fn rows_without_what_is_not_measured_hold_in_motion() {
+fn rows_without_unmeasured_wrenches_hold_in_motion() {
     let model = robot();
     for (first, second, unmeasured) in cases() {
         let unknown = first.iter().chain(&second).filter(|known| !**known).count() + unmeasured.len();
@@ -181,10 +181,10 @@ fn rows_without_what_is_not_measured_hold_in_motion() {
             let times = |all: &[f64], c: usize| -> f64 {
                 all[c * n..(c + 1) * n].iter().zip(phi.iter()).map(|(a, b)| a * b).sum()
             };
-            let told: Vec<usize> = (0..channels).filter(|c| !rows[1].untold[*c]).collect();
-            assert_eq!(told.len(), channels - unknown);
+            let present: Vec<usize> = (0..channels).filter(|c| !rows[1].missing[*c]).collect();
+            assert_eq!(present.len(), channels - unknown);
             let size = rows[1].measured.iter().fold(0.0_f64, |most, m| most.max(m.abs()));
-            for c in told {
+            for c in present {
                 let slope =
                     (times(&rows[2].differentiated, c) - times(&rows[0].differentiated, c)) / (2.0 * STEP);
                 let predicted = times(&rows[1].smoothed, c) + slope;
@@ -236,7 +236,7 @@ fn noise_of_the_rows_is_white_and_as_stated() {
         }
         for i in 0..14 {
             for j in 0..14 {
-                let wanted = if i == j && !rows.untold[i] { contact.sigma[i].powi(2) } else { 0.0 };
+                let wanted = if i == j && !rows.missing[i] { contact.sigma[i].powi(2) } else { 0.0 };
                 assert!((covariance[(i, j)] - wanted).abs() < 1e-7, "{i} {j}: {}", covariance[(i, j)]);
             }
         }
@@ -245,7 +245,7 @@ fn noise_of_the_rows_is_white_and_as_stated() {
 
 /// With other rows to eliminate by, the row space is the same.
 #[test]
-fn rows_span_what_the_null_space_of_the_unknown_does() {
+fn rows_span_the_null_space_of_the_unknown() {
     let model = robot();
     let vertical = [false, false, true, true, true, false];
     let feet = vec![foot("left", 3, vertical), foot("right", 6, vertical)];

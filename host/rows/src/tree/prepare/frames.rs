@@ -115,7 +115,7 @@ impl Preparation<'_> {
             };
             let parent = &links[link.link.parent];
             let resolved = resolve(&link.link, parent, &own)
-                .ok_or_else(|| self.missing(self.what_of(i).0, self.what_of(i).1))?;
+                .ok_or_else(|| self.missing(self.missing_of(i).0, self.missing_of(i).1))?;
             misfits[i] += resolved.misfit * resolved.misfit;
             links.push(resolved);
         }

@@ -57,7 +57,7 @@ impl Preparation<'_> {
             let Some(positions) = positions else {
                 return Err(self.missing(
                     format!("the position of joint {name} ({name}_{}) is", units[0]),
-                    "rates and efforts alone do not say where it stands",
+                    "rates and efforts alone do not give its position",
                 ));
             };
             let table = tables.iter().find(|t| t.name == *name);
@@ -212,7 +212,7 @@ impl Preparation<'_> {
         let part = parts.map(|l| l.joint_name.as_str()).find(|name| has(name, "nm") || has(name, "rad"));
         part.map_or_else(String::new, |name| {
             format!(
-                ". {name} is a spherical joint here, whose motion is told by attitudes and gyros, and of \
+                ". {name} is a spherical joint here, whose motion is given by attitudes and gyros, and of \
                  which {name}_rad and {name}_nm are one axis alone: it is identified from these where the \
                  angles of all three revolute joints are recorded"
             )

@@ -14,12 +14,12 @@ use rigident_model::idle::white_noise;
 
 /// Attitudes this much off what a joint can do are another joint's, rad: far beyond what IMUs and straps do.
 const ANOTHER_JOINT: f64 = 0.15;
-/// Worth telling, rad.
+/// Worth a word, rad.
 const NOTICEABLE: f64 = 0.02;
 
 impl Preparation<'_> {
     /// Returns what of joint `i` is missing, and what to do.
-    pub(super) fn what_of(&self, i: usize) -> (String, String) {
+    pub(super) fn missing_of(&self, i: usize) -> (String, String) {
         let link = &self.model.links[i];
         let name = &link.joint_name;
         let number = self.numbering().ok().and_then(|n| n.iter().position(|k| *k == Some(i))).unwrap_or(i);
@@ -64,7 +64,7 @@ impl Preparation<'_> {
                 continue;
             }
             if slides || !columns.attitudes.contains_key(&i) {
-                let (missing, advice) = self.what_of(i);
+                let (missing, advice) = self.missing_of(i);
                 return Err(self.missing(missing, advice));
             }
             if !columns.gyros.contains_key(&i) && !self.recording.is_static {
@@ -161,7 +161,7 @@ impl Preparation<'_> {
             ),
             some(
                 rig.body.is_some(),
-                "[body] of the rig file was not used: what is told of a tree is in the frames of its links",
+                "[body] of the rig file was not used: the answer of a tree is in the frames of its links",
             ),
             some(rig.truth.is_some(), "[truth] of the rig file was not shown: it is of a single body"),
             some(

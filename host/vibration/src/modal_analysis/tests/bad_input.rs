@@ -79,7 +79,7 @@ fn frozen_and_repeated_channels_are_named() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_named() {
+fn inputs_that_do_not_fit_together_are_named() {
     let y = good();
     let with = |rate_hz: f64, names: &[&str], options: &Options| {
         identify(&FreeDecay { rate_hz, samples: &y, names }, options)

@@ -67,7 +67,7 @@ fn run(y: &DMatrix<f64>) -> Modes {
 }
 
 #[test]
-fn a_motion_is_found_again_from_what_an_imu_reads_of_it() {
+fn a_motion_is_found_again_from_the_readings_of_an_imu() {
     let found = run(&signals(20.0));
     assert_eq!(found.shapes.modes.len(), 3);
     let platform = platform_amplitudes(&imu(), &found.amplitudes).expect("six channels");

@@ -192,7 +192,7 @@ pub fn watch(bench: &mut Bench, path: &mut Path) {
     };
     send(0, &Command::Configure(settings));
     for link in 0..sensors::WATCHED_LINKS {
-        let told = WatchLinkSettings {
+        let given = WatchLinkSettings {
             // Four limbs of seven and a trunk.
             parent: if link % 7 == 1 { 0 } else { link.saturating_sub(1) as u8 },
             joint: if link == 0 { WatchJoint::Fixed } else { WatchJoint::Revolute },
@@ -201,7 +201,7 @@ pub fn watch(bench: &mut Bench, path: &mut Path) {
             position_m: [0.02, 0.03, -0.1],
             parameters: [1.5, 0.01, 0.02, -0.1, 0.03, 0.03, 0.02, 0.001, 0.002, 0.001],
         };
-        send(1 + link, &Command::WatchLink { link: link as u8, settings: told });
+        send(1 + link, &Command::WatchLink { link: link as u8, settings: given });
     }
     send(100, &Command::Start);
     let mut time_ns = 0;

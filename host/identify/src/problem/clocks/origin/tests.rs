@@ -226,7 +226,7 @@ fn clocks_without_a_common_origin_are_found_within_two_milliseconds() {
 }
 
 #[test]
-fn clocks_that_agree_are_left_alone_and_what_fits_nowhere_is_said() {
+fn clocks_that_agree_are_left_alone_and_a_misfit_is_reported() {
     let same = Clock { offset_s: 0.0, rate: 1.0 };
     for seed in 0..4 {
         assert_eq!(run(seed, same, false, true).verdict(), Verdict::Fits, "{seed}");

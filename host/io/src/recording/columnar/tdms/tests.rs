@@ -159,7 +159,7 @@ fn both_byte_orders_and_both_orders_of_values_are_read() {
 }
 
 #[test]
-fn rates_that_differ_and_what_is_no_tdms_are_refused() {
+fn rates_that_differ_and_other_files_are_refused() {
     let bytes = std::fs::read(path("waveform.tdms")).unwrap();
     let step = 0.002_f64.to_le_bytes();
     let at = bytes.windows(8).position(|w| w == step).unwrap();

@@ -171,7 +171,7 @@ fn counts_of_a_net_ft_are_divided() {
 }
 
 #[test]
-fn catman_names_its_time_above_lines_of_what_is_known_of_channels() {
+fn catman_names_its_time_above_lines_about_channels() {
     let words = |cells: [&str; 7]| cells.join("\t") + "\t\n";
     let about = (0..33).map(|k| {
         words(["x", "MX840A_0", "SlotInfo", "NullWert=0", "Typ", "1", "n/a"])

@@ -3,13 +3,13 @@
 use super::*;
 
 #[test]
-fn a_tool_without_a_nominal_model_is_told_to_change_nothing() {
+fn a_tool_without_a_nominal_model_is_reported_to_change_nothing() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 2);
     let words =
         ["identify", "arm.csv", "--model", "arm.urdf", "--tool", "plate@0,0,0.1", "--json", "--out", "o"];
     let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
-    let said = told(&found);
+    let said = in_words(&found);
     assert!(
         said.contains("--tool plate@0,0,0.1 changes nothing") && said.contains("take the difference"),
         "{said}"
@@ -85,7 +85,7 @@ fn a_cell_is_named_by_file_and_line() {
 }
 
 #[test]
-fn a_robot_s_recording_without_a_model_is_told_from_a_body_s() {
+fn a_robot_s_recording_without_a_model_is_distinguished_from_a_body_s() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 2);
     let said = complaint(&rigident(place.path(), &["identify", "arm.csv", "--out", "never"]));
@@ -94,7 +94,7 @@ fn a_robot_s_recording_without_a_model_is_told_from_a_body_s() {
     two_links(place.path(), Vector3::z());
     std::fs::rename(place.path().join("two.csv"), place.path().join("one.csv")).unwrap();
     let found = answer(&rigident(place.path(), &["identify", "one.csv", "--json", "--out", "o"]));
-    let said = told(&found);
+    let said = in_words(&found);
     assert!(said.contains("columns of other links are not used: imu1_…, q1_…"), "{said}");
 }
 
@@ -161,7 +161,7 @@ fn three_revolutes_that_meet_are_identified_from_their_angles_and_torques() {
 }
 
 #[test]
-fn one_revolute_s_columns_are_told_to_be_of_no_spherical_joint() {
+fn columns_of_one_revolute_joint_are_refused_for_a_spherical_joint() {
     let place = tempfile::tempdir().unwrap();
     ball(place.path());
     let csv = std::fs::read_to_string(place.path().join("ball.csv")).unwrap();
@@ -208,7 +208,7 @@ fn the_example_of_two_links_is_identified() {
 /// As the antennas, lasers and frames of published descriptions: mass without inertia, rounded moments,
 /// moments without mass.
 #[test]
-fn odd_links_on_fixed_joints_are_mended_with_a_word_and_block_nothing() {
+fn odd_links_on_fixed_joints_are_corrected_with_a_word_and_block_nothing() {
     let place = tempfile::tempdir().unwrap();
     arm_recording(place.path(), 2);
     let truth = open(place.path().join("arm.urdf").to_str().unwrap(), &Person::default()).unwrap().0;
@@ -229,7 +229,7 @@ fn odd_links_on_fixed_joints_are_mended_with_a_word_and_block_nothing() {
         let words =
             ["identify", "arm.csv", "--model", "odd.urdf", "--json", "--out", &out, "--write-model", file];
         let found = answer(&rigident(place.path(), &[&words[..], &FRICTION].concat()));
-        let said = told(&found);
+        let said = in_words(&found);
         for why in [
             "antenna: no distribution of mass",
             "ball of 0.027 m",

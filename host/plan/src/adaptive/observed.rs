@@ -13,7 +13,7 @@ const CHANNELS: u64 = 6;
 
 /// The information of a factor.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct Observed {
     /// Information on all sixteen.
     pub information: Information,
     /// The ten parameters, if all of them are identified by the answer's own rule. At rest noise makes a
@@ -25,7 +25,7 @@ pub struct Told {
     pub variance_scale: f64,
 }
 
-impl Told {
+impl Observed {
     /// Returns it as the planner takes it.
     pub fn known(&self) -> Known<'_> {
         Known {
@@ -48,7 +48,7 @@ impl Told {
 
 impl RigModel {
     /// Judges a factor as the answer does.
-    pub fn told(&self, factor: &Factor) -> Told {
+    pub fn observed(&self, factor: &Factor) -> Observed {
         let rounding = factor.rounding();
         let fitted = factor.solve(rounding).determined.iter().filter(|d| **d).count();
         let rows = RowSet {
@@ -60,7 +60,7 @@ impl RigModel {
         let judged = judge(&[rows], factor.residual_sum_of_squares(), fitted as f64);
         let estimate = Estimate::new(factor, rounding, judged.variance_scale, Noise::Given);
         let identified = identified_of_body(&estimate, self.spurious_information(factor));
-        Told {
+        Observed {
             information: self.of_factor(factor),
             estimate: estimate.unjudged().values.first_chunk::<10>().filter(|_| identified >= 10).copied(),
             first: estimate.unjudged().values.first_chunk::<4>().filter(|_| identified >= 4).copied(),
