@@ -101,7 +101,7 @@ pub enum FactorFileError {
     /// Numbers of the header that no recording can give.
     #[error(
         "the factor file's header holds {0}, which no recording gives: write it anew from the recording with \
-         `rigident factor`"
+         `factor()`"
     )]
     Header(&'static str),
     /// No rows are in it.

@@ -32,6 +32,13 @@ fn has_command(text: &str) -> bool {
     })
 }
 
+/// Returns a text as written in the sources with its lines joined where they are continued.
+fn joined(written: &str) -> String {
+    let mut lines = written.split("\\\n");
+    let first = lines.next().unwrap_or_default().to_owned();
+    lines.fold(first, |text, line| text + line.trim_start())
+}
+
 fn names_one(text: &str) -> bool {
     has_option(text) || has_command(text)
 }
@@ -57,12 +64,12 @@ impl<'a> Visit<'a> for Texts {
     fn visit_attribute(&mut self, attribute: &'a Attribute) {
         // A comment is an attribute with a value; the words of an error are in a list.
         if let Meta::List(list) = &attribute.meta {
-            self.found |= names_one(&list.tokens.to_string());
+            self.found |= names_one(&joined(&list.tokens.to_string()));
         }
     }
 
     fn visit_macro(&mut self, called: &'a Macro) {
-        self.found |= names_one(&called.tokens.to_string());
+        self.found |= names_one(&joined(&called.tokens.to_string()));
     }
 
     fn visit_lit_str(&mut self, text: &'a LitStr) {

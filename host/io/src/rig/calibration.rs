@@ -309,7 +309,7 @@ impl RigCalibration {
         let age = at.duration_since(made).ok().filter(|age| *age > valid)?;
         Some(format!(
             "the calibration {} was {} days old when this was recorded, and is valid for {}: calibrate the \
-             rig again (`rigident calibrate rig`); the intervals take its errors for unchanged",
+             rig again; the intervals take its errors for unchanged",
             self.name,
             age.as_secs() / 86_400,
             self.valid_days

@@ -9,7 +9,8 @@
 //! ```text
 //! K_g = Σ [(a·f) 1 − a fᵀ] − g ms_z 1 + g ms ẑᵀ                     turns (symmetric, as moments balance)
 //!     + Σ (t/L) Jᵀ (1 − n nᵀ) J                                      springs of length L that pull along n
-//!     + Σ (P/2) Jᵀ [0, [n]×; −[n]×, 0] J                              clamped ones that push by P: both ends bear half of the moment F L + P δ
+//!     + Σ (P/2) Jᵀ [0, [n]×; −[n]×, 0] J                              clamped ones that push by P: both ends
+//!                                                                     bear half of the moment F L + P δ
 //! ```
 //! Sources: H. M. Irvine, Cable Structures, 1981 (tension over length); S. Timoshenko, J. Gere, Theory of
 //! Elastic Stability, 1961 (sway of clamped columns).
