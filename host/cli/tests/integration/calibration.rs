@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use std::process::Output;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -150,22 +151,38 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
     record(at, "lying", &Body::cylinder(true), &errors, 2);
     record(at, "bracket", &Body::bracket(), &errors, 3);
     record(at, "again", &Body::cylinder(false), &errors, 4);
+    check_calibrations(at);
+    check_calibrated_answers(at);
+    check_verified(at);
+}
 
-    let calibrate = |recordings: &[&str], output: &str, more: &[&str]| {
-        let mut line = vec!["calibrate", "rig"];
-        line.extend(recordings);
-        line.extend(["--reference", "cylinder.toml", "-o", output, "--json"]);
-        line.extend(more);
-        rigident(at, &line)
-    };
-    let one = calibrate(&["upright.csv"], "one.calibration.toml", &[]);
+/// Calibrates the rig by recordings of the cylinder.
+fn calibrate_rig(at: &Path, recordings: &[&str], output: &str, more: &[&str]) -> Output {
+    let mut line = vec!["calibrate", "rig"];
+    line.extend(recordings);
+    line.extend(["--reference", "cylinder.toml", "-o", output, "--json"]);
+    line.extend(more);
+    rigident(at, &line)
+}
+
+/// Calibrates by one mounting and by two, whose order does not count and which know no less.
+fn check_calibrations(at: &Path) {
+    let one = calibrate_rig(at, &["upright.csv"], "one.calibration.toml", &[]);
     assert_eq!(one.status.code(), Some(0), "{}", said(&one));
-    let both =
-        calibrate(&["upright.csv", "lying.csv"], "both.calibration.toml", &["--mounting", "place,lying"]);
+    let both = calibrate_rig(
+        at,
+        &["upright.csv", "lying.csv"],
+        "both.calibration.toml",
+        &["--mounting", "place,lying"],
+    );
     assert_eq!(both.status.code(), Some(0), "{}", said(&both));
     // The result in either order is the same, but for where it was linearised.
-    let turned =
-        calibrate(&["lying.csv", "upright.csv"], "turned.calibration.toml", &["--mounting", "lying,place"]);
+    let turned = calibrate_rig(
+        at,
+        &["lying.csv", "upright.csv"],
+        "turned.calibration.toml",
+        &["--mounting", "lying,place"],
+    );
     let (both, turned) = (json(&both), json(&turned));
     for (a, b) in both["errors"].as_array().unwrap().iter().zip(turned["errors"].as_array().unwrap()) {
         let off = (number(a, &["value"]) - number(b, &["value"])).abs();
@@ -177,7 +194,10 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
         assert!(number(both, &["sigma"]) < 1.01 * number(one, &["sigma"]), "{one} {both}");
         assert!(number(one, &["sigma"]) < 1.01 * number(one, &["sigma_before"]), "{one}");
     }
+}
 
+/// Identifies a bracket with and without the calibration, which narrows the mass' interval about the truth.
+fn check_calibrated_answers(at: &Path) {
     let of = |command: &str, name: &str, more: &[&str]| {
         let out = format!("out-{name}");
         let mut line = vec![command, "bracket.csv", "--json", "--out", &out];
@@ -204,7 +224,10 @@ fn a_cylinder_calibrates_a_rig_and_verifies_it() {
     // The answer of a device's run is the host's.
     let replayed = u95(&of("replay", "replayed", &["--calibration", "both.calibration.toml"]));
     assert!((replayed.0 - after.0).abs() < 0.05 * after.1 && (replayed.1 / after.1 - 1.0).abs() < 0.05);
+}
 
+/// Verifies the rig by the cylinder, and by another mounting than that of the recording.
+fn check_verified(at: &Path) {
     let verify = |name: &str, more: &[&str]| {
         let mut line = vec!["verify", name, "--reference", "cylinder.toml", "--json"];
         line.extend(more);
