@@ -4,30 +4,26 @@
 //! A body of 3.2 kg on a load cell of 0.05 N and 2 mN m, turned by ±0.5 rad about all axes for 20 s at 200
 //! Hz; every run has its own frequencies and phases, noise, time and place.
 
-use hexapod::{Axis, BodyParameters, FrameMotion, Geometry, MotionProgram, Segment, SineTerm};
-use nalgebra::Vector3;
+mod simulated;
+
 use rigident::fit::lack_of_fit::{Changed, Motion};
 use rigident::fit::{Fit, FitOptions, Silent, fit};
 use rigident::rig::ImuTable;
 use rigident::rows::body::{BodySource, Input};
 use rigident_shared::calibration::{ImuMounting, Reading};
 use rigident_shared::screening::Limits;
-use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
-use super::problem::Normal;
+use self::simulated::{Recording, recording};
 use super::report::{Job, in_parallel, short};
 
 const RATE_HZ: f64 = 200.0;
 const DURATION_S: f64 = 20.0;
-const GRAVITY: f64 = 9.80665;
 /// 1 σ a sample, N and N m.
 const LOAD_CELL: [f64; 6] = [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015];
 /// 1 σ a sample, m/s² and rad/s.
 const IMU: [f64; 2] = [0.01, 5e-4];
 const ORDINARY_IMU: [f64; 2] = [0.03, 2e-3];
 const CONSUMER_IMU: [f64; 2] = [0.3, 0.02];
-/// 1/f noise begins where it is as large as the white noise, Hz.
-const CORNER_HZ: f64 = 1.0;
 
 /// The events in a recording.
 #[derive(Clone, Copy, PartialEq)]
@@ -109,207 +105,6 @@ impl Case {
             _ => (0.0, DURATION_S, 1.0),
         }
     }
-}
-
-fn body() -> BodyParameters {
-    BodyParameters {
-        mass_kg: 3.2,
-        com_m: [0.03, -0.02, 0.08],
-        inertia_com_kgm2: [0.02, 0.025, 0.015, 0.0015, -0.001, 0.002],
-    }
-}
-
-/// Returns the sum of two bodies, the second a point.
-fn with_point(body: &BodyParameters, mass_kg: f64, at: Vector3<f64>) -> BodyParameters {
-    let whole = body.mass_kg + mass_kg;
-    let own = Vector3::from(body.com_m);
-    let com = (own * body.mass_kg + at * mass_kg) / whole;
-    let mut inertia = body.inertia_com_kgm2;
-    for (mass, place) in [(body.mass_kg, own), (mass_kg, at)] {
-        let d = place - com;
-        let add = [
-            d.y * d.y + d.z * d.z,
-            d.z * d.z + d.x * d.x,
-            d.x * d.x + d.y * d.y,
-            -d.y * d.z,
-            -d.z * d.x,
-            -d.x * d.y,
-        ];
-        inertia.iter_mut().zip(add).for_each(|(i, a)| *i += mass * a);
-    }
-    BodyParameters { mass_kg: whole, com_m: com.into(), inertia_com_kgm2: inertia }
-}
-
-/// A uniform number from −1 to 1.
-fn uniform(normal: &mut Normal) -> f64 {
-    // The phase of two normal deviates.
-    normal.draw().atan2(normal.draw()) / std::f64::consts::PI
-}
-
-fn motion(normal: &mut Normal, (rest_s, moving_s, faster): (f64, f64, f64)) -> MotionProgram {
-    let mut terms = Vec::new();
-    for axis in [Axis::Roll, Axis::Pitch, Axis::Yaw] {
-        for (amplitude, frequency_hz) in [(0.25, 0.3), (0.15, 0.8), (0.1, 1.4)] {
-            terms.push(SineTerm {
-                axis,
-                amplitude,
-                frequency_hz: faster * frequency_hz * (1.0 + 0.25 * uniform(normal)),
-                phase_rad: std::f64::consts::PI * uniform(normal),
-            });
-        }
-    }
-    let rest = (rest_s > 0.0).then_some(Segment::Hold { duration_s: rest_s });
-    let moving = Segment::Multisine { duration_s: moving_s, ramp_s: 2.0, terms };
-    MotionProgram { start: Geometry::thesis().home(), segments: rest.into_iter().chain([moving]).collect() }
-}
-
-/// 1/f noise whose density is that of white noise of unit variance per sample at [`CORNER_HZ`]: exponentially
-/// correlated noise of time constants an octave apart.
-struct Flicker {
-    states: Vec<(f64, f64)>,
-}
-
-impl Flicker {
-    const OCTAVES: i32 = 12;
-
-    fn new(normal: &mut Normal) -> Self {
-        let times = (0..Self::OCTAVES).map(|k| 2f64.powi(k - 6));
-        let states = times.map(|time_s| (f64::exp(-1.0 / (RATE_HZ * time_s)), normal.draw()));
-        Self { states: states.collect() }
-    }
-
-    fn next(&mut self, normal: &mut Normal) -> f64 {
-        // Sum of Lorentzians 4 τ/(1 + (ωτ)²) per octave: (2/ln 2)/f; white noise has 2/rate.
-        let variance = CORNER_HZ * std::f64::consts::LN_2 / RATE_HZ;
-        for (rho, state) in &mut self.states {
-            *state = *rho * *state + (1.0 - *rho * *rho).sqrt() * normal.draw();
-        }
-        variance.sqrt() * self.states.iter().map(|s| s.1).sum::<f64>()
-    }
-}
-
-/// A recording and what is true of it.
-struct Recording {
-    readings: Vec<Reading<f64>>,
-    changed_at_s: f64,
-}
-
-fn recording(case: Case, seed: u64) -> Recording {
-    let mut normal = Normal::new(seed);
-    let trajectory = motion(&mut normal, case.timing()).trajectory().expect("a fixed kind of motion");
-    let changed_at_s = DURATION_S * (0.5 + 0.25 * uniform(&mut normal));
-    let place = Vector3::from_fn(|_, _| 0.06 * uniform(&mut normal)) + Vector3::from(body().com_m);
-    let direction = Vector3::from_fn(|_, _| normal.draw()).normalize();
-    let rest = body();
-    let (before, after) = match case {
-        Case::Lost(mass) => (rest, with_point(&rest, -mass, place)),
-        Case::Moved => {
-            let without = with_point(&rest, -0.2, place);
-            (rest, with_point(&without, 0.2, place + 0.005 * direction))
-        }
-        _ => (rest, rest),
-    };
-    let [accel, gyro] = case.imu();
-    let gravity = Vector3::new(0.0, 0.0, -GRAVITY);
-    let mut flicker: Vec<Flicker> = (0..6).map(|_| Flicker::new(&mut normal)).collect();
-    let (mut walk, mut gyro_walk) = ([0.0; 6], Vector3::zeros());
-    let mut there_before = Vector3::zeros();
-    let (mut swing, mut swing_rate) = (Vector3::zeros(), Vector3::<f64>::zeros());
-    let (mut sign, mut rattles) = (0.0, 0);
-    let knocks: Vec<f64> = (0..2).map(|_| DURATION_S * (0.5 + 0.45 * uniform(&mut normal))).collect();
-    let jump: [f64; 6] = std::array::from_fn(|c| direction[c % 3] * if c < 3 { 0.2 } else { 0.005 });
-    let start = trajectory.state(0.0);
-    let root_step = RATE_HZ.sqrt().recip();
-    let (rest_s, moving_s, _) = case.timing();
-    let count = ((rest_s + moving_s) * RATE_HZ) as usize;
-    let readings = (0..count).map(|k| {
-        let time_s = k as f64 / RATE_HZ;
-        let state = trajectory.state(time_s);
-        let motion = FrameMotion::of_plate(&state);
-        let own = if time_s < changed_at_s { &before } else { &after };
-        let mut wrench = own.wrench(&motion, &gravity);
-        let to_s = motion.rotation.transpose();
-        let specific = motion.specific_force(&gravity);
-        let (rate, turning) = (to_s * motion.angular_rate, to_s * motion.angular_acceleration);
-        let mut add = |force: Vector3<f64>, at: Vector3<f64>| {
-            let moment = at.cross(&force);
-            wrench.iter_mut().zip(force.iter().chain(moment.iter())).for_each(|(w, v)| *w += v);
-        };
-        match case {
-            Case::Cable(stiffness) => {
-                let moved =
-                    motion.position + motion.rotation * place - (start.position + start.rotation * place);
-                add(to_s * moved * stiffness, place);
-            }
-            Case::Mode(frequency, damping) => {
-                const MASS: f64 = 0.3;
-                let omega = std::f64::consts::TAU * frequency;
-                let there = specific + turning.cross(&place) + rate.cross(&rate.cross(&place));
-                if k == 0 {
-                    (swing, there_before) = (-there / (omega * omega), there);
-                }
-                let of = |u: Vector3<f64>, swing: Vector3<f64>, swing_rate: Vector3<f64>| {
-                    -u - swing * (omega * omega) - swing_rate * (2.0 * damping * omega)
-                };
-                const STEPS: u32 = 20;
-                for step in 0..STEPS {
-                    let share = (f64::from(step) + 0.5) / f64::from(STEPS);
-                    let u = there_before * (1.0 - share) + there * share;
-                    swing_rate += of(u, swing, swing_rate) / (RATE_HZ * f64::from(STEPS));
-                    swing += swing_rate / (RATE_HZ * f64::from(STEPS));
-                }
-                there_before = there;
-                add(of(there, swing, swing_rate) * MASS, place);
-                let moment = swing.cross(&(there * MASS));
-                wrench.iter_mut().skip(3).zip(moment.iter()).for_each(|(w, v)| *w += v);
-            }
-            Case::Bolt => {
-                let force = specific.x + turning.cross(&place).x;
-                if force.signum() != sign {
-                    (sign, rattles) = (force.signum(), 20);
-                }
-                if rattles > 0 {
-                    rattles -= 1;
-                    add(Vector3::from_fn(|_, _| normal.draw()), place);
-                }
-            }
-            Case::Knocks => {
-                for knock in &knocks {
-                    let phase = (time_s - knock) / 0.1;
-                    if (0.0..1.0).contains(&phase) {
-                        add(direction * 20.0 * (std::f64::consts::PI * phase).sin(), place);
-                    }
-                }
-            }
-            _ => {}
-        }
-        for c in 0..6 {
-            wrench[c] += LOAD_CELL[c] * normal.draw();
-            wrench[c] += match case {
-                Case::Flicker => LOAD_CELL[c] * flicker[c].next(&mut normal),
-                Case::WarmUp => direction[c % 3] * if c < 3 { 1.0 } else { 0.02 } * f64::exp(-time_s / 8.0),
-                Case::Walk => {
-                    walk[c] += if c < 3 { 0.05 } else { 0.002 } * root_step * normal.draw();
-                    walk[c]
-                }
-                Case::Jump if time_s >= changed_at_s => jump[c],
-                _ => 0.0,
-            };
-        }
-        if case == Case::GyroWalk {
-            gyro_walk += Vector3::from_fn(|_, _| 2e-3 * root_step * normal.draw());
-        }
-        let noisy = |v: Vector3<f64>, sigma: f64, normal: &mut Normal| -> [f64; 3] {
-            std::array::from_fn(|i| v[i] + sigma * normal.draw())
-        };
-        Reading {
-            time_ns: (time_s * 1e9).round() as u64,
-            wrench: Wrench::from_array(wrench),
-            specific_force: SpecificForce::from_array(noisy(specific, accel, &mut normal)),
-            angular_rate: AngularRate::from_array(noisy(rate + gyro_walk, gyro, &mut normal)),
-        }
-    });
-    Recording { readings: readings.collect(), changed_at_s }
 }
 
 fn fitted(case: Case, readings: Vec<Reading<f64>>) -> Fit {
