@@ -179,97 +179,120 @@ fn disturbed(
     })
 }
 
-/// All cases.
-pub fn cases() -> Vec<Case> {
-    let mut cases = vec![disturbed("none", Expected::Survived, true, |_| {})];
+/// Sensor faults, on every channel that can have them.
+fn sensor_cases() -> Vec<Case> {
     let faults = std::iter::successors(next_fault(None), |fault| next_fault(Some(fault)));
-    for (name, fault) in faults.flat_map(|fault| on_channels(&fault)) {
+    let of = |(name, fault): (String, Fault)| {
         let short = matches!(fault, Fault::Frozen { channel: Channel::LoadCell, .. } | Fault::Knock { .. });
         // It is measured, and the gauges are divided by it.
         let divided = matches!(fault, Fault::Excitation { to, .. } if to > 0.9);
         let expected = if divided { Expected::Survived } else { Expected::Detected };
-        cases.push(disturbed(name, expected, short, move |rig| rig.add_fault(fault.clone())));
-    }
-    cases.push(disturbed(
-        "converter: its oscillator has 8.0 and not 8.192 MHz",
-        Expected::Detected,
-        true,
-        |rig| {
+        disturbed(name, expected, short, move |rig| rig.add_fault(fault.clone()))
+    };
+    faults.flat_map(|fault| on_channels(&fault)).map(of).collect()
+}
+
+/// Faults of the load cell's converter.
+fn converter_cases() -> Vec<Case> {
+    vec![
+        disturbed("converter: its oscillator has 8.0 and not 8.192 MHz", Expected::Detected, true, |rig| {
             rig.set_load_cell_clock_hz(8.0e6);
-        },
-    ));
-    cases.push(disturbed("converter: a bit of a frame flips", Expected::Detected, true, |rig| {
-        rig.flip_load_cell_bit(2000, 53);
-    }));
-    cases.push(disturbed("converter: bits of many frames in a row flip", Expected::Detected, false, |rig| {
-        (2000..2040).for_each(|frame| rig.flip_load_cell_bit(frame, 53));
-    }));
-    cases.extend(wiring_cases());
-    for (name, faults) in line_faults() {
+        }),
+        disturbed("converter: a bit of a frame flips", Expected::Detected, true, |rig| {
+            rig.flip_load_cell_bit(2000, 53);
+        }),
+        disturbed("converter: bits of many frames in a row flip", Expected::Detected, false, |rig| {
+            (2000..2040).for_each(|frame| rig.flip_load_cell_bit(frame, 53));
+        }),
+    ]
+}
+
+/// Faults of the line to the host.
+fn line_cases() -> Vec<Case> {
+    let of = |(name, faults): (&'static str, LinkFaults)| {
         let short = name.ends_with("all of it");
-        cases.push(case(name, Place::Process, Expected::Survived, short, move |_| {
+        case(name, Place::Process, Expected::Survived, short, move |_| {
             experiment(Place::Process, rig(), faults, |_| {})
-        }));
-    }
-    cases.push(case(
-        "clock: the IMU's samples come at another rate",
-        Place::Board,
-        Expected::Survived,
-        false,
-        |_| {
-            let config = rig().with_rates(500.0, 1000.0);
+        })
+    };
+    line_faults().into_iter().map(of).collect()
+}
+
+/// Clocks that are others than believed.
+fn clock_cases() -> Vec<Case> {
+    vec![
+        case(
+            "clock: the IMU's samples come at another rate",
+            Place::Board,
+            Expected::Survived,
+            false,
+            |_| {
+                let config = rig().with_rates(500.0, 1000.0);
+                experiment(Place::Board, config, LinkFaults::default(), |_| {})
+            },
+        ),
+        case("clock: the IMU lags as nobody knows", Place::Board, Expected::Detected, false, |_| {
+            let mut config = rig();
+            config.sensors.imu.undeclared_delay_s = 0.02;
             experiment(Place::Board, config, LinkFaults::default(), |_| {})
-        },
-    ));
-    cases.push(case("clock: the IMU lags as nobody knows", Place::Board, Expected::Detected, false, |_| {
-        let mut config = rig();
-        config.sensors.imu.undeclared_delay_s = 0.02;
-        experiment(Place::Board, config, LinkFaults::default(), |_| {})
-    }));
-    cases.push(case(
-        "clock: the load cell lags as nobody knows",
-        Place::Board,
-        Expected::Detected,
-        false,
-        |_| {
+        }),
+        case("clock: the load cell lags as nobody knows", Place::Board, Expected::Detected, false, |_| {
             let mut config = rig();
             config.sensors.load_cell.undeclared_delay_s = 0.02;
             experiment(Place::Board, config, LinkFaults::default(), |_| {})
+        }),
+    ]
+}
+
+/// A processor that is busy, and one that starts anew.
+fn processor_cases() -> Vec<Case> {
+    vec![
+        case(
+            "overload: every third sample comes while the processor is busy",
+            Place::Board,
+            Expected::Detected,
+            true,
+            |_| overloaded(Place::Board),
+        ),
+        case(
+            "power: a restart in the middle of an experiment",
+            Place::Board,
+            Expected::Detected,
+            true,
+            |_| restarted(Place::Board),
+        ),
+    ]
+}
+
+/// Faults of the flash.
+fn flash_cases() -> Vec<Case> {
+    let faults = std::iter::successors(next_flash(None), |fault| next_flash(Some(fault)));
+    let of = |fault: FlashFault| match fault {
+        FlashFault::PowerCut { .. } => Case {
+            restarts: true,
+            ..case("power: cut at random, flash included", Place::Board, Expected::Detected, true, |extent| {
+                power_cuts(Place::Board, extent)
+            })
         },
-    ));
-    cases.push(case(
-        "overload: every third sample comes while the processor is busy",
-        Place::Board,
-        Expected::Detected,
-        true,
-        |_| overloaded(Place::Board),
-    ));
-    cases.push(case(
-        "power: a restart in the middle of an experiment",
-        Place::Board,
-        Expected::Detected,
-        true,
-        |_| restarted(Place::Board),
-    ));
-    for fault in std::iter::successors(next_flash(None), |fault| next_flash(Some(fault))) {
-        cases.push(match fault {
-            FlashFault::PowerCut { .. } => Case {
-                restarts: true,
-                ..case(
-                    "power: cut at random, flash included",
-                    Place::Board,
-                    Expected::Detected,
-                    true,
-                    |extent| power_cuts(Place::Board, extent),
-                )
-            },
-            FlashFault::BitRot { .. } => {
-                case("flash: bits rot", Place::Process, Expected::Detected, true, |_| bit_rot(Place::Process))
-            }
-            FlashFault::Dead => {
-                case("flash: dead", Place::Board, Expected::Detected, true, |_| dead_flash(Place::Board, 0))
-            }
-        });
-    }
+        FlashFault::BitRot { .. } => {
+            case("flash: bits rot", Place::Process, Expected::Detected, true, |_| bit_rot(Place::Process))
+        }
+        FlashFault::Dead => {
+            case("flash: dead", Place::Board, Expected::Detected, true, |_| dead_flash(Place::Board, 0))
+        }
+    };
+    faults.map(of).collect()
+}
+
+/// All cases.
+pub fn cases() -> Vec<Case> {
+    let mut cases = vec![disturbed("none", Expected::Survived, true, |_| {})];
+    cases.extend(sensor_cases());
+    cases.extend(converter_cases());
+    cases.extend(wiring_cases());
+    cases.extend(line_cases());
+    cases.extend(clock_cases());
+    cases.extend(processor_cases());
+    cases.extend(flash_cases());
     cases
 }

@@ -174,56 +174,101 @@ fn is_lopsided(shape: &Shape) -> bool {
     of(1, 2) + of(2, 0) + of(0, 1) > 0.1 * 0.1
 }
 
+/// What is reported of one kind of mistake.
+#[derive(Clone, Copy, Default)]
+struct Reported {
+    /// In all links.
+    all: Count,
+    /// In links with shapes or a twin.
+    detectable: Count,
+    /// Mistakes that are smaller than the body.
+    small: Count,
+    /// In links with a twin, or whose shapes have products of their own.
+    lopsided: Count,
+}
+
+impl Reported {
+    /// Puts a mistake into every link, one at a time.
+    fn of(make: fn(&Parts) -> Vec<(Parts, f64)>, robots: &[Robot]) -> Self {
+        let mut reported = Self::default();
+        for robot in robots {
+            let twins = twins(&robot.model);
+            for &i in &robot.links {
+                let twin = twins.get(&i).map(|k| robot.model.links[*k].name.as_str());
+                reported.add_link(make, robot, i, twin);
+            }
+        }
+        reported
+    }
+
+    /// Puts a mistake into one link; of one that is reported as published nothing is learned.
+    fn add_link(
+        &mut self,
+        make: fn(&Parts) -> Vec<(Parts, f64)>,
+        robot: &Robot,
+        i: usize,
+        twin: Option<&str>,
+    ) {
+        let link = &robot.model.links[i];
+        let before =
+            is_reported(&robot.findings, &link.name) || twin.is_some_and(|t| is_reported(&robot.findings, t));
+        let Some(phi) = link.nominal.filter(|_| !before) else { return };
+        for (wrong, share) in make(&Parts::of(&phi)).into_iter().filter(|(_, share)| *share >= SMALL) {
+            let mut model = robot.model.clone();
+            let wrong = wrong.parameters();
+            model.links[i].nominal = Some(wrong);
+            let findings = of_inertias(&model, &robot.shapes);
+            let found = impossibility(&wrong).is_some()
+                || is_reported(&findings, &link.name)
+                || twin.is_some_and(|twin| is_reported(&findings, twin));
+            if share < LARGE {
+                self.small.add(found);
+                continue;
+            }
+            self.all.add(found);
+            let tells = robot.shapes.get(&link.name).is_some_and(is_lopsided);
+            if tells || twin.is_some() {
+                self.lopsided.add(found);
+            }
+            if twin.is_some() || robot.shapes.contains_key(&link.name) {
+                self.detectable.add(found);
+            }
+        }
+    }
+}
+
 /// Makes the tables.
 pub fn table() -> String {
     let robots = robots();
     let distinct: usize = robots.iter().map(|robot| robot.links.len()).sum();
     let mut out = format!(
-        "{} descriptions, {distinct} distinct links whose inertia a body can have.\n\n| mistake in one link \
-         | reported | of links with shapes or a twin | smaller mistakes |\n|---|---|---|---|\n",
+        "{} descriptions, {distinct} distinct links whose inertia a body can have.\n\n",
         robots.len()
     );
+    out += &in_one_link(&robots);
+    out += &in_whole_files(&robots);
+    out += &as_published(&robots, distinct);
+    out
+}
+
+/// Reports on mistakes in one link.
+fn in_one_link(robots: &[Robot]) -> String {
+    let mut out = "| mistake in one link | reported | of links with shapes or a twin | smaller mistakes \
+                   |\n|---|---|---|---|\n"
+        .to_owned();
     let mut lopsided = Count::default();
-    let (mut whole, mut sums) = (Count::default(), [[Count::default(); 2]; 2]);
+    let mut sums = [[Count::default(); 2]; 2];
     for (name, make) in MISTAKES {
-        let (mut all, mut detectable, mut small) = (Count::default(), Count::default(), Count::default());
-        for robot in &robots {
-            let twins = twins(&robot.model);
-            for &i in &robot.links {
-                let link = &robot.model.links[i];
-                let twin = twins.get(&i).map(|k| robot.model.links[*k].name.as_str());
-                let before = is_reported(&robot.findings, &link.name)
-                    || twin.is_some_and(|t| is_reported(&robot.findings, t));
-                let Some(phi) = link.nominal.filter(|_| !before) else { continue };
-                for (wrong, share) in make(&Parts::of(&phi)).into_iter().filter(|(_, share)| *share >= SMALL)
-                {
-                    let mut model = robot.model.clone();
-                    let wrong = wrong.parameters();
-                    model.links[i].nominal = Some(wrong);
-                    let findings = of_inertias(&model, &robot.shapes);
-                    let found = impossibility(&wrong).is_some()
-                        || is_reported(&findings, &link.name)
-                        || twin.is_some_and(|twin| is_reported(&findings, twin));
-                    if share < LARGE {
-                        small.add(found);
-                        continue;
-                    }
-                    all.add(found);
-                    let tells = robot.shapes.get(&link.name).is_some_and(is_lopsided);
-                    if name == MISTAKES[2].0 && (tells || twin.is_some()) {
-                        lopsided.add(found);
-                    }
-                    if twin.is_some() || robot.shapes.contains_key(&link.name) {
-                        detectable.add(found);
-                    }
-                }
-            }
+        let reported = Reported::of(make, robots);
+        if name == MISTAKES[2].0 {
+            lopsided = reported.lopsided;
         }
         // Impossible tensors are separate: they need no judgement.
         for sum in &mut sums[usize::from(name == MISTAKES[0].0)..] {
-            sum[0].join(all);
-            sum[1].join(detectable);
+            sum[0].join(reported.all);
+            sum[1].join(reported.detectable);
         }
+        let Reported { all, detectable, small, .. } = reported;
         let smaller = if small.0 > 0 { small.words() } else { "–".to_owned() };
         out += &format!("| {name} | {} | {} | {smaller} |\n", all.words(), detectable.words());
     }
@@ -234,10 +279,15 @@ pub fn table() -> String {
         "\nProducts of the wrong sign in links with a twin, or whose shapes have products of their own: {}.",
         lopsided.words()
     );
-    // A whole file with the other convention.
-    for robot in &robots {
-        let is_file_reported = |findings: &[Finding]| findings.iter().any(|finding| finding.place == "model");
-        let (_, negate) = MISTAKES[2];
+    out
+}
+
+/// Reports on whole files with the other convention.
+fn in_whole_files(robots: &[Robot]) -> String {
+    let is_file_reported = |findings: &[Finding]| findings.iter().any(|finding| finding.place == "model");
+    let (_, negate) = MISTAKES[2];
+    let mut whole = Count::default();
+    for robot in robots {
         let mut model = robot.model.clone();
         let mut matter = 0;
         for link in &mut model.links {
@@ -252,13 +302,11 @@ pub fn table() -> String {
             whole.add(is_file_reported(&of_inertias(&model, &robot.shapes)));
         }
     }
-    out += &format!(
+    format!(
         " In all links of a file, three or more of which have such shapes, they are reported as its \
          convention: {}.\n",
         whole.words()
-    );
-    out += &as_published(&robots, distinct);
-    out
+    )
 }
 
 const AS_PUBLISHED: [&str; 4] = [
