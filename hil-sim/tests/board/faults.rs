@@ -143,6 +143,9 @@ impl Drawn {
     pub fn happen(&mut self, chip: &Chip, plan: &mut Plan) {
         for kind in self.kinds.clone() {
             self.one(kind, chip, plan);
+            let ends = chip.with(|m| m.ends_of_faults());
+            let host = [plan.sleeps, plan.floods].into_iter().flatten().map(|(_, to)| to).max().unwrap_or(0);
+            plan.calm_after = plan.calm_after.max(ends).max(host);
         }
         plan.calm_after = plan.calm_after.max(plan.duration + 3_000 * MS);
     }
@@ -164,27 +167,18 @@ impl Drawn {
                 chip.with(|m| m.pins.faults.push((of, EdgeFault::Lost(every), from, to)));
             }
             Kind::EdgesBesides => {
-                let (lasts, every) =
-                    (self.pick(&[50_000, 200_000, 5 * US]), self.pick(&[MS / 2, 20 * MS, 300 * MS]));
-                let fault = EdgeFault::Glitches { lasts, every };
-                let of = self.sensor();
+                let (fault, of) = (self.glitches(), self.sensor());
                 chip.with(|m| m.pins.faults.push((of, fault, from, to)));
             }
             Kind::SignalLatched => {
                 chip.with(|m| m.pins.faults.push((Device::Imu, EdgeFault::Latched, from, to)));
             }
             Kind::ConverterRegister => {
-                // MODE, CLOCK, gains, CFG, and the channels' own.
-                let register = self.between(2, 0x31) as usize;
-                let what = What::Converter(register, 1 << self.below(16));
+                let what = self.converter_register();
                 chip.with(|m| m.later.push((from, what)));
             }
             Kind::ImuRegister => {
-                let register = self.pick(&[
-                    0x11, 0x13, 0x14, 0x16, 0x4c, 0x4d, 0x4e, 0x4f, 0x50, 0x51, 0x52, 0x53, 0x54, 0x5f, 0x60,
-                    0x61, 0x63, 0x64, 0x65, 0x76,
-                ]);
-                let what = What::Imu(register, 1 << self.below(8));
+                let what = self.imu_register();
                 chip.with(|m| m.later.push((from, what)));
             }
             Kind::ConverterResync => chip.with(|m| m.later.push((from, What::Resync))),
@@ -192,31 +186,12 @@ impl Drawn {
                 let hz = self.pick(&[8.0e6, 8.192e6 * 1.0004, 8.192e6 * 0.9992, 8.192e6 * 1.01]);
                 chip.with(|m| m.rig.set_load_cell_clock_hz(hz));
             }
-            Kind::SlowFlash => {
-                let (word, sector) = (self.between(16, 101) * US, self.between(1_000, 2_001) * MS);
-                chip.with(|m| m.flash.pace = Pace { word, sector });
-            }
-            Kind::SupplySags => {
-                let volts = self.pick(&[2.85, 2.75, 2.6, 1.2]);
-                let to = from + self.between(MS, 500 * MS);
-                chip.with(|m| m.supply.sags.push((from, to, volts)));
-            }
+            Kind::SlowFlash => self.slow_flash(chip),
+            Kind::SupplySags => self.sag(chip, from),
             Kind::SupplyCut => chip.with(|m| m.supply.cut = Some(from)),
-            Kind::CrystalMissing => {
-                let internal = 1.0 + (self.below(801) as f64 - 400.0) * 1e-4;
-                chip.with(|m| {
-                    m.clocks.crystal = Crystal { hz: 0.0, stops: None };
-                    m.clocks.internal = internal;
-                });
-            }
-            Kind::CrystalOff => {
-                let ppm = self.pick(&[-5_000.0, -900.0, -100.0, 100.0, 900.0, 5_000.0]);
-                chip.with(|m| m.clocks.crystal.hz = 8e6 * (1.0 + 1e-6 * ppm));
-            }
-            Kind::CrystalOther => {
-                let hz = self.pick(&[12e6, 16e6, 25e6]);
-                chip.with(|m| m.clocks.crystal.hz = hz);
-            }
+            Kind::CrystalMissing => self.miss_crystal(chip),
+            Kind::CrystalOff => self.mistune_crystal(chip),
+            Kind::CrystalOther => self.exchange_crystal(chip),
             Kind::CrystalStops => chip.with(|m| m.clocks.crystal.stops = Some(from)),
             Kind::NoiseOnTheLine => {
                 let every = self.pick(&[12 * US, 200 * US, 5 * MS]);
@@ -224,10 +199,7 @@ impl Drawn {
             }
             Kind::HostFloods => plan.floods = Some((from, to)),
             Kind::HostSleeps => plan.sleeps = Some((from, from + self.between(500 * MS, 8_000 * MS))),
-            Kind::ProgramLate => {
-                let long = self.pick(&[2 * MS, 6 * MS, 40 * MS, 150 * MS]);
-                chip.with(|m| m.long_computing = (2_000, long));
-            }
+            Kind::ProgramLate => self.compute_long(chip),
             Kind::WatchdogOscillator => {
                 let hz = self.between(17_000, 47_001) as f64;
                 chip.with(|m| m.supply.watchdog_hz = hz);
@@ -237,9 +209,61 @@ impl Drawn {
                 chip.with(|m| m.timer.begins_at = u32::MAX - before);
             }
         }
-        let ends = chip.with(|m| m.ends_of_faults());
-        let host = [plan.sleeps, plan.floods].into_iter().flatten().map(|(_, to)| to).max().unwrap_or(0);
-        plan.calm_after = plan.calm_after.max(ends).max(host);
+    }
+
+    /// Lowers the supply for a while.
+    fn sag(&mut self, chip: &Chip, from: u64) {
+        let volts = self.pick(&[2.85, 2.75, 2.6, 1.2]);
+        let to = from + self.between(MS, 500 * MS);
+        chip.with(|m| m.supply.sags.push((from, to, volts)));
+    }
+
+    fn slow_flash(&mut self, chip: &Chip) {
+        let (word, sector) = (self.between(16, 101) * US, self.between(1_000, 2_001) * MS);
+        chip.with(|m| m.flash.pace = Pace { word, sector });
+    }
+
+    /// Takes the crystal away; the internal oscillator is off by up to 4 %.
+    fn miss_crystal(&mut self, chip: &Chip) {
+        let internal = 1.0 + (self.below(801) as f64 - 400.0) * 1e-4;
+        chip.with(|m| {
+            m.clocks.crystal = Crystal { hz: 0.0, stops: None };
+            m.clocks.internal = internal;
+        });
+    }
+
+    fn mistune_crystal(&mut self, chip: &Chip) {
+        let ppm = self.pick(&[-5_000.0, -900.0, -100.0, 100.0, 900.0, 5_000.0]);
+        chip.with(|m| m.clocks.crystal.hz = 8e6 * (1.0 + 1e-6 * ppm));
+    }
+
+    fn exchange_crystal(&mut self, chip: &Chip) {
+        let hz = self.pick(&[12e6, 16e6, 25e6]);
+        chip.with(|m| m.clocks.crystal.hz = hz);
+    }
+
+    fn compute_long(&mut self, chip: &Chip) {
+        let long = self.pick(&[2 * MS, 6 * MS, 40 * MS, 150 * MS]);
+        chip.with(|m| m.long_computing = (2_000, long));
+    }
+
+    fn glitches(&mut self) -> EdgeFault {
+        let (lasts, every) = (self.pick(&[50_000, 200_000, 5 * US]), self.pick(&[MS / 2, 20 * MS, 300 * MS]));
+        EdgeFault::Glitches { lasts, every }
+    }
+
+    fn converter_register(&mut self) -> What {
+        // MODE, CLOCK, gains, CFG, and the channels' own.
+        let register = self.between(2, 0x31) as usize;
+        What::Converter(register, 1 << self.below(16))
+    }
+
+    fn imu_register(&mut self) -> What {
+        let register = self.pick(&[
+            0x11, 0x13, 0x14, 0x16, 0x4c, 0x4d, 0x4e, 0x4f, 0x50, 0x51, 0x52, 0x53, 0x54, 0x5f, 0x60, 0x61,
+            0x63, 0x64, 0x65, 0x76,
+        ]);
+        What::Imu(register, 1 << self.below(8))
     }
 
     fn sensor(&mut self) -> Device {
