@@ -1,6 +1,8 @@
 use std::fmt::Write as _;
+use std::io::Write;
 
 use super::*;
+use crate::rig::WrenchSign;
 
 const HEADER: &str = "t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,\
                       imu_gx_radps,imu_gy_radps,imu_gz_radps,lamp\n";
