@@ -1,4 +1,4 @@
-//! The one body and the links as bodies: axes, frames, standard parameters, whether there can be such bodies.
+//! The one body, and links as bodies: axes, frames, standard parameters, whether such bodies can be.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
