@@ -179,7 +179,7 @@ fn disturbed(
     })
 }
 
-/// Sensor faults, on every channel that can have them.
+/// Returns sensor faults, on every channel that can have them.
 fn sensor_cases() -> Vec<Case> {
     let faults = std::iter::successors(next_fault(None), |fault| next_fault(Some(fault)));
     let of = |(name, fault): (String, Fault)| {
@@ -192,7 +192,7 @@ fn sensor_cases() -> Vec<Case> {
     faults.flat_map(|fault| on_channels(&fault)).map(of).collect()
 }
 
-/// Faults of the load cell's converter.
+/// Returns faults of the load cell's converter.
 fn converter_cases() -> Vec<Case> {
     vec![
         disturbed("converter: its oscillator has 8.0 and not 8.192 MHz", Expected::Detected, true, |rig| {
@@ -207,7 +207,7 @@ fn converter_cases() -> Vec<Case> {
     ]
 }
 
-/// Faults of the line to the host.
+/// Returns faults of the line to the host.
 fn line_cases() -> Vec<Case> {
     let of = |(name, faults): (&'static str, LinkFaults)| {
         let short = name.ends_with("all of it");
@@ -218,7 +218,7 @@ fn line_cases() -> Vec<Case> {
     line_faults().into_iter().map(of).collect()
 }
 
-/// Clocks that are others than believed.
+/// Returns faults of clocks: their rates and delays are others than stated.
 fn clock_cases() -> Vec<Case> {
     vec![
         case(
@@ -244,7 +244,7 @@ fn clock_cases() -> Vec<Case> {
     ]
 }
 
-/// A processor that is busy, and one that starts anew.
+/// Returns faults of the processor: it is busy, or starts anew.
 fn processor_cases() -> Vec<Case> {
     vec![
         case(
@@ -264,7 +264,7 @@ fn processor_cases() -> Vec<Case> {
     ]
 }
 
-/// Faults of the flash.
+/// Returns faults of the flash.
 fn flash_cases() -> Vec<Case> {
     let faults = std::iter::successors(next_flash(None), |fault| next_flash(Some(fault)));
     let of = |fault: FlashFault| match fault {

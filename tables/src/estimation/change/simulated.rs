@@ -202,7 +202,7 @@ impl Rattle {
     }
 }
 
-/// The events of a recording as it goes on from sample to sample.
+/// The events of a recording, which goes on from sample to sample.
 struct Events {
     case: Case,
     changed_at_s: f64,
