@@ -6,7 +6,9 @@
 //! and the singular values of H (Weyl). An interval whose bound lies more than a per cent above the largest
 //! value seen anywhere is cut in two.
 
-use nalgebra::Vector3;
+mod look;
+
+use look::Look;
 
 use super::geometry::Geometry;
 use super::limits::{Bulk, Limit, Part, Violation};
@@ -109,13 +111,6 @@ const TOLERANCE: f64 = 0.01;
 const FIRST_STEP_S: f64 = 0.016;
 const CUTS: u32 = 16;
 
-/// Values in the middle of an interval and bounds over it.
-struct Look {
-    seen: [(f64, Option<usize>); QUANTITIES],
-    bound: [f64; QUANTITIES],
-    between: Option<[Part; 2]>,
-}
-
 /// Mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's origin.
 fn moments(load: &Load) -> [f64; 3] {
     let (known, set) = match &load.bodies {
@@ -141,7 +136,7 @@ pub(super) struct Bounds<'a> {
 impl Bounds<'_> {
     /// True if every limit is known to be met in the interval of `2 half` about `time_s`, between two seams.
     pub(super) fn shown(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> bool {
-        let look = self.geometry.look(trajectory, time_s, half, self.load, self.moments);
+        let look = self.look(trajectory, time_s, half);
         look.bound.iter().zip(self.allowed).all(|(bound, allowed)| *bound <= allowed)
     }
 
@@ -154,7 +149,7 @@ impl Bounds<'_> {
         half: f64,
         touch: f64,
     ) -> Option<Violation> {
-        let look = self.geometry.look(trajectory, time_s, half, self.load, self.moments);
+        let look = self.look(trajectory, time_s, half);
         (0..QUANTITIES).find_map(|q| {
             let (value, max) = (look.bound[q], self.allowed[q]);
             if value <= max * (1.0 + touch) {
@@ -164,6 +159,112 @@ impl Bounds<'_> {
             LIMITS[q].map(|limit| self.geometry.overstepped(limit, leg, look.between, value, max))
         })
     }
+
+    /// Examines the interval of `2 half` about `time_s`, between two seams.
+    fn look(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> Look {
+        self.geometry.look(trajectory, time_s, half, self.load, self.moments)
+    }
+}
+
+/// The search for bounds over a whole motion.
+struct Search<'a> {
+    bounds: Bounds<'a>,
+    trajectory: &'a Trajectory,
+    /// Quantities that are of account.
+    present: [bool; QUANTITIES],
+    /// Largest values seen, each with its leg and its time, s.
+    seen: [(f64, Option<usize>, f64); QUANTITIES],
+    /// Bounds over the intervals that are done with.
+    bound: [f64; QUANTITIES],
+}
+
+impl Search<'_> {
+    /// Bounds the whole motion.
+    fn run(&mut self) {
+        let mut first = first_intervals(self.trajectory);
+        if first.is_empty() {
+            first.push((0.0, 0.0));
+        }
+        let mut stack = Vec::with_capacity(first.len());
+        // A first round of all intervals, so that most are seen to be small the first time.
+        for (time_s, half) in first {
+            let look = self.bounds.look(self.trajectory, time_s, half);
+            self.note(&look, time_s);
+            stack.push(((time_s, half, 0), look));
+        }
+        while let Some(((time_s, half, cuts), look)) = stack.pop() {
+            self.note(&look, time_s);
+            if self.is_near(&look) || cuts == CUTS || half == 0.0 {
+                for (sum, b) in self.bound.iter_mut().zip(look.bound) {
+                    *sum = sum.max(b);
+                }
+                continue;
+            }
+            for middle in [time_s - 0.5 * half, time_s + 0.5 * half] {
+                let look = self.bounds.look(self.trajectory, middle, 0.5 * half);
+                stack.push(((middle, 0.5 * half, cuts + 1), look));
+            }
+        }
+    }
+
+    /// Keeps the largest values.
+    fn note(&mut self, look: &Look, time_s: f64) {
+        for (best, (value, leg)) in self.seen.iter_mut().zip(look.seen) {
+            if value > best.0 {
+                *best = (value, leg, time_s);
+            }
+        }
+    }
+
+    /// Returns true if no bound of an interval lies far above the largest value seen.
+    fn is_near(&self, look: &Look) -> bool {
+        (0..QUANTITIES).all(|q| {
+            let most = self.seen[q].0;
+            // Where nothing comes near anything, there is no value to be near to.
+            let slack = if q == CLEARANCE { TOLERANCE * self.bounds.allowed[q] } else { 0.0 };
+            // The bound of a jerk comes no nearer in a shorter interval; pushes and pulls have the force's.
+            !self.present[q]
+                || (JERK..=BUCKLING).contains(&q) && q != FORCE
+                || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE))
+                || most.is_infinite()
+        })
+    }
+
+    /// Returns the peaks of all quantities that are of account.
+    fn peaks(&self) -> Vec<Peak> {
+        let geometry = self.bounds.geometry;
+        let mut between = None;
+        if self.present[CLEARANCE] {
+            let state = self.trajectory.state(self.seen[CLEARANCE].2);
+            between =
+                geometry.nearest(&geometry.legs_at(&state.position, &state.rotation)).map(|n| n.between);
+        }
+        let peaks = (0..QUANTITIES).filter(|q| self.present[*q]).map(|q| {
+            let (value, leg, time_s) = self.seen[q];
+            Peak {
+                limit: LIMITS[q],
+                leg,
+                between: between.filter(|_| q == CLEARANCE),
+                time_s,
+                seen: value,
+                bound: self.bound[q].max(value),
+                allowed: self.bounds.allowed[q],
+            }
+        });
+        peaks.collect()
+    }
+}
+
+/// Intervals to begin with, between any two seams: the middle of each and half its length, s.
+fn first_intervals(trajectory: &Trajectory) -> Vec<(f64, f64)> {
+    let mut intervals = Vec::new();
+    for pair in trajectory.seams_s().windows(2) {
+        let (from, length) = (pair[0], pair[1] - pair[0]);
+        let count = (length / FIRST_STEP_S).ceil().max(1.0);
+        let half = 0.5 * length / count;
+        intervals.extend((0..count as u64).map(|k| (from + (2 * k + 1) as f64 * half, half)));
+    }
+    intervals
 }
 
 impl Geometry {
@@ -198,99 +299,38 @@ impl Geometry {
         load: Option<&Load>,
         rate_limit_radps: f64,
     ) -> Guarantee {
-        let moments = load.map(moments);
-        let legs = self.has_joints();
-        let present = [
+        let mut search = Search {
+            bounds: self.bounds_with(load, rate_limit_radps),
+            trajectory,
+            present: self.present(load.is_some()),
+            seen: [(0.0, None, 0.0); QUANTITIES],
+            bound: [0.0; QUANTITIES],
+        };
+        search.run();
+        Guarantee { peaks: search.peaks() }
+    }
+
+    /// Returns the quantities that are of account, with a load or without one.
+    fn present(&self, is_loaded: bool) -> [bool; QUANTITIES] {
+        let (legs, limits) = (self.has_joints(), &self.limits);
+        [
             legs,
             legs,
             legs,
-            legs && self.limits.leg_jerk_mps3.is_some(),
-            legs && load.is_some(),
-            legs && load.is_some() && self.limits.leg_push_n.is_some(),
-            legs && load.is_some() && self.limits.leg_pull_n.is_some(),
-            legs && load.is_some() && self.limits.leg_buckling_nm2.is_some(),
-            legs && self.limits.base_joints.is_some(),
-            legs && self.limits.plate_joints.is_some(),
+            legs && limits.leg_jerk_mps3.is_some(),
+            legs && is_loaded,
+            legs && is_loaded && limits.leg_push_n.is_some(),
+            legs && is_loaded && limits.leg_pull_n.is_some(),
+            legs && is_loaded && limits.leg_buckling_nm2.is_some(),
+            legs && limits.base_joints.is_some(),
+            legs && limits.plate_joints.is_some(),
             legs,
-            legs && self.limits.bulk.is_some(),
+            legs && limits.bulk.is_some(),
             !legs,
             !legs,
             !legs,
             true,
-        ];
-        let allowed = self.allowed(rate_limit_radps);
-        let mut queue = Vec::new();
-        for pair in trajectory.seams_s().windows(2) {
-            let (from, length) = (pair[0], pair[1] - pair[0]);
-            let count = (length / FIRST_STEP_S).ceil().max(1.0);
-            let half = 0.5 * length / count;
-            queue.extend((0..count as u64).map(|k| (from + (2 * k + 1) as f64 * half, half, 0)));
-        }
-        if queue.is_empty() {
-            queue.push((0.0, 0.0, 0));
-        }
-        let mut seen = [(0.0, None, 0.0); QUANTITIES];
-        let mut note = |look: &Look, time_s: f64| {
-            for (best, (value, leg)) in seen.iter_mut().zip(look.seen) {
-                if value > best.0 {
-                    *best = (value, leg, time_s);
-                }
-            }
-            seen
-        };
-        // A first round of all intervals, so that most are seen to be small the first time.
-        let looks: Vec<Look> = queue
-            .iter()
-            .map(|&(time_s, half, _)| {
-                let look = self.look(trajectory, time_s, half, load, moments);
-                note(&look, time_s);
-                look
-            })
-            .collect();
-        let mut stack: Vec<_> = queue.into_iter().zip(looks).collect();
-        let mut bound = [0.0_f64; QUANTITIES];
-        while let Some(((time_s, half, cuts), look)) = stack.pop() {
-            let best = note(&look, time_s);
-            let near = (0..QUANTITIES).all(|q| {
-                let most = best[q].0;
-                // Where nothing comes near anything, there is no value to be near to.
-                let slack = if q == CLEARANCE { TOLERANCE * allowed[q] } else { 0.0 };
-                // The bound of a jerk comes no nearer in a shorter interval; pushes and pulls have the
-                // force's.
-                !present[q]
-                    || (JERK..=BUCKLING).contains(&q) && q != FORCE
-                    || look.bound[q] <= slack.max(most * (1.0 + TOLERANCE))
-                    || most.is_infinite()
-            });
-            if near || cuts == CUTS || half == 0.0 {
-                for (sum, b) in bound.iter_mut().zip(look.bound) {
-                    *sum = sum.max(b);
-                }
-                continue;
-            }
-            for middle in [time_s - 0.5 * half, time_s + 0.5 * half] {
-                let look = self.look(trajectory, middle, 0.5 * half, load, moments);
-                stack.push(((middle, 0.5 * half, cuts + 1), look));
-            }
-        }
-        let mut between = None;
-        if present[CLEARANCE] {
-            let state = trajectory.state(seen[CLEARANCE].2);
-            between = self.nearest(&self.legs_at(&state.position, &state.rotation)).map(|n| n.between);
-        }
-        let peaks = (0..QUANTITIES).filter(|q| present[*q]).map(|q| {
-            let (value, leg, time_s) = seen[q];
-            Peak {
-                limit: LIMITS[q],
-                leg,
-                between: between.filter(|_| q == CLEARANCE),
-                time_s,
-                seen: value,
-                bound: bound[q].max(value),
-                allowed: allowed[q],
-            }
-        });
-        Guarantee { peaks: peaks.collect() }
+        ]
     }
 
     /// Returns a bound of the legs' jerks over the whole of `trajectory` as a share of their limit; zero
@@ -298,14 +338,8 @@ impl Geometry {
     pub fn jerk_share(&self, trajectory: &Trajectory) -> f64 {
         let Some(limit) = self.limits.leg_jerk_mps3.filter(|_| self.has_joints()) else { return 0.0 };
         let mut most = 0.0_f64;
-        for pair in trajectory.seams_s().windows(2) {
-            let (from, length) = (pair[0], pair[1] - pair[0]);
-            let count = (length / FIRST_STEP_S).ceil().max(1.0);
-            let half = 0.5 * length / count;
-            for k in 0..count as u64 {
-                let look = self.look(trajectory, from + (2 * k + 1) as f64 * half, half, None, None);
-                most = most.max(look.bound[JERK]);
-            }
+        for (time_s, half) in first_intervals(trajectory) {
+            most = most.max(self.look(trajectory, time_s, half, None, None).bound[JERK]);
         }
         most / limit
     }
@@ -348,130 +382,6 @@ impl Geometry {
             f64::INFINITY,
             rate_limit_radps,
         ]
-    }
-
-    /// Magnitudes of the legs' mean jerks, m/s³, over at most a millisecond about `time_s`, inside `2 half`.
-    fn mean_jerks(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> [f64; 6] {
-        let h = half.min(5e-4);
-        if h <= 0.0 {
-            return [0.0; 6];
-        }
-        let [before, after] = [-h, h].map(|h| self.leg_accelerations(&trajectory.state(time_s + h)));
-        std::array::from_fn(|i| (after[i] - before[i]).abs() / (2.0 * h))
-    }
-
-    /// One interval of `2 half` about `time_s`, between two seams.
-    fn look(
-        &self,
-        trajectory: &Trajectory,
-        time_s: f64,
-        half: f64,
-        load: Option<&Load>,
-        moments: Option<[f64; 3]>,
-    ) -> Look {
-        let state = trajectory.state(time_s);
-        let [jerk, turning] = trajectory.third_derivatives(time_s);
-        let margins = self.margins(&state, load);
-        let legs = self.legs_at(&state.position, &state.rotation);
-        let d = half;
-        // Over the interval: |x''|, |ω̇|, |ω|.
-        let a = state.acceleration.norm() + jerk * d;
-        let dw = state.angular_acceleration.norm() + turning * d;
-        let w = state.angular_rate.norm() + (state.angular_acceleration.norm() + 0.5 * turning * d) * d;
-        let whirl = turning + 3.0 * w * dw + w * w * w;
-        let [lo, hi] = self.leg_length_m;
-        let middle = 0.5 * (lo + hi);
-        let omega = state.rotation * state.angular_rate;
-        let mut look = Look {
-            seen: [(0.0, None); QUANTITIES],
-            bound: [0.0; QUANTITIES],
-            between: margins.nearest.map(|nearest| nearest.between),
-        };
-        let mut put = |q: usize, leg: Option<usize>, value: f64, more: f64| {
-            if value >= look.seen[q].0 {
-                look.seen[q] = (value, leg);
-            }
-            // What is not a number bounds nothing.
-            let sum = if (value + more).is_nan() { f64::INFINITY } else { value + more };
-            look.bound[q] = look.bound[q].max(sum);
-        };
-        let faster = (state.angular_acceleration.norm() + 0.5 * turning * d) * d;
-        put(TURNING, None, omega.norm(), faster);
-        if let (Some(travel), Some(used)) = (&self.travel, margins.travel) {
-            let speed: [f64; 3] = state.velocity.map(|v| v.abs() + 0.5 * a * d).into();
-            put(TRAVEL, None, used.share, travel.most(&state, d, speed, w) - used.share);
-            put(PLATE_SPEED, None, used.speed_mps, (state.acceleration.norm() + 0.5 * jerk * d) * d);
-            put(PLATE_RATE, None, used.rate_radps, faster);
-            return look;
-        }
-        // ‖H'‖ by columns, moments over a length as in `cond(H)`.
-        let (mut h_rate, scale) = (0.0, self.moment_length_m());
-        let jerks = self.limits.leg_jerk_mps3.map(|_| self.mean_jerks(trajectory, time_s, d));
-        let (mut speeds, mut least_lengths) = ([0.0; 6], [0.0; 6]);
-        for i in 0..6 {
-            let leg = Some(i + 1);
-            let arm = legs.arms[i].norm();
-            let (rate, acceleration) = (margins.leg_rate_mps[i], margins.leg_acceleration_mps2[i]);
-            let joint_a = a + (dw + w * w) * arm;
-            let joint_jerk = jerk + whirl * arm;
-            let u = (state.velocity + omega.cross(&legs.arms[i])).norm() + joint_a * d;
-            let length = (legs.lengths[i] - u * d).max(f64::MIN_POSITIVE);
-            (speeds[i], least_lengths[i]) = (u, length);
-            // l'' = n·p'' + |u⊥|²/l and l''' = n·p''' + 3 u⊥·p''/l − 3 l' |u⊥|²/l², |l'| |u⊥|² ≤ 2|u|³/√27.
-            let second = joint_a + u * u / length;
-            let third =
-                joint_jerk + 3.0 * u * joint_a / length + 6.0 / 27.0_f64.sqrt() * u.powi(3) / length.powi(2);
-            put(0, leg, (legs.lengths[i] - middle).abs(), (rate.abs() + 0.5 * second * d) * d);
-            put(1, leg, rate.abs(), (acceleration.abs() + 0.5 * third * d) * d);
-            put(2, leg, acceleration.abs(), third * d);
-            if let Some(jerks) = jerks {
-                put(JERK, leg, jerks[i], (third - jerks[i]).max(0.0));
-            }
-            let lean = u / length;
-            for (q, angles, turn) in
-                [(BASE, margins.base_joint_rad, 0.0), (PLATE, margins.plate_joint_rad, w)]
-            {
-                if let Some(angles) = angles {
-                    put(q, leg, angles[i], (lean + turn) * d);
-                }
-            }
-            h_rate += lean * lean + (arm * (w + lean) / scale).powi(2);
-        }
-        let h_rate = h_rate.sqrt();
-        let singular = legs.force_transmission_over(scale).singular_values();
-        let (most, least) = (singular.max(), singular.min());
-        let floor = least - h_rate * d;
-        let cond = margins.condition_number;
-        let worst = if floor > 0.0 { (most + h_rate * d) / floor } else { f64::INFINITY };
-        put(CONDITIONING, None, cond, if cond.is_finite() { (worst - cond).max(0.0) } else { 0.0 });
-        if let (Some(bulk), Some(nearest)) = (&self.limits.bulk, margins.nearest) {
-            // Clipped: what is far away is none of its business.
-            let lacking = bulk.range_m() - (nearest.distance_m - bulk.clearance_m);
-            let more = bulk.rate(&speeds, &least_lengths) * d;
-            put(CLEARANCE, None, lacking.max(0.0), (lacking + more).max(0.0) - lacking.max(0.0));
-        }
-        if let (Some(forces), Some([m, first, second]), Some(load)) = (margins.leg_force_n, moments, load) {
-            // Of points at distance r: specific force at most `felt + spin r`, its derivative at most
-            // `jerk + whirl r`.
-            let felt = a + Vector3::from(load.gravity_mps2).norm();
-            let spin = dw + w * w;
-            let wrench = (m * felt + spin * first).hypot((first * felt + spin * second) / scale);
-            let change = (m * jerk + whirl * first)
-                .hypot((first * (w * felt + jerk) + second * (w * spin + whirl)) / scale);
-            // H f' = w' − H' f.
-            let rate = if floor > 0.0 { (change + h_rate * wrench / floor) / floor } else { f64::INFINITY };
-            for (i, [low, high]) in forces.into_iter().enumerate() {
-                let leg = Some(i + 1);
-                let (push, pull) = (high.max(0.0), (-low).max(0.0));
-                put(FORCE, leg, high.max(-low), rate * d);
-                put(PUSH, leg, push, rate * d);
-                put(PULL, leg, pull, rate * d);
-                let (length, longer) = (legs.lengths[i], legs.lengths[i] + speeds[i] * d);
-                let now = push * length * length;
-                put(BUCKLING, leg, now, (push + rate * d) * longer * longer - now);
-            }
-        }
-        look
     }
 }
 
