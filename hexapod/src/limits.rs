@@ -248,104 +248,72 @@ impl Violation {
     }
 }
 
+impl Violation {
+    /// Returns value and limit in the unit that they are told in, and with how many decimals at least.
+    fn told(&self) -> (f64, f64, usize) {
+        let Self { value, allowed: [min, max], .. } = *self;
+        match self.limit {
+            Limit::LegLength => (value, if value < min { min } else { max }, 4),
+            Limit::LegRate | Limit::LegAcceleration => (value.abs(), max, 3),
+            Limit::LegJerk | Limit::LegBuckling => (value.abs(), max, 2),
+            Limit::LegForce | Limit::LegPush | Limit::LegPull => (value.abs(), max, 1),
+            Limit::BaseJointAngle | Limit::PlateJointAngle => (value.to_degrees(), max.to_degrees(), 1),
+            Limit::Clearance => (1e3 * value, 1e3 * min, 1),
+            Limit::Travel => (100.0 * value, 100.0, 1),
+            Limit::PlateSpeed | Limit::PlateRate | Limit::Conditioning => (value, max, 3),
+        }
+    }
+}
+
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { value, allowed: [min, max], .. } = self;
-        let leg = self.leg.unwrap_or(0);
+        let (value, limit, digits) = self.told();
+        let (value, digits) = apart(value, limit, digits);
+        let (leg, max) = (self.leg.unwrap_or(0), number(limit, digits));
         match self.limit {
             Limit::LegLength => {
-                let nearer = if value < min { min } else { max };
-                let (value, digits) = apart(*value, *nearer, 4);
-                let [min, max] = [min, max].map(|v| number(*v, digits));
+                let [min, max] = self.allowed.map(|v| number(v, digits));
                 write!(f, "leg {leg} would be {value} m long, it reaches from {min} m to {max} m")
             }
-            Limit::LegRate => {
-                let (value, digits) = apart(value.abs(), *max, 3);
-                write!(f, "leg {leg} would move at {value} m/s, its limit is {} m/s", number(*max, digits))
-            }
+            Limit::LegRate => write!(f, "leg {leg} would move at {value} m/s, its limit is {max} m/s"),
             Limit::LegAcceleration => {
-                let (value, digits) = apart(value.abs(), *max, 3);
-                write!(
-                    f,
-                    "leg {leg} would accelerate at {value} m/s², its limit is {} m/s²",
-                    number(*max, digits)
-                )
+                write!(f, "leg {leg} would accelerate at {value} m/s², its limit is {max} m/s²")
             }
-            Limit::LegForce => {
-                let (value, digits) = apart(value.abs(), *max, 1);
-                write!(f, "leg {leg} would carry {value} N, its limit is {} N", number(*max, digits))
-            }
-            Limit::LegJerk => {
-                let (value, digits) = apart(value.abs(), *max, 2);
-                write!(
-                    f,
-                    "the jerk of leg {leg} is not known to stay below its limit of {} m/s³, its bound is \
-                     {value} m/s³",
-                    number(*max, digits)
-                )
-            }
-            Limit::LegPush | Limit::LegPull => {
-                let (value, digits) = apart(value.abs(), *max, 1);
-                let how = if self.limit == Limit::LegPush { "push" } else { "pull" };
-                write!(f, "leg {leg} would {how} with {value} N, its limit is {} N", number(*max, digits))
-            }
-            Limit::LegBuckling => {
-                let (value, digits) = apart(value.abs(), *max, 2);
-                write!(
-                    f,
-                    "leg {leg} would push with {value} N m² of force times length squared, its limit against \
-                     buckling is {} N m²",
-                    number(*max, digits)
-                )
-            }
+            Limit::LegForce => write!(f, "leg {leg} would carry {value} N, its limit is {max} N"),
+            Limit::LegJerk => write!(
+                f,
+                "the jerk of leg {leg} is not known to stay below its limit of {max} m/s³, its bound is \
+                 {value} m/s³"
+            ),
+            Limit::LegPush => write!(f, "leg {leg} would push with {value} N, its limit is {max} N"),
+            Limit::LegPull => write!(f, "leg {leg} would pull with {value} N, its limit is {max} N"),
+            Limit::LegBuckling => write!(
+                f,
+                "leg {leg} would push with {value} N m² of force times length squared, its limit against \
+                 buckling is {max} N m²"
+            ),
             Limit::BaseJointAngle | Limit::PlateJointAngle => {
-                let (value, digits) = apart(value.to_degrees(), max.to_degrees(), 1);
-                write!(
-                    f,
-                    "leg {leg} would lean {value}° at its {} joint, which allows {}°",
-                    if self.limit == Limit::BaseJointAngle { "base" } else { "plate" },
-                    number(max.to_degrees(), digits)
-                )
+                let joint = if self.limit == Limit::BaseJointAngle { "base" } else { "plate" };
+                write!(f, "leg {leg} would lean {value}° at its {joint} joint, which allows {max}°")
             }
             Limit::Clearance => {
-                let (value, digits) = apart(1e3 * value, 1e3 * min, 1);
                 let between = Part::both(self.between.unwrap_or([Part::Plate, Part::Base]));
-                write!(
-                    f,
-                    "{between} would come to {value} mm of each other, {} mm must be left",
-                    number(1e3 * min, digits)
-                )
+                write!(f, "{between} would come to {value} mm of each other, {max} mm must be left")
             }
             Limit::Travel => {
-                let (value, digits) = apart(100.0 * value, 100.0, 1);
-                write!(
-                    f,
-                    "the plate would use {value} % of its travel, the limit is {} %",
-                    number(100.0, digits)
-                )
+                write!(f, "the plate would use {value} % of its travel, the limit is {max} %")
             }
             Limit::PlateSpeed => {
-                let (value, digits) = apart(*value, *max, 3);
-                write!(f, "the plate would move at {value} m/s, its limit is {} m/s", number(*max, digits))
+                write!(f, "the plate would move at {value} m/s, its limit is {max} m/s")
             }
             Limit::PlateRate => {
-                let (value, digits) = apart(*value, *max, 3);
-                write!(
-                    f,
-                    "the plate would turn at {value} rad/s, its limit is {} rad/s",
-                    number(*max, digits)
-                )
+                write!(f, "the plate would turn at {value} rad/s, its limit is {max} rad/s")
             }
-            Limit::Conditioning if value.is_infinite() => {
+            Limit::Conditioning if self.value.is_infinite() => {
                 write!(f, "the pose is singular, or lies beyond a singular one as seen from home")
             }
             Limit::Conditioning => {
-                let (value, digits) = apart(*value, *max, 3);
-                write!(
-                    f,
-                    "the pose is too near a singular one: cond(H) would be {value}, its limit is {}",
-                    number(*max, digits)
-                )
+                write!(f, "the pose is too near a singular one: cond(H) would be {value}, its limit is {max}")
             }
         }
     }

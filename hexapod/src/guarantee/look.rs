@@ -174,7 +174,7 @@ impl<'a> Interval<'a> {
         look.put(CLEARANCE, None, lacking.max(0.0), (lacking + more).max(0.0) - lacking.max(0.0));
     }
 
-    /// Bounds forces of the legs under a load with these moments; `floor` lies below all singular values of H.
+    /// Bounds the legs' forces under a load with these moments; `floor` lies below all singular values of H.
     fn of_forces(&self, (load, moments): (&Load, [f64; 3]), bounds: &LegBounds, floor: f64, look: &mut Look) {
         let Some(forces) = self.margins.leg_force_n else { return };
         let (rate, legs, d) = (self.force_rate(load, moments, bounds.h_rate, floor), &self.legs, self.half_s);
