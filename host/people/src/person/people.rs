@@ -20,7 +20,7 @@ use rigident_io::motion_capture::trial::Trial;
 use rigident_model::ModelError;
 use rigident_model::human::Sex;
 use rigident_rows::moved::Moved;
-use rigident_rows::tree::{Frame, Input};
+use rigident_rows::tree::{Frame, Input, UnknownZero};
 
 /// Frames of the standing trial that joint centres are found from, …
 const STANDING: usize = 4;
@@ -98,90 +98,14 @@ impl Person {
         options: &PeopleOptions,
         progress: &(dyn Fn(&str, f64) + Sync),
     ) -> Result<Self, PersonError> {
-        if let Some(trial) = trials.iter().find(|t| t.ground.is_empty()) {
-            let why = trial.notes.first().map_or("there are no forces of the ground", String::as_str);
-            return Err(PersonError::NoFrames {
-                name: trial.name.clone(),
-                why: format!(
-                    "{why}: the forces between person and ground are needed; for a TRC file name them with \
-                     `ground` FILE"
-                ),
-            });
-        }
-        if let Some(trial) = trials.iter().find(|t| t.frames() == 0) {
-            let why = "there are no frames".to_owned();
-            return Err(PersonError::NoFrames { name: trial.name.clone(), why });
-        }
+        refuse_empty(trials)?;
         let mut warnings = drifts(trials);
         let (mut notes, unzeroed) = zero(trials, options.plates_zeroed);
-        let labels = labels(trials, standing);
-        let frames = chosen_frames(&labels, trials, standing);
-        progress("joint centres", 0.0);
-        let mass_kg = options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0);
-        let known = Known {
-            height_m: options.height_m,
-            mass_kg,
-            sex: options.sex,
-            symmetric: options.symmetric,
-            own_markers: options.own_markers.clone(),
-            lengths_m: options.lengths_m.clone(),
-        };
-        let fitted = subject(&labels, &frames, options.kind, &known)?;
-        for trial in standing.into_iter().chain(&*trials) {
-            no_twins(trial, &fitted)?;
-        }
-        if let Some(trial) = standing {
-            let (rms_m, by_marker) = distances(&fitted, trial, STANDING);
-            on_the_model(&trial.name, rms_m, &by_marker)?;
-        }
-        let (subject, fixed) = follow(fitted, &labels, trials)?;
+        let (subject, fixed) = scaled(trials, standing, options, progress)?;
         notes.extend(compared_lengths(&options.lengths_m, &subject));
-        if !fixed.is_empty() {
-            notes.push(format!(
-                "no marker, or too few, follow {}: fixed to the link before",
-                fixed.join(", ")
-            ));
-        }
-        if options.sex == Sex::Unknown {
-            notes.push(format!(
-                "the table is of {}: say `table` female or male if it is known",
-                options.sex.words()
-            ));
-        }
-        if standing.is_none() && options.height_m.is_none() {
-            notes.push(format!(
-                "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; \
-                 give `static` or `height_m`",
-                subject.person.height_m
-            ));
-        } else if options.height_m.is_none() {
-            notes.push(format!(
-                "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table \
-                 is scaled by it: give `height_m` if it is known",
-                subject.person.height_m
-            ));
-        }
-        if subject.unseen_trunk.is_some() {
-            notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
-        }
-        let mut tracked = Vec::new();
-        let count = trials.len();
-        for (k, (trial, unzeroed)) in trials.iter_mut().zip(unzeroed).enumerate() {
-            let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
-            let mut own = track(trial, &subject, &options.track, &step)?;
-            own.unzeroed = unzeroed;
-            on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
-            warnings.extend(without_contacts(&mut own));
-            // What frames need of the plates is in the frames.
-            trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
-            let windows = (WINDOWS / count).max(1);
-            own.keep_windows(trial, windows, WINDOW_FRAMES.div_ceil(count * windows));
-            if own.windows.is_empty() && !own.frames.is_empty() {
-                let why = format!("{}; cut the recording to where she is on the plates", own.why_unused());
-                return Err(PersonError::NoFrames { name: own.name, why });
-            }
-            tracked.push(own);
-        }
+        notes.extend(assumptions(&subject, &fixed, standing.is_some(), options));
+        let (tracked, of_contacts) = track_all(trials, unzeroed, &subject, &options.track, progress)?;
+        warnings.extend(of_contacts);
         let height_sigma =
             HEIGHT_SIGMAS[usize::from(options.height_m.is_none()) * (1 + usize::from(standing.is_none()))];
         let given = options.given.clone();
@@ -273,6 +197,116 @@ impl Person {
         let places = self.trials.get(trial)?.places(&self.subject, frame)?;
         Some(alignment::centre_of_mass(&self.subject, &places))
     }
+}
+
+/// Refuses trials without forces of the ground, and those without frames.
+fn refuse_empty(trials: &[Trial]) -> Result<(), PersonError> {
+    if let Some(trial) = trials.iter().find(|t| t.ground.is_empty()) {
+        let why = trial.notes.first().map_or("there are no forces of the ground", String::as_str);
+        return Err(PersonError::NoFrames {
+            name: trial.name.clone(),
+            why: format!(
+                "{why}: the forces between person and ground are needed; for a TRC file name them with \
+                 `ground` FILE"
+            ),
+        });
+    }
+    if let Some(trial) = trials.iter().find(|t| t.frames() == 0) {
+        let why = "there are no frames".to_owned();
+        return Err(PersonError::NoFrames { name: trial.name.clone(), why });
+    }
+    Ok(())
+}
+
+/// Returns the model that is scaled to the markers of trials, its links that no marker follows fixed, and the
+/// names of those.
+fn scaled(
+    trials: &[Trial],
+    standing: Option<&Trial>,
+    options: &PeopleOptions,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<(Subject, Vec<String>), PersonError> {
+    let labels = labels(trials, standing);
+    let frames = chosen_frames(&labels, trials, standing);
+    progress("joint centres", 0.0);
+    let known = Known {
+        height_m: options.height_m,
+        mass_kg: options.mass_kg.or_else(|| weight(trials)).unwrap_or(70.0),
+        sex: options.sex,
+        symmetric: options.symmetric,
+        own_markers: options.own_markers.clone(),
+        lengths_m: options.lengths_m.clone(),
+    };
+    let fitted = subject(&labels, &frames, options.kind, &known)?;
+    for trial in standing.into_iter().chain(trials) {
+        no_twins(trial, &fitted)?;
+    }
+    if let Some(trial) = standing {
+        let (rms_m, by_marker) = distances(&fitted, trial, STANDING);
+        on_the_model(&trial.name, rms_m, &by_marker)?;
+    }
+    follow(fitted, &labels, trials)
+}
+
+/// Tells what is assumed of a person because neither markers nor options say it.
+fn assumptions(subject: &Subject, fixed: &[String], stands: bool, options: &PeopleOptions) -> Vec<String> {
+    let mut notes = Vec::new();
+    if !fixed.is_empty() {
+        notes.push(format!("no marker, or too few, follow {}: fixed to the link before", fixed.join(", ")));
+    }
+    if options.sex == Sex::Unknown {
+        notes.push(format!(
+            "the table is of {}: say `table` female or male if it is known",
+            options.sex.words()
+        ));
+    }
+    if !stands && options.height_m.is_none() {
+        notes.push(format!(
+            "the stature, {:.2} m, comes from a pose in motion: who is bent there is found too small; give \
+             `static` or `height_m`",
+            subject.person.height_m
+        ));
+    } else if options.height_m.is_none() {
+        notes.push(format!(
+            "the stature, {:.2} m, comes from the standing trial's markers, to some per cent; the table is \
+             scaled by it: give `height_m` if it is known",
+            subject.person.height_m
+        ));
+    }
+    if subject.unseen_trunk.is_some() {
+        notes.push("no marker follows the trunk: it is taken to stay upright".to_owned());
+    }
+    notes
+}
+
+/// Tracks every trial, and takes what is not needed any more out of them; with warnings of contacts that no
+/// plate measures.
+fn track_all(
+    trials: &mut [Trial],
+    unzeroed: Vec<Vec<UnknownZero>>,
+    subject: &Subject,
+    options: &TrackOptions,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<(Vec<Tracked>, Vec<String>), PersonError> {
+    let (mut tracked, mut warnings) = (Vec::new(), Vec::new());
+    let count = trials.len();
+    for (k, (trial, unzeroed)) in trials.iter_mut().zip(unzeroed).enumerate() {
+        let step = |share: f64| progress("poses", (k as f64 + share) / count as f64);
+        let mut own = track(trial, subject, options, &step)?;
+        own.unzeroed = unzeroed;
+        on_the_model(&own.name, own.report.rms_m, &own.report.by_marker)?;
+        warnings.extend(without_contacts(&mut own));
+        // What frames need of the plates is in the frames.
+        trial.ground.iter_mut().for_each(|plate| plate.wrench = Vec::new());
+        let windows = (WINDOWS / count).max(1);
+        own.keep_windows(trial, windows, WINDOW_FRAMES.div_ceil(count * windows));
+        if own.windows.is_empty() && !own.frames.is_empty() {
+            let why = format!("{}; cut the recording to where she is on the plates", own.why_unused());
+            return Err(PersonError::NoFrames { name: own.name, why });
+        }
+        tracked.push(own);
+    }
+    Ok((tracked, warnings))
 }
 
 /// The names of all markers.
