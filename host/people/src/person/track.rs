@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::Vector3;
 
 use super::alignment::{self, Delay, Looked};
-use super::contact::{Contact, Dropped, contact, counts, soles};
+use super::contact::{Contact, Dropped, KeptSoles, contact, counts, soles};
 use super::coordinates::Coordinates;
 use super::cut_off::cut_off;
 use super::error::PersonError;
@@ -227,73 +227,17 @@ pub fn track(
     let trial = &*trial;
     upright(subject, &mut coordinates, trial.rate_hz);
     coordinates.join();
-    let places = |frame: usize| -> Option<Vec<Place>> {
-        Some(subject.skeleton.places(&coordinates.pose(&subject.skeleton, frame)?))
-    };
-    let soles = parallel::each(trial.frames(), |frame| soles(subject, &places(frame)?));
-    let judge = |delay_s: f64| {
-        contact(trial.rate_hz, &soles, &trial.ground, &|frame| loads(trial, CONTACT_HZ, delay_s, frame))
-    };
-    let centre = |frame: usize| {
-        let centre = places(frame).map(|places| alignment::centre_of_mass(subject, &places));
-        centre.unwrap_or(Vector3::repeat(f64::NAN))
-    };
-    let look = |judged: &Contact| {
-        let range = looked(&judged.dropped);
-        let used = judged.dropped[range.clone()].iter().map(Option::is_none).collect();
-        Looked { centres: parallel::each(range.len(), |k| centre(range.start + k)), range, used }
-    };
-    let mut delay_s = options.delay_s.unwrap_or(0.0);
-    let mut judged = judge(delay_s);
-    let beside = beside_the_plates(subject, trial, &judged, &centre, &|frame| {
-        Some((places(frame)?, sum(&loads(trial, CONTACT_HZ, delay_s, frame)?)))
-    });
-    beside.leave_out(&mut judged);
-    let cut_off_hz =
-        options.cut_off_hz.unwrap_or_else(|| cut_off(subject, trial, &look(&judged), &coordinates));
-    let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
-        .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
-    let delay = match options.delay_s {
-        Some(_) => None,
-        None => alignment::delay(subject, trial, &look(&judged), &smoother),
-    };
-    // A delay that is no more than what the table's bodies make of it is none.
-    let applied = delay.filter(|d| d.delay_s.abs() > 3.0 * d.sigma_s && d.delay_s.abs() > 1e-3);
-    if let Some(found) = applied {
-        delay_s = found.delay_s;
-        judged = judge(delay_s);
-        beside.leave_out(&mut judged);
-    }
-    drop(soles);
-    same_laboratory(trial, &judged)?;
-    let mut frames = Vec::new();
-    let height_m = |plate: &GroundWrench| plate.corners_m.map(|corners| corners[0][2]);
-    let plates = trial.ground.iter();
-    let plates = plates.map(|p| UsedPlate {
-        name: p.name.clone(),
-        height_m: height_m(p),
-        middle_m: middle(p),
-        wrench: Vec::new(),
-    });
-    let mut plates: Vec<UsedPlate> = plates.collect();
-    let frame = |number: usize| {
-        judged.dropped.get(number).filter(|reason| reason.is_none())?;
-        coordinates.at(&smoother, number)?;
-        let loads = loads(trial, cut_off_hz, delay_s, number)?;
-        Some((UsedFrame { number, wrench: sum(&loads).map(|v| v as f32) }, loads))
-    };
-    parallel::in_order(trial.frames(), frame, |_, own| {
-        let Some((frame, loads)) = own else { return };
-        frames.push(frame);
-        plates.iter_mut().zip(loads).for_each(|(plate, load)| plate.wrench.push(load.map(|v| v as f32)));
-    });
+    let posed = Posed { subject, trial, coordinates: &coordinates };
+    let Judged { contact, beside, cut_off_hz, smoother, delay_s, delay } = posed.judged(options)?;
+    same_laboratory(trial, &contact)?;
+    let (frames, plates) = posed.used(&contact, &smoother, cut_off_hz, delay_s);
     let report = TrackReport {
         frames: trial.frames(),
         rate_hz: trial.rate_hz,
-        dropped: counts(&judged.dropped),
+        dropped: counts(&contact.dropped),
         filled,
         cut_off_hz,
-        delay: delay.map(|d| (d, applied.is_some())),
+        delay,
         rms_m,
         by_marker,
         level: beside.level,
@@ -312,6 +256,111 @@ pub fn track(
         unzeroed: Vec::new(),
         report,
     })
+}
+
+/// A trial with a pose of every frame.
+struct Posed<'a> {
+    subject: &'a Subject,
+    trial: &'a Trial,
+    coordinates: &'a Coordinates,
+}
+
+/// The judgement of a trial's frames, with the smoothing and the delay that it was found by.
+struct Judged {
+    contact: Contact,
+    beside: Beside,
+    cut_off_hz: f64,
+    smoother: Smoother,
+    /// The delay of the plates that is taken out, s.
+    delay_s: f64,
+    /// The delay that was found, and whether it is taken out.
+    delay: Option<(Delay, bool)>,
+}
+
+impl Posed<'_> {
+    /// Returns where the links are in a frame.
+    fn places(&self, frame: usize) -> Option<Vec<Place>> {
+        Some(self.subject.skeleton.places(&self.coordinates.pose(&self.subject.skeleton, frame)?))
+    }
+
+    /// Returns the table's centre of mass in a frame, m; NaN without a pose.
+    fn centre(&self, frame: usize) -> Vector3<f64> {
+        let centre = self.places(frame).map(|places| alignment::centre_of_mass(self.subject, &places));
+        centre.unwrap_or(Vector3::repeat(f64::NAN))
+    }
+
+    /// Judges every frame by feet and plates.
+    fn contact(&self, soles: &[Option<KeptSoles>], delay_s: f64) -> Contact {
+        let trial = self.trial;
+        contact(trial.rate_hz, soles, &trial.ground, &|frame| loads(trial, CONTACT_HZ, delay_s, frame))
+    }
+
+    /// Returns the frames that cut-off and delay are found from.
+    fn looked(&self, judged: &Contact) -> Looked {
+        let range = looked(&judged.dropped);
+        let used = judged.dropped[range.clone()].iter().map(Option::is_none).collect();
+        Looked { centres: parallel::each(range.len(), |k| self.centre(range.start + k)), range, used }
+    }
+
+    /// Judges every frame, and finds the cut-off of the smoothing and the delay of the plates.
+    fn judged(&self, options: &TrackOptions) -> Result<Judged, PersonError> {
+        let (subject, trial) = (self.subject, self.trial);
+        let soles = parallel::each(trial.frames(), |frame| soles(subject, &self.places(frame)?));
+        let mut delay_s = options.delay_s.unwrap_or(0.0);
+        let mut contact = self.contact(&soles, delay_s);
+        let beside = beside_the_plates(subject, trial, &contact, &|frame| self.centre(frame), &|frame| {
+            Some((self.places(frame)?, sum(&loads(trial, CONTACT_HZ, delay_s, frame)?)))
+        });
+        beside.leave_out(&mut contact);
+        let cut_off_hz = options
+            .cut_off_hz
+            .unwrap_or_else(|| cut_off(subject, trial, &self.looked(&contact), self.coordinates));
+        let smoother = Smoother::new(cut_off_hz, trial.rate_hz)
+            .ok_or(PersonError::CutOff { cut_off_hz, rate_hz: trial.rate_hz })?;
+        let delay = match options.delay_s {
+            Some(_) => None,
+            None => alignment::delay(subject, trial, &self.looked(&contact), &smoother),
+        };
+        // A delay that is no more than what the table's bodies make of it is none.
+        let applied = delay.filter(|d| d.delay_s.abs() > 3.0 * d.sigma_s && d.delay_s.abs() > 1e-3);
+        if let Some(found) = applied {
+            delay_s = found.delay_s;
+            contact = self.contact(&soles, delay_s);
+            beside.leave_out(&mut contact);
+        }
+        let delay = delay.map(|d| (d, applied.is_some()));
+        Ok(Judged { contact, beside, cut_off_hz, smoother, delay_s, delay })
+    }
+
+    /// Returns the frames that rows are made of, and what each plate measured in them.
+    fn used(
+        &self,
+        judged: &Contact,
+        smoother: &Smoother,
+        cut_off_hz: f64,
+        delay_s: f64,
+    ) -> (Vec<UsedFrame>, Vec<UsedPlate>) {
+        let mut frames = Vec::new();
+        let plate = |own: &GroundWrench| UsedPlate {
+            name: own.name.clone(),
+            height_m: own.corners_m.map(|corners| corners[0][2]),
+            middle_m: middle(own),
+            wrench: Vec::new(),
+        };
+        let mut plates: Vec<UsedPlate> = self.trial.ground.iter().map(plate).collect();
+        let frame = |number: usize| {
+            judged.dropped.get(number).filter(|reason| reason.is_none())?;
+            self.coordinates.at(smoother, number)?;
+            let loads = loads(self.trial, cut_off_hz, delay_s, number)?;
+            Some((UsedFrame { number, wrench: sum(&loads).map(|v| v as f32) }, loads))
+        };
+        parallel::in_order(self.trial.frames(), frame, |_, own| {
+            let Some((frame, loads)) = own else { return };
+            frames.push(frame);
+            plates.iter_mut().zip(loads).for_each(|(plate, load)| plate.wrench.push(load.map(|v| v as f32)));
+        });
+        (frames, plates)
+    }
 }
 
 /// The first frames of a trial, whose markers are stored in any case.
