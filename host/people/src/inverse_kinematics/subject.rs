@@ -140,57 +140,18 @@ pub fn subject(
     kind: HumanModel,
     known: &Known,
 ) -> Result<Subject, SubjectError> {
-    let seen_once = |label: usize| frames.iter().any(|f| f.get(label).is_some_and(Option::is_some));
-    let unknown: Vec<String> = labels
-        .iter()
-        .filter(|l| !is_known(l) && !known.own_markers.marker.contains_key(*l))
-        .cloned()
-        .collect();
+    let question = Question { labels, frames, kind, known };
     let mut person = Person {
         height_m: known.height_m.unwrap_or_else(|| Person::default().height_m),
         mass_kg: known.mass_kg,
         sex: known.sex,
         lengths_m: Vec::new(),
     };
-    let attached = |person: &Person| -> Result<(Model, Skeleton, Vec<Attached>), SubjectError> {
-        let model = model(person, kind)?;
-        let skeleton = Skeleton::new(&model).ok_or(SubjectError::Calibration)?;
-        let mut markers = attach(&model, &skeleton, labels, person.height_m);
-        known.own_markers.apply(&mut markers, labels, &model).map_err(SubjectError::OwnMarkers)?;
-        markers.retain(|marker| seen_once(marker.label));
-        Ok((model, skeleton, markers))
-    };
-    let (_, skeleton, markers) = attached(&person)?;
-    let of_frame = |markers: &[Attached], frame: &[Option<Vector3<f64>>]| -> Seen {
-        markers.iter().map(|m| frame.get(m.label).copied().flatten()).collect()
-    };
-    let anatomical = markers.iter().filter(|m| m.position_sigma_m < ANATOMICAL_M).count();
-    if anatomical < FEWEST {
-        let name = unknown.first().cloned().unwrap_or_default();
-        return Err(SubjectError::Markers { known: anatomical, markers: labels.len(), unknown: name });
-    }
-    let (first, _, scale) = frames
-        .iter()
-        .find_map(|f| similarity(&skeleton, &markers, &of_frame(&markers, f)))
-        .ok_or(SubjectError::Calibration)?;
-    let height_m = person.height_m * scale;
-    if !(STATURES_M[0]..=STATURES_M[1]).contains(&height_m) {
-        return Err(SubjectError::Stature { height_m });
-    }
-    if known.height_m.is_none() {
-        person.height_m = height_m;
-    }
-    if !known.lengths_m.is_empty() {
-        let refuse = |Other { name, given_m, found_m }| SubjectError::OtherPerson { name, given_m, found_m };
-        unusual(&known.lengths_m, &person).map(refuse).map_or(Ok(()), Err)?;
-        // What markers alone say: beside these lengths they would agree with them.
-        let alone = subject(labels, frames, kind, &Known { lengths_m: Vec::new(), ..known.clone() })?;
-        let Subject { model, skeleton, root, .. } = &alone;
-        contradiction(&known.lengths_m, model, skeleton, root).map(refuse).map_or(Ok(()), Err)?;
-    }
+    let unknown = question.unknown();
+    let first = question.first_pose(&mut person, &unknown)?;
+    question.refuse_other_person(&person)?;
     person.lengths_m.clone_from(&known.lengths_m);
-    let (_, skeleton, mut markers) = attached(&person)?;
-    let mut skeleton = skeleton;
+    let (_, mut skeleton, mut markers) = question.attached(&person)?;
     let by_spines = pelvis(&mut skeleton, &mut markers, frames, (&model(&person, kind)?, &person, known));
     let mut sigma = joint_sigma(&model(&person, kind)?, known);
     if by_spines {
@@ -199,16 +160,7 @@ pub fn subject(
     }
     let seen: Vec<Seen> = frames.iter().map(|f| of_frame(&markers, f)).collect();
     let poses = follow(&skeleton, &markers, &seen, &first).ok_or(SubjectError::Calibration)?;
-    let left = Some(rms(&skeleton, &markers, &seen[..seen.len().min(COMPARED)], &first));
-    let other: Vec<Seen> = seen.iter().take(COMPARED).map(|frame| exchanged(&markers, frame)).collect();
-    let start = other.iter().find_map(|f| similarity(&skeleton, &markers, f));
-    let other = start.map(|(start, ..)| rms(&skeleton, &markers, &other, &start));
-    if let (Some(left), Some(other)) = (left, other)
-        && is_exchanged(left, other)
-    {
-        let what = "all markers".to_owned();
-        return Err(SubjectError::Exchanged { what, left_mm: 1e3 * left, other_mm: 1e3 * other });
-    }
+    refuse_exchanged(&skeleton, &markers, &seen, &first)?;
     if let Some((left, right)) = exchanged_pair(&skeleton, &markers, &seen, &poses) {
         return Err(SubjectError::ExchangedPair { left, right });
     }
@@ -222,6 +174,101 @@ pub fn subject(
         link.link.position = found.position;
     }
     Ok(Subject { person, model, skeleton, markers, rms_m, unknown, unseen_trunk: None, root })
+}
+
+/// Frames of markers and what is known beside them, of which a person's model is made.
+struct Question<'a> {
+    labels: &'a [String],
+    frames: &'a [Vec<Option<Vector3<f64>>>],
+    kind: HumanModel,
+    known: &'a Known,
+}
+
+impl Question<'_> {
+    /// Returns the markers whose names say nothing.
+    fn unknown(&self) -> Vec<String> {
+        let own = &self.known.own_markers.marker;
+        self.labels.iter().filter(|l| !is_known(l) && !own.contains_key(*l)).cloned().collect()
+    }
+
+    /// Returns a person's model with the markers that were seen at all.
+    fn attached(&self, person: &Person) -> Result<(Model, Skeleton, Vec<Attached>), SubjectError> {
+        let seen_once = |label: usize| self.frames.iter().any(|f| f.get(label).is_some_and(Option::is_some));
+        let model = model(person, self.kind)?;
+        let skeleton = Skeleton::new(&model).ok_or(SubjectError::Calibration)?;
+        let mut markers = attach(&model, &skeleton, self.labels, person.height_m);
+        let own = &self.known.own_markers;
+        own.apply(&mut markers, self.labels, &model).map_err(SubjectError::OwnMarkers)?;
+        markers.retain(|marker| seen_once(marker.label));
+        Ok((model, skeleton, markers))
+    }
+
+    /// Returns the pose of the first frame that shows one, and gives the person the stature that it shows if
+    /// none is known.
+    fn first_pose(&self, person: &mut Person, unknown: &[String]) -> Result<Pose, SubjectError> {
+        let (_, skeleton, markers) = self.attached(person)?;
+        let anatomical = markers.iter().filter(|m| m.position_sigma_m < ANATOMICAL_M).count();
+        if anatomical < FEWEST {
+            let name = unknown.first().cloned().unwrap_or_default();
+            return Err(SubjectError::Markers {
+                known: anatomical,
+                markers: self.labels.len(),
+                unknown: name,
+            });
+        }
+        let mut frames = self.frames.iter();
+        let (first, _, scale) = frames
+            .find_map(|f| similarity(&skeleton, &markers, &of_frame(&markers, f)))
+            .ok_or(SubjectError::Calibration)?;
+        let height_m = person.height_m * scale;
+        if !(STATURES_M[0]..=STATURES_M[1]).contains(&height_m) {
+            return Err(SubjectError::Stature { height_m });
+        }
+        if self.known.height_m.is_none() {
+            person.height_m = height_m;
+        }
+        Ok(first)
+    }
+
+    /// Refuses lengths from elsewhere that are another person's.
+    fn refuse_other_person(&self, person: &Person) -> Result<(), SubjectError> {
+        let Self { labels, frames, kind, known } = self;
+        if known.lengths_m.is_empty() {
+            return Ok(());
+        }
+        let refuse = |Other { name, given_m, found_m }| SubjectError::OtherPerson { name, given_m, found_m };
+        unusual(&known.lengths_m, person).map(refuse).map_or(Ok(()), Err)?;
+        // What markers alone say: beside these lengths they would agree with them.
+        let without = Known { lengths_m: Vec::new(), ..Known::clone(known) };
+        let alone = subject(labels, frames, *kind, &without)?;
+        let Subject { model, skeleton, root, .. } = &alone;
+        contradiction(&known.lengths_m, model, skeleton, root).map(refuse).map_or(Ok(()), Err)
+    }
+}
+
+/// The markers of a frame in the order of the attached ones.
+fn of_frame(markers: &[Attached], frame: &[Option<Vector3<f64>>]) -> Seen {
+    markers.iter().map(|m| frame.get(m.label).copied().flatten()).collect()
+}
+
+/// Refuses markers whose left and right are exchanged; `first` is a pose to begin from.
+fn refuse_exchanged(
+    skeleton: &Skeleton,
+    markers: &[Attached],
+    seen: &[Seen],
+    first: &Pose,
+) -> Result<(), SubjectError> {
+    let left = rms(skeleton, markers, &seen[..seen.len().min(COMPARED)], first);
+    let other: Vec<Seen> = seen.iter().take(COMPARED).map(|frame| exchanged(markers, frame)).collect();
+    let start = other.iter().find_map(|f| similarity(skeleton, markers, f));
+    let other = start.map(|(start, ..)| rms(skeleton, markers, &other, &start));
+    match other.filter(|other| is_exchanged(left, *other)) {
+        Some(other) => {
+            let what = "all markers".to_owned();
+            Err(SubjectError::Exchanged { what, left_mm: 1e3 * left, other_mm: 1e3 * other })
+        }
+        None => Ok(()),
+    }
 }
 
 impl Subject {

@@ -95,6 +95,17 @@ fn joint_centres_of_shared_data_are_where_functional_motion_and_the_laboratory_h
     }
 }
 
+/// Markers of a whole body, by names that are in use.
+#[rustfmt::skip]
+const MARKERS: [&str; 44] = [
+    "LASI", "RASI", "LPSI", "RPSI", "C7", "T10", "CLAV", "STRN",
+    "LSHO", "RSHO", "LFHD", "RFHD", "LBHD", "RBHD", "LTHI", "RTHI",
+    "LKNE", "RKNE", "LTIB", "RTIB", "LANK", "RANK", "LHEE", "RHEE",
+    "LTOE", "RTOE", "L.MT5", "R.MT5", "LUPA", "RUPA", "LELB", "RELB",
+    "LFRA", "RFRA", "LWRA", "RWRA", "LWRB", "RWRB", "LFIN", "RFIN",
+    "L.Knee.Med", "R.Knee.Med", "L.Ankle.Med", "R.Ankle.Med",
+];
+
 #[test]
 fn poses_and_joint_centres_come_out_of_markers_that_were_made_of_them() {
     use super::calibrate::calibrate;
@@ -104,53 +115,7 @@ fn poses_and_joint_centres_come_out_of_markers_that_were_made_of_them() {
 
     let model = Person::default().human34().unwrap();
     let truth = Skeleton::new(&model).unwrap();
-    let names = [
-        "LASI",
-        "RASI",
-        "LPSI",
-        "RPSI",
-        "C7",
-        "T10",
-        "CLAV",
-        "STRN",
-        "LSHO",
-        "RSHO",
-        "LFHD",
-        "RFHD",
-        "LBHD",
-        "RBHD",
-        "LTHI",
-        "RTHI",
-        "LKNE",
-        "RKNE",
-        "LTIB",
-        "RTIB",
-        "LANK",
-        "RANK",
-        "LHEE",
-        "RHEE",
-        "LTOE",
-        "RTOE",
-        "L.MT5",
-        "R.MT5",
-        "LUPA",
-        "RUPA",
-        "LELB",
-        "RELB",
-        "LFRA",
-        "RFRA",
-        "LWRA",
-        "RWRA",
-        "LWRB",
-        "RWRB",
-        "LFIN",
-        "RFIN",
-        "L.Knee.Med",
-        "R.Knee.Med",
-        "L.Ankle.Med",
-        "R.Ankle.Med",
-    ];
-    let labels: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+    let labels: Vec<String> = MARKERS.iter().map(|n| (*n).to_owned()).collect();
     let markers = attach(&model, &truth, &labels, 1.741);
     assert_eq!(markers.len(), labels.len());
     let pose = |k: usize| -> Pose {
