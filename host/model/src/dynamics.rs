@@ -5,7 +5,7 @@
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::spatial::Body;
-use rigident_shared::tree::{BaseMotion, Joint};
+use rigident_shared::tree::{BaseMotion, Joint, Link};
 
 use super::inertial::Parameters;
 use super::tree::{Model, NO_BODY};
@@ -24,6 +24,9 @@ struct State {
 /// A joint's share: rotation, position, relative rate and its derivative (own axes), relative velocity and
 /// acceleration (parent axes).
 type Step = (Matrix3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>, Vector3<f64>);
+
+/// A freedom: its link, whether it turns that, and its direction in the link's axes.
+type Freedom = (usize, bool, Vector3<f64>);
 
 fn about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&Unit::new_unchecked(*axis), angle).into_inner()
@@ -91,51 +94,40 @@ fn inverse_dynamics_of(
     (positions, rates, accelerations): (&[f64], &[f64], &[f64]),
     outside: &[(usize, [f64; 6])],
 ) -> Option<Vec<f64>> {
-    let zero = Vector3::zeros();
+    let (states, freedoms) = motion(model, base, (positions, rates, accelerations))?;
+    let wrenches = wrenches(model, parameters, &states, outside)?;
+    let (force, moment) = wrenches.first()?;
+    let mut out: Vec<f64> = force.iter().chain(moment.iter()).copied().collect();
+    out.extend(freedoms.iter().map(|(i, turns, direction)| {
+        let (f, n) = &wrenches[*i];
+        direction.dot(if *turns { n } else { f })
+    }));
+    Some(out)
+}
+
+/// Returns the motion of every link, and all freedoms; `None` as [`inverse_dynamics`].
+fn motion(
+    model: &Model,
+    base: &BaseMotion<f64>,
+    (positions, rates, accelerations): (&[f64], &[f64], &[f64]),
+) -> Option<(Vec<State>, Vec<Freedom>)> {
     let mut states = vec![State {
         rotation: Matrix3::identity(),
-        position: zero,
+        position: Vector3::zeros(),
         rate: base.rate,
         change: base.angular_acceleration,
         force: base.specific_force,
     }];
     let (mut at_q, mut at_v) = (0, 0);
-    // For every freedom: link, and its direction in the link's axes.
-    let mut freedoms: Vec<(usize, bool, Vector3<f64>)> = Vec::new();
+    let mut freedoms = Vec::new();
     for (i, link) in model.links.iter().enumerate().skip(1) {
         let joint = &link.link.joint;
         let q = positions.get(at_q..at_q + joint.coordinates())?;
         let v = rates.get(at_v..at_v + joint.freedoms())?;
         let a = accelerations.get(at_v..at_v + joint.freedoms())?;
         (at_q, at_v) = (at_q + joint.coordinates(), at_v + joint.freedoms());
-        let (r0, p0) = (link.link.rotation, link.link.position);
-        let (rotation, position, rate, change, velocity, acceleration): Step = match joint {
-            Joint::Fixed => (r0, p0, zero, zero, zero, zero),
-            Joint::Revolute(axis) => {
-                freedoms.push((i, true, *axis));
-                (r0 * about(axis, q[0]), p0, axis * v[0], axis * a[0], zero, zero)
-            }
-            Joint::Prismatic(axis) => {
-                freedoms.push((i, false, *axis));
-                let along = r0 * axis;
-                (r0, p0 + along * q[0], zero, zero, along * v[0], along * a[0])
-            }
-            Joint::Universal(first, second) => {
-                let inner = about(second, q[1]);
-                let carried = inner.transpose() * first;
-                freedoms.push((i, true, carried));
-                freedoms.push((i, true, *second));
-                let change = carried * a[0] + second * a[1] + carried.cross(second) * (v[0] * v[1]);
-                (r0 * about(first, q[0]) * inner, p0, carried * v[0] + second * v[1], change, zero, zero)
-            }
-            Joint::Spherical => {
-                let turned = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
-                freedoms.extend((0..3).map(|k| (i, true, Vector3::ith(k, 1.0))));
-                let rotation = r0 * turned.to_rotation_matrix().matrix();
-                (rotation, p0, Vector3::new(v[0], v[1], v[2]), Vector3::new(a[0], a[1], a[2]), zero, zero)
-            }
-            Joint::Free => return None,
-        };
+        let (rotation, position, rate, change, velocity, acceleration) =
+            step(i, &link.link, (q, v, a), &mut freedoms)?;
         let up = states.get(link.link.parent)?;
         let back = rotation.transpose();
         let carried = back * up.rate;
@@ -148,6 +140,57 @@ fn inverse_dynamics_of(
             force: back * (up.force + swing + acceleration),
         });
     }
+    Some((states, freedoms))
+}
+
+/// Returns the share of link `i`'s joint with these positions, rates and accelerations, and adds its freedoms;
+/// `None` of a free joint.
+fn step(
+    i: usize,
+    link: &Link<f64>,
+    (q, v, a): (&[f64], &[f64], &[f64]),
+    freedoms: &mut Vec<Freedom>,
+) -> Option<Step> {
+    let zero = Vector3::zeros();
+    let (r0, p0) = (link.rotation, link.position);
+    Some(match &link.joint {
+        Joint::Fixed => (r0, p0, zero, zero, zero, zero),
+        Joint::Revolute(axis) => {
+            freedoms.push((i, true, *axis));
+            (r0 * about(axis, q[0]), p0, axis * v[0], axis * a[0], zero, zero)
+        }
+        Joint::Prismatic(axis) => {
+            freedoms.push((i, false, *axis));
+            let along = r0 * axis;
+            (r0, p0 + along * q[0], zero, zero, along * v[0], along * a[0])
+        }
+        Joint::Universal(first, second) => {
+            let inner = about(second, q[1]);
+            let carried = inner.transpose() * first;
+            freedoms.push((i, true, carried));
+            freedoms.push((i, true, *second));
+            let change = carried * a[0] + second * a[1] + carried.cross(second) * (v[0] * v[1]);
+            (r0 * about(first, q[0]) * inner, p0, carried * v[0] + second * v[1], change, zero, zero)
+        }
+        Joint::Spherical => {
+            let turned = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
+            freedoms.extend((0..3).map(|k| (i, true, Vector3::ith(k, 1.0))));
+            let rotation = r0 * turned.to_rotation_matrix().matrix();
+            (rotation, p0, Vector3::new(v[0], v[1], v[2]), Vector3::new(a[0], a[1], a[2]), zero, zero)
+        }
+        Joint::Free => return None,
+    })
+}
+
+/// Returns force and moment that each link needs with all that hang on it, at its origin in its axes, N and
+/// N m, beside the wrenches from outside; `None` if one of these is on no link.
+fn wrenches(
+    model: &Model,
+    parameters: &[Parameters],
+    states: &[State],
+    outside: &[(usize, [f64; 6])],
+) -> Option<Vec<(Vector3<f64>, Vector3<f64>)>> {
+    let zero = Vector3::zeros();
     let mut wrenches = vec![(zero, zero); states.len()];
     for (i, [fx, fy, fz, mx, my, mz]) in outside {
         let (force, moment) = wrenches.get_mut(*i)?;
@@ -176,12 +219,7 @@ fn inverse_dynamics_of(
             parent.1 += n + state.position.cross(&f);
         }
     }
-    let mut out: Vec<f64> = wrenches[0].0.iter().chain(wrenches[0].1.iter()).copied().collect();
-    out.extend(freedoms.iter().map(|(i, turns, direction)| {
-        let (f, n) = &wrenches[*i];
-        direction.dot(if *turns { n } else { f })
-    }));
-    Some(out)
+    Some(wrenches)
 }
 
 #[cfg(test)]

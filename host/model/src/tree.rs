@@ -109,85 +109,9 @@ impl Model {
     /// there, a name given twice, an axis without direction.
     pub fn assemble(name: &str, raw: Vec<RawLink>, findings: Vec<Finding>) -> Result<Self, ModelError> {
         let refuse = |problem: String| ModelError::Structure { what: name.to_owned(), problem };
-        let mut names = BTreeSet::new();
-        let mut joints = BTreeSet::new();
-        for name in raw.iter().flat_map(|r| [&r.link.name, &r.link.joint_name]) {
-            if !printable::is_name(name) {
-                return Err(refuse(format!(
-                    "the name {:?} has control characters, or is longer than {} bytes: give another one",
-                    printable::name(name).to_string(),
-                    printable::LONGEST_NAME
-                )));
-            }
-        }
-        if raw.len() > MOST_LINKS {
-            return Err(refuse(format!(
-                "it has {} links, and models are read up to {MOST_LINKS}",
-                raw.len()
-            )));
-        }
-        for (n, r) in raw.iter().enumerate() {
-            if r.link.name.trim().is_empty() {
-                let held = match r.link.joint_name.as_str() {
-                    "" => String::new(),
-                    joint => format!(", which joint {joint} holds,"),
-                };
-                return Err(refuse(format!(
-                    "link {} of the file{held} has no name; every link needs one of its own",
-                    n + 1
-                )));
-            }
-            if !names.insert(r.link.name.clone()) {
-                return Err(refuse(format!("two links are named {}", r.link.name)));
-            }
-            if r.parent.is_some() && r.link.joint_name.trim().is_empty() {
-                return Err(refuse(format!(
-                    "the joint that holds link {} has no name; every joint needs one of its own",
-                    r.link.name
-                )));
-            }
-            if r.parent.is_some() && !joints.insert(r.link.joint_name.clone()) {
-                return Err(refuse(format!("two joints are named {}", r.link.joint_name)));
-            }
-        }
-        let mut children: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        let mut roots = Vec::new();
-        for (i, r) in raw.iter().enumerate() {
-            match &r.parent {
-                None => roots.push(i),
-                Some(parent) if names.contains(parent) => children.entry(parent).or_default().push(i),
-                Some(parent) => {
-                    return Err(refuse(format!(
-                        "joint {} hangs link {} on {parent}, which is not there",
-                        r.link.joint_name, r.link.name
-                    )));
-                }
-            }
-        }
-        let root = match roots.as_slice() {
-            [root] => *root,
-            [] => return Err(refuse(format!("{}: there is no base", in_a_loop(&raw)))),
-            several => {
-                let all: Vec<&str> = several.iter().map(|i| raw[*i].link.name.as_str()).collect();
-                return Err(refuse(format!(
-                    "{} links hang on nothing: {}; a model has one base, join the others to it (a fixed \
-                     joint will do)",
-                    all.len(),
-                    all.join(", ")
-                )));
-            }
-        };
-        // Depth first, in the file's order.
-        let mut stack = vec![(root, 0)];
-        let mut links: Vec<ModelLink> = Vec::with_capacity(raw.len());
-        while let Some((i, parent)) = stack.pop() {
-            let mut link = raw[i].link.clone();
-            link.link.parent = parent;
-            let at = links.len();
-            let below = children.get(link.name.as_str()).map_or(&[][..], Vec::as_slice);
-            stack.extend(below.iter().rev().map(|child| (*child, at)));
-            links.push(link);
-        }
+        let names = names(&raw).map_err(refuse)?;
+        let (root, children) = hung(&raw, &names).map_err(refuse)?;
+        let links = in_order(&raw, root, &children);
         if links.len() < raw.len() {
             return Err(refuse(in_a_loop(&raw)));
         }
@@ -435,6 +359,103 @@ impl Model {
         }
         kinds
     }
+}
+
+/// Returns the names of all links.
+///
+/// # Errors
+/// Says which link or joint has no name of its own, or that there are too many.
+fn names(raw: &[RawLink]) -> Result<BTreeSet<&str>, String> {
+    for name in raw.iter().flat_map(|r| [&r.link.name, &r.link.joint_name]) {
+        if !printable::is_name(name) {
+            return Err(format!(
+                "the name {:?} has control characters, or is longer than {} bytes: give another one",
+                printable::name(name).to_string(),
+                printable::LONGEST_NAME
+            ));
+        }
+    }
+    if raw.len() > MOST_LINKS {
+        return Err(format!("it has {} links, and models are read up to {MOST_LINKS}", raw.len()));
+    }
+    let (mut names, mut joints) = (BTreeSet::new(), BTreeSet::new());
+    for (n, r) in raw.iter().enumerate() {
+        if r.link.name.trim().is_empty() {
+            let held = match r.link.joint_name.as_str() {
+                "" => String::new(),
+                joint => format!(", which joint {joint} holds,"),
+            };
+            return Err(format!(
+                "link {} of the file{held} has no name; every link needs one of its own",
+                n + 1
+            ));
+        }
+        if !names.insert(r.link.name.as_str()) {
+            return Err(format!("two links are named {}", r.link.name));
+        }
+        if r.parent.is_some() && r.link.joint_name.trim().is_empty() {
+            return Err(format!(
+                "the joint that holds link {} has no name; every joint needs one of its own",
+                r.link.name
+            ));
+        }
+        if r.parent.is_some() && !joints.insert(r.link.joint_name.as_str()) {
+            return Err(format!("two joints are named {}", r.link.joint_name));
+        }
+    }
+    Ok(names)
+}
+
+/// Returns the base, and by the name of each link those that hang on it.
+///
+/// # Errors
+/// Says which link hangs on one that is not there, or that there is no base or several.
+fn hung<'a>(
+    raw: &'a [RawLink],
+    names: &BTreeSet<&str>,
+) -> Result<(usize, BTreeMap<&'a str, Vec<usize>>), String> {
+    let mut children: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut roots = Vec::new();
+    for (i, r) in raw.iter().enumerate() {
+        match r.parent.as_deref() {
+            None => roots.push(i),
+            Some(parent) if names.contains(parent) => children.entry(parent).or_default().push(i),
+            Some(parent) => {
+                return Err(format!(
+                    "joint {} hangs link {} on {parent}, which is not there",
+                    r.link.joint_name, r.link.name
+                ));
+            }
+        }
+    }
+    match roots.as_slice() {
+        [root] => Ok((*root, children)),
+        [] => Err(format!("{}: there is no base", in_a_loop(raw))),
+        several => {
+            let all: Vec<&str> = several.iter().map(|i| raw[*i].link.name.as_str()).collect();
+            Err(format!(
+                "{} links hang on nothing: {}; a model has one base, join the others to it (a fixed joint \
+                 will do)",
+                all.len(),
+                all.join(", ")
+            ))
+        }
+    }
+}
+
+/// Returns the links below a base and itself, parents before children: depth first, in the file's order.
+fn in_order(raw: &[RawLink], root: usize, children: &BTreeMap<&str, Vec<usize>>) -> Vec<ModelLink> {
+    let mut stack = vec![(root, 0)];
+    let mut links: Vec<ModelLink> = Vec::with_capacity(raw.len());
+    while let Some((i, parent)) = stack.pop() {
+        let mut link = raw[i].link.clone();
+        link.link.parent = parent;
+        let at = links.len();
+        let below = children.get(link.name.as_str()).map_or(&[][..], Vec::as_slice);
+        stack.extend(below.iter().rev().map(|child| (*child, at)));
+        links.push(link);
+    }
+    links
 }
 
 /// Names the links of a loop.
