@@ -143,8 +143,8 @@ fn motion(
     Some((states, freedoms))
 }
 
-/// Returns the share of link `i`'s joint with these positions, rates and accelerations, and adds its freedoms;
-/// `None` of a free joint.
+/// Returns the share of link `i`'s joint with these positions, rates and accelerations, and adds its
+/// freedoms; `None` of a free joint.
 fn step(
     i: usize,
     link: &Link<f64>,

@@ -21,7 +21,8 @@ use super::finding::ModelError;
 pub use super::rows::Rows;
 use super::tree::Model;
 pub use numerical::Gap;
-use numerical::Reduction;
+use numerical::{Reduction, Sampled};
+use recursive::Rule;
 
 /// Smallest singular value, relative to the largest, of what is distinguished in columns of unit length.
 /// Robot descriptions round angles to some 1e-11 (π/2 as 1.57079632679), and by that alone columns that are
@@ -153,43 +154,18 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
             "no joint moves: there are no joint rows; say `floating` for a moving base".to_owned(),
         ));
     }
-    let mut rules = recursive::rules(&model);
     let sampled = numerical::sample(&model, situation).map_err(|error| refuse(format!("{error:?}")))?;
     let present = |column: &usize| model.links[column / 10].is_body();
     let all: Vec<usize> = (skip..sampled.columns()).filter(present).collect();
     let absent = sampled.columns() - skip - all.len();
+    let mut rules = recursive::rules(&model);
     if absent > 0 {
         let present: Vec<usize> = (0..sampled.columns()).filter(present).collect();
         rules = absent::without(&rules, &present, sampled.reach());
     }
+    rules.retain(|rule| rule.column >= skip);
     let free = Reduction::of(&sampled, &all);
-    let rules: Vec<_> = rules.into_iter().filter(|rule| rule.column >= skip).collect();
-    let standard = model.links[skip / 10..]
-        .iter()
-        .flat_map(|l| PARAMETER_NAMES[..10].iter().map(move |p| format!("{}.{p}", l.name)))
-        .collect();
-    let mut map = DMatrix::zeros(rules.len(), sampled.columns());
-    for (row, rule) in rules.iter().enumerate() {
-        for (column, weight) in &rule.terms {
-            map[(row, *column)] = *weight;
-        }
-    }
-    let mut stand_for: Vec<usize> = (0..rules.len()).collect();
-    if free.rank() < rules.len() {
-        // The rules hold for every motion; this situation allows fewer, and so more is regrouped.
-        let columns: Vec<usize> = rules.iter().map(|rule| rule.column).collect();
-        let rest = if rules.iter().any(|rule| rule.primed) {
-            Reduction::of_combinations(&sampled, &map, &columns)
-                .ok_or_else(|| refuse("the rules' combinations are not independent".to_owned()))?
-        } else {
-            Reduction::of(&sampled, &columns)
-        };
-        stand_for = rest.independent.clone();
-        stand_for.sort_unstable();
-        let order: Vec<usize> =
-            stand_for.iter().filter_map(|i| rest.independent.iter().position(|k| k == i)).collect();
-        map = DMatrix::from_fn(order.len(), rules.len(), |row, column| rest.map[(order[row], column)]) * map;
-    }
+    let Regrouped { map, stand_for } = Regrouped::of(&rules, &sampled, free.rank()).map_err(refuse)?;
     if free.rank() != map.nrows() {
         return Err(refuse(format!(
             "random motions tell {} parameters apart, the rules {}: the model is at the edge of being \
@@ -211,19 +187,57 @@ pub fn base_parameters(model: &Model, situation: &Situation) -> Result<BaseParam
     // The rules' weights are products of a frame's numbers; those of the QR carry its condition.
     let by_rules = stand_for.len() == rules.len() && absent == 0;
     let noise = 4.0 * f64::EPSILON * if by_rules { 1.0 } else { 1e2 / free.gap.kept };
-    let parameters = stand_for
+    let parameter = |(row, rule): (usize, &usize)| {
+        let rule = &rules[*rule];
+        let mut terms: Vec<(usize, f64)> = (skip..map.ncols())
+            .filter_map(|c| Some((c - skip, map[(row, c)])).filter(|t| t.1.abs() > noise))
+            .collect();
+        terms.sort_by_key(|t| (t.0 + skip != rule.column, t.0));
+        BaseParameter { name: rule.name.clone(), terms, rotors: Vec::new() }
+    };
+    let standard = model.links[skip / 10..]
         .iter()
-        .enumerate()
-        .map(|(row, rule)| {
-            let rule = &rules[*rule];
-            let mut terms: Vec<(usize, f64)> = (skip..map.ncols())
-                .filter_map(|c| Some((c - skip, map[(row, c)])).filter(|t| t.1.abs() > noise))
-                .collect();
-            terms.sort_by_key(|t| (t.0 + skip != rule.column, t.0));
-            BaseParameter { name: rule.name.clone(), terms, rotors: Vec::new() }
-        })
+        .flat_map(|l| PARAMETER_NAMES[..10].iter().map(move |p| format!("{}.{p}", l.name)))
         .collect();
+    let parameters = stand_for.iter().enumerate().map(parameter).collect();
     Ok(BaseParameters { standard, parameters, gap: free.gap, disagreement, absent })
+}
+
+/// The rules' combinations, regrouped as far as a situation needs it.
+struct Regrouped {
+    /// The weights of the standard parameters in each.
+    map: DMatrix<f64>,
+    /// The rule that each stands for.
+    stand_for: Vec<usize>,
+}
+
+impl Regrouped {
+    /// Regroups the combinations of rules to those that random motions tell apart, `rank` in number.
+    fn of(rules: &[Rule], sampled: &Sampled, rank: usize) -> Result<Self, String> {
+        let mut map = DMatrix::zeros(rules.len(), sampled.columns());
+        for (row, rule) in rules.iter().enumerate() {
+            for (column, weight) in &rule.terms {
+                map[(row, *column)] = *weight;
+            }
+        }
+        if rank >= rules.len() {
+            return Ok(Self { map, stand_for: (0..rules.len()).collect() });
+        }
+        // The rules hold for every motion; this situation allows fewer, and so more is regrouped.
+        let columns: Vec<usize> = rules.iter().map(|rule| rule.column).collect();
+        let rest = if rules.iter().any(|rule| rule.primed) {
+            Reduction::of_combinations(sampled, &map, &columns)
+                .ok_or_else(|| "the rules' combinations are not independent".to_owned())?
+        } else {
+            Reduction::of(sampled, &columns)
+        };
+        let mut stand_for = rest.independent.clone();
+        stand_for.sort_unstable();
+        let order: Vec<usize> =
+            stand_for.iter().filter_map(|i| rest.independent.iter().position(|k| k == i)).collect();
+        map = DMatrix::from_fn(order.len(), rules.len(), |row, column| rest.map[(order[row], column)]) * map;
+        Ok(Self { map, stand_for })
+    }
 }
 
 /// With Y = Y_i N = Y_j B both rows spaces are one: B = B_i N, B_i the columns of B that the other way keeps.
