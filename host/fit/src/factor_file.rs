@@ -4,6 +4,7 @@
 //! little-endian; the CRC-32 of all after the magic, little-endian. The parameters with names, units, kinds,
 //! owners and what they are made of are part of it, so a factor of another model is distinguished.
 
+mod checks;
 mod rigs;
 
 use std::collections::BTreeMap;
@@ -14,7 +15,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::pool::{Folded, PooledFactor, SAMPLE};
 use rigident_shared::printable;
 
-use super::{Basis, Checks, Factor, Parameter, READINGS_KEPT};
+use super::{Checks, Factor, Parameter, READINGS_KEPT};
+use checks::{check, check_freedom, check_names};
 use rigs::{Rigs, StoredRig};
 
 const MAGIC: &[u8; 8] = b"RIGIDFAC";
@@ -330,52 +332,18 @@ pub(super) fn to_bytes(pooled: &PooledFactor) -> Vec<u8> {
 
 /// Reads the bytes of a factor file called `name`.
 pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, FactorFileError> {
-    let Some(rest) = bytes.strip_prefix(MAGIC) else {
-        return Err(if is_result(bytes) { FactorFileError::Result } else { FactorFileError::NotAFactor });
-    };
-    too_large("bytes", bytes.len() as u64, MOST_BYTES)?;
-    let (body, sum) = rest.split_last_chunk::<4>().ok_or(FactorFileError::Damaged)?;
-    if CRC.checksum(body) != u32::from_le_bytes(*sum) {
-        return Err(FactorFileError::Damaged);
-    }
-    let damaged = |_| FactorFileError::Damaged;
-    let (version, rest) = postcard::take_from_bytes::<u16>(body).map_err(damaged)?;
-    match version {
-        WITHOUT_CHECKS..=VERSION => {}
-        0..WITHOUT_CHECKS => return Err(FactorFileError::Old(version)),
-        _ => return Err(FactorFileError::New(version)),
-    }
-    let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(rest).map_err(damaged)?;
-    too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
-    too_large("runs", sources, MOST_SOURCES as u64)?;
-    // How many numbers follow is for programs that read these alone: the rigs say it, too.
-    let rest = match version {
-        ..=ERRORS_INSIDE => rest,
-        _ => postcard::take_from_bytes::<u64>(rest).map_err(damaged)?.1,
-    };
-    let (mut header, mut numbers) = postcard::take_from_bytes::<Header>(rest).map_err(damaged)?;
+    let (version, rest) = body_of(bytes)?;
+    let rest = after_counts(version, rest)?;
+    let (mut header, rest) =
+        postcard::take_from_bytes::<Header>(rest).map_err(|_| FactorFileError::Damaged)?;
     check(&header)?;
-    let runs = header.sources.len();
-    if version > WITHOUT_CHECKS {
-        let (checks, rest) = of_runs(numbers, runs)?;
-        header.sources.iter_mut().zip(checks).for_each(|(source, checks)| source.checks = checks);
-        numbers = rest;
-    }
-    if version > WITHOUT_LABELS {
-        let (labels, rest) = of_runs(numbers, runs)?;
-        header.sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
-        numbers = rest;
-    }
+    let rest = checks_and_labels_of(version, rest, &mut header.sources)?;
     let mut overlapping = Vec::new();
     let (errors_inside, rigs, numbers) = match version {
-        ..=ERRORS_INSIDE => {
-            let stored = StoredRig { errors: Vec::new(), is_correlated: false, rows: header.rows };
-            let (texts, bases, differing) = (Vec::new(), Vec::new(), Vec::new());
-            (true, Rigs { texts, bases, rigs: vec![stored], differing }, numbers)
-        }
+        ..=ERRORS_INSIDE => (true, one_rig(header.rows), rest),
         _ => {
-            let numbers = scales_of(numbers, &mut header.sources)?;
-            rigs_of(version, numbers, &mut header.sources, &mut overlapping)?
+            let rest = scales_of(rest, &mut header.sources)?;
+            rigs_of(version, rest, &mut header.sources, &mut overlapping)?
         }
     };
     check_freedom(&header)?;
@@ -411,6 +379,62 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str) -> Result<PooledFactor, Facto
         differing,
         overlapping,
     })
+}
+
+/// Returns the version, and the bytes between it and the check sum.
+fn body_of(bytes: &[u8]) -> Result<(u16, &[u8]), FactorFileError> {
+    let Some(rest) = bytes.strip_prefix(MAGIC) else {
+        return Err(if is_result(bytes) { FactorFileError::Result } else { FactorFileError::NotAFactor });
+    };
+    too_large("bytes", bytes.len() as u64, MOST_BYTES)?;
+    let (body, sum) = rest.split_last_chunk::<4>().ok_or(FactorFileError::Damaged)?;
+    if CRC.checksum(body) != u32::from_le_bytes(*sum) {
+        return Err(FactorFileError::Damaged);
+    }
+    let (version, rest) = postcard::take_from_bytes::<u16>(body).map_err(|_| FactorFileError::Damaged)?;
+    match version {
+        WITHOUT_CHECKS..=VERSION => Ok((version, rest)),
+        0..WITHOUT_CHECKS => Err(FactorFileError::Old(version)),
+        _ => Err(FactorFileError::New(version)),
+    }
+}
+
+/// Takes the counts off the bytes, and refuses too large ones.
+fn after_counts(version: u16, bytes: &[u8]) -> Result<&[u8], FactorFileError> {
+    let damaged = |_| FactorFileError::Damaged;
+    let ((parameters, sources), rest) = postcard::take_from_bytes::<(u64, u64)>(bytes).map_err(damaged)?;
+    too_large("parameters", parameters, MOST_PARAMETERS as u64)?;
+    too_large("runs", sources, MOST_SOURCES as u64)?;
+    // How many numbers follow is for programs that read these alone: the rigs say it, too.
+    match version {
+        ..=ERRORS_INSIDE => Ok(rest),
+        _ => Ok(postcard::take_from_bytes::<u64>(rest).map_err(damaged)?.1),
+    }
+}
+
+/// Takes checks and labels of runs off the bytes, where a version has them.
+fn checks_and_labels_of<'a>(
+    version: u16,
+    mut bytes: &'a [u8],
+    sources: &mut [FactorSource],
+) -> Result<&'a [u8], FactorFileError> {
+    if version > WITHOUT_CHECKS {
+        let (checks, rest) = of_runs(bytes, sources.len())?;
+        sources.iter_mut().zip(checks).for_each(|(source, checks)| source.checks = checks);
+        bytes = rest;
+    }
+    if version > WITHOUT_LABELS {
+        let (labels, rest) = of_runs(bytes, sources.len())?;
+        sources.iter_mut().zip(labels).for_each(|(source, labels)| source.labels = labels);
+        bytes = rest;
+    }
+    Ok(bytes)
+}
+
+/// Returns the one rig without errors of its own that a file of an older version has.
+fn one_rig(rows: u64) -> Rigs<f64> {
+    let stored = StoredRig { errors: Vec::new(), is_correlated: false, rows };
+    Rigs { texts: Vec::new(), bases: Vec::new(), rigs: vec![stored], differing: Vec::new() }
 }
 
 /// Takes the noise of runs off the bytes.
@@ -476,16 +500,6 @@ fn folded_of<'a>(bytes: &'a [u8], sources: &mut [FactorSource]) -> Result<&'a [u
     Ok(rest)
 }
 
-/// Refuses more degrees of freedom than parameters can have.
-fn check_freedom(header: &Header) -> Result<(), FactorFileError> {
-    let runs = header.sources.iter().map(FactorSource::runs).fold(0, u64::saturating_add);
-    let most = runs.saturating_mul(MOST_PARAMETERS as u64);
-    if header.eliminated > most || header.comparisons > most {
-        return Err(FactorFileError::Header("more degrees of freedom than its runs have parameters"));
-    }
-    Ok(())
-}
-
 fn too_large(what: &'static str, got: u64, most: u64) -> Result<(), FactorFileError> {
     if got > most { Err(FactorFileError::TooLarge { what, got, most }) } else { Ok(()) }
 }
@@ -503,84 +517,6 @@ fn in_range(factor: &Factor) -> bool {
     r.column_iter().all(|column| usual(column.amax()))
         && factor.z().iter().all(|z| z.abs() < LARGEST)
         && factor.residual_sum_of_squares() < LARGEST * LARGEST
-}
-
-/// Refuses names that could steer what they are shown by, or end a comment in a program that they are written
-/// into.
-fn check_names(
-    parameters: &[StoredParameter],
-    sources: &[FactorSource],
-    rigs: &Rigs<f64>,
-    overlapping: &[String],
-) -> Result<(), FactorFileError> {
-    let of_parameter = |p: &StoredParameter| {
-        [&p.name, &p.unit, &p.frame, p.owner.name()].into_iter().all(|text| printable::is_name(text))
-            && p.made_of.iter().all(|(name, _)| printable::is_name(name))
-    };
-    let of_run = |s: &FactorSource| {
-        let mut warnings = s.checks.iter().flat_map(|checks| &checks.warnings);
-        printable::is_name(&s.recording)
-            && s.channels.iter().all(|c| printable::is_name(&c.name) && printable::is_name(&c.unit))
-            && s.labels.iter().flat_map(|(key, value)| [key, value]).all(|text| printable::is_name(text))
-            && warnings.all(|text| printable::are_lines(text))
-    };
-    let of_rigs = rigs.rigs.iter().flat_map(|rig| &rig.errors).map(|error| &error.name);
-    let bases = rigs.bases.iter().map(|basis| match basis {
-        Basis::Stated(text) | Basis::Class(text) | Basis::Calibration(text) => text,
-    });
-    let mut texts = rigs.texts.iter().chain(&rigs.differing).chain(of_rigs).chain(bases);
-    // Each holds two names.
-    let pairs = overlapping.iter().all(|text| text.split(" and ").all(printable::is_name));
-    let fit = pairs
-        && parameters.iter().all(of_parameter)
-        && sources.iter().all(of_run)
-        && texts.all(|text| printable::is_name(text));
-    if fit { Ok(()) } else { Err(FactorFileError::Header(UNFIT_NAME)) }
-}
-
-/// Refuses a header that cannot be reckoned with.
-fn check(header: &Header) -> Result<(), FactorFileError> {
-    let positive = |v: f64| (LARGEST.recip()..LARGEST).contains(&v);
-    let not_negative = |v: f64| (0.0..LARGEST).contains(&v);
-    let refuse = |what| Err(FactorFileError::Header(what));
-    if header.rows == 0 || header.sources.iter().all(|s| s.rows == 0) {
-        return Err(FactorFileError::Empty);
-    }
-    let mut names: Vec<&str> = header.parameters.iter().map(|p| p.name.as_str()).collect();
-    names.sort_unstable();
-    if names.is_empty() || names.contains(&"") || names.windows(2).any(|pair| pair[0] == pair[1]) {
-        return refuse("no parameters, or some without a name of their own");
-    }
-    if header
-        .parameters
-        .iter()
-        .flat_map(|p| &p.made_of)
-        .any(|(_, weight)| weight.is_nan() || weight.abs() >= LARGEST)
-    {
-        return refuse("a parameter made of something that is no number");
-    }
-    if !(0.0..=1e-3).contains(&header.rounding) {
-        return refuse("an impossible rounding");
-    }
-    if !not_negative(header.disagreement) {
-        return refuse("an impossible disagreement");
-    }
-    for source in &header.sources {
-        if source.channels.is_empty()
-            || !positive(source.noise_gain)
-            || !not_negative(source.spurious_information)
-        {
-            return refuse("a run without channels or with impossible noise");
-        }
-        if source
-            .channels
-            .iter()
-            .any(|c| !positive(c.sigma) || !not_negative(c.gain_sigma) || !not_negative(c.measured_rms))
-        {
-            return refuse("a channel with an impossible σ");
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
