@@ -11,17 +11,22 @@
 //! δ: the residual is `w + δ − Δ φ`, and the normal equations have `Δᵀ W δ` too. So it is a last column of
 //! the noise, of the parameter −1.
 
-use std::ops::{AddAssign as _, Range};
+mod differences;
+mod whitened;
+
+use std::ops::AddAssign as _;
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 
 use super::features;
-use super::lack_of_fit::{MEASURED, NoiseRows};
-use super::linearised::{Columns, DRIFTS, Linearised, NoiseColumns, Sensitivities};
+use super::lack_of_fit::MEASURED;
+use super::linearised::{Columns, Linearised, NoiseColumns, Sensitivities};
 use super::residual_spectrum::{Band, measured, restore};
 use super::weighing::{Residuals, Spectrum, Weighing};
-use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Silent, Whitener, parallel};
+use super::{Filter, FitError, RowBlocks, RowSource, SignalNoise, Whitener};
+use differences::{Difference, Differences, Noisy};
+pub(super) use whitened::WhitenedNoise;
 
 /// Longer recordings are examined in their middle.
 const LONGEST: usize = 20_000;
@@ -36,11 +41,6 @@ const MOST_PRODUCTS: usize = 100_000_000;
 const NEAR: f64 = 0.01;
 /// Lags of the rows that coloured noise is examined.
 const CORRELATED_LAGS: usize = 200;
-/// Samples by which it is seen whether noise is felt at all,
-const TRIAL: usize = 500;
-/// as it is by a column that it changes by more than this share: the square is lost in any noise of the
-/// measured side.
-const LEAST_CHANGE: f64 = 1e-7;
 
 /// Noise in the rows of a source, by groups of signals.
 pub(super) struct RowNoise<'a> {
@@ -71,80 +71,6 @@ struct Group<'a> {
     /// Columns that it reaches; the measured side comes after the parameters.
     reached: Vec<usize>,
     repetitions: Vec<Difference<'a>>,
-}
-
-/// A source with noise in its signals, and its row blocks.
-type Noisy<'a> = (Box<dyn RowSource + 'a>, Box<dyn RowBlocks>);
-
-/// Rows that noise of unit σ makes.
-struct Difference<'a> {
-    time_s: Vec<f64>,
-    /// By blocks: C rows of the columns reached.
-    rows: Vec<f64>,
-    /// Noise of either sign, where there are nuisance parameters and the blocks have no features.
-    both: Option<[Noisy<'a>; 2]>,
-    /// By blocks: what noise of unit σ makes of the features and of the drift, which is nothing.
-    features: Vec<f64>,
-}
-
-impl<'a> Difference<'a> {
-    /// Returns half the difference of rows of n parameters and the measured side, with noise of either sign
-    /// of the size `sigma`, as of unit noise.
-    fn of([(_, more), (_, less)]: &[Noisy<'a>; 2], n: usize, channels: usize, sigma: f64) -> Self {
-        let count = more.len().min(less.len());
-        let mut rows = Vec::with_capacity(count * channels * (n + 1));
-        let (mut own, mut other) = (vec![0.0; channels * n], vec![0.0; channels * n]);
-        let (mut value, mut other_value) = (vec![0.0; channels], vec![0.0; channels]);
-        for block in 0..count {
-            more.write(block, &mut own, &mut value);
-            less.write(block, &mut other, &mut other_value);
-            for c in 0..channels {
-                let pairs = own[c * n..(c + 1) * n].iter().zip(&other[c * n..(c + 1) * n]);
-                rows.extend(pairs.chain([(&value[c], &other_value[c])]).map(|(a, b)| 0.5 * (a - b) / sigma));
-            }
-        }
-        let time_s = (0..count).map(|block| more.time_s(block)).collect();
-        Self { time_s, rows, both: None, features: Vec::new() }
-    }
-
-    /// Keeps what the columns of nuisance parameters have of noise in, too. The recording's own blocks have
-    /// `count` features.
-    fn with_nuisances(mut self, both: [Noisy<'a>; 2], sigma: f64, count: usize) -> Self {
-        let [(_, more), (_, less)] = &both;
-        if count == 0 {
-            self.both = Some(both);
-            return self;
-        }
-        let (mut own, mut other) = (vec![0.0; count], vec![0.0; count]);
-        for block in 0..self.len() {
-            more.write_features(block, &mut own);
-            less.write_features(block, &mut other);
-            self.features.extend(own.iter().zip(&other).map(|(a, b)| 0.5 * (a - b) / sigma));
-            self.features.extend([0.0; DRIFTS]);
-        }
-        self
-    }
-
-    /// Keeps some of `width` columns.
-    fn keep(&mut self, columns: &[usize], width: usize) {
-        let rows = self.rows.chunks_exact(width);
-        self.rows = rows.flat_map(|row| columns.iter().map(|j| row[*j])).collect();
-    }
-
-    fn len(&self) -> usize {
-        self.time_s.len()
-    }
-
-    /// Returns true if noise of this size changes a parameter's column of these lengths, root mean square of
-    /// all rows, by more than rounding.
-    fn is_felt(&self, lengths: &[f64], size: f64) -> bool {
-        let width = lengths.len() + 1;
-        let rows = (self.rows.len() / width).max(1) as f64;
-        lengths.iter().enumerate().any(|(j, length)| {
-            let square: f64 = self.rows.iter().skip(j).step_by(width).map(|a| a * a).sum();
-            size * (square / rows).sqrt() > LEAST_CHANGE * length
-        })
-    }
 }
 
 /// Returns the Gram matrix of the rows of each channel, as of all blocks.
@@ -220,66 +146,21 @@ impl<'a> RowNoise<'a> {
         blocks: &dyn RowBlocks,
         with_nuisances: bool,
     ) -> Result<Option<Self>, FitError> {
-        let noise: Vec<SignalNoise> = source.signal_noise();
+        let features = with_nuisances.then(|| blocks.features());
+        let differences = Differences::of(source, features);
         let (channels, n, samples) = (source.channels().len(), source.parameters().len(), source.samples());
         let from = samples.saturating_sub(LONGEST) / 2;
         let middle = from..samples.min(from + LONGEST);
-        let difference = |k: usize, samples: Range<usize>, seed: usize| {
-            let size = noise.get(k).map_or(0.0, SignalNoise::size);
-            let with = |sign: f64| -> Result<Option<Noisy<'a>>, FitError> {
-                let sigma: Vec<f64> =
-                    (0..noise.len()).map(|j| if j == k { sign * size } else { 0.0 }).collect();
-                let noisy = source.with_signal_noise(samples.clone(), &sigma, seed as u64);
-                let Some(noisy) = noisy else { return Ok(None) };
-                let blocks = noisy.condition(&Silent)?;
-                Ok(Some((noisy, blocks)))
-            };
-            let (Some(more), Some(less)) = (with(1.0)?, with(-1.0)?) else { return Ok(None) };
-            let both = [more, less];
-            let difference = Difference::of(&both, n, channels, size);
-            let felt = |d: &Difference| d.len() > 0;
-            let whole = |d: Difference<'a>| {
-                if with_nuisances { d.with_nuisances(both, size, blocks.features()) } else { d }
-            };
-            Ok(Some(difference).filter(felt).map(whole))
-        };
         let grams = channel_grams(blocks, channels, n);
         let rows = (blocks.len() * channels).max(1) as f64;
         let square = |j: usize| grams.iter().map(|gram| gram[(j, j)]).sum::<f64>();
         let scale: Vec<f64> = (0..n).map(|j| (square(j) / rows).sqrt()).collect();
-        let trial = middle.start..middle.end.min(middle.start + TRIAL);
-        let tried = parallel::map(parallel::threads(), noise.len(), |k| {
-            let size = noise.get(k).map_or(0.0, SignalNoise::size);
-            if size <= 0.0 {
-                return Ok(false);
-            }
-            Ok(difference(k, trial.clone(), 0)?.is_none_or(|d| d.is_felt(&scale, size)))
-        });
-        let mut felt = Vec::new();
-        for (k, is_felt) in tried.into_iter().enumerate() {
-            if is_felt? {
-                felt.push(k);
-            }
-        }
+        let felt = differences.felt(&middle, &scale)?;
         let of_middle = blocks.len() as f64 * middle.len() as f64 / samples.max(1) as f64;
         let repetitions = (LEAST_BLOCKS as f64 / of_middle.max(1.0)).ceil() as usize;
         let repetitions = repetitions.clamp(1, MOST_REPETITIONS);
-        let made = parallel::map(parallel::threads(), felt.len() * repetitions, |job| {
-            let (k, own) = (felt.get(job / repetitions).copied().unwrap_or(0), job % repetitions);
-            difference(k, middle.clone(), k * MOST_REPETITIONS + own)
-        });
-        let mut made = made.into_iter();
-        let mut groups = Vec::new();
-        for k in felt {
-            let own: Result<Vec<Option<Difference<'a>>>, FitError> =
-                made.by_ref().take(repetitions).collect();
-            let own: Option<Vec<Difference<'a>>> = own?.into_iter().collect();
-            let (Some(own), Some(noise)) = (own, noise.get(k)) else { return Ok(None) };
-            groups.push(Group::new(noise.clone(), own, n));
-        }
-        if groups.is_empty() {
-            return Ok(None);
-        }
+        let groups = differences.groups(&felt, &middle, repetitions)?;
+        let Some(groups) = groups.filter(|groups| !groups.is_empty()) else { return Ok(None) };
         let measured = measured(blocks, channels, n);
         let blocks = blocks.len() as f64;
         let gram = grams.iter().fold(DMatrix::zeros(n, n), |sum, gram| sum + gram);
@@ -565,86 +446,6 @@ impl<'a> RowNoise<'a> {
 fn join<'r>(rows: &'r [f64], values: &'r [f64]) -> impl Iterator<Item = f64> + 'r {
     let width = (rows.len() / values.len().max(1)).max(1);
     rows.chunks_exact(width).zip(values).flat_map(|(row, value)| row.iter().chain([value]).copied())
-}
-
-/// Noise of the signals in the rows as they are weighed, with the columns of nuisance parameters if they are
-/// linearised.
-pub(super) struct WhitenedNoise<'a> {
-    pub(super) noise: &'a RowNoise<'a>,
-    pub(super) weighing: &'a Weighing,
-    pub(super) columns: &'a Columns,
-    pub(super) linearised: Option<&'a Linearised<'a>>,
-}
-
-impl WhitenedNoise<'_> {
-    /// Returns the group of a series, and which repetition of it this is.
-    fn place(&self, series: usize) -> Option<(usize, usize)> {
-        let groups = self.noise.groups.iter().enumerate();
-        groups.flat_map(|(g, group)| (0..group.repetitions.len()).map(move |r| (g, r))).nth(series)
-    }
-
-    /// Writes the rows of a block, C × all columns, and what is measured.
-    fn write(
-        &self,
-        (g, r): (usize, usize),
-        block: usize,
-        kept: Option<&Kept>,
-        rows: &mut [f64],
-        values: &mut [f64],
-    ) {
-        rows.fill(0.0);
-        values.fill(0.0);
-        self.noise.write_own((g, r), block, &mut [], values);
-        match (self.linearised, kept) {
-            (None, _) => self.noise.write_own((g, r), block, rows, &mut []),
-            (Some(linearised), Some(kept)) => {
-                self.noise.write_joint((g, r), block, kept, (self.columns, linearised.phi()), rows);
-            }
-            (Some(linearised), None) => {
-                let count = linearised.features();
-                let own = self.noise.groups.get(g).and_then(|group| group.repetitions.get(r));
-                let features = own.and_then(|own| own.features.get(block * count..(block + 1) * count));
-                if let Some(features) = features {
-                    linearised.write_of(features, rows, &mut vec![0.0; self.noise.channels]);
-                }
-            }
-        }
-    }
-}
-
-impl NoiseRows for WhitenedNoise<'_> {
-    fn series(&self) -> usize {
-        self.noise.groups.iter().map(|group| group.repetitions.len()).sum()
-    }
-
-    fn weight(&self, series: usize) -> f64 {
-        let Some((g, _)) = self.place(series) else { return 0.0 };
-        let Some(group) = self.noise.groups.get(g) else { return 0.0 };
-        let sigma = self.weighing.signals.get(g).copied().unwrap_or(group.noise.size());
-        sigma * sigma / group.repetitions.len().max(1) as f64
-    }
-
-    fn doubt(&self) -> f64 {
-        self.weighing.doubt
-    }
-
-    fn each(&self, series: usize, visit: &mut dyn FnMut(f64, &[f64])) {
-        let Some(place) = self.place(series) else { return };
-        let all = self.linearised.map_or(self.noise.parameters, |_| self.columns.all());
-        let kept = self.noise.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let kept = kept.as_ref().filter(|_| self.linearised.is_some_and(|l| l.features() == 0));
-        let (mut rows, mut values) = (vec![0.0; self.noise.channels * all], vec![0.0; self.noise.channels]);
-        let mut whitener = Whitener::new(&self.weighing.whitening, all);
-        let mut joined = Vec::new();
-        let times = self.noise.groups.get(place.0).and_then(|group| group.repetitions.get(place.1));
-        for (block, time_s) in times.iter().flat_map(|own| &own.time_s).enumerate() {
-            self.write(place, block, kept, &mut rows, &mut values);
-            whitener.apply(*time_s, &mut rows, &mut values, None);
-            joined.clear();
-            joined.extend(join(&rows, &values));
-            visit(*time_s, &joined);
-        }
-    }
 }
 
 /// Returns the positive semidefinite part of a symmetric matrix.
