@@ -6,14 +6,15 @@ pub(crate) mod explain;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use hexapod::{BodySet, MotionProgram, Segment};
-use rigident_shared::forgetting::MemoryConfig;
+use hexapod::{BodySet, Geometry, MotionProgram, Segment};
+use rigident_shared::forgetting::{MemoryConfig, Span};
 use rigident_shared::wire::{Settings, Source};
 use rigident_sim::rig::{Rig, RigConfig, SharedRig};
 use rigident_sim::runner::frames_of;
 use rigident_sim::sensors::SensorModels;
 
 use crate::commands::demo_arguments::{Demo, Demonstrated};
+use crate::commands::run::adaptive::Directing;
 use crate::commands::run::refused::refuse_for_trees;
 use crate::commands::run::{guards, programme, zeroing};
 use crate::device::experiment::{Watcher, conclude};
@@ -30,12 +31,14 @@ use rigident::application::{DeviceError, Experiment, Loaded, Replay, ReplayOptio
 use rigident::device::microcontroller::{self, Image, Microcontroller};
 use rigident::device::platform::{LocalPlatform, Platform as _};
 use rigident::device::session::tree::{device_parameters, device_tree};
-use rigident::device::session::{DeviceTiming, Session, frames, state_memory, two_links};
+use rigident::device::session::{DeviceTiming, Session, Take, frames, state_memory, two_links};
 use rigident::device::words::device_notes;
 use rigident::laboratory::{person, rig_file, two_link_file};
+use rigident::present::Stage;
 use rigident::rows::body::imu_noise::imu_noise;
 use rigident::rows::named_model::rig_links::from_tables;
 use rigident_fit::Parameter;
+use rigident_fit::prior::KnownValues;
 use rigident_io::recording::new_file::{write_new, write_new_text};
 use rigident_io::recording::{comment_in_words, rig_path};
 use rigident_io::rig::{
@@ -126,82 +129,147 @@ impl Links {
     }
 }
 
+/// The simulated rig, and what is known of what it carries.
+struct Carried {
+    config: RigConfig,
+    rig: Rig,
+    links: Option<Links>,
+    file: RigFile,
+    /// What is estimated.
+    parameters: Vec<Parameter>,
+}
+
+impl Carried {
+    /// Returns those of the arguments.
+    fn of(arguments: &Demo, known: &KnownValues) -> Result<Self, Failure> {
+        let (config, body_name) = config(arguments)?;
+        arguments.adaptive.check()?;
+        let rig = Rig::new(config.clone()).map_err(Failure::input)?;
+        let (links, mut file) = Links::of(&rig, &body_name)?;
+        if arguments.ideal {
+            file.load_cell.noise_n_nm = Some(QUIET);
+            if links.is_some() {
+                // Words without noise repeat themselves.
+                file.recording.frozen_after = 0;
+            }
+        }
+        let parameters = match &links {
+            Some(Links { estimated, .. }) => {
+                check_asked(estimated, known, &arguments.output.estimate)?;
+                estimated.clone()
+            }
+            None => {
+                let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
+                nothing.source().parameters().to_vec()
+            }
+        };
+        Ok(Self { config, rig, links, file, parameters })
+    }
+}
+
+/// The motion of the platform: a program, or what is decided from segment to segment.
+struct Motion {
+    directing: Option<Directing>,
+    fixed: Option<MotionProgram>,
+    stages: Vec<Stage>,
+    same_pose: Option<[(f64, f64); 2]>,
+}
+
+impl Motion {
+    /// Returns the motion of the arguments, and loads its program; a program has stages for one body only.
+    fn of(
+        arguments: &Demo,
+        directing: Option<Directing>,
+        geometry: &Geometry,
+        is_of_one_body: bool,
+        platform: &mut LocalPlatform,
+    ) -> Result<Self, Failure> {
+        let mut motion = Self { directing, fixed: None, stages: Vec::new(), same_pose: None };
+        if motion.directing.is_none() {
+            let program = arguments.programme.program(geometry)?;
+            if is_of_one_body {
+                (motion.stages, motion.same_pose) = programme::stages(&program);
+            }
+            platform.load(&program).map_err(Failure::link)?;
+            motion.fixed = Some(program);
+        }
+        Ok(motion)
+    }
+
+    /// Moves the platform, and returns what the device sent meanwhile.
+    fn follow(
+        &mut self,
+        session: &mut Session,
+        platform: &mut LocalPlatform,
+        watcher: &mut Watcher,
+    ) -> Result<Take, Failure> {
+        match (&mut self.directing, &self.fixed) {
+            (Some(directing), _) => session.follow_decided(platform, directing, watcher),
+            (None, Some(program)) => session.follow(platform, program, watcher),
+            (None, None) => return Err(Failure::input("there is no motion program")),
+        }
+        .map_err(Failure::link)
+    }
+}
+
+/// Configures the device; returns its settings, and how older rows are forgotten.
+fn set_up(
+    arguments: &Demo,
+    session: &mut Session,
+    file: &RigFile,
+    parameters: &[Parameter],
+) -> Result<(Settings, Option<Span<f64>>), Failure> {
+    let span = arguments.forgetting.span(&RowsOf::moving(RATE_HZ))?;
+    let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
+    let mut settings = device_settings(file, &simulated_sensors(), None)?;
+    arguments.stop.put_into(&mut settings, parameters)?;
+    state_memory(&mut settings, memory.as_ref());
+    configured(session, &settings)?;
+    Ok((settings, span))
+}
+
+/// Takes the readings of a run out of what the device sent.
+fn loaded(take: &mut Take, file: &RigFile, links: Option<&Links>) -> Result<Loaded, Failure> {
+    match links {
+        Some(links) => {
+            let read = two_links::recording("demo", file, RATE_HZ, &take.links);
+            Ok(Loaded::of_links(&read, &links.model)?)
+        }
+        None => {
+            let readings = std::mem::take(&mut take.readings);
+            Ok(Loaded::of_readings("demo", file, readings, Some(RATE_HZ), false))
+        }
+    }
+}
+
 /// `rigident demo` of what a platform carries
 fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let outlet = Outlet { started: Instant::now(), output: &arguments.output };
     let known = arguments.known.parse()?;
-    let (config, body_name) = config(arguments)?;
-    let geometry = config.geometry.clone();
-    arguments.adaptive.check()?;
-    let rig = Rig::new(config.clone()).map_err(Failure::input)?;
-    let (links, mut file) = Links::of(&rig, &body_name)?;
-    if arguments.ideal {
-        file.load_cell.noise_n_nm = Some(QUIET);
-        if links.is_some() {
-            // Words without noise repeat themselves.
-            file.recording.frozen_after = 0;
-        }
-    }
-    let parameters = match &links {
-        Some(Links { estimated, .. }) => {
-            check_asked(estimated, &known, &arguments.output.estimate)?;
-            estimated.clone()
-        }
-        None => {
-            let nothing = Loaded::of_readings("demo", &file, Vec::new(), Some(RATE_HZ), false);
-            nothing.source().parameters().to_vec()
-        }
-    };
+    let Carried { config, rig, links, mut file, parameters } = Carried::of(arguments, &known)?;
+    let (geometry, is_adaptive) = (config.geometry.clone(), arguments.adaptive.adaptive);
     let rig = rig.shared();
     let mut session = device(arguments.mcu, &rig)?;
-    let span = arguments.forgetting.span(&RowsOf::moving(RATE_HZ))?;
-    let memory = span.map(|span| MemoryConfig { span, imu_noise: imu_noise(file.imu.first(), &[]) });
-    let mut settings = device_settings(&file, &simulated_sensors(), None)?;
-    arguments.stop.put_into(&mut settings, &parameters)?;
-    state_memory(&mut settings, memory.as_ref());
-    configured(&mut session, &settings)?;
+    let (settings, span) = set_up(arguments, &mut session, &file, &parameters)?;
     let mut platform = LocalPlatform(rig);
-    let body =
-        if arguments.adaptive.adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
-    let mut directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
-    let (mut stages, mut same_pose, mut fixed) = (Vec::new(), None, None);
-    if directing.is_none() {
-        let program = arguments.programme.program(&geometry)?;
-        if links.is_none() {
-            (stages, same_pose) = programme::stages(&program);
-        }
-        platform.load(&program).map_err(Failure::link)?;
-        fixed = Some(program);
-    }
+    let body = if is_adaptive { weighed(arguments, &config, &settings, &mut file)? } else { None };
+    let directing = arguments.adaptive.directing(&file, &geometry, &settings, body)?;
+    let mut motion = Motion::of(arguments, directing, &geometry, links.is_none(), &mut platform)?;
 
     let folder = Folder::new(arguments.output.out.as_deref(), "demo")?;
     let mut comments = device_notes(session.identity());
     comments.extend(provenance(&file));
-    let expected = (fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * RATE_HZ) as usize;
+    let expected = (motion.fixed.as_ref().map_or(0.0, MotionProgram::duration_s) * RATE_HZ) as usize;
     let mut watcher = Watcher::recording(folder.file("demo.mcap"), &file, &comments, expected)?;
     session.at_most_s = arguments.adaptive.at_most_s;
     guards::watch(&mut session, &file, arguments.adaptive.axes())?;
-    if fixed.as_ref().is_some_and(|program| program.start != geometry.home()) {
+    if motion.fixed.as_ref().is_some_and(|program| program.start != geometry.home()) {
         // The rig puts a way to the start before it: its times are not the program's.
         session.motion_guard = None;
     }
-    let mut take = match (&mut directing, &fixed) {
-        (Some(directing), _) => session.follow_decided(&mut platform, directing, &mut watcher),
-        (None, Some(program)) => session.follow(&mut platform, program, &mut watcher),
-        (None, None) => return Err(Failure::input("there is no motion program")),
-    }
-    .map_err(Failure::link)?;
+    let mut take = motion.follow(&mut session, &mut platform, &mut watcher)?;
     watcher.end(&mut take);
-    let loaded = match &links {
-        Some(links) => {
-            let read = two_links::recording("demo", &file, RATE_HZ, &take.links);
-            Loaded::of_links(&read, &links.model)?
-        }
-        None => {
-            let readings = std::mem::take(&mut take.readings);
-            Loaded::of_readings("demo", &file, readings, Some(RATE_HZ), false)
-        }
-    };
+    let loaded = loaded(&mut take, &file, links.as_ref())?;
     if arguments.explain {
         let fit = loaded.fit(None, 0, &Stages::silent().caller())?;
         say(explain::text(&loaded, &fit)?);
@@ -209,14 +277,14 @@ fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let mut experiment = Experiment {
         asked: arguments.stop.asked(&arguments.output.estimate),
         // With --adaptive it is the planner that says.
-        until: settings.stop.filter(|_| !arguments.adaptive.adaptive),
+        until: settings.stop.filter(|_| !is_adaptive),
         span,
         parameter_truth: links.map(|links| links.truth),
-        stages,
-        same_pose,
+        stages: motion.stages,
+        same_pose: motion.same_pose,
         ..Experiment::new(loaded, Microcontroller::from(arguments.mcu).name(), session.identity(), &known)
     };
-    if let Some(directing) = directing {
+    if let Some(directing) = motion.directing {
         let concluded = directing.concluded();
         (experiment.stages, experiment.decisions) = (concluded.stages, concluded.decisions);
         (experiment.warnings, experiment.course) = (concluded.warnings, Some(concluded.came));
