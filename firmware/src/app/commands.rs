@@ -201,14 +201,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 StateName::Holding => Ok(Reply::Done),
                 _ => wrong_state,
             },
-            Command::Reset => {
-                *self.path = Path::Empty;
-                self.keeping.stop();
-                self.settings = None;
-                self.begin();
-                self.enter(StateName::Idle, Reason::Command);
-                Ok(Reply::Done)
-            }
+            Command::Reset => Ok(self.reset()),
             Command::Inject(batch) => {
                 let readings = batch
                     .readings
@@ -219,44 +212,17 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Command::InjectLinks(batch) => {
                 self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
             }
-            Command::TakeRow { row } => {
-                if *row == 0 {
-                    self.take_snapshot();
-                    while self.path.samples_mut().is_some_and(|path| !path.fold()) {}
-                } else if self.path.samples().is_some() && !matches!(self.run.hand_over, HandOver::Rows(_)) {
-                    return Err(ErrorCode::NoEstimate);
-                }
-                self.take_row(*row).map(Reply::Row).ok_or(ErrorCode::NoEstimate)
-            }
+            Command::TakeRow { row } => self.hand_over(*row),
             Command::ReadSettings => self.settings.clone().map(Reply::Settings).map_or(wrong_state, Ok),
             Command::ReadCounters => Ok(Reply::Counters(self.counters())),
             Command::ReadEstimate if self.is_busy_with_samples() && self.path.samples().is_some() => {
                 wrong_state
             }
-            Command::ReadEstimate => {
-                let path = self.path.samples_mut().ok_or(ErrorCode::NoEstimate)?;
-                if path.counters().blocks == 0 {
-                    return Err(ErrorCode::NoEstimate);
-                }
-                self.estimation.begin(path, self.last_reading);
-                self.keeping.again();
-                loop {
-                    if let Some(report) = self.estimation.step(path) {
-                        return Ok(Reply::Estimate(report.clone()));
-                    }
-                }
-            }
+            Command::ReadEstimate => self.estimate_at_once(),
             Command::Heartbeat => Ok(Reply::Done),
             Command::ReadEvents => Ok(Reply::Events(self.events.report())),
             Command::Restart if !self.facts.restarts => Err(ErrorCode::NotBuiltIn),
-            Command::Restart => {
-                if self.state == StateName::Running {
-                    self.hold(Reason::Command);
-                }
-                self.restart_asked = true;
-                self.events.note(self.now_ns, EventCode::Restart, 0);
-                Ok(Reply::Done)
-            }
+            Command::Restart => Ok(self.ask_for_restart()),
             Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {
                 Err(ErrorCode::NotBuiltIn)
             }
@@ -266,6 +232,56 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 self.watch_link(*link, settings)
             }
         }
+    }
+
+    /// Forgets settings and path.
+    #[inline]
+    fn reset(&mut self) -> Reply {
+        *self.path = Path::Empty;
+        self.keeping.stop();
+        self.settings = None;
+        self.begin();
+        self.enter(StateName::Idle, Reason::Command);
+        Reply::Done
+    }
+
+    /// Hands over a row of the factor; with the first one a copy of what has been absorbed is taken.
+    #[inline]
+    fn hand_over(&mut self, row: u8) -> Result<Reply, ErrorCode> {
+        if row == 0 {
+            self.take_snapshot();
+            while self.path.samples_mut().is_some_and(|path| !path.fold()) {}
+        } else if self.path.samples().is_some() && !matches!(self.run.hand_over, HandOver::Rows(_)) {
+            return Err(ErrorCode::NoEstimate);
+        }
+        self.take_row(row).map(Reply::Row).ok_or(ErrorCode::NoEstimate)
+    }
+
+    /// Estimates without slices, while no samples are absorbed.
+    #[inline]
+    fn estimate_at_once(&mut self) -> Result<Reply, ErrorCode> {
+        let path = self.path.samples_mut().ok_or(ErrorCode::NoEstimate)?;
+        if path.counters().blocks == 0 {
+            return Err(ErrorCode::NoEstimate);
+        }
+        self.estimation.begin(path, self.last_reading);
+        self.keeping.again();
+        loop {
+            if let Some(report) = self.estimation.step(path) {
+                return Ok(Reply::Estimate(report.clone()));
+            }
+        }
+    }
+
+    /// Ends a run, and has the device restarted after the answer.
+    #[inline]
+    fn ask_for_restart(&mut self) -> Reply {
+        if self.state == StateName::Running {
+            self.hold(Reason::Command);
+        }
+        self.restart_asked = true;
+        self.events.note(self.now_ns, EventCode::Restart, 0);
+        Reply::Done
     }
 
     // Off the stack of what samples need.
