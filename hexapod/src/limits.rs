@@ -249,8 +249,8 @@ impl Violation {
 }
 
 impl Violation {
-    /// Returns value and limit in the unit that they are told in, and with how many decimals at least.
-    fn told(&self) -> (f64, f64, usize) {
+    /// Returns value and limit in the unit that they are shown in, and with how many decimals at least.
+    fn worded(&self) -> (f64, f64, usize) {
         let Self { value, allowed: [min, max], .. } = *self;
         match self.limit {
             Limit::LegLength => (value, if value < min { min } else { max }, 4),
@@ -267,7 +267,7 @@ impl Violation {
 
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (value, limit, digits) = self.told();
+        let (value, limit, digits) = self.worded();
         let (value, digits) = apart(value, limit, digits);
         let (leg, max) = (self.leg.unwrap_or(0), number(limit, digits));
         match self.limit {

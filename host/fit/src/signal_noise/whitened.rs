@@ -4,6 +4,7 @@ use std::sync::PoisonError;
 
 use super::{Kept, RowNoise, join};
 use crate::Whitener;
+use crate::condition::RowBlocks;
 use crate::lack_of_fit::NoiseRows;
 use crate::linearised::{Columns, Linearised};
 use crate::weighing::Weighing;
