@@ -6,7 +6,7 @@
 use super::error::MotionError;
 use super::geometry::Geometry;
 use super::kinematics::PlateState;
-use super::limits::{JointCones, Violation};
+use super::limits::{JointCones, Limit, Violation};
 use super::load::Load;
 use super::pose::Pose;
 use super::trajectory::Trajectory;
@@ -24,6 +24,7 @@ impl Geometry {
     /// # Errors
     /// The limit, the leg and the value.
     pub fn check_pose(&self, pose: &Pose) -> Result<(), Violation> {
+        self.carried_at(pose, None)?;
         self.kept_at(&Trajectory::resting(pose).state(0.0), None)
     }
 
@@ -32,6 +33,7 @@ impl Geometry {
     /// # Errors
     /// The limit, the leg and the value.
     pub fn check_pose_loaded(&self, pose: &Pose, load: &Load) -> Result<(), Violation> {
+        self.carried_at(pose, Some(load))?;
         self.kept_at(&Trajectory::resting(pose).state(0.0), Some(load))
     }
 
@@ -42,6 +44,32 @@ impl Geometry {
     /// The first limit that is violated, with leg and time.
     pub fn check_state(&self, state: &PlateState, time_s: f64) -> Result<(), MotionError> {
         self.kept_at(state, None).map_err(|violation| MotionError::Limit { violation, time_s })
+    }
+
+    /// Checks whether the arm, if it is one, can hold the plate at a pose.
+    fn carried_at(&self, pose: &Pose, load: Option<&Load>) -> Result<(), Violation> {
+        let Some(arm) = &self.arm else { return Ok(()) };
+        self.payload(load)?;
+        arm.check_pose(pose)
+    }
+
+    /// Checks the mass at the flange of an arm, if it is one with a limit of that.
+    fn payload(&self, load: Option<&Load>) -> Result<(), Violation> {
+        let limit = self.arm.as_ref().and_then(|arm| arm.payload_kg);
+        let (Some(limit), Some(load)) = (limit, load) else { return Ok(()) };
+        let value = load.most_kg();
+        if value <= limit {
+            return Ok(());
+        }
+        Err(Violation { limit: Limit::ArmPayload, leg: None, between: None, value, allowed: [0.0, limit] })
+    }
+
+    /// Checks whether the arm, if it is one, can drive a motion and carry the load.
+    pub(super) fn driven(&self, trajectory: &Trajectory, load: Option<&Load>) -> Result<(), MotionError> {
+        let Some(arm) = &self.arm else { return Ok(()) };
+        let limit = |(violation, time_s)| MotionError::Limit { violation, time_s };
+        self.payload(load).map_err(|violation| limit((violation, 0.0)))?;
+        arm.check(trajectory).map_err(limit)
     }
 
     /// Quick where nothing is wrong.
@@ -104,6 +132,9 @@ impl Geometry {
         rate_limit_radps: f64,
         most_looks: u32,
     ) -> bool {
+        if self.driven(trajectory, load).is_err() {
+            return false;
+        }
         let load = load.filter(|_| self.limits.of_force().is_some());
         let bounds = self.bounds_with(load, rate_limit_radps);
         let mut stack: Vec<(f64, f64)> =
@@ -127,6 +158,7 @@ impl Geometry {
     }
 
     fn kept(&self, trajectory: &Trajectory, load: Option<&Load>) -> Result<(), MotionError> {
+        self.driven(trajectory, load)?;
         let load = load.filter(|_| self.limits.of_force().is_some());
         let at = |time_s: f64| {
             self.kept_at(&trajectory.state(time_s), load)

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::arm::Arm;
 use super::limits::{JointCones, Limits};
 use super::pose::Pose;
 use super::travel::Travel;
@@ -23,6 +24,9 @@ pub struct Geometry {
     /// All that is known of a machine whose joints are not published; what is above does not bind then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub travel: Option<Travel>,
+    /// The arm that carries the plate in place of legs; `travel` is the part of its reach that may be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arm: Option<Arm>,
 }
 
 /// A stroke that the legs do not have.
@@ -62,6 +66,7 @@ impl Geometry {
             leg_rate_mps: 0.8,
             limits: Limits::default(),
             travel: None,
+            arm: None,
         }
     }
 
@@ -70,6 +75,11 @@ impl Geometry {
     pub fn of_travel(travel: Travel) -> Self {
         let unlimited = Limits { cond_max: f64::INFINITY, ..Limits::default() };
         Self { travel: Some(travel), leg_rate_mps: f64::INFINITY, limits: unlimited, ..Self::thesis() }
+    }
+
+    /// Returns the flange of an arm as the plate; `travel` is the part of its reach that may be used.
+    pub fn of_arm(arm: Arm, travel: Travel) -> Self {
+        Self { arm: Some(arm), ..Self::of_travel(travel) }
     }
 
     /// Returns true if its joints and legs are known.
@@ -132,6 +142,7 @@ impl Geometry {
                 bulk: self.limits.bulk.as_ref().map(|bulk| bulk.within(share)),
             },
             travel: self.travel.as_ref().map(|travel| travel.reaching(share).slower(share)),
+            arm: self.arm.as_ref().map(|arm| arm.slower(share)),
             ..self.clone()
         }
     }

@@ -307,7 +307,35 @@ impl Geometry {
             bound: [0.0; QUANTITIES],
         };
         search.run();
-        Guarantee { peaks: search.peaks() }
+        let mut peaks = search.peaks();
+        // The angular rate stays the last.
+        let last = peaks.len() - 1;
+        peaks.splice(last..last, self.arm_peaks(trajectory, load));
+        Guarantee { peaks }
+    }
+
+    /// Returns the peaks of an arm's joints, if it is one: control points bound a path at every instant.
+    fn arm_peaks(&self, trajectory: &Trajectory, load: Option<&Load>) -> Vec<Peak> {
+        let Some(arm) = &self.arm else { return Vec::new() };
+        let peak = |limit, leg, time_s, value: f64, allowed| Peak {
+            limit: Some(limit),
+            leg,
+            between: None,
+            time_s,
+            seen: value,
+            bound: value,
+            allowed,
+        };
+        let mut peaks: Vec<Peak> = match arm.peaks(trajectory) {
+            Ok(all) => {
+                all.map(|p| peak(p.limit, Some(p.joint), p.time_s, p.value, p.allowed)).into_iter().collect()
+            }
+            Err((violation, time_s)) => vec![peak(violation.limit, None, time_s, f64::INFINITY, 1.0)],
+        };
+        if let (Some(most), Some(load)) = (arm.payload_kg, load) {
+            peaks.push(peak(Limit::ArmPayload, None, 0.0, load.most_kg(), most));
+        }
+        peaks
     }
 
     /// Returns the quantities that are of account, with a load or without one.

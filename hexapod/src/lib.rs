@@ -2,7 +2,7 @@
 //!
 //! Lives here: a platform's [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force
 //! transmission at one pose), [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its
-//! limit), [`Guarantee`] (the same of a whole motion), [`Load`] (leg forces) with the bodies that it is made
+//! limit), [`Guarantee`] (the same of a whole motion), an [`Arm`] that carries the plate, [`Load`] (leg forces) with the bodies that it is made
 //! of, [`Payload`] (what perfect sensors on the plate read), [`MotionProgram`] (what is asked of a platform)
 //! and
 //! [`Trajectory`] (its exact kinematics), the default [`experiment`], and the lines that controllers take:
@@ -15,6 +15,7 @@
 //! `R_AP = Rz(yaw) Ry(pitch) Rx(roll)`.
 #![forbid(unsafe_code)]
 
+mod arm;
 mod body;
 mod body_set;
 mod bulk;
@@ -42,6 +43,7 @@ mod sphere;
 mod trajectory;
 mod travel;
 
+pub use arm::{Arm, ArmPath, ArmPeak, Hinge, STEP_S as ARM_STEP_S};
 pub use body::{BodyParameters, FrameMotion, STANDARD_GRAVITY_MPS2};
 pub use body_set::BodySet;
 pub use bulk::Nearest;

@@ -189,6 +189,16 @@ pub enum Limit {
     PlateSpeed,
     /// Angular rate of the plate, rad/s, of a machine without joints.
     PlateRate,
+    /// A pose that an arm does not reach, or only in another posture.
+    ArmReach,
+    /// Position of an arm's joint, rad.
+    ArmPosition,
+    /// Rate of an arm's joint, rad/s.
+    ArmRate,
+    /// Acceleration of an arm's joint, rad/s².
+    ArmAcceleration,
+    /// Mass at an arm's flange, kg.
+    ArmPayload,
 }
 
 impl Limit {
@@ -201,7 +211,13 @@ impl Limit {
     pub fn is_of_speed(self) -> bool {
         matches!(
             self,
-            Self::LegRate | Self::LegAcceleration | Self::LegJerk | Self::PlateSpeed | Self::PlateRate
+            Self::LegRate
+                | Self::LegAcceleration
+                | Self::LegJerk
+                | Self::PlateSpeed
+                | Self::PlateRate
+                | Self::ArmRate
+                | Self::ArmAcceleration
         )
     }
 
@@ -216,7 +232,7 @@ impl Limit {
 pub struct Violation {
     /// The limit.
     pub limit: Limit,
-    /// 1 to 6; absent for `cond(H)` and the clearance.
+    /// 1 to 6, a leg or a joint of an arm; absent for `cond(H)` and the clearance.
     pub leg: Option<usize>,
     /// The two parts that come too near to each other.
     pub between: Option<[Part; 2]>,
@@ -234,12 +250,17 @@ impl Violation {
             | Limit::BaseJointAngle
             | Limit::PlateJointAngle
             | Limit::Clearance
-            | Limit::Travel => "use smaller tilts or translations",
+            | Limit::Travel
+            | Limit::ArmReach
+            | Limit::ArmPosition => "use smaller tilts or translations",
+            Limit::ArmPayload => "use a lighter body",
             Limit::LegRate
             | Limit::LegAcceleration
             | Limit::LegJerk
             | Limit::PlateSpeed
-            | Limit::PlateRate => "give the motion more time",
+            | Limit::PlateRate
+            | Limit::ArmRate
+            | Limit::ArmAcceleration => "give the motion more time",
             Limit::LegForce | Limit::LegPush | Limit::LegPull | Limit::LegBuckling => {
                 "use smaller tilts, more time where it moves, or a lighter body"
             }
@@ -261,6 +282,9 @@ impl Violation {
             Limit::Clearance => (1e3 * value, 1e3 * min, 1),
             Limit::Travel => (100.0 * value, 100.0, 1),
             Limit::PlateSpeed | Limit::PlateRate | Limit::Conditioning => (value, max, 3),
+            Limit::ArmReach | Limit::ArmRate | Limit::ArmAcceleration => (value, max, 3),
+            Limit::ArmPosition => (value.to_degrees(), max.to_degrees(), 1),
+            Limit::ArmPayload => (value, max, 2),
         }
     }
 }
@@ -315,6 +339,23 @@ impl fmt::Display for Violation {
             Limit::Conditioning => {
                 write!(f, "the pose is too near a singular one: cond(H) would be {value}, its limit is {max}")
             }
+            Limit::ArmReach => {
+                write!(f, "the arm does not reach the pose in the posture that it has at home")
+            }
+            Limit::ArmPosition => write!(
+                f,
+                "joint {leg} of the arm would turn {value}° from the middle of its range, which allows {max}°"
+            ),
+            Limit::ArmRate => {
+                write!(f, "joint {leg} of the arm would turn at {value} rad/s, its limit is {max} rad/s")
+            }
+            Limit::ArmAcceleration => {
+                write!(
+                    f,
+                    "joint {leg} of the arm would accelerate at {value} rad/s², its limit is {max} rad/s²"
+                )
+            }
+            Limit::ArmPayload => write!(f, "the arm would carry {value} kg, its limit is {max} kg"),
         }
     }
 }

@@ -52,6 +52,19 @@ impl Load {
         }
     }
 
+    /// The greatest mass of all bodies together, kg.
+    pub fn most_kg(&self) -> f64 {
+        let known: f64 = self.known().iter().map(|body| body.mass_kg).sum();
+        match &self.bodies {
+            Bodies::Known(_) => known,
+            Bodies::Within { body, .. } => {
+                let mut mass = [0.0; 10];
+                mass[0] = 1.0;
+                known + body.range(&mass)[1]
+            }
+        }
+    }
+
     /// Force and moment about the plate's origin, in A, that the legs must exert for the known bodies to
     /// follow `state`; N, N m.
     pub fn wrench(&self, state: &PlateState) -> [f64; 6] {

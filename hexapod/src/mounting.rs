@@ -1,9 +1,11 @@
 //! Places of frames in other frames: sensors on the plate, bodies on sensors.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The place of a frame in another.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Mounting {
     /// Its origin, m.
     pub position_m: [f64; 3],

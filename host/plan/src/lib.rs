@@ -1,7 +1,8 @@
 //! The decision before anything moves: which poses and motions of the platform, or of a robot's joints, give
 //! most information about the body.
 //!
-//! Lives here: the platform that a rig file describes ([`machine`]) with body and sensors ([`equipment`]),
+//! Lives here: the platform that a rig file describes ([`machine`], [`mod@arm`]) with body and
+//! sensors ([`equipment`]),
 //! what the plate may carry before that is known ([`carried`]), what the sensors are to read ([`ranges`]),
 //! where it can be tilted to ([`workspace`]), still poses ([`poses`]), motions ([`motion`]) and the search
 //! for them ([`descent`]), trajectories of joints ([`excitation`]), moves between them ([`ways`]), plans on
@@ -10,6 +11,7 @@
 //! [`rigident_device::session`], which follows a plan.
 
 pub mod adaptive;
+pub mod arm;
 pub mod carried;
 pub mod descent;
 pub mod equipment;

@@ -34,6 +34,9 @@ pub enum MachineError {
     /// A rotation that is none.
     #[error("[platform.load_cell] rotation_wxyz is no rotation")]
     LoadCell,
+    /// An arm that cannot be one.
+    #[error("[platform.arm] {0}")]
+    Arm(String),
     /// Limits that contradict each other: no level pose keeps them.
     #[error(
         "[platform]: the limits contradict each other, the plate cannot stand level anywhere; best is {at}, \
@@ -204,7 +207,14 @@ impl fmt::Display for Metres {
 }
 
 fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
-    if let Some(travel) = travel(table)? {
+    let travel = travel(table)?;
+    if let Some(arm) = &table.arm {
+        let travel = travel.ok_or(MachineError::Missing(
+            "travel_m and travel_rad: how far the flange of [platform.arm] goes to either side of its place at home_rad, m and rad",
+        ))?;
+        return Ok(Geometry::of_arm(super::arm::arm(arm).map_err(MachineError::Arm)?, travel));
+    }
+    if let Some(travel) = travel {
         return Ok(Geometry::of_travel(travel));
     }
     let mut geometry = Geometry {
@@ -214,6 +224,7 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
         leg_rate_mps: table.leg_rate_mps.unwrap_or(f64::INFINITY),
         limits: Limits { bulk: bulk(table)?, ..limits(table) },
         travel: None,
+        arm: None,
     };
     let base = cones(&geometry, "base", table.base_joint_angle_rad, table.base_joint_axes)?;
     let plate = cones(&geometry, "plate", table.plate_joint_angle_rad, table.plate_joint_axes)?;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use hexapod::{Geometry, Limit, Load, MotionError, MotionProgram, PlateState, Pose, Travel};
+use hexapod::{ArmPeak, Geometry, Limit, Load, MotionError, MotionProgram, PlateState, Pose, Travel};
 
 use super::PlatformError;
 use super::pace::SLOW_S;
@@ -21,6 +21,10 @@ pub const STOPS_S: [f64; 2] = [SLOW_S, 0.1];
 pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: whether the legs reach every \
                                   pose inside the travel, their speeds, accelerations and forces, singular \
                                   poses, collisions";
+
+/// The statements that cannot be made about an arm.
+pub const OF_ARMS: &str = "NOT checked: torques of the arm's joints, collisions of the arm with itself, with the body and with \
+                           its surroundings: the controller's own limits and safety planes guard these";
 
 /// The further limits of the legs' forces: name, unit and key.
 const FURTHER: [(&str, &str, &str); 3] = [
@@ -87,6 +91,8 @@ pub struct Summary {
 pub struct Used {
     /// Largest share: one is all of it.
     pub share: f64,
+    /// The peaks of an arm's joints, if an arm carries the plate: position, rate, acceleration.
+    pub arm: Option<[ArmPeak; 3]>,
     /// All of the travel may be used at once.
     pub together: bool,
     /// The limit of the plate's speed, m/s, if there is one.
@@ -99,6 +105,7 @@ impl Used {
     fn nothing_of(travel: &Travel) -> Self {
         Self {
             share: 0.0,
+            arm: None,
             together: travel.together,
             speed_limit_mps: travel.speed_mps,
             rate_limit_radps: travel.rate_radps,
@@ -112,7 +119,26 @@ impl Used {
         writeln!(f, "  speed     up to {:.3} {speed}", summary.velocity_mps)?;
         let rate = against(summary.angular_rate_radps, self.rate_limit_radps, 3, "rad/s", "plate_rate_radps");
         writeln!(f, "  turning   up to {:.3} {rate}", summary.angular_rate_radps)?;
-        writeln!(f, "  {WITHOUT_JOINTS}")
+        let Some([position, rate, acceleration]) = &self.arm else {
+            return writeln!(f, "  {WITHOUT_JOINTS}");
+        };
+        writeln!(
+            f,
+            "  joints    up to {:.0} % of their ranges (joint {})",
+            100.0 * position.share(),
+            position.joint
+        )?;
+        for (name, unit, peak) in
+            [("joint rate", "rad/s", rate), ("joint acceleration", "rad/s2", acceleration)]
+        {
+            let reserve = 100.0 * (1.0 - peak.share());
+            let (value, allowed, joint) = (peak.value, peak.allowed, peak.joint);
+            writeln!(
+                f,
+                "  {name} up to {value:.3} of {allowed:.3} {unit}, {reserve:.0} % in reserve (joint {joint})"
+            )?;
+        }
+        writeln!(f, "  {OF_ARMS}")
     }
 }
 
@@ -271,7 +297,10 @@ pub fn check(
     };
     let mut summary = Summary { duration_s: trajectory.duration_s(), ..Summary::default() };
     match &geometry.travel {
-        Some(travel) => summary.travel = Some(Used::nothing_of(travel)),
+        Some(travel) => {
+            let arm = geometry.arm.as_ref().and_then(|arm| arm.peaks(&trajectory).ok());
+            summary.travel = Some(Used { arm, ..Used::nothing_of(travel) });
+        }
         None => {
             summary.leg_length_m = [f64::INFINITY, 0.0];
             summary.leg_limits_m = geometry.leg_length_m;

@@ -3,6 +3,7 @@
 //! Lives here: its tables, one type each, keys as in the file. Reading, checking and complaining about them
 //! is in `read`. May not live here: what the numbers are used for.
 
+pub mod arm;
 pub mod calibration;
 pub mod certificate;
 pub mod classes;
@@ -24,6 +25,7 @@ pub mod units;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use arm::{ArmTable, OfJoints};
 pub use calibration::{CalibrationTable, RigCalibration};
 pub use certificate::CertificateTable;
 pub use classes::{ImuClass, LoadCellClass, TreeClass};

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::arm::ArmTable;
+
 /// `[body]`: the customer's frame, in S.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -21,7 +23,7 @@ impl Default for BodyTable {
     }
 }
 
-/// `[platform]`: a hexapod.
+/// `[platform]`: a hexapod, or an arm.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlatformTable {
@@ -102,6 +104,10 @@ pub struct PlatformTable {
     /// Largest angular rate of the plate, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_rate_radps: Option<f64>,
+    /// The arm whose flange is the plate; `travel_m` and `travel_rad` are the part of its reach that may be
+    /// used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm: Option<ArmTable>,
     /// The heaviest body that is ever put on the load cell, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_max_kg: Option<f64>,

@@ -115,6 +115,9 @@ impl RigFile {
             .map_err(|e| RigFileError::Unreadable { path: name.clone(), reason: e.to_string() })?;
         let mut rig = Self::parse(&text).map_err(|e| e.of_file(&name))?;
         rig.read_calibration(path).map_err(|e| e.of_file(&name))?;
+        if let Some(arm) = rig.platform.as_mut().and_then(|platform| platform.arm.as_mut()) {
+            arm.beside(path);
+        }
         Ok((rig, text))
     }
 }
@@ -125,7 +128,8 @@ pub fn files_outside(text: &str, path: &Path) -> Vec<String> {
     let table: toml::Table = toml::from_str(text).unwrap_or_default();
     let file = |table: &toml::Value| table.get("file")?.as_str().map(str::to_owned);
     let streams = table.get("stream").and_then(toml::Value::as_array).into_iter().flatten();
-    let named = streams.chain(table.get("calibration")).filter_map(file);
+    let arm = table.get("platform").and_then(|platform| platform.get("arm")?.get("model")?.as_str());
+    let named = streams.chain(table.get("calibration")).filter_map(file).chain(arm.map(str::to_owned));
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let own = folder.canonicalize();
     let is_outside = |file: &String| match (&own, folder.join(file).canonicalize()) {

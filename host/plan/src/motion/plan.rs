@@ -305,7 +305,11 @@ fn guaranteed(
         program.trajectory().ok().map(|trajectory| (program, trajectory))
     };
     let seems = |size: f64| {
-        at(size).is_some_and(|(_, trajectory)| seems_kept(task, &instrument, &trajectory, load, span))
+        at(size).is_some_and(|(_, trajectory)| {
+            let arm = geometry.arm.as_ref();
+            seems_kept(task, &instrument, &trajectory, load, span)
+                && arm.is_none_or(|arm| arm.check(&trajectory).is_ok())
+        })
     };
     let mut size = 1.0;
     if !seems(size) {

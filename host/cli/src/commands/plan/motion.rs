@@ -258,6 +258,11 @@ fn key(peak: &Peak) -> &'static str {
         Some(Limit::Travel) => "travel",
         Some(Limit::PlateSpeed) => "plate_speed",
         Some(Limit::PlateRate) => "plate_rate",
+        Some(Limit::ArmReach) => "arm_reach",
+        Some(Limit::ArmPosition) => "arm_position",
+        Some(Limit::ArmRate) => "arm_rate",
+        Some(Limit::ArmAcceleration) => "arm_acceleration",
+        Some(Limit::ArmPayload) => "arm_payload",
         None => "angular_rate",
     }
 }
@@ -311,6 +316,11 @@ fn text(plan: &MotionPlan, words: &str, [rate, acceleration]: [f64; 2], task: &T
             "travel" => "share of the travel",
             "plate_speed" => "speed of the plate, m/s",
             "plate_rate" => "turning of the plate, rad/s",
+            "arm_reach" => "reach of the arm",
+            "arm_position" => "joint from its middle, rad",
+            "arm_rate" => "joint rate, rad/s",
+            "arm_acceleration" => "joint acceleration, rad/s²",
+            "arm_payload" => "mass at the flange, kg",
             "clearance" => "clearance short of ⌀ leg, m",
             _ => "angular rate, rad/s",
         };

@@ -19,6 +19,8 @@ use crate::options::stop_criterion::StopCriterion;
                         --platform tcp://127.0.0.1:7447 --duration-s 30 --yes\n  rigident run --port \
                         /dev/ttyACM0 --rig bracket.rig.toml --platform \
                         'gcs://192.168.0.1:50000?rate_hz=100'\n  rigident run --port /dev/ttyACM0 --rig \
+                        arm.rig.toml --platform ur://192.168.1.40 --plan motion.json\n  rigident run --port \
+                        /dev/ttyACM0 --rig \
                         bracket.rig.toml --platform tcp://192.168.1.20:7447 --adaptive\n  rigident run \
                         --port /dev/ttyACM0 --rig bracket.rig.toml --platform 'pose+udp://192.168.1.30:5000' \
                         --plan motion.json\n  rigident run --port /dev/ttyACM0 --rig bracket.rig.toml \
@@ -34,7 +36,8 @@ pub struct Run {
     /// The platform's controller
     ///
     /// tcp://HOST:PORT: as `rigident-sim serve` offers it. gcs://HOST:PORT or gcs:///dev/ttyUSB0: a PI
-    /// hexapod (GCS 2.0). pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of
+    /// hexapod (GCS 2.0). ur://HOST: an arm of Universal Robots (RTDE and URScript), that platform.arm in the
+    /// rig file describes. pose+tcp://HOST:PORT, pose+udp://…, pose+serial:///dev/…, legs+…: CSV lines of
     /// poses or leg lengths; the plate must be at home when it begins, and is led back there after the
     /// experiment. none: the body is moved by hand, or by anything else; the next move is shown, and Ctrl-C
     /// ends. Behind it ?rate_hz=100, &lead_s=0.2 (set points are sent this long before their time) and

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use hexapod::BodyParameters;
 
 use super::{Check, RigFileError};
-use crate::rig::PlatformTable;
+use crate::rig::{OfJoints, PlatformTable};
 
 impl Check<'_> {
     pub(super) fn body_frame(&self) -> Result<(), RigFileError> {
@@ -30,6 +30,7 @@ impl Check<'_> {
         self.leg_length(platform)?;
         self.platform_numbers(platform)?;
         self.travel(platform)?;
+        self.arm(platform)?;
         for (n, part) in platform.part.iter().enumerate() {
             self.body(&format!("platform.part[{n}]"), part.mass_kg, part.com_m, part.inertia_com_kgm2)?;
         }
@@ -95,6 +96,15 @@ impl Check<'_> {
             return Err(self.refuse("platform.travel_rad", turns, advice));
         }
         Ok(())
+    }
+
+    fn arm(&self, platform: &PlatformTable) -> Result<(), RigFileError> {
+        let Some(arm) = &platform.arm else { return Ok(()) };
+        self.finite("platform.arm.home_rad", &arm.home_rad)?;
+        self.positive("platform.arm.acceleration_radps2", &arm.acceleration_radps2.each())?;
+        let rates = arm.rate_radps.as_ref().map(OfJoints::each);
+        self.positive("platform.arm.rate_radps", rates.as_ref().map_or(&[][..], |all| &all[..]))?;
+        self.positive("platform.arm.payload_kg", arm.payload_kg.as_slice())
     }
 
     pub(super) fn truth(&self) -> Result<(), RigFileError> {
