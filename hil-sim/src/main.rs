@@ -16,6 +16,7 @@ use rigident_sim::serve::sensors::{
     AtiServer, BridgeServer, Delivery, LinesServer, Played, Quantity, RtdeServer, Topic, TopicKind,
     XsensServer, body_moved, sensors_rig_file,
 };
+use rigident_sim::serve::ur;
 use rigident_sim::serve::{
     Controller, Firmware, Port, SensorsOptions, ServeOptions, StreamServer, Where, carry, rig_file,
 };
@@ -63,6 +64,13 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     let rig = Rig::new(options.rig()).map_err(|e| Failure(2, e.to_string()))?;
     if let Some(path) = &options.write_rig {
         write_new(path, &rig_file(&rig)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
+        if options.ur.is_some() {
+            let model = path.with_file_name(ur::MODEL);
+            write_new(&model, &ur::urdf()).map_err(|e| Failure(2, format!("{}: {e}", model.display())))?;
+        }
+    }
+    if let Some(at) = &options.ur {
+        return serve_arm(options, at, rig, &leave);
     }
     let rig = rig.shared();
     let controller = Controller::listen(&options.platform, Arc::clone(&rig)).map_err(|e| {
@@ -134,6 +142,63 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");
     carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+/// Offers the rig on an arm until Ctrl-C.
+fn serve_arm(options: &ServeOptions, at: &str, rig: Rig, leave: &AtomicBool) -> Result<(), Failure> {
+    let rig = rig.shared();
+    let report = |said: &str| eprintln!("rigident-sim: {said}");
+    let arm = ur::UrServer::listen([at, &options.ur_script], Arc::clone(&rig), report).map_err(|e| {
+        let script = &options.ur_script;
+        Failure(3, format!("no arm at {at} and {script}: {e}; name other addresses by --ur and --ur-script"))
+    })?;
+    let arm = Arc::new(arm);
+    let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
+        let name = options.port_link.display();
+        Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
+    })?;
+    let mcu: Box<dyn Mcu> = match options.mcu {
+        Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
+        Where::Qemu => {
+            let qemu = QemuOptions { show_log: options.show_log, ..QemuOptions::default() };
+            Box::new(Qemu::spawn(&qemu, rig, Pacing::RealTime).map_err(|e| Failure(3, e.to_string()))?)
+        }
+    };
+    eprintln!("firmware  {}", mcu.name());
+    let mut firmware: Box<dyn ByteLink> = match options.link_faults() {
+        None => Box::new(Firmware(mcu)),
+        Some(faults) => Box::new(FaultyLink::new(Firmware(mcu), faults, options.seed)),
+    };
+    let (shown, address) = (options.port_link.display(), arm.url());
+    eprintln!("port      {shown} -> {}", port.terminal().display());
+    eprintln!("arm       {address}");
+    let file = options.write_rig.as_deref().unwrap_or(Path::new("FILE (see --write-rig)")).display();
+    eprintln!("use it    rigident plan motion --rig {file} --out motion.json");
+    eprintln!("          rigident run --port {shown} --rig {file} --plan motion.json --platform '{address}'");
+    eprintln!("Ctrl-C ends it.");
+    let typed = Arc::clone(&arm);
+    std::thread::spawn(move || {
+        for line in io::stdin().lines().map_while(Result::ok) {
+            match incident(line.trim()) {
+                Some(incident) => typed.happens(incident),
+                None => {
+                    eprintln!("rigident-sim: {line:?}: there are protective, emergency, cut, stopped, local")
+                }
+            }
+        }
+    });
+    carry(&mut port, firmware.as_mut(), leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+fn incident(word: &str) -> Option<ur::Incident> {
+    match word {
+        "protective" => Some(ur::Incident::Protective),
+        "emergency" => Some(ur::Incident::Emergency),
+        "cut" => Some(ur::Incident::Cut),
+        "stopped" => Some(ur::Incident::Stopped),
+        "local" => Some(ur::Incident::Local),
+        _ => None,
+    }
 }
 
 /// Offers sensors until Ctrl-C.

@@ -4,6 +4,7 @@ use std::str::FromStr;
 use hexapod::BodyParameters;
 use nalgebra::Matrix3;
 
+use super::ur;
 use crate::link::LinkFaults;
 use crate::links::SecondLink;
 use crate::rig::RigConfig;
@@ -125,7 +126,8 @@ fn possible(tensor: [f64; 6]) -> Result<[f64; 6], String> {
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:\n  rigident-sim serve --write-rig rig.toml\n  rigident run --port \
     ./rigident-rig --rig rig.toml --platform tcp://127.0.0.1:7447     (in another terminal)\n  rigident-sim \
-    serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  rigident-sim serve --mcu qemu --flip 1e-4 \
+    serve --gcs 127.0.0.1:50000 --gcs-port-link ./hexapod\n  rigident-sim serve --ur \
+    127.0.0.1:30004 --write-rig arm.toml\n  rigident-sim serve --mcu qemu --flip 1e-4 \
     --drop 0.01\n  rigident-sim serve --freeze gz@20+5 --saturate fz@40\n  rigident-sim serve --body \
     two-links --write-rig rig.toml\n  rigident-sim serve --mass 0.5 --com 0,0,0.02 --inertia 4e-4,4e-4,3e-4 \
     --write-rig rig.toml\n\n\
@@ -152,7 +154,14 @@ pub struct ServeOptions {
     /// Take such lines from a serial line of this name too
     #[arg(long, value_name = "PATH", requires = "stream")]
     pub stream_port_link: Option<PathBuf>,
-    /// Write the rig file that describes this rig; never over another file
+    /// The plate is the flange of an arm of Universal Robots instead of a hexapod's: its state and set points (RTDE) at this address;
+    /// port 0 takes a free one. Lines typed here happen to it: protective, emergency, cut, stopped, local
+    #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["platform", "gcs", "stream", "body"])]
+    pub ur: Option<String>,
+    /// Its port for programs, likewise
+    #[arg(long, value_name = "HOST:PORT", requires = "ur", default_value = "127.0.0.1:30002")]
+    pub ur_script: String,
+    /// Write the rig file that describes this rig, and the model of an arm beside it; never over another file
     #[arg(long, value_name = "FILE")]
     pub write_rig: Option<PathBuf>,
     /// The body on the load cell
@@ -246,6 +255,7 @@ impl ServeOptions {
     #[must_use]
     pub fn rig(&self) -> RigConfig {
         let rig = match self.body {
+            _ if self.ur.is_some() => ur::rig(),
             Body::Horizontal => RigConfig::thesis_horizontal(),
             Body::Vertical => RigConfig::thesis_vertical(),
             Body::TwoLinks => {

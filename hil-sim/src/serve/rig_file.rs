@@ -2,8 +2,9 @@
 
 use std::fmt::{Debug, Write as _};
 
+use super::ur;
 use crate::rig::{Rig, RigConfig};
-use hexapod::{BodyParameters, Mounting};
+use hexapod::{BodyParameters, Geometry, Mounting};
 
 /// TOML of a rig, as the host reads it: data sheets and mountings, and what is really the case as `[truth]`.
 #[must_use]
@@ -59,11 +60,38 @@ pub fn rig_file(rig: &Rig) -> String {
     file.key("range_n_nm", cell.range_n_nm);
 
     file.table("[platform]");
-    file.key("base_joints_m", config.geometry.base_joints_m);
-    file.key("plate_joints_m", config.geometry.plate_joints_m);
-    file.key("leg_length_m", config.geometry.leg_length_m);
-    file.key("leg_rate_mps", config.geometry.leg_rate_mps);
-    let limits = &config.geometry.limits;
+    if config.geometry.has_joints() {
+        hexapod(&mut file, &config.geometry);
+    } else {
+        arm(&mut file);
+    }
+    let [mass_kg, within_m] = bound(config);
+    file.key("load_max_kg", mass_kg);
+    file.key("load_within_m", within_m);
+    if !config.geometry.has_joints() {
+        arm_table(&mut file);
+    }
+    file.table("[platform.load_cell]");
+    file.key("position_m", config.load_cell.position_m);
+    file.key("rotation_wxyz", unit_quaternion(&config.load_cell));
+
+    if second.is_none() {
+        file.table("[truth]");
+        file.key("mass_kg", truth.body.mass_kg);
+        file.key("com_m", truth.body.com_m);
+        file.key("inertia_com_kgm2", truth.body.inertia_com_kgm2);
+        file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
+    }
+    file.0
+}
+
+/// Joints, legs and limits.
+fn hexapod(file: &mut Toml, geometry: &Geometry) {
+    file.key("base_joints_m", geometry.base_joints_m);
+    file.key("plate_joints_m", geometry.plate_joints_m);
+    file.key("leg_length_m", geometry.leg_length_m);
+    file.key("leg_rate_mps", geometry.leg_rate_mps);
+    let limits = &geometry.limits;
     for (key, limit) in [
         ("leg_acceleration_mps2", limits.leg_acceleration_mps2),
         ("leg_jerk_mps3", limits.leg_jerk_mps3),
@@ -97,21 +125,27 @@ pub fn rig_file(rig: &Rig) -> String {
         }
     }
     file.key("cond_max", limits.cond_max);
-    let [mass_kg, within_m] = bound(config);
-    file.key("load_max_kg", mass_kg);
-    file.key("load_within_m", within_m);
-    file.table("[platform.load_cell]");
-    file.key("position_m", config.load_cell.position_m);
-    file.key("rotation_wxyz", unit_quaternion(&config.load_cell));
+}
 
-    if second.is_none() {
-        file.table("[truth]");
-        file.key("mass_kg", truth.body.mass_kg);
-        file.key("com_m", truth.body.com_m);
-        file.key("inertia_com_kgm2", truth.body.inertia_com_kgm2);
-        file.key("apparent_offset_n_nm", truth.apparent_offset_n_nm);
+/// The part of the arm's reach that may be used.
+fn arm(file: &mut Toml) {
+    let travel = ur::travel();
+    file.key("travel_m", travel.shift_m);
+    file.key("travel_rad", travel.turn_rad);
+    if let Some(speed) = travel.speed_mps {
+        file.key("plate_speed_mps", speed);
     }
-    file.0
+}
+
+/// The arm's joints, and its model beside the file.
+fn arm_table(file: &mut Toml) {
+    file.table("[platform.arm]");
+    file.key("model", ur::MODEL);
+    file.key("flange", "tool0");
+    file.key("home_rad", ur::HOME);
+    file.key("rate_radps", ur::RATE_RADPS);
+    file.key("acceleration_radps2", ur::ACCELERATION_RADPS2);
+    file.key("payload_kg", ur::PAYLOAD_KG);
 }
 
 /// Returns what an owner would say of the heaviest body (kg) and its size (m): half as much again as it is.

@@ -2,6 +2,8 @@
 //! own, so that no other test takes the processor from the simulated clock.
 #![cfg(feature = "emulator")]
 
+mod arm;
+mod arm_incidents;
 mod device_commands;
 mod drivers;
 mod live;
@@ -40,11 +42,17 @@ impl Served {
     }
 
     fn of(config: RigConfig) -> Self {
+        let mut served = Self::bare(config);
+        served.hexapod = Some(GcsServer::listen("127.0.0.1:0", Arc::clone(&served.rig)).unwrap());
+        served
+    }
+
+    /// Without a controller.
+    fn bare(config: RigConfig) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let rig = Rig::new(config.with_seed(3)).unwrap();
         std::fs::write(folder.path().join("rig.toml"), rig_file(&rig)).unwrap();
         let rig = rig.shared();
-        let hexapod = GcsServer::listen("127.0.0.1:0", Arc::clone(&rig)).unwrap();
         let mut port = Port::open(Some(&folder.path().join("port"))).unwrap();
         let leave = Arc::new(AtomicBool::new(false));
         let (leaving, shared) = (Arc::clone(&leave), Arc::clone(&rig));
@@ -52,7 +60,7 @@ impl Served {
             let mut firmware = Firmware(Box::new(InProcess::new(shared, Pacing::RealTime)));
             carry(&mut port, &mut firmware, &leaving).unwrap();
         });
-        Self { folder, rig, hexapod: Some(hexapod), leave, carrying: Some(carrying) }
+        Self { folder, rig, hexapod: None, leave, carrying: Some(carrying) }
     }
 
     fn path(&self, name: &str) -> PathBuf {

@@ -12,6 +12,7 @@ use super::clock::{Clock, World};
 use super::gcs::GcsPlatform;
 use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
+use super::ur::{self, UrPlatform};
 use super::{NetworkPlatform, Platform, PlatformError};
 
 /// The time that a controller may take to answer.
@@ -60,6 +61,8 @@ pub(super) struct Address {
     /// The time at which set points are sent.
     pub timing: Timing,
     baud: u32,
+    /// The port to which an arm's controller takes programs.
+    script_port: u16,
 }
 
 impl Address {
@@ -76,6 +79,7 @@ impl Address {
             place: place.to_owned(),
             timing: Timing { rate_hz: RATE_HZ, lead_s: LEAD_S, follows },
             baud: BAUD,
+            script_port: ur::SCRIPT_PORT,
         };
         if place.is_empty() {
             return Err(wrong("nothing follows ://".to_owned()));
@@ -83,6 +87,12 @@ impl Address {
         for setting in settings.split('&').filter(|s| !s.is_empty()) {
             let bad = |e: &dyn Display| wrong(format!("{setting}: {e}"));
             match setting.split_once('=') {
+                Some(("script", value)) if address.scheme == "ur" => {
+                    address.script_port = value.parse().map_err(|e| bad(&e))?;
+                }
+                _ if address.scheme == "ur" => {
+                    return Err(bad(&"there is script, the port that takes programs"));
+                }
                 Some(("rate_hz", value)) => address.timing.rate_hz = value.parse().map_err(|e| bad(&e))?,
                 Some(("lead_s", value)) => address.timing.lead_s = value.parse().map_err(|e| bad(&e))?,
                 Some(("baud", value)) => address.baud = value.parse().map_err(|e| bad(&e))?,
@@ -129,6 +139,21 @@ impl Address {
         Err(self.unreachable(last))
     }
 
+    /// The host and the port of an address that may leave out its port.
+    fn host_and_port(&self, port: u16) -> Result<(String, u16), PlatformError> {
+        // An address of IPv6 has colons of its own, and brackets.
+        match self.place.rsplit_once(':').filter(|(host, _)| !host.contains(':') || host.ends_with(']')) {
+            None => Ok((self.place.clone(), port)),
+            Some((host, port)) => match port.parse() {
+                Ok(port) => Ok((host.trim_matches(['[', ']']).to_owned(), port)),
+                Err(e) => {
+                    let reason = format!("port {port}: {e}");
+                    Err(PlatformError::Address { address: self.text.clone(), reason })
+                }
+            },
+        }
+    }
+
     fn udp(&self) -> Result<Box<dyn Wire>, PlatformError> {
         let socket = UdpSocket::bind("0.0.0.0:0").map_err(|e| self.unreachable(e))?;
         socket.connect(self.place.as_str()).map_err(|e| self.unreachable(e))?;
@@ -171,6 +196,12 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
             parsed.scheme
         )));
     }
+    if geometry.arm.is_some() && parsed.scheme != "ur" {
+        return Err(PlatformError::Refused(format!(
+            "{}:// drives hexapods, and the rig file describes an arm ([platform.arm]): ur://HOST drives it",
+            parsed.scheme
+        )));
+    }
     let streamed = |lines, wire| {
         let clock = Clock::of_this_machine();
         Box::new(StreamPlatform::new(&parsed, lines, wire, geometry.clone(), clock)) as Box<dyn Platform>
@@ -178,6 +209,11 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
     let gcs = |wire| GcsPlatform::connect(&parsed, wire, geometry, Clock::of_this_machine());
     match parsed.scheme.as_str() {
         "tcp" => Ok(Box::new(NetworkPlatform::connect(address, geometry)?)),
+        "ur" => {
+            let (host, port) = parsed.host_and_port(ur::RTDE_PORT)?;
+            let ports = [port, parsed.script_port];
+            Ok(Box::new(UrPlatform::connect(address, &host, ports, geometry, Clock::of_this_machine())?))
+        }
         "gcs" if parsed.place.starts_with('/') => Ok(Box::new(gcs(parsed.serial()?)?)),
         "gcs" => Ok(Box::new(gcs(parsed.tcp()?)?)),
         "pose+tcp" => Ok(streamed(Lines::Poses, parsed.tcp()?)),

@@ -84,6 +84,9 @@ pub enum PlatformError {
         /// That are taken.
         most: usize,
     },
+    /// The arm's controller has ended the motion, or lets it not begin.
+    #[error("the arm does not move: {0}")]
+    Halted(String),
     /// Ended by the user.
     #[error("stopped by Ctrl-C")]
     Interrupted,
@@ -91,6 +94,7 @@ pub enum PlatformError {
 
 /// The form of addresses.
 const HOW: &str = "an address looks like tcp://HOST:PORT (rigident-sim), gcs://HOST:PORT or \
-                   gcs:///dev/ttyUSB0 (PI hexapods), pose+tcp://HOST:PORT, legs+udp://HOST:PORT or \
+                   gcs:///dev/ttyUSB0 (PI hexapods), ur://HOST (arms of Universal Robots), \
+                   pose+tcp://HOST:PORT, legs+udp://HOST:PORT or \
                    pose+serial:///dev/ttyUSB0 (CSV lines), with ?rate_hz=100, &lead_s=0.2, &follows=time and \
                    &baud=115200 where they apply";

@@ -1,8 +1,8 @@
 //! The drive of the rig's plate.
 //!
 //! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig
-//! in this process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), lines of set
-//! points ([`stream`]); what is checked before ([`check`]) and compared after ([`tracking`]). May not live
+//! in this process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), arms of
+//! Universal Robots ([`ur`]), lines of set points ([`stream`]); what is checked before ([`check`]) and compared after ([`tracking`]). May not live
 //! here: planning of motions, sensors.
 //!
 //! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own
@@ -21,6 +21,7 @@ mod pace;
 pub mod stops;
 pub mod stream;
 pub mod tracking;
+pub mod ur;
 mod way;
 
 pub use address::{Wire, checks_itself, connect, connect_simulated, port_of};

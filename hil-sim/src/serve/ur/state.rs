@@ -1,0 +1,170 @@
+//! The state that the controller's interfaces and its program share.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::joints::{Joints, tool};
+use super::language::Program;
+
+/// Receives faults of programs.
+pub type Tell = Arc<dyn Fn(&str) + Send + Sync>;
+
+/// General purpose registers of each kind.
+pub const REGISTERS: usize = 48;
+/// `robot_mode`: running, and power off.
+pub const RUNNING: i32 = 7;
+const POWER_OFF: i32 = 3;
+/// `safety_mode`: normal, protective stop, emergency stop of the robot.
+pub const NORMAL: i32 = 1;
+const PROTECTIVE: i32 = 3;
+const EMERGENCY: i32 = 7;
+/// `runtime_state`.
+pub const STOPPED: u32 = 1;
+pub const PLAYING: u32 = 2;
+const PAUSED: u32 = 4;
+
+/// The state.
+pub struct Shared {
+    pub cycle_s: f64,
+    /// Cycles since it was switched on.
+    pub cycle: u64,
+    pub joints: Joints,
+    pub input_int: [i32; REGISTERS],
+    pub input_double: [f64; REGISTERS],
+    pub output_int: [i32; REGISTERS],
+    pub output_double: [f64; REGISTERS],
+    pub robot_mode: i32,
+    pub safety_mode: i32,
+    pub runtime_state: u32,
+    /// It obeys programs from outside.
+    pub remote: bool,
+    /// The speed slider, as a share.
+    pub speed: f64,
+    /// A variable that must be written, how often, s, and when it was, s.
+    pub watchdog: Option<(String, f64, f64)>,
+    /// A program that is to begin.
+    pub sent: Option<Program>,
+    /// Which client has which input.
+    pub claims: HashMap<String, u64>,
+    /// Why no answer is given to anybody: the network is cut.
+    pub cut: bool,
+}
+
+impl Shared {
+    /// Switched on, at rest.
+    pub fn new(cycle_s: f64) -> Self {
+        Self {
+            cycle_s,
+            cycle: 0,
+            joints: Joints::new(),
+            input_int: [0; REGISTERS],
+            input_double: [0.0; REGISTERS],
+            output_int: [0; REGISTERS],
+            output_double: [0.0; REGISTERS],
+            robot_mode: RUNNING,
+            safety_mode: NORMAL,
+            runtime_state: STOPPED,
+            remote: true,
+            speed: 1.0,
+            watchdog: None,
+            sent: None,
+            claims: HashMap::new(),
+            cut: false,
+        }
+    }
+
+    /// The controller's time, s.
+    pub fn now_s(&self) -> f64 {
+        self.cycle as f64 * self.cycle_s
+    }
+
+    /// It stops at once and holds, its program paused.
+    pub fn protective_stop(&mut self) {
+        if self.safety_mode == NORMAL {
+            (self.safety_mode, self.runtime_state) = (PROTECTIVE, PAUSED);
+            self.joints.brake();
+        }
+    }
+
+    /// It stops at once and its power goes off.
+    pub fn emergency_stop(&mut self) {
+        (self.safety_mode, self.robot_mode, self.runtime_state) = (EMERGENCY, POWER_OFF, STOPPED);
+        self.joints.brake();
+    }
+
+    /// Returns whether a program may run.
+    pub fn may_move(&self) -> bool {
+        self.safety_mode == NORMAL && self.robot_mode == RUNNING
+    }
+
+    /// The type of an input variable, and its register.
+    fn input(name: &str) -> Option<(&'static str, usize)> {
+        let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
+        at("input_int_register_")
+            .map(|k| ("INT32", k))
+            .or_else(|| at("input_double_register_").map(|k| ("DOUBLE", k)))
+    }
+
+    /// The type of an input variable.
+    pub fn input_kind(name: &str) -> Option<&'static str> {
+        Self::input(name).map(|(kind, _)| kind)
+    }
+
+    /// Writes input variables from the bytes of a package; false if these are not of their length.
+    pub fn write(&mut self, names: &[String], mut bytes: &[u8]) -> bool {
+        let mut writes = Vec::new();
+        for name in names {
+            let Some((kind, at)) = Self::input(name) else { return false };
+            let length = if kind == "INT32" { 4 } else { 8 };
+            let Some((value, rest)) = bytes.split_at_checked(length) else { return false };
+            writes.push((kind, at, value));
+            bytes = rest;
+        }
+        if !bytes.is_empty() {
+            return false;
+        }
+        for (kind, at, value) in writes {
+            match (kind, <[u8; 4]>::try_from(value), <[u8; 8]>::try_from(value)) {
+                ("INT32", Ok(value), _) => self.input_int[at] = i32::from_be_bytes(value),
+                (_, _, Ok(value)) => self.input_double[at] = f64::from_be_bytes(value),
+                _ => {}
+            }
+        }
+        let now_s = self.now_s();
+        if let Some((variable, _, seen_s)) = &mut self.watchdog
+            && names.contains(variable)
+        {
+            *seen_s = now_s;
+        }
+        true
+    }
+
+    /// An output variable: its type and its bytes.
+    pub fn read(&self, name: &str) -> Option<(&'static str, Vec<u8>)> {
+        let doubles =
+            |kind, values: &[f64]| Some((kind, values.iter().flat_map(|v| v.to_be_bytes()).collect()));
+        let integer = |value: i32| Some(("INT32", value.to_be_bytes().to_vec()));
+        let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
+        match name {
+            "timestamp" => doubles("DOUBLE", &[self.now_s()]),
+            "target_q" | "actual_q" => doubles("VECTOR6D", &self.joints.q),
+            "target_qd" | "actual_qd" => doubles("VECTOR6D", &self.joints.qd),
+            "actual_TCP_pose" => doubles("VECTOR6D", &tool(&self.joints.q)),
+            "speed_scaling" | "target_speed_fraction" => doubles("DOUBLE", &[self.speed]),
+            "robot_mode" => integer(self.robot_mode),
+            "safety_mode" | "safety_status" => integer(self.safety_mode),
+            "runtime_state" => Some(("UINT32", self.runtime_state.to_be_bytes().to_vec())),
+            _ => {
+                if let Some(k) = at("output_int_register_") {
+                    return integer(self.output_int[k]);
+                }
+                if let Some(k) = at("input_int_register_") {
+                    return integer(self.input_int[k]);
+                }
+                let double = at("output_double_register_").map(|k| self.output_double[k]);
+                let double = double.or_else(|| at("input_double_register_").map(|k| self.input_double[k]));
+                double.and_then(|value| doubles("DOUBLE", &[value]))
+            }
+        }
+    }
+}

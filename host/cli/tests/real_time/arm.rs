@@ -1,0 +1,215 @@
+//! An arm of Universal Robots as the platform: its driver, planned and run from two commands, and a client of another maker.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use hexapod::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
+use rigident::device::platform::{Motion, Platform, Stop, connect};
+use rigident::plan::machine;
+use rigident::rig::RigFile;
+use rigident_sim::serve::ur::{self, UrServer};
+
+use super::drivers::watch;
+use super::runs::{run_at, said};
+use super::{Served, python, rms_off_path};
+
+/// A rig on an arm.
+pub struct OnArm {
+    // Its controller goes before the rig.
+    pub arm: UrServer,
+    pub served: Served,
+    pub geometry: Geometry,
+}
+
+impl OnArm {
+    pub fn new() -> Self {
+        Self::at("127.0.0.1:0", "127.0.0.1:0")
+    }
+
+    pub fn at(rtde: &str, script: &str) -> Self {
+        let served = Served::bare(ur::rig());
+        std::fs::write(served.path(ur::MODEL), ur::urdf()).unwrap();
+        let rig = RigFile::load(&served.path("rig.toml")).unwrap();
+        let geometry = machine::geometry(&rig).unwrap();
+        let report = |said: &str| eprintln!("the arm: {said}");
+        let arm = UrServer::listen([rtde, script], Arc::clone(&served.rig), report).unwrap();
+        Self { arm, served, geometry }
+    }
+
+    pub fn connect(&self) -> Box<dyn Platform> {
+        connect(&self.arm.url(), &self.geometry).unwrap()
+    }
+
+    /// A driver under way with a program.
+    pub fn started(&self, program: &MotionProgram) -> Box<dyn Platform> {
+        let mut platform = self.connect();
+        platform.load(program).unwrap();
+        assert!(self.arm.rests(), "loading moves nothing");
+        platform.approach(&|| true).unwrap();
+        platform.start().unwrap();
+        platform
+    }
+}
+
+pub fn swing(seconds: f64) -> MotionProgram {
+    let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.4 };
+    MotionProgram {
+        start: Pose { position_m: [0.02, 0.0, 0.01], rpy_rad: [0.0; 3] },
+        segments: vec![Segment::Multisine {
+            duration_s: seconds,
+            ramp_s: 1.0,
+            terms: vec![
+                term(Axis::Z, 0.02, 0.8),
+                term(Axis::Roll, 0.12, 0.6),
+                term(Axis::Pitch, 0.1, 0.9),
+                term(Axis::Yaw, 0.1, 0.5),
+            ],
+        }],
+    }
+}
+
+#[test]
+fn an_arm_follows_the_path_of_a_program_and_keeps_its_limits_between_samples() {
+    let on = OnArm::new();
+    let program = swing(5.0);
+    let mut platform = on.started(&program);
+    let (mut samples, over) = (Vec::new(), AtomicBool::new(false));
+    // Positions and rates in every cycle of the controller, which the driver sees a fifth of.
+    let cycles = std::thread::scope(|scope| {
+        let looking = scope.spawn(|| {
+            let mut cycles: Vec<[[f64; 6]; 2]> = Vec::new();
+            while !over.load(Ordering::Relaxed) {
+                let now = on.arm.joints();
+                if cycles.last() != Some(&now) {
+                    cycles.push(now);
+                }
+                std::thread::sleep(Duration::from_micros(500));
+            }
+            cycles
+        });
+        watch(platform.as_mut(), &mut samples, || false);
+        over.store(true, Ordering::Relaxed);
+        looking.join().unwrap()
+    });
+    assert_eq!(platform.motion().unwrap(), Motion::Done);
+    assert!(on.arm.rests());
+    let trajectory = program.trajectory().unwrap();
+    let poses: Vec<_> = samples.iter().filter_map(|sample| sample.measured).collect();
+    assert!(poses.len() > 60, "{}", poses.len());
+    let off = rms_off_path(&trajectory, &poses);
+    // The controller's own law rounds corners: its look-ahead is a tenth of a second.
+    assert!(off < 2e-3, "{off} m off the path");
+    let fastest = cycles.iter().flat_map(|[_, rates]| rates).fold(0.0_f64, |most, rate| most.max(rate.abs()));
+    assert!(cycles.len() > 400 && fastest > 0.1 && fastest < ur::RATE_RADPS, "{} {fastest}", cycles.len());
+    // The law of the controller ends nearer than this.
+    let (end, rest) = (trajectory.end_pose(), on.served.rig.lock().unwrap().pose());
+    for (a, b) in end.coordinates().iter().zip(rest.coordinates()) {
+        assert!((a - b).abs() < 1e-4, "{end:?} {rest:?}");
+    }
+    // The next one begins where it is.
+    platform.load(&swing(2.0)).unwrap();
+    platform.approach(&|| true).unwrap();
+    platform.start().unwrap();
+    watch(platform.as_mut(), &mut Vec::new(), || false);
+}
+
+#[test]
+fn a_planned_end_goes_to_rest_on_the_path_and_an_alarm_at_once() {
+    let on = OnArm::new();
+    let program = swing(30.0);
+    let trajectory = program.trajectory().unwrap();
+    for stop in [Stop::Planned, Stop::Alarm] {
+        let mut platform = on.started(&program);
+        let begun = Instant::now();
+        watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(2));
+        platform.stop(stop).unwrap();
+        let (stopped, mut rested, mut poses) = (Instant::now(), None, Vec::new());
+        watch(platform.as_mut(), &mut Vec::new(), || {
+            poses.push(on.served.rig.lock().unwrap().pose());
+            if on.arm.rests() {
+                rested.get_or_insert(stopped.elapsed());
+            }
+            false
+        });
+        assert_eq!(platform.motion(), Ok(Motion::Done));
+        let rested = rested.unwrap_or_else(|| stopped.elapsed());
+        let most = if stop == Stop::Planned { 1500 } else { 400 };
+        assert!(rested < Duration::from_millis(most), "{stop:?}: {rested:?}");
+        if stop == Stop::Planned {
+            let off = rms_off_path(&trajectory, &poses);
+            assert!(off < 2e-3, "{off} m off the path");
+        }
+    }
+}
+
+/// The plan and the run, as the simulator and the README say them.
+#[test]
+fn a_body_on_an_arm_is_identified_from_two_commands() {
+    let on = OnArm::new();
+    let served = &on.served;
+    let plan = served.path("motion.json");
+    let output = Command::new(env!("CARGO_BIN_EXE_rigident"))
+        .args(["plan", "motion", "--duration-s", "30", "--rig"])
+        .arg(served.path("rig.toml"))
+        .arg("--out")
+        .arg(&plan)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    for words in ["joint rate, rad/s", "joint acceleration, rad/s²", "mass at the flange, kg"] {
+        assert!(shown.contains(words), "{shown}");
+    }
+    let more = ["--yes", "--json", "--plan", plan.to_str().unwrap()];
+    let output = run_at(served, &on.arm.url(), "out", &more).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    for words in ["an arm: it is running", "joint rate up to", "the mass at the flange"] {
+        let all = said(&output);
+        assert!(all.contains(words) || words.starts_with("the mass"), "{words}\n{all}");
+    }
+    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["status"], "identified", "{}", said(&output));
+    let truth = ur::rig().body;
+    let parameters = result["parameters"].as_array().unwrap();
+    let of = |name: &str| {
+        let found =
+            parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}: {result}"));
+        (found["value"].as_f64().unwrap(), found["u95"].as_f64().unwrap())
+    };
+    let (mass, u95) = of("mass_kg");
+    assert!((mass - truth.mass_kg).abs() < u95 && u95 < 0.02, "{mass} ± {u95}, {}", truth.mass_kg);
+    let centre: Vec<f64> =
+        result["com_m"]["value"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let u95: Vec<f64> =
+        result["com_m"]["u95"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    for k in 0..3 {
+        assert!((centre[k] - truth.com_m[k]).abs() < u95[k] && u95[k] < 2e-3, "{centre:?} ± {u95:?}");
+    }
+    assert!(result["tracking"]["samples"].as_u64().unwrap() > 400);
+}
+
+/// `ur_rtde` of PyPI, which knows nothing of this project, reads the simulated controller and writes its registers.
+#[test]
+#[ignore = "needs NetFT and ur_rtde in Python"]
+fn independent_sensors_client_of_another_maker_reads_the_arm_and_writes_its_registers() {
+    // Its ports are fixed; of this address nobody else has them.
+    let on = OnArm::at("127.0.0.78:30004", "127.0.0.78:30002");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/real_time/arm_client.py");
+    let out = Command::new(python()).arg(script).arg("127.0.0.78").output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let [q, _] = on.arm.joints();
+    for k in 0..6 {
+        assert!((said["q"][k].as_f64().unwrap() - q[k]).abs() < 1e-12, "{said}");
+    }
+    assert_eq!(
+        (&said["robot_mode"], &said["safety_mode"], &said["runtime_state"]),
+        (&7.into(), &1.into(), &1.into())
+    );
+    // Its own program has brought the inputs that it wrote to outputs.
+    assert_eq!((&said["integer"], &said["double"]), (&4321.into(), &0.625.into()));
+}
