@@ -1,10 +1,13 @@
-//! An arm that carries the plate: six hinges in a row, their limits, and the joint path that a motion of the plate takes.
+//! An arm that carries the plate: six hinges in a row, their limits, and the joint path that a motion of the
+//! plate takes.
 //!
-//! The flange is the plate. A lies with its origin where the flange is with the joints at home, its axes along those of the arm's base;
-//! P is fixed to the flange and coincides with A at home. A motion becomes a path by inverse kinematics, one set of positions every
-//! [`STEP_S`], each found from the one before. These are the control points of a uniform cubic B-spline, the path that the
-//! controller is commanded. A B-spline lies in the convex hull of its control points, its derivatives in those of their differences: limits that
-//! all points, `Δ/h` and `Δ²/h²` keep are kept at every instant, between the points too.
+//! The flange is the plate. A lies with its origin where the flange is with the joints at home, its axes
+//! along those of the arm's base; P is fixed to the flange and coincides with A at home. A motion becomes a
+//! path by inverse kinematics, one set of positions every
+//! [`STEP_S`], each found from the one before. These are the control points of a uniform cubic B-spline, the
+//! path that the controller is commanded. A B-spline lies in the convex hull of its control points, its
+//! derivatives in those of their differences: limits that all points, `Δ/h` and `Δ²/h²` keep are kept at
+//! every instant, between the points too.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -188,7 +191,8 @@ impl Arm {
         Some(q)
     }
 
-    /// Positions for a neighbouring pose, rad; `None` where the arm does not reach it, or only in another posture.
+    /// Positions for a neighbouring pose, rad; `None` where the arm does not reach it, or only in another
+    /// posture.
     pub fn follow(&self, pose: &Pose, near: &[f64; 6]) -> Option<[f64; 6]> {
         let chain = Chain::new(self);
         let rotation = crate::rotation_from_rpy(pose.rpy_rad);

@@ -2,9 +2,9 @@
 //!
 //! Lives here: a platform's [`Geometry`] (joints, legs, limits), [`Legs`] (vector loop, Jacobian, force
 //! transmission at one pose), [`Geometry::forward`], [`LimitMargins`] (every limited quantity beside its
-//! limit), [`Guarantee`] (the same of a whole motion), an [`Arm`] that carries the plate, [`Load`] (leg forces) with the bodies that it is made
-//! of, [`Payload`] (what perfect sensors on the plate read), [`MotionProgram`] (what is asked of a platform)
-//! and
+//! limit), [`Guarantee`] (the same of a whole motion), an [`Arm`] that carries the plate, [`Load`] (leg
+//! forces) with the bodies that it is made of, [`Payload`] (what perfect sensors on the plate read),
+//! [`MotionProgram`] (what is asked of a platform) and
 //! [`Trajectory`] (its exact kinematics), the default [`experiment`], and the lines that controllers take:
 //! [`gcs`] (PI hexapods) and
 //! [`set_points`]. Drivers of real platforms, planning and the simulator

@@ -62,13 +62,7 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
         .map_err(|e| Failure(3, format!("Ctrl-C cannot be caught: {e}")))?;
 
     let rig = Rig::new(options.rig()).map_err(|e| Failure(2, e.to_string()))?;
-    if let Some(path) = &options.write_rig {
-        write_new(path, &rig_file(&rig)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
-        if options.ur.is_some() {
-            let model = path.with_file_name(ur::MODEL);
-            write_new(&model, &ur::urdf()).map_err(|e| Failure(2, format!("{}: {e}", model.display())))?;
-        }
-    }
+    describe(options, &rig)?;
     if let Some(at) = &options.ur {
         return serve_arm(options, at, rig, &leave);
     }
@@ -142,6 +136,18 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");
     carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+/// Writes the rig file, and the model of an arm beside it, if asked for.
+fn describe(options: &ServeOptions, rig: &Rig) -> Result<(), Failure> {
+    if let Some(path) = &options.write_rig {
+        write_new(path, &rig_file(rig)).map_err(|e| Failure(2, format!("{}: {e}", path.display())))?;
+        if options.ur.is_some() {
+            let model = path.with_file_name(ur::MODEL);
+            write_new(&model, &ur::urdf()).map_err(|e| Failure(2, format!("{}: {e}", model.display())))?;
+        }
+    }
+    Ok(())
 }
 
 /// Offers the rig on an arm until Ctrl-C.

@@ -2,8 +2,8 @@
 //!
 //! Lives here: the port ([`Port`]), the controllers ([`Controller`] in JSON, [`gcs`] as PI
 //! hexapods speak, [`ur`] as arms of Universal Robots do), sensors of other makes ([`sensors`]), the loop
-//! between port and firmware ([`carry`]), and the rig file that describes what is served. May not live here: what the bytes mean.
-//! Before this: [`crate::runner`], [`crate::link`]; after it: the binary `rigident-sim`.
+//! between port and firmware ([`carry`]), and the rig file that describes what is served. May not live here:
+//! what the bytes mean. Before this: [`crate::runner`], [`crate::link`]; after it: the binary `rigident-sim`.
 
 mod carry;
 mod controller;

@@ -154,8 +154,9 @@ pub struct ServeOptions {
     /// Take such lines from a serial line of this name too
     #[arg(long, value_name = "PATH", requires = "stream")]
     pub stream_port_link: Option<PathBuf>,
-    /// The plate is the flange of an arm of Universal Robots instead of a hexapod's: its state and set points (RTDE) at this address;
-    /// port 0 takes a free one. Lines typed here happen to it: protective, emergency, cut, stopped, local
+    /// The plate is the flange of an arm of Universal Robots instead of a hexapod's: its state and set points
+    /// (RTDE) at this address; port 0 takes a free one. Lines typed here happen to it: protective, emergency,
+    /// cut, stopped, local
     #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["platform", "gcs", "stream", "body"])]
     pub ur: Option<String>,
     /// Its port for programs, likewise

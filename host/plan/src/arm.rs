@@ -32,7 +32,8 @@ pub fn arm(table: &ArmTable) -> Result<Arm, String> {
             (Some(rate), None) | (None, Some(rate)) => rate,
             (None, None) => {
                 return Err(format!(
-                    "{path}: joint {name} has no limit of velocity: give [platform.arm] rate_radps in the rig file"
+                    "{path}: joint {name} has no limit of velocity: give [platform.arm] rate_radps in the \
+                     rig file"
                 ));
             }
         };
@@ -110,13 +111,14 @@ mod tests {
         for i in 1..=6 {
             let axis = if i % 2 == 0 { "0 1 0" } else { "0 0 1" };
             text += &format!(
-                "<link name=\"l{i}\"/><joint name=\"j{i}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"l{i}\"/>\
-                 <origin xyz=\"0 0 0.1\" rpy=\"0.1 0 0\"/><axis xyz=\"{axis}\"/>{limit}</joint>"
+                "<link name=\"l{i}\"/><joint name=\"j{i}\" type=\"revolute\"><parent \
+                 link=\"{parent}\"/><child link=\"l{i}\"/><origin xyz=\"0 0 0.1\" rpy=\"0.1 0 0\"/><axis \
+                 xyz=\"{axis}\"/>{limit}</joint>"
             );
             parent = format!("l{i}");
         }
-        text + "<link name=\"tool\"/><joint name=\"fixed\" type=\"fixed\"><parent link=\"l6\"/><child link=\"tool\"/>\
-                <origin xyz=\"0 0 0.05\" rpy=\"0 0 0\"/></joint></robot>"
+        text + "<link name=\"tool\"/><joint name=\"fixed\" type=\"fixed\"><parent link=\"l6\"/><child \
+                link=\"tool\"/><origin xyz=\"0 0 0.05\" rpy=\"0 0 0\"/></joint></robot>"
     }
 
     fn read(text: &str, change: impl Fn(&mut ArmTable)) -> Result<Arm, String> {

@@ -210,7 +210,8 @@ fn unchecked(table: &PlatformTable) -> Result<Geometry, MachineError> {
     let travel = travel(table)?;
     if let Some(arm) = &table.arm {
         let travel = travel.ok_or(MachineError::Missing(
-            "travel_m and travel_rad: how far the flange of [platform.arm] goes to either side of its place at home_rad, m and rad",
+            "travel_m and travel_rad: how far the flange of [platform.arm] goes to either side of its place \
+             at home_rad, m and rad",
         ))?;
         return Ok(Geometry::of_arm(super::arm::arm(arm).map_err(MachineError::Arm)?, travel));
     }

@@ -1,4 +1,5 @@
-//! The controller at work: one cycle after the other by the rig's clock, its program, and the plate that the arm carries.
+//! The controller at work: one cycle after the other by the rig's clock, its program, and the plate that the
+//! arm carries.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};

@@ -1,9 +1,11 @@
-//! The arm itself: a UR5 by Denavit and Hartenberg's parameters as the maker publishes them, and how its joints follow commands.
+//! The arm itself: a UR5 by Denavit and Hartenberg's parameters as the maker publishes them, and how its
+//! joints follow commands.
 
 use hexapod::Pose;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// `a`, `d` (m) and `alpha` (rad) of each joint, from "DH parameters for calculations of kinematics and dynamics".
+/// `a`, `d` (m) and `alpha` (rad) of each joint, from "DH parameters for calculations of kinematics and
+/// dynamics".
 const UR5: [[f64; 3]; 6] = [
     [0.0, 0.089_159, std::f64::consts::FRAC_PI_2],
     [-0.425, 0.0, 0.0],
@@ -18,7 +20,8 @@ pub const HOME: [f64; 6] = [0.0, -1.9, -1.9, -0.9, std::f64::consts::FRAC_PI_2, 
 pub const FASTEST: f64 = std::f64::consts::PI;
 /// Range of every joint, rad: a turn to either side.
 pub const RANGE: f64 = std::f64::consts::TAU;
-/// How a joint brakes where the controller stops it by itself, rad/s². The maker publishes stopping times, not this.
+/// How a joint brakes where the controller stops it by itself, rad/s². The maker publishes stopping times,
+/// not this.
 const BRAKE: f64 = 12.0;
 /// A joint slower than this is at rest, rad/s.
 const REST: f64 = 1e-9;
@@ -62,8 +65,8 @@ impl Joints {
 
     /// One cycle, s; false if a joint would be faster than it may, or beyond its range.
     ///
-    /// The law of `servoj` is not published. Taken is `gain (target − q − lookahead q')`, which lags a steady ramp by the look-ahead, as
-    /// the script manual describes it.
+    /// The law of `servoj` is not published. Taken is `gain (target − q − lookahead q')`, which lags a steady
+    /// ramp by the look-ahead, as the script manual describes it.
     pub fn step(&mut self, cycle_s: f64) -> bool {
         match self.command {
             Command::Hold => self.qd = [0.0; 6],
@@ -124,17 +127,19 @@ pub fn urdf() -> String {
     for (i, name) in names.iter().enumerate() {
         let [a, d, alpha] = if i == 0 { [0.0; 3] } else { UR5[i - 1] };
         text += &format!(
-            "  <link name=\"{name}_link\"/>\n  <joint name=\"{name}_joint\" type=\"revolute\">\n    <parent link=\"{parent}\"/>\n    \
-             <child link=\"{name}_link\"/>\n    <origin xyz=\"{a} 0 {d}\" rpy=\"{alpha} 0 0\"/>\n    <axis xyz=\"0 0 1\"/>\n    \
-             <limit lower=\"{low}\" upper=\"{RANGE}\" velocity=\"{FASTEST}\" effort=\"150\"/>\n  </joint>\n",
+            "  <link name=\"{name}_link\"/>\n  <joint name=\"{name}_joint\" type=\"revolute\">\n    <parent \
+             link=\"{parent}\"/>\n    <child link=\"{name}_link\"/>\n    <origin xyz=\"{a} 0 {d}\" \
+             rpy=\"{alpha} 0 0\"/>\n    <axis xyz=\"0 0 1\"/>\n    <limit lower=\"{low}\" upper=\"{RANGE}\" \
+             velocity=\"{FASTEST}\" effort=\"150\"/>\n  </joint>\n",
             low = -RANGE
         );
         parent = format!("{name}_link");
     }
     let [a, d, alpha] = UR5[5];
     text + &format!(
-        "  <link name=\"tool0\"/>\n  <joint name=\"flange\" type=\"fixed\">\n    <parent link=\"{parent}\"/>\n    <child link=\"tool0\"/>\n    \
-         <origin xyz=\"{a} 0 {d}\" rpy=\"{alpha} 0 0\"/>\n  </joint>\n</robot>\n"
+        "  <link name=\"tool0\"/>\n  <joint name=\"flange\" type=\"fixed\">\n    <parent \
+         link=\"{parent}\"/>\n    <child link=\"tool0\"/>\n    <origin xyz=\"{a} 0 {d}\" rpy=\"{alpha} 0 \
+         0\"/>\n  </joint>\n</robot>\n"
     )
 }
 

@@ -1,7 +1,8 @@
 //! URScript, as far as programs that follow set points need it: words and the tree that they make.
 //!
-//! By the maker's script manual: `def name(): … end`, assignments (also of one element of a list, `global` and `local`), `if`, `elif`,
-//! `else`, `while`, calls, numbers, truth values, texts and lists; blocks end with `end`, a comment begins with `#`.
+//! By the maker's script manual: `def name(): … end`, assignments (also of one element of a list, `global`
+//! and `local`), `if`, `elif`, `else`, `while`, calls, numbers, truth values, texts and lists; blocks end
+//! with `end`, a comment begins with `#`.
 
 /// Blocks and brackets may be nested as deep as this.
 const DEEPEST: usize = 64;

@@ -1,12 +1,13 @@
 //! An arm of Universal Robots that carries the rig's plate: a UR5 with a CB3 controller.
 //!
-//! Lives here: the arm's kinematics and joints (`joints`), the state that its interfaces share (`state`), the language of its programs
-//! (`language`, `interpreter`, `task`), the controller's cycles ([`UrServer`]), its ports (`server`). May not live here: how bodies
-//! and sensors react ([`crate::rig`]).
+//! Lives here: the arm's kinematics and joints (`joints`), the state that its interfaces share (`state`), the
+//! language of its programs (`language`, `interpreter`, `task`), the controller's cycles ([`UrServer`]), its
+//! ports (`server`). May not live here: how bodies and sensors react ([`crate::rig`]).
 //!
-//! Written by the maker's "Real-Time Data Exchange (RTDE) Guide", script manual and table of Denavit and Hartenberg's parameters, not by
-//! the client. Simplified: the law of `servoj` and how fast the arm brakes by itself are not published; the port for programs sends
-//! no state; programs are of the words in `language` and of the functions in `task`.
+//! Written by the maker's "Real-Time Data Exchange (RTDE) Guide", script manual and table of Denavit and
+//! Hartenberg's parameters, not by the client. Simplified: the law of `servoj` and how fast the arm brakes by
+//! itself are not published; the port for programs sends no state; programs are of the words in `language`
+//! and of the functions in `task`.
 
 mod controller;
 mod interpreter;
@@ -58,8 +59,8 @@ pub struct UrServer {
 }
 
 impl UrServer {
-    /// Listens for RTDE at the first address and for programs at the second (port 0 takes a free one); `tell` receives
-    /// faults of programs.
+    /// Listens for RTDE at the first address and for programs at the second (port 0 takes a free one); `tell`
+    /// receives faults of programs.
     ///
     /// # Errors
     /// If an address is taken or cannot be had.
@@ -142,7 +143,8 @@ pub fn travel() -> Travel {
     }
 }
 
-/// The rig on the arm's flange: a force sensor for the wrist, an IMU on it, and a body of some kilograms that hangs there.
+/// The rig on the arm's flange: a force sensor for the wrist, an IMU on it, and a body of some kilograms that
+/// hangs there.
 #[must_use]
 pub fn rig() -> RigConfig {
     let thesis = RigConfig::thesis_horizontal();

@@ -192,7 +192,8 @@ impl Rtde {
     }
 }
 
-/// The port that takes programs: of the secondary client. The state that a controller sends there is not simulated.
+/// The port that takes programs: of the secondary client. The state that a controller sends there is not
+/// simulated.
 pub struct Scripts(Listener);
 
 impl Scripts {

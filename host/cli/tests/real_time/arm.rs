@@ -1,4 +1,5 @@
-//! An arm of Universal Robots as the platform: its driver, planned and run from two commands, and a client of another maker.
+//! An arm of Universal Robots as the platform: its driver, planned and run from two commands, and a client of
+//! another maker.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -192,7 +193,8 @@ fn a_body_on_an_arm_is_identified_from_two_commands() {
     assert!(result["tracking"]["samples"].as_u64().unwrap() > 400);
 }
 
-/// `ur_rtde` of PyPI, which knows nothing of this project, reads the simulated controller and writes its registers.
+/// `ur_rtde` of PyPI, which knows nothing of this project, reads the simulated controller and writes its
+/// registers.
 #[test]
 #[ignore = "needs NetFT and ur_rtde in Python"]
 fn independent_sensors_client_of_another_maker_reads_the_arm_and_writes_its_registers() {

@@ -23,8 +23,9 @@ pub const WITHOUT_JOINTS: &str = "NOT checked, as the rig file gives no joints: 
                                   poses, collisions";
 
 /// The statements that cannot be made about an arm.
-pub const OF_ARMS: &str = "NOT checked: torques of the arm's joints, collisions of the arm with itself, with the body and with \
-                           its surroundings: the controller's own limits and safety planes guard these";
+pub const OF_ARMS: &str = "NOT checked: torques of the arm's joints, collisions of the arm with itself, with \
+                           the body and with its surroundings: the controller's own limits and safety planes \
+                           guard these";
 
 /// The further limits of the legs' forces: name, unit and key.
 const FURTHER: [(&str, &str, &str); 3] = [

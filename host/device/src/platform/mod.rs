@@ -2,8 +2,8 @@
 //!
 //! Lives here: the [`Platform`] trait and its drivers ([`connect`] chooses by the address): the simulated rig
 //! in this process (`LocalPlatform`) or as served ([`NetworkPlatform`]), PI hexapods ([`gcs`]), arms of
-//! Universal Robots ([`ur`]), lines of set points ([`stream`]); what is checked before ([`check`]) and compared after ([`tracking`]). May not live
-//! here: planning of motions, sensors.
+//! Universal Robots ([`ur`]), lines of set points ([`stream`]); what is checked before ([`check`]) and
+//! compared after ([`tracking`]). May not live here: planning of motions, sensors.
 //!
 //! A motion program is loaded whole and checked, approached, and started; the platform follows it in its own
 //! time.

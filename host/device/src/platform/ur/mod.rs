@@ -1,12 +1,13 @@
 //! Arms of Universal Robots: RTDE for state and set points, URScript for the program that follows them.
 //!
-//! Lives here: the line ([`rtde`]), the program on the controller ([`script`]), its states in words ([`states`]), the driver
-//! ([`UrPlatform`]). May not live here: when set points are due (`platform::pace`), the arm's kinematics and limits
-//! ([`hexapod::Arm`]).
+//! Lives here: the line ([`rtde`]), the program on the controller ([`script`]), its states in words
+//! ([`states`]), the driver ([`UrPlatform`]). May not live here: when set points are due (`platform::pace`),
+//! the arm's kinematics and limits ([`hexapod::Arm`]).
 //!
-//! The plate is the flange. A motion becomes control points of a joint path, one every [`ARM_STEP_S`]; the limits of
-//! the curve between them were checked when it was loaded. The program runs on the controller, reads them from its registers, and brings the arm to
-//! rest by itself when they cease: whatever becomes of this machine, it moves no farther than the points that it has.
+//! The plate is the flange. A motion becomes control points of a joint path, one every [`ARM_STEP_S`]; the
+//! limits of the curve between them were checked when it was loaded. The program runs on the controller,
+//! reads them from its registers, and brings the arm to rest by itself when they cease: whatever becomes of
+//! this machine, it moves no farther than the points that it has.
 
 mod rtde;
 mod script;
@@ -94,8 +95,8 @@ impl UrPlatform {
     ) -> Result<Self, PlatformError> {
         let Some(arm) = geometry.arm.clone() else {
             return Err(PlatformError::Refused(
-                "ur:// drives an arm, and the rig file describes none: give [platform.arm] with model, flange, home_rad and \
-                 acceleration_radps2"
+                "ur:// drives an arm, and the rig file describes none: give [platform.arm] with model, \
+                 flange, home_rad and acceleration_radps2"
                     .to_owned(),
             ));
         };
@@ -156,8 +157,8 @@ impl UrPlatform {
         let posture = home.and_then(|home| (0..6).find(|i| (state.q[*i] - home[*i]).abs() > POSTURE_RAD));
         if let Some(i) = posture.or_else(|| home.is_none().then_some(0)) {
             return Err(PlatformError::Refused(format!(
-                "its arm is not in the posture that home_rad has: {} is at {:.3} rad, home is at {:.3} rad. Bring it home by its own \
-                 program first",
+                "its arm is not in the posture that home_rad has: {} is at {:.3} rad, home is at {:.3} rad. \
+                 Bring it home by its own program first",
                 arm.hinges[i].name, state.q[i], arm.home_rad[i]
             )));
         }
@@ -216,7 +217,9 @@ impl Platform for UrPlatform {
             ));
         }
         words.push(
-            "the payload in its settings must be that of the body, with its centre: else it may make a protective stop".to_owned(),
+            "the payload in its settings must be that of the body, with its centre: else it may make a \
+             protective stop"
+                .to_owned(),
         );
         words
     }
@@ -334,7 +337,8 @@ impl Platform for UrPlatform {
 }
 
 impl Controller {
-    /// Has the controller run the program, and sees it wait for points. `first` is where the motion begins, rad.
+    /// Has the controller run the program, and sees it wait for points. `first` is where the motion begins,
+    /// rad.
     fn begin(&mut self, motion: i32, first: &[f64; 6], clock: &Clock) -> Result<(), PlatformError> {
         let state = self.rtde.fresh(1.0)?;
         if let Some(why) = hindrance(&state) {
@@ -374,8 +378,9 @@ impl Controller {
             }
             if clock.now_s() - begun_s > BEGINS_S {
                 return Err(PlatformError::Refused(format!(
-                    "it took the program and did not run it within {BEGINS_S} s: an e-Series must be in remote control (the symbol at the \
-                     top right of its panel), and no message may wait there for an answer"
+                    "it took the program and did not run it within {BEGINS_S} s: an e-Series must be in \
+                     remote control (the symbol at the top right of its panel), and no message may wait \
+                     there for an answer"
                 )));
             }
             // The program is there when the registers are known to be fed.

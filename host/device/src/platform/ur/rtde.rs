@@ -213,7 +213,8 @@ impl Rtde {
         Err(self.lost(&name, format!("no answer within {} s: is this an RTDE port?", PATIENCE.as_secs())))
     }
 
-    /// Takes the bytes that have arrived, after at most the time of one read; returns whether there was something.
+    /// Takes the bytes that have arrived, after at most the time of one read; returns whether there was
+    /// something.
     fn take(&mut self, command: &str) -> Result<bool, PlatformError> {
         let mut buffer = [0; 8192];
         match self.stream.read(&mut buffer) {

@@ -118,6 +118,7 @@ fn the_program_stops_by_the_lowest_acceleration_and_names_its_motion() {
     for words in ["def rigident():", "motion = 4711", "stopj(4.0000)", "step = 0.020000", "servoj("] {
         assert!(text.contains(words), "{words}\n{text}");
     }
+    assert!(!text.contains("{{"), "{text}");
     let opened = |word: &str| text.lines().filter(|line| line.trim_start().starts_with(word)).count();
     assert_eq!(opened("def ") + opened("if ") + opened("while "), opened("end"));
     assert!(script::stop(&arm().arm.unwrap()).contains("stopj(9.0000)"));
