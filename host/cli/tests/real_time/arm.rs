@@ -168,9 +168,9 @@ fn a_body_on_an_arm_is_identified_from_two_commands() {
     let more = ["--yes", "--json", "--plan", plan.to_str().unwrap()];
     let output = run_at(served, &on.arm.url(), "out", &more).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    for words in ["an arm: it is running", "joint rate up to", "the mass at the flange"] {
-        let all = said(&output);
-        assert!(all.contains(words) || words.starts_with("the mass"), "{words}\n{all}");
+    let all = said(&output);
+    for words in ["an arm: it is running", "joint rate up to", "NOT checked: torques of the arm's joints"] {
+        assert!(all.contains(words), "{words}\n{all}");
     }
     let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(result["status"], "identified", "{}", said(&output));
@@ -181,14 +181,19 @@ fn a_body_on_an_arm_is_identified_from_two_commands() {
             parameters.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}: {result}"));
         (found["value"].as_f64().unwrap(), found["u95"].as_f64().unwrap())
     };
-    let (mass, u95) = of("mass_kg");
-    assert!((mass - truth.mass_kg).abs() < u95 && u95 < 0.02, "{mass} ± {u95}, {}", truth.mass_kg);
-    let centre: Vec<f64> =
-        result["com_m"]["value"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
-    let u95: Vec<f64> =
-        result["com_m"]["u95"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    // Intervals of 95 %, of which four are looked at: 4.5 standard deviations.
+    let sure = 4.5 / 1.96;
+    let (mass, u95) = of("m");
+    eprintln!("mass {mass:.4} ± {u95:.4} kg, true {}", truth.mass_kg);
+    assert!((mass - truth.mass_kg).abs() < sure * u95 && u95 < 0.02, "{mass} ± {u95}, {}", truth.mass_kg);
+    let three = |name: &str| -> Vec<f64> {
+        result[name].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+    };
+    let (centre, u95) = (three("com_m"), three("com_u95_m"));
+    eprintln!("centre {centre:.5?} ± {u95:.5?} m, true {:?}", truth.com_m);
     for k in 0..3 {
-        assert!((centre[k] - truth.com_m[k]).abs() < u95[k] && u95[k] < 2e-3, "{centre:?} ± {u95:?}");
+        let off = (centre[k] - truth.com_m[k]).abs();
+        assert!(off < sure * u95[k] && u95[k] < 2e-3, "{centre:?} ± {u95:?}");
     }
     assert!(result["tracking"]["samples"].as_u64().unwrap() > 400);
 }

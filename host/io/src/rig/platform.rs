@@ -104,10 +104,6 @@ pub struct PlatformTable {
     /// Largest angular rate of the plate, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plate_rate_radps: Option<f64>,
-    /// The arm whose flange is the plate; `travel_m` and `travel_rad` are the part of its reach that may be
-    /// used.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub arm: Option<ArmTable>,
     /// The heaviest body that is ever put on the load cell, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_max_kg: Option<f64>,
@@ -120,6 +116,10 @@ pub struct PlatformTable {
     /// The load cell's frame S on the plate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_cell: Option<PlaceTable>,
+    /// The arm whose flange is the plate; `travel_m` and `travel_rad` are the part of its reach that may be
+    /// used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm: Option<ArmTable>,
 }
 
 /// `[[platform.part]]`

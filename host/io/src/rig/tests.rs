@@ -56,6 +56,14 @@ plate_joint_axes = [[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1],[0,0,1]]
 cond_max = 30
 load_cell = { position_m = [0, 0, 0.1], rotation_wxyz = [1, 0, 0, 0] }
 
+[platform.arm]
+model = "ur5.urdf"
+flange = "tool0"
+home_rad = [0, -1.9, -1.9, -0.9, 1.57, 0]
+acceleration_radps2 = 12
+rate_radps = [1, 1, 2, 2, 3, 3]
+payload_kg = 5
+
 [truth]
 mass_kg = 3.2
 com_m = [0.0, 0.01, 0.053]
@@ -88,6 +96,9 @@ fn every_key_of_the_format_is_read_and_written() {
     assert_eq!(rig.load_cell.offset_n_nm, OffsetTable::Word(OffsetWord::Zero));
     assert_eq!(rig.load_cell.calibrated_on.as_deref(), Some("2025-02-11"));
     assert_eq!(rig.link[1].joint, Some(Joint::Spherical));
+    let arm = rig.platform.as_ref().unwrap().arm.as_ref().unwrap();
+    assert_eq!(arm.acceleration_radps2.each(), [12.0; 6]);
+    assert_eq!(arm.rate_radps.as_ref().unwrap().each(), [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
     assert_eq!(rig.stream[1].rotation_matrix.as_ref().unwrap().columns[8], "r33");
     assert_eq!(RigFile::parse(&rig.to_toml()).unwrap(), rig);
     assert_eq!(RigFile::parse("").unwrap(), RigFile::default());
@@ -117,6 +128,12 @@ fn nonsense_is_named_with_its_line() {
         ("[[imu]]\naccel_noise_mps2 = 0.0", &["line 2", "imu[0].accel_noise_mps2", "greater than zero"]),
         ("[[imu]]\ngyro_noise_radps = 0", &["line 2", "imu[0].gyro_noise_radps", "leave the key out"]),
         ("[[imu]]\n[[imu]]\n", &["two [[imu]] tables"]),
+        (
+            "[platform.arm]\nmodel = \"a\"\nflange = \"b\"\nhome_rad = [0,0,0,0,0,0]\n\
+             acceleration_radps2 = 0",
+            &["line 5", "platform.arm.acceleration_radps2", "greater than zero"],
+        ),
+        ("[platform.arm]\nmodel = \"a\"\nflange = \"b\"\nhome_rad = [0,0,0,0,0]", &["home_rad"]),
         ("[recording]\nrate_hz = -1", &["line 2", "recording.rate_hz"]),
         ("[recording]\nrate_hz = \"fast\"", &["line 2, column 11:"]),
         ("[recording]\nrate_hz = ", &["line 2, column 11:"]),
@@ -211,10 +228,11 @@ fn files_outside_the_folder_of_a_rig_file_are_named() {
     }
     let absolute = place.path().join("a.csv").display().to_string();
     let text = format!(
-        "[calibration]\nfile = \"../a.csv\"\n[[stream]]\nfile = \"b.csv\"\n[[stream]]\nfile = {absolute:?}\n"
+        "[platform.arm]\nmodel = \"../a.csv\"\n[calibration]\nfile = \"../a.csv\"\n[[stream]]\nfile = \"b.csv\"\n[[stream]]\nfile = {absolute:?}\n"
     );
     let said = files_outside(&text, &inside.join("x.rig.toml"));
-    assert_eq!(said.len(), 2, "{said:?}");
+    assert_eq!(said.len(), 3, "{said:?}");
+    assert!(said[2].contains("../a.csv"), "{said:?}");
     assert!(said[0].contains(&absolute) && said[1].contains("../a.csv"), "{said:?}");
     #[cfg(unix)]
     {

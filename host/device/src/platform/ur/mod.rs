@@ -260,7 +260,7 @@ impl Platform for UrPlatform {
             self.arm.positions(&program.start).ok_or_else(|| refused("it does not reach the start"))?;
         self.resting()?.begin(motion, &first, &clock)?;
         let timing =
-            Timing { rate_hz: rtde::POINTS_HZ, lead_s: LEAD as f64 * ARM_STEP_S, follows: Follows::Unknown };
+            Timing { rate_hz: rtde::POINTS_HZ, lead_s: LEAD as f64 * ARM_STEP_S, follows: Follows::Time };
         match std::mem::replace(&mut self.state, Phase::Gone) {
             Phase::Resting(controller) => {
                 self.state = Phase::Moving(Pace::begin(*controller, trajectory, timing, LOOKS_HZ, &clock));
