@@ -4,18 +4,14 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use hexapod::{Axis, Geometry, MotionProgram, Pose, Segment, SineTerm};
-use rigident::device::platform::{Motion, Platform, Stop, connect};
 use rigident::plan::machine;
 use rigident::rig::RigFile;
 use rigident_sim::serve::ur::{self, UrServer};
 
-use super::drivers::watch;
 use super::runs::{run_at, said};
-use super::{Served, python, rms_off_path};
+use super::{Served, python};
 
 /// A rig on an arm.
 pub struct OnArm {
@@ -39,20 +35,6 @@ impl OnArm {
         let arm = UrServer::listen([rtde, script], Arc::clone(&served.rig), report).unwrap();
         Self { arm, served, geometry }
     }
-
-    pub fn connect(&self) -> Box<dyn Platform> {
-        connect(&self.arm.url(), &self.geometry).unwrap()
-    }
-
-    /// A driver under way with a program.
-    pub fn started(&self, program: &MotionProgram) -> Box<dyn Platform> {
-        let mut platform = self.connect();
-        platform.load(program).unwrap();
-        assert!(self.arm.rests(), "loading moves nothing");
-        platform.approach(&|| true).unwrap();
-        platform.start().unwrap();
-        platform
-    }
 }
 
 pub fn swing(seconds: f64) -> MotionProgram {
@@ -69,80 +51,6 @@ pub fn swing(seconds: f64) -> MotionProgram {
                 term(Axis::Yaw, 0.1, 0.5),
             ],
         }],
-    }
-}
-
-#[test]
-fn an_arm_follows_the_path_of_a_program_and_keeps_its_limits_between_samples() {
-    let on = OnArm::new();
-    let program = swing(5.0);
-    let mut platform = on.started(&program);
-    let (mut samples, over) = (Vec::new(), AtomicBool::new(false));
-    // Positions and rates in every cycle of the controller, which the driver sees a fifth of.
-    let cycles = std::thread::scope(|scope| {
-        let looking = scope.spawn(|| {
-            let mut cycles: Vec<[[f64; 6]; 2]> = Vec::new();
-            while !over.load(Ordering::Relaxed) {
-                let now = on.arm.joints();
-                if cycles.last() != Some(&now) {
-                    cycles.push(now);
-                }
-                std::thread::sleep(Duration::from_micros(500));
-            }
-            cycles
-        });
-        watch(platform.as_mut(), &mut samples, || false);
-        over.store(true, Ordering::Relaxed);
-        looking.join().unwrap()
-    });
-    assert_eq!(platform.motion().unwrap(), Motion::Done);
-    assert!(on.arm.rests());
-    let trajectory = program.trajectory().unwrap();
-    let poses: Vec<_> = samples.iter().filter_map(|sample| sample.measured).collect();
-    assert!(poses.len() > 60, "{}", poses.len());
-    let off = rms_off_path(&trajectory, &poses);
-    // The controller's own law rounds corners: its look-ahead is a tenth of a second.
-    assert!(off < 2e-3, "{off} m off the path");
-    let fastest = cycles.iter().flat_map(|[_, rates]| rates).fold(0.0_f64, |most, rate| most.max(rate.abs()));
-    assert!(cycles.len() > 400 && fastest > 0.1 && fastest < ur::RATE_RADPS, "{} {fastest}", cycles.len());
-    // The law of the controller ends nearer than this.
-    let (end, rest) = (trajectory.end_pose(), on.served.rig.lock().unwrap().pose());
-    for (a, b) in end.coordinates().iter().zip(rest.coordinates()) {
-        assert!((a - b).abs() < 1e-4, "{end:?} {rest:?}");
-    }
-    // The next one begins where it is.
-    platform.load(&swing(2.0)).unwrap();
-    platform.approach(&|| true).unwrap();
-    platform.start().unwrap();
-    watch(platform.as_mut(), &mut Vec::new(), || false);
-}
-
-#[test]
-fn a_planned_end_goes_to_rest_on_the_path_and_an_alarm_at_once() {
-    let on = OnArm::new();
-    let program = swing(30.0);
-    let trajectory = program.trajectory().unwrap();
-    for stop in [Stop::Planned, Stop::Alarm] {
-        let mut platform = on.started(&program);
-        let begun = Instant::now();
-        watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(2));
-        platform.stop(stop).unwrap();
-        let (stopped, mut rested, mut poses) = (Instant::now(), None, Vec::new());
-        watch(platform.as_mut(), &mut Vec::new(), || {
-            poses.push(on.served.rig.lock().unwrap().pose());
-            if on.arm.rests() {
-                rested.get_or_insert(stopped.elapsed());
-            }
-            false
-        });
-        assert_eq!(platform.motion(), Ok(Motion::Done));
-        let rested = rested.unwrap_or_else(|| stopped.elapsed());
-        let most = if stop == Stop::Planned { 1500 } else { 400 };
-        assert!(rested < Duration::from_millis(most), "{stop:?}: {rested:?}");
-        if stop == Stop::Planned {
-            let off = rms_off_path(&trajectory, &poses);
-            assert!(off < 2e-3, "{off} m off the path");
-        }
     }
 }
 

@@ -258,7 +258,12 @@ impl Platform for UrPlatform {
         let motion = self.motions;
         let first =
             self.arm.positions(&program.start).ok_or_else(|| refused("it does not reach the start"))?;
-        self.resting()?.begin(motion, &first, &clock)?;
+        let controller = self.resting()?;
+        if let Err(error) = controller.begin(motion, &first, &clock) {
+            // Nobody listens.
+            let _ = controller.rtde.pause();
+            return Err(error);
+        }
         let timing =
             Timing { rate_hz: rtde::POINTS_HZ, lead_s: LEAD as f64 * ARM_STEP_S, follows: Follows::Time };
         match std::mem::replace(&mut self.state, Phase::Gone) {
