@@ -84,11 +84,16 @@ impl Experiment {
             clamped: false,
             diameter_m: None,
             preload_n: 0.0,
+            pull_n: None,
             mass_kg: 0.0,
         };
         let platform = &self.rig.platform;
         let suspension = SuspensionTable {
             stiffness_std: Some(0.0),
+            place_std_m: Some(0.0),
+            axis_std_rad: Some(0.0),
+            anchor_height_std_m: Some(0.0),
+            share_std: Some(0.0),
             anchor_height_m: self.rig.springs.first().map(|s| s.at_m[2]),
             base_position_m: self.rig.mount.position_m,
             spring: self.rig.springs.iter().map(spring).collect(),

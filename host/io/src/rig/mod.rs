@@ -35,7 +35,7 @@ pub use platform::{BodyTable, PartTable, PlaceTable, PlatformTable, TruthTable};
 pub use read::{RigFileError, files_outside, is_number_of_chip};
 pub use recording::{DOWN, DecimalMark, RecordingTable, RotationMatrixTable, StreamTable, WrenchSign};
 pub use sensors::{Calibrated, FromPoses, ImuTable, LoadCellTable, OffsetTable, OffsetWord};
-pub use suspension::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
+pub use suspension::{Coordinate, RestTable, SpringTable, SuspendedPlatformTable, SuspensionTable};
 pub use units::{Quantity, Unit};
 
 /// The channels of a wrench and their units, for people.

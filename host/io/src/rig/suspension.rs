@@ -34,6 +34,33 @@ pub struct SuspensionTable {
     /// the springs' places if absent; a matrix alone needs it where z is free.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub anchor_height_m: Option<f64>,
+    /// 1 σ of each coordinate of the place of each spring, m: a tape measure's if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place_std_m: Option<f64>,
+    /// 1 σ of each axis about either direction across it, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis_std_rad: Option<f64>,
+    /// 1 σ of the height at which all springs carry the weight, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub anchor_height_std_m: Option<f64>,
+    /// 1 σ of each stated length of a spring, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_std_m: Option<f64>,
+    /// 1 σ of each stated preload and pull, relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preload_std: Option<f64>,
+    /// 1 σ of the share of the weight that each other spring takes, relative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share_std: Option<f64>,
+    /// Temperature of the springs, steel, less that at which their stiffness was measured, K.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub temperature_change_k: f64,
+    /// 1 σ of it, K.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub temperature_std_k: f64,
+    /// Sides of the platform's plate along x and y, m, whose air may move with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub air_plate_m: Option<[f64; 2]>,
     /// Coordinates that a guide keeps from moving: `["z"]` of a platform that slides and turns on a vertical
     /// column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -51,6 +78,9 @@ pub struct SuspensionTable {
     /// The springs one by one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub spring: Vec<SpringTable>,
+    /// Where the platform rests with another load.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rest: Vec<RestTable>,
     /// The bare platform, which is taken off the answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub platform: Option<SuspendedPlatformTable>,
@@ -117,6 +147,10 @@ pub struct SpringTable {
     /// other. What of it is not in balance with the weight the springs share.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preload_n: f64,
+    /// Force on the platform along the axis at rest with the body on, N: such a spring takes no share of the
+    /// weight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pull_n: Option<f64>,
     /// Its own mass, kg, of which a third moves with the platform.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub mass_kg: f64,
@@ -131,6 +165,35 @@ fn is_zero(value: &f64) -> bool {
 
 fn up() -> [f64; 3] {
     [0.0, 0.0, 1.0]
+}
+
+/// `[[suspension.rest]]`: the pose in which the platform rests with another load than that of the recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RestTable {
+    /// Whether the body is on the platform.
+    #[serde(default = "yes")]
+    pub body: bool,
+    /// Mass that is added to the load of the recording, kg.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub added_kg: f64,
+    /// Its centre of mass in P, m.
+    #[serde(default)]
+    pub added_at_m: [f64; 3],
+    /// Origin of P in the frame of the recording's poses, m.
+    pub position_m: [f64; 3],
+    /// Axes of that frame ← P axes.
+    pub rotation_wxyz: [f64; 4],
+    /// 1 σ of each coordinate of the position, m: 0.1 mm if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_std_m: Option<f64>,
+    /// 1 σ of the turn about each axis, rad: 0.0002 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_std_rad: Option<f64>,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// `[suspension.platform]`: the bare platform in P, as it was weighed or designed.

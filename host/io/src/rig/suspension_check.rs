@@ -2,13 +2,15 @@
 
 use nalgebra::{Matrix6, SymmetricEigen};
 
-use super::{Coordinate, SpringTable, SuspendedPlatformTable, SuspensionTable};
+use super::{Coordinate, RestTable, SpringTable, SuspendedPlatformTable, SuspensionTable};
 
 /// Key, value, advice.
 type Complaint = (String, String, String);
 
 /// No platform on springs is longer, m.
 const LONGEST_M: f64 = 5.0;
+/// No springs are warmer or colder by more, K.
+const WARMEST_K: f64 = 200.0;
 /// Elements of a stiffness that differ by less, relative to the largest, are equal to the digits that people
 /// write.
 const WRITTEN: f64 = 1e-3;
@@ -27,15 +29,23 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
     sigma("stiffness_std", table.stiffness_std)?;
     sigma("stiffness_common_std", table.stiffness_common_std)?;
     sigma("damping_ratio_std", table.damping_ratio_std)?;
+    sigma("place_std_m", table.place_std_m)?;
+    sigma("axis_std_rad", table.axis_std_rad)?;
+    sigma("anchor_height_std_m", table.anchor_height_std_m)?;
+    sigma("length_std_m", table.length_std_m)?;
+    sigma("preload_std", table.preload_std)?;
+    sigma("share_std", table.share_std)?;
+    sigma("temperature_std_k", Some(table.temperature_std_k))?;
+    let warm = |v: f64| v.is_finite() && v.abs() <= WARMEST_K;
+    let advice = format!("must be finite, and no more than {WARMEST_K} K: a difference of temperatures");
+    of("temperature_change_k", &[table.temperature_change_k], warm, &advice)?;
+    let side = |v: f64| v.is_finite() && v > 0.0 && v <= LONGEST_M;
+    let advice = format!("must be greater than zero and no more than {LONGEST_M} m");
+    of("air_plate_m", table.air_plate_m.as_ref().map_or(&[], |sides| sides.as_slice()), side, &advice)?;
+    table.rest.iter().enumerate().try_for_each(|(n, own)| rest(n, own, table))?;
     let positive = |v: f64| v.is_finite() && v > 0.0;
     of("cut_off_hz", table.cut_off_hz.as_slice(), positive, "must be finite and greater than zero")?;
-    if let Some(q) = table.base_rotation_wxyz {
-        let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if norm.is_nan() || (norm - 1.0).abs() > 0.01 {
-            let advice = format!("must be a unit quaternion w, x, y, z; its norm is {norm:.4}");
-            return Err(("base_rotation_wxyz".to_owned(), format!("{q:?}"), advice));
-        }
-    }
+    table.base_rotation_wxyz.map_or(Ok(()), |q| unit("base_rotation_wxyz", &q))?;
     match (&table.stiffness, table.spring.is_empty()) {
         (None, true) => Err((
             "stiffness".to_owned(),
@@ -48,6 +58,39 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
         (None, false) => springs(table),
     }?;
     table.platform.as_ref().map_or(Ok(()), platform)
+}
+
+/// Refuses what is no unit quaternion.
+fn unit(key: &str, q: &[f64; 4]) -> Result<(), Complaint> {
+    let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if norm.is_nan() || (norm - 1.0).abs() > 0.01 {
+        let advice = format!("must be a unit quaternion w, x, y, z; its norm is {norm:.4}");
+        return Err((key.to_owned(), format!("{q:?}"), advice));
+    }
+    Ok(())
+}
+
+/// Checks the pose of rest with another load.
+fn rest(n: usize, own: &RestTable, table: &SuspensionTable) -> Result<(), Complaint> {
+    let key = |name: &str| format!("rest[{n}].{name}");
+    length(&key("added_at_m"), &own.added_at_m)?;
+    of(&key("position_m"), &own.position_m, f64::is_finite, "every number must be finite")?;
+    unit(&key("rotation_wxyz"), &own.rotation_wxyz)?;
+    let mass = |v: f64| v.is_finite() && v >= 0.0;
+    of(&key("added_kg"), &[own.added_kg], mass, "must be finite and not negative")?;
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    let advice = "1 σ must be finite and greater than zero";
+    of(&key("position_std_m"), own.position_std_m.as_slice(), positive, advice)?;
+    of(&key("rotation_std_rad"), own.rotation_std_rad.as_slice(), positive, advice)?;
+    if !own.body && table.platform.is_none() {
+        let advice = "without the body the weight is the platform's: state [suspension.platform]";
+        return Err((key("body"), "false".to_owned(), advice.to_owned()));
+    }
+    if own.body && own.added_kg == 0.0 {
+        let advice = "the load is that of the recording: state added_kg, or body = false";
+        return Err((key("added_kg"), "0".to_owned(), advice.to_owned()));
+    }
+    Ok(())
 }
 
 /// Refuses what is no length of a platform in m.
@@ -164,6 +207,11 @@ fn shape(own: &SpringTable, key: impl Fn(&str) -> String) -> Result<(), Complain
     let not_negative = |v: f64| v.is_finite() && v >= 0.0;
     of(&key("mass_kg"), &[own.mass_kg], not_negative, "must be finite and not negative")?;
     of(&key("preload_n"), &[own.preload_n], f64::is_finite, "must be finite")?;
+    of(&key("pull_n"), own.pull_n.as_slice(), f64::is_finite, "must be finite")?;
+    if let Some(pull) = own.pull_n.filter(|_| own.preload_n != 0.0) {
+        let advice = "is the force at rest with the body on, preload_n that before: state one of them";
+        return Err((key("pull_n"), pull.to_string(), advice.to_owned()));
+    }
     let complain = |what: &str, advice: &str| Err((key(what), "nothing".to_owned(), advice.to_owned()));
     match (own.clamped, own.length_m, own.diameter_m) {
         (true, None, _) => {

@@ -15,6 +15,7 @@ use rigident_identify::reference::ReferenceBody;
 use rigident_io::recording::Recording;
 use rigident_vibration::suspension::bare::bare_parameters;
 use rigident_vibration::suspension::free_decay::vibration;
+use rigident_vibration::suspension::modal::Swing;
 use rigident_vibration::suspension::springs::COORDINATES;
 use rigident_vibration::suspension::stiffness::stiffness;
 use rigident_vibration::suspension::support::Support;
@@ -129,7 +130,8 @@ fn found(path: &Path, options: &StiffnessOptions, caller: &Caller<'_>) -> Result
     let shapes = &found.modes.shapes;
     found.judge(support.free.len()).map_err(|why| VibrationError::Refused { name: name.clone(), why })?;
     let known = (&DVector::from_column_slice(&mounted.parameters), &mounted.covariance());
-    let springs = stiffness(&table, &support, shapes, known)
+    let swing = Swing::of_body(shapes, found.rests(&support));
+    let springs = stiffness(&table, &support, &swing, known)
         .ok_or_else(|| VibrationError::FewModes { name: name.clone(), modes: shapes.modes.len() })?;
     let is_contradicted = springs.variance_ratio > CONTRADICTED;
     if is_contradicted {

@@ -3,10 +3,9 @@
 //! This is the one place that judges a swing: a motion, a factor, a posture on the same springs hang on the
 //! same verdict.
 
-use nalgebra::DMatrix;
-
 use super::free_decay::{Vibration, vibration};
 use super::modal::{ModalSource, Swing};
+use super::suspects::{judged_rests, suspects};
 use super::support::Support;
 use crate::modal_analysis::Finding;
 use rigident_fit::{Fit, FitOptions, Silent, fit};
@@ -20,7 +19,11 @@ const MAY_MISS: usize = 1;
 /// Residuals by what noise and errors of the springs explain: more is an error of the model, which no wider
 /// interval covers.
 const SYSTEMATIC: f64 = 2.5;
-/// The possible faults then.
+/// The possible faults where a rest is not where modes and springs let it be.
+const REST: &str = "look whether springs are stiffer at rest than in motion or the further they are drawn, at \
+                    their own mass, at the mass that was added and its place, and whether cameras or springs \
+                    were moved between both";
+/// The possible faults where residuals are systematic.
 const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload \
                     and mass, anchor_height_m, units and frames of poses, a part that is loose, and what the \
                     springs stand on";
@@ -86,20 +89,26 @@ impl Vibration {
     }
 }
 
-/// Returns the fit of everything that swings to its modes.
+/// Returns the fit of everything that swings to its modes, and to the rests that the rig file states.
 ///
 /// # Errors
 /// [`Refused`] if modes or springs cannot be true.
 pub fn by_modes(support: &Support, found: &Vibration) -> Result<Fit, Refused> {
     found.judge(support.free.len())?;
-    let swing = Swing { shapes: found.modes.shapes.clone(), map: DMatrix::identity(TEN, TEN) };
-    let source = ModalSource::new(&[swing], support, body::parameters(TEN), 0)
+    let shapes = &found.modes.shapes;
+    let rests = found.rests(support);
+    if let Some(off) = judged_rests(support, found).iter().find(|own| own.is_off()) {
+        return Err(Refused::Springs(format!("{off}; {REST}")));
+    }
+    let swing = Swing::of_body(shapes, rests);
+    let source = ModalSource::new(std::slice::from_ref(&swing), support, body::parameters(TEN), 0)
         .ok_or_else(|| Refused::Modes("the covariance of the modes has no inverse".to_owned()))?;
     let fit = fit(&source, &FitOptions::default(), &Silent).map_err(|e| Refused::Modes(e.to_string()))?;
     let left = fit.noise.variance_ratio.sqrt();
     if left > SYSTEMATIC {
+        let blamed = suspects(support, &swing).unwrap_or_default();
         return Err(Refused::Springs(format!(
-            "the modes leave {left:.1} times what their noise and the springs' errors explain; {LEFT}"
+            "the modes leave {left:.1} times what their noise and the springs' errors explain{blamed}; {LEFT}"
         )));
     }
     Ok(fit)

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use super::SuspensionError;
 use super::bridged::bridged;
 use super::imu_errors::MountedImu;
+use super::rests::Rest;
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
 use super::track::{GAP, Pose, poses, rest};
@@ -50,6 +51,29 @@ pub struct Vibration {
     pub samples: Samples,
     /// Modes over the free coordinates, and what was noticed.
     pub modes: Modes,
+}
+
+impl Vibration {
+    /// Returns the rests that the rig file states against that of the recording; none of an IMU's.
+    pub fn rests(&self, support: &Support) -> Vec<Rest> {
+        let sd = self.rest_sd(&support.free);
+        let against = |own: (Vector3<f64>, Matrix3<f64>)| {
+            support.rests.iter().map(|rest| rest.against(own, &sd, &support.at_m)).collect()
+        };
+        self.samples.rest.map_or_else(Vec::new, against)
+    }
+
+    /// Returns 1 σ of the coordinates of the rest, m and rad: what a mean over no whole periods leaves.
+    pub fn rest_sd(&self, free: &[usize]) -> [f64; 6] {
+        let lowest = self.modes.shapes.modes.iter().map(modal_analysis::Mode::hz).fold(f64::INFINITY, f64::min);
+        let length_s = self.samples.values.nrows() as f64 / self.samples.rate_hz;
+        let mut all = [0.0; 6];
+        for (column, k) in self.samples.values.column_iter().zip(free) {
+            let rms = (column.norm_squared() / column.len().max(1) as f64).sqrt();
+            all[*k] = rms / (std::f64::consts::PI * lowest * length_s).max(1.0);
+        }
+        all
+    }
 }
 
 /// Returns the samples of a recording: those of the poses if it has any, else of the IMU.

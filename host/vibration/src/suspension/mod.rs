@@ -1,14 +1,15 @@
 //! Bodies on a platform that springs carry: no load cell, no actuator, only the motion that springs allow.
 //!
-//! Lives here: the springs' law ([`springs`]), the bare platform ([`bare`]), locked postures ([`postures`]),
-//! poses brought to coordinates about rest (`track`), the source of rows ([`source`]), and the way to it from
-//! a recording and a rig file ([`mod@prepare`]). May not live here: the rows of a tree
-//! ([`rigident_rows::tree`]).
+//! Lives here: the springs' law ([`springs`]), errors of their places ([`geometry`]), rests with other loads
+//! ([`rests`]), the bare platform ([`bare`]), locked postures ([`postures`]), poses brought to coordinates
+//! about rest (`track`), the source of rows ([`source`]), and the way to it from a recording and a rig file
+//! ([`mod@prepare`]). May not live here: the rows of a tree ([`rigident_rows::tree`]).
 
 pub mod bare;
 mod bridged;
 pub mod by_modes;
 pub mod free_decay;
+pub mod geometry;
 mod imu_errors;
 pub mod modal;
 pub mod mount;
@@ -20,11 +21,13 @@ pub mod postures;
 pub mod preload;
 pub mod prepare;
 pub mod recorded_postures;
+pub mod rests;
 pub mod settled;
 pub mod source;
 pub mod springs;
 pub mod stiffness;
 pub mod support;
+pub mod suspects;
 mod track;
 mod track_noise;
 mod whitened;

@@ -18,13 +18,14 @@
 //! until nothing changes. Rows are whitened by that covariance, of all modes together. Several postures of
 //! one tree are rows of the same base parameters and share the errors of the springs.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, SMatrix, Vector3, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, OMatrix, SMatrix, U6, Vector3, Vector6};
 use rigident_shared::inertia::InertialParameters;
 use rigident_shared::screening::Rejection;
 use rigident_shared::spatial::Body;
 
+use super::rests::Rest;
 use super::springs::COORDINATES;
-use super::support::Support;
+use super::support::{Change, Support};
 use crate::modal_analysis::Shapes;
 use rigident_fit::{Channel, Factor, Nuisance, OtherColumns, Parameter, RowSource, SampleRows, Timing};
 
@@ -41,6 +42,10 @@ const LOST: f64 = 1e-11;
 /// exact: shapes from cameras are ten thousand times worse.
 const EXACT: f64 = 1e-9;
 
+/// 1 σ of the force of springs far from the rest of the recording, relative: hysteresis, and axes that turn as the
+/// platform sags.
+const AT_REST: f64 = 5e-3;
+
 /// The swinging body in one posture: its modes, and its ten parameters as those that are estimated make them.
 #[derive(Clone, Debug)]
 pub struct Swing {
@@ -48,6 +53,15 @@ pub struct Swing {
     pub shapes: Shapes,
     /// The ten parameters in S, by those that are estimated: 10 × P.
     pub map: DMatrix<f64>,
+    /// Where the platform rests with other loads.
+    pub rests: Vec<Rest>,
+}
+
+impl Swing {
+    /// Returns the swing of one body, of which all ten parameters are estimated.
+    pub fn of_body(shapes: &Shapes, rests: Vec<Rest>) -> Self {
+        Self { shapes: shapes.clone(), map: DMatrix::identity(TEN, TEN), rests }
+    }
 }
 
 /// The rows of modes, whitened.
@@ -73,7 +87,7 @@ impl ModalSource {
         parameters: Vec<Parameter>,
         fingerprint: u64,
     ) -> Option<Self> {
-        let nuisances: Vec<Nuisance> = support.stiffness_nuisances();
+        let nuisances: Vec<Nuisance> = support.modal_nuisances();
         let problem = Problem::new(swings, support, parameters.len(), &nuisances, None);
         let (rows, values) = problem.solve()?;
         let (p, e) = (parameters.len(), nuisances.len());
@@ -114,6 +128,14 @@ impl ModalSource {
 /// The prior knowledge of the parameters: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
 pub(super) type Known = (DVector<f64>, DMatrix<f64>);
 
+/// Equations at corrected modes and parameters: rows over parameters and errors, values, and derivatives by
+/// what was measured.
+struct Linearised {
+    rows: DMatrix<f64>,
+    values: DVector<f64>,
+    by: DMatrix<f64>,
+}
+
 /// All equations, and what is corrected with the parameters.
 pub(super) struct Problem<'a> {
     swings: &'a [Swing],
@@ -125,7 +147,10 @@ pub(super) struct Problem<'a> {
     /// adds.
     stiffness: Matrix6<f64>,
     by_weight: [Matrix6<f64>; TEN],
-    /// Measured (ω, φ) of each mode, free coordinates alone, and their covariance, swing by swing.
+    /// Number of modes of all swings.
+    modes: usize,
+    /// Measured (ω, φ) of each mode, free coordinates alone, swing by swing, then the displacements of the
+    /// rests; and their covariance.
     measured: DVector<f64>,
     covariance: DMatrix<f64>,
 }
@@ -139,9 +164,10 @@ impl<'a> Problem<'a> {
         known: Option<Known>,
     ) -> Self {
         let c = support.free.len();
-        let all: usize = swings.iter().map(|swing| swing.shapes.modes.len()).sum();
-        let (mut measured, mut covariance) =
-            (DVector::zeros(all * (1 + c)), DMatrix::zeros(all * (1 + c), all * (1 + c)));
+        let modes: usize = swings.iter().map(|swing| swing.shapes.modes.len()).sum();
+        let rests: usize = swings.iter().map(|swing| swing.rests.len()).sum();
+        let size = modes * (1 + c) + rests * c;
+        let (mut measured, mut covariance) = (DVector::zeros(size), DMatrix::zeros(size, size));
         let mut from = 0;
         for swing in swings {
             let shapes = &swing.shapes;
@@ -160,6 +186,13 @@ impl<'a> Problem<'a> {
             covariance.view_mut((from, from), (kept.len(), kept.len())).copy_from(&own);
             from += kept.len();
         }
+        for rest in swings.iter().flat_map(|swing| &swing.rests) {
+            for k in &support.free {
+                measured[from] = rest.change[*k];
+                covariance[(from, from)] = rest.sd[*k].powi(2);
+                from += 1;
+            }
+        }
         let (by_weight, stated) = support.preload.stiffnesses();
         Self {
             swings,
@@ -169,6 +202,7 @@ impl<'a> Problem<'a> {
             known,
             stiffness: support.springs.stiffness() + stated,
             by_weight,
+            modes,
             measured,
             covariance,
         }
@@ -207,11 +241,21 @@ impl<'a> Problem<'a> {
 
     /// Rows, and what is known beforehand of parameters and errors, as a factor.
     pub(super) fn factor(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Factor {
+        self.bounded(white, values, self.nuisances)
+    }
+
+    /// The same with other bounds of the errors.
+    pub(super) fn bounded(
+        &self,
+        white: &DMatrix<f64>,
+        values: &DVector<f64>,
+        nuisances: &[Nuisance],
+    ) -> Factor {
         let (p, e) = (self.parameters, self.nuisances.len());
         let mut factor = Factor::new(p + e);
         factor.absorb_matrix(white, values.as_slice());
         let mut known = DMatrix::zeros(e, p + e);
-        for (k, nuisance) in self.nuisances.iter().enumerate() {
+        for (k, nuisance) in nuisances.iter().enumerate() {
             known[(k, p + k)] = 1.0 / nuisance.sigma;
         }
         factor.absorb_matrix(&known, &vec![0.0; e]);
@@ -230,46 +274,104 @@ impl<'a> Problem<'a> {
         found: &DVector<f64>,
     ) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
         let c = self.support.free.len();
-        let all = corrected.len() / (1 + c);
-        let (p, e) = (self.parameters, self.nuisances.len());
-        let mut rows = DMatrix::zeros(all * c, p + e);
-        let mut values = DVector::zeros(all * c);
-        let mut by = DMatrix::zeros(all * c, corrected.len());
+        let rests: usize = self.swings.iter().map(|swing| swing.rests.len()).sum();
+        let (p, e, count) = (self.parameters, self.nuisances.len(), (self.modes + rests) * c);
+        let mut all = Linearised {
+            rows: DMatrix::zeros(count, p + e),
+            values: DVector::zeros(count),
+            by: DMatrix::zeros(count, corrected.len()),
+        };
         let to_o = self.support.mount.map();
-        let mut mode = 0;
+        let (mut mode, mut rest) = (0, 0);
         for swing in self.swings {
             let map = DMatrix::from_fn(TEN, TEN, |i, j| to_o[(i, j)]) * &swing.map;
             let ten = &map * found.rows(0, p);
             let ten: [f64; TEN] = std::array::from_fn(|k| ten[k]);
+            let by_error = self.support.modal_changes(&ten);
             let carried: Matrix6<f64> = self.by_weight.iter().zip(&ten).map(|(k, value)| k * *value).sum();
-            let (mass, by_error) = (mass_matrix(&ten), self.support.error_stiffnesses(&ten));
-            let errors: Matrix6<f64> =
-                by_error.iter().zip(found.rows(p, e).iter()).map(|(k, value)| k * *value).sum();
+            let (mut stiffness, mut mass) = (self.stiffness + carried, mass_matrix(&ten));
+            for (change, value) in by_error.iter().zip(found.rows(p, e).iter()) {
+                stiffness += change.stiffness * *value;
+                mass += change.mass * *value;
+            }
             for _ in 0..swing.shapes.modes.len() {
                 let at = mode * (1 + c);
                 let angular = corrected[at];
                 let shape = self.whole(corrected.rows(at + 1, c).as_slice());
-                let coefficients = self.coefficients(angular, &shape) * &map;
-                let force = self.stiffness * shape;
-                let slope = self.stiffness + errors + carried - mass * (angular * angular);
+                let slope = stiffness - mass * (angular * angular);
+                let forces = |error: &Change| error.stiffness * shape - error.mass * shape * (angular * angular);
+                let by_errors: Vec<Vector6<f64>> = by_error.iter().take(e).map(forces).collect();
+                let equations = (self.coefficients(angular, &shape) * &map, self.stiffness * shape);
+                self.write(&mut all, mode * c, (&equations, &by_errors), (at + 1, &slope));
                 let by_angular = mass * shape * (-2.0 * angular);
                 for (i, k) in self.support.free.iter().enumerate() {
-                    let row = mode * c + i;
-                    rows.view_mut((row, 0), (1, p)).copy_from(&coefficients.row(*k));
-                    for (j, error) in by_error.iter().take(e).enumerate() {
-                        rows[(row, p + j)] = -(error * shape)[*k];
-                    }
-                    by[(row, at)] = by_angular[*k];
-                    for (j, l) in self.support.free.iter().enumerate() {
-                        by[(row, at + 1 + j)] = slope[(*k, *l)];
-                    }
-                    values[row] = force[*k];
+                    all.by[(mode * c + i, at)] = by_angular[*k];
                 }
                 mode += 1;
             }
+            for own in &swing.rests {
+                let at = self.modes * (1 + c) + rest * c;
+                let change = self.whole(corrected.rows(at, c).as_slice());
+                let (rows, values) = own.equations(&change, self.support, (&self.stiffness, &self.by_weight));
+                let by_errors: Vec<Vector6<f64>> =
+                    by_error.iter().take(e).map(|error| error.stiffness * change).collect();
+                let first = (self.modes + rest) * c;
+                self.write(&mut all, first, (&(rows * &map, values), &by_errors), (at, &stiffness));
+                rest += 1;
+            }
         }
-        values += &by * (&self.measured - corrected);
-        (rows, values, by)
+        all.values += &all.by * (&self.measured - corrected);
+        (all.rows, all.values, all.by)
+    }
+
+    /// Returns how far the measured rest of a swing is from where parameters and errors let it be, and the
+    /// covariance: 6, m and rad; zero where a coordinate is locked. `None` if nothing determines it.
+    pub(super) fn off_rest(
+        &self,
+        rest: &Rest,
+        found: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> Option<(Vector6<f64>, Matrix6<f64>)> {
+        let swing = Swing { rests: vec![rest.clone()], ..self.swings.first()?.clone() };
+        let swings = [Swing { shapes: Shapes { modes: Vec::new(), covariance: DMatrix::zeros(0, 0) }, ..swing }];
+        let alone = Problem::new(&swings, self.support, self.parameters, self.nuisances, None);
+        let (rows, values, by) = alone.linearised(&alone.measured, found);
+        let inverse = by.clone().try_inverse()?;
+        let off = &inverse * (values - &rows * found);
+        let whitening = alone.whitening(&rows, &by, &alone.measured)?;
+        let variance = whitening.l() * whitening.l().transpose() + &rows * covariance * rows.transpose();
+        let variance = &inverse * variance * inverse.transpose();
+        let free = &self.support.free;
+        let mut all = Matrix6::zeros();
+        for (i, k) in free.iter().enumerate() {
+            for (j, l) in free.iter().enumerate() {
+                all[(*k, *l)] = variance[(i, j)];
+            }
+        }
+        Some((self.whole(off.as_slice()), all))
+    }
+
+    /// Writes the equations of a mode or a rest from a row on, with the forces of unit errors, and their slopes by the
+    /// displacement that is measured from a place on.
+    fn write(
+        &self,
+        all: &mut Linearised,
+        first: usize,
+        ((coefficients, values), by_errors): (&(OMatrix<f64, U6, Dyn>, Vector6<f64>), &[Vector6<f64>]),
+        (place, slope): (usize, &Matrix6<f64>),
+    ) {
+        let p = self.parameters;
+        for (i, k) in self.support.free.iter().enumerate() {
+            let row = first + i;
+            all.rows.view_mut((row, 0), (1, p)).copy_from(&coefficients.row(*k));
+            for (j, forces) in by_errors.iter().enumerate() {
+                all.rows[(row, p + j)] = -forces[*k];
+            }
+            for (j, l) in self.support.free.iter().enumerate() {
+                all.by[(row, place + j)] = slope[(*k, *l)];
+            }
+            all.values[row] = values[*k];
+        }
     }
 
     /// The covariance of the equations, factored.
@@ -278,18 +380,30 @@ impl<'a> Problem<'a> {
         rows: &DMatrix<f64>,
         by: &DMatrix<f64>,
         corrected: &DVector<f64>,
-    ) -> Option<Cholesky<f64, nalgebra::Dyn>> {
+    ) -> Option<Cholesky<f64, Dyn>> {
         let c = self.support.free.len();
         let mut q = by * &self.covariance * by.transpose();
         for row in 0..rows.nrows() {
-            let at = row / c * (1 + c) + 1;
+            let block = row / c;
+            let is_rest = block >= self.modes;
+            let at = if is_rest { self.modes + block * c } else { block * (1 + c) + 1 };
             let force = self.stiffness * self.whole(corrected.rows(at, c).as_slice());
             let kind = if self.support.free[row % c] < 3 {
                 force.fixed_rows::<3>(0).norm()
             } else {
                 force.fixed_rows::<3>(3).norm()
             };
-            q[(row, row)] += (EXACT * kind.max(1e-6 * force.norm())).powi(2);
+            let share = if is_rest { AT_REST } else { EXACT };
+            q[(row, row)] += (share * kind.max(1e-6 * force.norm())).powi(2);
+        }
+        for (n, rest) in self.swings.iter().flat_map(|swing| &swing.rests).enumerate() {
+            let load = rest.of_load(self.support.gravity_mps2);
+            let first = (self.modes + n) * c;
+            for (i, k) in self.support.free.iter().enumerate() {
+                for (j, l) in self.support.free.iter().enumerate() {
+                    q[(first + i, first + j)] += load[(*k, *l)];
+                }
+            }
         }
         Cholesky::new(q)
     }

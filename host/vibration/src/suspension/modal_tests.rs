@@ -76,7 +76,7 @@ fn measured(modes: &[(f64, Vector6<f64>)], shape_sd: f64, angular_sd: f64, rng: 
 }
 
 fn found(support: &Support, shapes: Shapes) -> Fit {
-    let swing = Swing { shapes, map: DMatrix::identity(TEN, TEN) };
+    let swing = Swing::of_body(&shapes, Vec::new());
     let source = ModalSource::new(&[swing], support, body::parameters(TEN), 0).unwrap();
     fit(&source, &FitOptions::default(), &Silent).unwrap()
 }
@@ -109,10 +109,10 @@ fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 
         let mut rng = rng(seed);
         let mut k = support.springs.stiffness();
         for (nuisance, by) in
-            support.stiffness_nuisances().iter().zip(support.error_stiffnesses(&about_o(&support)))
+            support.modal_nuisances().iter().zip(support.modal_changes(&about_o(&support)))
         {
             let drawn: f64 = StandardNormal.sample(&mut rng);
-            k += by * (nuisance.sigma * drawn);
+            k += by.stiffness * (nuisance.sigma * drawn);
         }
         let shapes = measured(&modes(&support, &k, kept), noise.0, noise.1, &mut rng);
         let fit = found(&support, shapes);
@@ -175,7 +175,7 @@ fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
             let drawn: f64 = StandardNormal.sample(&mut rng);
             sd[(j, j)].sqrt() * drawn
         });
-        let found = stiffness(&table, &support, &shapes, (&(&known + off), &sd)).unwrap();
+        let found = stiffness(&table, &support, &Swing::of_body(&shapes, Vec::new()), (&(&known + off), &sd)).unwrap();
         for i in 0..6 {
             for j in i..6 {
                 all += 1;
@@ -187,5 +187,5 @@ fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
     let share = f64::from(outside) / f64::from(all);
     assert!((0.02..0.09).contains(&share), "{share}");
     let two = measured(&modes(&support, &support.springs.stiffness(), 2), 1e-3, 1e-4, &mut rng(1));
-    assert!(stiffness(&table, &support, &two, (&known, &sd)).is_none());
+    assert!(stiffness(&table, &support, &Swing::of_body(&two, Vec::new()), (&known, &sd)).is_none());
 }

@@ -39,7 +39,7 @@ pub fn posture_rows(
         let whole = composite(&mut moving, &posture.positions)
             .map_err(|e| refuse(&posture.name, format!("{e:?}")))?;
         let map = base_columns(tree.base(), &whole);
-        swings.push(Swing { shapes: posture.shapes.clone(), map });
+        swings.push(Swing { shapes: posture.shapes.clone(), map, rests: Vec::new() });
     }
     ModalSource::new(&swings, support, tree.parameters().to_vec(), tree.model_fingerprint())
         .ok_or_else(|| refuse(&model.name, "no posture has a mode, or their covariance is none".to_owned()))

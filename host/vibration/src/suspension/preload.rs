@@ -29,8 +29,10 @@ const TEN: usize = 10;
 const FREE_TO_TURN: f64 = 0.01;
 /// Least stiffness across by that along, so that there is one.
 const LEAST_ACROSS: f64 = 0.01;
+/// Share of its stiffness that bears what is not in balance in a spring whose pull is stated.
+const NO_SHARE: f64 = 1e-6;
 /// Stiffness of what no spring holds, by the largest.
-const HELD: f64 = 1e-12;
+const HELD: f64 = 1e-10;
 /// 1 σ of the share of the way between free and clamped ends, where nothing is stated of them.
 const ENDS_STD: f64 = 0.5;
 /// Springs whose weight has more stiffness than this share of their distance, beside that of its height,
@@ -118,7 +120,8 @@ impl Preload {
         (all + all.transpose()) * 0.5
     }
 
-    fn of_weight(&self, ten: &[f64; TEN]) -> Matrix6<f64> {
+    /// Returns what weight alone, which acts at the centre of mass, adds to the stiffness about O.
+    pub(super) fn of_weight(&self, ten: &[f64; TEN]) -> Matrix6<f64> {
         let moment = Vector3::new(ten[1], ten[2], ten[3]);
         let turns = (moment * Vector3::z().transpose() - Matrix3::identity() * moment.z) * self.gravity_mps2;
         let mut all = Matrix6::zeros();
@@ -195,6 +198,9 @@ fn carried(table: &SuspensionTable, free: &[usize], unstated_are_clamped: bool) 
         let n = axis(own);
         let is_clamped = own.clamped || unstated_are_clamped && own.length_m.is_none();
         let stiff = own.lateral_npm.max(LEAST_ACROSS * own.axial_npm);
+        if own.pull_n.is_some() {
+            return Matrix3::identity() * (NO_SHARE * own.axial_npm);
+        }
         let across = if is_clamped { own.lateral_npm } else { FREE_TO_TURN * stiff };
         n * n.transpose() * (own.axial_npm - across) + Matrix3::identity() * across
     };
@@ -204,9 +210,10 @@ fn carried(table: &SuspensionTable, free: &[usize], unstated_are_clamped: bool) 
         .map(|own| {
             let n = axis(own);
             let mut forces = [Vector3::zeros(); LOADS];
-            forces[0] = n * own.preload_n;
+            let stated = own.pull_n.unwrap_or(own.preload_n);
+            forces[0] = n * stated;
             // What pulls the platform is where it pulls to.
-            let pulls = if own.preload_n == 0.0 { n.z } else { own.preload_n };
+            let pulls = if stated == 0.0 { n.z } else { stated };
             let ends = match own.length_m {
                 Some(_) if own.clamped => Ends::Clamped,
                 Some(length) => Ends::Hooked(if pulls < 0.0 { -length } else { length }),

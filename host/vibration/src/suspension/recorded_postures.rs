@@ -62,20 +62,13 @@ impl RecordedPosture {
                  all directions".to_owned(),
             ));
         }
-        let lowest = shapes.modes.iter().map(crate::modal_analysis::Mode::hz).fold(f64::INFINITY, f64::min);
-        let samples = &found.samples;
-        let length_s = samples.values.nrows() as f64 / samples.rate_hz;
-        let mut rest_sd = [0.0; 6];
-        for (column, k) in samples.values.column_iter().zip(&support.free) {
-            let rms = (column.norm_squared() / column.len().max(1) as f64).sqrt();
-            rest_sd[*k] = rms / (std::f64::consts::PI * lowest * length_s).max(1.0);
-        }
+        let rest_sd = found.rest_sd(&support.free);
         Ok(Self {
             name: recording.name.clone(),
             positions,
             shapes,
             findings: found.modes.findings.iter().map(ToString::to_string).collect(),
-            rest: samples.rest,
+            rest: found.samples.rest,
             rest_sd,
             whole,
             alone: own.scaled_factor(),

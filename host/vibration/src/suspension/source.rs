@@ -295,9 +295,7 @@ impl RowSource for SuspendedSource {
     }
 
     fn nuisances(&self) -> Vec<Nuisance> {
-        let mut all = self.support.springs.nuisances().to_vec();
-        all.extend(self.support.preload.nuisances(all.len()));
-        all
+        self.support.motion_nuisances()
     }
 
     fn error_columns(&self, parameters: &[f64]) -> Option<Box<dyn RowSource + '_>> {
@@ -313,9 +311,12 @@ impl RowSource for SuspendedSource {
         let errors = nuisances.iter().map(Nuisance::parameter).collect();
         Some(Box::new(OtherColumns::new(self, errors, move |sample, rows| {
             let instant = self.instants.get(sample).ok_or(Rejection::NotFinite(0))?;
-            let mut wrenches = self.support.springs.error_wrenches(&instant.at);
-            if wrenches.len() < n {
-                wrenches.push(self.support.preload.error_wrench(&instant.at, &loads));
+            let wrenches = self.support.wrench_errors(&instant.at, &loads);
+            if let Some(air) = &self.support.air {
+                let momentum = air * instant.at.rates();
+                for (row, k) in self.support.free.iter().enumerate() {
+                    rows.differentiated[row * n + wrenches.len()] = momentum[*k];
+                }
             }
             for (column, wrench) in wrenches.iter().enumerate() {
                 for (row, k) in self.support.free.iter().enumerate() {

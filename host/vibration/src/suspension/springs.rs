@@ -26,6 +26,8 @@ const STIFFNESS_STD: f64 = 0.05 / 1.732_050_807_568_877_2;
 const BENDING: f64 = 0.28;
 /// 1 σ of that, relative.
 const BENDING_STD: f64 = 0.2;
+/// Change of the stiffness of steel springs by temperature, relative, 1/K (modulus of shear; A. M. Wahl, 1963).
+const BY_TEMPERATURE: f64 = -3e-4;
 /// 1 σ of the damping ratio that is searched for, where none is given.
 const DAMPING_RATIO_STD: f64 = 0.05;
 /// Frequency at which a damping ratio is understood, rad/s: platforms swing at about 1 Hz.
@@ -58,7 +60,8 @@ impl Displacement {
         self.coordinates().fixed_rows::<3>(3).into_owned()
     }
 
-    fn rates(&self) -> Vector6<f64> {
+    /// Returns velocity of O and angular rate, axes at rest, m/s and rad/s.
+    pub fn rates(&self) -> Vector6<f64> {
         let (v, w) = (self.velocity, self.rate);
         Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z)
     }
@@ -113,6 +116,7 @@ impl Springs {
     /// Returns the springs of a rig file.
     pub fn new(table: &SuspensionTable) -> Self {
         let at = Vector3::from(table.at_m);
+        let warmer = 1.0 + BY_TEMPERATURE * table.temperature_change_k;
         let spring = |own: &rigident_io::rig::SpringTable| {
             let axis = Vector3::from(own.axis).normalize();
             let half = if own.clamped { 0.5 * own.length_m.unwrap_or(0.0) } else { 0.0 };
@@ -120,14 +124,14 @@ impl Springs {
             Spring {
                 arm: Vector3::from(own.at_m) - at - axis * half,
                 axis,
-                axial: own.axial_npm,
-                lateral: own.lateral_npm,
-                bending: BENDING * own.axial_npm * diameter * diameter,
+                axial: own.axial_npm * warmer,
+                lateral: own.lateral_npm * warmer,
+                bending: BENDING * own.axial_npm * warmer * diameter * diameter,
             }
         };
         let matrix = table.stiffness.map(|rows| {
             let k = Matrix6::from_fn(|i, j| rows[i][j]);
-            (k + k.transpose()) * 0.5
+            (k + k.transpose()) * (0.5 * warmer)
         });
         let mut springs = Self {
             matrix,
@@ -196,6 +200,7 @@ impl Springs {
             }
         }
         let (common, given) = common_std(table);
+        let common = common.hypot(BY_TEMPERATURE * table.temperature_std_k);
         let name = "springs_common".to_owned();
         let basis = basis(given, "stiffness_common_std");
         self.add(SpringError::Common, name, "all springs", String::new(), common, basis);

@@ -6,10 +6,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6};
 
+use super::geometry::Geometry;
 use super::modal::{Problem, Swing};
 use super::springs::Springs;
 use super::support::Support;
-use crate::modal_analysis::Shapes;
 use rigident_fit::Nuisance;
 use rigident_io::rig::SuspensionTable;
 
@@ -64,7 +64,7 @@ impl FoundStiffness {
 pub fn stiffness(
     table: &SuspensionTable,
     support: &Support,
-    shapes: &Shapes,
+    swing: &Swing,
     (parameters, covariance): (&DVector<f64>, &DMatrix<f64>),
 ) -> Option<FoundStiffness> {
     let start = support.springs.stiffness();
@@ -77,10 +77,10 @@ pub fn stiffness(
         spring: Vec::new(),
         ..table.clone()
     };
-    let own = Support { springs: Springs::new(&wide), ..support.clone() };
-    let nuisances: Vec<Nuisance> = own.stiffness_nuisances();
+    // The matrix is that of springs at the places and the height that are stated.
+    let own = Support { springs: Springs::new(&wide), geometry: Geometry::default(), ..support.clone() };
+    let nuisances: Vec<Nuisance> = own.modal_nuisances();
     let unknown = own.springs.error_stiffnesses();
-    let swing = Swing { shapes: shapes.clone(), map: DMatrix::identity(10, 10) };
     // What is stated as exact is known to a millionth.
     let mut covariance = covariance.clone();
     let largest = parameters.amax();
@@ -88,8 +88,7 @@ pub fn stiffness(
         covariance[(k, k)] += (EXACT * parameters[k].abs().max(EXACT * largest)).powi(2);
     }
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
-    let swings = [swing];
-    let problem = Problem::new(&swings, &own, 10, &nuisances, Some((parameters.clone(), whitening)));
+    let problem = Problem::new(std::slice::from_ref(swing), &own, 10, &nuisances, Some((parameters.clone(), whitening)));
     let (rows, values) = problem.solve()?;
     let factor = problem.factor(&rows, &values);
     let solution = factor.solve(factor.rounding());

@@ -1,11 +1,13 @@
 //! The support of the platform, and the data that a recording of its swinging must have.
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector6};
 
 use super::SuspensionError;
+use super::geometry::{Geometry, air, air_nuisance};
 use super::mount::Mount;
 use super::preload::Preload;
-use super::springs::{Springs, free};
+use super::rests::{StatedRest, stated};
+use super::springs::{Displacement, Springs, free};
 use rigident_fit::Nuisance;
 use rigident_io::recording::Recording;
 use rigident_io::rig::RigFile;
@@ -19,10 +21,18 @@ pub struct Support {
     pub mount: Mount,
     /// The load of the springs at rest.
     pub preload: Preload,
+    /// What is not known of places, axes and lengths.
+    pub geometry: Geometry,
+    /// The mass matrix about O of the air that may move with the platform.
+    pub air: Option<Matrix6<f64>>,
     /// Coordinates that are not locked, by their numbers.
     pub free: Vec<usize>,
     /// Gravity, m/s².
     pub gravity_mps2: f64,
+    /// The point O in P, m.
+    pub at_m: [f64; 3],
+    /// Stated rests with other loads.
+    pub rests: Vec<StatedRest>,
 }
 
 impl Support {
@@ -38,24 +48,61 @@ impl Support {
             springs: Springs::new(table),
             mount: Mount::of(table),
             preload: Preload::new(table, rig.recording.gravity_mps2),
+            geometry: Geometry::new(table, rig.recording.gravity_mps2),
+            air: air(table),
             free: free(&table.locked),
             gravity_mps2: rig.recording.gravity_mps2,
+            at_m: table.at_m,
+            rests: stated(table),
         })
     }
 
-    /// Returns what is not known of the stiffness that modes have: of the springs' and of what they carry.
-    pub fn stiffness_nuisances(&self) -> Vec<Nuisance> {
-        let mut all = self.springs.stiffness_nuisances();
+    /// Returns what is not known of the stiffness and the mass that modes have: of the springs, what they
+    /// carry, and the air.
+    pub fn modal_nuisances(&self) -> Vec<Nuisance> {
+        self.with_others(self.springs.stiffness_nuisances())
+    }
+
+    /// Returns the same of a motion, the errors of the damping first.
+    pub fn motion_nuisances(&self) -> Vec<Nuisance> {
+        self.with_others(self.springs.nuisances().to_vec())
+    }
+
+    fn with_others(&self, springs: Vec<Nuisance>) -> Vec<Nuisance> {
+        let mut all = springs;
         all.extend(self.preload.nuisances(all.len()));
+        all.extend(self.geometry.nuisances(all.len()));
+        all.extend(self.air.map(|_| air_nuisance(all.len())));
         all
     }
 
-    /// Returns what a unit of each of these changes in the stiffness about O under ten parameters about O.
-    pub fn error_stiffnesses(&self, ten: &[f64; 10]) -> Vec<Matrix6<f64>> {
-        let mut all = self.springs.error_stiffnesses();
-        all.extend(self.preload.nuisances(0).iter().map(|_| self.preload.error_stiffness(ten)));
+    /// Returns what a unit of each of [`Support::modal_nuisances`] changes, under ten parameters about O.
+    pub fn modal_changes(&self, ten: &[f64; 10]) -> Vec<Change> {
+        let stiffness = |stiffness: Matrix6<f64>| Change { stiffness, mass: Matrix6::zeros() };
+        let mut all: Vec<Change> = self.springs.error_stiffnesses().into_iter().map(stiffness).collect();
+        all.extend(self.preload.nuisances(0).iter().map(|_| stiffness(self.preload.error_stiffness(ten))));
+        all.extend(self.geometry.stiffnesses(ten).into_iter().map(stiffness));
+        all.extend(self.air.map(|mass| Change { stiffness: Matrix6::zeros(), mass }));
         all
     }
+
+    /// Returns what a unit of each of [`Support::motion_nuisances`] but the air's adds to the wrench on the
+    /// platform about O, under loads of the springs: stated preload, W (N), Mx and My (N m).
+    pub fn wrench_errors(&self, at: &Displacement, loads: &[f64; 4]) -> Vec<Vector6<f64>> {
+        let mut all = self.springs.error_wrenches(at);
+        all.extend(self.preload.nuisances(0).iter().map(|_| self.preload.error_wrench(at, loads)));
+        all.extend(self.geometry.wrenches(at, loads));
+        all
+    }
+}
+
+/// What an error changes in the equations of free vibration about O.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// Stiffness: N/m, N, N m.
+    pub stiffness: Matrix6<f64>,
+    /// Mass: kg, kg m, kg m².
+    pub mass: Matrix6<f64>,
 }
 
 /// Returns what is missing, with its verb, and what to do.
