@@ -51,6 +51,8 @@ pub const SENSORS: Module = Module {
     look: "import NetFT, rtde_receive, foxglove",
     packages: &["NetFT==2.0.1", "ur_rtde==1.6.5", "foxglove-sdk==0.30.3"],
 };
+/// Arrays, for worlds that Python simulates; the wheel's modules have them.
+pub const NUMPY: Module = Module { name: "numpy", look: "import numpy", packages: &["numpy>=1.23"] };
 /// The modules that the scripts import that budgets compare with.
 pub const PEERS: Module = Module {
     name: "numpy, scipy, polars",

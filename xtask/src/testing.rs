@@ -49,6 +49,7 @@ const C3D: Need = Need { word: "independent_c3d", what: "ezc3d in Python" };
 const ROS: Need = Need { word: "independent_ros_reader", what: "rosbags in Python" };
 const SENSORS: Need = Need { word: "independent_sensors", what: "NetFT, ur_rtde and foxglove-sdk in Python" };
 const OPENSIM: Need = Need { word: "independent_opensim", what: "opensim in Python" };
+const SPRINGS: Need = Need { word: "springs_independent", what: "numpy in Python" };
 const BROWSER: Need = Need { word: "in_a_browser", what: "chromium: cargo xtask setup" };
 
 /// The variable by which tests know that they may take long: studies run at full length.
@@ -115,6 +116,7 @@ impl Surroundings {
         look(ROS, setup::has_module(setup::ROS_READER));
         look(SENSORS, setup::has_module(setup::SENSORS));
         look(OPENSIM, setup::has_module(setup::OPENSIM));
+        look(SPRINGS, setup::has_module(setup::NUMPY));
         look(BROWSER, setup::browser().is_some());
         let python = Some(setup::python()).filter(|python| python.is_file());
         let here = Self { missing, firmware: firmware.map(Path::to_owned), python, nightly };
@@ -266,6 +268,7 @@ mod tests {
             ROS,
             SENSORS,
             OPENSIM,
+            SPRINGS,
             BROWSER,
         ]
         .map(|need| need.word);

@@ -59,6 +59,7 @@ mod real_arms;
 mod report;
 mod rig_errors;
 mod simulated_people;
+mod springs_independent;
 mod still_poses_faults;
 mod streams;
 mod students;

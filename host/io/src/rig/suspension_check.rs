@@ -35,6 +35,7 @@ pub(super) fn check(table: &SuspensionTable) -> Result<(), Complaint> {
     sigma("length_std_m", table.length_std_m)?;
     sigma("preload_std", table.preload_std)?;
     sigma("share_std", table.share_std)?;
+    sigma("static_std", table.static_std)?;
     sigma("temperature_std_k", Some(table.temperature_std_k))?;
     let warm = |v: f64| v.is_finite() && v.abs() <= WARMEST_K;
     let advice = format!("must be finite, and no more than {WARMEST_K} K: a difference of temperatures");
@@ -276,6 +277,30 @@ mod tests {
     }
 
     #[test]
+    fn rests_need_a_load_a_unit_quaternion_and_a_platform() {
+        let spring = "[[spring]]\nat_m = [0.1, 0.1, 0.0]\naxial_npm = 1e3\n";
+        let of = |rest: &str, more: &str| {
+            let own = format!("[[rest]]\nposition_m = [0.0, 0.0, 1.0]\n{rest}\n");
+            complaint(&format!("{spring}{more}{own}")).map(|key| key.replace("rest[0].", ""))
+        };
+        let level = "rotation_wxyz = [1.0, 0.0, 0.0, 0.0]";
+        let plate = "[platform]\nmass_kg = 1.0\ncom_m = [0.0, 0.0, 0.0]\n\
+                     inertia_com_kgm2 = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n";
+        assert_eq!(of(&format!("{level}\nadded_kg = 2.0"), ""), None);
+        assert_eq!(of(&format!("{level}\nbody = false"), plate), None);
+        assert_eq!(of(&format!("{level}\nbody = false"), "").as_deref(), Some("body"));
+        assert_eq!(of(level, "").as_deref(), Some("added_kg"));
+        let turned = "rotation_wxyz = [1.0, 1.0, 0.0, 0.0]\nadded_kg = 2.0";
+        assert_eq!(of(turned, "").as_deref(), Some("rotation_wxyz"));
+        let exact = format!("{level}\nadded_kg = 2.0\nposition_std_m = 0.0");
+        assert_eq!(of(&exact, "").as_deref(), Some("position_std_m"));
+        let keys = [("air_plate_m = [1000.0, 700.0]", "air_plate_m"), ("place_std_m = -1.0", "place_std_m")];
+        for (line, key) in keys {
+            assert_eq!(complaint(&format!("{line}\n{spring}")).as_deref(), Some(key));
+        }
+    }
+
+    #[test]
     fn impossible_springs_are_named() {
         let of = |more: &str| {
             let key = complaint(&format!("[[spring]]\nat_m = [0.1, 0.1, 0.0]\naxial_npm = 1e3\n{more}\n"));
@@ -288,6 +313,7 @@ mod tests {
             ("length_m = 400.0", "length_m"),
             ("mass_kg = -1.0", "mass_kg"),
             ("preload_n = inf", "preload_n"),
+            ("preload_n = 5.0\npull_n = 5.0", "pull_n"),
             ("clamped = true", "length_m"),
             ("clamped = true\nlength_m = 0.2", "diameter_m"),
             ("diameter_m = 0.05", "diameter_m"),

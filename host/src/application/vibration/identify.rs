@@ -21,6 +21,7 @@ use rigident_vibration::suspension::free_decay::{Vibration, vibration};
 use rigident_vibration::suspension::mount::Mount;
 use rigident_vibration::suspension::springs::COORDINATES;
 use rigident_vibration::suspension::support::Support;
+use rigident_vibration::suspension::suspects::judged_rests;
 
 /// Answers of two ways that differ by more than this many times both uncertainties contradict each other.
 const CONTRADICTORY: f64 = 1.5;
@@ -168,7 +169,7 @@ fn found(
         scene: scene(&recording.rig, answers),
         by_modes: None,
         by_motion: None,
-        notes: notes(&recording.rig, &vibration),
+        notes: notes(&recording.rig, &vibration, &support),
         warnings,
         factors: Vec::new(),
         vibration,
@@ -186,9 +187,10 @@ fn found(
     Ok(found)
 }
 
-fn notes(rig: &RigFile, vibration: &Vibration) -> Vec<String> {
+fn notes(rig: &RigFile, vibration: &Vibration, support: &Support) -> Vec<String> {
     let samples = &vibration.samples;
     let mut notes: Vec<String> = rig.suspension.as_ref().and_then(massless).into_iter().collect();
+    notes.extend(judged_rests(support, vibration).iter().map(ToString::to_string));
     if samples.left_out > 0 {
         notes.push(format!("{} rows before or after a gap in time are not in the modes", samples.left_out));
     }

@@ -3,10 +3,12 @@
 //! This is the one place that judges a swing: a motion, a factor, a posture on the same springs hang on the
 //! same verdict.
 
+use nalgebra::{Matrix6, SVector};
+
 use super::free_decay::{Vibration, vibration};
-use super::modal::{ModalSource, Swing};
-use super::suspects::{judged_rests, suspects};
+use super::modal::{ModalSource, Swing, mass_matrix};
 use super::support::Support;
+use super::suspects::{judged_rests, suspects};
 use crate::modal_analysis::Finding;
 use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
@@ -30,6 +32,9 @@ const LEFT: &str = "look at the stiffness and its σ, places and axes of the spr
 
 /// A line so near to a mode, relative to its frequency, may be another mode.
 const BESIDE: f64 = 0.25;
+
+/// A missing mode whose frequency is further than this ratio from all others is in none of them.
+const APART: f64 = 1.3;
 
 /// Why modes give no body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -111,7 +116,49 @@ pub fn by_modes(support: &Support, found: &Vibration) -> Result<Fit, Refused> {
             "the modes leave {left:.1} times what their noise and the springs' errors explain{blamed}; {LEFT}"
         )));
     }
+    missing_is_apart(support, found, &fit)?;
     Ok(fit)
+}
+
+/// Refuses the modes where the one that was not found is expected beside another: both may be in that one's shape.
+fn missing_is_apart(support: &Support, found: &Vibration, fit: &Fit) -> Result<(), Refused> {
+    let modes = &found.modes.shapes.modes;
+    if modes.len() + 1 != support.free.len() {
+        return Ok(());
+    }
+    let values = fit.estimate.unjudged().values;
+    let ten = support.mount.map() * SVector::<f64, TEN>::from_fn(|k, _| values[k]);
+    let Some(expected) = frequencies(support, &std::array::from_fn(|k| ten[k])) else { return Ok(()) };
+    let own: Vec<f64> = modes.iter().map(|mode| mode.hz()).collect();
+    // Both rise: leaving one of the expected out pairs the others.
+    let off = |missing: usize| -> f64 {
+        let others = expected.iter().enumerate().filter(|(k, _)| *k != missing);
+        others.zip(&own).map(|((_, a), b)| (a / b).ln().powi(2)).sum()
+    };
+    let missing = (0..expected.len()).min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(0);
+    let hz = expected[missing];
+    let ratio = |own: &f64| (own / hz).max(hz / own);
+    match own.into_iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b))) {
+        Some(nearest) if ratio(&nearest) < APART => Err(Refused::Modes(format!(
+            "a mode is missing; springs and the other modes let it be at {hz:.2} Hz, beside that at {nearest:.2} Hz: \
+             both may be taken for one; strike the platform so that it moves in all directions, or shift a \
+             mass so that the frequencies part"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Frequencies of ten parameters about O on the springs, rising, Hz; `None` if no body has them.
+fn frequencies(support: &Support, ten: &[f64; TEN]) -> Option<Vec<f64>> {
+    let free = &support.free;
+    let part = |all: &Matrix6<f64>| all.select_rows(free).select_columns(free);
+    let mass = part(&mass_matrix(ten)).cholesky()?.l().try_inverse()?;
+    let stiffness = part(&(support.springs.stiffness() + support.preload.stiffness(ten)));
+    let values = (&mass * stiffness * mass.transpose()).symmetric_eigenvalues();
+    let mut all: Vec<f64> =
+        values.iter().map(|square| square.max(0.0).sqrt() / std::f64::consts::TAU).collect();
+    all.sort_by(f64::total_cmp);
+    (all.first().copied().unwrap_or(0.0) > 0.0).then_some(all)
 }
 
 /// Returns why a recording of one body on springs cannot be true by its modes; `Err` with the reason if there

@@ -65,7 +65,8 @@ impl Vibration {
 
     /// Returns 1 σ of the coordinates of the rest, m and rad: what a mean over no whole periods leaves.
     pub fn rest_sd(&self, free: &[usize]) -> [f64; 6] {
-        let lowest = self.modes.shapes.modes.iter().map(modal_analysis::Mode::hz).fold(f64::INFINITY, f64::min);
+        let lowest =
+            self.modes.shapes.modes.iter().map(modal_analysis::Mode::hz).fold(f64::INFINITY, f64::min);
         let length_s = self.samples.values.nrows() as f64 / self.samples.rate_hz;
         let mut all = [0.0; 6];
         for (column, k) in self.samples.values.column_iter().zip(free) {

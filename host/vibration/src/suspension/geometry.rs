@@ -257,3 +257,68 @@ pub fn air_nuisance(first: usize) -> Nuisance {
         effect: Effect::Signal(first),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigident_io::rig::RigFile;
+
+    /// Four wires of 0.5 m at the corners of 0.8 × 0.6 m, 0.1 m above O.
+    const FOUR: &str = "[suspension]\nair_plate_m = [0.8, 0.6]\n\
+        spring = [{ at_m = [0.4, 0.3, 0.1], axial_npm = 9e3, length_m = 0.5 }, \
+                  { at_m = [-0.4, 0.3, 0.1], axial_npm = 9e3, length_m = 0.5 }, \
+                  { at_m = [-0.4, -0.3, 0.1], axial_npm = 9e3, length_m = 0.5 }, \
+                  { at_m = [0.4, -0.3, 0.1], axial_npm = 9e3, length_m = 0.5 }]\n";
+    const G: f64 = 9.80665;
+
+    fn table(more: &str) -> SuspensionTable {
+        let text = FOUR.replacen("[suspension]\n", &format!("[suspension]\n{more}"), 1);
+        RigFile::parse(&text).unwrap().suspension.unwrap()
+    }
+
+    /// What an error changes in the stiffness under 20 kg at O.
+    fn change(name: &str) -> Matrix6<f64> {
+        let own = Geometry::new(&table(""), G);
+        let k = own.nuisances(0).iter().position(|nuisance| nuisance.name == name).expect(name);
+        let mut ten = [0.0; 10];
+        ten[0] = 20.0;
+        own.stiffnesses(&ten)[k]
+    }
+
+    #[test]
+    fn errors_of_places_and_lengths_are_those_of_a_pendulum() {
+        let (tension, across) = (20.0 * G / 4.0, 20.0 * G / 4.0 / 0.5);
+        // Higher by δ: all four forces carry the weight there, and the wires' sway has a longer arm.
+        let higher = change("anchor_height");
+        let wanted = 4.0 * (tension + 2.0 * 0.1 * across);
+        assert!((higher[(3, 3)] - wanted).abs() < 1e-3 * wanted, "{higher} {wanted}");
+        // A longer wire is a slower pendulum.
+        let longer = change("spring1_length");
+        assert!((longer[(0, 0)] + across / 0.5).abs() < 1e-3 * across, "{longer}");
+        // An axis that leans by a radian: a share of the stiffness along shows across.
+        let leans = change("spring1_axis_1") + change("spring1_axis_2");
+        assert!(leans[(0, 2)].abs() > 8.9e3 && leans[(0, 2)].abs() < 9.1e3, "{leans}");
+        // Further out by δ: k (a + δ)² against tilting; the weight's share goes to the others.
+        let further = change("spring1_place_y");
+        let wanted = 2.0 * 9e3 * 0.3;
+        assert!((further[(3, 3)] - wanted).abs() < 0.02 * wanted, "{further} {wanted}");
+    }
+
+    #[test]
+    fn numbers_that_are_known_and_shares_that_balance_alone_are_no_errors() {
+        let names = |more: &str| -> Vec<String> {
+            Geometry::new(&table(more), G).nuisances(0).into_iter().map(|own| own.name).collect()
+        };
+        assert!(names("").iter().any(|name| name == "spring1_share"));
+        let exact = "place_std_m = 0.0\naxis_std_rad = 0.0\nanchor_height_std_m = 0.0\nlength_std_m = 0.0\n\
+                     share_std = 0.0\n";
+        assert!(names(exact).is_empty());
+        // Three wires balance the weight in one way.
+        let mut three = table("");
+        three.spring.pop();
+        let own = Geometry::new(&three, G);
+        assert!(own.nuisances(0).iter().all(|nuisance| !nuisance.name.contains("share")));
+        let air = air(&table("")).unwrap();
+        assert!((0.1..0.25).contains(&air[(2, 2)]) && air[(0, 0)] == 0.0, "{air}");
+    }
+}

@@ -42,10 +42,6 @@ const LOST: f64 = 1e-11;
 /// exact: shapes from cameras are ten thousand times worse.
 const EXACT: f64 = 1e-9;
 
-/// 1 σ of the force of springs far from the rest of the recording, relative: hysteresis, and axes that turn as the
-/// platform sags.
-const AT_REST: f64 = 5e-3;
-
 /// The swinging body in one posture: its modes, and its ten parameters as those that are estimated make them.
 #[derive(Clone, Debug)]
 pub struct Swing {
@@ -299,7 +295,8 @@ impl<'a> Problem<'a> {
                 let angular = corrected[at];
                 let shape = self.whole(corrected.rows(at + 1, c).as_slice());
                 let slope = stiffness - mass * (angular * angular);
-                let forces = |error: &Change| error.stiffness * shape - error.mass * shape * (angular * angular);
+                let forces =
+                    |error: &Change| error.stiffness * shape - error.mass * shape * (angular * angular);
                 let by_errors: Vec<Vector6<f64>> = by_error.iter().take(e).map(forces).collect();
                 let equations = (self.coefficients(angular, &shape) * &map, self.stiffness * shape);
                 self.write(&mut all, mode * c, (&equations, &by_errors), (at + 1, &slope));
@@ -333,7 +330,8 @@ impl<'a> Problem<'a> {
         covariance: &DMatrix<f64>,
     ) -> Option<(Vector6<f64>, Matrix6<f64>)> {
         let swing = Swing { rests: vec![rest.clone()], ..self.swings.first()?.clone() };
-        let swings = [Swing { shapes: Shapes { modes: Vec::new(), covariance: DMatrix::zeros(0, 0) }, ..swing }];
+        let swings =
+            [Swing { shapes: Shapes { modes: Vec::new(), covariance: DMatrix::zeros(0, 0) }, ..swing }];
         let alone = Problem::new(&swings, self.support, self.parameters, self.nuisances, None);
         let (rows, values, by) = alone.linearised(&alone.measured, found);
         let inverse = by.clone().try_inverse()?;
@@ -387,13 +385,14 @@ impl<'a> Problem<'a> {
             let block = row / c;
             let is_rest = block >= self.modes;
             let at = if is_rest { self.modes + block * c } else { block * (1 + c) + 1 };
-            let force = self.stiffness * self.whole(corrected.rows(at, c).as_slice());
+            let displacement = self.whole(corrected.rows(at, c).as_slice());
+            let force = self.stiffness * displacement;
             let kind = if self.support.free[row % c] < 3 {
                 force.fixed_rows::<3>(0).norm()
             } else {
                 force.fixed_rows::<3>(3).norm()
             };
-            let share = if is_rest { AT_REST } else { EXACT };
+            let share = if is_rest { self.support.static_std(&displacement) } else { EXACT };
             q[(row, row)] += (share * kind.max(1e-6 * force.norm())).powi(2);
         }
         for (n, rest) in self.swings.iter().flat_map(|swing| &swing.rests).enumerate() {

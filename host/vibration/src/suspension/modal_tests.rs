@@ -108,8 +108,7 @@ fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 
     for seed in 0..runs {
         let mut rng = rng(seed);
         let mut k = support.springs.stiffness();
-        for (nuisance, by) in
-            support.modal_nuisances().iter().zip(support.modal_changes(&about_o(&support)))
+        for (nuisance, by) in support.modal_nuisances().iter().zip(support.modal_changes(&about_o(&support)))
         {
             let drawn: f64 = StandardNormal.sample(&mut rng);
             k += by.stiffness * (nuisance.sigma * drawn);
@@ -175,7 +174,8 @@ fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
             let drawn: f64 = StandardNormal.sample(&mut rng);
             sd[(j, j)].sqrt() * drawn
         });
-        let found = stiffness(&table, &support, &Swing::of_body(&shapes, Vec::new()), (&(&known + off), &sd)).unwrap();
+        let found = stiffness(&table, &support, &Swing::of_body(&shapes, Vec::new()), (&(&known + off), &sd))
+            .unwrap();
         for i in 0..6 {
             for j in i..6 {
                 all += 1;
@@ -188,4 +188,59 @@ fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
     assert!((0.02..0.09).contains(&share), "{share}");
     let two = measured(&modes(&support, &support.springs.stiffness(), 2), 1e-3, 1e-4, &mut rng(1));
     assert!(stiffness(&table, &support, &Swing::of_body(&two, Vec::new()), (&known, &sd)).is_none());
+}
+
+/// The pose without the body, and with 4 kg, of springs of another stiffness.
+fn rested(support: &Support, factor: f64) -> Vec<crate::suspension::rests::Rest> {
+    let ten = about_o(support);
+    support
+        .rests
+        .iter()
+        .map(|stated| {
+            let origin = (Vector3::zeros(), nalgebra::Matrix3::identity());
+            let mut rest = stated.against(origin, &[0.0; 6], &support.at_m);
+            // Forces carry the whole in both; what is missing or added moves it.
+            let (stiffness, by_weight) =
+                (support.springs.stiffness() * factor, support.preload.stiffnesses().0);
+            let (rows, values) = rest.equations(&Vector6::zeros(), support, (&stiffness, &by_weight));
+            let force = rows * SMatrix::<f64, TEN, 1>::from(ten) - values;
+            let slope = |k: usize| {
+                let (a, b) = rest.equations(&Vector6::ith(k, 1.0), support, (&stiffness, &by_weight));
+                b - values - (a - rows) * SMatrix::<f64, TEN, 1>::from(ten)
+            };
+            let all = Matrix6::from_fn(|i, j| slope(j)[i]);
+            rest.change = all.lu().solve(&force).unwrap();
+            rest
+        })
+        .collect()
+}
+
+#[test]
+fn a_rest_without_the_body_gives_the_mass_that_soft_springs_hide() {
+    let rests = "[[suspension.rest]]\nbody = false\nposition_m = [0.0, 0.0, 0.0]\nrotation_wxyz = [1, 0, 0, 0]\n\
+                 [[suspension.rest]]\nadded_kg = 4.0\nadded_at_m = [0.2, 0.1, 0.0]\n\
+                 position_m = [0.0, 0.0, 0.0]\nrotation_wxyz = [1, 0, 0, 0]\n\
+                 [suspension.platform]\nmass_kg = 20.0\ncom_m = [0, 0, 0]\n\
+                 inertia_com_kgm2 = [1, 1, 1, 0, 0, 0]\n";
+    let text = RIG.replace("STD", "0.03").replace("[suspension]\n", "[suspension]\nstatic_std = 0.001\n");
+    let rig = RigFile::parse(&format!("{text}{rests}")).unwrap();
+    let support = Support::of(&rig, "test").unwrap();
+    let factor = 1.04;
+    let stiff = support.springs.stiffness() * factor;
+    let shapes = measured(&modes(&support, &stiff, 6), 1e-3, 1e-5, &mut rng(3));
+    let of = |rests: Vec<crate::suspension::rests::Rest>| {
+        let source =
+            ModalSource::new(&[Swing::of_body(&shapes, rests)], &support, body::parameters(TEN), 0).unwrap();
+        let found = fit(&source, &FitOptions::default(), &Silent).unwrap();
+        let sd = found.estimate.unjudged().covariance[(0, 0)].sqrt();
+        (found.estimate.unjudged().values[0] - BODY[0], sd)
+    };
+    let (rests, springs) = (rested(&support, factor), support.springs.stiffness()[(2, 2)] * factor);
+    // 60.8 of 80.8 kg lift it, 4 kg lower it; some tilt with it.
+    let lifted = (BODY[0] - 20.0) * 9.80665 / springs;
+    assert!((rests[0].change[2] - lifted).abs() < 0.15 * lifted, "{} {lifted}", rests[0].change);
+    assert!(rests[1].change[2] < 0.0 && rests[1].change[2] > -0.1 * lifted, "{}", rests[1].change);
+    let ((without, sd_without), (with, sd_with)) = (of(Vec::new()), of(rests));
+    assert!(without.abs() > 1.5 && sd_without > 1.5, "{without} {sd_without}");
+    assert!(with.abs() < 3.0 * sd_with && sd_with < 0.4 * sd_without, "{with} {sd_with}");
 }

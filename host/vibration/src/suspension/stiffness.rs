@@ -88,7 +88,13 @@ pub fn stiffness(
         covariance[(k, k)] += (EXACT * parameters[k].abs().max(EXACT * largest)).powi(2);
     }
     let whitening = covariance.cholesky()?.inverse().cholesky()?.l().transpose();
-    let problem = Problem::new(std::slice::from_ref(swing), &own, 10, &nuisances, Some((parameters.clone(), whitening)));
+    let problem = Problem::new(
+        std::slice::from_ref(swing),
+        &own,
+        10,
+        &nuisances,
+        Some((parameters.clone(), whitening)),
+    );
     let (rows, values) = problem.solve()?;
     let factor = problem.factor(&rows, &values);
     let solution = factor.solve(factor.rounding());

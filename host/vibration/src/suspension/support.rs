@@ -1,6 +1,6 @@
 //! The support of the platform, and the data that a recording of its swinging must have.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::SuspensionError;
 use super::geometry::{Geometry, air, air_nuisance};
@@ -10,7 +10,15 @@ use super::rests::{StatedRest, stated};
 use super::springs::{Displacement, Springs, free};
 use rigident_fit::Nuisance;
 use rigident_io::recording::Recording;
-use rigident_io::rig::RigFile;
+use rigident_io::rig::{RigFile, SpringTable, SuspensionTable};
+
+/// 1 σ of the force of springs 10 mm from the rest of a recording, relative, where none is stated: springs
+/// that stiffen by a few hundredths, axes that turn as the platform sags.
+const STATIC_STD: f64 = 0.01;
+/// The same at any distance: hysteresis.
+const LEAST_STATIC_STD: f64 = 2e-3;
+/// Distance of springs from O where a matrix alone is stated, m.
+const REACH_M: f64 = 0.5;
 
 /// Holds the springs that everything swings on.
 #[derive(Clone, Debug)]
@@ -31,6 +39,10 @@ pub struct Support {
     pub gravity_mps2: f64,
     /// The point O in P, m.
     pub at_m: [f64; 3],
+    /// 1 σ of forces of springs at another rest, relative, for each metre of its distance.
+    pub(super) static_std_by_m: f64,
+    /// Distance of the farthest spring from O, m.
+    pub(super) reach_m: f64,
     /// Stated rests with other loads.
     pub rests: Vec<StatedRest>,
 }
@@ -53,6 +65,8 @@ impl Support {
             free: free(&table.locked),
             gravity_mps2: rig.recording.gravity_mps2,
             at_m: table.at_m,
+            static_std_by_m: table.static_std.unwrap_or(STATIC_STD) / 0.01,
+            reach_m: reach_m(table),
             rests: stated(table),
         })
     }
@@ -76,6 +90,13 @@ impl Support {
         all
     }
 
+    /// Returns 1 σ of the forces of springs at a displacement from the rest of a recording, relative.
+    pub(super) fn static_std(&self, displacement: &Vector6<f64>) -> f64 {
+        let distance_m =
+            displacement.fixed_rows::<3>(0).norm() + displacement.fixed_rows::<3>(3).norm() * self.reach_m;
+        (self.static_std_by_m * distance_m).max(LEAST_STATIC_STD)
+    }
+
     /// Returns what a unit of each of [`Support::modal_nuisances`] changes, under ten parameters about O.
     pub fn modal_changes(&self, ten: &[f64; 10]) -> Vec<Change> {
         let stiffness = |stiffness: Matrix6<f64>| Change { stiffness, mass: Matrix6::zeros() };
@@ -94,6 +115,12 @@ impl Support {
         all.extend(self.geometry.wrenches(at, loads));
         all
     }
+}
+
+/// Distance of the farthest spring from O, m.
+fn reach_m(table: &SuspensionTable) -> f64 {
+    let of = |own: &SpringTable| (Vector3::from(own.at_m) - Vector3::from(table.at_m)).norm();
+    table.spring.iter().map(of).max_by(f64::total_cmp).unwrap_or(REACH_M)
 }
 
 /// What an error changes in the equations of free vibration about O.

@@ -14,7 +14,7 @@ use rigident_fit::{COVERAGE_95, Nuisance};
 /// Parameters of a body.
 const TEN: usize = 10;
 /// A rest that is off by more standard deviations is no chance.
-const CHANCE: f64 = 4.0;
+const CHANCE: f64 = 3.5;
 /// An error is a suspect if without a bound it leaves no more than this share of the squares.
 const EXPLAINED: f64 = 0.3;
 /// 1 σ of an error without a bound, by its own.
