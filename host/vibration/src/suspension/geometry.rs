@@ -245,7 +245,7 @@ pub fn air(table: &SuspensionTable) -> Option<Matrix6<f64>> {
     Some(heave * heave.transpose() * mass + Matrix6::from_diagonal(&turns))
 }
 
-/// Returns the error that the air is: between none and twice as much.
+/// Returns the error that the air is, by that of a bare plate.
 pub fn air_nuisance(first: usize) -> Nuisance {
     Nuisance {
         name: "air".to_owned(),
