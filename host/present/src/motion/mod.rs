@@ -28,6 +28,8 @@ pub struct MotionPage {
     pub points_m: Vec<Vec<[f32; 3]>>,
     /// Markers, by frame; NaN where one was not seen. May be empty.
     pub markers_m: Vec<Vec<[f32; 3]>>,
+    /// Names of the markers, shown where the pointer is. May be empty.
+    pub marker_names: Vec<String>,
     /// Centre of mass of the whole body, by frame. May be empty.
     pub com_m: Vec<[f32; 3]>,
     /// Corners of the force plates.
@@ -163,6 +165,12 @@ pub enum MotionError {
 }
 
 impl MotionPage {
+    /// Returns the text of the page's script, the same for every motion: its hash lets a stricter page play
+    /// one.
+    pub fn player() -> String {
+        page::player()
+    }
+
     /// Returns the page as one self-contained HTML file.
     ///
     /// # Errors
@@ -194,6 +202,10 @@ impl MotionPage {
         or_none("frames of markers", self.markers_m.len())?;
         let markers = self.markers_m.first().map_or(0, Vec::len);
         self.markers_m.iter().try_for_each(|frame| same("markers of a frame", frame.len(), markers))?;
+        let names = self.marker_names.len();
+        if names > 0 {
+            same("names of markers", names, markers)?;
+        }
         or_none("centres of mass", self.com_m.len())?;
         or_none("marks of frames used", self.used.len())?;
         for force in &self.forces {

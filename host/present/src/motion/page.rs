@@ -40,6 +40,7 @@ struct Data<'a> {
     /// Three channels for each point, as for markers, centre of mass and forces.
     points: Packed,
     markers: Packed,
+    marker_names: &'a [String],
     com: Packed,
     plates: &'a [[[f32; 3]; 4]],
     forces: Vec<Arrow<'a>>,
@@ -75,13 +76,17 @@ pub fn html(motion: &MotionPage) -> String {
     html.push_str(&errors(&motion.errors));
     html.push_str(FOOTER);
     html.push_str(&format!(
-        "<script type=\"application/json\" id=\"motion\">{}</script>\n<script>\n(() => \
-         {{\n\"use strict\";\n{}}})();\n</script>\n",
+        "<script type=\"application/json\" id=\"motion\">{}</script>\n<script>{}</script>\n",
         data(motion, unused),
-        PLAYER.concat()
+        player()
     ));
     html.push_str(END);
     html
+}
+
+/// Returns the text of the script that plays a motion, which is the same in every page.
+pub fn player() -> String {
+    format!("\n(() => {{\n\"use strict\";\n{}}})();\n", PLAYER.concat())
 }
 
 /// Returns the data as JSON in which nothing can end the element around it.
@@ -100,6 +105,7 @@ fn data(motion: &MotionPage, unused: Vec<[usize; 2]>) -> String {
         bones: bones.collect(),
         points: pack(POINT_STEP_M, &channels(&motion.points_m)),
         markers: pack(MARKER_STEP_M, &channels(&motion.markers_m)),
+        marker_names: &motion.marker_names,
         com: pack(POINT_STEP_M, &coordinates(&motion.com_m)),
         plates: &motion.plates_m,
         forces: forces.collect(),

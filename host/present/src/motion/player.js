@@ -268,7 +268,7 @@ function pinch(moved, to) {
   zoom(apart(pointers.get(moved)) / apart(to));
 }
 
-// Writes the name of the bone under the pointer beside it.
+// Writes the name of the bone or the marker under the pointer beside it.
 function name(event) {
   const box = canvas.getBoundingClientRect(), [x, y] = [event.clientX - box.left, event.clientY - box.top];
   const hit = ({ a, b, r }) => {

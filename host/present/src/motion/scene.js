@@ -161,11 +161,12 @@ function limbs(frame, parts, places) {
   }
 }
 
-function dots(frame, parts) {
+function dots(frame, parts, places) {
   for (let k = 0; k < markers.count; k++) {
     const p = markers.at(k, frame), a = isKnown(p) && camera.project(p);
     if (!a) continue;
     const r = clamp(0.009 * a.scale, 1.6, 7);
+    if (DATA.marker_names[k]) places.push({ name: DATA.marker_names[k], a, b: a, r });
     parts.push({
       depth: a.depth - 0.02,
       draw: () => {
@@ -332,7 +333,7 @@ function drawScene(frame, shown) {
   drawPlates();
   drawShadow(frame);
   limbs(frame, parts, places);
-  if (shown.markers) dots(frame, parts);
+  if (shown.markers) dots(frame, parts, places);
   const through = [];
   arrows(frame, shown, parts, through);
   parts.sort((a, b) => b.depth - a.depth).forEach((part) => part.draw());

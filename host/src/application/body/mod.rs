@@ -11,6 +11,7 @@ use std::time::Instant;
 use super::{BodyError, BodyOption, Caller, Error, Notice};
 use fewer_freedoms::beside_human34;
 pub use on_device::compared;
+pub use pages::measured;
 use pages::pages;
 use plates::doubtful_plates;
 use rigident_fit::{Fit, FitOptions, Measured, Progress};

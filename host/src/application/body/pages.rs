@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use rigident_identify::answer::person::LeftOut;
+use rigident_io::motion_capture::ground::GroundWrench;
 use rigident_io::motion_capture::trial::Trial;
 use rigident_people::body_segments::Study;
 use rigident_people::body_segments::left_out::LeftOutMotions;
@@ -10,7 +11,7 @@ use rigident_people::inverse_kinematics::skeleton::{Place, Skeleton};
 use rigident_people::inverse_kinematics::subject::Subject;
 use rigident_people::person::track::SHOWN_S;
 use rigident_people::person::{Person, Tracked};
-use rigident_present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionPage, Rms, Side};
+use rigident_present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionError, MotionPage, Rms, Side};
 
 /// Frames a second that are stored, at most.
 const RATE_HZ: f64 = 100.0;
@@ -43,9 +44,7 @@ fn page(
     predicted: &LeftOutMotions,
 ) -> MotionPage {
     let subject = &person.subject;
-    let step = (trial.rate_hz / RATE_HZ).ceil().max(1.0) as usize;
-    let shown = trial.frames().min((SHOWN_S * trial.rate_hz).ceil() as usize);
-    let kept: Vec<usize> = (0..shown).step_by(step).collect();
+    let (step, shown, kept) = kept(trial);
     let figure = Figure::of(subject);
     let places = |frame: usize| tracked.places(subject, frame);
     let mut used = vec![false; shown];
@@ -59,28 +58,73 @@ fn page(
         subject.markers.iter().map(|m| own(&m.name).map_or(NONE, single)).collect()
     };
     MotionPage {
-        title: if shown < trial.frames() {
-            format!("{}, the first {SHOWN_S} s", tracked.name)
-        } else {
-            tracked.name.clone()
-        },
+        title: title(&tracked.name, shown < trial.frames()),
         rate_hz: trial.rate_hz / step as f64,
         forward: forward(&subject.skeleton, tracked, &kept),
         points_m: kept.iter().map(|f| figure.points(places(*f).as_deref())).collect(),
         bones: figure.bones,
         markers_m: kept.iter().map(|f| markers(*f)).collect(),
+        marker_names: subject.markers.iter().map(|m| m.name.clone()).collect(),
         com_m: kept.iter().map(|f| person.table_centre(k, *f).map_or(NONE, single)).collect(),
-        plates_m: trial
-            .ground
-            .iter()
-            .filter_map(|p| Some(p.corners_m?.map(|c| c.map(|v| v as f32))))
-            .collect(),
+        plates_m: plates(trial),
         forces: vec![wrench.arrow(&kept)],
         about: "the pelvis".to_owned(),
         curves: wrench.curves(&kept),
         used: kept.iter().map(|f| used[*f]).collect(),
         errors: predicted.by_trial.get(k).into_iter().flatten().map(error).collect(),
     }
+}
+
+/// Returns every how many frames one is kept, the frames that are shown, and those that are kept of them.
+fn kept(trial: &Trial) -> (usize, usize, Vec<usize>) {
+    let step = (trial.rate_hz / RATE_HZ).ceil().max(1.0) as usize;
+    let shown = trial.frames().min((SHOWN_S * trial.rate_hz).ceil() as usize);
+    (step, shown, (0..shown).step_by(step).collect())
+}
+
+fn title(name: &str, is_cut: bool) -> String {
+    if is_cut { format!("{name}, the first {SHOWN_S} s") } else { name.to_owned() }
+}
+
+/// Returns the corners of the plates that have some.
+fn plates(trial: &Trial) -> Vec<[[f32; 3]; 4]> {
+    trial.ground.iter().filter_map(|p| Some(p.corners_m?.map(|c| c.map(|v| v as f32)))).collect()
+}
+
+/// Returns the page that plays a trial as it was measured: its markers, its plates, and what pushes on them.
+///
+/// # Errors
+/// [`MotionError`]: the trial has no frames.
+pub fn measured(trial: &Trial) -> Result<String, MotionError> {
+    let (step, shown, kept) = kept(trial);
+    let marker = |frame: usize, label: usize| trial.point(frame, label).map_or(NONE, single);
+    let page = MotionPage {
+        title: title(&trial.name, shown < trial.frames()),
+        rate_hz: trial.rate_hz / step as f64,
+        points_m: vec![Vec::new(); kept.len()],
+        markers_m: kept.iter().map(|f| (0..trial.labels.len()).map(|l| marker(*f, l)).collect()).collect(),
+        marker_names: trial.labels.clone(),
+        plates_m: plates(trial),
+        forces: trial.ground.iter().map(|plate| push(trial, plate, &kept)).collect(),
+        ..MotionPage::default()
+    };
+    page.html()
+}
+
+/// Returns the push of a plate in the frames that are kept, at its centre of pressure on the plate's surface.
+fn push(trial: &Trial, plate: &GroundWrench, kept: &[usize]) -> ForceArrow {
+    let height_m = plate.corners_m.map_or(0.0, |corners| corners.iter().map(|c| c[2]).sum::<f64>() / 4.0);
+    let of = |frame: &usize| {
+        let sample = ((trial.time_s(*frame) - plate.first_s) * plate.rate_hz).round();
+        let wrench = (sample >= 0.0).then(|| plate.wrench.get(sample as usize)).flatten();
+        let [fx, fy, fz, mx, my, _] = wrench?.map(f64::from);
+        // About the laboratory's origin: M = p × F.
+        let at = [(fx * height_m - my) / fz, (mx + fy * height_m) / fz, height_m];
+        (fz > LEAST_N && at.iter().all(|v| v.is_finite()))
+            .then(|| (at.map(|v| v as f32), [fx, fy, fz].map(|v| v as f32)))
+    };
+    let (at_m, measured_n) = kept.iter().map(|frame| of(frame).unwrap_or((NONE, NONE))).unzip();
+    ForceArrow { name: plate.name.clone(), at_m, measured_n, predicted_n: Vec::new() }
 }
 
 fn error(of: &LeftOut) -> ErrorRow {

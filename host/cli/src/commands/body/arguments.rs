@@ -33,12 +33,18 @@ pub enum BodyCommand {
                   OpenCap's anatomical markers, and keypoints of OpenPose, Theia and OpenCap, which are \
                   joint centres. What is not known is named in a file for --markers of body \
                   identify.\n\nExit status 0 if every segment has its markers, 1 if one has not, 2 if a file \
-                  cannot be read.\n\nExamples:\n  rigident body markers walk.c3d\n  rigident body markers \
-                  walk.trc --json")]
+                  cannot be read.\n\nExamples:\n  rigident body markers walk.c3d --page walk.html\n  \
+                  rigident body markers walk.trc --json")]
 pub struct BodyMarkers {
     /// A trial: C3D or TRC
     #[arg(value_name = "TRIAL")]
     pub trial: PathBuf,
+    /// Forces of the ground for a TRC trial: MOT or STO. Default: NAME_grf.mot or NAME_grf.sto beside it
+    #[arg(long, value_name = "FILE")]
+    pub ground: Option<PathBuf>,
+    /// Write a page that plays the markers and the forces over time to this new file
+    #[arg(long, value_name = "FILE.html")]
+    pub page: Option<PathBuf>,
     /// Print one object on standard output, and nothing else there
     #[arg(long)]
     pub json: bool,

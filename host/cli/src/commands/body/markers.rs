@@ -1,5 +1,6 @@
 //! `rigident body markers`: which markers of a trial are known, and where they are taken to be.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use serde_json::json;
@@ -7,13 +8,19 @@ use serde_json::json;
 use crate::commands::body::arguments::BodyMarkers;
 use crate::screen::outcome::say;
 use crate::{ExitStatus, Failure};
+use rigident::application;
+use rigident::model::human::Person;
 use rigident::people::inverse_kinematics::landmarks::{Place, places};
 use rigident::people::inverse_kinematics::marker_sets::{bare_segments, likeness};
 use rigident_io::motion_capture::trial::Trial;
+use rigident_io::recording::new_file::write_new_text;
 
 /// `rigident body markers`
 pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
-    let trial = Trial::read(&arguments.trial, None).map_err(Failure::input)?;
+    let trial = Trial::read(&arguments.trial, arguments.ground.as_deref()).map_err(Failure::input)?;
+    if let Some(path) = &arguments.page {
+        write_page(&trial, path)?;
+    }
     let places = places(&trial.labels);
     let set = likeness(&trial.labels);
     let bare = bare_segments(&trial.labels);
@@ -40,6 +47,11 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
             })
         });
         say(json!({
+            "frames": trial.frames(),
+            "rate_hz": trial.rate_hz,
+            "plates": trial.ground.iter().map(|plate| &plate.name).collect::<Vec<_>>(),
+            "notes": trial.notes,
+            "segments": segments()?,
             "set": set.as_ref().map(|set| set.set),
             "missing": set.as_ref().map(|set| &set.missing),
             "markers": markers.collect::<Vec<_>>(),
@@ -83,6 +95,18 @@ pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
         ));
     }
     Ok(ExitStatus::of(bare.is_empty()).into())
+}
+
+/// Writes the page that plays a trial.
+fn write_page(trial: &Trial, path: &Path) -> Result<(), Failure> {
+    let page = application::body::measured(trial).map_err(Failure::input)?;
+    write_new_text(path, &page).map_err(|e| Failure::input(format!("--page: {e}")))
+}
+
+/// Returns the names of the segments that a marker may be on.
+fn segments() -> Result<Vec<String>, Failure> {
+    let model = Person::default().human34().map_err(Failure::input)?;
+    Ok(model.links.into_iter().map(|link| link.name).collect())
 }
 
 /// Says where a marker is taken to be.
