@@ -202,4 +202,57 @@ fn markers_are_shown_with_their_places_and_missing_ones_are_named() {
     let output = rigident(folder.path(), &["body", "markers", "walk.trc", "--json"]);
     let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&object["set"], &object["unknown"][0]), (&"Plug-in Gait".into(), &"odd".into()));
+    assert_eq!((&object["frames"], &object["segments"][0]), (&20.into(), &"pelvis".into()));
+    // The page that plays them is written once.
+    let page = ["body", "markers", "walk.trc", "--page", "walk.html"];
+    assert_eq!(rigident(folder.path(), &page).status.code(), Some(1));
+    let html = fs::read_to_string(folder.path().join("walk.html")).unwrap();
+    assert!(html.contains(r#""marker_names":["LASI","#) && html.contains(r#"id="time""#));
+    let again = rigident(folder.path(), &page);
+    assert_eq!(again.status.code(), Some(2), "{}", said(&again));
+}
+
+/// The bracket's load cell and IMU in files of their own, the clock of the IMU 300 s ahead.
+#[test]
+fn a_look_at_two_loggers_gives_their_rig_file_and_sets_their_clocks() {
+    let folder = tempfile::tempdir().unwrap();
+    let bracket = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
+    let text = fs::read_to_string(bracket).unwrap();
+    let (mut force, mut imu) = (String::new(), String::new());
+    for (n, row) in text.lines().enumerate() {
+        let cells: Vec<&str> = row.split(',').collect();
+        let time = if n == 0 {
+            "t_s".to_owned()
+        } else {
+            format!("{:.3}", cells[0].parse::<f64>().unwrap() + 300.0)
+        };
+        force += &format!("{}\n", cells[..7].join(","));
+        imu += &format!("{time},{}\n", cells[7..13].join(","));
+    }
+    fs::write(folder.path().join("force.csv"), force).unwrap();
+    fs::write(folder.path().join("imu.csv"), imu).unwrap();
+    let look = |words: &[&str]| -> serde_json::Value {
+        let output = rigident(folder.path(), &[&["import", "--look"], words].concat());
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&output)))
+    };
+    let rig = look(&["force.csv", "imu.csv"])["rig"].as_str().unwrap().to_owned();
+    let written =
+        rigident(folder.path(), &["import", "force.csv", "imu.csv", "--to", "run.rig.toml", "--yes"]);
+    assert_eq!(fs::read_to_string(folder.path().join("run.rig.toml")).unwrap(), rig, "{}", said(&written));
+    let found = &look(&["run.rig.toml"])["files"][0];
+    assert_eq!((&found["clock_of"], &found["error"]), (&"force.csv".into(), &serde_json::Value::Null));
+    let [force, imu] = [0, 1].map(|k| &found["streams"][k]);
+    assert!(force["clock"].is_null() && force["from_s"] == 0.0, "{force}");
+    // A sample of 100 Hz is 10 ms long.
+    let [from, offset] = [&imu["from_s"], &imu["clock"]["offset_s"]].map(|v| v.as_f64().unwrap());
+    assert!(from.abs() < 5e-3 && (offset + 300.0).abs() < 0.1, "{from} {offset}");
+    assert!(imu["curve"]["points"].as_array().unwrap().len() > 100);
+    assert!(
+        found["warnings"][0].as_str().unwrap().contains("the clock of imu.csv is not that of the wrench")
+    );
+    assert!(found["recording"]["rows"].as_u64().unwrap() > 900, "{}", found["recording"]);
+    // A choice of a column that no file has is refused.
+    let refused =
+        rigident(folder.path(), &["import", "--look", "force.csv", "imu.csv", "--column", "t_s=time"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
 }

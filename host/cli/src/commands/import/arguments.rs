@@ -24,7 +24,8 @@ pub struct Convert {
                   t_s=Zeit:ms --unit Fx=kgf --sign on-sensor\n  rigident import force.lvm imu.csv --to \
                   run.rig.toml\n  rigident import log.csv --look")]
 pub struct Import {
-    /// Files of text, Parquet or MAT; several are one recording, each with its own clock
+    /// Files of text, Parquet or MAT; several are one recording, each with its own clock. With --look
+    /// also the rig file that lists them, to see how their clocks fit
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// The rig file to write; must not exist. Default: NAME.rig.toml beside a single file

@@ -1,4 +1,5 @@
 pub(crate) mod arguments;
+mod clocks;
 pub(crate) mod look;
 
 use std::io::{IsTerminal, Write};
