@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use crate::options::output::Output;
 use crate::screen::confirm::answered;
 use crate::screen::terms::in_own_terms;
-use crate::{Failure, Progress, kept};
+use crate::{Failure, Folder, Progress, kept};
 use rigident::answer::Answer;
 use rigident::application::recorded::is_rig_file;
 use rigident::device::session::INTERRUPTED;
@@ -19,11 +19,22 @@ use rigident_io::rig::{CertificateTable, RigFile};
 /// Bytes that are read and hashed at once.
 const PIECE: usize = 1 << 20;
 
+/// Refuses a folder that cannot be written into, and a certificate that cannot, before anything is done or
+/// moves.
+///
+/// # Errors
+/// Bad input: as [`Folder::check`], and the certificate's file is there already, is no page by its name, or
+/// `--certify` names no key.
+pub(crate) fn check_output(output: &Output) -> Result<(), Failure> {
+    check(output)?;
+    output.out.as_deref().map_or(Ok(()), Folder::check)
+}
+
 /// Refuses what no certificate can be made of, before anything is done or moves.
 ///
 /// # Errors
 /// Bad input: the file is there already, is no page by its name, or `--certify` names no key.
-pub(crate) fn check(output: &Output) -> Result<(), Failure> {
+fn check(output: &Output) -> Result<(), Failure> {
     let Some(path) = &output.certificate else { return Ok(()) };
     let is_page = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("html"));
     if !is_page {

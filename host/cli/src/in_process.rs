@@ -5,21 +5,19 @@
 //! command does; it is the same function as on the command line, so that the numbers are the same.
 
 use std::any::Any;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use clap::FromArgMatches;
-
-use crate::arguments::{Arguments, Command};
+use crate::arguments::Arguments;
 use crate::commands::{factor, identify};
+use crate::dispatch::{Command, dispatch};
 use crate::kept;
 use crate::kept::Stopped;
-use crate::{ExitStatus, Failure, command, dispatch, in_one_line};
+use crate::{ExitStatus, Failure, in_one_line, parse, status_of};
 use rigident_io::recording::Recording;
-use rigident_shared::printable;
 
 /// Holds what a command did that was called in this process.
 #[derive(Debug)]
@@ -69,29 +67,6 @@ pub fn call<W: Into<OsString>>(
     Called { status, output, messages, failure }
 }
 
-/// Reads the words of a command line, the program's name first.
-///
-/// # Errors
-/// What clap says of them; help and the version are such, too.
-pub(crate) fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
-    let words: Vec<OsString> = words.into_iter().collect();
-    if let Some((n, word)) = words.iter().enumerate().skip(1).find(|(_, word)| steers(word)) {
-        let shown = word.to_string_lossy();
-        let why = format!(
-            "argument {n}, '{}', has control characters: names of files go into messages and written files; \
-             rename it",
-            printable::name(&shown)
-        );
-        return Err(command().error(clap::error::ErrorKind::InvalidValue, why));
-    }
-    let mut matches = command().try_get_matches_from(words)?;
-    Arguments::from_arg_matches_mut(&mut matches)
-}
-
-fn steers(word: &OsStr) -> bool {
-    word.to_string_lossy().chars().any(printable::steers)
-}
-
 fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, Failure> {
     match (arguments.command, recording) {
         (command, None) => dispatch(Arguments { command }),
@@ -101,12 +76,6 @@ fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, F
             Err(Failure::input("this command takes no recording from memory: identify and factor do"))
         }
     }
-}
-
-/// Returns the exit status that a code represents.
-pub(crate) fn status_of(code: ExitCode) -> ExitStatus {
-    let found = ExitStatus::ALL.into_iter().find(|status| ExitCode::from(*status) == code);
-    found.unwrap_or(ExitStatus::NotIdentified)
 }
 
 /// Returns the failure of a command that was stopped; any other panic goes on.
@@ -120,6 +89,7 @@ fn stopped(payload: Box<dyn Any + Send>) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rigident_shared::printable;
 
     const BRACKET: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/examples/bracket.csv");
 

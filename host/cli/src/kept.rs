@@ -1,5 +1,9 @@
 //! The output that a thread stores of a called command that it would print elsewhere, and whether the command
 //! is to stop.
+#![cfg_attr(
+    target_family = "wasm",
+    allow(dead_code, reason = "nothing calls a command in a browser's process")
+)]
 
 use std::cell::RefCell;
 use std::fmt;

@@ -1,36 +1,61 @@
 //! One file or folder for a command, its arguments beside it.
 
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod bench;
 pub(crate) mod body;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod calibrate;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod completions;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod configure;
-#[cfg(feature = "simulator")]
+#[cfg(all(feature = "simulator", not(target_family = "wasm")))]
 pub(crate) mod demo;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod demo_arguments;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod device_arguments;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod doctor;
+#[cfg_attr(target_family = "wasm", allow(dead_code, reason = "the page has no factors of its own"))]
 pub(crate) mod factor;
 pub(crate) mod identify;
 pub(crate) mod import;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod info;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod live;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod merge;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod model;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod monitor;
-#[cfg(feature = "simulator")]
+#[cfg(all(feature = "simulator", not(target_family = "wasm")))]
 pub(crate) mod montecarlo;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod montecarlo_arguments;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod plan;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod ports;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod predict;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod replay;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod run;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod statics;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod summary;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) mod ui;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod verify;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod vibration;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod watch;
+#[cfg(not(target_family = "wasm"))]
 pub(crate) mod workspace;

@@ -1,0 +1,47 @@
+//! The commands that the browser's page calls, as the program for it has them: no others, so that it is
+//! small.
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use rigident::application::recorded::listed;
+
+use crate::commands::body::arguments::Body;
+use crate::commands::identify::arguments::Identify;
+use crate::commands::import::arguments::Import;
+use crate::{Arguments, Failure, certificate, commands};
+
+/// The commands; those of the command line have the same names and options.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Identify the body of a recording, in batch, with the same pipeline in double precision
+    Identify(Box<Identify>),
+    /// Show how files of other programs are understood, and write a rig file that says so
+    Import(Import),
+    /// Identify a person from motion capture and force plates
+    Body(Body),
+}
+
+/// The command line as it is: nothing of these commands needs the simulated rig.
+pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
+    command
+}
+
+/// Does what a command line asks for.
+///
+/// # Errors
+/// What the command says, or that there is none.
+pub(crate) fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
+    match arguments.command {
+        Some(Command::Identify(mut a)) => {
+            certificate::check_output(&a.output)?;
+            a.recording = listed(a.recording);
+            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
+            commands::identify::run(&a)
+        }
+        Some(Command::Import(a)) if a.look => commands::import::look::run(&a),
+        Some(Command::Import(a)) => commands::import::run(&a),
+        Some(Command::Body(a)) => commands::body::run(&a),
+        None => Err(Failure::input("the page calls a command: identify, import or body")),
+    }
+}
