@@ -30,32 +30,34 @@ const plain = (unit) => unit?.replace(/[[\]()\s·.*_]/g, "").replaceAll("²", "^
 /** The unit of the list that a written one is; undefined if it is none of them. */
 const listed = (units, written) => units.find((unit) => plain(unit) === plain(written)) ?? (written ? written : undefined);
 
-/** Puts what was chosen into the columns, over what the program proposes. */
+/** Puts the choices into the columns, over the program's proposal. */
 function overlaid(columns, said) {
+  const names = new Set(columns.map(({ name }) => name));
   return columns.map((column) => {
     const own = Object.entries(said).find(([, { name }]) => name === column.name);
     if (own) return { ...column, column: own[0], unit: own[1].unit ?? column.unit };
-    return said[column.column] ? { ...column, column: null } : column;
+    return said[column.column] && names.has(said[column.column].name) ? { ...column, column: null } : column;
   });
 }
 
 /**
- * Shows a file's columns as lists, with what was chosen before; `changed` is called with what is chosen then, as
+ * Shows the columns of files as lists, with the choices made before; `changed` is called with the choices then, as
  * {column: {name, unit}} by known names.
  */
 export function show(given, said, changed) {
-  const file = { ...given, columns: overlaid(given.columns, said) };
-  const rows = file.columns.map((column, k) => row(file, column, k, () => changed(chosen(file))));
-  const head = ["column in the file", "first values", "what it is", "unit"].map((words) => make("th", { scope: "col" }, words));
-  by("columns").replaceChildren(make("table", {}, make("caption", { class: "hidden" }, "Columns of the file"),
-    make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows)));
+  const files = given.map((file) => ({ ...file, columns: overlaid(file.columns, said) }));
+  const head = ["column in the file", "first values", "meaning", "unit"].map((words) => make("th", { scope: "col" }, words));
+  by("columns").replaceChildren(...files.map((file, n) => make("div", { class: "scroll" }, make("table", {},
+    make("caption", { class: files.length > 1 ? "" : "hidden" }, files.length > 1 ? file.file : "Columns of the file"),
+    make("thead", {}, make("tr", {}, ...head.map((cell) => cell.cloneNode(true)))),
+    make("tbody", {}, ...file.columns.map((column, k) => row(file, column, `${n}-${k}`, () => changed(chosen(files, said)))))))));
 }
 
 function row(file, column, k, changed) {
   const isMissing = file.missing_units?.includes(column.name) === true;
   const group = groupOf(column.column);
   const known = groupOf(column.column) ? [] : column.column ? [[column.column, column.column]] : [];
-  const what = select({ "aria-label": `What column ${column.name} is`, "data-column": k, class: "what", onchange: changed },
+  const what = select({ "aria-label": `Meaning of column ${column.name}`, "data-column": k, class: "what", onchange: changed },
     [["", "not used"], ...known, ...GROUPS], column.column ?? "");
   const cell = (...content) => make("td", {}, ...content);
   return make("tr", { class: isMissing ? "missing" : undefined }, make("th", { scope: "row" }, column.name || "(no name)"),
@@ -65,33 +67,36 @@ function row(file, column, k, changed) {
 function unitList(column, k, group, isMissing, changed) {
   if (!group || column.is_clock) return column.is_clock ? "time of day" : "";
   const units = UNITS[group.units];
-  const written = listed(units, column.unit);
+  const isOwn = column.name === column.column;
+  const written = isOwn ? undefined : listed(units, column.unit);
   const all = written && !units.includes(written) ? [written, ...units] : units;
   const choices = all.map((unit) => [unit, unit]);
-  const isOwn = column.name === column.column;
   if (!written) choices.unshift(["", isMissing ? "which?" : `${units[0]}, by its name`]);
   return select({ "aria-label": `Unit of column ${column.name}`, "data-unit": k, class: "unit", "aria-invalid": isMissing ? "true" : undefined,
     disabled: isOwn, onchange: changed }, choices, isMissing ? "" : written ?? "");
 }
 
-/** What the lists say. */
-function chosen(file) {
+/** The choices in the lists. Of several files one that is as proposed is no choice: each may have a time by the same name. */
+function chosen(files, said) {
   const found = {};
   for (const what of document.querySelectorAll("#columns select.what")) {
-    const k = Number(what.dataset.column);
-    const column = file.columns[k];
+    const [n, k] = what.dataset.column.split("-").map(Number);
+    const column = files[n].columns[k];
     if (what.value === "") continue;
-    const unit = document.querySelector(`#columns select[data-unit="${k}"]`)?.value;
+    const unit = document.querySelector(`#columns select[data-unit="${n}-${k}"]`)?.value;
     const [units, before] = [groupOf(what.value)?.units, groupOf(column.column)?.units];
     const isOwn = column.name === what.value;
-    // For a quantity that was just picked the list has the SI's unit, unless the file says one.
+    // Of a column that was just picked the SI's unit is in the list, unless the file says one.
     const first = column.unit || column.is_clock || isOwn ? undefined : UNITS[units]?.[0];
-    found[what.value] = { name: column.name, unit: units === before && unit ? unit : first, isOwn };
+    const choice = { name: column.name, unit: units === before && unit ? unit : first, isOwn };
+    const isProposed = column.column === what.value && (unit === undefined || plain(unit) === plain(column.unit ?? "") || unit === "");
+    if (files.length > 1 && isProposed && said[what.value]?.name !== column.name) continue;
+    found[what.value] = choice;
   }
   return found;
 }
 
-/** The program's options for what was chosen. */
+/** The program's options for the choices. */
 export function options(columns) {
   return Object.entries(columns).filter(([, { isOwn }]) => !isOwn).flatMap(([known, { name, unit }]) => ["--column", `${known}=${name}${unit ? `:${unit}` : ""}`]);
 }

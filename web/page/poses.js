@@ -1,4 +1,4 @@
-// Still poses typed in by hand: what a level shows along x and y of the load cell, and what the load cell shows.
+// Still poses typed in by hand: readings of a level along x and y of the load cell, and those of the load cell.
 
 import { by, make } from "./dom.js";
 
@@ -55,7 +55,7 @@ const number = (text) => (/^\s*[-+−]?(\d+([.,]\d*)?|[.,]\d+)\s*$/.test(text) ?
 
 /**
  * Returns the recording as text, or words that say what is missing. A level along an axis shows sin α of it upwards, so the
- * gravity vector has −g sin α along it; what is left of its length is along z, downwards.
+ * gravity vector has −g sin α along it; the rest of its length is along z, downwards.
  */
 export function recording() {
   const all = [...document.querySelectorAll("#pose-table tbody tr")];

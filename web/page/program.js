@@ -11,7 +11,7 @@ function start() {
   worker ??= new Worker("worker.js", { type: "module" });
   worker.onmessage = ({ data }) => {
     if (data.id !== waiting?.id) return;
-    if (data.message !== undefined) return waiting.report(data.message);
+    if (data.words !== undefined) return waiting.heard(data.words);
     const { resolve, reject } = waiting;
     waiting = undefined;
     if (data.failed !== undefined) reject(new Error(data.failed));
@@ -29,14 +29,14 @@ function start() {
 let queue = Promise.resolve();
 
 /**
- * Runs a command: `words` as on a command line, `files` as pairs of path and File, Blob or text. `report` is called with what it says on
- * standard error. Returns `{status, output, errors, made}`; `made` are pairs of path and bytes.
+ * Runs a command: `words` as on a command line, `files` as pairs of path and File, Blob or text. `heard` is called with the text of
+ * standard error as it comes. Returns `{status, output, errors, made}`; `made` are pairs of path and bytes.
  */
-export function call(words, files, report = () => {}) {
+export function call(words, files, heard = () => {}) {
   const job = () =>
     new Promise((resolve, reject) => {
       start();
-      waiting = { id: ++number, resolve, reject, report };
+      waiting = { id: ++number, resolve, reject, heard };
       worker.postMessage({ id: number, words, files });
     });
   const called = queue.then(job);
@@ -50,10 +50,10 @@ export function cancel() {
   waiting = undefined;
   worker?.terminate();
   worker = undefined;
-  reject?.(new Cancelled("stopped"));
+  reject?.(new Cancelled("cancelled"));
 }
 
-/** What a command said was wrong: its object's error, or the last words on standard error. */
+/** The program's complaint: its object's error, or its last words on standard error. */
 export function complaint({ output, errors }) {
   try {
     const { error } = JSON.parse(output);

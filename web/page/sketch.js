@@ -59,14 +59,15 @@ function element(name, attributes, text) {
   return made;
 }
 
-function axes(svg, [cx, cy], rotation, length, label, name) {
+function axes(svg, [cx, cy], rotation, length, name, nameY) {
   for (const [k, axis] of AXES.entries()) {
     const [dx, dy] = project(rotation.map((row) => row[k])).map((value) => value * length);
     svg.append(element("line", { x1: cx, y1: cy, x2: cx + dx, y2: cy + dy, class: `axis s${k}`, "marker-end": `url(#tip${k})` }));
     const far = 1.2 + 6 / Math.max(length, 1);
-    svg.append(element("text", { x: cx + dx * far, y: cy + dy * far + 4, class: "mid" }, `${label}${axis}`));
+    svg.append(element("text", { x: cx + dx * far, y: cy + dy * far + 4, class: "mid" }, axis));
   }
-  svg.append(element("text", { x: cx, y: cy + 44, class: "mid name" }, name));
+  // Below all that an axis and its name can reach.
+  svg.append(element("text", { x: cx, y: nameY, class: "mid name" }, name));
 }
 
 /** Draws the sketch into an SVG element. `position_m` is the IMU's origin in the axes of the load cell; null: there is none. */
@@ -80,7 +81,7 @@ export function draw(svg, rotation, position_m) {
   }
   svg.append(defs, element("ellipse", { cx: 110, cy: 150, rx: 46, ry: 17, class: "cell" }));
   svg.append(element("path", { d: "M64 150v16a46 17 0 0 0 92 0v-16", class: "cell" }));
-  axes(svg, [110, 150], IDENTITY, 62, "", "load cell, S");
+  axes(svg, [110, 150], IDENTITY, 62, "load cell, S", 208);
   if (position_m === null) return;
   const reach = Math.hypot(...position_m);
   // Direction as it is, distance to taste: a sketch, not a drawing.
@@ -88,5 +89,5 @@ export function draw(svg, rotation, position_m) {
   const centre = [265 + px * 22, 118 + py * 22];
   svg.append(element("rect", { x: centre[0] - 12, y: centre[1] - 9, width: 24, height: 18, rx: 3, class: "imu" }));
   svg.append(element("path", { d: `M110 150L${centre[0]} ${centre[1]}`, class: "lever" }));
-  axes(svg, centre, rotation, 44, "", "IMU");
+  axes(svg, centre, rotation, 44, "IMU", centre[1] + 71);
 }

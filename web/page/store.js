@@ -1,4 +1,4 @@
-// What is kept on this computer over a reload: the files that were chosen and what was said of them, in the browser's own database.
+// Files, choices and the answer, kept on this computer over a reload, in the browser's own database.
 
 const NAME = "rigident";
 const STORE = "state";

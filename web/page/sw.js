@@ -1,7 +1,7 @@
-// Keeps the page's own files, so that it works without a network: what the server has comes first, what was kept comes where it has none.
+// Keeps the page's own files, so that it works without a network: the server's come first, those kept come where it gives none.
 
 const NAME = "rigident";
-const FILES = ["./", "page.css", "app.js", "columns.js", "dom.js", "poses.js", "program.js", "rig.js", "sketch.js", "store.js", "tells.js", "wasi.js", "worker.js",
+const FILES = ["./", "page.css", "answer.js", "app.js", "certificate.js", "clocks.js", "columns.js", "dom.js", "person.js", "poses.js", "program.js", "rig.js", "sketch.js", "store.js", "tells.js", "wasi.js", "worker.js",
   "rigident.wasm", "example/bracket.csv", "example/bracket.rig.toml"];
 
 self.addEventListener("install", (event) => {

@@ -1,4 +1,4 @@
-// What a recording can tell before anything is identified: which motion it has, and what that motion shows of a body.
+// Motion in a recording, before anything is identified: how much there is, and which parameters it can show.
 
 import { by, digits, make } from "./dom.js";
 
@@ -14,7 +14,7 @@ export function words(seen) {
   return `${seen.rows} ${seen.is_static ? "still poses" : "rows"}${rate}${gaps}.`;
 }
 
-/** Shows what the recording can tell. */
+/** Shows the motion, and the parameters that it can show. */
 export function show(seen) {
   const tilt = seen.tilt_rms_rad;
   const degrees = (rad) => `${digits(rad / DEGREE, 2)}°`;
@@ -35,6 +35,6 @@ export function show(seen) {
   if (!seen.rate_rms_radps) add("inertia", seen.is_static ? "still poses have none in them" : "no angular rate is measured", false);
   const line = ([what, from, tells]) => make("tr", {}, make("th", { scope: "row" }, what), make("td", {}, tells ? "yes" : "hardly, or not"), make("td", { class: "soft" }, from));
   const head = ["of the body", "seen", "by"].map((name) => make("th", { scope: "col" }, name));
-  by("tells-table").replaceChildren(make("table", {}, make("caption", { class: "hidden" }, "What the recording can tell"), make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows.map(line))),
+  by("tells-table").replaceChildren(make("table", {}, make("caption", { class: "hidden" }, "Motion in the recording"), make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows.map(line))),
     make("p", { class: "soft" }, "By its motion alone: how well, and whether the readings agree, the answer says."));
 }

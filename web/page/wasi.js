@@ -40,7 +40,7 @@ class MemoryFile {
     return found.length;
   }
 
-  /** What it holds. */
+  /** Its bytes. */
   content() {
     return this.bytes.subarray(0, this.size);
   }
@@ -82,12 +82,12 @@ function clean(path) {
 /**
  * Runs a compiled program to its end.
  *
- * `words` are its command line without its name, `files` what it finds, and where it writes; `report` is called with each text that
- * it writes on standard error. Returns its status, and what it wrote on standard output. What cannot go on (the program's own
+ * `words` are its command line without its name, `files` what it finds, and where it writes; `heard` is called with each text that
+ * it writes on standard error. Returns its status, and its standard output. Its breaking off (the program's own
  * fault) is thrown.
  */
-export async function run(module, words, files, report) {
-  const system = new System(["rigident", ...words], files, report);
+export async function run(module, words, files, heard) {
+  const system = new System(["rigident", ...words], files, heard);
   const instance = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: system.calls() });
   system.memory = instance.exports.memory;
   let status = 0;
@@ -101,10 +101,10 @@ export async function run(module, words, files, report) {
 }
 
 class System {
-  constructor(words, files, report) {
+  constructor(words, files, heard) {
     this.words = words.map((word) => new TextEncoder().encode(`${word}\0`));
     this.files = files;
-    this.report = report;
+    this.heard = heard;
     this.written = [];
     this.errors = new TextDecoder();
     this.handles = new Map([[ROOT, { folder: "" }]]);
@@ -155,7 +155,7 @@ class System {
     }
     if (handle === 2) {
       const text = list.map((piece) => this.errors.decode(piece, { stream: true })).join("");
-      if (text !== "") this.report(text);
+      if (text !== "") this.heard(text);
       return ERRNO.SUCCESS;
     }
     const open = this.handles.get(handle);

@@ -16,9 +16,9 @@ function program() {
 
 onmessage = async ({ data: { id, words, files } }) => {
   const errors = [];
-  const report = (text) => {
+  const heard = (text) => {
     errors.push(text);
-    postMessage({ id, message: text });
+    postMessage({ id, words: text });
   };
   try {
     const module = await program();
@@ -27,7 +27,7 @@ onmessage = async ({ data: { id, words, files } }) => {
       system.put(path, new Uint8Array(typeof file === "string" ? new TextEncoder().encode(file) : await file.arrayBuffer()));
     }
     const given = new Set(system.files.keys());
-    const ended = await run(module, words, system, report);
+    const ended = await run(module, words, system, heard);
     const written = [...system.files].filter(([path]) => !given.has(path));
     const made = written.map(([path, file]) => [path, file.content().slice()]);
     postMessage({ id, status: ended.status, output: ended.output, errors: errors.join(""), made });
@@ -36,7 +36,7 @@ onmessage = async ({ data: { id, words, files } }) => {
   }
 };
 
-/** What happened to a program that did not come to its end. */
+/** Words for the failure of a program that did not come to its end. */
 function failure(error, said) {
   if (error instanceof WebAssembly.RuntimeError) {
     const last = said.trim().split("\n").slice(-3).join(" ");

@@ -30,13 +30,16 @@ export function browser() {
   return chromium.launch({ executablePath: `/usr/bin/${process.env.RIGIDENT_BROWSER}`, args: ["--no-sandbox"] });
 }
 
-/** Opens the page anew, with nothing kept; whatever it asks the network for goes into `asked`, and its errors into `errors`. */
+/** Everything that pages asked the network for, of all tests until it is taken out. */
+export const asked = [];
+
+/** Opens the page anew, with nothing kept; its requests go into `asked`, its errors into `errors`. */
 export async function opened(chromium, address, options = {}) {
   const context = await chromium.newContext({ viewport: { width: 1280, height: 900 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
-  const seen = { page, context, asked: [], errors: [] };
-  page.on("request", (request) => {
-    if (!request.url().startsWith("blob:") && !request.url().startsWith("data:")) seen.asked.push(request);
+  const seen = { page, context, asked, errors: [] };
+  context.on("request", (request) => {
+    if (!request.url().startsWith("blob:") && !request.url().startsWith("data:")) asked.push(request);
   });
   page.on("pageerror", (error) => seen.errors.push(String(error)));
   page.on("console", (message) => {

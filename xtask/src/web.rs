@@ -19,8 +19,19 @@ const PACKAGES: [&str; 7] =
 const LIBRARY: &str = "/usr/lib/wasm32-wasi";
 /// The size that the page may have on the way to a browser, bytes: everything, packed by gzip.
 const MOST_BYTES: u64 = 5_000_000;
-/// Of npm: what shrinks the program, and what drives the browser.
-const NPM: [&str; 2] = ["binaryen@132.0.0", "playwright-core@1.65.1"];
+/// Of npm: the program that shrinks WebAssembly, the driver of the browser, and rules of accessibility.
+const NPM: [&str; 3] = ["axe-core@4.10.3", "binaryen@132.0.0", "playwright-core@1.65.1"];
+/// Parts of SQLite that no bag needs: full-text search, R-trees, statistics, extensions of other people.
+const SQLITE: [&str; 8] = [
+    "-USQLITE_ENABLE_FTS3",
+    "-USQLITE_ENABLE_FTS3_PARENTHESIS",
+    "-USQLITE_ENABLE_FTS5",
+    "-USQLITE_ENABLE_RTREE",
+    "-USQLITE_ENABLE_DBSTAT_VTAB",
+    "-USQLITE_ENABLE_STAT4",
+    "-USQLITE_ENABLE_LOAD_EXTENSION",
+    "-DSQLITE_OMIT_LOAD_EXTENSION",
+];
 
 /// Says how much is done.
 #[derive(clap::Args, Clone, Default)]
@@ -97,7 +108,8 @@ fn tools() -> Result<()> {
         setup::apt_install(&PACKAGES)?;
     }
     ensure!(is_installed("npm"), "there is no npm: install Node.js 20 or later");
-    if !npm().join("node_modules/playwright-core").is_dir() {
+    let packages = ["axe-core", "binaryen", "playwright-core"];
+    if !packages.iter().all(|name| npm().join("node_modules").join(name).is_dir()) {
         std::fs::create_dir_all(npm())?;
         process::run(
             process::command("npm", &npm())
@@ -139,7 +151,8 @@ fn compile() -> Result<()> {
             .env("CARGO_TARGET_WASM32_WASIP1_RUSTFLAGS", flags)
             .env("CC_wasm32_wasip1", "clang-14")
             .env("AR_wasm32_wasip1", "llvm-ar-14")
-            .env("CFLAGS_wasm32_wasip1", system.join(" ")),
+            .env("CFLAGS_wasm32_wasip1", system.join(" "))
+            .env("LIBSQLITE3_FLAGS", SQLITE.join(" ")),
     )
 }
 

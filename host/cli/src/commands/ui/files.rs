@@ -12,9 +12,13 @@ macro_rules! files {
 files!(
     "index.html",
     "page.css",
+    "answer.js",
     "app.js",
+    "certificate.js",
+    "clocks.js",
     "columns.js",
     "dom.js",
+    "person.js",
     "poses.js",
     "program.js",
     "rig.js",

@@ -18,8 +18,10 @@ const MOST_CLIENTS: usize = 32;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The largest file of a page, bytes.
 const MOST_OF_FILE: u64 = 64 << 20;
-/// Lets a browser run the page's own scripts, and talk to nobody else.
-const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; \
+/// Lets a browser run the page's own scripts, and the one that plays motions, by its hash; it talks to nobody
+/// else.
+const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval' \
+                      'sha256-0e0lr69b/9ybeOi3nnoA/t9ooQ/KmopSCgJ4Y0nN/5g='; worker-src 'self'; \
                       connect-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
                       frame-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -250,6 +252,27 @@ mod tests {
         ] {
             assert!(status(&request).starts_with(refused), "{request:?}: {}", status(&request));
         }
+    }
+
+    /// The frame of a motion has the page's policy: its script runs by its hash alone, which is that of FIPS
+    /// 180-4 in Base64.
+    #[test]
+    fn the_script_that_plays_motions_is_allowed_by_its_hash() {
+        use sha2::{Digest, Sha256};
+        const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        let hash = Sha256::digest(rigident::present::motion::MotionPage::player());
+        let digit = |bits: u32, k: u32| char::from(DIGITS[(bits >> (18 - 6 * k)) as usize & 63]);
+        let mut text = String::new();
+        for three in hash.chunks(3) {
+            let byte = |k: usize| u32::from(three.get(k).copied().unwrap_or(0));
+            let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+            (0..4).for_each(|k| text.push(if k as usize > three.len() { '=' } else { digit(bits, k) }));
+        }
+        let source = format!("'sha256-{text}'");
+        assert!(POLICY.contains(&source), "POLICY is to allow {source}");
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../web/page/index.html");
+        let page = std::fs::read_to_string(page).unwrap();
+        assert!(page.contains(&source), "the policy in web/page/index.html is to allow {source}");
     }
 
     #[test]
