@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
 use rigident_sim::link::{ByteLink, FaultyLink};
-use rigident_sim::rig::Rig;
+use rigident_sim::rig::{Rig, SharedRig};
 use rigident_sim::runner::{InProcess, Mcu, Pacing, Qemu, QemuOptions};
 use rigident_sim::serve::gcs::GcsServer;
 use rigident_sim::serve::sensors::{
@@ -55,6 +55,17 @@ fn main() -> ExitCode {
     }
 }
 
+/// Offers lines of poses at an address.
+fn stream(options: &ServeOptions, at: &str, rig: &SharedRig) -> Result<StreamServer, Failure> {
+    let report = |said: &str| eprintln!("rigident-sim: the stream is not followed: {said}");
+    let mut lines = StreamServer::listen(at, Arc::clone(rig), report)
+        .map_err(|e| Failure(3, format!("no lines at {at}: {e}; name another address by --stream")))?;
+    if let Some(name) = &options.stream_port_link {
+        lines.open_port(name).map_err(|e| Failure(3, format!("no port {}: {e}", name.display())))?;
+    }
+    Ok(lines)
+}
+
 fn serve(options: &ServeOptions) -> Result<(), Failure> {
     let leave = Arc::new(AtomicBool::new(false));
     let stop = Arc::clone(&leave);
@@ -87,19 +98,7 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
         })?),
         _ => None,
     };
-    let lines = match &options.stream {
-        None => None,
-        Some(at) => {
-            let report = |said: &str| eprintln!("rigident-sim: the stream is not followed: {said}");
-            let mut lines = StreamServer::listen(at, Arc::clone(&rig), report).map_err(|e| {
-                Failure(3, format!("no lines at {at}: {e}; name another address by --stream"))
-            })?;
-            if let Some(name) = &options.stream_port_link {
-                lines.open_port(name).map_err(|e| Failure(3, format!("no port {}: {e}", name.display())))?;
-            }
-            Some(lines)
-        }
-    };
+    let lines = options.stream.as_ref().map(|at| stream(options, at, &rig)).transpose()?;
     let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
         let name = options.port_link.display();
         Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))

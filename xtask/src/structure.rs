@@ -55,7 +55,7 @@ const SIZES: [&str; 2] = ["Ten", "Sixteen"];
 /// from, to, reason.
 type KnownArrow = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-const KNOWN_ARROWS: [KnownArrow; 28] = [
+const KNOWN_ARROWS: [KnownArrow; 27] = [
     ("shared", "", "factor", "forgetting", "a factor in a cascade forgets by itself"),
     ("shared", "", "scalar", "factor", "a scalar brings the factor's fastest kernel for it"),
     ("shared", "", "scalar", "linear_algebra", "a scalar brings the fastest sums over slices for it"),
@@ -75,7 +75,6 @@ const KNOWN_ARROWS: [KnownArrow; 28] = [
     ),
     ("host/device", "platform", "error", "gcs", "an error words the codes of the protocol"),
     ("host/device", "platform", "gcs", "address", "the line is beside the address that opens it"),
-    ("host/device", "platform", "network", "address", "the patience is beside the address that opens it"),
     ("host/device", "platform", "stream", "address", "the line is beside the address that opens it"),
     ("host/rows", "tree", "frames", "contact", "the input of a tree holds its contacts"),
     ("host/rows", "tree", "frames", "errors", "the input of a tree holds errors of its signals"),

@@ -6,7 +6,6 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 use rigident::application::recorded::{listed, named, refuse_several};
 
-use crate::arguments::Arguments;
 use crate::commands::body::arguments::Body;
 use crate::commands::calibrate::arguments::{Calibrate, Verify};
 use crate::commands::demo_arguments::Demo;
@@ -159,9 +158,9 @@ fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
 ///
 /// # Errors
 /// What the command says.
-pub(crate) fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
-    check_folder(arguments.command.as_ref())?;
-    match arguments.command {
+pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
+    check_folder(command.as_ref())?;
+    match command {
         #[cfg(feature = "simulator")]
         None => commands::demo::run(&commands::demo_arguments::Demo::bare()),
         #[cfg(feature = "simulator")]

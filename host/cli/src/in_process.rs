@@ -69,7 +69,7 @@ pub fn call<W: Into<OsString>>(
 
 fn run(arguments: Arguments, recording: Option<Recording>) -> Result<ExitCode, Failure> {
     match (arguments.command, recording) {
-        (command, None) => dispatch(Arguments { command }),
+        (command, None) => dispatch(command),
         (Some(Command::Identify(a)), Some(recording)) => identify::of_recording(&a, recording),
         (Some(Command::Factor(a)), Some(recording)) => factor::make_of(&a, recording),
         (_, Some(_)) => {

@@ -64,7 +64,7 @@ pub fn main_of(words: Vec<OsString>) -> ExitStatus {
         }
     };
     listen_for_interrupts(json);
-    let outcome = dispatch(arguments).and_then(|code| match screen::outcome::unwritten() {
+    let outcome = dispatch(arguments.command).and_then(|code| match screen::outcome::unwritten() {
         Some(error) => Err(Failure::input(format!(
             "the answer cannot be written to standard output: {error}; make room there, or write it elsewhere"
         ))),

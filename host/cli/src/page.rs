@@ -9,7 +9,7 @@ use rigident::application::recorded::listed;
 use crate::commands::body::arguments::Body;
 use crate::commands::identify::arguments::Identify;
 use crate::commands::import::arguments::Import;
-use crate::{Arguments, Failure, certificate, commands};
+use crate::{Failure, certificate, commands};
 
 /// The commands; those of the command line have the same names and options.
 #[derive(Subcommand, Debug)]
@@ -31,8 +31,8 @@ pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
 ///
 /// # Errors
 /// What the command says, or that there is none.
-pub(crate) fn dispatch(arguments: Arguments) -> Result<ExitCode, Failure> {
-    match arguments.command {
+pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
+    match command {
         Some(Command::Identify(mut a)) => {
             certificate::check_output(&a.output)?;
             a.recording = listed(a.recording);

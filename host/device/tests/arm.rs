@@ -1,5 +1,5 @@
-//! The driver of arms of Universal Robots with the simulated controller, in real time: a program of its own, so
-//! that no other test takes the processor from the simulated clock.
+//! The driver of arms of Universal Robots with the simulated controller, in real time: a program of its own,
+//! so that no other test takes the processor from the simulated clock.
 #![cfg(feature = "emulator")]
 
 use std::io::Write;

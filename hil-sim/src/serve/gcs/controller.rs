@@ -226,44 +226,42 @@ impl Hexapod {
             "MOV" => self.aim(words, false).and_then(|to| self.go(rig, to)).and(none),
             "MVR" if self.consecutive => Err(error::NOT_ALLOWED),
             "MVR" => self.aim(words, true).and_then(|to| self.go(rig, to)).and(none),
-            "VLS" => match words {
-                [v] => {
-                    let v: f64 = v.parse().map_err(|_| error::NUMBER)?;
-                    self.velocity_mmps =
-                        Some(v).filter(|v| (0.001..=500.0).contains(v)).ok_or(error::VELOCITY)?;
-                    none
-                }
-                _ => Err(error::PARAMETER_COUNT),
-            },
-            "SCT" => match words {
-                ["T", ms] => {
-                    let ms: f64 = ms.parse().map_err(|_| error::NUMBER)?;
-                    self.idle(rig)?;
-                    let ms = Some(ms).filter(|ms| (1.0..=1000.0).contains(ms)).ok_or(error::RANGE)?;
-                    // It counts in tenths of a millisecond.
-                    self.interval_ms = (10.0 * ms).round() / 10.0;
-                    none
-                }
-                _ => Err(error::SYNTAX),
-            },
+            "VLS" => self.set_velocity(words).and(none),
+            "SCT" => self.set_interval(rig, words).and(none),
             "SPA" => self.set_parameters(rig, words).and(none),
             "STP" | "HLT" => {
                 self.stop(rig, if verb == "HLT" { Stop::Smooth } else { Stop::Abrupt });
                 none
             }
-            "MAC" => match words {
-                ["START" | "NSTART", _, ..] => {
-                    self.in_macro = true;
-                    none
-                }
-                ["STOP", ..] => {
-                    self.in_macro = false;
-                    none
-                }
-                _ => Err(error::SYNTAX),
-            },
+            "MAC" => self.run_macro(words).and(none),
             _ => Err(error::UNKNOWN_COMMAND),
         }
+    }
+
+    fn set_velocity(&mut self, words: &[&str]) -> Result<(), u16> {
+        let [v] = words else { return Err(error::PARAMETER_COUNT) };
+        let v: f64 = v.parse().map_err(|_| error::NUMBER)?;
+        self.velocity_mmps = Some(v).filter(|v| (0.001..=500.0).contains(v)).ok_or(error::VELOCITY)?;
+        Ok(())
+    }
+
+    /// The interval counts in tenths of a millisecond.
+    fn set_interval(&mut self, rig: &Rig, words: &[&str]) -> Result<(), u16> {
+        let ["T", ms] = words else { return Err(error::SYNTAX) };
+        let ms: f64 = ms.parse().map_err(|_| error::NUMBER)?;
+        self.idle(rig)?;
+        let ms = Some(ms).filter(|ms| (1.0..=1000.0).contains(ms)).ok_or(error::RANGE)?;
+        self.interval_ms = (10.0 * ms).round() / 10.0;
+        Ok(())
+    }
+
+    fn run_macro(&mut self, words: &[&str]) -> Result<(), u16> {
+        self.in_macro = match words {
+            ["START" | "NSTART", _, ..] => true,
+            ["STOP", ..] => false,
+            _ => return Err(error::SYNTAX),
+        };
+        Ok(())
     }
 
     fn idle(&self, rig: &Rig) -> Result<(), u16> {

@@ -13,10 +13,8 @@ use super::gcs::GcsPlatform;
 use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
 use super::ur::{self, UrPlatform};
-use super::{NetworkPlatform, Platform, PlatformError};
+use super::{NetworkPlatform, PATIENCE, Platform, PlatformError};
 
-/// The time that a controller may take to answer.
-pub(super) const PATIENCE: Duration = Duration::from_secs(3);
 /// Set points per second where the address does not say.
 const RATE_HZ: f64 = 100.0;
 /// Rates that make sense, 1/s.

@@ -155,8 +155,6 @@ fn against(peak: f64, limit: Option<f64>, digits: usize, unit: &str, key: &str) 
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [shortest, longest] = self.leg_length_m;
-        let [least, most] = self.leg_limits_m;
         write!(f, "the platform is about to move for {:.0} s", self.duration_s)?;
         if self.way_s > 0.0 {
             write!(f, ", {:.1} s of which are the way to the start", self.way_s)?;
@@ -175,48 +173,8 @@ impl fmt::Display for Summary {
             used.fmt(self, f)?;
             return self.plate(f);
         }
-        write!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
-        let reserve = self.stroke_reserve().unwrap_or_default();
-        writeln!(
-            f,
-            ", {:.1} mm in reserve, {:.0} % of the stroke",
-            1e3 * reserve * (most - least),
-            100.0 * reserve
-        )?;
-        let rate = against(self.leg_rate_mps, Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
-        writeln!(f, "  leg rate  up to {:.3} {rate}", self.leg_rate_mps)?;
-        let acceleration = against(
-            self.leg_acceleration_mps2,
-            self.leg_acceleration_limit_mps2,
-            2,
-            "m/s2",
-            "leg_acceleration_mps2",
-        );
-        writeln!(f, "  leg acceleration up to {:.2} {acceleration}", self.leg_acceleration_mps2)?;
-        match (self.leg_force_n, self.leg_force_limit_n) {
-            (Some(most), limit) => {
-                let force = against(most, limit, 1, "N", "leg_force_n");
-                writeln!(
-                    f,
-                    "  leg force up to {most:.1} {force}, for any body that may be on the load cell"
-                )?;
-            }
-            (None, Some(limit)) => {
-                writeln!(
-                    f,
-                    "  leg force NOT checked against {limit:.1} N: nothing says what the legs carry"
-                )?;
-            }
-            (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
-        }
-        for ((name, unit, key), values) in FURTHER.into_iter().zip(self.further_forces) {
-            let Some([most, limit]) = values else { continue };
-            writeln!(f, "  {name} up to {most:.1} {}", against(most, Some(limit), 1, unit, key))?;
-        }
-        if let Some([most, limit]) = self.leg_jerk_mps3 {
-            let words = against(most, Some(limit), 1, "m/s3", "leg_jerk_mps3");
-            writeln!(f, "  leg jerk  stays below {most:.1} {words}")?;
-        }
+        self.legs(f)?;
+        self.forces(f)?;
         if let Some([led, stopped]) = self.stops {
             writeln!(
                 f,
@@ -242,6 +200,59 @@ impl fmt::Display for Summary {
 }
 
 impl Summary {
+    /// Writes lengths, speeds and accelerations of the legs.
+    fn legs(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [shortest, longest] = self.leg_length_m;
+        let [least, most] = self.leg_limits_m;
+        write!(f, "  legs      {shortest:.4} to {longest:.4} m of {least:.4} to {most:.4} m")?;
+        let reserve = self.stroke_reserve().unwrap_or_default();
+        writeln!(
+            f,
+            ", {:.1} mm in reserve, {:.0} % of the stroke",
+            1e3 * reserve * (most - least),
+            100.0 * reserve
+        )?;
+        let rate = against(self.leg_rate_mps, Some(self.leg_rate_limit_mps), 3, "m/s", "leg_rate_mps");
+        writeln!(f, "  leg rate  up to {:.3} {rate}", self.leg_rate_mps)?;
+        let acceleration = against(
+            self.leg_acceleration_mps2,
+            self.leg_acceleration_limit_mps2,
+            2,
+            "m/s2",
+            "leg_acceleration_mps2",
+        );
+        writeln!(f, "  leg acceleration up to {:.2} {acceleration}", self.leg_acceleration_mps2)
+    }
+
+    /// Writes forces and jerks of the legs.
+    fn forces(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.leg_force_n, self.leg_force_limit_n) {
+            (Some(most), limit) => {
+                let force = against(most, limit, 1, "N", "leg_force_n");
+                writeln!(
+                    f,
+                    "  leg force up to {most:.1} {force}, for any body that may be on the load cell"
+                )?;
+            }
+            (None, Some(limit)) => {
+                writeln!(
+                    f,
+                    "  leg force NOT checked against {limit:.1} N: nothing says what the legs carry"
+                )?;
+            }
+            (None, None) => writeln!(f, "  leg force not known: nothing says what the legs carry")?,
+        }
+        for ((name, unit, key), values) in FURTHER.into_iter().zip(self.further_forces) {
+            let Some([most, limit]) = values else { continue };
+            writeln!(f, "  {name} up to {most:.1} {}", against(most, Some(limit), 1, unit, key))?;
+        }
+        if let Some([most, limit]) = self.leg_jerk_mps3 {
+            let words = against(most, Some(limit), 1, "m/s3", "leg_jerk_mps3");
+            writeln!(f, "  leg jerk  stays below {most:.1} {words}")?;
+        }
+        Ok(())
+    }
+
     /// Returns how much of the legs' stroke is never used at the end that is come nearer to, as a share;
     /// `None` where nothing is known of legs, or nothing moves.
     pub fn stroke_reserve(&self) -> Option<f64> {

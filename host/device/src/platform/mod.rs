@@ -35,8 +35,12 @@ pub use pace::Watch;
 pub use way::near;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use hexapod::{Load, MotionProgram, Pose};
+
+/// The time that a controller may take to answer.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// The activity of the platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

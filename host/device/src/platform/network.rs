@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use hexapod::{Geometry, Load, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
-use super::address::PATIENCE;
+use super::PATIENCE;
 use super::clock::Clock;
 use super::pace::UNWATCHED_S;
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, way};

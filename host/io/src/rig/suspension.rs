@@ -52,8 +52,8 @@ pub struct SuspensionTable {
     /// 1 σ of the share of the weight that each other spring takes, relative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub share_std: Option<f64>,
-    /// 1 σ of the force of springs that rest 10 mm from their rest in the recording, by that of their stiffness;
-    /// in proportion to that distance.
+    /// 1 σ of the force of springs that rest 10 mm from their rest in the recording, by that of their
+    /// stiffness; in proportion to that distance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub static_std: Option<f64>,
     /// Temperature of the springs, steel, less that at which their stiffness was measured, K.

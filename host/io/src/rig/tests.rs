@@ -228,7 +228,8 @@ fn files_outside_the_folder_of_a_rig_file_are_named() {
     }
     let absolute = place.path().join("a.csv").display().to_string();
     let text = format!(
-        "[platform.arm]\nmodel = \"../a.csv\"\n[calibration]\nfile = \"../a.csv\"\n[[stream]]\nfile = \"b.csv\"\n[[stream]]\nfile = {absolute:?}\n"
+        "[platform.arm]\nmodel = \"../a.csv\"\n[calibration]\nfile = \"../a.csv\"\n[[stream]]\nfile \
+         = \"b.csv\"\n[[stream]]\nfile = {absolute:?}\n"
     );
     let said = files_outside(&text, &inside.join("x.rig.toml"));
     assert_eq!(said.len(), 3, "{said:?}");

@@ -192,8 +192,8 @@ fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> 
     fit
 }
 
-/// Adds poles that parts from the beginning show, as long as modes are missing and the likelihood gains by them: where
-/// damping is strong most of a recording is noise, in which orders agree on nothing.
+/// Adds poles that parts from the beginning show, as long as modes are missing and the likelihood gains by
+/// them: where damping is strong most of a recording is noise, in which orders agree on nothing.
 fn with_early(first: &Samples, samples: &Samples, fit: Option<Fit>, most: usize) -> Option<Fit> {
     let count = |fit: &Option<Fit>| fit.as_ref().map_or(0, |fit| fit.poles.len());
     let mut fit = fit;

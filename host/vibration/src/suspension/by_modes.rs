@@ -22,9 +22,9 @@ const MAY_MISS: usize = 1;
 /// interval covers.
 const SYSTEMATIC: f64 = 2.5;
 /// The possible faults where a rest is not where modes and springs let it be.
-const REST: &str = "look whether springs are stiffer at rest than in motion or the further they are drawn, at \
-                    their own mass, at the mass that was added and its place, and whether cameras or springs \
-                    were moved between both";
+const REST: &str = "look whether springs are stiffer at rest than in motion or the further they are drawn, \
+                    at their own mass, at the mass that was added and its place, and whether cameras or \
+                    springs were moved between both";
 /// The possible faults where residuals are systematic.
 const LEFT: &str = "look at the stiffness and its σ, places and axes of the springs, their length, preload \
                     and mass, anchor_height_m, units and frames of poses, a part that is loose, and what the \
@@ -120,7 +120,8 @@ pub fn by_modes(support: &Support, found: &Vibration) -> Result<Fit, Refused> {
     Ok(fit)
 }
 
-/// Refuses the modes where the one that was not found is expected beside another: both may be in that one's shape.
+/// Refuses the modes where the one that was not found is expected beside another: both may be in that one's
+/// shape.
 fn missing_is_apart(support: &Support, found: &Vibration, fit: &Fit) -> Result<(), Refused> {
     let modes = &found.modes.shapes.modes;
     if modes.len() + 1 != support.free.len() {
@@ -140,9 +141,9 @@ fn missing_is_apart(support: &Support, found: &Vibration, fit: &Fit) -> Result<(
     let ratio = |own: &f64| (own / hz).max(hz / own);
     match own.into_iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b))) {
         Some(nearest) if ratio(&nearest) < APART => Err(Refused::Modes(format!(
-            "a mode is missing; springs and the other modes let it be at {hz:.2} Hz, beside that at {nearest:.2} Hz: \
-             both may be taken for one; strike the platform so that it moves in all directions, or shift a \
-             mass so that the frequencies part"
+            "a mode is missing; springs and the other modes let it be at {hz:.2} Hz, beside that at \
+             {nearest:.2} Hz: both may be taken for one; strike the platform so that it moves in all \
+             directions, or shift a mass so that the frequencies part"
         ))),
         _ => Ok(()),
     }

@@ -12,8 +12,8 @@ use super::springs::{Displacement, Springs, free};
 use rigident_fit::{Basis, Effect, Nuisance, Scope};
 use rigident_io::rig::{SpringTable, SuspensionTable};
 
-/// 1 σ of a coordinate of a spring's place, of the height of all, and of a length, m, where nothing is stated: a
-/// tape measure, and hooks of some millimetres.
+/// 1 σ of a coordinate of a spring's place, of the height of all, and of a length, m, where nothing is
+/// stated: a tape measure, and hooks of some millimetres.
 const PLACE_STD_M: f64 = 1e-3;
 const HEIGHT_STD_M: f64 = 1e-3;
 const LENGTH_STD_M: f64 = 5e-3;
@@ -229,9 +229,10 @@ impl GeometryError {
 /// Returns the mass matrix about O of the air that moves with a plate, axes of P at rest; `None` if none is
 /// stated.
 ///
-/// A plate of the sides b ≤ l takes `π/4 ρ b² l / (1 + 0.73 b/l)` with it as it heaves (within 3 % of M. Patton's
-/// measurements, 1965), and by its turns a twentieth of that by the square of the side, within a third: between
-/// a long plate's 1/32 and a disc's 1/30 about its long side, and a strip's 1/12 about the short one.
+/// A plate of the sides b ≤ l takes `π/4 ρ b² l / (1 + 0.73 b/l)` with it as it heaves (within 3 % of M.
+/// Patton's measurements, 1965), and by its turns a twentieth of that by the square of the side, within a
+/// third: between a long plate's 1/32 and a disc's 1/30 about its long side, and a strip's 1/12 about the
+/// short one.
 pub fn air(table: &SuspensionTable) -> Option<Matrix6<f64>> {
     let [x, y] = table.air_plate_m?;
     let (narrow, wide) = (x.min(y), x.max(y));

@@ -309,7 +309,11 @@ impl<'a> Problem<'a> {
             for own in &swing.rests {
                 let at = self.modes * (1 + c) + rest * c;
                 let change = self.whole(corrected.rows(at, c).as_slice());
-                let (rows, values) = own.equations(&change, self.support, (&self.stiffness, &self.by_weight));
+                let (rows, values) = own.equations(
+                    &change,
+                    (self.support.gravity_mps2, &self.support.preload),
+                    (&self.stiffness, &self.by_weight),
+                );
                 let by_errors: Vec<Vector6<f64>> =
                     by_error.iter().take(e).map(|error| error.stiffness * change).collect();
                 let first = (self.modes + rest) * c;
@@ -349,8 +353,8 @@ impl<'a> Problem<'a> {
         Some((self.whole(off.as_slice()), all))
     }
 
-    /// Writes the equations of a mode or a rest from a row on, with the forces of unit errors, and their slopes by the
-    /// displacement that is measured from a place on.
+    /// Writes the equations of a mode or a rest from a row on, with the forces of unit errors, and their
+    /// slopes by the displacement that is measured from a place on.
     fn write(
         &self,
         all: &mut Linearised,

@@ -202,10 +202,18 @@ fn rested(support: &Support, factor: f64) -> Vec<crate::suspension::rests::Rest>
             // Forces carry the whole in both; what is missing or added moves it.
             let (stiffness, by_weight) =
                 (support.springs.stiffness() * factor, support.preload.stiffnesses().0);
-            let (rows, values) = rest.equations(&Vector6::zeros(), support, (&stiffness, &by_weight));
+            let (rows, values) = rest.equations(
+                &Vector6::zeros(),
+                (support.gravity_mps2, &support.preload),
+                (&stiffness, &by_weight),
+            );
             let force = rows * SMatrix::<f64, TEN, 1>::from(ten) - values;
             let slope = |k: usize| {
-                let (a, b) = rest.equations(&Vector6::ith(k, 1.0), support, (&stiffness, &by_weight));
+                let (a, b) = rest.equations(
+                    &Vector6::ith(k, 1.0),
+                    (support.gravity_mps2, &support.preload),
+                    (&stiffness, &by_weight),
+                );
                 b - values - (a - rows) * SMatrix::<f64, TEN, 1>::from(ten)
             };
             let all = Matrix6::from_fn(|i, j| slope(j)[i]);
@@ -217,7 +225,8 @@ fn rested(support: &Support, factor: f64) -> Vec<crate::suspension::rests::Rest>
 
 #[test]
 fn a_rest_without_the_body_gives_the_mass_that_soft_springs_hide() {
-    let rests = "[[suspension.rest]]\nbody = false\nposition_m = [0.0, 0.0, 0.0]\nrotation_wxyz = [1, 0, 0, 0]\n\
+    let rests = "[[suspension.rest]]\nbody = false\nposition_m = [0.0, 0.0, 0.0]\nrotation_wxyz = [1, 0, 0, \
+                 0]\n\
                  [[suspension.rest]]\nadded_kg = 4.0\nadded_at_m = [0.2, 0.1, 0.0]\n\
                  position_m = [0.0, 0.0, 0.0]\nrotation_wxyz = [1, 0, 0, 0]\n\
                  [suspension.platform]\nmass_kg = 20.0\ncom_m = [0, 0, 0]\n\

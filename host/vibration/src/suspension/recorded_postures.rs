@@ -1,7 +1,7 @@
 //! Locked postures as recordings of their free vibration: the positions of the joints, the modes, and the
 //! body that each posture is.
 
-use nalgebra::{DMatrix, Matrix3, Quaternion, Rotation3, SVector, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{DMatrix, Matrix3, Quaternion, SVector, UnitQuaternion, Vector3, Vector4};
 
 use super::SuspensionError;
 use super::bare::fixture;
@@ -169,9 +169,4 @@ pub fn source(
     let one_by_one = postures.iter().map(|own| (own.name.clone(), own.positions.clone(), own.alone.clone()));
     let source = PostureSource::of_factors(model, one_by_one.collect(), name)?;
     Ok((source, together))
-}
-
-/// Attitude as a vector of its turn.
-pub(super) fn turn(attitude: &Matrix3<f64>) -> Vector3<f64> {
-    Rotation3::from_matrix_unchecked(*attitude).scaled_axis()
 }

@@ -5,24 +5,25 @@
 //! ```text
 //! (K + K_f(π) + K_w(π′)) d = W(π′) − W(π)      W(π) = g (0, 0, −m, −ms_y, ms_x, 0)
 //! ```
-//! with π of all that moves in the recording, π′ of all that is there then, K_f of the forces that carry π, and
-//! K_w of the weight itself ([`super::preload`]). It is linear in π: rows beside those of the modes. They tell
-//! the stiffness that is at rest, modes that of the motion; of both together the mass needs no spring to be
-//! known, as `m g = k d` and `m ω² = k`.
+//! with π of all that moves in the recording, π′ of all that is there then, K_f of the forces that carry π,
+//! and K_w of the weight itself ([`super::preload`]). It is linear in π: rows beside those of the modes. They
+//! tell the stiffness that is at rest, modes that of the motion; of both together the mass needs no spring to
+//! be known, as `m g = k d` and `m ω² = k`.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use rigident_shared::inertia::{InertialParameters, tensor_from_elements};
 use rigident_shared::spatial::{Body, Position};
 
 use super::bare::bare_parameters;
-use super::recorded_postures::turn;
-use super::support::Support;
+use super::preload::Preload;
+use super::springs::turn;
 use rigident_io::rig::{RestTable, SuspensionTable};
 use rigident_rows::tree::joints::attitude;
 
 /// Parameters of a body.
 const TEN: usize = 10;
-/// 1 σ of a pose at rest, m and rad, where none is stated: cameras of tenths of a millimetre over half a metre.
+/// 1 σ of a pose at rest, m and rad, where none is stated: cameras of tenths of a millimetre over half a
+/// metre.
 const PLACE_STD_M: f64 = 1e-4;
 const TURN_STD_RAD: f64 = 2e-4;
 
@@ -130,15 +131,15 @@ fn weight(gravity_mps2: f64) -> SMatrix<f64, 6, TEN> {
 }
 
 impl Rest {
-    /// Returns the equations `rows π = values` at a displacement, in the order of rows of modes, with the springs' stiffness
-    /// and what a unit of each parameter's forces and weight add to it.
+    /// Returns the equations `rows π = values` at a displacement, in the order of rows of modes, with the
+    /// springs' stiffness and what a unit of each parameter's forces and weight add to it.
     pub(super) fn equations(
         &self,
         change: &Vector6<f64>,
-        support: &Support,
+        (gravity_mps2, preload): (f64, &Preload),
         (stiffness, by_weight): (&Matrix6<f64>, &[Matrix6<f64>; TEN]),
     ) -> (SMatrix<f64, 6, TEN>, Vector6<f64>) {
-        let all = weight(support.gravity_mps2);
+        let all = weight(gravity_mps2);
         let mut rows = SMatrix::<f64, 6, TEN>::zeros();
         for (k, own) in by_weight.iter().enumerate() {
             rows.set_column(k, &-(own * change));
@@ -148,7 +149,7 @@ impl Rest {
                 // Weight that is not there has no stiffness, and its forces are missing.
                 for k in 0..TEN {
                     let unit = std::array::from_fn(|j| f64::from(u8::from(j == k)));
-                    let gone = support.preload.of_weight(&unit) * change - all.column(k);
+                    let gone = preload.of_weight(&unit) * change - all.column(k);
                     let column = rows.column(k) + gone;
                     rows.set_column(k, &column);
                 }
@@ -157,7 +158,7 @@ impl Rest {
             Load::Added(other) => other,
         };
         let there = Vector6::from(all * SMatrix::<f64, TEN, 1>::from(*other));
-        (rows, (stiffness + support.preload.of_weight(other)) * change - there)
+        (rows, (stiffness + preload.of_weight(other)) * change - there)
     }
 
     /// Returns the covariance of the equations that the stated load has, N and N m.

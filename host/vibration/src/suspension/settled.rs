@@ -6,7 +6,8 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
-use super::recorded_postures::{RecordedPosture, turn};
+use super::recorded_postures::RecordedPosture;
+use super::springs::turn;
 use super::support::Support;
 use rigident_fit::COVERAGE_95;
 use rigident_io::rig::SuspensionTable;

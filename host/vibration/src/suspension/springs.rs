@@ -26,7 +26,8 @@ const STIFFNESS_STD: f64 = 0.05 / 1.732_050_807_568_877_2;
 const BENDING: f64 = 0.28;
 /// 1 σ of that, relative.
 const BENDING_STD: f64 = 0.2;
-/// Change of the stiffness of steel springs by temperature, relative, 1/K (modulus of shear; A. M. Wahl, 1963).
+/// Change of the stiffness of steel springs by temperature, relative, 1/K (modulus of shear; A. M. Wahl,
+/// 1963).
 const BY_TEMPERATURE: f64 = -3e-4;
 /// 1 σ of the damping ratio that is searched for, where none is given.
 const DAMPING_RATIO_STD: f64 = 0.05;
@@ -353,6 +354,11 @@ fn unit(i: usize, j: usize) -> String {
         _ => "N",
     }
     .to_owned()
+}
+
+/// Returns an attitude as a vector of its turn.
+pub(super) fn turn(attitude: &Matrix3<f64>) -> Vector3<f64> {
+    Rotation3::from_matrix_unchecked(*attitude).scaled_axis()
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! `rigident import --look` of a rig file that lists streams: how their clocks fit, and a curve of each to see
-//! it by.
+//! `rigident import --look` of a rig file that lists streams: how their clocks fit, and a curve of each to
+//! see it by.
 
 use std::path::Path;
 
@@ -69,8 +69,9 @@ fn described(stream: &Stream, stamped: [f64; 2]) -> Value {
     })
 }
 
-/// Returns a curve of the motion as a stream saw it: lowest and highest values by stretches of time. The length
-/// of a vector is alike whatever the axes, so that curves of force and specific force have the same shape.
+/// Returns a curve of the motion as a stream saw it: lowest and highest values by stretches of time. The
+/// length of a vector is alike whatever the axes, so that curves of force and specific force have the same
+/// shape.
 fn curve(stream: &Stream) -> Option<Value> {
     let (name, unit, values) = seen(stream)?;
     let [from, to] = ends_s(stream);

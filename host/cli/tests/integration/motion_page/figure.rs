@@ -177,6 +177,7 @@ pub fn walk(title: &str, seconds: f32) -> MotionPage {
         forward: [1.0, 0.0],
         bones: bones(),
         markers_m: markers(&points),
+        marker_names: Vec::new(),
         com_m: points.iter().map(|p| [p[0][0] + 0.01, p[0][1], p[0][2] + 0.06]).collect(),
         points_m: points,
         plates_m: PLATES.map(corners).to_vec(),

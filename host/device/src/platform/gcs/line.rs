@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use hexapod::gcs::{GcsPosition, STOP, is_whole_answer};
 
-use crate::platform::address::{PATIENCE, Wire};
+use crate::platform::PATIENCE;
+use crate::platform::address::Wire;
 use crate::platform::clock::Clock;
 use crate::platform::{PlatformError, Said, Trace};
 

@@ -21,7 +21,7 @@ use std::time::Duration;
 
 use hexapod::{ARM_STEP_S, Arm, Geometry, Load, MotionProgram, Pose};
 
-use super::address::PATIENCE;
+use super::PATIENCE;
 use super::clock::Clock;
 use super::pace::{Follows, GAP_S, Pace, Sink, Timing};
 use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check, way};

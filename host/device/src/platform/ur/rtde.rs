@@ -8,7 +8,7 @@ use hexapod::ARM_STEP_S;
 use rigident_io::sources::rtde::{Packages, package};
 
 use super::script::Order;
-use crate::platform::address::PATIENCE;
+use crate::platform::PATIENCE;
 use crate::platform::clock::Clock;
 use crate::platform::{PlatformError, Said, Trace};
 
