@@ -288,8 +288,11 @@ fn arms_that_cannot_be_driven_are_refused_before_anything_moves() {
     let mut platform = on.started(&swing(20.0));
     let begun = Instant::now();
     watch(platform.as_mut(), &mut Vec::new(), || begun.elapsed() > Duration::from_secs(1));
-    on.send(OTHER);
-    let (error, _) = broken(&on, platform.as_mut(), Instant::now());
+    // Points go on while it is sent.
+    let error = std::thread::scope(|scope| {
+        scope.spawn(|| on.send(OTHER));
+        broken(&on, platform.as_mut(), Instant::now()).0
+    });
     assert!(error.to_string().contains("another program was started on it"), "{error}");
     assert!(matches!(platform.motion(), Ok(Motion::Done) | Err(_)));
 }

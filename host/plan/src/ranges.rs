@@ -72,7 +72,7 @@ impl fmt::Display for RangePeaks {
             let Some(peak) = self.nearest(units) else { continue };
             write!(f, "  {:<9} up to {:.2} ", peak.what, peak.at_worst)?;
             if peak.range.is_infinite() {
-                writeln!(f, "{}; the rig file gives no range to hold it against", peak.unit)?;
+                writeln!(f, "{}; the rig file gives no range to compare it with", peak.unit)?;
             } else if peak.at_worst > peak.range {
                 writeln!(
                     f,

@@ -149,7 +149,7 @@ fn against(peak: f64, limit: Option<f64>, digits: usize, unit: &str, key: &str) 
         Some(limit) => {
             format!("of {limit:.digits$} {unit}, {:.0} % in reserve", 100.0 * (1.0 - peak / limit))
         }
-        None => format!("{unit}; the rig file gives no {key} to hold it against"),
+        None => format!("{unit}; the rig file gives no {key} to compare it with"),
     }
 }
 

@@ -133,7 +133,7 @@ fn nonsense_is_named_with_its_line() {
              acceleration_radps2 = 0",
             &["line 5", "platform.arm.acceleration_radps2", "greater than zero"],
         ),
-        ("[platform.arm]\nmodel = \"a\"\nflange = \"b\"\nhome_rad = [0,0,0,0,0]", &["home_rad"]),
+        ("[platform.arm]\nmodel = \"a\"\nflange = \"b\"\nhome_rad = [0,0,0,0,0]", &["line 4", "length 6"]),
         ("[recording]\nrate_hz = -1", &["line 2", "recording.rate_hz"]),
         ("[recording]\nrate_hz = \"fast\"", &["line 2, column 11:"]),
         ("[recording]\nrate_hz = ", &["line 2, column 11:"]),
