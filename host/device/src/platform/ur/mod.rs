@@ -484,7 +484,8 @@ impl Sink for Controller {
     fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
         let state = self.rtde.now()?;
         self.rtde.note();
-        let own = state.motion == self.rtde.motion && state.runtime_state == states::PLAYING;
+        let runs = state.runtime_state == states::PLAYING && !self.rtde.replaced;
+        let own = state.motion == self.rtde.motion && runs;
         let follows = own && matches!(state.status, status::READY | status::FOLLOWING | status::STOPPING);
         if follows && state.status != status::STOPPING {
             self.rtde.order(self.end)?;

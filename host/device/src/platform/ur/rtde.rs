@@ -7,7 +7,8 @@ use std::time::Duration;
 use hexapod::ARM_STEP_S;
 use rigident_io::sources::rtde::{Packages, package};
 
-use super::script::Order;
+use super::script::{Order, status};
+use super::states;
 use crate::platform::PATIENCE;
 use crate::platform::clock::Clock;
 use crate::platform::{PlatformError, Said, Trace};
@@ -39,6 +40,10 @@ const OUTPUTS: [(&str, &str); 12] = [
     ("output_int_register_28", "INT32"),
 ];
 
+/// The reason that a running program takes no points.
+const NOT_TAKEN: &str = "it takes no more set points though a program runs: another program was started on \
+                         it, in place of the one from here, or it waits for an answer at its panel";
+
 /// The state of an arm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct State {
@@ -66,6 +71,16 @@ pub(super) struct State {
 }
 
 impl State {
+    /// Returns whether the program of this motion follows set points, by all that the controller says:
+    /// registers keep what a program that is gone has written.
+    fn follows(&self, motion: i32) -> bool {
+        self.motion == motion
+            && self.status == status::FOLLOWING
+            && self.runtime_state == states::PLAYING
+            && self.robot_mode == states::RUNNING
+            && states::is_safe(self.safety_mode)
+    }
+
     /// Reads a package of data; `None` if it is none, or not of numbers.
     fn read(recipe: u8, payload: &[u8]) -> Option<Self> {
         let (number, mut rest) = payload.split_first()?;
@@ -123,6 +138,8 @@ pub(super) struct Rtde {
     pub motion: i32,
     pub newest: i32,
     points: [[f64; 6]; POINTS],
+    /// True if another program runs in place of this motion's.
+    pub replaced: bool,
     pub trace: Option<Trace>,
 }
 
@@ -152,6 +169,7 @@ impl Rtde {
             motion: 0,
             newest: 0,
             points: [[0.0; 6]; POINTS],
+            replaced: false,
             trace: None,
         };
         if rtde.ask(b'V', &2_u16.to_be_bytes())? != [1] {
@@ -292,7 +310,7 @@ impl Rtde {
 
     /// Begins a motion of a new number; no point of it is there yet.
     pub(super) fn begin(&mut self, motion: i32) {
-        (self.motion, self.newest) = (motion, 0);
+        (self.motion, self.newest, self.replaced) = (motion, 0, false);
         self.points = [self.state.q; POINTS];
     }
 
@@ -303,8 +321,15 @@ impl Rtde {
             let state = self.now()?;
             let taken = if state.motion == self.motion { state.taken } else { 0 };
             let behind = self.newest.saturating_sub(taken);
-            // A program that has ended takes nothing any more; whoever looks says so.
-            if behind < POINTS as i32 || self.clock.now_s() - begun_s > SILENT_S {
+            if behind < POINTS as i32 {
+                break;
+            }
+            if self.clock.now_s() - begun_s > SILENT_S {
+                // A program that has ended takes nothing any more; whoever looks says so.
+                if state.follows(self.motion) {
+                    self.replaced = true;
+                    return Err(PlatformError::Halted(NOT_TAKEN.to_owned()));
+                }
                 break;
             }
             self.clock.wait_s(0.002);
