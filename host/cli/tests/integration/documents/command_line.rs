@@ -61,7 +61,7 @@ fn every_command_and_every_option_is_described_and_no_other() {
     });
     let mut named: BTreeSet<String> = named.map(str::to_owned).collect();
     // Of cargo and of the simulator, whose help is its own.
-    for other in ["--release", "--path", "--write-rig", "--help", "--ati", "--xsens-port-link"] {
+    for other in ["--release", "--path", "--write-rig", "--help", "--ati", "--ur", "--xsens-port-link"] {
         named.remove(other);
     }
     same("options", &named, &longs);
