@@ -290,7 +290,7 @@ impl Arm {
     /// The first limit in the order of position, rate and acceleration, with joint and time.
     pub fn check(&self, trajectory: &Trajectory) -> Result<(), (Violation, f64)> {
         let peaks = self.peaks(trajectory)?;
-        match peaks.iter().find(|peak| !(peak.share() <= 1.0)) {
+        match peaks.iter().find(|peak| peak.share().is_nan() || peak.share() > 1.0) {
             Some(peak) => Err((self.violation(peak), peak.time_s)),
             None => Ok(()),
         }

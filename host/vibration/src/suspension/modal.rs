@@ -124,6 +124,9 @@ impl ModalSource {
 /// The prior knowledge of the parameters: their mean, and W of their covariance `(Wᵀ W)⁻¹`.
 pub(super) type Known = (DVector<f64>, DMatrix<f64>);
 
+/// Six equations: rows over parameters, and values.
+type Equations = (OMatrix<f64, U6, Dyn>, Vector6<f64>);
+
 /// Equations at corrected modes and parameters: rows over parameters and errors, values, and derivatives by
 /// what was measured.
 struct Linearised {
@@ -359,7 +362,7 @@ impl<'a> Problem<'a> {
         &self,
         all: &mut Linearised,
         first: usize,
-        ((coefficients, values), by_errors): (&(OMatrix<f64, U6, Dyn>, Vector6<f64>), &[Vector6<f64>]),
+        ((coefficients, values), by_errors): (&Equations, &[Vector6<f64>]),
         (place, slope): (usize, &Matrix6<f64>),
     ) {
         let p = self.parameters;

@@ -42,7 +42,7 @@ pub struct StatedRest {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Load {
     /// Without the body: ten parameters about O, axes of P, and their covariance.
-    Bare([f64; TEN], SMatrix<f64, TEN, TEN>),
+    Bare([f64; TEN], Box<SMatrix<f64, TEN, TEN>>),
     /// With these ten parameters beside all.
     Added([f64; TEN]),
 }
@@ -67,7 +67,7 @@ pub(super) fn stated(table: &SuspensionTable) -> Vec<StatedRest> {
         } else {
             let (mean, covariance) = bare_about_o(table)?;
             let added = about_o(own.added_kg, &own.added_at_m, table);
-            Load::Bare(std::array::from_fn(|k| mean[k] + added[k]), covariance)
+            Load::Bare(std::array::from_fn(|k| mean[k] + added[k]), Box::new(covariance))
         };
         let words = match (own.body, own.added_kg > 0.0) {
             (false, false) => "without the body".to_owned(),
@@ -165,7 +165,7 @@ impl Rest {
     pub(super) fn of_load(&self, gravity_mps2: f64) -> DMatrix<f64> {
         let all = weight(gravity_mps2);
         let covariance = match &self.load {
-            Load::Bare(_, covariance) => all * covariance * all.transpose(),
+            Load::Bare(_, covariance) => all * covariance.as_ref() * all.transpose(),
             Load::Added(_) => Matrix6::zeros(),
         };
         DMatrix::from_fn(6, 6, |i, j| covariance[(i, j)])

@@ -12,7 +12,7 @@ fn arm() -> Geometry {
     let hinge = |i: usize| Hinge {
         name: format!("joint {}", i + 1),
         place: Mounting { position_m: [0.0, 0.1, 0.2], ..Mounting::IDENTITY },
-        axis: if i % 2 == 0 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] },
+        axis: if i.is_multiple_of(2) { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] },
         range_rad: [-3.0, 3.0],
         rate_radps: 2.0,
         acceleration_radps2: 4.0 + i as f64,
