@@ -82,7 +82,7 @@ impl fmt::Display for Counts {
 }
 
 /// The tools here for tests to use.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Surroundings {
     missing: Vec<Need>,
     firmware: Option<PathBuf>,
@@ -92,10 +92,7 @@ pub struct Surroundings {
 
 impl Surroundings {
     /// Searches for everything that some tests need, and prints what is not here.
-    ///
-    /// # Errors
-    /// Where `CI` is set, names what is missing.
-    pub fn look(firmware: Option<&Path>, nightly: bool) -> Result<Self> {
+    pub fn look(firmware: Option<&Path>, nightly: bool) -> Self {
         let mut missing = Vec::new();
         let mut look = |need, is_here: bool| {
             if !is_here {
@@ -123,11 +120,19 @@ impl Surroundings {
         for Need { word, what } in &here.missing {
             println!("skipped: tests named *{word}*, because there is no {what}");
         }
-        if !here.missing.is_empty() && is_ci() {
-            let list: Vec<&str> = here.missing.iter().map(|need| need.what).collect();
+        here
+    }
+
+    /// Checks that no test is skipped where `CI` is set.
+    ///
+    /// # Errors
+    /// Names everything that is missing.
+    pub fn check(&self) -> Result<()> {
+        if !self.missing.is_empty() && is_ci() {
+            let list: Vec<&str> = self.missing.iter().map(|need| need.what).collect();
             bail!("CI is set, and tests lack what they need: {}", list.join("; "));
         }
-        Ok(here)
+        Ok(())
     }
 
     /// Gives the same with another firmware.
