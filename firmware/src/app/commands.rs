@@ -201,7 +201,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
                 StateName::Holding => Ok(Reply::Done),
                 _ => wrong_state,
             },
-            Command::Reset => Ok(self.reset()),
+            Command::Reset => {
+                self.reset();
+                Ok(Reply::Done)
+            }
             Command::Inject(batch) => {
                 let readings = batch
                     .readings
@@ -212,7 +215,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Command::InjectLinks(batch) => {
                 self.inject(batch.first_index, true, batch.readings.iter().map(link_reading_of))
             }
-            Command::TakeRow { row } => self.hand_over(*row),
+            Command::TakeRow { row } => {
+                self.take_copy(*row)?;
+                self.take_row(*row).map(Reply::Row).ok_or(ErrorCode::NoEstimate)
+            }
             Command::ReadSettings => self.settings.clone().map(Reply::Settings).map_or(wrong_state, Ok),
             Command::ReadCounters => Ok(Reply::Counters(self.counters())),
             Command::ReadEstimate if self.is_busy_with_samples() && self.path.samples().is_some() => {
@@ -222,7 +228,10 @@ impl<P: DerefMut<Target = Path>> App<P> {
             Command::Heartbeat => Ok(Reply::Done),
             Command::ReadEvents => Ok(Reply::Events(self.events.report())),
             Command::Restart if !self.facts.restarts => Err(ErrorCode::NotBuiltIn),
-            Command::Restart => Ok(self.ask_for_restart()),
+            Command::Restart => {
+                self.ask_for_restart();
+                Ok(Reply::Done)
+            }
             Command::WatchLink { .. } | Command::LineRate { .. } if cfg!(not(feature = "watch")) => {
                 Err(ErrorCode::NotBuiltIn)
             }
@@ -234,31 +243,32 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
+    // Of one caller each, and inlined because that takes the least flash.
+
     /// Forgets settings and path.
-    #[inline]
-    fn reset(&mut self) -> Reply {
+    #[inline(always)]
+    fn reset(&mut self) {
         *self.path = Path::Empty;
         self.keeping.stop();
         self.settings = None;
         self.begin();
         self.enter(StateName::Idle, Reason::Command);
-        Reply::Done
     }
 
-    /// Hands over a row of the factor; with the first one a copy of what has been absorbed is taken.
-    #[inline]
-    fn hand_over(&mut self, row: u8) -> Result<Reply, ErrorCode> {
+    /// Takes a copy of what has been absorbed before the first row of the factor.
+    #[inline(always)]
+    fn take_copy(&mut self, row: u8) -> Result<(), ErrorCode> {
         if row == 0 {
             self.take_snapshot();
             while self.path.samples_mut().is_some_and(|path| !path.fold()) {}
         } else if self.path.samples().is_some() && !matches!(self.run.hand_over, HandOver::Rows(_)) {
             return Err(ErrorCode::NoEstimate);
         }
-        self.take_row(row).map(Reply::Row).ok_or(ErrorCode::NoEstimate)
+        Ok(())
     }
 
     /// Estimates without slices, while no samples are absorbed.
-    #[inline]
+    #[inline(always)]
     fn estimate_at_once(&mut self) -> Result<Reply, ErrorCode> {
         let path = self.path.samples_mut().ok_or(ErrorCode::NoEstimate)?;
         if path.counters().blocks == 0 {
@@ -274,14 +284,13 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 
     /// Ends a run, and has the device restarted after the answer.
-    #[inline]
-    fn ask_for_restart(&mut self) -> Reply {
+    #[inline(always)]
+    fn ask_for_restart(&mut self) {
         if self.state == StateName::Running {
             self.hold(Reason::Command);
         }
         self.restart_asked = true;
         self.events.note(self.now_ns, EventCode::Restart, 0);
-        Reply::Done
     }
 
     // Off the stack of what samples need.
