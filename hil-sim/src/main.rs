@@ -99,24 +99,8 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
         _ => None,
     };
     let lines = options.stream.as_ref().map(|at| stream(options, at, &rig)).transpose()?;
-    let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
-        let name = options.port_link.display();
-        Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
-    })?;
-    let mcu: Box<dyn Mcu> = match options.mcu {
-        Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
-        Where::Qemu => {
-            let qemu = QemuOptions { show_log: options.show_log, ..QemuOptions::default() };
-            Box::new(Qemu::spawn(&qemu, rig, Pacing::RealTime).map_err(|e| Failure(3, e.to_string()))?)
-        }
-    };
-    let name = mcu.name();
-    let mut firmware: Box<dyn ByteLink> = match options.link_faults() {
-        None => Box::new(Firmware(mcu)),
-        Some(faults) => Box::new(FaultyLink::new(Firmware(mcu), faults, options.seed)),
-    };
+    let (mut port, mut firmware) = device(options, rig)?;
     let (shown, address) = (options.port_link.display(), controller.address());
-    eprintln!("firmware  {name}");
     eprintln!("port      {shown} -> {}", port.terminal().display());
     eprintln!("platform  tcp://{address}");
     if let Some(hexapod) = &hexapod {
@@ -135,6 +119,27 @@ fn serve(options: &ServeOptions) -> Result<(), Failure> {
     eprintln!("use it    rigident run --port {shown} --rig {rig} --platform tcp://{address}");
     eprintln!("Ctrl-C ends it.");
     carry(&mut port, firmware.as_mut(), &leave).map_err(|e| Failure(3, e.to_string()))
+}
+
+/// Opens the port and starts the firmware behind it.
+fn device(options: &ServeOptions, rig: SharedRig) -> Result<(Port, Box<dyn ByteLink>), Failure> {
+    let port = Port::open(Some(&options.port_link)).map_err(|e| {
+        let name = options.port_link.display();
+        Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
+    })?;
+    let mcu: Box<dyn Mcu> = match options.mcu {
+        Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
+        Where::Qemu => {
+            let qemu = QemuOptions { show_log: options.show_log, ..QemuOptions::default() };
+            Box::new(Qemu::spawn(&qemu, rig, Pacing::RealTime).map_err(|e| Failure(3, e.to_string()))?)
+        }
+    };
+    eprintln!("firmware  {}", mcu.name());
+    let firmware: Box<dyn ByteLink> = match options.link_faults() {
+        None => Box::new(Firmware(mcu)),
+        Some(faults) => Box::new(FaultyLink::new(Firmware(mcu), faults, options.seed)),
+    };
+    Ok((port, firmware))
 }
 
 /// Writes the rig file, and the model of an arm beside it, if asked for.
@@ -158,22 +163,7 @@ fn serve_arm(options: &ServeOptions, at: &str, rig: Rig, leave: &AtomicBool) -> 
         Failure(3, format!("no arm at {at} and {script}: {e}; name other addresses by --ur and --ur-script"))
     })?;
     let arm = Arc::new(arm);
-    let mut port = Port::open(Some(&options.port_link)).map_err(|e| {
-        let name = options.port_link.display();
-        Failure(3, format!("no port {name}: {e}; remove what has that name, or name another by --port-link"))
-    })?;
-    let mcu: Box<dyn Mcu> = match options.mcu {
-        Where::Inproc => Box::new(InProcess::new(rig, Pacing::RealTime)),
-        Where::Qemu => {
-            let qemu = QemuOptions { show_log: options.show_log, ..QemuOptions::default() };
-            Box::new(Qemu::spawn(&qemu, rig, Pacing::RealTime).map_err(|e| Failure(3, e.to_string()))?)
-        }
-    };
-    eprintln!("firmware  {}", mcu.name());
-    let mut firmware: Box<dyn ByteLink> = match options.link_faults() {
-        None => Box::new(Firmware(mcu)),
-        Some(faults) => Box::new(FaultyLink::new(Firmware(mcu), faults, options.seed)),
-    };
+    let (mut port, mut firmware) = device(options, rig)?;
     let (shown, address) = (options.port_link.display(), arm.url());
     eprintln!("port      {shown} -> {}", port.terminal().display());
     eprintln!("arm       {address}");

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{self, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::net::UdpSocket;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::gcs::GcsPlatform;
 use super::pace::{Follows, Timing};
 use super::stream::{Lines, StreamPlatform};
 use super::ur::{self, UrPlatform};
-use super::{NetworkPlatform, PATIENCE, Platform, PlatformError};
+use super::{NetworkPlatform, PATIENCE, Platform, PlatformError, tcp};
 
 /// Set points per second where the address does not say.
 const RATE_HZ: f64 = 100.0;
@@ -120,21 +120,13 @@ impl Address {
     }
 
     fn tcp(&self) -> Result<Box<dyn Wire>, PlatformError> {
-        let mut last = "the name has no address".to_owned();
-        for socket in self.place.to_socket_addrs().map_err(|e| self.unreachable(e))? {
-            match TcpStream::connect_timeout(&socket, PATIENCE) {
-                Ok(stream) => {
-                    stream
-                        .set_read_timeout(Some(Duration::from_millis(20)))
-                        .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
-                        .and_then(|()| stream.set_nodelay(true))
-                        .map_err(|e| self.unreachable(e))?;
-                    return Ok(Box::new(stream));
-                }
-                Err(error) => last = error.to_string(),
-            }
-        }
-        Err(self.unreachable(last))
+        let stream = tcp(&*self.place, PATIENCE).map_err(|e| self.unreachable(e))?;
+        stream
+            .set_read_timeout(Some(Duration::from_millis(20)))
+            .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
+            .and_then(|()| stream.set_nodelay(true))
+            .map_err(|e| self.unreachable(e))?;
+        Ok(Box::new(stream))
     }
 
     /// The host and the port of an address that may leave out its port.

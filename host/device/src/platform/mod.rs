@@ -34,6 +34,7 @@ pub use network::NetworkPlatform;
 pub use pace::Watch;
 pub use way::near;
 
+use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -41,6 +42,21 @@ use hexapod::{Load, MotionProgram, Pose};
 
 /// The time that a controller may take to answer.
 const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Connects to the first address of a place that answers within a time.
+///
+/// # Errors
+/// The place has no address, or the message of the last one that was tried.
+fn tcp(place: impl ToSocketAddrs, within: Duration) -> std::io::Result<TcpStream> {
+    let mut last = std::io::Error::other("the name has no address");
+    for socket in place.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&socket, within) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}
 
 /// The activity of the platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The simulated rig as served: JSON over TCP.
 
 use std::io::{BufRead, BufReader, ErrorKind, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -10,10 +10,9 @@ use std::time::{Duration, Instant};
 use hexapod::{Geometry, Load, MotionProgram, PROGRAM_LINE_BYTES, Pose, Trajectory};
 use serde::{Deserialize, Serialize};
 
-use super::PATIENCE;
 use super::clock::Clock;
 use super::pace::UNWATCHED_S;
-use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, way};
+use super::{Motion, MotionSample, PATIENCE, Platform, PlatformError, Said, Stop, Trace, tcp, way};
 
 /// A program whose clock stood still this long before its end was cut short, s.
 const END_S: f64 = 1e-3;
@@ -136,41 +135,33 @@ impl NetworkPlatform {
         let host = address
             .strip_prefix("tcp://")
             .ok_or_else(|| unreachable("an address looks like tcp://127.0.0.1:7447".to_owned()))?;
-        let mut last = "the name has no address".to_owned();
-        for socket in host.to_socket_addrs().map_err(|e| unreachable(e.to_string()))? {
-            match TcpStream::connect_timeout(&socket, PATIENCE) {
-                Ok(stream) => {
-                    stream
-                        .set_read_timeout(Some(PATIENCE))
-                        .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
-                        .and_then(|()| stream.set_nodelay(true))
-                        .map_err(|e| unreachable(e.to_string()))?;
-                    let line = Line {
-                        address: address.to_owned(),
-                        stream: BufReader::new(stream),
-                        known: false,
-                        asked: Instant::now(),
-                        moves: false,
-                        broken: None,
-                        trace: None,
-                    };
-                    return Ok(Self {
-                        geometry: geometry.clone(),
-                        load: None,
-                        line: Arc::new(Mutex::new(line)),
-                        keeper: None,
-                        program: None,
-                        trajectory: None,
-                        samples: Vec::new(),
-                        sampled_s: f64::NEG_INFINITY,
-                        loaded_s: 0.0,
-                        started_s: None,
-                    });
-                }
-                Err(error) => last = error.to_string(),
-            }
-        }
-        Err(unreachable(last))
+        let stream = tcp(host, PATIENCE).map_err(|e| unreachable(e.to_string()))?;
+        stream
+            .set_read_timeout(Some(PATIENCE))
+            .and_then(|()| stream.set_write_timeout(Some(PATIENCE)))
+            .and_then(|()| stream.set_nodelay(true))
+            .map_err(|e| unreachable(e.to_string()))?;
+        let line = Line {
+            address: address.to_owned(),
+            stream: BufReader::new(stream),
+            known: false,
+            asked: Instant::now(),
+            moves: false,
+            broken: None,
+            trace: None,
+        };
+        Ok(Self {
+            geometry: geometry.clone(),
+            load: None,
+            line: Arc::new(Mutex::new(line)),
+            keeper: None,
+            program: None,
+            trajectory: None,
+            samples: Vec::new(),
+            sampled_s: f64::NEG_INFINITY,
+            loaded_s: 0.0,
+            started_s: None,
+        })
     }
 
     fn ask(&mut self, request: &Request) -> Result<Answer, PlatformError> {

@@ -16,7 +16,6 @@ pub mod states;
 mod tests;
 
 use std::io::Write;
-use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
 use hexapod::{ARM_STEP_S, Arm, Geometry, Load, MotionProgram, Pose};
@@ -24,7 +23,7 @@ use hexapod::{ARM_STEP_S, Arm, Geometry, Load, MotionProgram, Pose};
 use super::PATIENCE;
 use super::clock::Clock;
 use super::pace::{Follows, GAP_S, Pace, Sink, Timing};
-use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check, way};
+use super::{Motion, MotionSample, Platform, PlatformError, Said, Stop, Trace, check, tcp, way};
 use rtde::{Rtde, State, refused};
 use script::{LEAD, Order, status};
 
@@ -102,7 +101,7 @@ impl UrPlatform {
         };
         let [port, script] = ports;
         let unreachable = |reason: String| PlatformError::Unreachable { address: address.to_owned(), reason };
-        let stream = tcp(host, port, PATIENCE).map_err(unreachable)?;
+        let stream = tcp((host, port), PATIENCE).map_err(|e| unreachable(at_port(port, &e)))?;
         let mut rtde = Rtde::new(stream, address.to_owned(), clock.clone())?;
         let found = rtde.fresh(PATIENCE.as_secs_f64())?;
         let controller = Controller {
@@ -176,15 +175,8 @@ fn gone() -> PlatformError {
     PlatformError::Refused("its connection is gone".to_owned())
 }
 
-fn tcp(host: &str, port: u16, within: Duration) -> Result<TcpStream, String> {
-    let mut last = "the name has no address".to_owned();
-    for socket in (host, port).to_socket_addrs().map_err(|e| e.to_string())? {
-        match TcpStream::connect_timeout(&socket, within) {
-            Ok(stream) => return Ok(stream),
-            Err(error) => last = format!("port {port}: {error}"),
-        }
-    }
-    Err(last)
+fn at_port(port: u16, error: &std::io::Error) -> String {
+    format!("port {port}: {error}")
 }
 
 /// Why an arm in this state does not move, if so.
@@ -283,7 +275,7 @@ impl Platform for UrPlatform {
             }
             Phase::Resting(controller) => {
                 let state = controller.rtde.fresh(1.0)?;
-                let own = state.motion == controller.rtde.motion && state.runtime_state == states::PLAYING;
+                let own = state.is_run_of(controller.rtde.motion);
                 if own { controller.halt_abruptly() } else { Ok(()) }
             }
             Phase::Gone => Err(gone()),
@@ -399,7 +391,7 @@ impl Controller {
         let (host, port) = &self.script;
         let unreachable =
             |reason: String| PlatformError::Unreachable { address: format!("ur://{host}"), reason };
-        let mut stream = tcp(host, *port, within).map_err(unreachable)?;
+        let mut stream = tcp((&**host, *port), within).map_err(|e| unreachable(at_port(*port, &e)))?;
         if let Some(trace) = &self.rtde.trace {
             trace(Said::Command(&format!("port {port}: {name}")));
         }
@@ -484,8 +476,7 @@ impl Sink for Controller {
     fn at_rest(&mut self) -> Result<Option<bool>, PlatformError> {
         let state = self.rtde.now()?;
         self.rtde.note();
-        let runs = state.runtime_state == states::PLAYING && !self.rtde.replaced;
-        let own = state.motion == self.rtde.motion && runs;
+        let own = state.is_run_of(self.rtde.motion) && !self.rtde.replaced;
         let follows = own && matches!(state.status, status::READY | status::FOLLOWING | status::STOPPING);
         if follows && state.status != status::STOPPING {
             self.rtde.order(self.end)?;

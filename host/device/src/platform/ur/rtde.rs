@@ -71,12 +71,16 @@ pub(super) struct State {
 }
 
 impl State {
+    /// Returns whether a program runs, and the last that wrote its registers was that of this motion.
+    pub fn is_run_of(&self, motion: i32) -> bool {
+        self.motion == motion && self.runtime_state == states::PLAYING
+    }
+
     /// Returns whether the program of this motion follows set points, by all that the controller says:
     /// registers keep what a program that is gone has written.
     fn follows(&self, motion: i32) -> bool {
-        self.motion == motion
+        self.is_run_of(motion)
             && self.status == status::FOLLOWING
-            && self.runtime_state == states::PLAYING
             && self.robot_mode == states::RUNNING
             && states::is_safe(self.safety_mode)
     }
