@@ -3,13 +3,12 @@
 //!
 //! The flange is the plate. A lies with its origin where the flange is with the joints at home, its axes
 //! along those of the arm's base; P is fixed to the flange and coincides with A at home. A motion becomes a
-//! path by inverse kinematics, one set of positions every
-//! [`STEP_S`], each found from the one before. These are the control points of a uniform cubic B-spline, the
-//! path that the controller is commanded. A B-spline lies in the convex hull of its control points, its
-//! derivatives in those of their differences: limits that all points, `Δ/h` and `Δ²/h²` keep are kept at
-//! every instant, between the points too.
+//! path by inverse kinematics, one set of positions every [`STEP_S`], each found from the one before. These
+//! are the control points of a uniform cubic B-spline, the path that the controller follows. It lies in the
+//! convex hull of its control points, its derivatives in those of their differences: limits that all points,
+//! `Δ/h` and `Δ²/h²` keep are kept at every instant, between the points too.
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::limits::{Limit, Violation};
@@ -77,7 +76,8 @@ pub struct ArmPeak {
     pub limit: Limit,
     /// The joint, from 1.
     pub joint: usize,
-    /// Of a position its distance from the middle of the range, rad; else a magnitude, rad/s or rad/s².
+    /// The distance of a position from the middle of its range, rad, or the magnitude of a rate or an
+    /// acceleration, rad/s or rad/s².
     pub value: f64,
     /// Half the range, or the limit.
     pub allowed: f64,
@@ -97,12 +97,9 @@ fn frame(mounting: &Mounting) -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::from(mounting.position_m), mounting.rotation().unwrap_or_else(Matrix3::identity))
 }
 
-/// The rotation vector, exact for small turns: the trace alone has half their digits.
+/// Returns the rotation vector, rad; a quaternion has all digits of small turns, the trace a half.
 fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
-    let twice = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
-    let (sine, cosine) = (0.5 * twice.norm(), 0.5 * (r.trace() - 1.0));
-    let stretch = if sine > 1e-9 { sine.atan2(cosine) / sine } else { 1.0 };
-    twice * (0.5 * stretch)
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }
 
 impl Chain {
@@ -118,7 +115,7 @@ impl Chain {
         chain
     }
 
-    /// The flange in the base, and the Jacobian of its velocity and angular rate, base axes.
+    /// Returns the flange in the base, and the Jacobian of its velocity and angular rate, base axes.
     fn forward(&self, q: &[f64; 6]) -> ((Vector3<f64>, Matrix3<f64>), Matrix6<f64>) {
         let (mut at, mut turn) = (Vector3::zeros(), Matrix3::identity());
         let mut hinges = [(Vector3::zeros(), Vector3::zeros()); 6];
@@ -138,12 +135,12 @@ impl Chain {
         ((tip, turn * self.flange.1), jacobian)
     }
 
-    /// The flange in the base for a plate in A.
+    /// Returns the flange in the base for a plate in A.
     fn wanted(&self, position: Vector3<f64>, rotation: &Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
         (self.home.0 + position, rotation * self.home.1)
     }
 
-    /// Positions for a place of the flange, from positions near it; `None` where there are none.
+    /// Returns positions for a place of the flange, from positions near it; `None` where there are none.
     fn solve(&self, wanted: &(Vector3<f64>, Matrix3<f64>), near: &[f64; 6]) -> Option<[f64; 6]> {
         let mut q = *near;
         for _ in 0..ITERATIONS {
@@ -168,7 +165,7 @@ impl Chain {
 }
 
 impl Arm {
-    /// The pose of the plate for joint positions, rad.
+    /// Returns the pose of the plate for joint positions, rad.
     pub fn pose(&self, q: &[f64; 6]) -> Pose {
         let chain = Chain::new(self);
         let ((position, rotation), _) = chain.forward(q);
@@ -176,7 +173,7 @@ impl Arm {
         Pose { position_m: (position - chain.home.0).into(), rpy_rad: rpy_from_rotation(&turn) }
     }
 
-    /// Joint positions for a pose, rad, in the posture of home: found on the straight way from there.
+    /// Returns joint positions for a pose, rad, in the posture of home: found on the straight way from there.
     pub fn positions(&self, pose: &Pose) -> Option<[f64; 6]> {
         let chain = Chain::new(self);
         let rotation = crate::rotation_from_rpy(pose.rpy_rad);
@@ -191,8 +188,8 @@ impl Arm {
         Some(q)
     }
 
-    /// Positions for a neighbouring pose, rad; `None` where the arm does not reach it, or only in another
-    /// posture.
+    /// Returns positions for a neighbouring pose, rad; `None` where the arm does not reach it, or only in
+    /// another posture.
     pub fn follow(&self, pose: &Pose, near: &[f64; 6]) -> Option<[f64; 6]> {
         let chain = Chain::new(self);
         let rotation = crate::rotation_from_rpy(pose.rpy_rad);
@@ -223,7 +220,7 @@ impl Arm {
         }
     }
 
-    /// The joint path of a motion of the plate.
+    /// Returns the joint path of a motion of the plate.
     ///
     /// # Errors
     /// A pose that is out of reach, and when.
@@ -242,7 +239,8 @@ impl Arm {
         Ok(ArmPath { points_rad })
     }
 
-    /// The largest shares of the limits that a motion uses at any instant: position, rate, acceleration.
+    /// Returns the largest shares of the limits that a motion uses at any instant: position, rate,
+    /// acceleration.
     ///
     /// # Errors
     /// A pose that is out of reach, and when.
@@ -250,7 +248,7 @@ impl Arm {
         Ok(self.peaks_of(&self.path(trajectory)?))
     }
 
-    /// The same of a path.
+    /// Returns the largest shares of the limits that a path uses: position, rate, acceleration.
     pub fn peaks_of(&self, path: &ArmPath) -> [ArmPeak; 3] {
         let none = |limit| ArmPeak { limit, joint: 1, value: 0.0, allowed: 1.0, time_s: 0.0 };
         let mut peaks = [none(Limit::ArmPosition), none(Limit::ArmRate), none(Limit::ArmAcceleration)];
@@ -296,7 +294,7 @@ impl Arm {
         }
     }
 
-    /// The same arm with a share of how fast its joints are.
+    /// Returns the arm with rates and accelerations limited to a share of its own.
     #[must_use]
     pub fn slower(&self, share: f64) -> Self {
         let mut slower = self.clone();
@@ -313,7 +311,7 @@ impl Arm {
         ArmPeak { limit: Limit::ArmPosition, joint: i + 1, value, allowed: 0.5 * (high - low), time_s }
     }
 
-    /// A peak beyond its limit in words of a violation.
+    /// Returns a peak beyond its limit as a violation.
     pub fn violation(&self, peak: &ArmPeak) -> Violation {
         let allowed = [-peak.allowed, peak.allowed];
         Violation { limit: peak.limit, leg: Some(peak.joint), between: None, value: peak.value, allowed }
@@ -327,7 +325,7 @@ impl ArmPeak {
     }
 }
 
-/// A pose that the arm cannot take.
+/// Returns the violation of a pose that the arm cannot take.
 pub(super) fn unreachable_pose() -> Violation {
     Violation { limit: Limit::ArmReach, leg: None, between: None, value: f64::INFINITY, allowed: [0.0, 1.0] }
 }

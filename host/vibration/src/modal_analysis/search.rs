@@ -66,7 +66,8 @@ pub(super) fn search(samples: &Samples, most: usize) -> Searched {
         let (first, searched) = (averaged(FIRST_SAMPLES_A_CYCLE), averaged(SAMPLES_A_CYCLE));
         let mut candidates = stable_poles(&first, &noise(&first), most);
         candidates.truncate(most + BESIDE);
-        let fit = with_early(&first, &searched, chosen(&searched, candidates, most + BESIDE), most);
+        let fit = chosen(&searched, candidates, most + BESIDE);
+        let fit = fit.map(|fit| with_early(&first, &searched, fit, most));
         let is_all = searched.y.nrows() == samples.y.nrows() || fit.as_ref().is_some_and(Fit::is_exact);
         let whole =
             (!is_all).then(|| fit.as_ref().and_then(|fit| Fit::at(samples, fit.poles.clone()))).flatten();
@@ -194,30 +195,24 @@ fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> 
 
 /// Adds poles that parts from the beginning show, as long as modes are missing and the likelihood gains by
 /// them: where damping is strong most of a recording is noise, in which orders agree on nothing.
-fn with_early(first: &Samples, samples: &Samples, fit: Option<Fit>, most: usize) -> Option<Fit> {
-    let count = |fit: &Option<Fit>| fit.as_ref().map_or(0, |fit| fit.poles.len());
-    let mut fit = fit;
+fn with_early(first: &Samples, samples: &Samples, mut fit: Fit, most: usize) -> Fit {
     for parts in EARLY {
         let rows = first.y.nrows() / parts;
-        if rows < LEAST_EARLY || fit.as_ref().is_some_and(Fit::is_exact) {
+        if rows < LEAST_EARLY || fit.is_exact() || fit.poles.len() >= most {
             break;
         }
         let part = first.part(0, rows);
         for pole in stable_poles(&part, &noise(&part), most) {
-            if count(&fit) >= most {
+            if fit.poles.len() >= most {
                 return fit;
             }
-            let Some(own) = &fit else { continue };
-            let mut poles = own.poles.clone();
+            let mut poles = fit.poles.clone();
             poles.push(pole);
             let Some(more) = Fit::refined(samples, poles, 25) else { continue };
-            if own.objective - more.objective < gain_limit(samples, &more, pole.hz()) {
+            if fit.objective - more.objective < gain_limit(samples, &more, pole.hz()) {
                 continue;
             }
-            let kept = pruned(samples, more);
-            if count(&kept) > count(&fit) {
-                fit = kept;
-            }
+            fit = pruned(samples, more).filter(|kept| kept.poles.len() > fit.poles.len()).unwrap_or(fit);
         }
     }
     fit

@@ -50,9 +50,7 @@ pub struct Displacement {
 impl Displacement {
     /// Returns shift and vector of the turn.
     pub fn coordinates(&self) -> Vector6<f64> {
-        // Small angles keep their digits in a quaternion, not in the trace of a matrix.
-        let matrix = Rotation3::from_matrix_unchecked(self.rotation);
-        let turn = UnitQuaternion::from_rotation_matrix(&matrix).scaled_axis();
+        let turn = turn(&self.rotation);
         Vector6::new(self.shift.x, self.shift.y, self.shift.z, turn.x, turn.y, turn.z)
     }
 
@@ -356,9 +354,10 @@ fn unit(i: usize, j: usize) -> String {
     .to_owned()
 }
 
-/// Returns an attitude as a vector of its turn.
+/// Returns an attitude as a vector of its turn, rad. Small angles keep their digits in a quaternion, not in
+/// the trace of a matrix.
 pub(super) fn turn(attitude: &Matrix3<f64>) -> Vector3<f64> {
-    Rotation3::from_matrix_unchecked(*attitude).scaled_axis()
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*attitude)).scaled_axis()
 }
 
 #[cfg(test)]
