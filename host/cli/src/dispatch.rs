@@ -4,7 +4,7 @@
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use rigident::application::recorded::{listed, named, refuse_several};
+use rigident::application::recorded::{named, refuse_several};
 
 use crate::commands::body::arguments::Body;
 use crate::commands::calibrate::arguments::{Calibrate, Verify};
@@ -167,11 +167,7 @@ pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
         Some(Command::Demo(a)) => commands::demo::run(&a),
         #[cfg(not(feature = "simulator"))]
         None | Some(Command::Demo(_)) => Err(needs_simulator("`rigident demo`")),
-        Some(Command::Identify(mut a)) => {
-            a.recording = listed(a.recording);
-            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
-            commands::identify::run(&a)
-        }
+        Some(Command::Identify(a)) => commands::identify::of_words(a),
         Some(Command::Replay(mut a)) => {
             a.recording = named(a.recording);
             a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());

@@ -4,7 +4,6 @@
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use rigident::application::recorded::listed;
 
 use crate::commands::body::arguments::Body;
 use crate::commands::identify::arguments::Identify;
@@ -33,11 +32,9 @@ pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
 /// What the command says, or that there is none.
 pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
     match command {
-        Some(Command::Identify(mut a)) => {
+        Some(Command::Identify(a)) => {
             certificate::check_output(&a.output)?;
-            a.recording = listed(a.recording);
-            a.output.evidence = certificate::evidence(&a.recording, a.rig.as_deref());
-            commands::identify::run(&a)
+            commands::identify::of_words(*a)
         }
         Some(Command::Import(a)) if a.look => commands::import::look::run(&a),
         Some(Command::Import(a)) => commands::import::run(&a),

@@ -293,7 +293,11 @@ pub enum Error {
 
 impl From<StreamError> for Error {
     fn from(error: StreamError) -> Self {
-        Self::Streams(Box::new(error))
+        match error {
+            StreamError::File(error) => Self::Recording(error),
+            StreamError::Rig(error) => error.into(),
+            other => Self::Streams(Box::new(other)),
+        }
     }
 }
 

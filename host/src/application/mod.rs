@@ -1,15 +1,16 @@
 //! The jobs of Rigident as plain functions: typed options in, typed answers out; nothing is printed, and no
 //! process ends.
 //!
-//! [`identify`] goes from a recording to an answer, [`factor`](factor()) to all that a recording says of its
-//! body, [`merge`] joins factors, [`solve`] answers by one, [`predict`](predict()) computes what a model
-//! says of a recording, [`body`](body()) goes from trials to a person's segments. [`replay`](replay()) has
-//! the firmware identify a recording, [`Live`] identifies sensors as they run, [`watch`](watch()) has the
-//! firmware find what changes of a link. [`vibration`] has platforms on springs, [`robot`] masses and joint
-//! offsets of robots, [`sensors`] IMU and load cell, [`ReferenceRuns`] a rig calibrated and verified by a
-//! reference body, [`statics`](statics()) still poses, [`summary`](summary()) several results. The command
-//! line and Python call these functions, so that their numbers are the same to the last bit. Whoever calls
-//! shows progress, may stop the work and words remedies: [`Caller`]. Why there is no answer is an [`Error`].
+//! [`identify`] goes from a recording to an answer, [`see_streams`] looks at several clocks,
+//! [`factor`](factor()) to all that a recording says of its body, [`merge`] joins factors, [`solve`] answers
+//! by one, [`predict`](predict()) computes what a model says of a recording, [`body`](body()) goes from
+//! trials to a person's segments. [`replay`](replay()) has the firmware identify a recording, [`Live`]
+//! identifies sensors as they run, [`watch`](watch()) has the firmware find what changes of a link.
+//! [`vibration`] has platforms on springs, [`robot`] masses and joint offsets of robots, [`sensors`] IMU and
+//! load cell, [`ReferenceRuns`] a rig calibrated and verified by a reference body, [`statics`](statics())
+//! still poses, [`summary`](summary()) several results. The command line and Python call these functions, so
+//! that their numbers are the same to the last bit. Whoever calls shows progress, may stop the work and words
+//! remedies: [`Caller`]. Why there is no answer is an [`Error`].
 //!
 //! ```
 //! use rigident::application::{Caller, IdentifyOptions, identify};
@@ -58,6 +59,7 @@ pub mod sensors;
 mod solve;
 pub mod span;
 pub mod statics;
+mod streams_seen;
 pub mod summary;
 pub mod tare;
 pub mod tree;
@@ -98,6 +100,7 @@ pub use sensors::imu::DrivenImu;
 pub use sensors::load_cell::{LoadCellOptions, load_cell};
 pub use solve::{SolveOptions, solve};
 pub use statics::{StaticsOptions, statics};
+pub use streams_seen::{StreamClock, StreamCurve, StreamSeen, StreamsSeen, see_streams};
 pub use summary::summary;
 pub use tare::Fixture;
 pub use tree::{Changes, Tree};

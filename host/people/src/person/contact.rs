@@ -245,8 +245,9 @@ pub(super) fn sunken(soles: &[Option<KeptSoles>]) -> [[f64; 4]; 2] {
     })
 }
 
-/// The centre of pressure at a height: where the horizontal moments of a wrench about the origin vanish.
-pub(super) fn pressure([fx, fy, fz, mx, my, _]: &[f64; 6], z: f64) -> Vector3<f64> {
+/// Returns the centre of pressure at a height: where the horizontal moments of a wrench about the origin
+/// vanish, m; not finite without a vertical force.
+pub fn pressure([fx, fy, fz, mx, my, _]: &[f64; 6], z: f64) -> Vector3<f64> {
     // M = p × F, so m_x = y f_z − z f_y and m_y = z f_x − x f_z
     Vector3::new((z * fx - my) / fz, (mx + z * fy) / fz, z)
 }

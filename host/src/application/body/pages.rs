@@ -9,6 +9,7 @@ use rigident_people::body_segments::Study;
 use rigident_people::body_segments::left_out::LeftOutMotions;
 use rigident_people::inverse_kinematics::skeleton::{Place, Skeleton};
 use rigident_people::inverse_kinematics::subject::Subject;
+use rigident_people::person::contact::pressure;
 use rigident_people::person::track::SHOWN_S;
 use rigident_people::person::{Person, Tracked};
 use rigident_present::motion::{Bone, Curve, ErrorRow, ForceArrow, MotionError, MotionPage, Rms, Side};
@@ -117,11 +118,10 @@ fn push(trial: &Trial, plate: &GroundWrench, kept: &[usize]) -> ForceArrow {
     let of = |frame: &usize| {
         let sample = ((trial.time_s(*frame) - plate.first_s) * plate.rate_hz).round();
         let wrench = (sample >= 0.0).then(|| plate.wrench.get(sample as usize)).flatten();
-        let [fx, fy, fz, mx, my, _] = wrench?.map(f64::from);
-        // About the laboratory's origin: M = p × F.
-        let at = [(fx * height_m - my) / fz, (mx + fy * height_m) / fz, height_m];
-        (fz > LEAST_N && at.iter().all(|v| v.is_finite()))
-            .then(|| (at.map(|v| v as f32), [fx, fy, fz].map(|v| v as f32)))
+        let wrench = wrench?.map(f64::from);
+        let at = pressure(&wrench, height_m);
+        let [fx, fy, fz, ..] = wrench.map(|v| v as f32);
+        (wrench[2] > LEAST_N && at.iter().all(|v| v.is_finite())).then(|| (single(at), [fx, fy, fz]))
     };
     let (at_m, measured_n) = kept.iter().map(|frame| of(frame).unwrap_or((NONE, NONE))).unzip();
     ForceArrow { name: plate.name.clone(), at_m, measured_n, predicted_n: Vec::new() }

@@ -8,13 +8,20 @@ use crate::commands::factor;
 use crate::commands::identify::arguments::Identify;
 use crate::device::report::{Outlet, show};
 use crate::screen::outcome::{CANNOT_BE_TRUE, say_not_written};
-use crate::{Failure, Folder, Stages};
+use crate::{Failure, Folder, Stages, certificate};
+use rigident::application::recorded::listed;
 use rigident::application::{self, IdentifyOptions, Recorded, payload, write_loads};
 use rigident::rows::tree::drive::Friction;
 use rigident_io::recording::Recording;
 
-/// `rigident identify`
-pub(crate) fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
+/// `rigident identify`, as its words are: files that a list names, and their check sums for a certificate.
+pub(crate) fn of_words(mut arguments: Identify) -> Result<ExitCode, Failure> {
+    arguments.recording = listed(arguments.recording);
+    arguments.output.evidence = certificate::evidence(&arguments.recording, arguments.rig.as_deref());
+    run(&arguments)
+}
+
+fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     identify(arguments, Recorded::File(arguments.recording.clone()))
 }
 

@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 use crate::Failure;
 use crate::commands::import;
 use crate::commands::import::arguments::Import;
-use crate::commands::import::clocks;
 use crate::screen::outcome::say;
 use rigident::application::recorded::is_rig_file;
+use rigident::application::see_streams;
 use rigident_io::recording::import::{
     Choices, Columns, FileColumn, Proposed, Undecided, Understood, rig_text, understand,
 };
@@ -24,7 +24,7 @@ type Decided = (Understood, Columns, Recording);
 pub(crate) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
     let choices = import::choices(arguments)?;
     let files = match arguments.files.as_slice() {
-        [rig] if is_rig_file(rig) => vec![clocks::look(rig)?],
+        [rig] if is_rig_file(rig) => vec![json!(see_streams(rig)?)],
         files => {
             let looks = files.iter().map(|path| look(path, arguments, &choices));
             let (seen, decided): (Vec<_>, Vec<_>) = looks.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();

@@ -1,5 +1,4 @@
 pub(crate) mod arguments;
-mod clocks;
 pub(crate) mod look;
 
 use std::io::{IsTerminal, Write};
