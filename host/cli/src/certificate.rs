@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use crate::options::output::Output;
-use crate::screen::confirm::answered;
+use crate::screen::question::answered;
 use crate::screen::terms::in_own_terms;
 use crate::{Failure, Folder, Progress, kept};
 use rigident::answer::Answer;

@@ -3,7 +3,7 @@ use std::io::{self, IsTerminal};
 use rigident_shared::wire::{Identity, Settings, Source};
 
 use crate::Failure;
-use crate::screen::confirm::answered;
+use crate::screen::question::answered;
 use crate::screen::tell::tell;
 use rigident::application::device::configure;
 use rigident::device::ports::{self, NotFound, Port};

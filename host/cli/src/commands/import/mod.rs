@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use crate::Failure;
 use crate::commands::import::arguments::{Decimal, Import, Sign};
-use crate::screen::confirm::answered;
 use crate::screen::outcome::say;
+use crate::screen::question::answered;
 use rigident::device::session::INTERRUPTED;
 use rigident_io::recording::import::{self, Choices, Columns, Proposed, Undecided, Understood, understand};
 use rigident_io::recording::new_file::write_new_text;
