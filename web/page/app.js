@@ -321,6 +321,9 @@ function command() {
   return { words: ["identify", recording], rigText, more: [] };
 }
 
+/** The command and the texts that go with it, to tell whether an answer is that of the present form. */
+const asked = () => JSON.stringify(command());
+
 async function identify() {
   const { words, rigText, more } = command();
   by("answer").hidden = by("certificate").hidden = true;
@@ -333,7 +336,7 @@ async function identify() {
       complain("job-error", complaint(ended));
       return say("There is no answer.", "bad");
     }
-    const answer = { output: ended.output, made: ended.made, of: recording, rigText, words, more };
+    const answer = { output: ended.output, made: ended.made, of: recording, asked: asked(), rigText, words, more };
     answered(answer, `${digits((performance.now() - begun) / 1000, 2)} s`);
     by("headline").focus();
     await store.keep("answer", answer);
@@ -366,7 +369,7 @@ async function certify() {
     const page = ended.made.find(([path]) => path === certificate.NAME);
     if (page === undefined) return certificate.complain(complaint(ended));
     certificate.show(page[1], ended.errors);
-    const answer = { output: ended.output, made: ended.made.filter(([path]) => path !== certificate.NAME), of: recording, rigText: stated === "" ? undefined : stated, words, more: [] };
+    const answer = { output: ended.output, made: ended.made.filter(([path]) => path !== certificate.NAME), of: recording, asked: asked(), rigText: stated === "" ? undefined : stated, words, more: [] };
     answers.show(answer);
     await store.keep("answer", answer);
     await keepForm();
@@ -459,7 +462,8 @@ async function begin() {
   poses.fill(form?.poses);
   for (const file of old ?? []) files.set(file.name, file);
   await taken();
-  if (last && last.of === recording) {
+  // An answer to another question, of a clock or rig file changed since, is not shown again.
+  if (last && last.of === recording && last.asked === asked()) {
     by("job").hidden = false;
     answered(last);
   }

@@ -51,7 +51,22 @@ export function compare(ours, theirs) {
 
 export const file = (name, text) => ({ name, mimeType: "text/plain", buffer: Buffer.from(text) });
 export const choose = (page, ...files) => page.locator("#choose").setInputFiles(files);
-export const state = (page, words) => page.locator("#state").filter({ hasText: words }).waitFor({ timeout: 60_000 });
+
+/** Waits until the page's state contains these words; names the state and the complaints that are there if it never does. */
+export async function state(page, words) {
+  try {
+    await page.locator("#state").filter({ hasText: words }).waitFor({ timeout: 60_000 });
+  } catch {
+    const seen = await page.locator("#state, .bad:visible, [role=alert]:visible").allTextContents();
+    throw new Error(`the page never said "${words}" but ${JSON.stringify(seen)}`);
+  }
+}
+
+/** Has the page forget its files, and waits until it has begun anew. */
+export async function forget(page) {
+  await Promise.all([page.waitForEvent("load"), page.locator("#forget").click()]);
+  await page.getByText(/^rigident \d/).waitFor();
+}
 
 /** Downloads the file of a button. */
 export async function downloaded(page, name) {

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { mkdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 
-import { BRACKET, RIGIDENT_PICTURES, choose, file, foreign, identify, state } from "./helpers.mjs";
+import { BRACKET, RIGIDENT_PICTURES, choose, file, foreign, forget, identify, state } from "./helpers.mjs";
 import { opened } from "./site.mjs";
 import { swinging, twoLoggers } from "./swinging.mjs";
 
@@ -31,15 +31,13 @@ async function parts(page, each) {
   await page.locator("#by-level").click();
   await page.locator("#pose-table input").first().fill("15");
   await each("poses");
-  await page.locator("#forget").click();
-  await page.getByText(/^rigident \d/).waitFor();
+  await forget(page);
   const loggers = twoLoggers(swinging(10, 200), (t) => 40 + t);
   await choose(page, ...Object.entries(loggers).map(([name, text]) => file(name, text)));
   await page.getByRole("radio", { name: /all tables as one recording/ }).check();
   await page.locator("#clocks").waitFor({ timeout: 60_000 });
   await each("clocks");
-  await page.locator("#forget").click();
-  await page.getByText(/^rigident \d/).waitFor();
+  await forget(page);
   await choose(page, file("walk.trc", walking()));
   await page.locator("#markers-words").filter({ hasText: "frames" }).waitFor({ timeout: 60_000 });
   await page.locator("#markers-details").evaluate((details) => { details.open = true; });
