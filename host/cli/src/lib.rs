@@ -4,6 +4,7 @@
 //! the rooms beside this one.
 #![forbid(unsafe_code)]
 
+#[cfg_attr(target_family = "wasm", allow(dead_code, reason = "for commands that the page lacks"))]
 #[macro_use]
 mod screen;
 
@@ -18,6 +19,7 @@ mod folder;
 #[cfg(not(target_family = "wasm"))]
 mod in_process;
 mod kept;
+#[cfg_attr(target_family = "wasm", allow(dead_code, reason = "for commands that the page lacks"))]
 mod options;
 #[cfg(target_family = "wasm")]
 mod page;

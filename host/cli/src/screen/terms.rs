@@ -9,6 +9,9 @@ use std::sync::OnceLock;
 const OF_OTHERS: [&str; 9] =
     ["field ", "variant ", "key ", "expected ", "one of ", "answer ", "answers ", "answered ", "refuses "];
 
+/// The two ends of a script in a page.
+const SCRIPT: [&str; 2] = ["<script", "</script>"];
+
 /// The names of the command line.
 #[derive(Default)]
 struct Terms {
@@ -20,21 +23,34 @@ struct Terms {
 
 /// Returns a text with the library's names in the terms of the command line: `` `write_model` `` is
 /// `--write-model`, `` `configure(write=FILE)` `` is `` `rigident configure --write FILE` ``. Other words in
-/// backticks stay as they are.
+/// backticks stay as they are, and so do the scripts of a page.
 pub(crate) fn in_own_terms(text: &str) -> Cow<'_, str> {
     if !text.contains('`') {
         return Cow::Borrowed(text);
     }
+    let (mut own, mut rest) = (String::with_capacity(text.len()), text);
+    while let Some(begin) = rest.find(SCRIPT[0]) {
+        let end = rest[begin..].find(SCRIPT[1]).map_or(rest.len(), |length| begin + length);
+        reword(&rest[..begin], &mut own);
+        own += &rest[begin..end];
+        rest = &rest[end..];
+    }
+    reword(rest, &mut own);
+    Cow::Owned(own)
+}
+
+/// Appends a text without scripts in the terms of the command line.
+fn reword(text: &str, own: &mut String) {
     let terms = Terms::of_this_program();
-    let (mut own, mut rest, mut is_of_others) = (String::with_capacity(text.len()), text, false);
+    let (mut rest, mut is_of_others) = (text, false);
     while let Some((before, after)) = rest.split_once('`') {
-        own += before;
+        *own += before;
         is_of_others = OF_OTHERS.iter().any(|words| before.ends_with(words))
             || (is_of_others && matches!(before, ", " | " or "));
         match after.split_once('`').filter(|(name, _)| is_name(name)) {
             Some((name, behind)) => {
                 let term = if is_of_others { None } else { terms.own(name) };
-                own += &term.unwrap_or_else(|| format!("`{name}`"));
+                *own += &term.unwrap_or_else(|| format!("`{name}`"));
                 rest = behind;
             }
             None => {
@@ -43,8 +59,7 @@ pub(crate) fn in_own_terms(text: &str) -> Cow<'_, str> {
             }
         }
     }
-    own += rest;
-    Cow::Owned(own)
+    *own += rest;
 }
 
 /// Returns true for a word, and for a word with something in parentheses behind it.
@@ -156,5 +171,7 @@ mod tests {
         let said = in_own_terms("expected `com` or `mass`; give `rig`, or `body`");
         assert_eq!(said, "expected `com` or `mass`; give --rig, or --body");
         assert_eq!(in_own_terms("a ` and `ros2 bag` and `rig`"), "a ` and `ros2 bag` and --rig");
+        let page = in_own_terms("<p>`rig`</p><script>f(`rig`)</script>`rig`<script>`rig`");
+        assert_eq!(page, "<p>--rig</p><script>f(`rig`)</script>--rig<script>`rig`");
     }
 }

@@ -12,6 +12,7 @@ use crate::{Failure, Folder, Stages, certificate};
 use rigident::application::recorded::listed;
 use rigident::application::{self, IdentifyOptions, Recorded, payload, write_loads};
 use rigident::rows::tree::drive::Friction;
+#[cfg(not(target_family = "wasm"))]
 use rigident_io::recording::Recording;
 
 /// `rigident identify`, as its words are: files that a list names, and their check sums for a certificate.
@@ -26,6 +27,7 @@ fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
 }
 
 /// The same of a recording in memory; `--rig` is then of a fixture's recordings alone.
+#[cfg(not(target_family = "wasm"))]
 pub(crate) fn of_recording(arguments: &Identify, recording: Recording) -> Result<ExitCode, Failure> {
     identify(arguments, recording.into())
 }
