@@ -67,7 +67,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
 /// Writes a new file from text that is in memory.
 ///
 /// # Errors
-/// As [`write_new`].
+/// Fails as [`write_new`] does.
 pub fn write_new_text(path: &Path, text: &str) -> Result<(), NewFileError> {
     write_new_bytes(path, text.as_bytes())
 }
@@ -75,7 +75,7 @@ pub fn write_new_text(path: &Path, text: &str) -> Result<(), NewFileError> {
 /// Writes a new file from bytes that are in memory.
 ///
 /// # Errors
-/// As [`write_new`].
+/// Fails as [`write_new`] does.
 pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), NewFileError> {
     write_new(path, |mut file| {
         file.write_all(bytes)?;

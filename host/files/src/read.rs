@@ -15,7 +15,7 @@ pub const MOST_OF_MESH: u64 = 512 << 20;
 /// wait.
 ///
 /// # Errors
-/// What the system says, or that it is no regular file.
+/// Fails if the system refuses, or if the path is no regular file.
 pub fn open(path: &Path) -> Result<File> {
     check(&std::fs::metadata(path)?)?;
     let file = File::open(path)?;
@@ -24,10 +24,10 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// Opens a regular file, or a pipe: what somebody names at a command line may come from another program.
+/// Opens a regular file or a pipe: a path on a command line may be the output of another program.
 ///
 /// # Errors
-/// What the system says, or that it is a device or a folder.
+/// Fails if the system refuses, or if the path is a device or a folder.
 pub fn open_or_pipe(path: &Path) -> Result<File> {
     if is_pipe(&std::fs::metadata(path)?) { File::open(path) } else { open(path) }
 }
@@ -58,7 +58,7 @@ fn check(found: &Metadata) -> Result<()> {
 /// Reads a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// As [`open`], or that it is larger.
+/// Fails as [`open`] does, or if the file is larger than `most`.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     all_of(open(path)?, most)
 }
@@ -66,7 +66,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 /// Reads a regular file, or all that comes through a pipe, of at most `most` bytes.
 ///
 /// # Errors
-/// As [`open_or_pipe`], or that it is more.
+/// Fails as [`open_or_pipe`] does, or if there are more than `most` bytes.
 pub fn read_or_pipe(path: &Path, most: u64) -> Result<Vec<u8>> {
     all_of(open_or_pipe(path)?, most)
 }
@@ -91,7 +91,7 @@ fn all_of(file: File, most: u64) -> Result<Vec<u8>> {
 /// Reads a regular file of at most [`MOST_OF_TEXT`] bytes as text.
 ///
 /// # Errors
-/// As [`read`], or that it is no UTF-8.
+/// Fails as [`read`] does, or if the file is no UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
     let bytes = read(path, MOST_OF_TEXT)?;
     String::from_utf8(bytes)
