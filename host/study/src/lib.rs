@@ -70,7 +70,7 @@ pub struct Campaign {
     pub rate_hz: f64,
     /// The estimator.
     pub solver: Solver,
-    /// Whether the estimator is given the gain errors; off only to see what that costs.
+    /// True if the estimator is given the gain errors; false only to show the cost of leaving them out.
     pub tell_gain_errors: bool,
     /// States the white noise of load cell and IMU to the estimator; else it finds it in the readings.
     pub tell_noise: bool,

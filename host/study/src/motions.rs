@@ -30,7 +30,8 @@ impl RepeatedMotion {
 /// Repeats every planned motion with the thesis' sensors, `runs` times at `rate_hz`.
 ///
 /// # Errors
-/// As [`Campaign::prepare`] and [`super::Prepared::run`]; stopped before the first motion was done.
+/// Fails as [`Campaign::prepare`] and [`super::Prepared::run`] do, or if it is stopped before the first
+/// motion is done.
 pub fn motions(
     rows: &[Row],
     rate_hz: f64,

@@ -1,4 +1,4 @@
-//! The same experiment many times over, on every core.
+//! Repeats an experiment many times, on every core.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;

@@ -34,9 +34,9 @@ pub struct TreeCampaign {
 /// A parameter over all experiments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TreeJudgement {
-    /// Its name.
+    /// The name of the parameter.
     pub name: String,
-    /// Its unit.
+    /// The unit of the parameter.
     pub unit: String,
     /// Bias, spread, bound and coverage.
     pub judgement: Judgement,

@@ -10,7 +10,7 @@ use rigident_model::Model;
 pub struct TreeExperiment {
     /// Rate of the readings, 1/s.
     pub rate_hz: f64,
-    /// Its length, s.
+    /// The length of the experiment, s.
     pub duration_s: f64,
     /// Torques of the joints are measured on a base that is held still; else the wrench on a base that moves.
     pub has_torques: bool,

@@ -67,7 +67,8 @@ impl TwoSteps {
 /// Repeats every planned motion with the thesis' sensors, `runs` times at `rate_hz`.
 ///
 /// # Errors
-/// As [`super::Campaign::prepare`]; an experiment that cannot be identified; fewer than two of them.
+/// Fails as [`super::Campaign::prepare`] does, if an experiment cannot be identified, or if there are fewer
+/// than two of them.
 pub fn two_steps(
     rows: &[Row],
     rate_hz: f64,
