@@ -23,7 +23,7 @@ pub struct PicksUp {
     pub holds_s: Option<[f64; 2]>,
     /// The link that holds it.
     pub link: &'static str,
-    /// Its mass, kg; below zero: the link has lost it from the first time to the second.
+    /// The mass that the link holds, kg. Below zero, the link has lost it from the first time to the second.
     pub mass_kg: f64,
     /// Links weigh up to this much more or less than known, their centres and radii of gyration are off by
     /// half of it.

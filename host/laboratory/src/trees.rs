@@ -115,7 +115,8 @@ fn attitude(t: f64, k: usize, size: f64) -> (Matrix3<f64>, Vector3<f64>) {
     (r, rate)
 }
 
-/// Its derivative: central differences of order four, here in the truth only.
+/// Returns the angular acceleration of [`attitude`]: the derivative of its rate by central differences of
+/// order four. Only the truth is made so.
 fn change(t: f64, k: usize, size: f64) -> Vector3<f64> {
     let h = 1e-3;
     let w = |n: f64| attitude(t + n * h, k, size).1;
@@ -225,9 +226,9 @@ pub fn seven_axis_recording(
     recording
 }
 
-/// The same recording with noise that is correlated over `time_s` on what was measured of forces and torques,
-/// of the standard deviations that the other recordings have: 0.5 N, 0.03 N m, and 0.3 N m of joints. Zero:
-/// white.
+/// Returns the recording with noise that is correlated over `time_s` on its forces and torques, white if
+/// `time_s` is zero. The standard deviations are those of the other recordings: 0.5 N, 0.03 N m, and 0.3 N m
+/// for joints.
 pub fn with_remembered_noise(recording: &Recording, time_s: f64, seed: u64) -> Recording {
     let mut noise = Noise(Some(seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
     let rate_hz = recording.rate_hz.unwrap_or(1.0);
@@ -269,7 +270,8 @@ pub fn with_noise_of_rates(recording: &Recording, sigma: f64, seed: u64) -> Reco
     out
 }
 
-/// The same recording by a load cell with relative gain errors of this much, 1 σ; its offset has none.
+/// Returns the recording as a load cell with random relative gain errors of standard deviations `sigma`
+/// measures it. The wrench offset has no gain error.
 pub fn with_gain_errors(recording: &Recording, sigma: [f64; 6], seed: u64) -> Recording {
     let mut noise = Noise(Some(seed.wrapping_mul(0x9e6d_62d0_6f6a_9a9b)));
     let gains = sigma.map(|s| noise.normal(s));
@@ -426,8 +428,8 @@ pub struct TreeNoise {
     pub rate: f64,
 }
 
-/// The same recording with white noise, and an offset of the wrench that is drawn of `offset`, N and N m;
-/// returns the offset too.
+/// Returns the recording with white noise and a random wrench offset of standard deviations `offset`, N and
+/// N m, and that offset.
 pub fn with_noise_and_offset(
     recording: &Recording,
     sigma: &TreeNoise,
@@ -487,7 +489,7 @@ pub fn worst(truth: &[f64], found: &Fit) -> f64 {
 pub struct Coverage {
     /// Share of parameters inside their intervals.
     pub inside: f64,
-    /// The same share, had the intervals not counted autocorrelation.
+    /// Share of parameters inside their intervals if the intervals did not count autocorrelation.
     pub inside_as_white: f64,
     /// Share of the runs that warned of autocorrelation.
     pub warned: f64,
