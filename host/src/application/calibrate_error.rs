@@ -59,7 +59,7 @@ pub enum CalibrateError {
     OtherProgram {
         /// The share of the gyro's readings that is not explained.
         gyro: f64,
-        /// The same of the accelerometer.
+        /// The share of the accelerometer's readings that is not explained.
         accelerometer: f64,
         /// The share that may be unexplained.
         most: f64,
@@ -101,7 +101,7 @@ pub enum CalibrateError {
     /// There is nothing to calibrate by.
     #[error("there is no recording")]
     NoRecording,
-    /// What the recordings say of the rig.
+    /// The rig cannot be calibrated from the recordings.
     #[error(transparent)]
     Rig(#[from] reference::CalibrateError),
 }

@@ -25,7 +25,7 @@ const ROBOT: (&str, &str) = ("rig", "robot");
 /// A step changes a gain by no more than these factors.
 const STEPS: (f64, f64) = (0.3, 3.0);
 
-/// How gains are found.
+/// Options of the search for drive gains.
 #[derive(Clone, Debug, Default)]
 pub struct DriveGainOptions {
     /// Rig file of all recordings. Default: `NAME.rig.toml` beside each.
@@ -39,7 +39,7 @@ pub struct DriveGainOptions {
     /// A recording with a load, and the link that carries it, `LINK` or `LINK@x,y,z,roll,pitch,yaw` in m and
     /// degrees.
     pub loaded: Option<(PathBuf, String)>,
-    /// What is known of the load, or, without one, of the links.
+    /// The known values of the load, or of the links if there is no load.
     pub known: KnownValues,
     /// Relative standard deviation (1 σ) that the nominal model's links are trusted with; `None`: not at all.
     pub nominal_sigma: Option<f64>,
@@ -77,9 +77,9 @@ pub struct DriveGains {
     pub rig: RigFile,
     /// Rounds of scaling.
     pub rounds: usize,
-    /// What was done.
+    /// Notes on the steps taken.
     pub notes: Vec<String>,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
 }
 
@@ -115,7 +115,7 @@ struct Fitted {
     fits: Vec<Fit>,
 }
 
-/// What a round found.
+/// The result of one round of scaling and fitting.
 struct Round {
     errors: Errors,
     coverage: f64,

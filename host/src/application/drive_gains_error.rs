@@ -29,7 +29,7 @@ pub enum DriveGainsError {
     Implausible {
         /// The recording.
         name: String,
-        /// What contradicts it.
+        /// The contradiction, in words.
         why: String,
     },
     /// The trust in the nominal model is no standard deviation, or is given beside a load.

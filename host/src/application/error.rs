@@ -241,9 +241,9 @@ pub enum Error {
     OtherSubject {
         /// The file.
         path: PathBuf,
-        /// Its subject, in words.
+        /// The subject of the result in `path`, in words.
         of: String,
-        /// That of the first, in words.
+        /// The subject of the first result, in words.
         first: String,
     },
     /// A person.

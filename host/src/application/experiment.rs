@@ -23,7 +23,7 @@ use rigident_present::{Decided, Stage, TimePlot};
 /// The course of an experiment that decides for itself.
 #[derive(Clone, Debug)]
 pub struct Course {
-    /// What was asked for, and how far it came.
+    /// The quantities that were asked for, and the progress towards each.
     pub summary: ExperimentSummary,
     /// Why what was asked for is not reached, and what is; `None` if it is.
     pub why: Option<String>,

@@ -14,7 +14,7 @@ pub enum LiveError {
     /// An address is none.
     #[error("`{role}` {error}")]
     Address {
-        /// What it is the address of.
+        /// The role of the address.
         role: Role,
         /// Why it is none.
         error: SourceError,
@@ -28,13 +28,13 @@ pub enum LiveError {
          for both"
     )]
     TwoSettings {
-        /// What the first is the address of.
+        /// The role of the first address.
         role: Role,
-        /// The first.
+        /// The first address.
         url: String,
-        /// What the second is the address of.
+        /// The role of the second address.
         other_role: Role,
-        /// The second.
+        /// The second address.
         other: String,
     },
     /// No source brings a specific force.
@@ -49,9 +49,9 @@ pub enum LiveError {
          by ?columns={NOTHING}"
     )]
     Twice {
-        /// The address of one.
+        /// The address of the first source.
         first: String,
-        /// That of the other.
+        /// The address of the second source.
         second: String,
         /// The columns.
         columns: String,
@@ -61,7 +61,7 @@ pub enum LiveError {
     Rig {
         /// The rig file.
         rig: PathBuf,
-        /// What it has, and what to do with that.
+        /// The content that does not fit, and the remedy.
         has: &'static str,
     },
     /// The duration is none.

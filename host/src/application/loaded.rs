@@ -22,7 +22,7 @@ use rigident_present::TimePlot;
 use rigident_rows::body::BodySource;
 use rigident_rows::body::{input_checks, prepare};
 
-/// Said where a rig file's calibration is of no use.
+/// The note given where a rig file's calibration is of no use.
 const UNUSED_CALIBRATION: &str =
     "the calibration of the rig is not used: it is for one body, and this is a tree of links";
 
@@ -98,7 +98,7 @@ impl Loaded {
     /// Reads a recording, or takes one that is in memory.
     ///
     /// # Errors
-    /// As [`Loaded::read`] and [`Loaded::of_recording`].
+    /// Fails as [`Loaded::read`] and [`Loaded::of_recording`] do.
     pub fn of(
         recording: Recorded,
         rig: Option<&Path>,

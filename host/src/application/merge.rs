@@ -37,10 +37,10 @@ pub fn merge(factors: Vec<PooledFactor>, shared_offset: bool, force: bool) -> Re
     judged(union(factors, shared_offset)?, shared_offset, force)
 }
 
-/// Merges the factors of files likewise, on all cores; few are in memory at a time.
+/// Merges the factors in files as [`merge`] does, on all cores. Few of them are in memory at a time.
 ///
 /// # Errors
-/// As [`merge`]; a file cannot be read, or the caller stops the job.
+/// Fails as [`merge`] does, if a file cannot be read, or if the caller stops the job.
 pub fn merge_files<P: AsRef<Path> + Sync>(
     files: &[P],
     shared_offset: bool,

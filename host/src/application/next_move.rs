@@ -19,7 +19,7 @@ const LEAST_S: f64 = 2.0;
 /// Readings are handed over in pieces of this length.
 const PIECE: usize = 50;
 
-/// Said when nothing is missing.
+/// The advice given when nothing is missing.
 const ENOUGH: &str = "everything asked for is identified: go on for smaller intervals, or end by Ctrl-C";
 
 /// Examines what has arrived, beside whoever takes it in.

@@ -34,7 +34,7 @@ pub enum Notice {
     MassContradicted {
         /// The mass that was given, kg.
         given_kg: String,
-        /// That of the plates, with its unit.
+        /// The mass by the plates, with its unit.
         plates: String,
     },
     /// The rig file states the platform on springs, which was not taken off.
@@ -43,7 +43,7 @@ pub enum Notice {
     LoadOrigin {
         /// The recording with the load.
         with: String,
-        /// Those without it.
+        /// The recordings without the load.
         without: String,
     },
     /// The frame of a load is turned in its link as the payload was stated.

@@ -33,7 +33,7 @@ pub struct SolveOptions {
 /// Solves a factor.
 ///
 /// # Errors
-/// What was given does not fit the factor, or the caller stops the job.
+/// Fails if the options do not fit the factor, or if the caller stops the job.
 pub fn solve(
     factor: &PooledFactor,
     options: &SolveOptions,

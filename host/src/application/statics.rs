@@ -12,7 +12,7 @@ use rigident_io::rig::WRENCH_CHANNELS;
 use rigident_plan::poses::statics::{self, Estimated, Held, Statics, StaticsError, held};
 use rigident_rows::body::prepare::prepare;
 
-/// How still poses are estimated from.
+/// Options of the estimation from still poses.
 #[derive(Clone, Debug)]
 pub struct StaticsOptions {
     /// Rig file. Default: `NAME.rig.toml` beside the recording.
@@ -37,7 +37,7 @@ pub struct StillPoses {
     /// The estimators beside each other, and what they leave.
     #[serde(flatten)]
     pub found: Statics,
-    /// What was noticed while reading.
+    /// Warnings from reading the recording.
     #[serde(skip)]
     pub warnings: Vec<String>,
     #[serde(skip)]

@@ -36,11 +36,11 @@ pub struct StreamsSeen {
 pub struct StreamSeen {
     /// The file as listed.
     pub file: String,
-    /// Its quantities, in words.
+    /// The quantities in the stream, in words.
     pub carries: Vec<String>,
-    /// Its rate, 1/s.
+    /// The rate of the stream, 1/s.
     pub rate_hz: f64,
-    /// Its rows.
+    /// The number of rows.
     pub rows: usize,
     /// The first instant after the first wrench, s.
     pub from_s: f64,
@@ -48,7 +48,7 @@ pub struct StreamSeen {
     pub to_s: f64,
     /// The clock that was found; `None` as stamped.
     pub clock: Option<StreamClock>,
-    /// Its motion; `None` without a quantity.
+    /// A curve of the stream's motion; `None` without a quantity to draw.
     pub curve: Option<StreamCurve>,
 }
 
@@ -66,7 +66,7 @@ pub struct StreamClock {
 pub struct StreamCurve {
     /// The quantity.
     pub name: &'static str,
-    /// Its unit.
+    /// The unit of the quantity.
     pub unit: &'static str,
     /// Time (s), least and greatest value of each stretch.
     pub points: Vec<[f64; 3]>,

@@ -103,7 +103,7 @@ pub fn bare(
 /// Takes a fixture off a fit; what that assumes of the rigs of both goes to the notes.
 ///
 /// # Errors
-/// As [`Tare::take_off`].
+/// Fails as [`Tare::take_off`] does.
 pub fn take_off(tare: &Tare, found: &mut Fit, notes: &mut Vec<String>) -> Result<(), TareError> {
     notes.extend(rigident_present::merged::rigs_of_tare(&found.rows(), &tare.fit().rows()));
     tare.take_off(found)

@@ -58,7 +58,7 @@ impl Changes {
 /// Returns the model of a name, changed, and whether it is a person's.
 ///
 /// # Errors
-/// As [`read`] and [`change`].
+/// Fails as [`read`] and [`change`] do.
 pub fn open(name: &str, changes: &Changes) -> Result<(Model, bool), Error> {
     let (mut model, is_person) = read(name, changes)?;
     change(&mut model, changes)?;

@@ -24,7 +24,7 @@ pub enum VibrationError {
     Refused {
         /// The recording.
         name: String,
-        /// What contradicts them.
+        /// The contradiction.
         why: Refused,
     },
     /// Modes that leave an element of the stiffness open.

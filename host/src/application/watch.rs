@@ -76,7 +76,7 @@ impl WatchOptions {
     }
 }
 
-/// What a watch found.
+/// The result of watching a link in a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WatchedLink {
     /// The end of it.
@@ -87,9 +87,9 @@ pub struct WatchedLink {
     pub changes: Vec<Change>,
     /// The limit by that of noise: errors of the model make it larger.
     pub excess: f64,
-    /// What became of the frames.
+    /// Counts of the frames that were sent, taken and lost.
     pub frames: FrameCounts,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// True if nothing was left unseen: it settled, came to its end, and its limit is not far above that of
     /// noise.
@@ -126,7 +126,7 @@ pub enum WatchStatus {
 /// A change of a link. Times are the recording's, s.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
-    /// Its number, from one.
+    /// The number of the change, from one.
     pub change: u16,
     /// When it was found.
     pub found_s: f64,
@@ -134,7 +134,7 @@ pub struct Change {
     pub at_s: f64,
     /// Not before the one, and not after the other.
     pub between_s: [f64; 2],
-    /// What it explains by the limit.
+    /// The squares that the change explains, divided by the limit for a change.
     pub times_the_limit: f32,
     /// The parameters that the motion determines of it; `None`: it was not measured to the end.
     pub size: Option<Vec<ParameterChange>>,
@@ -143,36 +143,36 @@ pub struct Change {
 /// The change of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterChange {
-    /// Its name.
+    /// The name of the parameter.
     pub name: &'static str,
-    /// Its unit.
+    /// The unit of the parameter.
     pub unit: &'static str,
-    /// What is there beyond what was there before.
+    /// The value after the change minus the value before it.
     pub change: f32,
     /// 95 % expanded uncertainty.
     pub u95: f64,
 }
 
-/// What became of frames.
+/// Counts of frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
-    /// Those sent.
+    /// Frames that were sent.
     pub sent: u32,
-    /// Those that the device heard of.
+    /// Frames that the device heard of.
     pub given: u32,
-    /// Those taken in.
+    /// Frames that the device took in.
     pub taken: u32,
-    /// Those missing in the series.
+    /// Frames that are missing in the series.
     pub missing: u32,
-    /// Those lost on the way.
+    /// Frames that were lost on the way.
     pub lost: u32,
-    /// Those that came twice.
+    /// Frames that came twice.
     pub repeated: u32,
-    /// Those that came after a later one.
+    /// Frames that came after a later one.
     pub late: u32,
-    /// Those that came while the device did not watch.
+    /// Frames that came while the device did not watch.
     pub unasked: u32,
-    /// How often the device had no room.
+    /// The number of times that the device had no room.
     pub overruns: u32,
 }
 

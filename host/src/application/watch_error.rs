@@ -42,11 +42,11 @@ pub enum WatchError {
         rate_hz: f64,
         /// Links of the robot.
         links: usize,
-        /// Its sensors of forces.
+        /// The robot's force sensors.
         feet: usize,
-        /// What they need, baud.
+        /// The rate that the frames need, baud.
         need: f64,
-        /// What there is, baud.
+        /// The rate of the line, baud.
         baud: u32,
     },
     /// The device's firmware was built without.

@@ -1,4 +1,4 @@
-//! Whether a model of a person with more degrees of freedom predicts better than one with fewer.
+//! Compares the predictions of a person's model with those of a model with fewer degrees of freedom.
 
 use std::path::PathBuf;
 
@@ -54,7 +54,7 @@ pub(super) fn beside_human34(
     Some(format!("{verdict}: {}", each.join(", ")))
 }
 
-/// The predictions of left-out motions by another model of the same person.
+/// Predicts left-out motions by another model of the same person.
 fn predicted(paths: &[PathBuf], options: &BodyOptions, caller: &Caller<'_>) -> Result<Vec<LeftOut>, Error> {
     let mut trials = read_trials(paths, options)?;
     let standing = options.standing.as_deref().map(|path| Trial::read(path, None)).transpose()?;

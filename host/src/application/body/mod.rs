@@ -114,7 +114,7 @@ impl Default for BodyOptions {
 /// A tool that a person holds in the trials, and not in others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldTool {
-    /// Its name.
+    /// The name of the tool.
     pub name: String,
     /// The link that holds it.
     pub link: String,

@@ -146,7 +146,7 @@ fn single(v: Vector3<f64>) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
 }
 
-/// The way the person faces on average.
+/// Returns the horizontal direction, a unit vector, in which the person faces on average.
 fn forward(skeleton: &Skeleton, tracked: &Tracked, kept: &[usize]) -> [f32; 2] {
     let pose = |frame: usize| tracked.coordinates.pose(skeleton, frame);
     let sum: Vector3<f64> = kept.iter().filter_map(|f| pose(*f)).map(|p| p.attitude * Vector3::x()).sum();

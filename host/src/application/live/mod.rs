@@ -86,7 +86,7 @@ pub struct Feed {
     settings: Settings,
     /// The rig file of the readings that the device is given, for their recording.
     pub recorded: RigFile,
-    /// The same with all that the first look found, σ of the channels included.
+    /// The rig file `recorded` with all results of the first look, the σ of the channels included.
     pub with_noise: RigFile,
     /// Device and sources, label and value, for the recording.
     pub comments: Vec<(String, String)>,

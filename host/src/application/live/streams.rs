@@ -43,7 +43,7 @@ struct Stream {
     asked: Asked,
     file: String,
     groups: Vec<Group>,
-    /// Its clock among the clocks, and whether its arrivals are all there is.
+    /// The index of the stream's clock among the clocks.
     clock: usize,
     own: OwnClock,
     when_silent: String,
@@ -58,7 +58,7 @@ struct Stream {
 
 /// A clock that one or more sources share.
 struct Clock {
-    /// Its first time, ns.
+    /// The first time of the clock, ns.
     zero_ns: Option<i64>,
     arrivals: ArrivalLine,
     /// The state used until the next check.
@@ -318,7 +318,7 @@ impl Streams {
         Ok(())
     }
 
-    /// The streams on the time base.
+    /// Returns the streams on the common time base.
     pub(super) fn growing(&mut self) -> &mut Growing {
         &mut self.growing
     }

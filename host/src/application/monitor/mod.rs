@@ -1,4 +1,4 @@
-//! What the threads of a monitor share: readings as they come, the view as it grows.
+//! The state that the threads of a monitor share: readings as they come, the view as it grows.
 
 mod sources;
 
@@ -156,7 +156,7 @@ impl<'a> Listener<'a> {
     }
 }
 
-/// From the first reading to the last, s, and readings a second of the last ones.
+/// Returns the time from the first reading to the last, s, and the rate of the last ones, 1/s.
 fn span(readings: &[Reading<f64>]) -> (f64, Option<f64>) {
     let [Some(first), Some(last)] = [readings.first(), readings.last()] else { return (0.0, None) };
     let between = |a: &Reading<f64>, b: &Reading<f64>| b.time_ns.saturating_sub(a.time_ns) as f64 * 1e-9;

@@ -21,7 +21,7 @@ use rigident_rows::body::BodySource;
 /// Name of the mounting that is `[place]` as it is.
 const PLACE: &str = "place";
 
-/// How recordings of a reference body are read.
+/// Options of reading recordings of a reference body.
 #[derive(Clone, Debug, Default)]
 pub struct ReferenceOptions {
     /// The file of the reference body.
@@ -65,15 +65,15 @@ pub struct ReferenceRuns {
 
 /// A recording with the body as it was mounted.
 pub struct ReferenceRun {
-    /// Its path.
+    /// The path of the recording.
     pub name: String,
-    /// What it says of the body.
+    /// The estimation problem of the recording.
     pub problem: Problem,
     /// The body as it was mounted.
     pub mounted: Mounted,
     /// Name of the mounting; empty: its place.
     pub mounting: String,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
 }
 
@@ -86,10 +86,10 @@ pub struct RigErrors {
     pub recordings: Vec<String>,
     /// The errors.
     pub errors: Vec<RigError>,
-    /// What was assumed.
+    /// The assumptions made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// The same as a file that rig files take, but for its name and seal.
+    /// The errors as a calibration that rig files take, without its name and seal.
     #[serde(skip)]
     calibration: RigCalibration,
 }
@@ -97,19 +97,19 @@ pub struct RigErrors {
 /// An error of a rig, before and after.
 #[derive(Clone, Debug, Serialize)]
 pub struct RigError {
-    /// Its name.
+    /// The name of the error.
     pub name: String,
     /// The part of the rig.
     pub group: String,
-    /// Its unit.
+    /// The unit of the error.
     pub unit: String,
     /// 1 σ by data sheets.
     pub sigma_before: f64,
-    /// Its value.
+    /// The estimated value.
     pub value: f64,
-    /// 1 σ of it.
+    /// The standard deviation of the value.
     pub sigma: f64,
-    /// 95 % expanded uncertainty of it.
+    /// The 95 % expanded uncertainty of the value.
     pub u95: f64,
 }
 

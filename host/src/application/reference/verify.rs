@@ -19,7 +19,7 @@ pub struct Verification {
     pub reference: String,
     /// The recordings.
     pub recordings: Vec<Verified>,
-    /// What was assumed.
+    /// The assumptions made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
@@ -27,7 +27,7 @@ pub struct Verification {
 /// A recording against the reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct Verified {
-    /// Its path.
+    /// The path of the recording.
     pub recording: String,
     /// Name of the mounting; empty: its place.
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -37,7 +37,7 @@ pub struct Verified {
     /// Each quantity against the reference.
     #[serde(flatten)]
     pub comparison: Comparison,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
 }
 

@@ -43,7 +43,7 @@ pub(super) struct OnSprings {
     sigma: Vec<f64>,
 }
 
-/// The same with all that a device needs for it.
+/// A recording on springs with all that a device needs for it.
 pub(super) struct Ready {
     pub(super) of: OnSprings,
     pub(super) settings: Settings,

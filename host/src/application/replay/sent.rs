@@ -27,7 +27,7 @@ use rigident_model::Model;
 use rigident_rows::body::imu_noise::{imu_noise, white_imu_noise};
 use rigident_rows::body::prepare::{Prepared, prepare};
 
-/// What is sent to a device.
+/// A recording in the form in which it is sent to a device.
 pub(super) enum Sent {
     /// Readings of one body.
     Readings { name: String, prepared: Box<Prepared> },

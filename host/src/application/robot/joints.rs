@@ -18,7 +18,7 @@ use rigident_model::{Model, remarks, sites, write};
 use rigident_present::joint_offsets::{OffsetsPage, page, text};
 use rigident_rows::named_model;
 
-/// How offsets are found.
+/// Options of the search for joint offsets.
 #[derive(Clone, Debug)]
 pub struct JointOptions {
     /// Joints whose offsets are found; none: all between the base and the contacts.
@@ -57,7 +57,8 @@ pub struct JointOffsets {
     pub over_poses: Vec<OverPoses>,
     /// Poses that were left out.
     pub bad_poses: Vec<LeftOutPose>,
-    /// What was estimated along: the floor's slope, planes, held links, mountings.
+    /// Parameters that were estimated along with the offsets: the floor's slope, planes, held links,
+    /// mountings.
     pub along: Vec<AlongOffset>,
     /// The residuals over what the stated noise explains, a ratio of variances.
     pub variance_ratio: f64,
@@ -69,7 +70,7 @@ pub struct JointOffsets {
     pub height_rms_mm: f64,
     /// Steps of the search.
     pub steps: usize,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// The answer that all this is of.
     #[serde(skip)]
@@ -88,7 +89,7 @@ pub struct JointOffset {
     /// The offset, if the poses identify it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// Its 95 % expanded uncertainty.
+    /// The 95 % expanded uncertainty of the offset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub u95: Option<f64>,
     /// The distance that the joint moves over the poses.
@@ -101,7 +102,7 @@ pub struct JointOffset {
 /// A combination of offsets.
 #[derive(Clone, Debug, Serialize)]
 pub struct Combination {
-    /// Its standard deviation, rad or m; `None`: it is not known at all.
+    /// The standard deviation of the combination, rad or m; `None` if it is not known at all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,
     /// Joints with their shares.
@@ -111,9 +112,9 @@ pub struct Combination {
 /// A pose that the others contradict.
 #[derive(Clone, Debug, Serialize)]
 pub struct LeftOutPose {
-    /// Its name.
+    /// The name of the pose.
     pub pose: String,
-    /// Its squares by those that the noise explains.
+    /// The sum of squares of the pose's residuals, divided by the sum that the noise explains.
     pub ratio: f64,
     /// The link whose attitude is farthest off.
     pub attitude_of: String,
@@ -128,13 +129,13 @@ pub struct LeftOutPose {
 /// A parameter that was estimated along.
 #[derive(Clone, Debug, Serialize)]
 pub struct AlongOffset {
-    /// Its meaning.
+    /// The meaning of the parameter, in words.
     pub name: String,
     /// `m` or `rad`.
     pub unit: &'static str,
-    /// Its value.
+    /// The estimated value.
     pub value: f64,
-    /// Its 95 % expanded uncertainty.
+    /// The 95 % expanded uncertainty of the value.
     pub u95: f64,
 }
 

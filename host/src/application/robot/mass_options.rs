@@ -1,4 +1,4 @@
-//! How masses of links are found.
+//! Options of the estimation of links' masses.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use rigident_identify::mass_properties::comparison::{Way, WayName};
 use rigident_identify::mass_properties::unknowns::ParameterSet;
 use rigident_rows::tree::drive::Friction;
 
-/// How masses are found.
+/// Options of the estimation of links' masses.
 #[derive(Clone, Debug)]
 pub struct MassOptions {
     /// Rig file of all recordings. Default: `NAME.rig.toml` beside each.
@@ -28,7 +28,7 @@ pub struct MassOptions {
     pub way: Option<WayName>,
     /// Ways with their settings; those of the others are chosen by what is left out.
     pub fixed: Vec<Way>,
-    /// Whether something that nothing measures pulls at the base.
+    /// The treatment of a wrench on the base that nothing measures.
     pub external_wrench: ExternalWrench,
     /// The file of the model with what was found: `.urdf`, `.xml` (MJCF) or `.sdf`; must not exist.
     pub write_model: Option<PathBuf>,
@@ -52,7 +52,7 @@ impl Default for MassOptions {
     }
 }
 
-/// Whether something that nothing measures pulls at the base: a hose, a cable, a rope.
+/// The treatment of a wrench on the base that nothing measures, as by a hose, a cable or a rope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExternalWrench {
     /// It is looked for, and eliminated where it is found.

@@ -46,10 +46,10 @@ pub struct MassProperties {
     /// Mass of all links by that way, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub whole_mass_kg: Option<f64>,
-    /// The same as rows tell it by themselves, kg.
+    /// Mass of all links as the rows alone determine it, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identified_whole_mass_kg: Option<f64>,
-    /// Its 95 % expanded uncertainty, kg.
+    /// The 95 % expanded uncertainty of `identified_whole_mass_kg`, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identified_whole_mass_u95_kg: Option<f64>,
     /// Constant force on the base that nothing measures, axes of the base, N, where one was found.
@@ -59,9 +59,9 @@ pub struct MassProperties {
     pub nominal_whole_mass_kg: f64,
     /// The links by the chosen way: by itself none is identified.
     pub links: Vec<LinkMass>,
-    /// What was done.
+    /// Notes on the steps taken.
     pub notes: Vec<String>,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// The model with what was found; `None` if no way gives bodies that can be, or none is better than the
     /// nominal one.
@@ -75,15 +75,16 @@ pub struct MassProperties {
 /// A way beside the others.
 #[derive(Clone, Debug, Serialize)]
 pub struct ComparedWay {
-    /// Its name.
+    /// The name of the way.
     pub way: &'static str,
-    /// Its setting in words.
+    /// The setting of the way, in words.
     pub setting: String,
     /// True if that was chosen by what was left out.
     pub is_setting_chosen: bool,
     /// Sum of squares that it leaves of all rows, in standard deviations.
     pub cost: f64,
-    /// The same of rows that it has not seen; `None` of one part.
+    /// Sum of squares that it leaves of rows that it has not seen, in standard deviations; `None` if there is
+    /// only one part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out_cost: Option<f64>,
     /// Bodies whose mass is not positive.
@@ -95,15 +96,15 @@ pub struct ComparedWay {
 /// A link as the chosen way has it.
 #[derive(Clone, Debug, Serialize)]
 pub struct LinkMass {
-    /// Its name.
+    /// The name of the link.
     pub link: String,
-    /// Its mass, kg.
+    /// The mass of the link by the chosen way, kg.
     pub mass_kg: f64,
-    /// That of the model, kg.
+    /// The mass of the link in the nominal model, kg.
     pub nominal_mass_kg: f64,
-    /// Its centre of mass in its frame, m.
+    /// The centre of mass by the chosen way, in the link's frame, m.
     pub centre_of_mass_m: [f64; 3],
-    /// That of the model, m.
+    /// The centre of mass in the nominal model, in the link's frame, m.
     pub nominal_centre_of_mass_m: [f64; 3],
 }
 

@@ -31,7 +31,7 @@ const UNEXPLAINED: f64 = 0.3;
 /// # Ok::<(), rigident::application::Error>(())
 /// ```
 pub struct DrivenImu {
-    /// What was noticed while reading.
+    /// Warnings from reading the recording.
     pub warnings: Vec<String>,
     /// The platform.
     pub geometry: Geometry,
@@ -51,11 +51,11 @@ pub struct CalibratedImu {
 /// An error of an IMU.
 #[derive(Clone, Debug, Serialize)]
 pub struct ImuParameter {
-    /// Its name.
+    /// The name of the error.
     pub name: String,
-    /// Its unit.
+    /// The unit of the error.
     pub unit: String,
-    /// Its value with the 95 % expanded uncertainty; `None` where the motion leaves it open.
+    /// The value of the error with its 95 % expanded uncertainty; `None` if the motion leaves it open.
     #[serde(flatten)]
     pub measured: Option<Measured>,
 }

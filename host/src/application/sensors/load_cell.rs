@@ -22,7 +22,7 @@ const LARGE_CONDITION: f64 = 20.0;
 /// A stretch of a recording has at least this many readings.
 const FEWEST: usize = 10;
 
-/// How a load cell is calibrated.
+/// Options of the calibration of a load cell.
 #[derive(Clone, Debug)]
 pub struct LoadCellOptions {
     /// The recording that `from_s` and `to_s` of the loadings are of.
@@ -61,10 +61,10 @@ pub struct CalibratedLoadCell {
     /// 95 % expanded uncertainty of its entries.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration_u95: Option<[[f64; 6]; 6]>,
-    /// What is known of it.
+    /// The matrix with its errors.
     #[serde(flatten)]
     pub matrix: Matrix,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     #[serde(skip)]
     board_id: Option<String>,

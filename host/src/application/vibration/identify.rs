@@ -28,7 +28,7 @@ const CONTRADICTORY: f64 = 1.5;
 /// The numbers of modes that there may be.
 const MODES: std::ops::RangeInclusive<usize> = 1..=12;
 
-/// How a vibration is identified.
+/// Options of the identification from a vibration.
 #[derive(Clone, Debug, Default)]
 pub struct VibrationOptions {
     /// Rig file. Default: `NAME.rig.toml` beside the recording.
@@ -46,7 +46,7 @@ pub struct IdentifiedVibration {
     pub recording: String,
     /// The modes.
     pub modes: Vec<present::ModeRow>,
-    /// What was found of them.
+    /// Findings about the modes.
     pub findings: Vec<String>,
     /// The body by the modes.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,9 +54,9 @@ pub struct IdentifiedVibration {
     /// The body by the motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_motion: Option<Answer>,
-    /// What was done.
+    /// Notes on the steps taken.
     pub notes: Vec<String>,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// Factors by the names of their files, the platform on them, and those of the body alone where the
     /// platform is known.
@@ -230,7 +230,7 @@ impl Found {
     }
 }
 
-/// The answer of a fit with the bare platform taken off.
+/// Answers from a fit with the bare platform taken off.
 fn answered(recording: &Recording, mut fit: Fit, rows: usize) -> Result<Found, Error> {
     let factor = PooledFactor::of(&fit, &recording.name);
     let body = without_platform(&recording.rig, &mut fit, &recording.name)?;
@@ -262,7 +262,7 @@ fn without_platform(rig: &RigFile, fit: &mut Fit, name: &str) -> Result<Option<P
     Ok(fit.solved.as_ref().map(of_body))
 }
 
-/// The body by its motion, as of any recording.
+/// Identifies the body by its motion, as from any recording.
 fn by_motion(recording: Recording, caller: &Caller<'_>) -> Result<Found, Error> {
     let loaded = Loaded::of_body(recording, None, caller)?;
     let mut fit = loaded.fit(None, 0, caller)?;

@@ -52,9 +52,9 @@ pub struct PaperExperiment {
     pub seed: u64,
     /// Standard deviation of a marker's noise along each axis, mm.
     pub marker_noise_mm: f64,
-    /// What the postures tell.
+    /// The quantities that the postures determine: Table 3.
     pub table_3: Vec<PaperRow>,
-    /// What they tell with the motion.
+    /// The quantities that the postures and the motion determine together: Table 4.
     pub table_4: Vec<PaperRow>,
     /// The largest errors.
     pub table_5: Vec<PaperErrors>,
@@ -74,13 +74,13 @@ pub struct PaperExperiment {
 /// A quantity beside its true value and the paper's.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaperRow {
-    /// Its name.
+    /// The name of the quantity.
     pub name: String,
-    /// Its unit.
+    /// The unit of the quantity.
     pub unit: String,
-    /// Its true value.
+    /// The true value.
     pub truth: f64,
-    /// Its value with the 95 % expanded uncertainty, if it is identified.
+    /// The estimated value with its 95 % expanded uncertainty, if it is identified.
     #[serde(flatten)]
     pub measured: Option<Measured>,
     /// The paper's.
@@ -117,7 +117,7 @@ pub struct PaperJyy {
     pub least: f64,
     /// The most that it can be.
     pub most: f64,
-    /// Its true value.
+    /// The true value.
     pub truth: f64,
     /// The paper's.
     pub paper: f64,
@@ -183,7 +183,7 @@ fn simulated(error: impl std::fmt::Display) -> VibrationError {
     VibrationError::Simulated(error.to_string())
 }
 
-/// All postures as rows of the base parameters, the platform among them.
+/// Fits all postures as rows of the base parameters, the platform among them.
 fn by_postures(
     recordings: &[Recording],
     attitudes: &[[f64; 4]],
@@ -237,7 +237,7 @@ fn tables(
     Ok((table_3, table_4, jyy.ok_or(VibrationError::PaperIncomplete)?))
 }
 
-/// A quantity of Φ_s or of Table 4, of the numbers of Table 4.
+/// Returns a quantity of Φ_s or of Table 4 by its name, from the 19 values of Table 4.
 fn named(all: &[f64; 19], name: &str) -> f64 {
     let of = |name: &str| NAMES.iter().position(|own| *own == name).map_or(f64::NAN, |k| all[k]);
     if name == "sum of Jyy" {
@@ -249,7 +249,8 @@ fn named(all: &[f64; 19], name: &str) -> f64 {
     }
 }
 
-/// Largest errors of each link's first moments by the whole mass, and of its tensor by the largest moment.
+/// Returns the largest errors of each link: of its first moments, divided by the whole mass, and of its
+/// tensor, divided by the largest moment.
 fn table_5(table_4: &[PaperRow]) -> Vec<PaperErrors> {
     let value = |row: &PaperRow| row.measured.map_or(f64::NAN, |m| m.value);
     let error = |range: std::ops::Range<usize>| {
@@ -265,8 +266,8 @@ fn table_5(table_4: &[PaperRow]) -> Vec<PaperErrors> {
     vec![of("base", 0, 1), of("arm", 1, 10)]
 }
 
-/// Jyy of the base with Φ_s as the postures have it: by a search within the bounds, and in closed form;
-/// beside the merged solve.
+/// Returns Jyy of the base with Φ_s from the postures: by a search within the bounds, and in closed form,
+/// beside the merged value.
 fn jyy(
     subset: &Subset,
     [alone, moving]: [&Fit; 2],

@@ -23,7 +23,7 @@ use rigident_vibration::suspension::recorded_postures::{self, RecordedPosture};
 use rigident_vibration::suspension::settled::settled;
 use rigident_vibration::suspension::support::Support;
 
-/// What locked postures tell of a tree; its text is the tables.
+/// The identification of a tree from locked postures; its text is the tables.
 #[derive(Clone, Debug, Serialize)]
 pub struct IdentifiedPostures {
     /// Name of this object.
@@ -37,7 +37,7 @@ pub struct IdentifiedPostures {
     /// The origin of the uncertainty, in words.
     #[serde(skip)]
     pub(super) from: &'static str,
-    /// What the postures tell by theory: Φ_s of the vibration paper.
+    /// The quantities that the postures determine by theory: Φ_s of the vibration paper.
     pub subset: Vec<PostureValue>,
     /// The bounds of what they leave open.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -49,7 +49,7 @@ pub struct IdentifiedPostures {
     /// The posture to take next.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next: Option<NextPosture>,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// The factor of all postures, of recordings the platform on it.
     #[serde(skip)]
@@ -62,7 +62,7 @@ pub struct PostureValue {
     /// The quantity.
     #[serde(flatten)]
     pub found: SubsetValue,
-    /// Its value by others, which a file of postures states.
+    /// The value from another source, stated in the file of postures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<f64>,
 }
@@ -81,9 +81,9 @@ pub struct NamedSet {
 /// The part of a posture in the variance.
 #[derive(Clone, Debug, Serialize)]
 pub struct PostureShare {
-    /// Its name.
+    /// The name of the posture.
     pub posture: String,
-    /// Its share, 0 to 1.
+    /// The share of the posture, 0 to 1.
     pub share: f64,
 }
 

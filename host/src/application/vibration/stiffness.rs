@@ -23,12 +23,12 @@ use rigident_vibration::suspension::support::Support;
 /// The ratio of the residuals to those by chance from which on body, springs or modes contradict each other.
 const CONTRADICTED: f64 = 4.0;
 
-/// How the springs are found.
+/// Options of the identification of the springs.
 #[derive(Clone, Debug, Default)]
 pub struct StiffnessOptions {
     /// The file of the body that is known.
     pub body: PathBuf,
-    /// How it was mounted: a name from its file; empty: its place.
+    /// The mounting of the body: a name from its file; its own place if empty.
     pub mounting: String,
     /// Rig file. Default: `NAME.rig.toml` beside the recording.
     pub rig: Option<PathBuf>,
@@ -53,13 +53,13 @@ pub struct IdentifiedStiffness {
     pub stiffness: [[f64; 6]; 6],
     /// 1 σ of its elements.
     pub stiffness_element_std: [[f64; 6]; 6],
-    /// What is left by what chance gives, a ratio of variances.
+    /// The variance of the residuals, divided by the variance that chance gives.
     pub variance_ratio: f64,
     /// Degrees of freedom of what is left.
     pub degrees_of_freedom: f64,
-    /// What was found of the modes.
+    /// Findings about the modes.
     pub findings: Vec<String>,
-    /// What is to be acted on.
+    /// Warnings that the user should act on.
     pub warnings: Vec<String>,
     /// True if nothing contradicts the stiffness: neither what is left, nor the springs that the rig file
     /// states.
