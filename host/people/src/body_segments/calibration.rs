@@ -68,7 +68,7 @@ pub fn draws(
     Ok(if columns.is_empty() { DMatrix::zeros(about.len(), 0) } else { DMatrix::from_columns(&columns) })
 }
 
-/// The factors of the windows of a motion's trial, as a subject has them, and the `first` rows of the
+/// Returns the factors of the windows of a motion's trial, as a subject has them, and the `first` rows of the
 /// subject's model.
 fn windows(
     person: &Person,

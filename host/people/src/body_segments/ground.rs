@@ -43,7 +43,7 @@ impl Default for PlateScale {
 pub(super) const KINDS: [&str; 4] =
     ["zeros of plates", "tilt of plates", "places of plates", "scale of plates"];
 
-/// Those that change the level of all that a plate measures.
+/// Kinds of errors that change the level of everything that a plate measures.
 pub(super) const LEVELS: [&str; 2] = [KINDS[0], KINDS[3]];
 
 /// An error's column among all errors of the study, and its 1 σ.
@@ -123,13 +123,13 @@ impl GroundErrors {
     }
 }
 
-/// The motion that answers for one: of the same trial, each for as many that follow it.
+/// Returns the motion that represents motion `k`: the first of each `every` successive motions of a trial.
 fn answering(motions: &[Motion], k: usize, every: usize) -> usize {
     let first = motions.iter().position(|motion| motion.trial == motions[k].trial).unwrap_or(k);
     first + (k - first) / every * every
 }
 
-/// The kind of each error, and the errors of every trial in the order of [`wrenches`].
+/// Returns the kind of each error, and the errors of every trial in the order of [`wrenches`].
 fn places(person: &Person, scale: PlateScale) -> (Vec<usize>, Vec<Vec<Place>>) {
     let most = person.trials.iter().map(|tracked| tracked.plates.len()).max().unwrap_or(0);
     // Those of plates come first: two tilts, two shifts, a scale each; then the common scale; then zeros.
@@ -170,8 +170,8 @@ fn wrenches(tracked: &Tracked, frame: usize) -> Vec<[f64; 6]> {
     all
 }
 
-/// The change of a wrench about the origin when the plate's axes are turned about x or y through its middle,
-/// a radian.
+/// Returns the change of a wrench about the origin, per radian, when the plate's axes are turned about x or y
+/// through its middle.
 fn tilted([fx, fy, fz, mx, my, mz]: &[f64; 6], middle_m: [f64; 3], axis: usize) -> [f64; 6] {
     let (turn, at) = (Vector3::ith(axis, 1.0), Vector3::from(middle_m));
     let (force, moment) = (Vector3::new(*fx, *fy, *fz), Vector3::new(*mx, *my, *mz));
@@ -180,7 +180,7 @@ fn tilted([fx, fy, fz, mx, my, mz]: &[f64; 6], middle_m: [f64; 3], axis: usize) 
     [change.x, change.y, change.z, about.x, about.y, about.z]
 }
 
-/// `X σ` of a motion.
+/// Returns `X σ` of a motion.
 fn own_columns(
     person: &Person,
     motion: &Motion,

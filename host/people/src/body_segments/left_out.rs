@@ -17,7 +17,7 @@ const GROUPS: usize = 12;
 pub struct LeftOutMotions {
     /// The errors of every channel, of all motions.
     pub channels: Vec<LeftOut>,
-    /// The same of the motions of each trial.
+    /// The errors of every channel, of the motions of each trial.
     pub by_trial: Vec<Vec<LeftOut>>,
     /// The predictions of the person's own parameters for each motion that they do not come from, then what
     /// the table predicts; of the beginning of each trial.
@@ -73,12 +73,12 @@ pub fn left_out(study: &Study, person: &Person, keep_s: f64) -> Result<LeftOutMo
     Ok(LeftOutMotions { channels: errors(&sums), by_trial, predictions })
 }
 
-/// The base parameters that predict: of the segments beside the table.
+/// Returns the base parameters that predict: those of the segments beside the table.
 fn predictor(study: &Study, person: &Person, motions: &[usize]) -> Result<Vec<f64>, StudyError> {
     Ok(study.segments(person, &study.together(motions)?, motions)?.0.base)
 }
 
-/// The value of a normal distribution that is exceeded as rarely as one of Student's.
+/// Returns the value of a normal distribution that is exceeded as rarely as one of Student's.
 fn normal(t: f64, freedom: f64) -> f64 {
     let (Ok(student), Ok(normal)) = (StudentsT::new(0.0, 1.0, freedom), Normal::new(0.0, 1.0)) else {
         return 0.0;
@@ -166,8 +166,8 @@ impl Sums {
         }
     }
 
-    /// The mean gain `(b − m)² − (a − l)²` over its standard deviation, where `a` is left by the person's own
-    /// parameters and `b` by the table, with constants `l` and `m` taken out.
+    /// Returns the mean gain `(b − m)² − (a − l)²` over its standard deviation, where `a` is left by the
+    /// person's own parameters and `b` by the table, with constants `l` and `m` taken out.
     fn gain_sd(&self, [l, m]: [f64; 2]) -> f64 {
         let n = self.count.max(1.0);
         // g = b² − a², x = g + 2 l a − 2 m b + k

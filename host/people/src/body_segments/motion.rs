@@ -19,18 +19,18 @@ const WHOLE_STRIDE: f64 = 0.4;
 
 /// A motion: a trial, or a part of one.
 pub struct Motion {
-    /// Its name.
+    /// The name of the motion.
     pub name: String,
     /// The trial, by its number.
     pub trial: usize,
-    /// Its frames among those of the trial that rows are made of.
+    /// The frames of the motion, as indices into the frames of the trial that rows are made of.
     pub frames: Range<usize>,
     /// 1 σ of every channel, per unfiltered sample.
     pub sigma: Vec<f64>,
     /// Samples that a row represents.
     pub every: u16,
-    /// Its factor, with what its checks found. That residuals of people who are not rigid are as slow as
-    /// their motion is counted in the intervals, and no warning.
+    /// The factor of the motion, with the findings of its checks. Residuals of people, who are not rigid, are
+    /// as slow as their motion: the intervals count that, and there is no warning of it.
     pub pooled: PooledFactor,
 }
 
@@ -116,7 +116,7 @@ pub(super) fn parts(
     Ok((parts, left))
 }
 
-/// The used frames that strides begin with; one that is mostly missing belongs to the one before.
+/// Returns the used frames at which strides begin; a stride that is mostly missing belongs to the one before.
 fn strides(tracked: &Tracked) -> Result<Vec<usize>, StudyError> {
     let period_s = period_s(tracked).ok_or_else(|| StudyError::NoStrides(tracked.name.clone()))?;
     let period = period_s * tracked.report.rate_hz;
@@ -136,7 +136,7 @@ fn strides(tracked: &Tracked) -> Result<Vec<usize>, StudyError> {
     Ok(if kept.is_empty() { vec![0] } else { std::iter::once(0).chain(kept.into_iter().skip(1)).collect() })
 }
 
-/// The rows of some frames of a trial, their noise not known.
+/// Returns the rows of some frames of a trial, with unknown noise.
 pub(super) fn source(person: &Person, trial: usize, frames: &Range<usize>) -> Result<TreeSource, StudyError> {
     let input = person.input(trial, frames.clone());
     let input = input.ok_or_else(|| StudyError::NoFrames(format!("trial {} is not there", trial + 1)))?;

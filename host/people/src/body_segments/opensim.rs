@@ -43,7 +43,7 @@ enum Part {
 }
 
 impl Part {
-    /// Our link that begins it, their body that does, other links and bodies of it.
+    /// Returns the names of a part: our link and their body that begin it, then its other links and bodies.
     fn names(self) -> (&'static str, &'static str, &'static [&'static str], &'static [&'static str]) {
         match self {
             Self::Pelvis => ("pelvis", "pelvis", &[], &[]),
@@ -59,7 +59,7 @@ impl Part {
         }
     }
 
-    /// The part that has its matter in a model without it.
+    /// Returns the part that takes its matter in a model without it.
     fn above(self) -> Option<Self> {
         match self {
             Self::Pelvis => None,
@@ -135,7 +135,8 @@ pub fn in_opensim(
     Ok(all)
 }
 
-/// The segment that a body is part of: by its name, else that which it leads to or hangs on.
+/// Returns the segment that a body is part of: by its name, otherwise by the body that it leads to or hangs
+/// on.
 fn segment_of(template: &OsimModel, body: usize) -> Segment {
     let by_name = |body: usize| -> Option<Segment> {
         let name = template.bodies[body].name.as_str();
@@ -175,7 +176,8 @@ struct Ours<'a> {
     hips: Vector3<f64>,
 }
 
-/// OpenSim's axes (x forward, y up, z to the right) ← ours (x forward, y to the left, z up).
+/// Returns the rotation to OpenSim's axes (x forward, y up, z to the right) from ours (x forward, y to the
+/// left, z up).
 fn turned() -> Matrix3<f64> {
     Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0)
 }
@@ -223,7 +225,7 @@ impl<'a> Ours<'a> {
     }
 }
 
-/// The segment of one of our links.
+/// Returns the segment of one of our links.
 fn our_segment(name: &str) -> Option<Segment> {
     let (core, side) = match name.split_once('_') {
         Some(("r", core)) => (core, "r"),
@@ -234,12 +236,12 @@ fn our_segment(name: &str) -> Option<Segment> {
     Some((part, if matches!(part, Part::Pelvis | Part::Trunk) { "" } else { side }))
 }
 
-/// Second moments of a tensor, and the other way round but for half: `Σ = ½ tr(I) 1 − I`.
+/// Returns the second moments of a tensor: `Σ = ½ tr(I) 1 − I`.
 fn exchanged(tensor: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::identity() * (tensor.trace() / 2.0) - tensor
 }
 
-/// A body's matter about a point of the ground, in the ground's axes.
+/// Returns a body's matter about a point of the ground, in the ground's axes.
 fn matter(body: &OsimBody, place: &Isometry3<f64>, at: &Vector3<f64>) -> Matter {
     let turn = place.rotation.to_rotation_matrix();
     let [xx, yy, zz, xy, xz, yz] = body.inertia_com_kgm2;
@@ -252,7 +254,7 @@ fn matter(body: &OsimBody, place: &Isometry3<f64>, at: &Vector3<f64>) -> Matter 
     }
 }
 
-/// A body with other matter about a point of the ground.
+/// Returns a body with new matter, which is given about a point of the ground.
 fn osim_body(old: &OsimBody, new: &Matter, place: &Isometry3<f64>, at: &Vector3<f64>) -> OsimBody {
     let back = place.rotation.inverse().to_rotation_matrix();
     let second = back * new.second * back.transpose() * new.mass;
@@ -309,7 +311,7 @@ fn moved(bodies: &[Matter], whole: &Matter, wanted: &Matter) -> Vec<Matter> {
     bodies.iter().map(one).collect()
 }
 
-/// The symmetric root of a matrix; `None` if it is not positive.
+/// Returns the symmetric root of a matrix; `None` if it is not positive.
 fn root(of: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     const LEAST: f64 = 1e-9;
     let eigen = of.symmetric_eigen();

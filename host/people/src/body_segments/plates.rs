@@ -32,7 +32,7 @@ const FEWEST: usize = 10;
 const CARRIES_N: f32 = 100.0;
 /// A value less likely than this by chance is significant.
 const SURPRISING: f64 = 1e-3;
-/// The same in standard deviations, of either sign.
+/// A value farther from its mean than this is significant, standard deviations of either sign.
 const SURPRISING_SD: f64 = 3.29;
 /// Laboratories place plates, and plates find centres of pressure, to some millimetres: less than this is not
 /// reported, m.
@@ -45,7 +45,7 @@ const LEAST_SCALE: f64 = 0.02;
 pub struct Shift {
     /// The place in the file less the true one, along x and y, m.
     pub value_m: Vector2<f64>,
-    /// Its covariance.
+    /// The covariance of `value_m`, m².
     pub covariance: Matrix2<f64>,
 }
 
@@ -201,7 +201,8 @@ fn add_footprints(all: &mut Factor, n: usize, prints: &[Footprint]) {
     }
 }
 
-/// The rows of some frames of a trial, from one on, with the columns of its plates behind the parameters.
+/// Returns the rows of some frames of a trial, from one on, with the columns of its plates behind the
+/// parameters.
 fn with_plates<'a>(source: &'a TreeSource, tracked: &'a Tracked, first: usize) -> OtherColumns<'a> {
     let more = EACH * tracked.plates.len() + 6 * tracked.unzeroed.len();
     with_wrenches(source, more, move |sample| errors(tracked, first + sample))

@@ -42,8 +42,8 @@ pub fn segments(
     Ok((each.collect(), centre(person, found, covariance)))
 }
 
-/// The pose of somebody who stands upright: at zero, with the pelvis' spines leaning forward, and trunk and
-/// thighs upright.
+/// Returns the pose of somebody who stands upright: at zero, with the pelvis' spines leaning forward, and
+/// trunk and thighs upright.
 fn upright(person: &Person) -> Pose {
     let mut pose = person.subject.skeleton.zero();
     let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), PELVIS_TILT);
@@ -57,7 +57,8 @@ fn upright(person: &Person) -> Pose {
     pose
 }
 
-/// The centre of mass of all links upright: their masses are `Σ m`, their first moments `Σ (m p + ms)`.
+/// Returns the centre of mass of all links upright. Their masses are `Σ m`, their first moments
+/// `Σ (m p + ms)`.
 fn centre(person: &Person, found: &Full, covariance: &DMatrix<f64>) -> [Measured; 3] {
     let model = &person.subject.model;
     let places = person.subject.skeleton.places(&upright(person));
@@ -117,7 +118,7 @@ pub(super) fn centre_of_mass(body: &Vector4<f64>, covariance: &DMatrix<f64>) -> 
     })
 }
 
-/// Centre of mass, m, and radii of gyration about the axes through it, m.
+/// Returns the centre of mass, m, and the radii of gyration about the axes through it, m.
 fn shape(phi: &Parameters) -> (Vector3<f64>, [f64; 3]) {
     let mass = phi[0];
     let c = Vector3::new(phi[1], phi[2], phi[3]) / mass;

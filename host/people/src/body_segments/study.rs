@@ -51,7 +51,7 @@ impl Default for StudyOptions {
     }
 }
 
-/// 1 σ of the channels of every part, by what the table and all parts leave.
+/// Returns 1 σ of the channels of every part, from the residuals of the table and of all parts.
 fn noise(
     person: &Person,
     parts: &[Part],
@@ -99,7 +99,7 @@ impl Mass {
         Measured { value: self.kg, u95: COVERAGE_95 * variance.sqrt() }
     }
 
-    /// The difference to another mass, in which the same errors of plates are.
+    /// Returns the difference to another mass, which the same errors of plates affect.
     fn less(&self, other: &Self) -> Measured {
         let plates = self.plates.iter().zip(&other.plates).map(|(a, b)| a - b).collect();
         Self { kg: self.kg - other.kg, variance: self.variance + other.variance, plates }.measured()
@@ -129,7 +129,7 @@ pub struct Study {
     pub model: Model,
     /// The measured quantities of it.
     pub situation: Situation,
-    /// The same by channels.
+    /// The measured quantities by channels.
     pub channels: Vec<Channel>,
 }
 
@@ -253,7 +253,7 @@ impl Study {
         Ok(self.mass_of(&all)?.map(|mass| mass.measured()))
     }
 
-    /// The whole mass that some motions say beside the table; `None` if that is not determined.
+    /// Returns the whole mass by some motions and the table; `None` if it is not determined.
     fn mass_of(&self, motions: &[usize]) -> Result<Option<Mass>, StudyError> {
         let factors = motions.iter().filter_map(|k| self.motions.get(*k)).map(|motion| motion.pooled.clone());
         let fit = Self::merged(factors.collect(), &self.open)?;
@@ -403,7 +403,7 @@ pub fn known(table: &Gaussian) -> Factor {
     factor
 }
 
-/// The table of a person whose mass is known, kg with 1 σ: that is its first parameter.
+/// Returns the table of a person whose mass, its first parameter, is known, kg with 1 σ.
 fn with_mass(table: &Gaussian, [kg, sigma]: [f64; 2]) -> Gaussian {
     let column = table.covariance().column(0).into_owned();
     let variance = column[0] + sigma * sigma;

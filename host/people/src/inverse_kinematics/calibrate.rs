@@ -121,7 +121,7 @@ impl Bundle<'_> {
         self.frames.iter().map(|frame| frame.pose.clone()).collect()
     }
 
-    /// The prior of what is shared: how far each number is from where it started, and 1/σ².
+    /// Returns the prior of the shared numbers: the distance of each from its start, and 1/σ².
     fn prior(&self) -> Vec<(f64, f64)> {
         let joints = self.skeleton.links().iter().zip(self.start.0.links()).skip(1).zip(self.sigma_joint);
         let joints = joints.flat_map(|((now, then), sigma)| {
@@ -142,7 +142,8 @@ impl Bundle<'_> {
         }
     }
 
-    /// The equations of what is shared, poses eliminated, and how each frame's pose follows.
+    /// Returns the equations of the shared numbers with the poses eliminated, and how each frame's pose
+    /// follows.
     fn reduced(&self, damping: f64) -> Option<(DMatrix<f64>, DVector<f64>, Vec<Back>)> {
         let prior = self.prior();
         let n = prior.len();
@@ -167,7 +168,7 @@ impl Bundle<'_> {
         Some((all, right, solved))
     }
 
-    /// One damped step of everything.
+    /// Makes one damped step of all numbers.
     fn step(&mut self, damping: f64) -> Option<()> {
         let (all, right, solved) = self.reduced(damping)?;
         let shared = all.cholesky()?.solve(&right);

@@ -18,7 +18,7 @@ use rigident_model::Model;
 const STATURE_M: f64 = 1.741;
 /// The uncertainty of a marker's place on its link, 1 σ, m: skin moves over bone by about this much.
 const SKIN_M: f64 = 0.006;
-/// The same on the trunk and the shoulder girdle, which are not rigid.
+/// The uncertainty of a marker's place on the trunk and the shoulder girdle, which are not rigid, 1 σ, m.
 const SOFT_M: f64 = 0.012;
 
 /// The place where a marker is fixed.
@@ -278,7 +278,7 @@ fn find(name: &str) -> Option<(&'static Landmark, f64)> {
     core(name).map(|(found, side, _)| (found, side))
 }
 
-/// The same with the name without its side.
+/// Returns the landmark of a name, its side as [`find`] does, and the name without its side.
 fn core(name: &str) -> Option<(&'static Landmark, f64, String)> {
     let name = plain(name);
     let of = |list: &'static [Landmark], core: &str| list.iter().find(|l| l.names.contains(&core));

@@ -54,7 +54,7 @@ pub(super) fn contradiction(
     (all.min(count * tail(1.0, worst)) < SURPRISING / 2.0).then_some(other)
 }
 
-/// The lengths of segments, m, each with 1 σ by what markers say of the joints.
+/// Returns the lengths of segments, m, each with 1 σ by the markers' information on the joints.
 fn sigma(model: &Model, skeleton: &Skeleton, root: &DMatrix<f64>) -> Vec<(String, f64, f64)> {
     let found = lengths(model, skeleton);
     let joints = model.links.len() - 1;
@@ -74,7 +74,7 @@ fn sigma(model: &Model, skeleton: &Skeleton, root: &DMatrix<f64>) -> Vec<(String
     found.into_iter().zip(gradients).map(with).collect()
 }
 
-/// The lengths of segments that joint centres tell, m.
+/// Returns the lengths of segments between joint centres, m.
 pub(super) fn lengths(model: &Model, skeleton: &Skeleton) -> Vec<(String, f64)> {
     let at = |name: &str| model.link(name).map(|i| skeleton.links()[i].position);
     let both = |names: [&str; 2]| {

@@ -125,7 +125,7 @@ pub struct Likeness {
     pub found: usize,
     /// See `found`.
     pub of: usize,
-    /// Those that are not.
+    /// Markers of the set that are missing in the recording.
     pub missing: Vec<&'static str>,
 }
 

@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 /// A marker on a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attached {
-    /// Its name in the recording.
+    /// The name of the marker in the recording.
     pub name: String,
-    /// Its number in the recording.
+    /// The number of the marker in the recording.
     pub label: usize,
     /// The link, by its index in the model.
     pub link: usize,
@@ -19,7 +19,7 @@ pub struct Attached {
     /// The uncertainty of the marker's place on its link, 1 σ, m: its own noise, and skin that moves over
     /// bone.
     pub sigma_m: f64,
-    /// Whether its height tells of the stature: those of arms are raised with them.
+    /// True if its height determines the stature. Markers on arms are raised with them.
     pub tells_stature: bool,
 }
 

@@ -13,7 +13,7 @@ pub(super) const POSTURE_SIGMA: f64 = 1.0;
 
 /// Normal equations `H δ = g` of a frame's own freedoms, and what couples them with what all frames share.
 pub(super) struct Normal {
-    /// Its lower triangle.
+    /// The lower triangle of `H` for the frame's own freedoms.
     pub own: DMatrix<f64>,
     pub own_right: DVector<f64>,
     /// Freedoms × shared; empty if nothing is shared.

@@ -69,13 +69,13 @@ pub(super) fn pelvis(
     true
 }
 
-/// The link whose joint is the lowest of the spine.
+/// Returns the link whose joint is the lowest of the spine.
 pub(super) fn trunk(model: &Model) -> Option<usize> {
     model.link("torso").or_else(|| model.link("lumbar"))
 }
 
-/// The markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts as both
-/// rear ones.
+/// Returns the markers on the left and right, front or rear, spines of the pelvis; one on the sacrum counts
+/// as both rear ones.
 fn spines(markers: &[Attached], front: bool) -> [Option<usize>; 2] {
     let find = |left: bool| {
         markers.iter().position(|m| {

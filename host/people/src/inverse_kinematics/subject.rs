@@ -114,7 +114,7 @@ pub struct Subject {
     pub person: Person,
     /// The model: joints as calibrated, bodies as the table has them.
     pub model: Model,
-    /// The same tree for inverse kinematics.
+    /// The tree of `model` for inverse kinematics.
     pub skeleton: Skeleton,
     /// Markers on its links.
     pub markers: Vec<Attached>,
@@ -246,7 +246,7 @@ impl Question<'_> {
     }
 }
 
-/// The markers of a frame in the order of the attached ones.
+/// Returns the markers of a frame in the order of the attached ones.
 fn of_frame(markers: &[Attached], frame: &[Option<Vector3<f64>>]) -> Seen {
     markers.iter().map(|m| frame.get(m.label).copied().flatten()).collect()
 }
@@ -354,8 +354,8 @@ fn follow(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], first: &Pose
     Some(poses)
 }
 
-/// Root mean square of the distances of markers from where the table has them, of those that are known best,
-/// m.
+/// Returns the root mean square of the distances, m, of the markers that are known best from their places in
+/// the table.
 fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -> f64 {
     let (mut sum, mut count) = (0.0, 0_usize);
     for (frame, pose) in seen.iter().zip(follow(skeleton, markers, seen, start).unwrap_or_default()) {
@@ -370,8 +370,8 @@ fn rms(skeleton: &Skeleton, markers: &[Attached], seen: &[Seen], start: &Pose) -
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// The pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS (m) and
-/// scale.
+/// Returns the pose at zero that is turned, moved and scaled onto the markers that are known best: pose, RMS
+/// (m) and scale.
 fn similarity(skeleton: &Skeleton, markers: &[Attached], seen: &Seen) -> Option<(Pose, f64, f64)> {
     let places = skeleton.places(&skeleton.zero());
     let known = markers.iter().zip(seen).filter(|(m, _)| m.position_sigma_m < ANATOMICAL_M);

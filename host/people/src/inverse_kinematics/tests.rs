@@ -19,14 +19,14 @@ fn recorded(folder: &str, file: &str) -> Trial {
     Trial::read(&path, None).unwrap()
 }
 
-/// Some frames of a trial, markers in the order of `labels`.
+/// Returns some frames of a trial, markers in the order of `labels`.
 fn frames(trial: &Trial, labels: &[String], count: usize) -> Frames {
     let own: Vec<Option<usize>> = labels.iter().map(|l| trial.labels.iter().position(|k| k == l)).collect();
     let step = trial.frames() / count;
     (0..count).map(|k| own.iter().map(|l| l.and_then(|l| trial.point(k * step, l))).collect()).collect()
 }
 
-/// Root mean square of the distance of a link's joint from a point of the file, m.
+/// Returns the root mean square of the distance of a link's joint from a point of the file, m.
 fn distance(found: &Subject, trial: &Trial, link: &str, point: &str) -> f64 {
     let link = found.model.link(link).unwrap();
     let point = trial.labels.iter().position(|l| l == point).unwrap();

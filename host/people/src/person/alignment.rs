@@ -45,11 +45,11 @@ pub fn centre_of_mass(subject: &Subject, places: &[Place]) -> Vector3<f64> {
 
 /// Frames that follow one another, from which cut-off and delay are found.
 pub(super) struct Looked {
-    /// Their numbers in the trial.
+    /// The numbers of the frames in the trial.
     pub range: Range<usize>,
     /// The table's centre of mass in each, m; NaN without a pose.
     pub centres: Vec<Vector3<f64>>,
-    /// Whether the plates measured all in it.
+    /// True for each frame in which the plates measured everything.
     pub used: Vec<bool>,
 }
 
@@ -73,7 +73,8 @@ pub(super) fn delay(subject: &Subject, trial: &Trial, frames: &Looked, smoother:
     Some(Delay { delay_s, sigma_s })
 }
 
-/// The force that the table's bodies need where their common centre of mass is there, N, smoothed twice.
+/// Returns the force that the table's bodies need if their common centre of mass is at `centres`, N, smoothed
+/// twice.
 pub(super) fn needed(
     subject: &Subject,
     centres: &[Vector3<f64>],
@@ -100,7 +101,7 @@ pub(super) fn along(series: &[Vector3<f64>], smoother: &Smoother, slope: bool) -
     parallel::each(series.len(), at)
 }
 
-/// Sum of the plates' forces at some frames, `delay_s` later, smoothed once, N.
+/// Returns the sum of the plates' forces at some frames, `delay_s` later, smoothed once, N.
 pub(super) fn total(
     trial: &Trial,
     frames: &Range<usize>,
@@ -119,7 +120,7 @@ pub(super) fn total(
     parallel::each(frames.len(), |k| at(frames.start + k))
 }
 
-/// One step of the linearised search, and 1 σ of the delay.
+/// Returns one step of the linearised search and 1 σ of the delay.
 fn step(
     trial: &Trial,
     frames: &Looked,

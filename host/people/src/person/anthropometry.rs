@@ -64,7 +64,7 @@ impl Spread {
         if symmetric { Self { side: SYMMETRIC, shared: 1.0 - SYMMETRIC, ..own } } else { own }
     }
 
-    /// The size of a link's mass that left and right share, and of its own.
+    /// Returns the deviation of a link's mass that left and right share, and its own.
     fn masses(&self, link: &str) -> [f64; 2] {
         match link {
             "pelvis" => [BOUNDARY * self.mass, 0.0],
@@ -81,13 +81,13 @@ impl Spread {
 pub struct GivenMass {
     /// The link of the model.
     pub link: String,
-    /// Its mass, kg.
+    /// The mass of the segment, kg.
     pub kg: f64,
     /// 1 σ of it, kg.
     pub sigma_kg: f64,
 }
 
-/// The name of the same link on the other side.
+/// Returns the name of the same link on the other side.
 fn other_side(link: &str) -> Option<String> {
     let right = link.strip_prefix("l_").map(|rest| format!("r_{rest}"));
     right.or_else(|| link.strip_prefix("r_").map(|rest| format!("l_{rest}")))
@@ -191,7 +191,7 @@ pub fn bodies(model: &Model) -> DMatrix<f64> {
     map
 }
 
-/// A root of the covariance of a segment's ten parameters: one column for each independent deviation.
+/// Returns a root of the covariance of a segment's ten parameters: one column for each independent deviation.
 fn root(phi: &Parameters, [common, side]: [f64; 2], spread: &Spread) -> Option<DMatrix<f64>> {
     let mass = phi[0];
     let centre = Vector3::new(phi[1], phi[2], phi[3]) / mass;

@@ -1,4 +1,4 @@
-//! Whether force plates have measured all that a person touches.
+//! Checks whether force plates have measured everything that a person touches.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ impl Dropped {
 /// The places of soles in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are
 /// left out.
 pub(super) type Soles = [[Vector3<f64>; 4]; 2];
-/// The same as they are stored of every frame.
+/// The places of soles as [`Soles`], as they are stored for every frame.
 pub type KeptSoles = [[[f32; 3]; 4]; 2];
 
 pub(super) fn expanded(soles: &KeptSoles) -> Soles {
@@ -140,12 +140,13 @@ fn under_the_lower(
     Some(distance(&own[lower], &pressed) <= distance(&own[1 - lower], &pressed))
 }
 
-/// The height of a plate's surface; of one without corners that of the lower sole, or the laboratory's zero.
+/// Returns the height of a plate's surface. For a plate without corners it is that of the lower sole, or the
+/// laboratory's zero.
 fn level(plate: &GroundWrench, lowest: f64) -> f64 {
     plate.corners_m.map_or(lowest.min(0.0), |corners| corners[0][2])
 }
 
-/// By how much a point of a sole moves from frame to frame, m; zero where that is not known.
+/// Returns the motion of a point of a sole from frame to frame, m; zero where it is not known.
 fn velocity(soles: &[Option<KeptSoles>], frame: usize, foot: usize, k: usize) -> Vector3<f64> {
     let at = |frame: Option<usize>| frame.and_then(|f| soles.get(f)?.as_ref()).map(|s| point(&s[foot][k]));
     let (before, now, after) = (at(frame.checked_sub(1)), at(Some(frame)), at(Some(frame + 1)));
@@ -156,8 +157,8 @@ fn velocity(soles: &[Option<KeptSoles>], frame: usize, foot: usize, k: usize) ->
     }
 }
 
-/// The velocity of the ground, m/s: of the soles that the ground presses on, their median. A treadmill's belt
-/// moves.
+/// Returns the velocity of the ground, m/s: the median over the soles that the ground presses on. A
+/// treadmill's belt moves.
 fn belt(soles: &[Option<KeptSoles>], rate_hz: f64, plates: &[GroundWrench], loads: Loads) -> Vector3<f64> {
     let mut all: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
     parallel::in_order(soles.len(), loads, |frame, loads| {
@@ -252,7 +253,7 @@ pub fn pressure([fx, fy, fz, mx, my, _]: &[f64; 6], z: f64) -> Vector3<f64> {
     Vector3::new((z * fx - my) / fz, (mx + z * fy) / fz, z)
 }
 
-/// Horizontal distance from the line from heel to ball, m.
+/// Returns the horizontal distance of a point from the line from heel to ball, m.
 pub(super) fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     let (a, b) = ((sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0);
     let (line, away) = ((b - a).xy(), (to - a).xy());
@@ -260,8 +261,8 @@ pub(super) fn distance(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     (away - line * along).norm()
 }
 
-/// The same from the line from heel to toe, a third longer than that to the ball, which lies flat when the
-/// heel is in the air.
+/// Returns the horizontal distance of a point from the line from heel to toe, m. From the ball on it is a
+/// third as long as before, and horizontal: toes lie flat when the heel is in the air.
 fn beyond(sole: &[Vector3<f64>; 4], to: &Vector3<f64>) -> f64 {
     let (heel, ball) = ((sole[0] + sole[1]) / 2.0, (sole[2] + sole[3]) / 2.0);
     let toes = (ball - heel).norm() / 3.0;

@@ -1,5 +1,5 @@
-//! Whether plates are level: over some seconds a person's mean horizontal force is `m Δv / T`, whatever her
-//! segments weigh.
+//! Checks whether plates are level: over some seconds a person's mean horizontal force is `m Δv / T`,
+//! whatever the masses of the segments.
 
 use nalgebra::Vector3;
 

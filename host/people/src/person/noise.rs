@@ -117,7 +117,7 @@ pub fn sigma(trials: &[RowSums], known: &Gaussian) -> Option<Vec<Vec<f64>>> {
 }
 
 impl Channel {
-    /// The sum of squares that parameters leave.
+    /// Returns the sum of squares that parameters leave.
     fn left(&self, phi: &DVector<f64>) -> f64 {
         (self.square - 2.0 * self.right.dot(phi) + phi.dot(&(&self.gram * phi))).max(0.0)
     }

@@ -309,7 +309,7 @@ fn track_all(
     Ok((tracked, warnings))
 }
 
-/// The names of all markers.
+/// Returns the names of all markers.
 fn labels(trials: &[Trial], standing: Option<&Trial>) -> Vec<String> {
     let mut labels: Vec<String> = Vec::new();
     for label in standing.into_iter().chain(trials).flat_map(|t| &t.labels) {
@@ -354,8 +354,8 @@ fn chosen_frames(
     frames
 }
 
-/// The person's mass by the plates, kg: the largest mean of the vertical force over any second, of a trial
-/// where that is steady; a first guess for the table alone.
+/// Returns the person's mass by the plates, kg: the largest mean of the vertical force over any second of a
+/// trial where it is steady. It is a first guess for the table alone.
 fn weight(trials: &[Trial]) -> Option<f64> {
     let best = trials.iter().filter_map(|trial| {
         let rate = trial.ground.first()?.rate_hz;

@@ -1,5 +1,5 @@
-//! Whether what the plates measured can be of the person that the cameras saw: motion along each axis, and
-//! mass.
+//! Checks whether the plates can have measured the person that the cameras saw, by the motion along each axis
+//! and by the mass.
 
 use nalgebra::Vector3;
 
@@ -62,8 +62,8 @@ pub(super) fn share_of_needed(person: &Person) -> Option<f64> {
     (square > 0.0 && product > 0.0).then(|| product / square)
 }
 
-/// The force that the table's bodies need and that was measured, N, in the frames of a trial that are used,
-/// with their numbers.
+/// Returns the needed force of the table's bodies and the measured force, N, in the used frames of a trial,
+/// with the frames' numbers.
 pub(super) fn forces(person: &Person, trial: usize) -> Vec<(usize, [Vector3<f64>; 2])> {
     let Some(tracked) = person.trials.get(trial) else { return Vec::new() };
     let none = Vector3::repeat(f64::NAN);

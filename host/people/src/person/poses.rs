@@ -28,7 +28,7 @@ const COARSE: usize = 8;
 /// Stretches that tell how well freedoms are usually determined, at most about.
 const TELLING: usize = 32;
 
-/// The markers of a person in some frames, short gaps filled, and how many places were.
+/// Returns the markers of a person in some frames with short gaps filled, and the number of places filled in.
 pub(super) fn seen(trial: &Trial, subject: &Subject, range: Range<usize>) -> (Vec<Seen>, usize) {
     let mut frames: Vec<Seen> = vec![Vec::with_capacity(subject.markers.len()); range.len()];
     let mut filled = 0;
@@ -57,7 +57,7 @@ pub(super) struct Poses {
     pub by_marker: Vec<(String, f64)>,
 }
 
-/// The same of frames that follow one another.
+/// The information of markers for frames that follow one another.
 struct Stretch {
     /// A row of numbers and one of deviations for every frame; NaN without a pose.
     numbers: Vec<f32>,
@@ -86,7 +86,8 @@ impl Stretch {
     }
 }
 
-/// The pose that the search of a stretch begins at: what some frames before it lead to, one after the other.
+/// Returns the pose at which the search of a stretch begins, found from some of the frames before it one
+/// after the other.
 fn start(subject: &Subject, trial: &Trial, first: usize) -> Option<Pose> {
     let mut solver = Solver::new(&subject.skeleton, &subject.markers);
     let before = (first.saturating_sub(LEAD)..first).step_by(COARSE);
@@ -125,7 +126,7 @@ fn stretch(subject: &Subject, trial: &Trial, frames: Range<usize>) -> Stretch {
     all
 }
 
-/// The pose of every frame; none where a freedom is not determined that the other frames tell.
+/// Returns the pose of every frame; none where a freedom is not determined that the other frames determine.
 pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + Sync)) -> Poses {
     let count = trial.frames().div_ceil(STRETCH);
     let freedoms = subject.skeleton.freedoms();
@@ -172,7 +173,7 @@ pub(super) fn poses(subject: &Subject, trial: &Trial, progress: &(dyn Fn(f64) + 
     Poses { coordinates, filled, rms_m, by_marker }
 }
 
-/// Root mean square of the distances of markers from their links, m: of all, and of each.
+/// Returns the root mean square of the distances of markers from their links, m: of all markers, and of each.
 fn rms(subject: &Subject, distances: &[(f64, usize)]) -> (f64, Vec<(String, f64)>) {
     let rms = |(sum, count): (f64, usize)| (sum / count.max(1) as f64).sqrt();
     let whole = distances.iter().fold((0.0, 0), |all, own| (all.0 + own.0, all.1 + own.1));

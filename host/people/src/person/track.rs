@@ -54,7 +54,7 @@ const FEWEST_SINGLE: usize = 20;
 /// A frame that rows are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UsedFrame {
-    /// Its number in the trial.
+    /// The number of the frame in the trial.
     pub number: usize,
     /// The ground's wrench on the person about the laboratory's origin, laboratory axes, N and N m.
     pub wrench: [f32; 6],
@@ -63,13 +63,13 @@ pub struct UsedFrame {
 /// A force plate in the frames that rows are made of.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UsedPlate {
-    /// Its name.
+    /// The name of the plate.
     pub name: String,
-    /// Its surface's height, m; `None` if its corners are not known.
+    /// The height of the plate's surface, m; `None` if its corners are not known.
     pub height_m: Option<f64>,
-    /// The middle of its surface, or of its centres of pressure, m.
+    /// The middle of the plate's surface, or of its centres of pressure, m.
     pub middle_m: [f64; 3],
-    /// Its wrench in each frame, as [`UsedFrame::wrench`].
+    /// The plate's wrench on the person in each frame, as [`UsedFrame::wrench`].
     pub wrench: Vec<[f32; 6]>,
 }
 
@@ -90,7 +90,7 @@ pub struct TrackReport {
     pub delay: Option<(Delay, bool)>,
     /// Root mean square of the distances of markers from their links, m.
     pub rms_m: f64,
-    /// The same of every marker, with its name.
+    /// Root mean square of the distances of each marker from its link, m, with the marker's name.
     pub by_marker: Vec<(String, f64)>,
     /// The plates' mass over the table's, where plates carry most; `None` if the trial is too short.
     pub level: Option<f64>,
@@ -363,7 +363,7 @@ impl Posed<'_> {
     }
 }
 
-/// The first frames of a trial, whose markers are stored in any case.
+/// Returns the number of the first frames of a trial whose markers are stored in any case.
 fn shown(trial: &Trial) -> usize {
     (SHOWN_S * trial.rate_hz).ceil() as usize
 }
@@ -396,7 +396,7 @@ fn looked(dropped: &[Option<Dropped>]) -> Range<usize> {
     first..dropped.len().min(first + LOOKED)
 }
 
-/// The wrench of every plate in a frame, smoothed; `None` where one is not known.
+/// Returns the wrench of every plate in a frame, smoothed; `None` where one is not known.
 fn loads(trial: &Trial, cut_off_hz: f64, delay_s: f64, frame: usize) -> Option<Vec<[f64; 6]>> {
     let time = trial.time_s(frame) + delay_s;
     trial.ground.iter().map(|plate| smoothed_at(plate, cut_off_hz, time)).collect()

@@ -56,9 +56,9 @@ const PIECE: usize = 30_000;
 pub struct Unmeasured {
     /// From when to when, from the trial's first frame on, s.
     pub times_s: [f64; 2],
-    /// Its mean force on the person, laboratory axes, N.
+    /// The mean force of the contact on the person, laboratory axes, N.
     pub force_n: Vector3<f64>,
-    /// The largest, N.
+    /// The largest force, N.
     pub most_n: f64,
     /// The link that its line of action passes nearest to; `None` if it passes none.
     pub near: Option<String>,
@@ -111,7 +111,7 @@ impl Forces {
         (seconds * self.rate_hz).round().max(1.0) as usize
     }
 
-    /// The plates' share of what is needed in stretches of time, each with its first frame.
+    /// Returns the plates' share of the needed force in stretches of time, each with its first frame.
     fn shares(&self) -> Vec<(usize, f64)> {
         let length = self.frames(LEVEL_S);
         let of = |from: usize| {
@@ -174,7 +174,8 @@ impl Forces {
         Some([needed * level - measured - leans, measured])
     }
 
-    /// The mean about a frame that is known, with the share of its time that is: half a step is no mean.
+    /// Returns the means of the force that is left and of the measured force about a known frame, with the
+    /// share of known frames in that time. Half a step is no mean.
     fn mean_left(&self, frame: usize, level: (f64, [f64; 2])) -> Option<([Vector3<f64>; 2], f64)> {
         self.pairs.get(frame)?.as_ref()?;
         let half = self.frames(MEAN_S / 2.0);
@@ -273,8 +274,8 @@ impl Forces {
     }
 }
 
-/// The link that a force passes nearest to; `parts` are where links are from the centre of mass, which its
-/// moment is about, m.
+/// Returns the link that a force passes nearest to. `parts` are the places of links from the centre of mass,
+/// which the force's moment is about, m.
 fn nearest(
     subject: &Subject,
     parts: &[Vector3<f64>],
