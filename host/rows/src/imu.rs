@@ -95,7 +95,7 @@ impl<'a> ImuRun<'a> {
         [rate, force]
     }
 
-    /// The scatter of the gyro about the program that begins then; a bias counts nothing.
+    /// Returns the scatter of the gyro about the program that begins then; a bias counts nothing.
     fn scatter(&self, begins_s: f64) -> f64 {
         let every = (self.readings.len() / 4000).max(1);
         let (mut sum, mut squares, mut count) = ([0.0; 3], 0.0, 0.0);

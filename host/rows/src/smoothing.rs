@@ -82,8 +82,8 @@ pub fn width_s(cut_off_hz: f64) -> f64 {
 /// logarithm of their generalised cross-validation (P. Craven and G. Wahba 1979; for human movement H.
 /// Woltring 1986).
 ///
-/// Those above a quarter of the rate are not examined; the fourth is the answer where no series is long
-/// enough.
+/// Candidates above a quarter of the rate are not examined. The fourth candidate is the answer where no
+/// series is long enough.
 pub fn best_cut_off(
     count: usize,
     series: impl Fn(usize) -> Vec<f32> + Sync,

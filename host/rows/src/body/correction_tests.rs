@@ -21,7 +21,7 @@ fn nominal() -> ImuMounting<f64> {
     }
 }
 
-/// Error `k` of a rig: about its standard deviation, of either sign.
+/// Returns error `k` of a rig: about its standard deviation, of either sign.
 fn size(nuisance: &Nuisance, k: usize) -> f64 {
     nuisance.sigma * [1.3, -0.8, 1.7, -1.1, 0.6][k % 5]
 }

@@ -9,8 +9,8 @@ use rigident_io::rig::ImuTable;
 /// Noise of an IMU of which nothing is known: of a good consumer one.
 const TYPICAL: ImuNoise<f64> = ImuNoise { accel: 0.02, gyro: 4.3e-4 };
 
-/// Noise of the IMU: what the rig file states or these readings show, whichever is larger, for noise that is
-/// taken for motion winds the memory up; of neither, that of a good consumer one.
+/// Returns the noise of the IMU: the larger of the rig file's and that of these readings, because noise that
+/// is taken for motion winds the memory up. Without either, it is the noise of a good consumer IMU.
 pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
     let larger = |stated: Option<f64>, shown: f64, typical: f64| {
         let found = stated.unwrap_or(0.0).max(shown);
@@ -30,8 +30,8 @@ pub fn imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<
     }
 }
 
-/// Noise of the IMU that rows are to be weighed by: what the rig file states; what it does not, as sixth
-/// differences of these readings show it.
+/// Returns the noise of the IMU that rows are weighed by: the rig file's; where it states none, sixth
+/// differences of the readings.
 pub fn white_imu_noise(imu: Option<&ImuTable>, readings: &[Reading<f64>]) -> ImuNoise<f64> {
     let found = |of: fn(&Reading<f64>) -> [f64; 3]| sixth_differences_of(readings, |r| (r.time_ns, of(r)), 3);
     ImuNoise {

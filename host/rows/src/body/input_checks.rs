@@ -1,4 +1,4 @@
-//! Whether a recording can be what its rig file says it is, before it is believed.
+//! Checks whether a recording can be what its rig file says, before it is believed.
 //!
 //! Lives here: gross errors of units and of kind that the fit itself would take for a body: an accelerometer
 //! in g, a load cell that says nothing, a moving body taken for still poses. May not live here: single bad
@@ -209,9 +209,9 @@ fn compare(
     Err(Implausible::NotGravity { measured, gravity: gravity_mps2, what, unit })
 }
 
-/// Median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s², which bounds
-/// what a metre of lever adds to a mean; `of` gives a reading's force and rate. `None` without finite
-/// readings.
+/// Returns the median |a| of the quietest stretches, and the median of `mean ω² + |mean ω̇|` in them, 1/s²,
+/// which bounds the contribution of a metre of lever to a mean. `of` gives a reading's force and rate. `None`
+/// without finite readings.
 fn at_rest<R>(
     readings: &[R],
     of: impl Fn(&R) -> ([f64; 3], [f64; 3]),

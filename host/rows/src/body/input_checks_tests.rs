@@ -6,8 +6,8 @@ use super::*;
 
 const G: f64 = 9.80665;
 
-/// Ten seconds at 100 Hz: shaken with twice gravity, twice a second, at rest for the last two seconds if so
-/// asked.
+/// Returns ten seconds at 100 Hz: shaken with twice gravity, twice a second, at rest for the last two
+/// seconds if so asked.
 fn input(rests: bool, unit: f64, rate: [f64; 3]) -> Input {
     let readings = (0..1000_u32)
         .map(|n| {

@@ -56,7 +56,7 @@ pub struct BodySource {
     input: Input,
     /// 1 σ of accelerometer and gyro per sample as the rig file states them.
     stated_noise: [Option<f64>; 2],
-    /// The same as sixth differences show it.
+    /// 1 σ of accelerometer and gyro per sample by sixth differences of the readings.
     found_noise: [f64; 2],
     /// Noise of the IMU that is no excitation.
     imu_noise: ImuNoise<f64>,
@@ -399,7 +399,7 @@ impl RowSource for BodySource {
         self.rate_sigma
     }
 
-    /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its
+    /// Counts only the derivative's noise in the products with ω: that of ω itself is smaller by its
     /// bandwidth.
     fn coefficient_noise(&self, filter: &Filter, sigma: &[f64]) -> Option<Vec<f64>> {
         let lever_arm2: f64 = self.input.mounting.position.array().iter().map(|x| x * x).sum();

@@ -33,8 +33,8 @@ pub enum PoseError {
     NotGravity(f64),
 }
 
-/// Gain and bias from poses of any attitude, against |g|: least squares of `|scale ∘ a − bias|² − g²` by
-/// Gauss and Newton. Attitudes need not be known.
+/// Determines gain and bias from poses of any attitude, against |g|: least squares of
+/// `|scale ∘ a − bias|² − g²` by Gauss and Newton. Attitudes need not be known.
 ///
 /// # Errors
 /// [`PoseError`] if the poses do not determine the six numbers.

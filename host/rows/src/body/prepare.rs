@@ -106,7 +106,7 @@ fn rests(rig: &RigFile, imu: &ImuTable, readings: &[Reading<f64>], rate_hz: Opti
     }
 }
 
-/// Everything in a rig file that an identification needs, for given readings.
+/// Returns everything in a rig file that an identification needs, for given readings.
 pub fn input(rig: &RigFile, readings: Vec<Reading<f64>>, is_static: bool, rate_hz: f64) -> Input {
     let default = ImuTable::default();
     let imu = rig.imu.first().unwrap_or(&default);
@@ -157,10 +157,10 @@ pub fn prepare(recording: &Recording) -> Result<Prepared, PrepareError> {
     prepare_owned(recording.clone())
 }
 
-/// Does as [`prepare`] does with a recording that is needed no more: its numbers are held once.
+/// Does as [`prepare`] does with a recording that is not needed any more: its numbers are not copied.
 ///
 /// # Errors
-/// As [`prepare`].
+/// Fails as [`prepare`] does.
 pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError> {
     let mut rig = recording.rig.clone();
     let mut notes = Vec::new();
@@ -195,7 +195,7 @@ pub fn prepare_owned(mut recording: Recording) -> Result<Prepared, PrepareError>
 /// quick look at what the rows explain.
 ///
 /// # Errors
-/// As [`prepare`].
+/// Fails as [`prepare`] does.
 pub fn rows_alone(mut recording: Recording) -> Result<Input, PrepareError> {
     let mut rig = recording.rig.clone();
     let (readings, rate_hz) = readings(&mut recording, &mut rig, &mut Vec::new())?;

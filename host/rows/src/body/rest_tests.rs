@@ -12,13 +12,13 @@ const NOISE: f64 = 0.01;
 /// Sum of the scales' effect: each is this many of the 0.29 % that the class lets expect.
 const SIGMA: f64 = 5e-3 / 1.732_050_8;
 
-/// A number of unit variance, of four signs.
+/// Returns a number of unit variance, of four signs.
 fn noise(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (0..4).map(|k| if state.wrapping_shr(60 + k) & 1 == 0 { -0.5 } else { 0.5 }).sum()
 }
 
-/// Fourteen directions: faces and corners of a cube.
+/// Returns fourteen directions: faces and corners of a cube.
 fn directions() -> Vec<Vector3<f64>> {
     let mut all = Vec::new();
     for x in -1..=1 {
@@ -34,7 +34,7 @@ fn directions() -> Vec<Vector3<f64>> {
     all
 }
 
-/// A body of 3.2 kg that is held for 3 s each way, with an accelerometer that reads `a + E a + b`.
+/// Makes readings of a body of 3.2 kg that is held for 3 s each way. Its accelerometer reads `a + E a + b`.
 fn held(errors: &Matrix3<f64>, bias: &Vector3<f64>) -> Vec<Reading<f64>> {
     let mut state = 11;
     let mut readings = Vec::new();
@@ -148,8 +148,8 @@ fn a_scale_that_all_axes_share_is_named_and_the_mass_is_right() {
     }
 }
 
-/// A body that turns by up to 0.7 rad about every axis and sways by centimetres, with an accelerometer that
-/// reads `scale` times what there is.
+/// Makes readings of a body that turns by up to 0.7 rad about every axis and sways by centimetres. Its
+/// accelerometer reads `scale` times the true value.
 fn swaying(scale: f64, seconds: usize) -> Vec<Reading<f64>> {
     let attitude = |t: f64| {
         let angles = [0.7 * (1.3 * t).sin(), 0.6 * (2.1 * t + 1.0).sin(), 0.5 * (1.7 * t + 2.0).sin()];

@@ -36,7 +36,7 @@ pub enum ImuError {
     LeverArm,
     /// Attitude of the IMU in S, about the axes of S.
     Rotation,
-    /// Its stamps are late: what it reads was earlier.
+    /// Delay of the IMU's stamps: what it reads was earlier.
     Skew,
     /// Bias of the gyro, axes of the IMU.
     GyroBias,

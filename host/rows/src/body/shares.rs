@@ -135,7 +135,7 @@ impl<'a> Shares<'a> {
         self.parts.len()
     }
 
-    /// The same shares, every row compared with a reference; see [`Reference`].
+    /// Returns the shares with every row compared with a reference; see [`Reference`].
     #[must_use]
     pub fn watching(&self, reference: Reference<f64, 16>) -> Self {
         Self { reference: Some(reference), ..self.clone() }
@@ -198,7 +198,7 @@ impl<'a> Shares<'a> {
     }
 }
 
-/// The reference's first parameters, as many as are estimated.
+/// Returns the reference's first parameters, as many as are estimated.
 fn first<const N: usize>(reference: Reference<f64, 16>) -> Option<Reference<f64, N>> {
     Some(Reference {
         parameters: *reference.parameters.first_chunk()?,
@@ -208,7 +208,8 @@ fn first<const N: usize>(reference: Reference<f64, 16>) -> Option<Reference<f64,
     })
 }
 
-/// Screening and gaps of a part: the estimator itself, with a filter of one tap that hardly ever gives a row.
+/// Finds the screening and the gaps of a part by the estimator itself, with a filter of one tap that hardly
+/// ever gives a row.
 fn scout(
     readings: &[Reading<f64>],
     config: &EstimatorConfig<f64>,

@@ -33,8 +33,8 @@ fn config(rate_hz: f64, width_s: f64, row_every: u16) -> EstimatorConfig<f64> {
     }
 }
 
-/// A wild motion with a wrench of some body, and the given number of faults of every kind, at any place and
-/// of any length up to several times what anything reads back.
+/// Makes a wild motion with a wrench of some body, and the given number of faults of every kind, at any place
+/// and of any length up to several times what anything reads back.
 fn readings(chance: &mut Chance, count: usize, rate_hz: f64, faults: usize) -> Vec<Reading<f64>> {
     let mut readings: Vec<Reading<f64>> = (0..count)
         .map(|n| {
@@ -75,7 +75,7 @@ fn readings(chance: &mut Chance, count: usize, rate_hz: f64, faults: usize) -> V
 
 type Block = (u64, RegressorBlock<f64>);
 
-/// One pass of one estimator over everything.
+/// Estimates in one pass of one estimator over everything.
 fn serial(
     readings: &[Reading<f64>],
     config: &EstimatorConfig<f64>,

@@ -20,7 +20,7 @@ pub fn open(name: &str, person: &Person) -> Result<(Model, bool), ModelError> {
 /// Returns the model of a name, as [`open`] takes it, and the text of its URDF, MJCF or SDF.
 ///
 /// # Errors
-/// As [`open`].
+/// Fails as [`open`] does.
 pub fn read(name: &str, person: &Person) -> Result<(Model, Option<String>), ModelError> {
     match name {
         "human34" => return Ok((person.human34()?, None)),

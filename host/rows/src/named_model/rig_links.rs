@@ -21,7 +21,7 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
     from_tables(&rig.link, &path.display().to_string())
 }
 
-/// The tree of some tables; `what` names it in complaints.
+/// Returns the tree of some tables; `what` names it in complaints.
 ///
 /// # Errors
 /// [`ModelError::Structure`] if they make no tree.
@@ -72,7 +72,7 @@ pub fn from_tables(tables: &[LinkTable], what: &str) -> Result<Model, ModelError
     Ok(model)
 }
 
-/// About the link's origin.
+/// Returns the nominal parameters of a table about the link's origin.
 fn nominal(table: &LinkTable) -> Option<Parameters> {
     let (mass, com) = (table.nominal_mass_kg?, table.nominal_com_m?);
     let tensor = tensor_from_elements(table.nominal_inertia_com_kgm2?);

@@ -9,9 +9,9 @@ use rigident_io::rig::{ColumnSource, JointTable, RigFile};
 /// The quantities of a joint that have a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Its angle or length.
+    /// Angle or length of the joint.
     Position,
-    /// Its rate.
+    /// Rate of the joint.
     Rate,
     /// Torque or force of its drive.
     Effort,
@@ -65,7 +65,7 @@ impl Column {
     }
 }
 
-/// The column of a quantity of the joint `name`; `None` of joints that have not one freedom.
+/// Returns the column of a quantity of the joint `name`; `None` of joints that have not one freedom.
 pub fn column(rig: &RigFile, name: &str, joint: &Joint<f64>, quantity: Quantity) -> Option<Column> {
     let unit = units(joint)?[quantity as usize];
     let table = rig.joint.iter().find(|table| table.name == name);

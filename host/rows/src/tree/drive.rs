@@ -40,19 +40,19 @@ pub enum Term {
 /// The state of a drive at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DriveState {
-    /// Its position, rad or m.
+    /// Position of the drive, rad or m.
     pub position: f64,
-    /// Its rate, rad/s or m/s.
+    /// Rate of the drive, rad/s or m/s.
     pub rate: f64,
-    /// The effort that it carries, N m or N.
+    /// The effort that the drive carries, N m or N.
     pub load: f64,
 }
 
 impl Term {
-    /// From its word.
+    /// Returns the term of a word.
     ///
     /// # Errors
-    /// The word that is none.
+    /// Returns the word if there is no such term.
     pub fn parse(word: &str) -> Result<Self, String> {
         let word = word.trim();
         match word {
@@ -90,7 +90,7 @@ impl Term {
         }
     }
 
-    /// Its word.
+    /// Returns the word of the term.
     pub fn name(self) -> &'static str {
         match self {
             Self::Viscous => "viscous",
@@ -112,7 +112,7 @@ impl Term {
         }
     }
 
-    /// Unit of its parameter, for something that turns or slides.
+    /// Returns the unit of the term's parameter, for a drive that turns or slides.
     pub fn unit(self, slides: bool) -> &'static str {
         match (self, slides) {
             (Self::Viscous, false) => "N m s",
@@ -206,11 +206,11 @@ impl From<Vec<Term>> for Friction {
 }
 
 impl Friction {
-    /// From lists `viscous,coulomb` of all drives, and `NAME=viscous,coulomb` or `NAME=none` of one. Lists of
-    /// the same drives are taken together.
+    /// Reads lists: `viscous,coulomb` for all drives, and `NAME=viscous,coulomb` or `NAME=none` for one.
+    /// Lists of the same drives are taken together.
     ///
     /// # Errors
-    /// What is no such list.
+    /// Returns a message about a list that cannot be read.
     pub fn parse<S: AsRef<str>>(lists: &[S]) -> Result<Self, String> {
         let mut all = Self::default();
         for list in lists.iter().map(AsRef::as_ref) {
@@ -326,11 +326,11 @@ impl Friction {
 /// wrist. By virtual work what rubs there acts on these joints in the same proportion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
-    /// Its name.
+    /// The name of the drive.
     pub name: String,
     /// Freedoms and their factors.
     pub rates: Vec<(usize, f64)>,
-    /// Its columns.
+    /// The friction terms of the drive, a column each.
     pub terms: Vec<Term>,
     /// It slides.
     pub slides: bool,
@@ -341,7 +341,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// One for every freedom of these names.
+    /// Returns one drive for every freedom of these names.
     pub fn of_joints(names: &[String], links: &[Link<f64>], friction: &Friction) -> Vec<Self> {
         let slides = links.iter().skip(1).flat_map(|l| {
             let slide = matches!(l.joint, rigident_shared::tree::Joint::Prismatic(_));
@@ -369,10 +369,10 @@ impl Drive {
             .collect()
     }
 
-    /// From `NAME=J1+J2`, `NAME=J1-J2` or `NAME=0.5*J1-2*J2`: sums of freedoms by name.
+    /// Reads a drive from `NAME=J1+J2`, `NAME=J1-J2` or `NAME=0.5*J1-2*J2`: sums of freedoms by name.
     ///
     /// # Errors
-    /// What is no such thing, or no such joint.
+    /// Returns a message about words that cannot be read, or about a joint that is missing.
     pub fn parse(words: &str, names: &[String], friction: &Friction) -> Result<Self, String> {
         let refuse = |why: String| format!("`drive` {words}: {why}");
         let form = || {
@@ -430,7 +430,7 @@ impl Drive {
         DriveState { position, rate: self.rate(rates), load: self.load(efforts) }
     }
 
-    /// Its rate.
+    /// Returns the rate of the drive, rad/s or m/s, from the rates of all freedoms.
     pub fn rate(&self, rates: &[f64]) -> f64 {
         self.rates.iter().map(|(k, factor)| factor * rates.get(*k).copied().unwrap_or(0.0)).sum()
     }

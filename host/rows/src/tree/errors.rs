@@ -27,7 +27,7 @@ pub enum SignalError {
     /// Attitude of the base's IMU about an axis e of S: `a ← a + e×a`, and rates and attitudes against S
     /// likewise.
     BaseRotation(usize),
-    /// The same of a link's IMU, about an axis of the link.
+    /// Attitude of a link's IMU about an axis of the link, as [`Self::BaseRotation`] of the base's.
     LinkRotation {
         /// The link.
         link: usize,
@@ -179,7 +179,7 @@ fn of_base_imu(input: &Input, table: Option<&ImuTable>, all: &mut Errors) {
     }
 }
 
-/// The attitude and the rate of a link.
+/// Adds the errors of a link's IMU: of its attitude and its rate.
 fn of_link_imu(input: &Input, link: usize, table: Option<&ImuTable>, all: &mut Errors) {
     let default = ImuTable::default();
     let table = table.unwrap_or(&default);
@@ -321,7 +321,7 @@ fn of_feet(input: &Input, rig: &RigFile, all: &mut Errors) {
     }
 }
 
-/// Scale, offset and drift of efforts.
+/// Adds the errors of efforts: scale, offset and drift.
 fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
     let (source, tree) = (source(rig), &rig.tree);
     let limit = source.class.limits().effort;

@@ -14,7 +14,7 @@ use rigident_model::base::{Rows, Situation};
 /// One instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Its time, ns.
+    /// Time of the frame, ns.
     pub time_ns: u64,
     /// Coordinates of all joints, as [`rigident_model::rows::Moving::set`] takes them; of a tracked base its
     /// own come first: position and quaternion in laboratory axes.
@@ -62,7 +62,7 @@ pub struct NoisySignal {
     pub link: usize,
     /// 1 σ per sample and axis as stated.
     pub stated: Option<f64>,
-    /// The same as sixth differences show it.
+    /// 1 σ per sample and axis by sixth differences.
     pub found: f64,
 }
 

@@ -67,7 +67,7 @@ pub fn with_wrenches<'a>(
     })
 }
 
-/// A wrench about the laboratory's origin as one about the base's origin in a frame.
+/// Returns a wrench about the laboratory's origin as a wrench about the base's origin in a frame.
 fn about_base(frame: &Frame, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 6] {
     let at = Vector3::from_iterator(frame.positions.iter().take(3).copied());
     let moment = Vector3::new(mx, my, mz) - at.cross(&Vector3::new(fx, fy, fz));

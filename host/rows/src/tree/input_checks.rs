@@ -1,4 +1,4 @@
-//! Whether a recording's attitudes, gyros and joint columns tell of one motion, before it is believed.
+//! Checks whether a recording's attitudes, gyros and joint columns are of one motion, before it is believed.
 //!
 //! Lives here: gross errors of units, signs and axes, which the fit would take for bodies and which two
 //! measurements of one motion contradict. Nothing is differentiated: how far something has turned over a
@@ -39,7 +39,7 @@ pub struct Spans {
 }
 
 impl Spans {
-    /// For rows at these times, ns.
+    /// Returns the spans of rows at these times, ns.
     pub fn new(time_ns: &[u64], rate_hz: f64) -> Self {
         let length = (SPAN_S * rate_hz).round().clamp(1.0, 1e6) as usize;
         let period_s = 1.0 / rate_hz;
@@ -58,12 +58,12 @@ impl Spans {
         self.length as f64 * self.period_s
     }
 
-    /// Variance of the trapezoidal integral of white noise of unit variance, s².
+    /// Returns the variance of the trapezoidal integral of white noise of unit variance, s².
     fn integral_variance(&self) -> f64 {
         self.seconds() * self.period_s
     }
 
-    /// Trapezoidal integral over every span.
+    /// Returns the trapezoidal integral over every span.
     fn integrals(&self, rate: impl Fn(usize) -> Vector3<f64>) -> Vec<Vector3<f64>> {
         let of = |start: usize| {
             let ends = (rate(start) + rate(start + self.length)) / 2.0;
@@ -100,7 +100,7 @@ pub struct Disagreement {
 }
 
 impl Disagreement {
-    /// They are not of one motion.
+    /// Returns whether the two measurements are of different motions.
     pub fn is_gross(&self) -> bool {
         self.share > CONTRADICTION
     }
@@ -116,9 +116,9 @@ fn share(moved: &[Vector3<f64>], integrated: &[Vector3<f64>], noise: f64) -> f64
 /// The information of a link's attitude and the gyros on its turning against the base.
 #[derive(Clone, Copy, Debug)]
 pub struct Turning<'a> {
-    /// Its number in the recording.
+    /// The link's number in the recording.
     pub number: usize,
-    /// Its name.
+    /// The link's name.
     pub name: &'a str,
     /// S axes ← link axes, w, x, y, z.
     pub attitudes: &'a [[f64; 4]],
@@ -158,7 +158,7 @@ impl Error {
             + usize::from(self.base_in_degrees)
     }
 
-    /// All of them.
+    /// Returns all combinations of errors; those of the base only if `with_base`.
     fn all(with_base: bool) -> Vec<Self> {
         let both = [false, true];
         let mut all = Vec::new();
@@ -219,7 +219,7 @@ struct Increments {
 }
 
 impl Increments {
-    /// By the gyros, a bias that is none of the errors meant here taken off.
+    /// Returns the turns by the gyros, with a bias taken off that is none of the errors meant here.
     fn integrated(&self, seconds: f64) -> Vec<Vector3<f64>> {
         let plain = less(&self.own, &self.carried);
         let bias = mean(&less(&plain, &self.turned));

@@ -13,7 +13,7 @@ pub enum Seen {
         /// Rate.
         rate: Vector3<f64>,
     },
-    /// Its coordinate and its rate.
+    /// Coordinate of the joint and its rate.
     Coordinate(f64, f64),
 }
 
@@ -24,15 +24,15 @@ pub struct Resolved {
     pub attitude: Matrix3<f64>,
     /// Link axes, rad/s.
     pub rate: Vector3<f64>,
-    /// As [`rigident_model::rows::Moving::set`] takes them.
+    /// The joint's coordinates, as [`rigident_model::rows::Moving::set`] takes them.
     pub positions: Vec<f64>,
-    /// Likewise.
+    /// The joint's rates, as [`rigident_model::rows::Moving::set`] takes them.
     pub rates: Vec<f64>,
     /// Angle by which the measured attitude is turned against what the joint can do, rad.
     pub misfit: f64,
 }
 
-/// S axes ← link axes of a quaternion w, x, y, z; `None` if it is none.
+/// Returns the rotation S axes ← link axes of a quaternion w, x, y, z; `None` if that is none.
 pub fn attitude(q: &[f64; 4]) -> Option<Matrix3<f64>> {
     let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
     // As tolerant as rig files are.
@@ -45,7 +45,7 @@ fn turn(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     rigident_shared::tree::joint::turn(axis, angle.sin(), angle.cos())
 }
 
-/// Angle about `axis` of the rotation nearest to `r` that is one about it.
+/// Returns the angle of the rotation about `axis` that is nearest to `r`.
 fn angle_about(r: &Matrix3<f64>, axis: &Vector3<f64>) -> f64 {
     // tr(R(−a, q) r) is largest: tan q = a·axial(r) / (tr r − a·r a)
     axis.dot(&axial(r)).atan2(r.trace() - axis.dot(&(r * axis)))
@@ -59,9 +59,9 @@ fn angle_of(r: &Matrix3<f64>) -> f64 {
     axial(r).norm().atan2(r.trace() - 1.0)
 }
 
-/// The joint of a link, seen from its parent.
+/// Resolves the joint of a link, seen from its parent.
 ///
-/// `None` for what cannot be determined: a joint that slides or is free, by attitudes; one of several
+/// Returns `None` for what cannot be determined: a joint that slides or is free, by attitudes; one of several
 /// freedoms, by a coordinate.
 pub fn resolve(link: &Link<f64>, parent: &Resolved, seen: &Seen) -> Option<Resolved> {
     match seen {

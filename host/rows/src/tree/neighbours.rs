@@ -98,10 +98,11 @@ impl Neighbours {
         Ok(())
     }
 
-    /// Has the predictions of frames at hand, at most three, and the instant of `sample` as before.
+    /// Returns the predictions of the given frames, made where they are not at hand. The frame that was
+    /// brought last stays the same.
     ///
     /// # Errors
-    /// As [`Neighbours::bring`].
+    /// Fails as [`Neighbours::bring`] does.
     pub(super) fn predict(
         &mut self,
         samples: [usize; KEPT],

@@ -19,7 +19,7 @@ pub struct Polynomial {
 }
 
 impl Polynomial {
-    /// For samples at `rate_hz`.
+    /// Returns the polynomial for samples at `rate_hz`.
     pub fn new(rate_hz: f64) -> Self {
         let half = ((HALF_S * rate_hz).round() as usize).max(DEGREE.div_ceil(2));
         let n = 2 * half + 1;
@@ -36,17 +36,17 @@ impl Polynomial {
         }
     }
 
-    /// Samples on either side.
+    /// Returns the number of samples on either side.
     pub fn half(&self) -> usize {
         self.value.len() / 2
     }
 
-    /// Factor from the noise of a position to that of a rate, 1/s.
+    /// Returns the factor from the noise of a position to that of a rate, 1/s.
     pub fn slope_noise(&self) -> f64 {
         self.slope.iter().map(|w| w * w).sum::<f64>().sqrt()
     }
 
-    /// Value and slope at the middle of samples as many as there are weights.
+    /// Returns value and slope at the middle of as many samples as there are weights.
     pub fn at(&self, samples: &[f64]) -> (f64, f64) {
         // About the middle one, so that a large constant costs no digits.
         let middle = samples.get(self.half()).copied().unwrap_or(0.0);

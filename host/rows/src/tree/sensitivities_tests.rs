@@ -164,7 +164,8 @@ fn predicted(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The same less what is measured: errors of zeros of joints move what feet do there, too.
+/// Returns the predicted parts less the measured ones: errors of joint zeros move the measured contribution
+/// of feet, too.
 fn left_over(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
     let (channels, mut all) = (source.channels().len(), predicted(source, phi));
     for sample in 0..source.samples() {
@@ -177,7 +178,7 @@ fn left_over(source: &TreeSource, phi: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The columns of all errors against differences of what is predicted of corrected readings.
+/// Compares the columns of all errors with differences of the predictions of corrected readings.
 fn compare(input: Input, random: &mut Random) {
     let source = TreeSource::new(input).unwrap();
     // Rotors that cannot be distinguished from moments of inertia are gone.

@@ -11,8 +11,8 @@ fn input(recording: &Recording, model: &rigident_model::Model) -> Input {
     prepare(recording, model, &ProblemOptions::default()).unwrap().input
 }
 
-/// Noise of either sign has squares that are exact; of products of n independent ones a mean is off by √(5/n)
-/// at most.
+/// Returns the error allowed in a mean over `frames`. Noise of either sign has squares that are exact; of
+/// products of n independent ones a mean is off by √(5/n) at most.
 fn allowed(frames: usize) -> f64 {
     (25.0 / frames as f64).sqrt()
 }

@@ -14,7 +14,7 @@ use rigident_model::human::Person;
 
 const RATE_HZ: f64 = 200.0;
 
-/// The frames of a person in motion, her laboratory's origin `away`, m.
+/// Returns the frames of a person in motion, her laboratory's origin `away`, m.
 fn input(model: &Model, tree: &Tree, away: &Vector3<f64>, count: usize) -> Input {
     let frame = |k: usize| {
         let t = k as f64 / RATE_HZ;

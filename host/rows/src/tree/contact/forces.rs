@@ -80,7 +80,7 @@ fn of_foot(moving: &Moving, screws: &[Screw<f64>], foot: &Foot) -> Result<Column
     Ok(out)
 }
 
-/// A wrench about a point that is `arm` from where it was about.
+/// Returns a wrench about a point that is `arm` from the point it was about.
 fn about(wrench: &Vector6<f64>, arm: &Vector3<f64>) -> Vector6<f64> {
     let (force, moment) = (wrench.fixed_rows::<3>(0).into_owned(), wrench.fixed_rows::<3>(3).into_owned());
     six(&force, &(moment - arm.cross(&force)))
@@ -138,7 +138,7 @@ fn moved_by(
     Ok(out)
 }
 
-/// The change of a wrench about the root's origin that is carried along by a motion: `F by n×F`,
+/// Returns the change of a wrench about the root's origin that is carried along by a motion: `F by n×F`,
 /// `M by n×M + v×F`.
 fn spatial_move(v: &Vector3<f64>, n: &Vector3<f64>) -> Matrix6<f64> {
     let mut out = SMatrix::<f64, 6, 6>::zeros();

@@ -26,7 +26,7 @@ pub const COMPONENTS: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
 /// A foot with its sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Foot {
-    /// Its name.
+    /// The name of the foot.
     pub name: String,
     /// The link that it is part of, by its index in the model.
     pub link: usize,

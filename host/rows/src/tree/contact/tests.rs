@@ -25,7 +25,7 @@ fn waves(first: usize, t: f64, derivative: u32) -> Vector3<f64> {
     Vector3::from_fn(|k, _| wave(first + k, t, derivative))
 }
 
-/// Two legs of three hinges and an arm of a slide and a hinge.
+/// Makes a robot with two legs of three hinges and an arm of a slide and a hinge.
 fn robot() -> Model {
     let parents = [0, 0, 1, 2, 0, 4, 5, 0, 7];
     let links = parents.into_iter().enumerate().map(|(i, parent)| {
@@ -58,7 +58,7 @@ fn foot(name: &str, link: usize, known: [bool; 6]) -> Foot {
     }
 }
 
-/// Attitude and place of a foot's sensor in the base's frame.
+/// Returns the attitude and place of a foot's sensor in the base's frame.
 fn pose(model: &Model, foot: &Foot, q: &[f64]) -> (Matrix3<f64>, Vector3<f64>) {
     let mut moving = Moving::new(model.tree()).unwrap();
     let zeros = vec![0.0; q.len()];
@@ -67,7 +67,7 @@ fn pose(model: &Model, foot: &Foot, q: &[f64]) -> (Matrix3<f64>, Vector3<f64>) {
     (rotation * foot.rotation, Vector3::from(place) + rotation * foot.position)
 }
 
-/// Force and moment about the base's origin, base axes, of a wrench in a foot's axes.
+/// Returns the force and moment about the base's origin, base axes, of a wrench in a foot's axes.
 fn on_base(model: &Model, foot: &Foot, q: &[f64], wrench: &Vector6<f64>) -> Vector6<f64> {
     let (axes, place) = pose(model, foot, q);
     let force = axes * wrench.fixed_rows::<3>(0);
@@ -98,7 +98,7 @@ fn work(model: &Model, foot: &Foot, q: &[f64], wrench: &Vector6<f64>) -> Vec<f64
         .collect()
 }
 
-/// The robot at a time; the second foot bears what the first does not.
+/// Returns the robot at a time; the second foot bears what the first does not.
 fn frame(model: &Model, feet: &[Foot], t: f64) -> Frame {
     let count = model.links.len() - 1;
     let all = |derivative: u32| -> Vec<f64> { (0..count).map(|k| wave(k, t, derivative)).collect() };
@@ -150,7 +150,7 @@ fn input(model: &Model, feet: Vec<Foot>, unmeasured: Vec<usize>, frames: Vec<Fra
     input
 }
 
-/// Every component known, some of both feet unknown, a foot and a torque unknown.
+/// Returns the cases: every component known, some of both feet unknown, a foot and a torque unknown.
 fn cases() -> [([bool; 6], [bool; 6], Vec<usize>); 4] {
     let (all, none) = ([true; 6], [false; 6]);
     let vertical = [false, false, true, true, true, false];

@@ -16,7 +16,7 @@ use rigident_model::idle::white_noise;
 
 /// A foot stands where its force is above this share of the robot's weight.
 const TOUCHING: f64 = 0.02;
-/// The same where the weight is not known, N.
+/// A foot stands where its force is above this if the robot's weight is not known, N.
 const TOUCHING_N: f64 = 20.0;
 /// Noise that readings do not show is this share of the largest: rounding.
 const ROUNDED: f64 = 1e-5;
@@ -212,7 +212,7 @@ impl Preparation<'_> {
         })
     }
 
-    /// The sensor's place in the link that moves and carries it.
+    /// Returns the sensor's place in the link that moves and carries it.
     fn foot_place(&self, table: &FootTable) -> Result<Place, TreePrepareError> {
         let known = |name: &&String| !COMPONENTS.contains(&name.as_str());
         if let Some(name) = table.unavailable.iter().chain(table.columns.keys()).find(known) {

@@ -89,7 +89,7 @@ pub fn prepare(
 
 /// Gravity on a base that is held still.
 pub(super) struct Gravity {
-    /// Its size, m/s².
+    /// The magnitude of gravity, m/s².
     pub(super) mps2: f64,
     /// The direction of its pull, the base's frame, of length one.
     pub(super) direction: [f64; 3],
@@ -163,7 +163,8 @@ impl<'a> Preparation<'a> {
         TreePrepareError::Fit { name: self.recording.name.clone(), model: self.model.name.clone(), why }
     }
 
-    /// Index in the model of every numbered link; `None` for those that are rigidly one with another.
+    /// Returns the index in the model of every numbered link; `None` for links that are rigidly one with
+    /// another.
     fn numbering(&self) -> Result<Vec<Option<usize>>, TreePrepareError> {
         let tables = &self.recording.rig.link;
         if tables.is_empty() {

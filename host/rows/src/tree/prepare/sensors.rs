@@ -12,7 +12,7 @@ use crate::tree::joints::attitude;
 use rigident_io::rig::{Calibrated, DOWN, ImuTable};
 
 impl<'a> Preparation<'a> {
-    /// The table of the IMU on a link, by the link's number.
+    /// Returns the table of the IMU on a link, by the link's number.
     pub(super) fn imu(&self, number: usize) -> Option<&'a ImuTable> {
         self.recording.rig.imu_on(number)
     }
@@ -58,7 +58,7 @@ impl<'a> Preparation<'a> {
         }
     }
 
-    /// The base's motion by row.
+    /// Returns the base's motion by row.
     pub(super) fn base(
         &mut self,
         gyro: Option<&Vec<Vector3<f64>>>,

@@ -1,4 +1,4 @@
-//! Whether every joint's motion is there and fits, and the noise of what was measured.
+//! Checks whether every joint's motion is there and fits, and finds the noise of the measured quantities.
 
 use std::collections::BTreeMap;
 
@@ -222,7 +222,8 @@ impl Preparation<'_> {
         sixth_differences(&signals, freedoms)
     }
 
-    /// The largest noise of a rate, rad/s or m/s: given, or from differences, which motion hardly enters.
+    /// Returns the largest noise of a rate, rad/s or m/s: the given one, or by differences, which motion
+    /// hardly enters.
     pub(super) fn rate_sigma(&self, columns: &LinkColumns<'_>, rate_hz: f64) -> f64 {
         if self.recording.is_static {
             return 0.0;
