@@ -21,17 +21,18 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// The estimate if it is identified and its numbers can be printed.
+    /// Returns the estimate if it is identified and its numbers can be printed.
     pub fn known(&self) -> Option<Measured> {
         self.state.measured().filter(|m| m.value.is_finite() && m.u95.is_finite() && m.u95 >= 0.0)
     }
 
-    /// The words in place of the number, where there is none.
+    /// Returns the words in place of the number, where there is none.
     pub fn missing(&self) -> &'static str {
         missing(self.state)
     }
 
-    /// Estimate minus truth in standard deviations, σ = U95 / 1.96; `None` without truth or without σ.
+    /// Returns the estimate minus truth in standard deviations, σ = U95 / 1.96; `None` without truth or
+    /// without σ.
     pub fn deviation_sd(&self) -> Option<f64> {
         let m = self.known()?;
         let truth = self.truth.filter(|t| t.is_finite())?;
@@ -162,6 +163,6 @@ pub struct Decided {
     pub got: Option<f64>,
     /// The duration, s; `None` if its end was not seen.
     pub lasted_s: Option<f64>,
-    /// Whether it reached its end.
+    /// True if the segment reached its end.
     pub whole: bool,
 }

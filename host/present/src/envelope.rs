@@ -1,8 +1,8 @@
 //! Long series made short without losing their extremes.
 
-/// A series with at most `2 · buckets` points: the smallest and the largest value of each bucket of time, in
-/// the order in which they occur. A series that is short enough is returned as it is. Values that are not
-/// finite break the line: one point `(time, NaN)` represents a bucket of them.
+/// Returns a series with at most `2 · buckets` points: the smallest and the largest value of each bucket of
+/// time, in the order in which they occur. A series that is short enough is returned as it is. Values that
+/// are not finite break the line: one point `(time, NaN)` represents a bucket of them.
 pub fn envelope(time_s: &[f64], values: &[f64], buckets: usize) -> Vec<(f64, f64)> {
     envelope_of(time_s.len().min(values.len()), |k| (time_s[k], values[k]), buckets)
 }
@@ -76,8 +76,8 @@ fn bucket_of(time: f64, (start, end): (f64, f64), buckets: usize) -> usize {
     ((share * buckets as f64) as usize).min(buckets.saturating_sub(1))
 }
 
-/// The area that `value ± half_width` covers, as at most `buckets` points (time, low, high); not finite where
-/// a bucket holds nothing finite.
+/// Returns the area that `value ± half_width` covers, as at most `buckets` points (time, low, high); not
+/// finite where a bucket holds nothing finite.
 pub(super) fn band(
     time_s: &[f64],
     value: &[f64],
@@ -99,7 +99,7 @@ pub(super) fn band(
     by_time(&points, |p| p.0, buckets).into_iter().filter_map(covered).collect()
 }
 
-/// Consecutive points cut at equal steps of time into at most `buckets` groups, none of them empty.
+/// Cuts consecutive points at equal steps of time into at most `buckets` groups, none of them empty.
 fn by_time<P>(points: &[P], time: impl Fn(&P) -> f64, buckets: usize) -> Vec<&[P]> {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     let range = (time(first), time(last));
@@ -116,7 +116,7 @@ fn by_time<P>(points: &[P], time: impl Fn(&P) -> f64, buckets: usize) -> Vec<&[P
     groups
 }
 
-/// Smallest and largest finite value.
+/// Returns the smallest and the largest finite value.
 pub(super) fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.filter(|v| v.is_finite()).fold(None, |range, v| {
         let (low, high) = range.unwrap_or((v, v));
@@ -128,7 +128,7 @@ pub(super) fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> 
 mod tests {
     use super::*;
 
-    /// A short pseudo-random sequence of the textbook's linear congruence.
+    /// Returns a short pseudo-random sequence of the textbook's linear congruence.
     fn noise(n: usize) -> Vec<f64> {
         let mut state = 1_u32;
         (0..n)

@@ -15,7 +15,7 @@ const FEW: usize = 150;
 /// Estimates move slowly: fewer will do.
 const CONVERGENCE_BUCKETS: usize = 220;
 
-/// The time axis that all figures share, s.
+/// Returns the time axis that all figures share, s.
 pub fn time_axis(data: &Series) -> Axis {
     let convergence = data.convergence.iter().map(|c| &c.time_s);
     let residuals = data.residuals.iter().map(|r| &r.time_s);
@@ -34,7 +34,8 @@ fn figure(class: &str, caption: &str, content: &str) -> String {
     format!("<figure class=\"{class}\"><figcaption>{caption}</figcaption>\n{content}</figure>\n")
 }
 
-/// One figure per parameter that is identified and has a history, a word for each that is not identified.
+/// Draws one figure for each parameter that is identified and has a history; for each that is not identified
+/// it writes a word.
 pub fn convergence(quantities: &[Quantity], data: &Series, time: &Axis) -> String {
     let mut html = String::new();
     for quantity in quantities {
@@ -89,14 +90,14 @@ fn converging(quantity: &Quantity, history: &Convergence, time: &Axis, data: &Se
     figure("", &caption, &chart.render())
 }
 
-/// The estimate where it has an uncertainty.
+/// Returns the estimate where it has an uncertainty.
 fn determined(history: &Convergence) -> Vec<f64> {
     let known = |(e, u): (&f64, &f64)| if u.is_finite() { *e } else { f64::NAN };
     history.estimate.iter().zip(&history.u95).map(known).collect()
 }
 
-/// A range for the settled part: what most of the last 60 % covers, at least 1.6 and at most 8 times the last
-/// U95 to either side, and the truth unless it lies far outside.
+/// Returns a range for the settled part: what most of the last 60 % covers, at least 1.6 and at most 8 times
+/// the last U95 to either side, and the truth unless it lies far outside.
 fn settled_range(quantity: &Quantity, history: &Convergence) -> (f64, f64) {
     let Some(last) = quantity.known() else { return (0.0, 1.0) };
     let points: Vec<(f64, f64)> = history
@@ -118,7 +119,7 @@ fn settled_range(quantity: &Quantity, history: &Convergence) -> (f64, f64) {
     (last.value - 1.05 * half, last.value + 1.05 * half)
 }
 
-/// One figure per channel.
+/// Draws one figure for each channel.
 pub fn residuals(data: &Series, time: &Axis) -> String {
     data.residuals.iter().map(|r| residual(r, time, data)).collect()
 }
@@ -174,13 +175,13 @@ fn residual(residual: &Residual, time: &Axis, data: &Series) -> String {
     figure("", &caption, &chart.render())
 }
 
-/// A name as part of an identifier: letters and digits, everything else by its number.
+/// Returns a name as part of an identifier: letters and digits, everything else by its number.
 fn identifier(name: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric();
     name.chars().map(|c| if plain(c) { c.to_string() } else { format!("-{:x}-", u32::from(c)) }).collect()
 }
 
-/// One figure per group of series.
+/// Draws one figure for each group of series.
 pub fn motion(data: &Series, time: &Axis) -> String {
     data.motion.iter().enumerate().map(|(i, m)| moving(i, m, time, data)).collect()
 }
@@ -219,12 +220,12 @@ fn moving(index: usize, plot: &TimePlot, time: &Axis, data: &Series) -> String {
     figure("", &caption, &chart.render())
 }
 
-/// Change in units of its U95.
+/// Returns a change in units of its U95.
 fn relative(change: &Quantity) -> Option<f64> {
     change.known().map(|m| m.value / m.u95).filter(|r| r.is_finite())
 }
 
-/// The change of each channel beside its uncertainty, and what it means.
+/// Draws the change of each channel beside its uncertainty, and explains it.
 pub fn drift(drift: &Drift) -> String {
     let moved: Vec<&str> = drift
         .changes

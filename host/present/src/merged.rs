@@ -21,7 +21,7 @@ struct Line {
 }
 
 impl Line {
-    /// U95 of all by that of the best run; zero where no run tells the parameter.
+    /// Returns U95 of all runs divided by that of the best run; zero where no run determines the parameter.
     fn share(&self) -> f64 {
         self.best.as_ref().map_or(0.0, |(best, _)| self.merged.u95 / best.u95)
     }

@@ -4,12 +4,13 @@
 use super::data::{Decided, PrincipalAxis, Quantity};
 use rigident_fit::figures::{NOT_IDENTIFIED, Rounded, beside, fixed, signed, significant, unit_symbol};
 
-/// All before the content of an answer's page.
+/// Returns everything before the content of an answer's page.
 pub(super) fn beginning(title: &str) -> String {
     beginning_with(title, "inertial parameters", "")
 }
 
-/// All before a page's content: `about` says what kind of page it is, `head` is more markup of its head.
+/// Returns everything before a page's content: `about` is the kind of page, `head` is more markup of its
+/// head.
 pub(super) fn beginning_with(title: &str, about: &str, head: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
@@ -71,7 +72,7 @@ pub(super) fn section(html: &mut String, class: &str, title: &str, note: &str, f
     html.push_str(&format!("<div class=\"{class}\">\n{figures}</div>\n"));
 }
 
-/// The truth and how far the estimate is from it, or nothing.
+/// Returns the truth and the estimate's distance from it, or nothing.
 pub(super) fn beside_words(quantity: &Quantity, u95: f64) -> String {
     match (quantity.truth.filter(|t| t.is_finite()), quantity.deviation_sd()) {
         (Some(truth), Some(sd)) => format!("truth {}, {}", number(&beside(truth, u95)), deviation(sd)),
@@ -80,7 +81,7 @@ pub(super) fn beside_words(quantity: &Quantity, u95: f64) -> String {
     }
 }
 
-/// `+1.4 σ`.
+/// Returns a deviation in words, `+1.4 σ`.
 fn deviation(sd: f64) -> String {
     format!("{} σ", number(&if sd.abs() < 1e4 { signed(sd, 1) } else { format!("{sd:+.1e}") }))
 }
@@ -92,7 +93,7 @@ pub(super) fn table_or_nothing(class: &str, rows: &str, missing: &str) -> String
     format!("<table class=\"{class}\"><tbody>\n{rows}</tbody></table>\n")
 }
 
-/// `[xx, yy, zz, yz, zx, xy]` as three rows; the lower triangle is a pale copy.
+/// Returns `[xx, yy, zz, yz, zx, xy]` as three rows; the lower triangle is a pale copy.
 pub(super) fn tensor_rows(elements: &[Quantity]) -> String {
     let cell = |row: usize, column: usize| {
         let index = if row == column { row } else { 6 - row - column };
@@ -117,7 +118,7 @@ pub(super) fn notes(title: &str, notes: &[String]) -> String {
     format!("<section class=\"box\"><h3>{title}</h3><ul>{items}</ul></section>\n")
 }
 
-/// Value and uncertainty, or the words in place of both.
+/// Returns value and uncertainty, or the words in place of both.
 pub(super) fn value_cells(quantity: &Quantity) -> String {
     let Some(m) = quantity.known() else {
         return format!("<td class=\"none\" colspan=\"2\">{}</td>", quantity.missing());
@@ -139,7 +140,7 @@ pub(super) fn truth_cells(quantity: &Quantity, u95: f64) -> String {
     )
 }
 
-/// Interval and truth, the deviation in units of U95; the scale ends at 2.4.
+/// Draws interval and truth, the deviation in units of U95; the scale ends at 2.4.
 fn glyph(deviation: f64) -> String {
     let x = |v: f64| 46.0 + 19.0 * v.clamp(-2.4, 2.4);
     let class = if deviation.abs() > 1.0 { " class=\"off\"" } else { "" };
@@ -197,7 +198,7 @@ pub(super) fn fact(label: &str, value: &str) -> String {
     format!("<tr><th scope=\"row\">{}</th><td>{value}</td></tr>\n", escape(label))
 }
 
-/// Value and uncertainty as markup.
+/// Returns value and uncertainty as markup.
 pub(super) fn parts(value: f64, u95: f64) -> (String, String) {
     match Rounded::new(value, u95) {
         Some(r) => (number(&r.value_alone()), number(&r.u95_alone())),
@@ -205,7 +206,7 @@ pub(super) fn parts(value: f64, u95: f64) -> (String, String) {
     }
 }
 
-/// `20.013 ± 0.021 kg`, or the words.
+/// Returns `20.013 ± 0.021 kg`, or the words in its place.
 pub(super) fn measured_markup(quantity: &Quantity) -> String {
     quantity.known().map_or(quantity.missing().to_owned(), |m| {
         let (value, u95) = parts(m.value, m.u95);
@@ -213,7 +214,7 @@ pub(super) fn measured_markup(quantity: &Quantity) -> String {
     })
 }
 
-/// A printed number with a true minus and its power of ten raised.
+/// Returns a printed number with a true minus and its power of ten raised.
 pub(super) fn number(text: &str) -> String {
     let minus = |t: &str| t.replace('-', "\u{2212}");
     match text.split_once('e') {
@@ -222,7 +223,7 @@ pub(super) fn number(text: &str) -> String {
     }
 }
 
-/// A parameter's name as markup: `Ixx` with its subscript.
+/// Returns a parameter's name as markup: `Ixx` with its subscript.
 pub(super) fn symbol(name: &str) -> String {
     let short = name.strip_prefix("offset_").unwrap_or(name);
     let split = match short {
@@ -248,7 +249,7 @@ pub(super) fn describe(name: &str) -> &'static str {
     }
 }
 
-/// Text as content or attribute of HTML and XML; characters that neither allows are replaced.
+/// Returns a text as content or attribute of HTML and XML; characters that neither allows are replaced.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

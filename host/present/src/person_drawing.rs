@@ -20,7 +20,7 @@ const THICK: f64 = 4.5;
 /// Where a link begins in somebody upright, and the link that follows it, m.
 type Ends = (Vector3<f64>, Option<Vector3<f64>>);
 
-/// The ends of links by their names.
+/// Returns the ends of links by their names.
 fn joints(found: &PersonResult) -> Option<BTreeMap<String, Ends>> {
     let person = Person { height_m: found.height_m, mass_kg: found.table_mass_kg, ..Person::default() };
     let model = if found.model == "human58" { person.human58() } else { person.human34() }.ok()?;

@@ -17,9 +17,9 @@ const STYLE: &str = ".full{fill:var(--a)}.less{fill:var(--sand)}";
 pub struct Bar {
     /// Names of its postures.
     pub name: String,
-    /// Its rank.
+    /// The rank of the set.
     pub rank: usize,
-    /// Its condition number.
+    /// The condition number of the set.
     pub condition: f64,
 }
 
@@ -66,7 +66,7 @@ pub fn figure(sets: &[Bar]) -> String {
     svg
 }
 
-/// A name that fits.
+/// Shortens a name until it fits.
 fn shortened(name: &str) -> String {
     const FITS: usize = 34;
     if name.chars().count() <= FITS {

@@ -30,9 +30,9 @@ pub struct Predictions {
 /// A channel with what models leave of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct PredictedChannel {
-    /// Its name: `fx`, or a joint's.
+    /// The name of the channel: `fx`, or a joint's name.
     pub name: String,
-    /// Its unit.
+    /// The unit of the channel.
     pub unit: String,
     /// Standard deviation of what was measured; absent where nothing was.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -49,7 +49,7 @@ pub struct ChannelError {
     pub model: String,
     /// Root mean square of measured less predicted, in the channel's unit.
     pub rms: f64,
-    /// The same over the standard deviation of what was measured; absent where that is zero.
+    /// `rms` divided by the standard deviation of the measured values; absent where that is zero.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nrmse: Option<f64>,
 }

@@ -40,7 +40,8 @@ pub struct Panel {
     pub samples: Vec<Sample>,
 }
 
-/// Sorted values and the standard normal quantiles of `(i − ½)/N`; values that are not finite are left out.
+/// Returns the sorted values and the standard normal quantiles of `(i − ½)/N`; values that are not finite are
+/// left out.
 fn points(values: &[f64]) -> Vec<(f64, f64)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -48,9 +49,9 @@ fn points(values: &[f64]) -> Vec<(f64, f64)> {
     sorted.into_iter().enumerate().map(|(i, v)| (v, standard.inverse_cdf((i as f64 + 0.5) / count))).collect()
 }
 
-/// Correlation of a sample's sorted values with the normal quantiles (Filliben 1975): 1 for a normal sample,
-/// below 0.9992 in one of a hundred normal samples of 2 500. `None` for fewer than three values, or equal
-/// ones.
+/// Returns the correlation of a sample's sorted values with the normal quantiles (Filliben 1975): 1 for a
+/// normal sample, below 0.9992 in one of a hundred normal samples of 2 500. `None` for fewer than three
+/// values, or equal ones.
 pub fn straightness(values: &[f64]) -> Option<f64> {
     let points = points(values);
     let n = points.len() as f64;
@@ -64,7 +65,7 @@ pub fn straightness(values: &[f64]) -> Option<f64> {
     (points.len() >= 3 && xx > 0.0).then(|| xz / (xx * zz).sqrt())
 }
 
-/// The panels beside each other, as an SVG that needs no style sheet. Each sample's straight line goes
+/// Draws the panels beside each other, as an SVG that needs no style sheet. Each sample's straight line goes
 /// through its quartiles.
 pub fn svg(panels: &[Panel]) -> String {
     let drawn = panels.iter().map(|panel| (panel.title.clone(), panel.render()));

@@ -99,7 +99,7 @@ fn direction(axis: &PrincipalAxis) -> String {
     format!("[{direction}] ± {}°", significant(axis.direction_u95_rad.to_degrees(), 2))
 }
 
-/// Without control characters, which would steer the terminal.
+/// Replaces control characters, which would steer the terminal, by spaces.
 pub(super) fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

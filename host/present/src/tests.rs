@@ -15,7 +15,7 @@ mod samples;
 
 use samples::{input, of_body, readings, rig, samples};
 
-/// A convergence as the square root of time has it.
+/// Returns a convergence that follows the square root of time.
 fn converging(fit: &Fit) -> Vec<Convergence> {
     let end = fit.residuals.last().map_or(1.0, |r| r.time_s);
     (1..=200)

@@ -21,11 +21,11 @@ const STYLE: &str = "path{fill:none;stroke-width:1.2}.line0{stroke:var(--a)}.lin
 pub struct ModeRow {
     /// Undamped natural frequency, Hz.
     pub hz: f64,
-    /// Its 95 % expanded uncertainty, Hz.
+    /// 95 % expanded uncertainty of the frequency, Hz.
     pub hz_u95: f64,
     /// Damping ratio.
     pub damping: f64,
-    /// Its 95 % expanded uncertainty.
+    /// 95 % expanded uncertainty of the damping ratio.
     pub damping_u95: f64,
     /// Names of the coordinates of `shape`: shifts in m, turns in rad.
     pub coordinates: Vec<&'static str>,
@@ -46,7 +46,7 @@ pub fn mode_rows(shapes: &Shapes, coordinates: &[&'static str]) -> Vec<ModeRow> 
     shapes.modes.iter().map(of).collect()
 }
 
-/// A quantity of one body with its 95 % uncertainty.
+/// Returns the name, unit, value and 95 % uncertainty of each quantity of a body.
 fn quantities(answer: &Answer) -> Vec<(String, &'static str, f64, f64)> {
     let mut all = Vec::new();
     let mass = answer.parameters.iter().find(|p| p.name == "m").and_then(|p| p.state.measured());

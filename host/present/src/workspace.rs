@@ -33,7 +33,8 @@ pub struct Workspace<'a> {
 }
 
 impl Workspace<'_> {
-    /// Both maps over each other, as an SVG that needs no style sheet. Dotted lines are lines of equal tilt.
+    /// Draws both maps over each other, as an SVG that needs no style sheet. Dotted lines are lines of equal
+    /// tilt.
     pub fn svg(&self) -> String {
         let [left, top, right, bottom] = ROOM;
         let (width, height) = (left + SIDE + right, top + SIDE + bottom);
@@ -81,7 +82,7 @@ impl Workspace<'_> {
         svg
     }
 
-    /// One column of the picture after another, runs of cells as one rectangle.
+    /// Draws one column of the picture after another, runs of cells as one rectangle.
     fn cells(&self, cells: &[Vec<bool>], x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) -> String {
         let (half_roll, half_pitch) = (half_step(self.roll_deg), half_step(self.pitch_deg));
         let mut path = String::new();
@@ -136,7 +137,7 @@ fn half_step(degrees: &[f64]) -> f64 {
     }
 }
 
-/// An axis that shows the outermost cells whole, with ticks at every 30°, 15° or less.
+/// Returns an axis that shows the outermost cells whole, with ticks at every 30°, 15° or less.
 fn half_cells(degrees: &[f64]) -> Axis {
     let half = half_step(degrees);
     let (low, high) = (degrees.first().copied().unwrap_or(0.0), degrees.last().copied().unwrap_or(0.0));

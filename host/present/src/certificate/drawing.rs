@@ -44,7 +44,7 @@ impl Scene {
         Self { frames, points, axis_m: (0.6 * farthest).max(0.03) }
     }
 
-    /// Everything that has to be on the sheet.
+    /// Returns all points that must be on the sheet.
     fn extent(&self) -> Vec<Vector3<f64>> {
         let ends = self.frames.iter().flat_map(|(_, origin, turn)| {
             let tip = |k: usize| origin + turn * (Vector3::ith(k, 1.0) * self.axis_m);

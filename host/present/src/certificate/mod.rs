@@ -17,9 +17,9 @@ pub const COVERAGE_FACTOR: f64 = 2.0;
 /// A file that the answer rests on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Evidence {
-    /// Its name, without folders.
+    /// The name of the file, without folders.
     pub name: String,
-    /// Its length, bytes.
+    /// The length of the file, bytes.
     pub bytes: u64,
     /// SHA-256 of its bytes, in hexadecimal digits.
     pub sha256: String,
@@ -303,7 +303,7 @@ fn errors(answer: &Answer) -> Vec<(String, String)> {
     found.into_iter().map(|(basis, groups)| (basis, groups.join(", "))).collect()
 }
 
-/// The lines at the foot of each printed page.
+/// Returns the lines at the foot of each printed page.
 fn running(title: &str, number: &str) -> String {
     format!(
         "@page \
@@ -312,8 +312,8 @@ fn running(title: &str, number: &str) -> String {
     )
 }
 
-/// A text as CSS has it: all but plain characters by their number, so that none ends the text or the style
-/// sheet.
+/// Returns a text as CSS writes it: all but plain characters by their number, so that none ends the text or
+/// the style sheet.
 fn css_text(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-' | '.' | '_');
     let shown = |c: char| if plain(c) { c.to_string() } else { format!("\\{:x} ", u32::from(c)) };

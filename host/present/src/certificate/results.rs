@@ -85,7 +85,7 @@ fn row(quantity: &Quantity, table: &CertificateTable) -> String {
     )
 }
 
-/// Principal moments with their axes in S.
+/// Returns the principal moments with their axes in S, as markup.
 fn axes(answer: &Answer, table: &CertificateTable) -> String {
     let found = principal(answer);
     if found.is_empty() {

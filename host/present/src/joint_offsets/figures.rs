@@ -43,14 +43,14 @@ pub(super) fn pose(number: usize, pose: &DrawnPose) -> String {
     format!("<figure><figcaption><b>{}</b></figcaption>{svg}</figure>\n", escape(&pose.name))
 }
 
-/// All points of both figures.
+/// Returns all points of both figures.
 fn points(pose: &DrawnPose) -> impl Iterator<Item = &Vector3<f64>> {
     pose.figures.iter().flat_map(|figure| {
         figure.bones.iter().flatten().chain(figure.contacts.iter().flat_map(|(_, corners)| corners))
     })
 }
 
-/// Least and largest of two coordinates of a view.
+/// Returns the least and the largest value of both coordinates of a view.
 fn ends(all: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
     let none = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
     let found = all.filter(|p| p.iter().all(|v| v.is_finite())).fold(none, |[low, high], p| {

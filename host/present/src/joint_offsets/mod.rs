@@ -19,7 +19,7 @@ const STYLE: &str = "<style>.before{stroke:var(--y)}.after{stroke:var(--x)}svg \
 pub struct OffsetRow {
     /// The joint.
     pub joint: String,
-    /// Whether it slides: then the number is in m, otherwise in rad.
+    /// True if the joint slides: then the number is in m, otherwise in rad.
     pub slides: bool,
     /// The offset, if it is identified.
     pub measured: Option<Measured>,
@@ -30,7 +30,7 @@ pub struct OffsetRow {
 /// A pose that is drawn before and after.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnPose {
-    /// Its name.
+    /// The name of the pose.
     pub name: String,
     /// With the angles as measured, and with the offsets.
     pub figures: [Figure; 2],
@@ -40,7 +40,7 @@ pub struct DrawnPose {
 /// it is not made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviations {
-    /// Whether the pose was left out.
+    /// True if the pose was left out.
     pub left_out: bool,
     /// With the angles as measured.
     pub before_m: Vec<Option<f64>>,

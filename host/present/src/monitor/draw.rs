@@ -120,7 +120,7 @@ fn status(status: Status) -> (&'static str, Color) {
     }
 }
 
-/// The rows of parameters that fit, the chosen one among them.
+/// Returns the rows of parameters that fit, the chosen one among them.
 fn rows(answer: &Answered, look: Look, area: Rect) -> Vec<Line<'static>> {
     let (count, room) = (answer.parameters.len(), usize::from(area.height));
     let chosen = look.chosen.min(count.saturating_sub(1));
@@ -156,7 +156,8 @@ fn row(
     ])
 }
 
-/// The interval now (`=`, its middle `|`) within that at half of the time (`-`), on an axis that holds both.
+/// Draws the interval now (`=`, its middle `|`) within the one at half of the time (`-`), on an axis that
+/// holds both.
 fn band(history: &[Band], now: Band, width: usize) -> String {
     let half = history.iter().rev().find(|band| band.time_s <= 0.5 * now.time_s).unwrap_or(&now);
     let ([a, b], [c, d]) = (now.ends(), half.ends());
@@ -180,7 +181,7 @@ fn band(history: &[Band], now: Band, width: usize) -> String {
     if to > from { (0..width).map(sign).collect() } else { format!("{:^width$}", "|") }
 }
 
-/// The logarithm of the uncertainty from the first interval to the last, the lowest as `▁`.
+/// Draws the logarithm of the uncertainty from the first interval to the last, the lowest as `▁`.
 fn course(history: &[Band], width: usize) -> String {
     let logs: Vec<f64> = history.iter().map(|band| band.u95.log10()).filter(|log| log.is_finite()).collect();
     let (low, high) =
@@ -296,7 +297,7 @@ fn draw_chart(frame: &mut Frame, parameter: &ParameterView, look: Look, area: Re
     frame.render_widget(chart, area);
 }
 
-/// Two texts at the ends of a line; the first gives way.
+/// Returns two texts at the ends of a line; the first is cut to fit.
 fn both_ends(left: &str, right: &str, width: usize) -> String {
     let room = width.saturating_sub(right.chars().count() + 1);
     let left = cut(left, room);

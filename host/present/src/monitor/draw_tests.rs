@@ -60,7 +60,7 @@ fn view() -> View {
     }
 }
 
-/// The letters of a terminal of this size.
+/// Returns the letters of a terminal of this size.
 fn drawn(view: &View, width: u16, height: u16, look: Look) -> Vec<String> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
     terminal.draw(|frame| draw(frame, view, look)).unwrap();

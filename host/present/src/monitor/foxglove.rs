@@ -46,7 +46,7 @@ const LONGEST_MESSAGE: usize = 64 << 10;
 /// A topic with its last message.
 #[derive(Clone, Debug)]
 struct Topic {
-    /// Its number.
+    /// The number of the topic.
     id: u32,
     schema: String,
     message: String,
@@ -173,7 +173,7 @@ fn messages(view: &View) -> Vec<(&'static str, Value)> {
     messages
 }
 
-/// The JSON Schema of values like this one.
+/// Returns the JSON Schema of values like this one.
 fn schema(value: &Value) -> Value {
     match value {
         Value::Object(map) => {
@@ -330,7 +330,8 @@ impl io::Write for Timed {
 struct Client {
     /// Topics that it was informed of, by number.
     announced: Vec<u32>,
-    /// Its own number of a subscription, that of the topic, and how many of its messages it has.
+    /// The client's number of each subscription, the number of its topic, and the number of its messages that
+    /// the client has.
     wanted: Vec<(u32, u32, u64)>,
 }
 

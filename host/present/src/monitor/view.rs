@@ -8,11 +8,11 @@ use rigident_identify::answer::{Answer, Status};
 /// Holds an interval at some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Band {
-    /// From the first reading, s.
+    /// Time from the first reading, s.
     pub time_s: f64,
     /// The estimate, SI.
     pub value: f64,
-    /// Its 95 % expanded uncertainty, SI.
+    /// 95 % expanded uncertainty of the estimate, SI.
     pub u95: f64,
 }
 
@@ -26,9 +26,9 @@ impl Band {
 /// Holds a parameter with its intervals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ParameterView {
-    /// Its name: `m`, `arm.MSx`.
+    /// The name of the parameter: `m`, `arm.MSx`.
     pub name: String,
-    /// Its SI unit in ASCII.
+    /// The parameter's SI unit in ASCII.
     pub unit: String,
     /// The interval now; none: it is not identified, and there is no number.
     pub now: Option<Band>,

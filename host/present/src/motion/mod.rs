@@ -13,7 +13,7 @@ mod tests;
 /// Everything that the page shows of one trial. Positions are in laboratory axes with z up, m.
 ///
 /// Series hold one entry per frame, as many as [`Self::points_m`]; those that may be left out are empty then.
-/// What is not known in a frame is NaN.
+/// Values that are not known in a frame are NaN.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionPage {
     /// Name of the trial.
@@ -51,7 +51,7 @@ pub struct MotionPage {
 pub struct Bone {
     /// Name, shown where the pointer is.
     pub name: String,
-    /// Its two ends as indices into the points of a frame, the one nearer to the trunk first.
+    /// The two ends of the bone as indices into the points of a frame, the one nearer to the trunk first.
     pub ends: [usize; 2],
     /// Side of the body.
     pub side: Side,

@@ -166,7 +166,7 @@ fn header(motion: &MotionPage) -> String {
     format!("<header><h1>{}</h1>\n<p class=\"source\">{parts}</p></header>\n", escape(&motion.title))
 }
 
-/// The canvas and everything that steers it.
+/// Returns the canvas and everything that steers it.
 fn stage(motion: &MotionPage, unused: &[[usize; 2]]) -> String {
     let last = motion.points_m.len().saturating_sub(1);
     let mut shown = Vec::new();
@@ -231,7 +231,7 @@ const STAGE: &str = "<noscript><p class=\"box bad\">This page plays a motion and
 </section>
 ";
 
-/// Under the slider: what was not used.
+/// Draws the frames that were not used under the slider.
 fn strip(unused: &[[usize; 2]], last: usize) -> String {
     if unused.is_empty() {
         return String::new();

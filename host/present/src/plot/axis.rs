@@ -19,8 +19,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis from `low` to `high` with about `wanted` ticks at 1, 2 or 5 times a power of ten. A range that
-    /// f64 or a reader cannot resolve is widened.
+    /// Returns an axis from `low` to `high` with about `wanted` ticks at 1, 2 or 5 times a power of ten. A
+    /// range that f64 or a reader cannot resolve is widened.
     pub fn covering(low: f64, high: f64, wanted: usize) -> Self {
         let usable = |v: f64| v.is_finite() && v.abs() < 1e150;
         let (mut low, mut high) =
@@ -41,7 +41,7 @@ impl Axis {
         Self { low, high, ticks, exponent, decimals: usize::try_from(-place).unwrap_or(0) }
     }
 
-    /// Text of a tick, without the power of ten.
+    /// Returns the text of a tick, without the power of ten.
     pub fn label(&self, tick: f64) -> String {
         let text = format!("{:.*}", self.decimals, tick / 10_f64.powi(self.exponent));
         match text.strip_prefix('-') {
@@ -51,12 +51,12 @@ impl Axis {
         }
     }
 
-    /// Width of the longest label in characters.
+    /// Returns the width of the longest label in characters.
     pub fn widest_label(&self) -> usize {
         self.ticks.iter().map(|t| self.label(*t).chars().count()).max().unwrap_or(1)
     }
 
-    /// Unit with the power of ten the labels lack: `×10⁻³ N m`.
+    /// Returns the unit with the power of ten that the labels lack: `×10⁻³ N m`.
     pub fn unit(&self, unit: &str) -> String {
         if self.exponent == 0 { unit.to_owned() } else { format!("{} {unit}", power_of_ten(self.exponent)) }
     }
@@ -67,7 +67,7 @@ impl Axis {
     }
 }
 
-/// `×10⁻³`.
+/// Returns a power of ten as text: `×10⁻³`.
 pub fn power_of_ten(exponent: i32) -> String {
     let superscript = |c: char| match c {
         '-' => '⁻',
@@ -80,7 +80,7 @@ pub fn power_of_ten(exponent: i32) -> String {
     format!("×10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 
-/// The smallest of 1, 2, 5 · 10^k that is not below `raw` (positive).
+/// Returns the smallest of 1, 2, 5 · 10^k that is not below `raw` (positive).
 fn round_step(raw: f64) -> f64 {
     let decade = 10_f64.powi(raw.log10().floor() as i32);
     [1.0, 2.0, 5.0, 10.0].map(|m| m * decade).into_iter().find(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(raw)

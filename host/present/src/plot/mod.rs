@@ -54,13 +54,13 @@ pub struct Chart<'a> {
     pub height: f64,
     /// Boundaries to mark.
     pub stages: &'a [Stage],
-    /// Whether to write the stages' names above the plot.
+    /// True if the stages' names are written above the plot.
     pub name_stages: bool,
     /// The layers to draw.
     pub layers: Vec<Layer>,
 }
 
-/// Opening tag with accessible name and description.
+/// Returns the opening tag with accessible name and description.
 pub fn open_svg(id: &str, title: &str, description: &str, width: f64, height: f64) -> String {
     let (id, title, description) = (escape(id), escape(title), escape(description));
     format!(
@@ -93,7 +93,8 @@ pub fn beside(
     svg
 }
 
-/// Opening tag of a figure that is a file of its own and needs no style sheet; `style` comes on top.
+/// Returns the opening tag of a figure that is a file of its own and needs no style sheet; `style` is added
+/// to the standard one.
 pub fn open_alone(id: &str, title: &str, description: &str, width: f64, height: f64, style: &str) -> String {
     let svg = open_svg(id, title, description, width, height).replacen(
         "<svg ",
@@ -103,18 +104,18 @@ pub fn open_alone(id: &str, title: &str, description: &str, width: f64, height: 
     format!("{svg}<style>{ALONE}{style}</style>\n")
 }
 
-/// A text element; `class` names style and anchor.
+/// Returns a text element; `class` names style and anchor.
 pub fn text(class: &str, x: f64, y: f64, content: &str) -> String {
     format!("<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\">{}</text>\n", escape(content))
 }
 
-/// A straight line.
+/// Returns a straight line.
 pub fn line(class: &str, x1: f64, y1: f64, x2: f64, y2: f64) -> String {
     format!("<line class=\"{class}\" x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\"/>\n")
 }
 
 impl Chart<'_> {
-    /// The chart as an `svg` element.
+    /// Returns the chart as an `svg` element.
     pub fn render(&self) -> String {
         let unit = self.values.unit(&self.unit);
         let left = 14.0 + CHARACTER * self.values.widest_label() as f64;
@@ -157,7 +158,7 @@ impl Chart<'_> {
         svg
     }
 
-    /// Dotted boundaries, and the names where they fit between two of them.
+    /// Draws dotted boundaries, and the names where they fit between two of them.
     fn stage_marks(&self, left: f64, width: f64, top: f64, height: f64, named: bool) -> String {
         let mut svg = String::new();
         let place = |t: f64| left + width * self.time.share(t).clamp(0.0, 1.0);
