@@ -31,7 +31,7 @@ const LIGHTEST: f64 = 2.0;
 pub struct Checked {
     /// The model's name.
     pub name: String,
-    /// Its links.
+    /// The number of links.
     pub links: usize,
     /// Sum of the masses, kg.
     pub mass_kg: f64,
@@ -80,7 +80,7 @@ fn body(phi: &[f64; 10]) -> InertialParameters<Body, f64> {
     InertialParameters::from_vector(*phi)
 }
 
-/// Radii of gyration about the principal axes, m, smallest first.
+/// Returns the radii of gyration about the principal axes, m, smallest first.
 fn radii(phi: &[f64; 10]) -> [f64; 3] {
     let own = body(phi);
     let moments = own.inertia_com().symmetric_eigenvalues();

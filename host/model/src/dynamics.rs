@@ -32,9 +32,10 @@ fn about(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&Unit::new_unchecked(*axis), angle).into_inner()
 }
 
-/// Wrench on the base link at its origin in its axes, N and N m, and then efforts of all freedoms, N m or N.
+/// Returns the wrench on the base link at its origin in its axes, N and N m, and then the efforts of all
+/// freedoms, N m or N.
 ///
-/// Numbers as [`super::rows::Moving::set`] takes them. `None` if they are too few, or a joint is free.
+/// Takes numbers as [`super::rows::Moving::set`] does. `None` if they are too few, or a joint is free.
 pub fn inverse_dynamics(
     model: &Model,
     base: &BaseMotion<f64>,
@@ -86,7 +87,7 @@ pub fn regressor_by_unit_changes(
     Some(columns)
 }
 
-/// Inverse dynamics of links with these parameters.
+/// Computes the inverse dynamics of links with these parameters.
 fn inverse_dynamics_of(
     model: &Model,
     parameters: &[Parameters],

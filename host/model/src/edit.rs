@@ -17,7 +17,7 @@ pub struct Place {
     pub link: usize,
     /// Axes of the frame, as columns, in the link's.
     pub rotation: Matrix3<f64>,
-    /// Its origin in the link's frame, m.
+    /// Origin of the frame in the link's frame, m.
     pub position: Vector3<f64>,
 }
 
@@ -193,8 +193,8 @@ impl Model {
         Ok(())
     }
 
-    /// The same with two revolute joints of a body whose axes meet at its origin as one universal joint, for
-    /// languages that have no body of several joints.
+    /// Returns the model with two revolute joints of a body whose axes meet at its origin as one universal
+    /// joint, for languages that have no body of several joints.
     #[must_use]
     pub(super) fn with_universals(&self) -> Self {
         let mut out = self.clone();
@@ -235,11 +235,11 @@ impl Model {
         out
     }
 
-    /// The same of joints whose angles are known each on its own: the three stay, and the links between them
-    /// are no bodies.
+    /// Declares three joints whose axes meet and whose angles are known each on its own: the three stay, and
+    /// the links between them become no bodies.
     ///
     /// # Errors
-    /// As those of [`Self::declare_spherical`].
+    /// Fails as [`Self::declare_spherical`] does.
     pub fn declare_meeting(&mut self, joints: &[String; 3]) -> Result<(), ModelError> {
         self.clone().declare_spherical(joints)?;
         for name in &joints[..2] {
@@ -309,8 +309,8 @@ impl Model {
         found
     }
 
-    /// A body held rigidly by a link: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees, of
-    /// the tool's frame in the link's).
+    /// Makes a link hold a body rigidly: `LINK`, `LINK@x,y,z` or `LINK@x,y,z,roll,pitch,yaw` (m and degrees,
+    /// of the tool's frame in the link's).
     ///
     /// # Errors
     /// [`ModelError::Option`] if there is no such link, or numbers that cannot be read.

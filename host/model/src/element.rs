@@ -114,7 +114,7 @@ impl Element {
 /// Returns the file that another one names, of the folders that it may be in.
 ///
 /// # Errors
-/// That there is none.
+/// Returns a message if there is no such file, or if it cannot be read.
 pub(super) fn beside(file: &str, folders: &[Option<&Path>]) -> Result<PathBuf, String> {
     let mut near = folders.iter().flatten().map(|folder| folder.join(file)).peekable();
     near.peek().ok_or("it is looked for beside the file that names it: give that as a file")?;

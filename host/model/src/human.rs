@@ -106,7 +106,7 @@ impl Person {
         Some(given.unwrap_or_else(|| self.usual_length(k)))
     }
 
-    /// The table's length number `k` for the stature, m.
+    /// Returns the table's length number `k` for the stature, m.
     fn usual_length(&self, k: usize) -> f64 {
         let over_stature = match PARTS.get(k) {
             Some(part) => segment(*part, self.sex).length,
@@ -154,7 +154,8 @@ impl Person {
         Ok(Builder { person: self.clone(), lengths, links: Vec::new() })
     }
 
-    /// The model of 15 links and 34 degrees of freedom: ten spherical joints, knees and elbows revolute.
+    /// Returns the model of 15 links and 34 degrees of freedom: ten spherical joints, knees and elbows
+    /// revolute.
     ///
     /// # Errors
     /// [`ModelError::Option`] on lengths or masses that cannot be.
@@ -193,7 +194,8 @@ impl Person {
         Ok(b.model("human34"))
     }
 
-    /// The model of 23 links and 58 degrees of freedom: eighteen spherical joints, ulnae and radii revolute.
+    /// Returns the model of 23 links and 58 degrees of freedom: eighteen spherical joints, ulnae and radii
+    /// revolute.
     ///
     /// # Errors
     /// [`ModelError::Option`] on lengths or masses that cannot be.
@@ -275,8 +277,8 @@ impl Builder {
         self.lengths[part as usize]
     }
 
-    /// The length that a part's body is scaled by, m. Breadth and depth of the trunk do not follow the
-    /// distances between its joints: its bodies are the stature's.
+    /// Returns the length that a part's body is scaled by, m. Breadth and depth of the trunk do not follow
+    /// the distances between its joints: its bodies are the stature's.
     fn body_length(&self, part: Part) -> f64 {
         match part {
             Part::UpperTrunk | Part::MiddleTrunk | Part::LowerTrunk => {
@@ -286,7 +288,7 @@ impl Builder {
         }
     }
 
-    /// φ of a part about its proximal end at `at`, extending along ±z or x.
+    /// Returns φ of a part about its proximal end at `at`, extending along ±z or x.
     fn body(&self, (part, share, at, along): &Placed) -> Parameters {
         let s = segment(*part, self.person.sex);
         let length = self.body_length(*part);
@@ -349,7 +351,7 @@ impl Builder {
         at
     }
 
-    /// The head's proximal end is the vertex, `below` the joint's height above the neck's root.
+    /// Adds the head. Its proximal end is the vertex, `below` the joint's height above the neck's root.
     fn head(&mut self, name: &str, parent: usize, at: Vector3<f64>, share: f64, below: f64) {
         let up = Vector3::z();
         let vertex = up * (self.length(Part::Head) - below);
@@ -413,7 +415,7 @@ mod tests {
         }
     }
 
-    /// Everything as one rigid body at zero position.
+    /// Welds all links into one rigid body at zero position, and returns its parameters.
     fn whole(model: &Model) -> Parameters {
         let mut model = model.clone();
         for link in &mut model.links {

@@ -109,7 +109,7 @@ pub const HIP: f64 = 0.191 / 4.0;
 /// Height of the ankle over the stature.
 pub const ANKLE: f64 = 0.039;
 
-/// The row of a part.
+/// Returns the row of a part.
 pub fn segment(part: Part, sex: Sex) -> Segment {
     let (stature, rows) = match sex {
         Sex::Female => FEMALE,
@@ -126,7 +126,7 @@ pub fn segment(part: Part, sex: Sex) -> Segment {
     }
 }
 
-/// The mean of two segments.
+/// Returns the mean of two segments.
 fn between(a: Segment, b: Segment) -> Segment {
     let mean = |a: f64, b: f64| f64::midpoint(a, b);
     Segment {

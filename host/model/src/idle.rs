@@ -15,7 +15,7 @@ pub const DEVIATION: f64 = 3.0;
 /// A gyro at rest may read as much, rad/s.
 const BIAS_RADPS: f64 = 0.05;
 
-/// σ of white noise on something smooth, from fourth differences, which motion hardly enters.
+/// Returns σ of white noise on something smooth, from fourth differences, which motion hardly enters.
 pub fn white_noise(values: &[f64]) -> f64 {
     let squares = values.windows(5).filter_map(|w| match w {
         [a, b, c, d, e] => Some((a - 4.0 * b + 6.0 * c - 4.0 * d + e).powi(2)),
@@ -29,16 +29,16 @@ pub fn white_noise(values: &[f64]) -> f64 {
 /// The spread of a series about its mean, and how much of that is white noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Its mean.
+    /// Mean of the series.
     pub mean: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the series.
     pub deviation: f64,
-    /// That of its white noise.
+    /// Standard deviation of the series' white noise.
     pub noise: f64,
 }
 
 impl Spread {
-    /// Of a series; zero of an empty one.
+    /// Returns the spread of a series; zero for an empty one.
     pub fn of(values: &[f64]) -> Self {
         let count = values.len().max(1) as f64;
         let mean = values.iter().sum::<f64>() / count;

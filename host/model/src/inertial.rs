@@ -9,13 +9,13 @@ pub type Parameters = [f64; 10];
 /// A linear map of φ to φ.
 pub type ParameterMap = SMatrix<f64, 10, 10>;
 
-/// `S(p, q) = pᵀq 1 − p qᵀ`, symmetrised: `2 p·q 1 − p qᵀ − q pᵀ`.
+/// Returns `S(p, q) = pᵀq 1 − p qᵀ`, symmetrised: `2 p·q 1 − p qᵀ − q pᵀ`.
 fn steiner(p: &Vector3<f64>, q: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() * (2.0 * p.dot(q)) - p * q.transpose() - q * p.transpose()
 }
 
-/// φ of the same body about the parent's frame: R parent ← link, p the link's origin in the parent. Holds for
-/// a mass of zero too.
+/// Returns φ of a body about the parent's frame: R parent ← link, p the link's origin in the parent. Holds
+/// for a mass of zero too.
 ///
 /// `ms = M p + R MS`, `I = R J Rᵀ + M S(p) + S(p, R MS) + S(p, R MS)ᵀ`
 pub fn in_parent(phi: &Parameters, rotation: &Matrix3<f64>, position: &Vector3<f64>) -> Parameters {
@@ -29,7 +29,7 @@ pub fn in_parent(phi: &Parameters, rotation: &Matrix3<f64>, position: &Vector3<f
     [body.mass, ms.x, ms.y, ms.z, i.m11, i.m22, i.m33, i.m23, i.m31, i.m12]
 }
 
-/// [`in_parent`] as a matrix.
+/// Returns [`in_parent`] as a matrix.
 pub fn map_to_parent(rotation: &Matrix3<f64>, position: &Vector3<f64>) -> ParameterMap {
     ParameterMap::from_fn(|row, column| {
         let unit = std::array::from_fn(|k| f64::from(u8::from(k == column)));
@@ -37,7 +37,7 @@ pub fn map_to_parent(rotation: &Matrix3<f64>, position: &Vector3<f64>) -> Parame
     })
 }
 
-/// Why no distribution of mass has these parameters; `None` if one has.
+/// Returns why no distribution of mass has these parameters; `None` if one has.
 pub fn impossibility(phi: &Parameters) -> Option<String> {
     let body = InertialParameters::<Body, f64>::from_vector(*phi);
     if phi.iter().any(|v| !v.is_finite()) {

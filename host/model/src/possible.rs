@@ -89,9 +89,9 @@ impl Model {
     /// Returns the inertias of all links as bodies have them, and what was found of those that none has: a
     /// link's index and why.
     ///
-    /// What is fixed together is judged as one. If that is a body, each link of it is repaired, or left out
-    /// where it has moments and no mass; otherwise only what was rounded is. What cannot be repaired stays as
-    /// it is, and [`impossibility`] says why.
+    /// Links that are fixed together are judged as one. If that is a body, each link of it is repaired, or
+    /// left out where it has moments and no mass; otherwise only rounded inertias are repaired. An inertia
+    /// that cannot be repaired stays as it is, and [`impossibility`] says why.
     #[must_use]
     pub fn possible(&self) -> (Vec<Option<Parameters>>, Vec<(usize, String)>) {
         let welded = self.welded();

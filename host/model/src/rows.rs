@@ -41,12 +41,12 @@ pub struct Moving {
 pub struct MomentumRows {
     /// Six base rows, then those of the joints, `10 · links` columns each.
     pub smoothed: Vec<f64>,
-    /// The same shape.
+    /// Six base rows, then those of the joints, in the shape of `smoothed`.
     pub differentiated: Vec<f64>,
 }
 
 impl Moving {
-    /// A tree at rest.
+    /// Returns a tree at rest.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -139,7 +139,7 @@ impl Moving {
         &self.states
     }
 
-    /// Attitude of link `i`: base axes ← link axes; its origin in the base's frame, m.
+    /// Returns the attitude of link `i`, base axes ← link axes, and its origin in the base's frame, m.
     pub fn place(&self, i: usize) -> Option<(Matrix3<f64>, [f64; 3])> {
         self.states.get(i).map(|s| (s.rotation, s.position.into()))
     }
@@ -173,7 +173,7 @@ impl Moving {
         above
     }
 
-    /// The six base rows, row by row: N, N m on the base in its axes.
+    /// Returns the six base rows, row by row: N, N m on the base in its axes.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -182,7 +182,7 @@ impl Moving {
         Ok(&self.base_rows)
     }
 
-    /// The joints' rows, row by row: N m, or N of what slides.
+    /// Returns the joints' rows, row by row: N m, or N of what slides.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -191,8 +191,8 @@ impl Moving {
         Ok(&self.joint_rows)
     }
 
-    /// The six base rows and then the joints', row by row: what a floating base's generalised forces depend
-    /// on.
+    /// Returns the six base rows and then the joints', row by row: a floating base's generalised forces
+    /// depend on all of them.
     ///
     /// # Errors
     /// [`TreeError`] if the links are in no order.
@@ -257,7 +257,7 @@ impl Moving {
     }
 }
 
-/// First three of some numbers, zero where there are fewer.
+/// Returns first three of some numbers, zero where there are fewer.
 fn three(v: &[f64], from: usize) -> [f64; 3] {
     std::array::from_fn(|k| v.get(from + k).copied().unwrap_or(0.0))
 }
@@ -271,7 +271,7 @@ fn matrix(q: &[f64]) -> Matrix3<f64> {
     }
 }
 
-/// A joint's motion from its share of the numbers.
+/// Returns a joint's motion from its share of the numbers.
 #[inline(always)]
 fn joint_motion(link: &Link<f64>, q: &[f64], v: &[f64], dv: &[f64]) -> JointMotion<f64> {
     match (&link.joint, q, v, dv) {

@@ -33,7 +33,7 @@ pub struct Timed {
     pub freedoms: usize,
     /// One call of motion and rows, µs.
     pub regressor_us: f64,
-    /// The same by a unit change of each parameter of inverse dynamics, µs.
+    /// One call of the rows by a unit change of each parameter of inverse dynamics, µs.
     pub unit_changes_us: f64,
     /// Base parameters from scratch, both ways, ms.
     pub base_parameters_ms: f64,
@@ -105,7 +105,7 @@ pub fn time(model: &Model, floating: bool) -> Result<Timed, ModelError> {
     })
 }
 
-/// A tree whose size and shape are those of a kind of robot, as URDF: limbs of the given number of revolute
+/// Returns a tree of the size and shape of a kind of robot, as URDF: limbs of the given number of revolute
 /// joints each, the first ones of which may hang on the end of the first limb.
 fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
     let mut links = String::new();
@@ -142,7 +142,7 @@ fn limbs(name: &str, limbs: &[(usize, bool)]) -> String {
     format!("<robot name=\"{name}\">\n{links}{joints}</robot>\n")
 }
 
-/// The trees that are timed when no model is named: name, URDF, whether the base moves.
+/// Returns the trees that are timed when no model is named: name, URDF, and whether the base moves.
 pub fn shapes() -> Vec<(&'static str, String, bool)> {
     // The humanoid: two joints of the waist with two arms of seven and a neck of two on them, two legs of
     // six, and two grippers' worth of single joints.
@@ -160,23 +160,23 @@ pub fn shapes() -> Vec<(&'static str, String, bool)> {
 pub struct Asked {
     /// File of its URDF.
     pub path: String,
-    /// Its base moves.
+    /// True if the base moves.
     pub floating: bool,
 }
 
 /// Pinocchio's version, and for every model degrees of freedom and µs of a call.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 pub struct Pinocchio {
-    /// Its version.
+    /// Version of Pinocchio.
     pub version: String,
     /// One entry for each model.
     pub models: Vec<(usize, f64)>,
 }
 
-/// Times Pinocchio. `Err` says why it cannot be.
+/// Times Pinocchio.
 ///
 /// # Errors
-/// What is missing, in words.
+/// Returns in words why it cannot be timed.
 pub fn pinocchio(python: &str, models: &[Asked]) -> Result<Pinocchio, String> {
     let text = serde_json::to_string(models).map_err(|e| e.to_string())?;
     let mut child = Command::new(python)

@@ -23,7 +23,7 @@ pub struct Pair {
 /// Origins are mirror images if they miss each other by less, relative to the model's reach.
 const ROUNDING: f64 = 1e-6;
 
-/// The name of the other side, if a name has sides.
+/// Returns the name of the other side, if a name has sides.
 fn other_side(name: &str) -> Option<String> {
     let words = [("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT")];
     if let Some((left, right)) = words.iter().find(|(left, _)| name.contains(left)) {
@@ -46,7 +46,7 @@ fn other_side(name: &str) -> Option<String> {
     None
 }
 
-/// Attitude and origin of every link at zero position, in the base's frame.
+/// Returns the attitude and origin of every link at zero position, in the base's frame.
 fn at_zero(model: &Model) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
     let mut places = vec![(Matrix3::identity(), Vector3::zeros())];
     for link in model.links.iter().skip(1) {
@@ -111,7 +111,7 @@ pub fn pairs(model: &Model) -> Result<Vec<Pair>, ModelError> {
     Ok(found.into_iter().map(|(pair, _)| pair).collect())
 }
 
-/// `φ = T ψ`, ψ without the right links of the pairs.
+/// Returns T of `φ = T ψ`, where ψ has no right links of the pairs.
 pub fn substitution(links: usize, pairs: &[Pair]) -> DMatrix<f64> {
     let free: Vec<usize> = (0..links).filter(|i| pairs.iter().all(|p| p.right != *i)).collect();
     let mut map = DMatrix::zeros(10 * links, 10 * free.len());

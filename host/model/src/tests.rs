@@ -1,4 +1,4 @@
-//! What is wrong with a model is named, and said what to do about.
+//! Errors of a model are named with a remedy.
 
 use super::*;
 use rigident_shared::tree::Joint;
@@ -263,7 +263,7 @@ fn faults_of_a_urdf_are_reported_with_line_link_and_attribute() {
     }
 }
 
-/// As in descriptions of iCub, Romeo and Talos, which Pinocchio reads.
+/// Such parts are in descriptions of iCub, Romeo and Talos, which Pinocchio reads.
 #[test]
 fn a_urdf_is_read_where_only_unused_parts_are_wrong() {
     let visual = "<visual><geometry><mesh filename=\"x\"/></geometry><material \
@@ -353,7 +353,7 @@ fn people_have_the_lengths_of_people() {
     assert!(with(&[("thigh", 0.5), ("hand", 0.1)]).human34().is_ok());
 }
 
-/// As Pinocchio reads them; each is left as it is but for its inertias.
+/// Pinocchio reads these files; each is left as it is but for its inertias.
 #[test]
 fn a_urdf_that_is_no_xml_is_read_and_kept_as_it_is() {
     let body = format!("{}{}{}", link("a"), link("b"), joint("ab", "a", "b", ""));

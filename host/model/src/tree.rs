@@ -28,7 +28,7 @@ pub struct Mimic {
 /// A link and the joint it hangs on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelLink {
-    /// Its name.
+    /// The name of the link.
     pub name: String,
     /// Name of its joint; empty for the base.
     pub joint_name: String,
@@ -51,7 +51,7 @@ pub struct ModelLink {
 pub const NO_BODY: Parameters = [0.0; 10];
 
 impl ModelLink {
-    /// A link by itself, that follows no other joint.
+    /// Returns a link by itself that follows no other joint.
     pub fn new(
         name: impl Into<String>,
         joint_name: impl Into<String>,
@@ -72,7 +72,7 @@ impl ModelLink {
 /// A model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Its name.
+    /// The name of the model.
     pub name: String,
     /// The links, base first.
     pub links: Vec<ModelLink>,
@@ -259,12 +259,12 @@ impl Model {
         self.findings.extend(found);
     }
 
-    /// Index of the link of this name.
+    /// Returns the index of the link of this name.
     pub fn link(&self, name: &str) -> Option<usize> {
         self.links.iter().position(|l| l.name == name)
     }
 
-    /// Index of the link that hangs on the joint of this name.
+    /// Returns the index of the link that hangs on the joint of this name.
     pub fn joint(&self, name: &str) -> Option<usize> {
         self.links.iter().position(|l| !l.joint_name.is_empty() && l.joint_name == name)
     }
@@ -283,7 +283,8 @@ impl Model {
         self.links.iter().map(free).collect()
     }
 
-    /// The same motion with fewer links: those on fixed joints are made one with what they hang on.
+    /// Returns a model of the same motion with fewer links: those on fixed joints are joined with the links
+    /// that they hang on.
     #[must_use]
     pub fn welded(&self) -> Self {
         let mut links: Vec<ModelLink> = Vec::new();
@@ -335,7 +336,7 @@ impl Model {
         self.links.iter().map(|l| l.link).collect()
     }
 
-    /// Nominal parameters of all links, zero where there are none.
+    /// Returns the nominal parameters of all links, zero where there are none.
     pub fn nominal(&self) -> Vec<f64> {
         self.links.iter().flat_map(|l| l.nominal.unwrap_or([0.0; 10])).collect()
     }

@@ -40,7 +40,7 @@ pub(super) fn has_macro_elements(text: &str) -> bool {
     text.contains("<xacro:") && parsed(text).map_or(true, |document| document.descendants().any(of_xacro))
 }
 
-/// A nameless link or joint by what else is known of it.
+/// Describes a nameless link or joint by its other attributes.
 fn whose(owner: &Node) -> String {
     let tag = owner.tag_name().name();
     match child(owner, "child").and_then(|c| c.attribute("link")) {

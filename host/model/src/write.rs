@@ -28,7 +28,7 @@ use super::{joint_edits, mjcf, sdf, urdf};
 /// rotations.
 const ROUNDING: f64 = 1e-12;
 
-/// A model with other parameters for some of its links, by name.
+/// Returns a model with other parameters for some of its links, by name.
 #[must_use]
 pub fn with_parameters<'a>(model: &Model, new: impl Iterator<Item = (&'a str, Parameters)>) -> Model {
     let mut out = model.clone();
@@ -237,7 +237,7 @@ pub fn edited(model: &Model, text: &str, what: &str) -> Result<String, ModelErro
     Ok(xml::edit(text, changes))
 }
 
-/// A file of a model.
+/// Returns the file of a model in a language.
 ///
 /// # Errors
 /// [`ModelError::Structure`] if the language has no word for a joint.

@@ -1,4 +1,4 @@
-//! What is written is read again with the same inverse dynamics, and a file that was retained is retained.
+//! Written models are read again with the same inverse dynamics, and a retained file stays as it is.
 
 use nalgebra::{Rotation3, Vector3};
 use rigident_shared::inertia::InertialParameters;
@@ -34,7 +34,7 @@ fn link(n: usize, parent: usize, joint: Joint<f64>) -> ModelLink {
     )
 }
 
-/// Every kind of joint that has words in all three languages.
+/// Returns a model with every kind of joint that has words in all three languages.
 fn model() -> Model {
     let skew = Vector3::new(0.3, -0.5, 0.7).normalize();
     let other = Vector3::new(0.2, 0.9, 0.1).normalize();
@@ -54,8 +54,8 @@ fn model() -> Model {
     }
 }
 
-/// Base wrench and efforts, by joint: a universal joint's two as one list, for files that make two joints of
-/// it.
+/// Returns base wrench and efforts by joint. Those of a universal joint are one list, for files that make two
+/// joints of it.
 fn forces(model: &Model, states: usize) -> Vec<Vec<f64>> {
     (0..states)
         .map(|s| {
@@ -84,7 +84,7 @@ fn forces(model: &Model, states: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Largest difference of inverse dynamics over the largest force.
+/// Returns the largest difference of inverse dynamics over the largest force.
 fn difference(a: &Model, b: &Model) -> f64 {
     let (a, b) = (forces(a, 5).concat(), forces(b, 5).concat());
     assert_eq!(a.len(), b.len());
@@ -293,7 +293,7 @@ fn strange_inertias_of_other_people_s_files_are_found() {
     assert!(found("flat.sdf", &flat).iter().any(|s| s.starts_with("link b: no distribution of mass")));
 }
 
-/// Two links as `[[link]]` tables have them: short joints, long links, joints named as their links.
+/// Reads a model from a file and checks it.
 fn checked(path: &Path) -> check::Checked {
     let (model, text) = read_file(path).unwrap();
     check::check(&model, Some(&text), path)

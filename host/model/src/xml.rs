@@ -25,14 +25,14 @@ pub enum Language {
 }
 
 impl Language {
-    /// By the root element of a text.
+    /// Returns the language of a text, by its root element.
     pub fn of_text(text: &str) -> Option<Self> {
         let roots = [("<robot", Self::Urdf), ("<mujoco", Self::Mjcf), ("<sdf", Self::Sdf)];
         let found = roots.iter().filter_map(|(word, language)| Some((text.find(word)?, *language)));
         found.min_by_key(|(at, _)| *at).map(|(_, language)| language)
     }
 
-    /// By the ending of a file's name.
+    /// Returns the language of a file, by the ending of its name.
     pub fn of_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "urdf" => Some(Self::Urdf),
@@ -80,7 +80,7 @@ pub(super) fn check_depth(document: &Document) -> Result<(), String> {
 /// Parses a text, which may have a `<!DOCTYPE>`.
 ///
 /// # Errors
-/// That of the XML.
+/// Returns the error of the XML parser.
 pub(super) fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
     Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..ParsingOptions::default() })
 }
@@ -100,13 +100,13 @@ pub(super) fn parse(text: &str, what: &str) -> Result<Vec<f64>, String> {
         .ok_or_else(|| format!("{what} is {text:?}, which are no finite numbers"))
 }
 
-/// Exactly this number of them.
+/// Returns exactly `N` numbers.
 pub(super) fn exactly<const N: usize>(values: Vec<f64>, what: &str) -> Result<[f64; N], String> {
     let count = values.len();
     values.try_into().map_err(|_| format!("{what} has {count} numbers where {N} are needed"))
 }
 
-/// An element's tag and name, or its line.
+/// Returns an element's tag and name, or its line.
 pub(super) fn describe(node: &Node) -> String {
     match node.attribute("name") {
         Some(name) => format!("<{} name=\"{}\">", node.tag_name().name(), printable::name(name)),
@@ -114,22 +114,22 @@ pub(super) fn describe(node: &Node) -> String {
     }
 }
 
-/// Its line, from 1.
+/// Returns the line of an element, from 1.
 pub(super) fn line(node: &Node) -> u32 {
     node.document().text_pos_at(node.range().start).row
 }
 
-/// The first child element of a name.
+/// Returns the first child element of a name.
 pub(super) fn child<'a, 'i>(node: &Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|c| c.has_tag_name(name))
 }
 
-/// Of a quaternion w, x, y, z.
+/// Returns the rotation of a quaternion w, x, y, z.
 pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
 }
 
-/// Of roll, pitch, yaw about fixed axes.
+/// Returns the rotation of roll, pitch, yaw about fixed axes.
 pub(super) fn of_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     Rotation3::from_euler_angles(roll, pitch, yaw).into_inner()
 }
@@ -139,7 +139,7 @@ pub(super) fn vector(v: &Vector3<f64>) -> String {
     format!("{} {} {}", v.x, v.y, v.z)
 }
 
-/// Roll, pitch and yaw about fixed axes; by arctangents, which lose no digits near upright pitch.
+/// Returns roll, pitch and yaw about fixed axes; by arctangents, which lose no digits near upright pitch.
 pub(super) fn rpy(r: &Matrix3<f64>) -> String {
     let level = r.m11.hypot(r.m21);
     let pitch = (-r.m31).atan2(level);

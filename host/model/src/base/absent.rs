@@ -10,8 +10,8 @@ use super::numerical::{power, rank};
 use super::qr::Columns;
 use super::recursive::{NAMES, Rule};
 
-/// The rules that are left with the `present` columns only, ascending. `reach` is the unit of length that
-/// makes them of one size.
+/// Returns the rules that are left with the `present` columns only, ascending. `reach` is the unit of length
+/// that makes them of one size.
 pub(super) fn without(rules: &[Rule], present: &[usize], reach: f64) -> Vec<Rule> {
     let natural = DMatrix::from_fn(rules.len(), present.len(), |row, k| {
         let term = rules[row].terms.iter().find(|(column, _)| *column == present[k]);
@@ -80,7 +80,8 @@ fn independent(matrix: &DMatrix<f64>, order: impl Iterator<Item = usize>, most: 
     chosen
 }
 
-/// As the rules name them: with the other transverse moment where it is taken off.
+/// Returns a parameter's name in the style of the rules: with the other transverse moment where that is taken
+/// off.
 fn name(column: usize, terms: &[(usize, f64)], rules: &[Rule]) -> String {
     let moment = |c: usize| (4..7).contains(&(c % 10));
     let taken_off = |(c, weight): &&(usize, f64)| {

@@ -63,7 +63,7 @@ impl Situation {
 /// One base parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameter {
-    /// Its name, by the link and the regrouped quantity: `forearm.MSx`.
+    /// The name of the parameter, by the link and the regrouped quantity: `forearm.MSx`.
     pub name: String,
     /// Standard parameters (index of the column) and their constant weights. The first is the one that
     /// represents it.
@@ -93,7 +93,7 @@ impl BaseParameters {
         self.standard.len() - self.absent
     }
 
-    /// Names of the rotors whose inertia occurs only together with that of links.
+    /// Returns the names of the rotors whose inertia occurs only together with that of links.
     pub fn rotors(&self) -> Vec<&str> {
         let mut names: Vec<&str> = Vec::new();
         for (name, _) in self.parameters.iter().flat_map(|parameter| &parameter.rotors) {
@@ -104,7 +104,7 @@ impl BaseParameters {
         names
     }
 
-    /// The map of these rotors: `φ_B = B φ + B_r r`.
+    /// Returns the map B_r of these rotors: `φ_B = B φ + B_r r`.
     pub fn rotor_map(&self) -> DMatrix<f64> {
         let names = self.rotors();
         let weight = |i: usize, k: usize| -> f64 {
@@ -128,7 +128,7 @@ impl BaseParameters {
         (leads, if is_one { None } else { square.try_inverse() })
     }
 
-    /// The regrouping map: `φ_B = B φ`.
+    /// Returns the regrouping map B: `φ_B = B φ`.
     pub fn map(&self) -> DMatrix<f64> {
         let mut map = DMatrix::zeros(self.parameters.len(), self.standard.len());
         for (row, parameter) in self.parameters.iter().enumerate() {
@@ -140,7 +140,7 @@ impl BaseParameters {
     }
 }
 
-/// The base parameters of a model.
+/// Returns the base parameters of a model.
 ///
 /// # Errors
 /// [`ModelError::Structure`] if the links make no tree, or the two ways disagree.
@@ -240,7 +240,8 @@ impl Regrouped {
     }
 }
 
-/// With Y = Y_i N = Y_j B both rows spaces are one: B = B_i N, B_i the columns of B that the other way keeps.
+/// Returns the disagreement of the two ways, relative to the largest element. With Y = Y_i N = Y_j B both row
+/// spaces are one: B = B_i N, B_i the columns of B that the other way keeps.
 fn disagreement(map: &DMatrix<f64>, free: &Reduction) -> f64 {
     let mut restored = DMatrix::zeros(map.nrows(), map.ncols());
     let kept =

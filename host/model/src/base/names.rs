@@ -1,6 +1,6 @@
 //! The meaning of the names of base parameters.
 
-/// A sentence on the names, where there are any to explain.
+/// Returns a sentence that explains the names, where there are any to explain.
 pub fn legend<'a>(names: impl Iterator<Item = &'a str>) -> Option<String> {
     let (mut grouped, mut primed) = (false, false);
     for name in names {

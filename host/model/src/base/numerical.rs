@@ -38,7 +38,7 @@ impl Sampled {
         self.matrix.columns()
     }
 
-    /// The unit of length.
+    /// Returns the unit of length.
     pub(super) fn reach(&self) -> f64 {
         self.reach
     }
@@ -49,7 +49,7 @@ impl Sampled {
 pub struct Reduction {
     /// The columns that were examined.
     pub columns: Vec<usize>,
-    /// Those of them (index into `columns`) that are independent.
+    /// The independent columns, as indices into `columns`.
     pub independent: Vec<usize>,
     /// `Y = Y_independent · map`, SI units: one row for each independent column, one column for each
     /// examined.
@@ -62,7 +62,7 @@ pub struct Reduction {
 struct Random(u64);
 
 impl Random {
-    /// Of (−1, 1).
+    /// Returns a number of (−1, 1).
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -72,7 +72,7 @@ impl Random {
     }
 }
 
-/// The longest way from the base to a link along the links; 1 if there is none.
+/// Returns the longest way from the base to a link along the links; 1 if there is none.
 fn reach(model: &Model) -> f64 {
     let mut from_base = vec![0.0; model.links.len()];
     for (i, link) in model.links.iter().enumerate().skip(1) {
@@ -116,7 +116,7 @@ fn ties(model: &Model) -> Vec<Tie> {
     ties
 }
 
-/// The rows of enough random motions. The model has no fixed joints.
+/// Samples the rows of enough random motions. The model has no fixed joints.
 ///
 /// # Errors
 /// [`TreeError`] if the links are in no order.
@@ -195,14 +195,14 @@ pub fn sample(model: &Model, situation: &Situation) -> Result<Sampled, TreeError
 }
 
 impl Reduction {
-    /// The reduction of some of the columns.
+    /// Reduces some of the columns.
     pub fn of(sampled: &Sampled, columns: &[usize]) -> Self {
         let data = columns.iter().flat_map(|c| sampled.matrix.column(*c).iter().copied()).collect();
         Self::reduce(Columns { rows: sampled.matrix.rows, data }, columns, sampled.reach)
     }
 
-    /// The reduction of the columns of combinations `map · φ` of full row rank, of which
-    /// `Y = Y_combined · map` is known; `columns[k]` has the unit of the k-th.
+    /// Reduces the columns of combinations `map · φ` of full row rank, of which `Y = Y_combined · map` is
+    /// known; `columns[k]` has the unit of the k-th.
     pub fn of_combinations(sampled: &Sampled, map: &DMatrix<f64>, columns: &[usize]) -> Option<Self> {
         let natural = DMatrix::from_fn(map.nrows(), map.ncols(), |row, column| {
             map[(row, column)] * sampled.reach.powi(power(column) - power(columns[row]))
@@ -247,7 +247,8 @@ impl Reduction {
     }
 }
 
-/// Power of length in the unit of a column's parameter. Natural units: `m' = m, mc' = mc/ℓ, I' = I/ℓ²`.
+/// Returns the power of length in the unit of a column's parameter. Natural units are
+/// `m' = m, mc' = mc/ℓ, I' = I/ℓ²`.
 pub(super) fn power(column: usize) -> i32 {
     match column % 10 {
         0 => 0,
@@ -264,7 +265,7 @@ pub(super) fn rank(diagonal: &[f64], floor: f64, most: usize) -> usize {
     (1..=diagonal.len().min(most)).max_by(|a, b| drop(*a).total_cmp(&drop(*b))).unwrap_or(0)
 }
 
-/// Largest error of `Y φ = Y_B φ_B` over the sampled rows, relative to Y's largest column.
+/// Returns the largest error of `Y φ = Y_B φ_B` over the sampled rows, relative to Y's largest column.
 #[cfg(test)]
 pub(super) fn residual(sampled: &Sampled, columns: &[usize], reduction: &Reduction) -> f64 {
     let largest = columns.iter().map(|c| dot(sampled.matrix.column(*c), sampled.matrix.column(*c)).sqrt());

@@ -22,7 +22,7 @@ pub(super) struct Pivoted {
     pub left: Vec<f64>,
 }
 
-/// Sum of products in four lanes, which the compiler keeps in vector registers.
+/// Returns the sum of products in four lanes, which the compiler keeps in vector registers.
 #[inline]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut lanes = [0.0; 8];
@@ -108,12 +108,12 @@ impl Columns {
 }
 
 impl Pivoted {
-    /// Element of the triangle.
+    /// Returns an element of the triangle.
     fn at(&self, row: usize, column: usize) -> f64 {
         self.triangle.data[column * self.triangle.rows + row]
     }
 
-    /// `x ← R⁻¹ x` with the leading triangle as large as x.
+    /// Solves `x ← R⁻¹ x` with the leading triangle as large as x.
     pub fn solve(&self, x: &mut [f64]) {
         for k in (0..x.len()).rev() {
             x[k] /= self.at(k, k);
@@ -125,7 +125,7 @@ impl Pivoted {
         }
     }
 
-    /// `x ← R⁻ᵀ x`.
+    /// Solves `x ← R⁻ᵀ x`.
     fn solve_transposed(&self, x: &mut [f64]) {
         for k in 0..x.len() {
             let sum = dot(&self.triangle.column(k)[..k], &x[..k]);
@@ -133,8 +133,8 @@ impl Pivoted {
         }
     }
 
-    /// Smallest singular value of the leading triangle of `rank`, by inverse iteration: never below it, and
-    /// within some per cent after a dozen steps from a start that is no singular vector.
+    /// Returns the smallest singular value of the leading triangle of `rank`, by inverse iteration: never
+    /// below it, and within some per cent after a dozen steps from a start that is no singular vector.
     pub fn smallest_singular_value(&self, rank: usize) -> f64 {
         let mut x: Vec<f64> = (0..rank).map(|k| 1.0 + ((k * 7919) % 101) as f64 / 101.0).collect();
         let mut growth = 0.0;
@@ -148,8 +148,8 @@ impl Pivoted {
         growth.sqrt().recip()
     }
 
-    /// Norm of everything that the leading triangle of `rank` leaves: no singular value that is dropped
-    /// exceeds it.
+    /// Returns the norm of everything that the leading triangle of `rank` leaves: no singular value that is
+    /// dropped exceeds it.
     pub fn dropped(&self, rank: usize) -> f64 {
         let deep = self.diagonal.len();
         let inside: f64 = (rank..self.order.len())

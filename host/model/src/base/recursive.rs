@@ -25,12 +25,12 @@ use crate::tree::Model;
 /// A base parameter by the rules.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
-    /// Its name.
+    /// The name of the parameter.
     pub name: String,
     /// The standard column that represents it: it has weight 1 there, and none in other rules, unless its
     /// name is primed.
     pub column: usize,
-    /// Its name is primed: axes are the joint's, not the link's.
+    /// True if the name is primed: axes are the joint's, not the link's.
     pub primed: bool,
     /// Columns and weights.
     pub terms: Vec<(usize, f64)>,
@@ -48,7 +48,7 @@ fn tensor(i: usize, k: usize) -> usize {
     if i == k { 4 + i } else { 10 - i - k }
 }
 
-/// The rules of a model without fixed joints, base first.
+/// Returns the rules of a model without fixed joints, base first.
 pub fn rules(model: &Model) -> Vec<Rule> {
     let (links, columns) = (&model.links, 10 * model.links.len());
     // Row k of `carried[i]`: parameter k of link i with what has come to it from its children.

@@ -27,7 +27,7 @@ fn link(n: usize, parent: usize, joint: Joint<f64>, size: f64) -> ModelLink {
     )
 }
 
-/// A chain of these joints, and a second of the same on its middle.
+/// Makes a chain of these joints, and a second chain of the same joints on its middle.
 fn model(joints: &[Joint<f64>], size: f64) -> Model {
     let mut links = vec![link(0, 0, Joint::Free, size)];
     for branch in [0, joints.len() / 2] {

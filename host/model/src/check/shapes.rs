@@ -36,11 +36,11 @@ pub fn shapes(text: &str, path: &Path) -> BTreeMap<String, Shape> {
 /// A box round one shape of a link, in the link's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeBox {
-    /// Its axes, as columns.
+    /// The axes of the box, as columns.
     pub rotation: Matrix3<f64>,
-    /// Its centre, m.
+    /// The centre of the box, m.
     pub centre: Vector3<f64>,
-    /// Half of its edges, m.
+    /// Half of the box's edges, m.
     pub half: Vector3<f64>,
 }
 

@@ -17,7 +17,7 @@ fn corner(k: usize) -> [f64; 3] {
     std::array::from_fn(|axis| if k >> (2 - axis) & 1 == 1 { HALF[axis] } else { -HALF[axis] })
 }
 
-/// Second moments of the box's shell over its area: its faces one by one.
+/// Returns the second moments of the box's shell over its area: its faces one by one.
 fn shell() -> (f64, Matrix3<f64>) {
     let (mut area, mut sum) = (0.0, Vector3::zeros());
     for axis in 0..3 {
@@ -64,8 +64,8 @@ fn stl_of_bytes() -> Vec<u8> {
     out
 }
 
-/// In millimetres, y upwards, in a node that is turned, scaled and moved, so that the box is where the others
-/// do.
+/// Returns the box in millimetres, y upwards, in a node that is turned, scaled and moved so that the box is
+/// where the others are.
 fn dae(primitive: &str) -> String {
     let turned: Vec<f64> = (0..8)
         .flat_map(|k| {
@@ -177,7 +177,7 @@ const LOPSIDED: &str = "<visual><origin xyz=\"0.2 0.05 0.1\"/><geometry><box siz
                         0.1\"/></geometry></visual><visual><origin xyz=\"0.3 0.15 0.1\"/><geometry><box \
                         size=\"0.1 0.1 0.1\"/></geometry></visual>";
 
-/// A model of one such link, of the inertia of its shapes after a change.
+/// Returns the findings of a model of one such link, of the inertia of its shapes after a change.
 fn findings_after(change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> Vec<Finding> {
     let text = format!(
         "<robot name=\"r\"><link name=\"a\"/><link name=\"b\">{LOPSIDED}</link><joint name=\"j\" \
@@ -189,7 +189,8 @@ fn findings_after(change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> Vec<
     of_inertias(&model, &shapes)
 }
 
-/// φ of two kilograms spread as a shape is, some ten per cent off, after a change of centre and tensor.
+/// Returns φ of two kilograms spread as a shape is, some ten per cent off, after a change of centre and
+/// tensor.
 fn inertia(shape: &Shape, change: impl Fn(&mut Vector3<f64>, &mut Matrix3<f64>)) -> [f64; 10] {
     let turn = Rotation3::from_euler_angles(0.1, -0.05, 0.1).into_inner();
     let second = turn * shape.second * turn.transpose() * 0.9;

@@ -6,7 +6,7 @@ use crate::inertial::in_parent;
 const ALL: [Language; 5] =
     [Language::UniversalRobots, Language::FrankaCall, Language::FrankaFile, Language::Kuka, Language::Urdf];
 
-/// A box of 1.7 kg, 60 × 110 × 180 mm, turned, its centre off the flange's axis.
+/// Returns a box of 1.7 kg, 60 × 110 × 180 mm, turned, its centre off the flange's axis.
 fn turned_box() -> Load {
     let (a, b, c) = (0.06_f64, 0.11_f64, 0.18_f64);
     let m = 1.7 / 12.0;
@@ -16,7 +16,8 @@ fn turned_box() -> Load {
     Load::of_parameters(in_parent(&own, &turn, &Vector3::new(0.021, -0.034, 0.083)))
 }
 
-/// Twice the kinetic energy of eight equal masses at the corners of the box that has the moments of `load`.
+/// Returns twice the kinetic energy of eight equal masses at the corners of the box that has the moments of
+/// `load`.
 ///
 /// A box of 8 masses m/8 at ± s has `Ixx = m (s_y² + s_z²)`: nothing of the formulas of tensors in any other
 /// axes.
@@ -36,7 +37,7 @@ fn energy(load: &Load, velocity: Vector3<f64>, rate: Vector3<f64>) -> f64 {
     twice
 }
 
-/// The same by the ten parameters: `m v² + 2 v·(ω × mc) + ω·I ω`.
+/// Returns twice the kinetic energy by the ten parameters: `m v² + 2 v·(ω × mc) + ω·I ω`.
 fn energy_of_parameters(phi: &Parameters, v: Vector3<f64>, w: Vector3<f64>) -> f64 {
     let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi;
     let tensor = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);

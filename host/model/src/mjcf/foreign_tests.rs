@@ -9,7 +9,7 @@ use crate::{Model, ModelLink, mjcf, read_file, write};
 
 const STANDARD: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// Three joints; what is in braces is put there.
+/// Returns an arm of three joints, with the given attributes in its elements.
 fn arm(compiler: &str, option: &str, joints: [&str; 3]) -> String {
     let [one, two, three] = joints;
     format!(

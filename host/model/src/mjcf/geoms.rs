@@ -20,9 +20,9 @@ const LIGHTEST_KG: f64 = 1e-14;
 pub(super) struct Solid {
     /// m³.
     pub(super) volume: f64,
-    /// Its centre of mass in the frame of the geom, m.
+    /// Centre of mass of the solid in the frame of the geom, m.
     pub(super) centre: Vector3<f64>,
-    /// Its tensor about that over its mass, m².
+    /// Tensor of the solid about the centre of mass over its mass, m².
     pub(super) moments: Matrix3<f64>,
 }
 

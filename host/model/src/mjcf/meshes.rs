@@ -229,7 +229,7 @@ fn own_format(bytes: &[u8]) -> Option<Vec<Triangle>> {
     (0..faces).map(|face| Some([corner(face, 0)?, corner(face, 1)?, corner(face, 2)?])).collect()
 }
 
-/// A triangle: its area, normal and middle.
+/// Returns the area, normal and middle of a triangle; `None` if it has no area.
 fn measured([a, b, c]: &Triangle, from: &Vector3<f64>) -> Option<(f64, Vector3<f64>, Vector3<f64>)> {
     let across = (b - a).cross(&(c - a));
     let twice = across.norm();

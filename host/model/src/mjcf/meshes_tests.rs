@@ -13,7 +13,7 @@ const WEDGE: &str = "# wedge\nv 0 0 0\nv 0.3 0 0\nv 0.3 0.2 0\nv 0 0.2 0\nv 0.02
                      6 5\n\
                      f -8 -7 -3 -4\nf 3 4 8 7\nf 4//1 1//1 5//1 8//1\nf 3 9 7\n";
 
-/// m, mc, then I about the origin: xx, yy, zz, yz, xz, xy.
+/// Checks the parameters of a link: m, mc, then I about the origin: xx, yy, zz, yz, xz, xy.
 #[track_caller]
 fn check(model: &Model, link: &str, wanted: Parameters) {
     let own = model.links.iter().find(|own| own.name == link).unwrap();

@@ -59,7 +59,8 @@ struct Reader<'a> {
     names: &'a Names,
     /// Attributes of the default classes, those of the classes they are in included.
     classes: BTreeMap<&'a str, Class<'a>>,
-    /// Whether inertias are made of geoms where `<inertial>` states them, or nowhere.
+    /// True if geoms make inertias even where `<inertial>` states them, false if they never do; `None` if
+    /// they do where there is no `<inertial>`.
     from_geoms: Option<bool>,
     /// The least and the largest group of the geoms that have mass.
     groups: [f64; 2],
@@ -207,12 +208,14 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// An attribute of a joint: its own, or of its class, the innermost `childclass`, or the main default.
+    /// Returns an attribute of a joint: its own, or of its class, the innermost `childclass`, or the main
+    /// default.
     fn joint_word<'b>(&'b self, joint: &Node<'b, '_>, name: &str, classes: &[&str]) -> Option<&'b str> {
         self.word("joint", joint, name, classes)
     }
 
-    /// The same of an element of any tag that classes have.
+    /// Returns an attribute of an element of any tag that classes have: its own, or of its class, the
+    /// innermost `childclass`, or the main default.
     fn word<'b>(
         &'b self,
         tag: &'static str,
@@ -257,7 +260,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A body and those in it. `shift`: where the parent's link frame has its origin in the parent body's.
+    /// Reads a body and those in it. `shift`: where the parent's link frame has its origin in the parent
+    /// body's.
     fn body(&mut self, own: &Inside<'a>, parent: Option<&str>, shift: Vector3<f64>) -> Result<(), String> {
         let node = own.node;
         let name = self.names.name(&node).unwrap_or_default().to_owned();
@@ -426,7 +430,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// About the body's origin; `place` is that of the body in its parent.
+    /// Returns the inertia of a body about its origin; `place` is the place of the body in its parent.
     fn inertial(
         &mut self,
         inside: &[Inside<'a>],

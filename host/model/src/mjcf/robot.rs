@@ -14,7 +14,7 @@ pub(super) struct Inside<'n> {
     pub(super) node: Node<'n, 'n>,
     /// Body's axes ← those of the innermost frame.
     pub(super) rotation: Matrix3<f64>,
-    /// That frame's origin in the body's frame, m.
+    /// Origin of the innermost frame in the body's frame, m.
     pub(super) position: Vector3<f64>,
     /// Default classes of what is in bodies and frames, the innermost last.
     pub(super) classes: Vec<&'n str>,

@@ -8,7 +8,7 @@ use crate::dynamics::inverse_dynamics;
 use crate::xml::Language;
 use crate::{Model, ModelLink, mjcf, write};
 
-/// A torso with a leg, as in MuJoCo's humanoid; `hip` are the thigh's joints.
+/// Returns a torso with a leg, as in MuJoCo's humanoid; `hip` are the thigh's joints.
 fn leg(hip: &str) -> Model {
     let text = format!(
         "<mujoco model=\"leg\"><compiler angle=\"degree\"/><worldbody><body name=\"torso\" pos=\"0 0 1.3\"><freejoint/>
@@ -50,9 +50,9 @@ fn states(model: &Model, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Rank of the forces' dependence on the bodies' parameters, by inverse dynamics alone: differences of forces
-/// for bodies that are heavier by a bit in one parameter. That is how many parameters there are to be
-/// distinguished.
+/// Returns the rank of the forces' dependence on the bodies' parameters, by inverse dynamics alone:
+/// differences of forces for bodies that are heavier by a bit in one parameter. That is the number of
+/// parameters that can be distinguished.
 fn rank(model: &Model) -> usize {
     let flat = |m: &Model| states(m, 60).concat();
     let reference = flat(model);

@@ -20,7 +20,7 @@ use super::super::xml::{Language, escaped, inertial, rpy, vector};
 /// A link that became a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Its name.
+    /// The name of the frame.
     pub name: String,
     /// The link that it is fixed to.
     pub holder: String,
@@ -39,7 +39,7 @@ pub struct Said {
     joints: Vec<String>,
 }
 
-/// True of the world's own body, where a file had it so.
+/// Returns true for the world's own body, where a file had it so.
 fn is_world(model: &Model, i: usize) -> bool {
     i == 0 && model.links.first().is_some_and(|base| base.name == WORLD && base.nominal.is_none())
 }

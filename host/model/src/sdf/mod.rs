@@ -127,7 +127,7 @@ fn required<'a>(node: &Node<'a, '_>, name: &str) -> Result<&'a str, String> {
     text_of(node, name).filter(|t| !t.is_empty()).ok_or_else(|| format!("{} has no <{name}>", describe(node)))
 }
 
-/// A pose element's own numbers.
+/// Returns a pose element's own numbers.
 fn pose(node: &Node) -> Result<Pose, String> {
     let Some(element) = xml::child(node, "pose") else { return Ok((Matrix3::identity(), Vector3::zeros())) };
     let what = format!("<pose> of {}", describe(node));
@@ -391,7 +391,8 @@ fn passive(joint: &Node, element: &str, kind: &Joint<f64>) -> Result<Passive, St
     Ok(stated.said_in(Language::Sdf, kind))
 }
 
-/// About the link's own origin. Without the element SDF has a kilogram of unit moments; here that is unknown.
+/// Returns the inertia about the link's own origin. Without the element SDF has a kilogram of unit moments;
+/// here that is unknown.
 fn inertial(link: &Node, findings: &mut Vec<Finding>) -> Result<Option<Parameters>, String> {
     let Some(node) = xml::child(link, "inertial") else { return Ok(None) };
     if node.attribute("auto").is_some_and(|word| word == "true" || word == "1") {

@@ -15,7 +15,7 @@ const ENDS: [&str; 2] = ["parent", "child"];
 /// Files are searched for in `folder`; without one they are refused.
 ///
 /// # Errors
-/// What cannot be followed, and why.
+/// Returns in words what cannot be followed, and why.
 pub(super) fn flat(document: &Document, folder: Option<&Path>) -> Result<Option<String>, String> {
     let is_nested = |n: roxmltree::Node| {
         n.has_tag_name("include")

@@ -7,7 +7,8 @@ use rigident_shared::tree::BaseMotion;
 use crate::dynamics::inverse_dynamics;
 use crate::{Model, read_file, sdf, urdf};
 
-/// A robot of two joints; the second joint's link, its own axis, and what is said beside them.
+/// Returns a robot of two joints; `child`, `axis` and `more` are the second joint's link, its own axis, and
+/// additions.
 fn arm(version: &str, axis: &str, child: &str, more: &str) -> String {
     let inertial = "<inertial><pose>0.05 0.02 0.15 0.4 0.1 \
                     -0.7</pose><mass>2</mass><inertia><ixx>0.03</ixx><ixy>0.002</ixy><ixz>-0.001</ixz><iyy>0.035</iyy><iyz>0.003</iyz><izz>0.012</izz></inertia></inertial>";
@@ -21,7 +22,7 @@ fn arm(version: &str, axis: &str, child: &str, more: &str) -> String {
     )
 }
 
-/// The same as URDF, its second axis (0, 0.6, 0.8) of the link.
+/// Returns the efforts of the same robot as URDF, whose second axis is (0, 0.6, 0.8) of the link.
 fn wanted() -> Vec<f64> {
     let inertial = "<inertial><origin xyz=\"0.05 0.02 0.15\" rpy=\"0.4 0.1 -0.7\"/><mass \
                     value=\"2\"/><inertia ixx=\"0.03\" ixy=\"0.002\" ixz=\"-0.001\" iyy=\"0.035\" \
@@ -150,7 +151,7 @@ fn shared_cases_are_the_robot_that_their_urdf_is() {
     }
 }
 
-/// As in grippers of Bullet's data: a link named as the world.
+/// Grippers of Bullet's data have such a link.
 #[test]
 fn a_link_named_world_is_the_one_that_joints_hold_on_to() {
     let text = arm("1.6", "<xyz>0 0.6 0.8</xyz>", "l2", "");
