@@ -54,7 +54,7 @@ impl Behind {
     /// Waits until everything is written.
     ///
     /// # Errors
-    /// What failed behind.
+    /// Returns the error of a write that failed in the thread.
     pub fn close(mut self) -> io::Result<()> {
         self.join()
     }
@@ -88,7 +88,7 @@ fn work<W: Write>(mut to: W, tasks: &Receiver<Task>) -> (io::Result<()>, W) {
     (written, to)
 }
 
-/// The same error once more.
+/// Returns a copy of an error.
 fn again(error: &io::Error) -> io::Error {
     match error.raw_os_error() {
         Some(code) => io::Error::from_raw_os_error(code),

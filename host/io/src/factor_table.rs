@@ -74,7 +74,7 @@ impl Part {
     /// Returns its factors.
     ///
     /// # Errors
-    /// As [`PooledFactor::read`]; rows of a table are named by their number, from 1.
+    /// Fails as [`PooledFactor::read`] does; rows of a table are named by their number, from 1.
     pub fn read(&self) -> Result<Vec<PooledFactor>, PoolError> {
         let Some(group) = self.group else { return Ok(vec![PooledFactor::read(&self.path)?]) };
         let reader = open(&self.path)?;

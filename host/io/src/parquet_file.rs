@@ -31,27 +31,28 @@ pub fn open<R: ChunkReader + 'static>(file: R) -> Result<SerializedFileReader<R>
     Ok(reader)
 }
 
-/// As [`open`], of bytes in memory.
+/// Opens bytes in memory as [`open`] opens a file.
 ///
 /// # Errors
-/// As [`open`].
+/// Fails as [`open`] does.
 pub fn open_bytes(bytes: Vec<u8>) -> Result<SerializedFileReader<Bytes>, String> {
     open(Bytes::from(bytes))
 }
 
-/// Returns what `read` makes of a file; where damage makes the decoder panic, which is another's, that is an
-/// error as any other.
+/// Returns what `read` makes of a file. Where damage makes the decoder panic, which is another project's, the
+/// panic becomes an error like any other.
 ///
 /// # Errors
-/// That of `read`, or that it panicked.
+/// Fails as `read` does, or if it panics.
 pub fn guarded<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     guarded_as(DAMAGED, read)
 }
 
-/// As [`guarded`], of a file of any kind; `damaged` is what is said of one on which the decoder panics.
+/// Reads a file of any kind as [`guarded`] does; `damaged` is the message for a file on which the decoder
+/// panics.
 ///
 /// # Errors
-/// As [`guarded`].
+/// Fails as [`guarded`] does.
 pub fn guarded_as<T>(damaged: &str, read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     // Nothing outlives a panic but the error.
     catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(damaged.to_owned()))

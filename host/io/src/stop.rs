@@ -1,4 +1,4 @@
-//! Whether this process is to stop: by Ctrl-C, or by SIGTERM.
+//! Shows whether this process must stop, by Ctrl-C or by SIGTERM.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

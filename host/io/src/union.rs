@@ -124,7 +124,7 @@ pub fn counted_once(all: &[Runs]) -> Result<Vec<bool>, PoolError> {
 /// Returns all factors as one; those whose runs are all in others are left out.
 ///
 /// # Errors
-/// As [`counted_once`] and [`PooledFactor::merged`].
+/// Fails as [`counted_once`] and [`PooledFactor::merged`] do.
 pub fn union(factors: Vec<PooledFactor>, shared_offsets: bool) -> Result<Union, PoolError> {
     let counts = counted_once(&factors.iter().map(Runs::of).collect::<Vec<_>>())?;
     let (given, repeated) = (counts.len(), counts.iter().filter(|counts| !**counts).count());
@@ -136,7 +136,7 @@ pub fn union(factors: Vec<PooledFactor>, shared_offsets: bool) -> Result<Union, 
 /// is read, of how much.
 ///
 /// # Errors
-/// As [`union`] and [`Part::read`]; a file that changes meanwhile is named.
+/// Fails as [`union`] and [`Part::read`] do; a file that changes meanwhile is named.
 pub fn union_of_files<P: AsRef<Path> + Sync>(
     files: &[P],
     shared_offsets: bool,
@@ -149,7 +149,7 @@ pub fn union_of_files<P: AsRef<Path> + Sync>(
 /// Returns the factors of parts of files as one, as [`union_of_files`] does.
 ///
 /// # Errors
-/// As [`union_of_files`].
+/// Fails as [`union_of_files`] does.
 pub fn union_of_parts(
     parts: &[Part],
     shared_offsets: bool,

@@ -10,7 +10,7 @@ fn factors(count: u64) -> Vec<PooledFactor> {
     (0..count).map(|seed| Example::new(&parameters, &phi, 180, 3.0, seed).pooled).collect()
 }
 
-/// The largest difference of two triangles, relative to the largest entry.
+/// Returns the largest difference of two triangles, relative to the largest entry.
 fn apart(a: &PooledFactor, b: &PooledFactor) -> f64 {
     let (a, b) = (a.factor().r(), b.factor().r());
     // A triangle is unique but for the signs of its rows.

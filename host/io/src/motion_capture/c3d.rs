@@ -235,7 +235,7 @@ impl Layout {
         if self.floating { 4 } else { 2 }
     }
 
-    /// The recording without its points and samples.
+    /// Returns the recording without its points and samples.
     fn empty(&self, parameters: &Parameters) -> Result<C3d, C3dError> {
         let mut notes = Vec::new();
         let mut names = labels(parameters, "POINT", self.points);
@@ -254,7 +254,7 @@ impl Layout {
         })
     }
 
-    /// A point; its fourth number is negative where it was not seen.
+    /// Reads a point; its fourth number is negative where it was not seen.
     fn point(&self, bytes: Bytes, at: usize, to_metres: f64) -> Result<[f32; 3], C3dError> {
         const WHAT: &str = "a frame";
         let mut point = [f32::NAN; 3];

@@ -145,13 +145,13 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// `None` if the plate's corners are no rectangle's.
+    /// Returns a plate in its place; `None` if its corners are no rectangle's.
     pub(super) fn of(plate: &Plate) -> Option<Self> {
         let (axes, middle) = plate.place()?;
         Some(Self { plate: plate.clone(), axes, middle })
     }
 
-    /// The wrench by one sample of all channels.
+    /// Returns the wrench by one sample of all channels.
     pub(super) fn wrench(&self, sample: &[f32]) -> [f64; 6] {
         let mut values = [0.0; 8];
         for (to, channel) in values.iter_mut().zip(&self.plate.channels) {

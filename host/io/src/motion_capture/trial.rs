@@ -61,7 +61,7 @@ pub enum TrialError {
 /// Markers and wrenches of one recording.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Its name: the file's without folder and ending.
+    /// The name of the trial: the file's without folder and ending.
     pub name: String,
     /// Frames per second.
     pub rate_hz: f64,
@@ -327,7 +327,7 @@ impl Trial {
         }
     }
 
-    /// The mean of the sum of the plates' forces, N.
+    /// Returns the mean of the sum of the plates' forces, N.
     fn mean_push(&self) -> Vector3<f64> {
         let means = self.ground.iter().map(|plate| {
             let finite = plate.wrench.iter().filter(|w| w.iter().all(|v| v.is_finite()));
@@ -357,7 +357,7 @@ fn force(wrench: &[f32; 6]) -> Vector3<f64> {
     Vector3::new(wrench[0], wrench[1], wrench[2]).map(f64::from)
 }
 
-/// The mean force of a plate while it is loaded, N; zero if it never is.
+/// Returns the mean force of a plate while it is loaded, N; zero if it never is.
 fn loaded_push(plate: &GroundWrench) -> Vector3<f64> {
     let loaded = plate.wrench.iter().map(force).filter(|f| f.norm() > CLEAR_PUSH_N && f.norm().is_finite());
     let (sum, count) = loaded.fold((Vector3::zeros(), 0_usize), |(sum, count), f| (sum + f, count + 1));

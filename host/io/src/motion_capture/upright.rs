@@ -1,8 +1,8 @@
 //! Markers and forces of a trial that come in two files and point upwards along different axes.
 //!
 //! People are taller than wide, so that markers tell which axis is vertical; the ground tells it by its push.
-//! How one is turned to the other about the vertical is recognised by the centre of pressure, which is under
-//! a foot.
+//! The turn of one to the other about the vertical is recognised by the centre of pressure, which is under a
+//! foot.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 

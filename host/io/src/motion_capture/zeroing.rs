@@ -45,7 +45,7 @@ pub fn offset(plate: &GroundWrench, is_on_it: &dyn Fn(f64) -> bool) -> Option<[f
     }))
 }
 
-/// Mean of a stretch, and how much its vertical force scatters.
+/// Returns the mean of a stretch and the scatter of its vertical force.
 fn level(stretch: &[[f32; 6]]) -> Option<([f64; 6], f64)> {
     let count = stretch.len() as f64;
     let mean: [f64; 6] =
@@ -86,8 +86,8 @@ pub fn drift(plate: &GroundWrench, is_on_it: &dyn Fn(f64) -> bool) -> Option<f64
 /// Holds 1 σ of each force's zero of a plate that was always loaded, N. It is assumed: 0.01 N/s of drift over
 /// some minutes between the amplifiers' reset and a trial.
 pub const UNKNOWN_ZERO_N: f64 = 5.0;
-/// The same of each moment about the plate's middle, N m: its sensors are about a quarter of a metre from
-/// there.
+/// Holds 1 σ of the zero of each moment about the plate's middle, N m. The plate's sensors are about a
+/// quarter of a metre from there.
 pub const UNKNOWN_ZERO_NM: f64 = 0.25 * UNKNOWN_ZERO_N;
 
 /// Returns the middle of a plate's surface, or, of one without corners, the mean centre of pressure at height

@@ -72,10 +72,10 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Makes a recording of columns, as [`Recording::from_arrays`] does; nothing is said of a rig file.
+    /// Makes a recording from columns as [`Recording::from_arrays`] does, with no remark about a rig file.
     ///
     /// # Errors
-    /// As [`Recording::from_arrays`].
+    /// Fails as [`Recording::from_arrays`] does.
     pub fn of_columns(
         name: &str,
         arrays: &[(String, Numbers<'_>)],
@@ -123,20 +123,20 @@ impl Recording {
         reader.into_recording(false)
     }
 
-    /// Makes a recording of columns of cells.
+    /// Makes a recording from columns of cells.
     ///
     /// # Errors
-    /// As [`Recording::from_arrays`].
+    /// Fails as [`Recording::from_arrays`] does.
     pub fn of_cells(name: &str, columns: &[Cells], rig: &RigFile) -> Result<Self, RecordingError> {
         let columns: Vec<_> =
             columns.iter().map(|(name, cells)| (name.clone(), Numbers::Cells(cells))).collect();
         Self::of_columns(name, &columns, rig)
     }
 
-    /// Makes a recording of a file's table.
+    /// Makes a recording from a file's table.
     ///
     /// # Errors
-    /// As [`Recording::from_arrays`].
+    /// Fails as [`Recording::from_arrays`] does.
     pub(super) fn of_table(name: &str, table: Table, rig: &RigFile) -> Result<Self, RecordingError> {
         let rig = table.rig(name, rig)?;
         // What the file says to be times is in s here, whatever unit a name has.

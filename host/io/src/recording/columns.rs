@@ -61,7 +61,7 @@ impl Group {
         ]
     }
 
-    /// Names of its columns, in order.
+    /// Returns the names of the group's columns, in order.
     pub fn names(self) -> Vec<String> {
         let with = |prefix: String, names: &[&str]| names.iter().map(|n| format!("{prefix}{n}")).collect();
         let imu = |j: usize| if j == 0 { "imu_".to_owned() } else { format!("imu{j}_") };
@@ -112,7 +112,7 @@ impl Known {
             .or_else(|| find(Group::Platform, &POSE, name))
     }
 
-    /// Its name in a file of ours.
+    /// Returns the name of the column in a file in the notation.
     pub fn name(self) -> String {
         match self {
             Self::Time => TIME.to_owned(),
@@ -121,7 +121,7 @@ impl Known {
     }
 }
 
-/// `imu3_ax` → 3 and `ax`; `imu_ax` → none and `ax`.
+/// Splits the name of a column: `imu3_ax` into 3 and `ax`, `imu_ax` into none and `ax`.
 fn numbered<'a>(name: &'a str, prefix: &str) -> Option<(Option<usize>, &'a str)> {
     let (number, rest) = name.strip_prefix(prefix)?.split_once('_')?;
     if number.is_empty() {
@@ -131,9 +131,9 @@ fn numbered<'a>(name: &'a str, prefix: &str) -> Option<(Option<usize>, &'a str)>
     Some((Some(j), rest))
 }
 
-/// The known column that a name means in another unit: `fx_n` for `fx_lbf`. A name that begins with the right
-/// unit (`fx_n_filtered`) is a column of its own. Gravity and the gyro share letters: `gx_radps` is the
-/// gyro's.
+/// Returns the known column that a name means in another unit: `fx_n` for `fx_lbf`. A name that begins with
+/// the right unit (`fx_n_filtered`) is a column of its own. Gravity and the gyro share letters: `gx_radps` is
+/// the gyro's.
 pub fn other_unit(name: &str) -> Option<String> {
     let (prefix, rest) = if let Some((j, rest)) = numbered(name, "imu") {
         (j.map_or_else(|| "imu_".to_owned(), |j| format!("imu{j}_")), rest)
@@ -157,7 +157,7 @@ pub fn other_unit(name: &str) -> Option<String> {
     })
 }
 
-/// The known name that was probably meant.
+/// Returns the known name that was probably meant.
 pub fn nearest_known(name: &str) -> Option<String> {
     let mut names: Vec<String> = Group::kinds().into_iter().flat_map(Group::names).collect();
     names.push(TIME.to_owned());

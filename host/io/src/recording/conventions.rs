@@ -121,9 +121,9 @@ const WORDS: &[(Quantity, &[&str])] = &[
 pub struct Meaning {
     /// Name of the column here: `fx_n`.
     pub known: String,
-    /// Its quantity.
+    /// The quantity in the column.
     pub quantity: Quantity,
-    /// Its unit as it is written; `None` if it is written nowhere.
+    /// The unit as it is written; `None` if it is written nowhere.
     pub unit: Option<String>,
 }
 

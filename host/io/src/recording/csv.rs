@@ -86,7 +86,7 @@ impl Recording {
     /// Reads the bytes of a workbook.
     ///
     /// # Errors
-    /// As [`Recording::from_csv_bytes`].
+    /// Fails as [`Recording::from_csv_bytes`] does.
     pub(super) fn from_workbook(label: &str, bytes: &[u8], rig: &RigFile) -> Result<Self, RecordingError> {
         let not = |reason: String| RecordingError::NotARecording { name: label.to_owned(), reason };
         let sheet = sheet::read(bytes, rig.recording.decimal).map_err(not)?;
@@ -160,7 +160,7 @@ impl<'a> Reader<'a> {
         RecordingError::Columns { name: self.label.to_owned(), reason }
     }
 
-    /// A comment that states a key of [recording] counts as if the rig file did.
+    /// Applies comments: one that states a key of [recording] counts as if the rig file did.
     fn apply_comments(&mut self) -> Result<(), RecordingError> {
         let unset = RecordingTable::default();
         for (n, (key, value)) in self.comments.iter().enumerate() {
@@ -268,7 +268,7 @@ fn header(line: &str, separator: u8) -> Option<Vec<String>> {
     Some(reader.headers().ok()?.iter().map(str::to_owned).collect())
 }
 
-/// Why a cell of a known column is no use.
+/// Returns why a cell of a known column cannot be used.
 fn refuse(cell: &str) -> String {
     let cell = shorten(cell);
     if cell.is_empty() {
@@ -283,7 +283,7 @@ fn refuse(cell: &str) -> String {
     }
 }
 
-/// Not more of a text than a message can carry.
+/// Shortens a text to the length that a message can carry.
 fn shorten(text: &str) -> String {
     const MOST: usize = 120;
     if text.chars().count() <= MOST {

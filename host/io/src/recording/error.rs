@@ -35,7 +35,7 @@ pub enum RecordingError {
     SavedElsewhere {
         /// The file.
         path: String,
-        /// As what it is to be saved.
+        /// The form in which it must be saved.
         advice: &'static str,
     },
     /// The ending says none of the kinds that are written.
@@ -87,9 +87,9 @@ pub enum RecordingError {
     Message {
         /// The recording.
         name: String,
-        /// Its topic.
+        /// The topic of the message.
         topic: String,
-        /// Its number on the topic, from 1.
+        /// The number of the message on the topic, from 1.
         message: usize,
         /// The fault, and the advice.
         reason: String,

@@ -24,15 +24,15 @@ const SHOWN: usize = 3;
 /// A column of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileColumn {
-    /// Its name in the file.
+    /// The name of the column in the file.
     pub name: String,
-    /// Its unit, if the file says it.
+    /// The unit of the column, if the file states it.
     pub unit: Option<String>,
     /// The meaning by its name and unit.
     pub meaning: Option<Meaning>,
     /// It holds times of day.
     pub is_clock: bool,
-    /// Its first cells.
+    /// The first cells of the column.
     pub cells: Vec<String>,
 }
 
@@ -45,7 +45,7 @@ pub struct Understood {
     pub written: Vec<(&'static str, String)>,
     /// Line of its header or, if that is above it, of its row of units; `None` of a file of columns.
     pub header_line: Option<u64>,
-    /// Its columns.
+    /// The columns of the file.
     pub columns: Vec<FileColumn>,
     bytes: Vec<u8>,
 }
@@ -170,11 +170,11 @@ const UR_JOINTS: [&str; 6] = [
 pub struct JointColumns {
     /// The joint in the robot's model.
     pub name: &'static str,
-    /// Its angle, rad.
+    /// The column of the joint's angle, rad.
     pub position: String,
-    /// Its rate, rad/s.
+    /// The column of the joint's rate, rad/s.
     pub rate: Option<String>,
-    /// Its torque, N m.
+    /// The column of the joint's torque, N m.
     pub effort: Option<String>,
     /// The current of its motor, A.
     pub current: Option<String>,

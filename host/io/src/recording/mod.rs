@@ -44,7 +44,7 @@ pub struct ImuColumns {
 /// own names, whatever the file that it was read from said.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
-    /// Its name, without folder and ending.
+    /// The name of the recording, without folder and ending.
     pub name: String,
     /// The rig that it was taken with.
     pub rig: RigFile,
@@ -91,7 +91,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         let groups = self.groups().into_iter().map(|(_, rows)| rows);
         let extra = self.extra.iter().map(|(_, cells)| cells.len());
@@ -117,7 +117,7 @@ impl Recording {
         }
     }
 
-    /// The groups of columns that are there, with their numbers of rows.
+    /// Returns the groups of columns that the recording has, with their numbers of rows.
     pub fn groups(&self) -> Vec<(Group, usize)> {
         let mut groups = vec![(Group::Wrench, self.wrench.as_ref().map(Vec::len))];
         for (j, imu) in self.imus.iter().enumerate() {
@@ -132,7 +132,7 @@ impl Recording {
         groups.into_iter().filter_map(|(group, rows)| Some((group, rows?))).collect()
     }
 
-    /// Its name for messages, with the ending if it is a CSV.
+    /// Returns the name of the recording for messages, with the ending if it is a CSV.
     pub fn file(&self) -> String {
         if self.order.is_empty() { self.name.clone() } else { format!("{}.csv", self.name) }
     }
@@ -147,7 +147,7 @@ impl Recording {
         format!("line {}", row as u64 + first)
     }
 
-    /// Names of all columns: in the order of the file they are from, new ones after them.
+    /// Returns the names of all columns: in the order of the file they are from, new ones after them.
     pub fn column_names(&self) -> Vec<String> {
         let mut names = Vec::new();
         if !self.is_static {
@@ -162,13 +162,13 @@ impl Recording {
         names
     }
 
-    /// The value of a `key = value` comment.
+    /// Returns the value of a `key = value` comment.
     pub fn comment(&self, key: &str) -> Option<&str> {
         self.comments.iter().find(|(k, _)| k == key).map(|(_, value)| value.as_str())
     }
 
-    /// The rig file as it fits a file in the notation, and its text; no text if there was no rig file and
-    /// nothing in it that differs from what is assumed without one.
+    /// Returns the rig file as it fits a file in the notation, and its text. There is no text if there was no
+    /// rig file and nothing in it differs from the defaults.
     pub fn rig_in_notation(&self) -> (RigFile, Option<String>) {
         let text = match &self.rig_text {
             // Word for word as long as it says the same.
@@ -251,7 +251,7 @@ impl Recording {
     /// workbook.
     ///
     /// # Errors
-    /// As [`Recording::from_csv_bytes`] and [`Recording::from_arrays`].
+    /// Fails as [`Recording::from_csv_bytes`] and [`Recording::from_arrays`] do.
     pub fn from_columns(file: &str, bytes: Vec<u8>, rig: &RigFile) -> Result<Self, RecordingError> {
         let ending = extension(Path::new(file));
         if sheet::is_workbook(&ending) {
@@ -277,7 +277,7 @@ impl Recording {
         }
     }
 
-    /// The columns of the IMU on link `j`.
+    /// Returns the columns of the IMU on link `j`, which are added if they are missing.
     pub(super) fn imu(&mut self, j: usize) -> &mut ImuColumns {
         if self.imus.len() <= j {
             self.imus.resize(j + 1, ImuColumns::default());
@@ -303,7 +303,7 @@ impl Recording {
         }
     }
 
-    /// A number of a known column.
+    /// Returns a number of a known column.
     pub fn number(&self, known: Known, row: usize) -> Option<f64> {
         fn get<const K: usize>(rows: Option<&Vec<[f64; K]>>, row: usize, k: usize) -> Option<f64> {
             rows?.get(row)?.get(k).copied()
@@ -361,12 +361,12 @@ pub fn is_text(ending: &str) -> bool {
     matches!(ending, "csv" | "tsv" | "txt" | "lvm" | "asc" | "dat" | "log")
 }
 
-/// The ending of a path, in lower case.
+/// Returns the ending of a path, in lower case.
 pub fn extension(path: &Path) -> String {
     path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
 }
 
-/// A comment that says in words what something was: a key in the manner of TOML, a text in quotes.
+/// Returns a comment that says something in words: a key in the manner of TOML, a text in quotes.
 pub fn comment_in_words(what: &str, said: &str) -> (String, String) {
     let mut key = String::new();
     for letter in what.chars() {
@@ -380,12 +380,12 @@ pub fn comment_in_words(what: &str, said: &str) -> (String, String) {
     (key.trim_end_matches('_').to_owned(), serde_json::Value::from(said).to_string())
 }
 
-/// The rig file beside a recording.
+/// Returns the rig file beside a recording.
 pub fn rig_path(recording: &Path) -> PathBuf {
     recording.with_extension("rig.toml")
 }
 
-/// A file's name without its ending.
+/// Returns a file's name without its ending.
 pub(super) fn stem(label: &str) -> String {
     Path::new(label).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned())
 }

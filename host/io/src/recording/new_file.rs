@@ -13,7 +13,7 @@ use super::error::RecordingError;
 /// Writes a new file.
 ///
 /// # Errors
-/// As [`rigident_files::new_file::write_new`].
+/// Fails as [`rigident_files::new_file::write_new`] does.
 pub fn write_new<E: Into<RefusedWrite>>(
     path: &Path,
     write: impl FnOnce(BufWriter<File>) -> Result<BufWriter<File>, E>,
@@ -24,7 +24,7 @@ pub fn write_new<E: Into<RefusedWrite>>(
 /// Writes a new file from text that is in memory.
 ///
 /// # Errors
-/// As [`write_new`].
+/// Fails as [`write_new`] does.
 pub fn write_new_text(path: &Path, text: &str) -> Result<(), RecordingError> {
     Ok(new_file::write_new_text(path, text)?)
 }
@@ -32,7 +32,7 @@ pub fn write_new_text(path: &Path, text: &str) -> Result<(), RecordingError> {
 /// Writes a new file from bytes that are in memory.
 ///
 /// # Errors
-/// As [`write_new`].
+/// Fails as [`write_new`] does.
 pub fn write_new_bytes(path: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
     Ok(new_file::write_new_bytes(path, bytes)?)
 }

@@ -62,7 +62,7 @@ impl Recording {
     }
 }
 
-/// Root mean square of each column; of no rows not a number.
+/// Returns the root mean square of each column; NaN without rows.
 fn rms(rows: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|k| (rows.iter().map(|row| row[k].powi(2)).sum::<f64>() / rows.len() as f64).sqrt())
 }

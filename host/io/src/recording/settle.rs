@@ -15,7 +15,8 @@ const MOST_JITTER: f64 = 3.0;
 const UNIT_TOLERANCE: f64 = 0.01;
 
 impl Recording {
-    /// Last step of reading: the rig file is brought to the notation, times are checked against its rate.
+    /// Does the last step of reading: the rig file is brought to the notation, and times are checked against
+    /// its rate.
     pub(super) fn settle(mut self, label: &str) -> Result<Self, RecordingError> {
         if self.rig.recording.wrench_sign == WrenchSign::OnSensor {
             negate(self.wrench.iter_mut().flatten().flatten());

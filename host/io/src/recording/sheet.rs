@@ -31,7 +31,7 @@ const EPOCH_1904: i64 = 24_107;
 /// The table of a workbook.
 #[derive(Debug)]
 pub(super) struct Sheet {
-    /// Its rows, cells by tabs; the line is the number of the row in the sheet.
+    /// The rows of the sheet, cells by tabs; the line is the number of the row in the sheet.
     pub(super) text: String,
     /// The sheet's name.
     pub(super) name: String,

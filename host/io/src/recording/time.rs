@@ -13,7 +13,7 @@ pub enum Time {
 }
 
 impl Time {
-    /// Nearest nanosecond.
+    /// Returns the nearest nanosecond.
     pub fn nanoseconds(self) -> i128 {
         match self {
             Self::Nanoseconds(ns) => ns,
@@ -27,7 +27,7 @@ impl Time {
         }
     }
 
-    /// The same time as a floating-point number, s.
+    /// Returns the time as a floating-point number, s.
     pub fn seconds(self) -> f64 {
         match self {
             Self::Seconds(s) => s,
@@ -56,12 +56,12 @@ pub fn parse(cell: &str, scale: f64) -> Option<Time> {
     })
 }
 
-/// `k` where the scale is 10⁻ᵏ.
+/// Returns `k` where the scale is 10⁻ᵏ.
 pub(super) fn power_of_ten(scale: f64) -> Option<usize> {
     [1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9].iter().position(|p| *p == scale)
 }
 
-/// A plain decimal times 10⁻ˢʰⁱᶠᵗ in ns, if that is an integer.
+/// Returns a plain decimal times 10⁻ˢʰⁱᶠᵗ in ns, if that is an integer.
 fn decimal(cell: &str, shift: usize) -> Option<i128> {
     let (negative, digits) = match cell.strip_prefix('-') {
         Some(rest) => (true, rest),
@@ -78,7 +78,7 @@ fn decimal(cell: &str, shift: usize) -> Option<i128> {
     Some(if negative { -ns } else { ns })
 }
 
-/// Signed nanoseconds as seconds with all their digits.
+/// Returns signed nanoseconds as seconds with all their digits.
 pub(super) fn signed_text(ns: i128) -> String {
     let sign = if ns < 0 { "-" } else { "" };
     let ns = ns.unsigned_abs();

@@ -29,7 +29,7 @@ impl OfJoints {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ArmTable {
-    /// Its model, beside the rig file: a URDF.
+    /// File of the arm's model, beside the rig file: a URDF.
     pub model: String,
     /// The link of the model that is the plate.
     pub flange: String,

@@ -58,7 +58,7 @@ pub struct RigCalibration {
     /// Fingerprints of their readings, hexadecimal.
     #[serde(default)]
     pub fingerprints: Vec<String>,
-    /// What was assumed of the reference, for want of a statement.
+    /// Assumptions about the reference where nothing was stated.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub assumed: Vec<String>,
     /// Checksum of all else, hexadecimal: [`RigCalibration::sealed`].
@@ -72,7 +72,7 @@ pub struct RigCalibration {
     pub correlation: Vec<Vec<f64>>,
 }
 
-/// What the errors are counted from: a rig that differs in any of this is another one.
+/// The references from which the errors are counted: a rig that differs in any of them is another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibratedRig {
@@ -99,13 +99,13 @@ pub struct CalibratedRig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibratedError {
-    /// Its name: `gain_fz`.
+    /// Name of the error: `gain_fz`.
     pub name: String,
-    /// Its SI unit in ASCII.
+    /// SI unit of the error in ASCII.
     pub unit: String,
     /// Estimate.
     pub value: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the estimate.
     pub std: f64,
 }
 
@@ -117,7 +117,7 @@ pub enum CalibrationError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The message of the system.
         reason: String,
     },
     /// It is no calibration.
@@ -125,7 +125,7 @@ pub enum CalibrationError {
     Invalid {
         /// The file.
         path: String,
-        /// What is wrong.
+        /// The fault in the file.
         reason: String,
     },
     /// It is of another rig.
@@ -136,7 +136,7 @@ pub enum CalibrationError {
     OtherRig {
         /// The calibration.
         name: String,
-        /// What differs.
+        /// The key that differs.
         key: &'static str,
         /// In the calibration.
         calibrated: String,

@@ -14,7 +14,7 @@ pub struct CertificateTable {
     /// Name of the laboratory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<String>,
-    /// Its address.
+    /// Address of the laboratory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory_address: Option<String>,
     /// Where it was measured.
@@ -26,7 +26,7 @@ pub struct CertificateTable {
     /// Address of the customer, or how to reach them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub customer_address: Option<String>,
-    /// What was measured, in words.
+    /// Name of the measured part, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Number of its drawing or type.
@@ -56,7 +56,7 @@ pub struct CertificateTable {
     /// Conditions that have an influence: temperature, draught.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<String>,
-    /// How the results are traceable to the SI.
+    /// Statement of how the results are traceable to the SI.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traceability: Option<String>,
     /// Results that others provided, and what the customer stated.
@@ -68,7 +68,7 @@ pub struct CertificateTable {
     /// Who authorises the certificate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub authorised_by: Option<String>,
-    /// What else is to be said.
+    /// Further remarks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remarks: Option<String>,
     /// Unit of masses; `kg` without it.
@@ -89,7 +89,7 @@ pub struct CertificateTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EquipmentTable {
-    /// What it is, with maker and type.
+    /// Name of the equipment, with maker and type.
     pub name: String,
     /// Serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,7 +97,7 @@ pub struct EquipmentTable {
     /// Date of its calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibrated_on: Option<String>,
-    /// Its own certificate, and who gave it.
+    /// Certificate of the equipment, and the laboratory that gave it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificate: Option<String>,
 }
@@ -196,9 +196,9 @@ impl InertiaUnit {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{given:?}: {reason}")]
 pub struct CertificateKeyError {
-    /// What was given.
+    /// The text that was given.
     pub given: String,
-    /// What is wrong with it.
+    /// The fault in it.
     pub reason: String,
 }
 

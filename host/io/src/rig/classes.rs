@@ -68,7 +68,7 @@ pub struct TreeLimits {
     pub base_tilt_rad: f64,
     /// Delay of the positions' stamps, s.
     pub skew_s: f64,
-    /// The same against efforts of drives, s.
+    /// Delay of the positions' stamps against efforts of drives, s.
     pub effort_skew_s: f64,
     /// Scale of an effort, relative, and its offset and drift, relative to the largest.
     pub effort: f64,

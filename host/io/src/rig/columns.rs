@@ -21,7 +21,7 @@ pub enum ColumnSource {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScaledColumn {
-    /// Its name in the file.
+    /// Name of the column in the file.
     pub name: String,
     /// Multiplies its numbers to give SI.
     #[serde(default = "unscaled")]
@@ -38,7 +38,7 @@ pub struct ScaledColumn {
 }
 
 impl ColumnSource {
-    /// Name in the file and factor to SI.
+    /// Returns the name in the file and the factor to SI.
     pub fn parts(&self) -> (&str, f64) {
         match self {
             Self::Name(name) => (name, 1.0),

@@ -11,12 +11,12 @@ use super::{ColumnSource, TreeClass, is_false};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkTable {
-    /// Its name.
+    /// Name of the link.
     pub name: String,
     /// Name of the link it hangs on; absent for the base.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parent: Option<String>,
-    /// How it hangs there.
+    /// Kind of the joint that it hangs on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
     /// Axis of a revolute, continuous or prismatic joint, in the link's frame; first axis of a universal one,
@@ -35,7 +35,7 @@ pub struct LinkTable {
     /// For a device that finds the joint's attitude from both links' IMUs: `R_SL` at the start of a run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_wxyz: Option<[f64; 4]>,
-    /// What is assumed of it beforehand: mass, kg; given with the two below or not at all.
+    /// Assumed mass, kg; given with the two below or not at all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nominal_mass_kg: Option<f64>,
     /// Centre of mass in the link's frame, m.
@@ -53,10 +53,10 @@ pub struct LinkTable {
 pub struct JointTable {
     /// The joint's name in the model; in `[[link]]` tables that of its link.
     pub name: String,
-    /// Its angle, rad, or length, m.
+    /// Column of the joint's angle, rad, or length, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position: Option<ColumnSource>,
-    /// Its rate, rad/s or m/s.
+    /// Column of the joint's rate, rad/s or m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<ColumnSource>,
     /// Torque, N m, or force, N, of its drive.
@@ -87,7 +87,7 @@ pub struct JointTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FootTable {
-    /// Its name, with which its columns begin.
+    /// Name of the foot, with which its columns begin.
     pub name: String,
     /// The link that it is part of.
     pub link: String,

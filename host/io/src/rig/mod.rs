@@ -49,7 +49,7 @@ pub const FROZEN_AFTER: u16 = 50;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigFile {
-    /// How the recording differs from the notation.
+    /// Differences of the recording from the notation.
     pub recording: RecordingTable,
     /// The IMUs, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -62,13 +62,13 @@ pub struct RigFile {
     /// The customer's frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyTable>,
-    /// What a certificate says beside the numbers.
+    /// Statements of a certificate beside the numbers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificate: Option<CertificateTable>,
     /// The hexapod.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub platform: Option<PlatformTable>,
-    /// What is really the case; printed beside the answer, never used by it.
+    /// The true values; printed beside the answer, never used by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<TruthTable>,
     /// Several links, the first of them the base.
@@ -92,12 +92,12 @@ pub struct RigFile {
 }
 
 impl RigFile {
-    /// The IMU on link `j`.
+    /// Returns the IMU on link `j`.
     pub fn imu_on(&self, j: usize) -> Option<&ImuTable> {
         self.imu.iter().find(|imu| imu.link == j)
     }
 
-    /// The text of the file.
+    /// Returns the text of the file.
     pub fn to_toml(&self) -> String {
         // Tables, numbers and strings have no way to fail.
         toml::to_string(self).unwrap_or_default()

@@ -9,7 +9,7 @@ use super::arm::ArmTable;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodyTable {
-    /// Its name.
+    /// Name of the body.
     pub name: String,
     /// Origin in S, m.
     pub position_m: [f64; 3],
@@ -72,7 +72,7 @@ pub struct PlatformTable {
     /// Radius of a leg, m: collisions are looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leg_radius_m: Option<f64>,
-    /// What of a leg belongs to its joint at either end, m.
+    /// Length of a leg that belongs to its joint at either end, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_length_m: Option<f64>,
     /// Radius of the bars between any two of the plate's joints, m.
@@ -92,7 +92,7 @@ pub struct PlatformTable {
     /// its reference pose, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel_m: Option<[f64; 3]>,
-    /// How far it rolls, pitches and yaws to either side, rad.
+    /// Largest roll, pitch and yaw to either side, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel_rad: Option<[f64; 3]>,
     /// All of that can be used at once, not only with the other axes at zero.
@@ -110,7 +110,7 @@ pub struct PlatformTable {
     /// No part of it is farther from the load cell's origin, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_within_m: Option<f64>,
-    /// What the legs carry and the load cell does not feel: plate, load cell, adapter.
+    /// Parts that the legs carry and the load cell does not measure: plate, load cell, adapter.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub part: Vec<PartTable>,
     /// The load cell's frame S on the plate.
@@ -126,7 +126,7 @@ pub struct PlatformTable {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartTable {
-    /// Its name.
+    /// Name of the part.
     #[serde(default)]
     pub name: String,
     /// Mass, kg.

@@ -71,7 +71,7 @@ fn at_place(place: &Option<(usize, usize)>) -> String {
 }
 
 impl RigFileError {
-    /// The same, naming the file.
+    /// Returns the error with the name of the file.
     #[must_use]
     pub fn of_file(mut self, name: &str) -> Self {
         match &mut self {
@@ -108,7 +108,7 @@ impl RigFile {
     /// Reads and checks a rig file, and gives its text too.
     ///
     /// # Errors
-    /// As [`RigFile::load`].
+    /// Fails as [`RigFile::load`] does.
     pub fn load_with_text(path: &Path) -> Result<(Self, String), RigFileError> {
         let name = path.display().to_string();
         let text = rigident_files::read_text(path)
@@ -180,19 +180,19 @@ fn check_texts(text: &str, place: &str, table: &toml::Table) -> Result<(), RigFi
     Ok(())
 }
 
-/// The line on which a stretch of the text begins.
+/// Returns the line on which a stretch of the text begins.
 fn line_of(text: &str, span: &Range<usize>) -> usize {
     text.bytes().take(span.start).filter(|b| *b == b'\n').count() + 1
 }
 
-/// Line and column, in characters, at which a stretch of the text begins.
+/// Returns line and column, in characters, at which a stretch of the text begins.
 fn place_of(text: &str, span: &Range<usize>) -> (usize, usize) {
     // A stretch that begins inside a character has no column; its line still has.
     let before = text.get(..span.start).and_then(|before| before.rsplit('\n').next()).unwrap_or_default();
     (line_of(text, span), before.chars().count() + 1)
 }
 
-/// The parser's words, with the place, and the key that an unknown one was meant to be.
+/// Returns the parser's message with the place, and the key that an unknown key was probably meant to be.
 fn syntax(text: &str, error: &toml::de::Error) -> RigFileError {
     let message = error.message().trim().replace('\n', ", ");
     let reason = match unknown_key(&message) {
@@ -209,7 +209,7 @@ fn syntax(text: &str, error: &toml::de::Error) -> RigFileError {
     RigFileError::Syntax { file: None, place: error.span().map(|span| place_of(text, &span)), reason }
 }
 
-/// ``unknown field `a`, expected one of `b`, `c` `` → a, [b, c].
+/// Splits ``unknown field `a`, expected one of `b`, `c` `` into a and [b, c].
 fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     let (key, expected) = message.strip_prefix("unknown field `")?.split_once("`, expected ")?;
     // Words in backquotes are every second part.

@@ -1,4 +1,4 @@
-//! What a recording or one of its files is like: `[recording]`, `[[stream]]`.
+//! Properties of a recording or of one of its files: `[recording]`, `[[stream]]`.
 
 use std::collections::BTreeMap;
 
@@ -18,10 +18,11 @@ pub struct RecordingTable {
     pub wrench_sign: WrenchSign,
     /// Gravity, m/s².
     pub gravity_mps2: f64,
-    /// Its direction in the axes of the base, of a base that is held still and has no IMU; of any length.
+    /// Direction of gravity in the axes of the base, for a base that is held still and has no IMU; of any
+    /// length.
     #[serde(skip_serializing_if = "is_down")]
     pub gravity_direction: [f64; 3],
-    /// Its standard deviation, m/s².
+    /// Standard deviation of gravity, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_std_mps2: Option<f64>,
     /// Columns w, x, y, z with the attitude of S in a frame whose z is up; gravity columns follow from them.
@@ -44,8 +45,8 @@ pub struct RecordingTable {
     /// Topics of a bag recorded elsewhere that holds several of a kind: `wrench`, `imu`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub topics: BTreeMap<String, String>,
-    /// What tells recordings of a collection apart: `body`, `rig`, a date; factors keep them, and
-    /// `rigident merge --by` goes by them.
+    /// Labels that distinguish the recordings of a collection: `body`, `rig`, a date. Factors keep them, and
+    /// `rigident merge --by` groups by them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub labels: BTreeMap<String, String>,
 }

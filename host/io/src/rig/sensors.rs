@@ -29,7 +29,7 @@ pub enum FromPoses {
 pub struct ImuTable {
     /// The link it sits on.
     pub link: usize,
-    /// Its origin in the link's frame, m.
+    /// Origin of the IMU in the link's frame, m.
     pub position_m: [f64; 3],
     /// `R_LU`.
     pub rotation_wxyz: [f64; 4],
@@ -134,7 +134,7 @@ impl Default for ImuTable {
     }
 }
 
-/// What is known of the wrench's offset.
+/// The knowledge of the wrench's offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be six numbers, \"estimate\" or \"zero\"")]
 pub enum OffsetTable {
@@ -178,7 +178,7 @@ pub struct LoadCellTable {
     /// `wrench = calibration · gauges`, N/V and N m/V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<[[f64; 6]; 6]>,
-    /// What the converter's seventh input has of the gauges' excitation while it is the one of the
+    /// Voltage at the converter's seventh input, a part of the gauges' excitation, at the excitation of the
     /// calibration, V: the device then divides the gauges by the excitation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_v: Option<f64>,
@@ -190,7 +190,7 @@ pub struct LoadCellTable {
     /// Range, N and N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_n_nm: Option<[f64; 6]>,
-    /// How far from zero the offset of a channel may be, N and N m.
+    /// Largest offset of a channel to either side of zero, N and N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset_within_n_nm: Option<[f64; 6]>,
     /// Number of the board that its calibration was made with, as `rigident info` shows it: 24 hexadecimal

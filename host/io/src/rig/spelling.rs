@@ -1,7 +1,7 @@
 //! The known word that an unknown one was probably meant to be.
 
-/// The candidate with the fewest edits, case aside, if it is near enough to be a slip. A unit that is missing
-/// or too much (`Fx` for `fx_n`) counts as one edit.
+/// Returns the candidate with the fewest edits, case aside, if it is near enough to be a slip. A unit that is
+/// missing or too much (`Fx` for `fx_n`) counts as one edit.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let allowed = (lower.chars().count() / 2).clamp(1, 5);
@@ -17,7 +17,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// `fx` of `fx_n`.
+/// Returns whether `stem` is the stem of a word, as `fx` of `fx_n`.
 fn is_stem(stem: &str, word: &str) -> bool {
     !stem.is_empty() && word.strip_prefix(stem).is_some_and(|rest| rest.starts_with('_'))
 }

@@ -128,8 +128,8 @@ impl Coordinate {
 pub struct SpringTable {
     /// The point that it acts on, in P, m.
     pub at_m: [f64; 3],
-    /// Its axis in the axes of P at rest with the body on, of any length; of a clamped spring from the ground
-    /// to the platform.
+    /// Axis of the spring in the axes of P at rest with the body on, of any length; of a clamped spring from
+    /// the ground to the platform.
     #[serde(default = "up")]
     pub axis: [f64; 3],
     /// Stiffness along its axis, N/m.
@@ -155,7 +155,7 @@ pub struct SpringTable {
     /// weight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pull_n: Option<f64>,
-    /// Its own mass, kg, of which a third moves with the platform.
+    /// Mass of the spring, kg, of which a third moves with the platform.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub mass_kg: f64,
     /// 1 σ of either stiffness, relative; that of `[suspension] stiffness_std` if absent.
@@ -175,13 +175,13 @@ fn up() -> [f64; 3] {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RestTable {
-    /// Whether the body is on the platform.
+    /// True if the body is on the platform.
     #[serde(default = "yes")]
     pub body: bool,
     /// Mass that is added to the load of the recording, kg.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub added_kg: f64,
-    /// Its centre of mass in P, m.
+    /// Centre of mass of the added mass in P, m.
     #[serde(default)]
     pub added_at_m: [f64; 3],
     /// Origin of P in the frame of the recording's poses, m.
@@ -204,9 +204,9 @@ fn yes() -> bool {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SuspendedPlatformTable {
-    /// Its mass, kg.
+    /// Mass of the platform, kg.
     pub mass_kg: f64,
-    /// Its centre of mass, m.
+    /// Centre of mass of the platform, m.
     pub com_m: [f64; 3],
     /// Tensor about the centre of mass, Ixx, Iyy, Izz, Iyz, Izx, Ixy, kg m².
     pub inertia_com_kgm2: [f64; 6],

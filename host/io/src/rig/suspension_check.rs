@@ -1,4 +1,5 @@
-//! Whether `[suspension]` can be: every complaint is the key below it, what is there, and what should.
+//! Checks whether `[suspension]` is possible: every complaint names the key below it, the value that is
+//! there, and the value that should be.
 
 use nalgebra::{Matrix6, SymmetricEigen};
 
@@ -258,7 +259,7 @@ mod tests {
     const MATRIX: &str = "stiffness = \
                           [[9.0,0,0,0,0,0],[0,9.0,0,0,0,0],[0,0,9.0,0,0,0],[0,0,0,1.0,0,0],[0,0,0,0,1.0,0],[0,0,0,0,0,1.0]]\n";
 
-    /// The key that is complained of; nothing if all is well.
+    /// Returns the key that is complained of; nothing if all is well.
     fn complaint(keys: &str) -> Option<String> {
         let table = toml::from_str::<SuspensionTable>(keys).unwrap();
         check(&table).err().map(|(key, ..)| key)

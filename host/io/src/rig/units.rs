@@ -28,7 +28,7 @@ pub enum Quantity {
 pub struct Unit {
     /// The quantity measured.
     pub quantity: Quantity,
-    /// Its size in the SI unit.
+    /// Size of the unit in the SI unit.
     pub scale: f64,
 }
 

@@ -100,7 +100,7 @@ const TORQUES: [(&str, u8, f64); 6] = [
     ("knm", 6, 1000.0),
 ];
 
-/// A unit as the page writes it: `N-m`, `Nm`, `in-lbf`, `kgf-cm` are in use.
+/// Returns the size of a unit as the page writes it: `N-m`, `Nm`, `in-lbf`, `kgf-cm` are in use.
 fn unit(table: &[(&str, u8, f64)], written: &str) -> Option<f64> {
     let plain = written.trim().to_lowercase().replace("kgf", "kg").replace(['.', '·', ' '], "-");
     let turned = plain.split_once('-').map(|(a, b)| format!("{b}-{a}"));

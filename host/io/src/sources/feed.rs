@@ -26,9 +26,9 @@ pub struct Arrival {
 /// Describes a source before its thread has it.
 #[derive(Clone, Debug)]
 pub struct Described {
-    /// Its columns.
+    /// The columns of the source.
     pub groups: Vec<Group>,
-    /// Its clock.
+    /// The clock of the source.
     pub clock: OwnClock,
     /// The parts to check if it falls silent.
     pub when_silent: String,

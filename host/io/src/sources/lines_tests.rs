@@ -90,7 +90,7 @@ fn lines_of_no_stream_are_reported() {
     assert!(long.feed(&[b'x'; 20_000], &mut Vec::new()).is_ok() && long.line.len() <= MOST + 1);
 }
 
-/// A port of this computer that nobody has, and two that send to it.
+/// Returns a free port of this computer, and two sockets that send to it.
 fn network(setting: &str) -> (SourceUrl, UdpSocket, UdpSocket) {
     let [taken, first, second] = [0; 3].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
     let address = taken.local_addr().unwrap();

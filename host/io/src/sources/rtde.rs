@@ -134,7 +134,7 @@ pub struct Decoder {
     losses: Losses,
 }
 
-/// A rotation vector as `w, x, y, z`.
+/// Returns a rotation vector as a quaternion `w, x, y, z`.
 fn quaternion([x, y, z]: [f64; 3]) -> [f64; 4] {
     let q = nalgebra::UnitQuaternion::from_scaled_axis(nalgebra::Vector3::new(x, y, z));
     [q.w, q.i, q.j, q.k]

@@ -70,7 +70,7 @@ pub enum SourceError {
     /// The address.
     #[error("{url}: {reason}")]
     Url {
-        /// As given.
+        /// The address as given.
         url: String,
         /// The fault in it, and how it is to be.
         reason: String,
@@ -78,7 +78,7 @@ pub enum SourceError {
     /// Nobody is there.
     #[error("{url} cannot be reached: {reason}")]
     Unreachable {
-        /// As given.
+        /// The address as given.
         url: String,
         /// The message of the system, and what to check.
         reason: String,
@@ -86,7 +86,7 @@ pub enum SourceError {
     /// Somebody is there and says something else.
     #[error("{url}: {reason}")]
     Protocol {
-        /// As given.
+        /// The address as given.
         url: String,
         /// The message, and the advice.
         reason: String,

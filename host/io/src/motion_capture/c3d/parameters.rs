@@ -64,7 +64,7 @@ impl Parameters {
         self.get(group, name).is_some()
     }
 
-    /// All numbers of a parameter; `None` if there is no such parameter.
+    /// Returns all numbers of a parameter; `None` if there is no such parameter.
     pub(super) fn numbers(
         &self,
         group: &'static str,
@@ -83,12 +83,13 @@ impl Parameters {
         dimensions.first().copied().filter(|_| dimensions.len() > 1)
     }
 
-    /// The first number.
+    /// Returns the first number of a parameter.
     pub(super) fn number(&self, group: &'static str, name: &'static str) -> Result<Option<f64>, C3dError> {
         Ok(self.numbers(group, name)?.and_then(|numbers| numbers.first().copied()))
     }
 
-    /// The first number as a count; sixteen bits count from zero on, whatever their sign.
+    /// Returns the first number of a parameter as a count; sixteen bits count from zero on, whatever their
+    /// sign.
     pub(super) fn count(&self, group: &'static str, name: &'static str) -> Result<Option<usize>, C3dError> {
         let Some(number) = self.number(group, name)? else { return Ok(None) };
         let number = if (-32_768.0..0.0).contains(&number) { number + 65_536.0 } else { number };
@@ -98,7 +99,7 @@ impl Parameters {
         Ok(Some(number as usize))
     }
 
-    /// The points' unit, m.
+    /// Returns the points' unit, m.
     pub(super) fn unit_m(&self) -> Result<f64, C3dError> {
         let stated = self.text("POINT", "UNITS").unwrap_or_default();
         // Programs that have four letters for it write the beginning of a word.
@@ -119,12 +120,12 @@ impl Parameters {
         }
     }
 
-    /// The first text, without blanks around it.
+    /// Returns the first text of a parameter, without blanks around it.
     pub(super) fn text(&self, group: &str, name: &str) -> Option<String> {
         self.texts(group, name).into_iter().next()
     }
 
-    /// All texts, without blanks around them.
+    /// Returns all texts of a parameter, without blanks around them.
     pub(super) fn texts(&self, group: &str, name: &str) -> Vec<String> {
         let Some(Parameter { dimensions, data: Data::Text(bytes) }) = self.get(group, name) else {
             return Vec::new();
@@ -137,7 +138,7 @@ impl Parameters {
     }
 }
 
-/// A parameter's type, dimensions and data; `None` if its type is unknown.
+/// Returns a parameter's type, dimensions and data; `None` if its type is unknown.
 fn value(bytes: Bytes, at: usize) -> Result<Option<Parameter>, C3dError> {
     const WHAT: &str = "a parameter";
     let kind = bytes.u8(at, WHAT)? as i8;

@@ -22,7 +22,7 @@ pub enum PlateKind {
 pub struct Plate {
     /// The meaning of its channels.
     pub kind: PlateKind,
-    /// Its analog channels, from zero.
+    /// The plate's analog channels, from zero.
     pub channels: Vec<usize>,
     /// Corners in the laboratory's frame, m: in the plate's axes those of (+x, +y), (−x, +y), (−x, −y), (+x,
     /// −y).
@@ -30,9 +30,9 @@ pub struct Plate {
     /// From its origin to the middle of its surface, or the other way round, as its type has it, in its own
     /// axes, m.
     pub origin_m: [f64; 3],
-    /// Its number in the file, from 1.
+    /// The plate's number in the file, from 1.
     pub number: usize,
-    /// Its moments' unit over N m, and its lengths' over m.
+    /// The unit of the plate's moments in N m, and of its lengths in m.
     pub moment_m: f64,
 }
 
@@ -176,7 +176,7 @@ impl Arrays {
     }
 }
 
-/// A unit in small letters, without blanks and dots.
+/// Returns a unit in small letters, without blanks and dots.
 fn plain(unit: &str) -> String {
     unit.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
 }

@@ -69,8 +69,8 @@ impl Writer {
 
 const MATRIX: fn(usize, usize) -> f32 = |row, column| (10 * row + column) as f32;
 
-/// Two points, seven channels sampled twice a frame, a plate; three frames, the second without the first
-/// point.
+/// Makes a file: two points, seven channels sampled twice a frame, a plate; three frames, the second without
+/// the first point.
 fn file(processor: u8, floating: bool, kind: i16) -> Vec<u8> {
     let mut w = Writer { processor, floating, bytes: vec![2, KEY] };
     for word in [2, 14, 5, 7, 0] {

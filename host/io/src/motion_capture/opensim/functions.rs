@@ -75,7 +75,7 @@ impl Function {
     }
 }
 
-/// A natural cubic spline: second derivatives from the tridiagonal equations, zero at both ends.
+/// Evaluates a natural cubic spline: second derivatives from the tridiagonal equations, zero at both ends.
 fn spline(knots: &[(f64, f64)], at: f64) -> f64 {
     let n = knots.len();
     if n == 1 {
@@ -108,7 +108,7 @@ fn spline(knots: &[(f64, f64)], at: f64) -> f64 {
     straight + ((a * a * a - a) * second[k] + (b * b * b - b) * second[k + 1]) * h[k] * h[k] / 6.0
 }
 
-/// Finite numbers of a child's text.
+/// Returns the finite numbers of a child's text.
 pub(super) fn numbers(node: &Node, tag: &str) -> Result<Vec<f64>, String> {
     let child = node.children().find(|c| c.has_tag_name(tag));
     let text = child.and_then(|c| c.text()).unwrap_or_default();
@@ -117,7 +117,7 @@ pub(super) fn numbers(node: &Node, tag: &str) -> Result<Vec<f64>, String> {
     all.filter(|all| !all.is_empty()).ok_or_else(|| format!("{tag} of {}: no finite numbers", place(node)))
 }
 
-/// The one number of a child's text.
+/// Returns the one number of a child's text.
 pub(super) fn one(node: &Node, tag: &str) -> Result<f64, String> {
     match numbers(node, tag)?.as_slice() {
         [value] => Ok(*value),
@@ -125,7 +125,7 @@ pub(super) fn one(node: &Node, tag: &str) -> Result<f64, String> {
     }
 }
 
-/// An element's tag and name.
+/// Returns an element's tag and name.
 pub(super) fn place(node: &Node) -> String {
     let tag = node.tag_name().name();
     node.attribute("name")

@@ -13,7 +13,7 @@ use super::functions::{Function, numbers, one, place};
 /// A model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OsimModel {
-    /// Its bodies, the ground left out.
+    /// The bodies of the model, without the ground.
     pub bodies: Vec<OsimBody>,
     /// The joints between them.
     pub joints: Vec<OsimJoint>,
@@ -22,7 +22,7 @@ pub struct OsimModel {
 /// A body in its own axes (x forward, y up, z to the right in the standing pose).
 #[derive(Clone, Debug, PartialEq)]
 pub struct OsimBody {
-    /// Its name.
+    /// The name of the body.
     pub name: String,
     /// Mass, kg.
     pub mass_kg: f64,
@@ -38,7 +38,7 @@ pub struct OsimBody {
 /// A joint at the model's default coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OsimJoint {
-    /// Its name.
+    /// The name of the joint.
     pub name: String,
     /// The body that carries it; `None`: the ground.
     pub parent: Option<usize>,
@@ -48,7 +48,7 @@ pub struct OsimJoint {
     pub in_parent: Isometry3<f64>,
     /// The joint in the child.
     pub in_child: Isometry3<f64>,
-    /// Its displacement.
+    /// The displacement of the joint.
     pub moved: Isometry3<f64>,
 }
 
@@ -208,7 +208,7 @@ fn body(node: &Node) -> Result<OsimBody, String> {
     Ok(OsimBody { name, mass_kg, com_m: three("mass_center")?, inertia_com_kgm2: inertia, places })
 }
 
-/// A translation and turns about x, then y, then z of the turned axes.
+/// Returns a translation with turns about x, then y, then z of the turned axes.
 fn offset(at: &[f64], turned: &[f64]) -> Isometry3<f64> {
     let about = |k: usize| turned.get(k).copied().unwrap_or(0.0);
     let turn = Rotation3::from_axis_angle(&Vector3::x_axis(), about(0))
@@ -247,7 +247,8 @@ fn joint(
     Ok(Some(OsimJoint { name, parent, child, in_parent, in_child, moved: moved(node)? }))
 }
 
-/// The body of a joint's frame, and the frame in it: an offset that the joint owns, or the body itself.
+/// Returns the body of a joint's frame, and the frame in that body: an offset that the joint owns, or the
+/// body itself.
 fn frame(node: &Node, name: &str) -> Result<(String, Isometry3<f64>), String> {
     let own = |n: &Node| n.has_tag_name("PhysicalOffsetFrame") && n.attribute("name") == Some(name);
     let last = |path: &str| path.trim().rsplit('/').next().unwrap_or_default().to_owned();

@@ -8,7 +8,7 @@ use super::lines::Lines;
 /// A table over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// Its name: the first line.
+    /// The name of the table: the first line.
     pub name: String,
     /// Angles are in degrees.
     pub in_degrees: bool,
@@ -22,7 +22,7 @@ pub struct Storage {
 
 /// Goes through the rows of a file.
 pub struct Rows<R> {
-    /// Its name: the first line.
+    /// The name of the table: the first line.
     pub name: String,
     /// Angles are in degrees.
     pub in_degrees: bool,

@@ -47,7 +47,7 @@ pub(super) fn is_columnar(ending: &str) -> bool {
 /// The content of a file.
 #[derive(Debug, Default)]
 pub(super) struct Table {
-    /// Its columns.
+    /// The columns of the file.
     pub(super) columns: Vec<Cells>,
     /// Columns that the file says are times, which are in s here, with the unit that they have in the file,
     /// s.
@@ -100,7 +100,7 @@ pub(super) fn columns(label: &str, ending: &str, bytes: Vec<u8>) -> Result<Table
     table.map_err(|reason| RecordingError::NotARecording { name: label.to_owned(), reason })
 }
 
-/// A number with as many digits as it takes to read the same one back.
+/// Returns a number with the digits that are needed to read the same number back.
 fn number(value: f64) -> String {
     format!("{value:?}")
 }

@@ -11,7 +11,7 @@ use super::*;
 use crate::recording::Recording;
 use crate::rig::RigFile;
 
-/// A Parquet file with a time in ns, a force with gaps, and a rate in single precision.
+/// Makes a Parquet file with a time in ns, a force with gaps, and a rate in single precision.
 fn parquet_file(compression: Compression) -> Vec<u8> {
     let column = |name: &str, kind, repetition| {
         Arc::new(Type::primitive_type_builder(name, kind).with_repetition(repetition).build().unwrap())
@@ -85,7 +85,7 @@ fn element(kind: u32, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A matrix of f64, by columns, stored as `kind`.
+/// Makes a matrix of f64, by columns, stored as `kind`.
 fn matrix(name: &str, rows: u32, columns: u32, numbers: Vec<u8>) -> Vec<u8> {
     let flags = element(6, &[6, 0, 0, 0, 0, 0, 0, 0]);
     let dimensions = element(5, &[rows.to_le_bytes(), columns.to_le_bytes()].concat());

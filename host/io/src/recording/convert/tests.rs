@@ -1,7 +1,7 @@
 use super::*;
 use std::fs;
 
-/// Every group there is, odd numbers, columns in no particular order.
+/// Returns a text with every group there is, odd numbers, and columns in no particular order.
 fn everything() -> String {
     let mut text = String::from("# operator = \"A. N. Other\"\n# free words\n# rate_hz = 3.0\n");
     let names = "lamp,imu1_gx_radps,imu1_gy_radps,imu1_gz_radps,t_s,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,imu_ax_mps2,imu_ay_mps2,imu_az_mps2,q1_w,q1_x,q1_y,q1_z,x_m,y_m,z_m,qw,qx,qy,qz,cmd_x_m,cmd_y_m,cmd_z_m,cmd_qw,cmd_qx,cmd_qy,cmd_qz,g1_v,g2_v,g3_v,g4_v,g5_v,g6_v,gx_mps2,gy_mps2,gz_mps2,note";

@@ -193,7 +193,7 @@ impl Reader<'_> {
     }
 }
 
-/// A name for the unscaled cells that no other column has.
+/// Returns a name for the unscaled cells that no other column has.
 fn raw_name(header: &str, headers: &[String]) -> String {
     let mut name = format!("raw_{header}");
     while headers.contains(&name) {

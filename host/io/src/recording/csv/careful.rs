@@ -114,9 +114,9 @@ enum Way {
 /// The findings in the cells of a column.
 #[derive(Default)]
 struct Seen {
-    /// Forms of its numbers, while all of its cells are some.
+    /// Forms of the column's numbers, while all of its cells are numbers.
     forms: Option<Forms>,
-    /// Its times of day, while all are.
+    /// The column's times of day, while all of its cells are such.
     stamps: Option<Survey>,
 }
 

@@ -30,7 +30,7 @@ pub(in crate::recording) const ROWS: usize = 40;
 const NAMES: [&str; 7] = ["Time", "Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const UNITS: [&str; 7] = ["s", "N", "N", "N", "Nm", "Nm", "Nm"];
 
-/// Whole thousandths of every cell: known numbers without a rounding.
+/// Returns whole thousandths for every cell: known numbers without a rounding.
 pub(in crate::recording) fn thousandths(row: usize, k: usize) -> i64 {
     let (row, k) = (row as i64, k as i64);
     match k {

@@ -1,4 +1,5 @@
-//! What each column of a file is: by its name, by the rig file, or by what other programs call it.
+//! Finds the meaning of each column of a file: by its name, by the rig file, or by the names that other
+//! programs use.
 
 use std::collections::BTreeMap;
 

@@ -52,7 +52,7 @@ impl Recording {
         writer.into_inner().map_err(csv::IntoInnerError::into_error)
     }
 
-    /// The text of [`Recording::write_csv`].
+    /// Returns the text that [`Recording::write_csv`] writes.
     pub fn to_csv(&self) -> String {
         // Writing into memory has no way to fail.
         self.write_csv(Vec::new()).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default()

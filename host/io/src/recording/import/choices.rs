@@ -34,7 +34,7 @@ pub enum ChoiceError {
     NoColumn {
         /// The column.
         name: String,
-        /// Those that there are.
+        /// The columns of the file.
         names: Vec<String>,
     },
 }

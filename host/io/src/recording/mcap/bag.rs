@@ -51,7 +51,7 @@ pub(super) fn read(
     Ok(())
 }
 
-/// The topic of a kind: the one that the rig file names, or the only one.
+/// Returns the topic of a kind: the one that the rig file names, or the only one.
 fn choose<'t>(
     label: &str,
     contents: &Contents<'_>,
@@ -96,7 +96,7 @@ fn choose<'t>(
     }
 }
 
-/// `sensor_msgs/msg/Imu` is also written `sensor_msgs/Imu`.
+/// Compares names of types: `sensor_msgs/msg/Imu` is also written `sensor_msgs/Imu`.
 fn same_type(found: &str, wanted: &str) -> bool {
     found == wanted || found == wanted.replace("/msg/", "/")
 }
@@ -177,7 +177,8 @@ fn reading(time_ns: u64, wrench: &[f64; 6], imu: &ImuValues) -> Reading<f64> {
     }
 }
 
-/// The pipeline's own aligner, fed in the order of time; stated group delays are taken off.
+/// Aligns messages by the pipeline's own aligner, fed in the order of time; stated group delays are taken
+/// off.
 fn align(
     label: &str,
     wrench_topic: &str,

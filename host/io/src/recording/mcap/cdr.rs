@@ -45,21 +45,21 @@ impl CdrWriter {
         }
     }
 
-    /// A `uint32`.
+    /// Writes a `uint32`.
     pub fn u32(&mut self, value: u32) -> &mut Self {
         self.align(4);
         self.bytes.extend_from_slice(&value.to_le_bytes());
         self
     }
 
-    /// An `int32`.
+    /// Writes an `int32`.
     pub fn i32(&mut self, value: i32) -> &mut Self {
         self.align(4);
         self.bytes.extend_from_slice(&value.to_le_bytes());
         self
     }
 
-    /// `float64`s of a fixed number.
+    /// Writes a fixed number of `float64`s.
     pub fn f64s(&mut self, values: &[f64]) -> &mut Self {
         for value in values {
             self.align(8);
@@ -68,7 +68,7 @@ impl CdrWriter {
         self
     }
 
-    /// A `string`.
+    /// Writes a `string`.
     pub fn string(&mut self, text: &str) -> &mut Self {
         // A text beyond 4 GiB does not come up: cells of a file are far shorter.
         self.u32(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
@@ -77,7 +77,7 @@ impl CdrWriter {
         self
     }
 
-    /// The message.
+    /// Returns the message.
     pub fn finish(self) -> Vec<u8> {
         self.bytes
     }
@@ -116,7 +116,7 @@ impl<'a> CdrReader<'a> {
         Ok(*bytes)
     }
 
-    /// A `uint32`.
+    /// Reads a `uint32`.
     ///
     /// # Errors
     /// The message is cut off.
@@ -125,7 +125,7 @@ impl<'a> CdrReader<'a> {
         Ok(if self.little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// An `int32`.
+    /// Reads an `int32`.
     ///
     /// # Errors
     /// The message is cut off.
@@ -133,7 +133,7 @@ impl<'a> CdrReader<'a> {
         self.u32().map(|v| v.cast_signed())
     }
 
-    /// A `float64`.
+    /// Reads a `float64`.
     ///
     /// # Errors
     /// The message is cut off.
@@ -142,7 +142,7 @@ impl<'a> CdrReader<'a> {
         Ok(if self.little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
     }
 
-    /// A fixed number of `float64`s.
+    /// Reads a fixed number of `float64`s.
     ///
     /// # Errors
     /// The message is cut off.
@@ -154,7 +154,7 @@ impl<'a> CdrReader<'a> {
         Ok(values)
     }
 
-    /// A `string`.
+    /// Reads a `string`.
     ///
     /// # Errors
     /// The message is cut off, or the text is not UTF-8.

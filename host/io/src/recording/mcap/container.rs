@@ -132,7 +132,7 @@ impl<'a> Fields<'a> {
         Some(map)
     }
 
-    /// Opcode and content of the next record; `None` at the end, or where it is torn.
+    /// Returns opcode and content of the next record; `None` at the end, or where it is torn.
     fn record(&mut self) -> Option<(u8, Fields<'a>)> {
         let mut ahead = *self;
         let opcode = *ahead.bytes(1)?.first()?;
@@ -275,7 +275,7 @@ fn attachment(mut fields: Fields<'_>) -> Option<(String, Cow<'_, [u8]>)> {
     (crc == 0 || crc == CRC.checksum(whole.get(..checked)?)).then_some((name, Cow::Borrowed(data)))
 }
 
-/// The records in a chunk, unpacked and checked; what it unpacks is taken off the `room`, bytes.
+/// Returns the records in a chunk, unpacked and checked. The unpacked bytes are taken off the `room`.
 fn chunk<'a>(mut fields: Fields<'a>, room: &mut u64) -> Result<Cow<'a, [u8]>, String> {
     let damaged = || "a chunk is damaged".to_owned();
     let mut head = || {
@@ -319,7 +319,7 @@ fn read_all(packed: impl Read, size: u64) -> Result<Vec<u8>, String> {
     Ok(records)
 }
 
-/// A chunk whose record has no credible length, by the length inside it; and what comes after.
+/// Returns a chunk whose record has no credible length, by the length inside it, and the bytes after it.
 fn misframed_chunk<'a>(rest: Fields<'a>, room: &mut u64) -> Option<(Cow<'a, [u8]>, Fields<'a>)> {
     let mut fields = rest;
     if fields.bytes(1)? != [opcode::CHUNK] {
@@ -355,7 +355,7 @@ mod tests {
         bytes
     }
 
-    /// Schema, channel, and a message of three bytes.
+    /// Returns a schema, a channel, and a message of three bytes.
     fn records() -> Vec<u8> {
         let schema = [&[7, 0][..], &text("some/msg/Type"), &text("ros2msg"), &text("string data\n")].concat();
         let channel = [&[3, 0, 7, 0][..], &text("/topic"), &text("cdr"), &0_u32.to_le_bytes()].concat();

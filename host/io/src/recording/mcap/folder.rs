@@ -176,8 +176,8 @@ mod tests {
         [0.1 * k as f64, 1.0, -2.0, 0.3, 0.02 * k as f64, 0.0]
     }
 
-    /// A database as `ros2 bag record` writes it, the messages of one topic packed one by one if that is
-    /// asked for.
+    /// Writes a database as `ros2 bag record` does; with `packed`, the messages of one topic are compressed
+    /// one by one.
     fn database(path: &Path, rows: std::ops::Range<u64>, packed: bool) {
         let bag = rusqlite::Connection::open(path).unwrap();
         bag.execute_batch(

@@ -5,7 +5,7 @@ use super::cdr::{CdrError, CdrReader, CdrWriter};
 /// Says "not measured" at the head of a covariance.
 const NOT_MEASURED: f64 = -1.0;
 
-/// A time stamp in ns, as a header holds it: whole seconds in 32 bits.
+/// Writes a time stamp in ns as a header holds it: whole seconds in 32 bits.
 fn header(writer: &mut CdrWriter, time_ns: u64, frame: &str) {
     // Seconds beyond 2038 do not fit; readers of ours use the log time, which has 64 bits.
     let seconds = i32::try_from(time_ns / 1_000_000_000).unwrap_or(i32::MAX);
@@ -51,7 +51,7 @@ fn diagonal(sigma: Option<f64>, measured: bool) -> [f64; 9] {
     covariance
 }
 
-/// `sensor_msgs/msg/Imu`; σ in m/s² and rad/s where known.
+/// Writes a `sensor_msgs/msg/Imu`; σ in m/s² and rad/s where known.
 pub fn write_imu(
     time_ns: u64,
     frame: &str,
@@ -85,7 +85,7 @@ pub fn read_imu(bytes: &[u8]) -> Result<Stamped<ImuValues>, CdrError> {
     Ok(Stamped { stamp_ns, value: ImuValues { accel, gyro } })
 }
 
-/// A stamped message of K numbers: `WrenchStamped` (6), `Vector3Stamped` (3).
+/// Writes a stamped message of K numbers: `WrenchStamped` (6), `Vector3Stamped` (3).
 pub fn write_numbers<const K: usize>(time_ns: u64, frame: &str, values: &[f64; K]) -> Vec<u8> {
     let mut writer = CdrWriter::default();
     header(&mut writer, time_ns, frame);
@@ -102,7 +102,7 @@ pub fn read_numbers<const K: usize>(bytes: &[u8]) -> Result<Stamped<[f64; K]>, C
     Ok(Stamped { stamp_ns: stamp(&mut reader)?, value: reader.f64s()? })
 }
 
-/// `PoseStamped` from `x, y, z, qw, qx, qy, qz`.
+/// Writes a `PoseStamped` from `x, y, z, qw, qx, qy, qz`.
 pub fn write_pose(time_ns: u64, frame: &str, pose: &[f64; 7]) -> Vec<u8> {
     let [x, y, z, qw, qx, qy, qz] = *pose;
     write_numbers(time_ns, frame, &[x, y, z, qx, qy, qz, qw])
@@ -117,7 +117,7 @@ pub fn read_pose(bytes: &[u8]) -> Result<Stamped<[f64; 7]>, CdrError> {
     Ok(Stamped { stamp_ns, value: [x, y, z, qw, qx, qy, qz] })
 }
 
-/// `QuaternionStamped` from w, x, y, z.
+/// Writes a `QuaternionStamped` from w, x, y, z.
 pub fn write_quaternion(time_ns: u64, frame: &str, q: &[f64; 4]) -> Vec<u8> {
     let [w, x, y, z] = *q;
     write_numbers(time_ns, frame, &[x, y, z, w])
@@ -202,7 +202,7 @@ pub fn read_transforms(bytes: &[u8]) -> Result<Vec<Transform<'_>>, CdrError> {
     Ok(transforms)
 }
 
-/// `Float64MultiArray` of one dimension.
+/// Writes a `Float64MultiArray` of one dimension.
 pub fn write_array(label: &str, values: &[f64; 6]) -> Vec<u8> {
     let mut writer = CdrWriter::default();
     writer.u32(1).string(label).u32(6).u32(6).u32(0).u32(6).f64s(values);
@@ -227,7 +227,7 @@ pub fn read_array(bytes: &[u8]) -> Result<[f64; 6], CdrError> {
     }
 }
 
-/// `std_msgs/msg/String`.
+/// Writes a `std_msgs/msg/String`.
 pub fn write_text(text: &str) -> Vec<u8> {
     let mut writer = CdrWriter::default();
     writer.string(text);

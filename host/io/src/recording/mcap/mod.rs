@@ -49,17 +49,17 @@ pub const COMMANDED_TOPIC: &str = "/platform/commanded_pose";
 /// Topic of what no ROS message holds.
 pub const ROW_TOPIC: &str = "/rigident/row";
 
-/// Topic of the IMU on link `j`.
+/// Returns the topic of the IMU on link `j`.
 pub fn imu_topic(j: usize) -> String {
     format!("/imu{j}")
 }
 
-/// Topic of the attitude of link `j`.
+/// Returns the topic of the attitude of link `j`.
 pub fn attitude_topic(j: usize) -> String {
     format!("/link{j}/attitude")
 }
 
-/// The number between `prefix` and `suffix` of a topic.
+/// Returns the number between `prefix` and `suffix` of a topic.
 pub fn topic_number(topic: &str, prefix: &str, suffix: &str) -> Option<usize> {
     let digits = topic.strip_prefix(prefix)?.strip_suffix(suffix)?;
     digits.parse().ok().filter(|j: &usize| j.to_string() == digits)

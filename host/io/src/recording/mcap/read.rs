@@ -188,7 +188,7 @@ fn together(label: &str, bags: &[Bag<'_>], packed: bool) -> Result<Stored, Recor
 /// The messages of a topic, decoded: log time and value.
 pub(super) type Series<V> = Vec<(u64, V)>;
 
-/// Why a message is no use, with its place.
+/// Returns the error of a message that cannot be used, with its place.
 pub(super) fn refuse(label: &str, topic: &str, n: usize, reason: impl Into<String>) -> RecordingError {
     RecordingError::Message {
         name: label.to_owned(),
@@ -219,7 +219,7 @@ pub(super) fn series<'c, V>(
         .collect()
 }
 
-/// All numbers that an IMU measured.
+/// Returns all numbers that an IMU measured.
 pub(super) fn imu_numbers(values: &ImuValues) -> Vec<f64> {
     values.accel.into_iter().chain(values.gyro).flatten().collect()
 }

@@ -20,7 +20,7 @@ pub struct MessageType {
 }
 
 impl MessageType {
-    /// The definition in the form that MCAP calls `ros2msg`.
+    /// Returns the definition in the form that MCAP calls `ros2msg`.
     pub fn text(&self) -> String {
         let mut text = self.definition.to_owned();
         for (name, definition) in self.inside {

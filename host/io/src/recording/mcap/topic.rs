@@ -124,7 +124,8 @@ fn joints(state: super::messages::JointState) -> Vec<(String, f64)> {
     units.into_iter().flat_map(of_unit).collect()
 }
 
-/// Linear and angular acceleration; no column of the notation, so the rig file says what they are.
+/// Returns linear and angular accelerations as foreign columns: the notation has none for them, so the rig
+/// file names their meaning.
 fn accelerations(values: [f64; 6]) -> Vec<(String, f64)> {
     let names = ["linear_x", "linear_y", "linear_z", "angular_x", "angular_y", "angular_z"];
     names.iter().map(|name| (*name).to_owned()).zip(values).collect()

@@ -127,8 +127,8 @@ impl<W: Write + Seek> std::fmt::Debug for McapWriter<W> {
 }
 
 impl McapWriter<Behind> {
-    /// A new file under its final name, written in a thread of its own: what reaches the disk can be read
-    /// even if the program is killed.
+    /// Creates a new file under its final name, written in a thread of its own: bytes that reach the disk can
+    /// be read even if the program is killed.
     ///
     /// # Errors
     /// [`WriteError`]; a file that is there is left as it is.

@@ -43,7 +43,7 @@ pub(crate) struct Forms {
 pub(crate) enum Unclear {
     /// Nothing shows whether `1,234` has decimals or thousands.
     Comma,
-    /// The same of `1.234`.
+    /// Nothing shows whether `1.234` has decimals or thousands.
     Point,
 }
 
@@ -75,7 +75,7 @@ impl Forms {
         true
     }
 
-    /// As [`Forms::see`]; false, too, for a cell that is no number.
+    /// Rules out forms as [`Forms::see`] does. Returns false for a cell that is no number, too.
     pub(crate) fn see_number(&mut self, cell: &str) -> bool {
         is_number(cell) && self.see(cell)
     }
@@ -96,7 +96,7 @@ impl Forms {
         if left == 0 { self } else { Self { left, ..self } }
     }
 
-    /// As [`Forms::and`], with the marks that either saw.
+    /// Returns the forms that both leave, as [`Forms::and`], with the marks that either saw.
     pub(crate) fn join(self, other: Self) -> Self {
         let both = self.and(other);
         Self { commas: self.commas || other.commas, points: self.points || other.points, ..both }
@@ -121,7 +121,7 @@ impl Forms {
 }
 
 impl Form {
-    /// As the notation has it.
+    /// The form of numbers in the notation.
     pub(crate) const PLAIN: Self = FORMS[0];
 
     /// Returns the form that cells agree with, a point before three digits being one before decimals; `comma`

@@ -130,8 +130,8 @@ fn xsens(text: &str, line: u64) -> Option<Result<Layout, String>> {
     Some(Ok(with_time(layout, clock.0, Some(clock.1))))
 }
 
-/// Vicon Nexus: sections, each with its name, its rate, groups, names and units. Forces are in the one of
-/// devices.
+/// Reads the layout of Vicon Nexus: sections, each with its name, its rate, groups, names and units. Forces
+/// are in the section of devices.
 fn vicon(text: &str, line: u64) -> Option<Result<Layout, String>> {
     const SECTIONS: [&str; 7] =
         ["Devices", "Model Outputs", "Trajectories", "Joints", "Segments", "Events", "EVENTS"];
@@ -241,7 +241,8 @@ fn qualisys(text: &str, line: u64) -> Option<Result<Layout, String>> {
     })
 }
 
-/// The demonstration of ATI's Net F/T: counts, of which its header says how many are a unit, at its rate.
+/// Reads the layout of the demonstration of ATI's Net F/T: counts at a rate, with the number of counts in a
+/// unit in its header.
 fn net_ft(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let named = |key: &str| {
         let own = lines(text, line).take(MOST_LINES).find(|line| line.text.contains(key))?;
@@ -319,7 +320,7 @@ fn universal_robots(text: &str, line: u64) -> Option<Result<Layout, String>> {
     Some(Ok(layout))
 }
 
-/// HBK catman: names, units, then up to forty lines of what is known of the channels, then rows.
+/// Reads the layout of HBK catman: names, units, then up to forty lines about the channels, then rows.
 fn catman(text: &str, line: u64) -> Option<Result<Layout, String>> {
     let header = lines(text, line)
         .take(MOST_LINES)

@@ -125,7 +125,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// A rigid body: of positive mass, and with a tensor that some body has.
+    /// Checks a rigid body: its mass is positive, and some body has its tensor.
     fn body(&self, key: &str, mass_kg: f64, com_m: [f64; 3], inertia: [f64; 6]) -> Result<(), RigFileError> {
         self.positive(&format!("{key}.mass_kg"), &[mass_kg])?;
         self.finite(&format!("{key}.com_m"), &com_m)?;

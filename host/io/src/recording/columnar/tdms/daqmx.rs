@@ -20,7 +20,7 @@ pub(super) struct Layout {
     pub(super) kind: Kind,
     /// The scale that its properties name its counts by.
     pub(super) scale: usize,
-    /// Its numbers are counts, which scales make values of its unit.
+    /// True if the channel's numbers are counts, which scales convert to its unit.
     pub(super) is_counts: bool,
     /// Samples in a chunk.
     count: usize,

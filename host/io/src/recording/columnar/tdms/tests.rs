@@ -98,7 +98,7 @@ fn counts_of_two_devices_are_scaled_and_lines_are_bits() {
     }
 }
 
-/// A segment as the specification has it, in either byte order: channels of f32, i16 and f64, three values
+/// Makes a segment by the specification, in either byte order: channels of f32, i16 and f64, three values
 /// each.
 fn segment(is_big: bool, is_interleaved: bool) -> Vec<u8> {
     let order = |mut bytes: Vec<u8>| {
