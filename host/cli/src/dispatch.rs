@@ -109,7 +109,7 @@ pub struct SchemaOf {
     pub file: String,
 }
 
-/// The command line as it is where nothing is left out.
+/// Returns the command line as it is where nothing is left out.
 #[cfg(feature = "simulator")]
 pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
     command
@@ -157,7 +157,7 @@ fn check_folder(command: Option<&Command>) -> Result<(), Failure> {
 /// Does what a command line asks for.
 ///
 /// # Errors
-/// What the command says.
+/// Fails as the command does.
 pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
     check_folder(command.as_ref())?;
     match command {
@@ -226,7 +226,7 @@ pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
     }
 }
 
-/// Why `what` cannot be done by this build.
+/// Returns the failure of something that this build cannot do.
 #[cfg(not(feature = "simulator"))]
 fn needs_simulator(what: &str) -> Failure {
     Failure::input(format!(
@@ -235,7 +235,7 @@ fn needs_simulator(what: &str) -> Failure {
     ))
 }
 
-/// `rigident schema`
+/// Runs `rigident schema`.
 fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
     let schema = rigident::schema::schema(&arguments.file)
         .ok_or_else(|| Failure::input(format!("there is no schema of {:?}", arguments.file)))?;
@@ -243,7 +243,7 @@ fn schema(arguments: &SchemaOf) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// `rigident convert`
+/// Runs `rigident convert`.
 fn convert(arguments: &Convert) -> Result<ExitCode, Failure> {
     let Convert { input, output, rig } = arguments;
     refuse_several(input, rig.as_deref(), "convert")?;

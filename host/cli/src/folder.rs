@@ -25,7 +25,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// `wanted` if it is new or empty; without it, a new folder `rigident-NAME-…` under the current one.
+    /// Returns `wanted` if it is new or empty; without it, makes a new folder `rigident-NAME-…` under the
+    /// current one.
     ///
     /// # Errors
     /// The folder holds something, or cannot be made.
@@ -85,15 +86,16 @@ impl Folder {
         &self.path
     }
 
-    /// The path of a file in it.
+    /// Returns the path of a file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Writes an answer, or a page of it, in the terms of the command line; otherwise as [`Folder::write`].
+    /// Writes an answer, or a page of it, in the terms of the command line, otherwise as [`Folder::write`]
+    /// does.
     ///
     /// # Errors
-    /// As [`Folder::write`].
+    /// Fails as [`Folder::write`] does.
     pub fn write_text(&self, name: &str, text: &str) -> Result<PathBuf, Failure> {
         self.write(name, in_own_terms(text).as_bytes())
     }
@@ -124,7 +126,8 @@ fn not_empty(path: &Path) -> Failure {
     ))
 }
 
-/// Temporary files are private unless set otherwise; an answer is not.
+/// Returns a builder of temporary files that others may read: they are private unless set otherwise, and an
+/// answer is not.
 fn readable_by_others() -> tempfile::Builder<'static, 'static> {
     #[cfg_attr(not(unix), allow(unused_mut, reason = "permissions are Unix'"))]
     let mut builder = tempfile::Builder::new();

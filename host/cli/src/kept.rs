@@ -30,7 +30,7 @@ thread_local! {
 /// Carried by the unwinding of a command that is to stop.
 pub(crate) struct Stopped;
 
-/// From now on this thread keeps what it would print, until [`end`].
+/// Makes this thread keep its output from now on, until [`end`].
 pub(crate) fn begin(stop: Arc<AtomicBool>) {
     KEPT.set(Some(Kept { output: String::new(), messages: Vec::new(), stop }));
 }

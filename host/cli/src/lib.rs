@@ -103,12 +103,12 @@ fn listen_for_interrupts(json: bool) {
     }
 }
 
-/// There are no signals in a browser: its page ends the worker.
+/// Does nothing. There are no signals in a browser: its page ends the worker.
 #[cfg(target_family = "wasm")]
 fn listen_for_interrupts(_: bool) {}
 
-/// The whole command line. A negative number is a value, which each command refuses in its own words, not an
-/// unknown option.
+/// Returns the whole command line. A negative number is a value, which each command refuses in its own words,
+/// not an unknown option.
 fn command() -> clap::Command {
     fn with_numbers(command: clap::Command) -> clap::Command {
         command
@@ -124,7 +124,7 @@ fn command() -> clap::Command {
 /// Reads the words of a command line, the program's name first.
 ///
 /// # Errors
-/// What clap says of them; help and the version are such, too.
+/// Returns the errors of clap, requests for help and the version among them.
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
     let words: Vec<OsString> = words.into_iter().collect();
     if let Some((n, word)) = words.iter().enumerate().skip(1).find(|(_, word)| steers(word)) {

@@ -21,7 +21,7 @@ pub enum Command {
     Body(Body),
 }
 
-/// The command line as it is: nothing of these commands needs the simulated rig.
+/// Returns the command line as it is: none of these commands needs the simulated rig.
 pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
     command
 }
@@ -29,7 +29,7 @@ pub(crate) fn without_missing(command: clap::Command) -> clap::Command {
 /// Does what a command line asks for.
 ///
 /// # Errors
-/// What the command says, or that there is none.
+/// Fails as the command does, or if there is none.
 pub(crate) fn dispatch(command: Option<Command>) -> Result<ExitCode, Failure> {
     match command {
         Some(Command::Identify(a)) => {

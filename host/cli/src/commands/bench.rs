@@ -9,14 +9,14 @@ use crate::screen::outcome::say;
 use rigident_model::speed::{Asked, pinocchio, shapes, time};
 use rigident_model::urdf;
 
-/// `rigident bench`
+/// Runs `rigident bench`.
 pub(crate) fn run(command: &BenchCommand) -> Result<ExitCode, Failure> {
     match &command.verb {
         BenchVerb::Regressors(arguments) => regressors(arguments),
     }
 }
 
-/// `rigident bench regressors`
+/// Runs `rigident bench regressors`.
 fn regressors(arguments: &BenchRegressors) -> Result<ExitCode, Failure> {
     let folder = tempfile::tempdir().map_err(Failure::input)?;
     let mut models = Vec::new();

@@ -10,7 +10,7 @@ use crate::{Failure, Folder};
 
 const NAME: &str = "rigident";
 
-/// `rigident completions`
+/// Runs `rigident completions`.
 pub(crate) fn completions(arguments: &Completions) -> Result<ExitCode, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut crate::command(), NAME, &mut script);
@@ -18,7 +18,7 @@ pub(crate) fn completions(arguments: &Completions) -> Result<ExitCode, Failure> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// `rigident man`
+/// Runs `rigident man`.
 pub(crate) fn man(arguments: &Man) -> Result<ExitCode, Failure> {
     let mut command = crate::command();
     // Names of commands below others, and what all of them take.
@@ -42,7 +42,7 @@ pub(crate) fn man(arguments: &Man) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The page of a command, and those of all below it.
+/// Adds the page of a command, and those of all commands below it.
 fn add_pages(
     command: &clap::Command,
     name: String,

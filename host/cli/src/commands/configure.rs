@@ -15,7 +15,7 @@ use rigident_io::recording::extension;
 use rigident_io::recording::new_file::write_new_text;
 use rigident_io::rig::RigFile;
 
-/// `rigident configure`
+/// Runs `rigident configure`.
 pub(crate) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
     // What is wrong with the files is said before a port is opened.
     let rig = arguments.rig.as_deref().map(RigFile::load).transpose().map_err(Failure::input)?;
@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Configure) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The settings that are to be sent, if any are.
+/// Returns the settings that are to be sent, if any are.
 fn wanted(arguments: &Configure, rig: Option<&RigFile>) -> Result<Option<Settings>, Failure> {
     if let Some(path) = &arguments.from {
         return settings_file::read(path).map(Some).map_err(Failure::input);

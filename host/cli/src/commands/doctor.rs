@@ -7,7 +7,7 @@ use crate::screen::outcome::say;
 use crate::{ExitStatus, Failure};
 use rigident::device::doctor::{Advice, Check, Standing, UDEV_RULE, all};
 
-/// `rigident doctor`
+/// Runs `rigident doctor`.
 pub(crate) fn run(arguments: &Doctor) -> Result<ExitCode, Failure> {
     if arguments.udev_rule {
         say(UDEV_RULE.trim_end());

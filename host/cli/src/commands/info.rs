@@ -21,7 +21,7 @@ use rigident::device::words;
 /// A board has started after this long: its clocks, and a check of what its flash stores.
 const STARTS: Duration = Duration::from_millis(500);
 
-/// `rigident info`
+/// Runs `rigident info`.
 pub(crate) fn run(arguments: &Info) -> Result<ExitCode, Failure> {
     let (mut port, mut session) = open(arguments.device.port.as_deref(), &[])?;
     if arguments.restart {

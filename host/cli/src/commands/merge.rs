@@ -14,7 +14,7 @@ use rigident_fit::pool::PooledFactor;
 use rigident_io::factor_table::{Part, is_table, parts};
 use rigident_io::union::{Union, union_of_parts};
 
-/// `rigident merge`
+/// Runs `rigident merge`.
 pub(crate) fn merge(arguments: &Merge) -> Result<ExitCode, Failure> {
     let mut files = arguments.factors.clone();
     if let Some(list) = &arguments.from {

@@ -11,7 +11,7 @@ use rigident_model::base::{BaseParameters, Rows, Situation, base_parameters};
 use rigident_model::human::Person;
 use rigident_model::{Finding, Model, write};
 
-/// `rigident model`
+/// Runs `rigident model`.
 pub(crate) fn run(command: &ModelCommand) -> Result<ExitCode, Failure> {
     match &command.verb {
         ModelVerb::BaseParams(arguments) => base_params(arguments),

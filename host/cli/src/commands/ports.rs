@@ -8,7 +8,7 @@ use crate::commands::info::of_identity;
 use crate::screen::outcome::say;
 use rigident::device::ports::{self, Answered, Attached, answers, state};
 
-/// `rigident ports`
+/// Runs `rigident ports`.
 pub(crate) fn run(arguments: &Ports) -> Result<ExitCode, Failure> {
     let ports = ports::listed().map_err(|e| {
         Failure::link(format!("the serial ports cannot be listed: {e}; `rigident doctor` looks further"))

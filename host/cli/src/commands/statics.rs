@@ -5,7 +5,7 @@ use crate::screen::outcome::{say, say_in_one_line};
 use crate::{ExitStatus, Failure};
 use rigident::application::{StaticsOptions, statics};
 
-/// `rigident statics`
+/// Runs `rigident statics`.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let options = StaticsOptions { rig: arguments.rig.clone(), reference: arguments.reference };
     let found = statics(&arguments.recording, &options)?;

@@ -6,7 +6,7 @@ use crate::{ExitStatus, Failure};
 use rigident::application::summary;
 use rigident::present::repeated::text;
 
-/// `rigident summary`
+/// Runs `rigident summary`.
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let found = summary(&arguments.results)?;
     for name in &found.left_out {

@@ -6,7 +6,7 @@ use crate::screen::outcome::{say, say_object};
 use crate::{ExitStatus, Failure, Stages};
 use rigident::application::{ReferenceOptions, ReferenceRuns};
 
-/// `rigident verify`
+/// Runs `rigident verify`.
 pub(crate) fn run(arguments: &Verify) -> Result<ExitCode, Failure> {
     let calibration = arguments.calibration.calibration.clone();
     let options = ReferenceOptions { calibration, ..options(&arguments.runs, "verify")? };

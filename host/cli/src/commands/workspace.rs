@@ -39,7 +39,7 @@ struct Tilt {
     singularity_free_deg: f64,
 }
 
-/// `rigident workspace`
+/// Runs `rigident workspace`.
 pub(crate) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     let geometry = platform(arguments.rig.as_deref(), arguments.stroke_m)?;
     let span =
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Workspace) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The platform of a rig file, or the thesis' one, with the middle of its stroke.
+/// Returns the platform of a rig file, or the thesis' one, with the middle of its stroke.
 fn platform(rig: Option<&Path>, stroke_m: Option<f64>) -> Result<Geometry, Failure> {
     let geometry = match rig {
         None => Geometry::thesis(),
@@ -118,7 +118,7 @@ fn hundredths(degrees: f64) -> f64 {
     (degrees * 100.0).round() / 100.0
 }
 
-/// In square degrees of the map, as a share of it.
+/// Returns the share of the map whose cells are true.
 fn share(cells: &[Vec<bool>]) -> f64 {
     let all = cells.iter().map(Vec::len).sum::<usize>().max(1);
     cells.iter().flatten().filter(|c| **c).count() as f64 / all as f64
@@ -155,7 +155,7 @@ fn summary(geometry: &Geometry, span: &Span, map: &Map, reach: &[Reach]) -> Stri
     text
 }
 
-/// Roll and pitch of the poses that a plan holds, degrees, each once.
+/// Returns roll and pitch of the poses that a plan holds, degrees, each once.
 fn still_poses(path: &Path, geometry: &Geometry) -> Result<Vec<[f64; 2]>, Failure> {
     let plan = PlanFile::read(path, geometry).map_err(Failure::input)?;
     let trajectory = plan.program.trajectory().map_err(Failure::input)?;

@@ -48,7 +48,7 @@ pub(crate) struct Watcher {
 }
 
 impl Watcher {
-    /// Without a recording.
+    /// Watches without a recording.
     pub(crate) fn new(expected: usize) -> Self {
         Self {
             progress: Progress::new(),
@@ -63,7 +63,7 @@ impl Watcher {
         }
     }
 
-    /// With a recording at `path`, the rig file inside.
+    /// Watches with a recording at `path`, the rig file inside.
     pub(crate) fn recording(
         path: PathBuf,
         rig: &RigFile,
@@ -114,7 +114,7 @@ fn imu_values(specific_force: [f32; 3], angular_rate: [f32; 3]) -> ImuValues {
     ImuValues { accel: Some(specific_force.map(f64::from)), gyro: Some(angular_rate.map(f64::from)) }
 }
 
-/// A row of what the sensors on the load cell's body read, and the IMUs.
+/// Returns a row of the readings of the sensors on the load cell's body and of the IMUs.
 fn row<'a>(reading: &ReadingMessage, imus: &'a [ImuValues], attitudes: &'a [(usize, [f64; 4])]) -> Row<'a> {
     let wrench = Some(reading.wrench.map(f64::from));
     Row { time_ns: reading.time_ns, wrench, imus, attitudes, ..Row::default() }

@@ -19,7 +19,8 @@ pub(crate) fn of_sensors(rate_hz: f64) -> DeviceTiming {
     DeviceTiming { rate_hz, is_static: false, source: Source::Sensors, host_timeout_ms: HOST_TIMEOUT_MS }
 }
 
-/// The device's settings for what a rig file describes, one body or two links, and σ where it has none.
+/// Returns the device's settings for the content of a rig file, one body or two links, and σ where it has
+/// none.
 ///
 /// # Errors
 /// Bad input: what the rig file lacks, or more links than the device takes from sensors.

@@ -17,7 +17,7 @@ use rigident_io::behind::Behind;
 pub(crate) struct MotionLog {
     file: Behind,
     path: PathBuf,
-    /// Whether the rows have measured poses, once there is one.
+    /// True if the rows have measured poses; `None` before the first row.
     measured: Option<bool>,
     samples: Vec<MotionSample>,
     last_s: f64,
@@ -26,7 +26,7 @@ pub(crate) struct MotionLog {
 const POSE: [&str; 7] = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"];
 
 impl MotionLog {
-    /// A new file.
+    /// Creates a new file.
     pub(crate) fn create(path: PathBuf, address: &str) -> Result<Self, Failure> {
         let said = |e: std::io::Error| Failure::input(format!("{}: {e}", path.display()));
         let mut file = Behind::file(File::create_new(&path).map_err(said)?);
@@ -67,10 +67,10 @@ impl MotionLog {
         self.file.flush()
     }
 
-    /// Waits until the file is written; all samples, for what is compared at the end.
+    /// Waits until the file is written, and returns all samples for the comparison at the end.
     ///
     /// # Errors
-    /// What could not be written.
+    /// Fails if the file could not be written.
     pub(crate) fn end(self) -> Result<Vec<MotionSample>, Failure> {
         let said = |e: std::io::Error| Failure::input(format!("{}: {e}", self.path.display()));
         self.file.close().map_err(said)?;
@@ -88,7 +88,7 @@ pub struct TrackingError {
 }
 
 impl TrackingError {
-    /// `None` if nothing was measured.
+    /// Returns the errors of following; `None` if nothing was measured.
     pub(crate) fn of(trajectory: &Trajectory, samples: &[MotionSample]) -> Option<Self> {
         let tracking = compare(trajectory, samples)?;
         let both: Vec<_> =
@@ -111,7 +111,7 @@ impl TrackingError {
         self.tracking
     }
 
-    /// Commanded and measured coordinates, where they change, and what is between them.
+    /// Returns plots of commanded and measured coordinates, where they change, and of their differences.
     pub(crate) fn plots(&self) -> Vec<TimePlot> {
         let count = self.time_s.len();
         let point = |values: &[[f64; 6]], i: usize, scale: f64, k: usize| {

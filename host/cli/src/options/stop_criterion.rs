@@ -33,7 +33,7 @@ impl StopCriterion {
     /// Puts it into the settings of a device that estimates these parameters, in this order.
     ///
     /// # Errors
-    /// What cannot be used: bad input.
+    /// Returns bad input if the criterion cannot be used.
     pub(crate) fn put_into(&self, settings: &mut Settings, parameters: &[Parameter]) -> Result<(), Failure> {
         settings.stop = self.typed().rule(parameters).map_err(DeviceError::from)?;
         Ok(())

@@ -1,4 +1,4 @@
-//! Whether a platform may move: asked last, and once more by a countdown.
+//! Asks whether a platform may move: last of all, and once more by a countdown.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -208,7 +208,7 @@ mod tests {
         }
     }
 
-    /// The two ends of a terminal: the keyboard, and what the program reads from.
+    /// Returns the two ends of a terminal: the keyboard, and the one that the program reads from.
     #[cfg(unix)]
     fn terminal() -> [std::fs::File; 2] {
         use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};

@@ -67,22 +67,22 @@ impl Failure {
         Self { status, message: worded(&message.to_string()), place: None }
     }
 
-    /// Bad input or usage.
+    /// Returns the failure of bad input or usage.
     pub fn input(message: impl fmt::Display) -> Self {
         Self::new(ExitStatus::Input, message)
     }
 
-    /// Link or hardware failure.
+    /// Returns the failure of a link or of hardware.
     pub fn link(message: impl fmt::Display) -> Self {
         Self::new(ExitStatus::Link, message)
     }
 
-    /// Ctrl-C before there was anything to keep.
+    /// Returns the failure of Ctrl-C before there was anything to keep.
     pub fn interrupted(message: impl fmt::Display) -> Self {
         Self::new(ExitStatus::NotIdentified, message)
     }
 
-    /// The same failure, preceded by what was being done.
+    /// Returns the failure with the unfinished action before its message.
     #[must_use]
     pub fn context(mut self, doing: impl fmt::Display) -> Self {
         self.message = worded(&format!("{doing}: {}", self.message));
@@ -115,7 +115,7 @@ impl Failure {
         self.status
     }
 
-    /// Its exit status.
+    /// Returns the exit status of the failure.
     pub fn exit_code(&self) -> ExitCode {
         self.status.into()
     }

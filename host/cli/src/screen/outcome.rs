@@ -10,7 +10,7 @@ use crate::screen::terms::in_own_terms;
 use crate::{Failure, kept};
 use rigident_shared::printable;
 
-/// Whether anything has been printed on standard output.
+/// True once anything has been printed on standard output.
 static SAID: AtomicBool = AtomicBool::new(false);
 
 /// Why standard output did not take everything, if it did not.

@@ -13,13 +13,13 @@ use crate::screen::terms::in_own_terms;
 /// The thread that writes on standard error while nobody may wait for it.
 static BEHIND: Mutex<Option<Behind>> = Mutex::new(None);
 
-/// As long as it lives, standard error is written in a thread of its own: a terminal that was stopped
-/// (Ctrl-S), or a pipe that nobody reads, holds back nothing that watches a motion. Its end waits for what is
-/// still to be shown.
+/// A guard: while it lives, standard error is written in a thread of its own. A terminal that was stopped
+/// (Ctrl-S), or a pipe that nobody reads, then delays nothing that watches a motion. Its end waits for the
+/// messages that are still to be shown.
 pub(crate) struct WithoutWaiting(());
 
 impl WithoutWaiting {
-    /// From now on.
+    /// Begins to write standard error in a thread of its own.
     pub(crate) fn begin() -> Self {
         *BEHIND.lock().unwrap_or_else(PoisonError::into_inner) =
             Some(Behind::new(std::io::stderr(), |_| Ok(())));

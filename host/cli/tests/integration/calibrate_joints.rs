@@ -16,7 +16,7 @@ use crate::program::{complaint, json, rigident, said, status};
 /// Files of a humanoid that stood in 40 poses, in a folder of their own.
 pub struct Files {
     folder: tempfile::TempDir,
-    /// Its setup.
+    /// The setup of the humanoid.
     pub setup: Setup,
     /// The poses.
     pub poses: Vec<Pose>,

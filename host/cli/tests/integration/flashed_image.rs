@@ -19,7 +19,7 @@ const IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405"
 );
-/// The same with the feature `watch`.
+/// The path of the image with the feature `watch`.
 const WATCH_IMAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../firmware/boards/stm32f405/target/thumbv7em-none-eabihf/release/rigident-stm32f405-watch"
@@ -111,7 +111,7 @@ fn it_says_its_name_and_why_it_started() {
     assert!(words.contains("time_from: the emulator"), "{words}");
 }
 
-/// Whatever state it is in, a command has it start anew, and it says how deep its stack has been.
+/// A command makes it start anew from any state, and it reports how deep its stack has been.
 #[test]
 #[ignore = "needs the STM32F405's image"]
 fn it_starts_anew_when_it_is_asked_to() {

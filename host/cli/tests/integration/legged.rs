@@ -483,7 +483,7 @@ fn lines_of(text: &str) -> &str {
     text.lines().next().unwrap()
 }
 
-/// What is wrong, what of the recording or rig file is changed, and a word that names it.
+/// Each case has an error, the change of the recording or rig file, and a word that names it.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn bad_input_of_feet_and_torques_of_shared_data_robots_is_named() {

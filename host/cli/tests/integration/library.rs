@@ -459,7 +459,7 @@ fn a_watch_is_that_of_the_command_to_the_last_bit() {
     }
 }
 
-/// What a device cannot do the library refuses by its kind, before there is one.
+/// The library refuses by kind the tasks that a device cannot do, before there is one.
 #[test]
 fn tasks_beyond_every_device_are_refused_by_their_kind() {
     let place = tempfile::tempdir().unwrap();

@@ -79,8 +79,8 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
     }
 }
 
-/// What no estimator can average makes the intervals worthless if they do not contain it; what shows of it in
-/// the residuals, and widens them as colour, is little.
+/// An error that no estimator can average makes the intervals worthless if they do not contain it. Its trace
+/// in the residuals, which widens them as colour, is small.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
     let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, runs(100, 40), 1);

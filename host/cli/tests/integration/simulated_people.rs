@@ -191,7 +191,7 @@ impl Somebody {
         [sum(0), sum(2)]
     }
 
-    /// The same posture with the hips where the centre of mass is at a place.
+    /// Returns a posture with the hips where the centre of mass is at a place.
     pub(crate) fn centred(&self, mut p: Posture, at: [f64; 2]) -> Posture {
         for _ in 0..12 {
             let now = self.centre(&p);

@@ -182,7 +182,7 @@ fn rig_errors(subject: Subject) {
     }
 }
 
-/// What is known of one parameter alone is another measurement of it: inverse variances add.
+/// A known value of one parameter alone is another measurement of it: inverse variances add.
 fn known_values(subject: Subject) {
     let (place, _, _) = plain(subject);
     let [name, quantity] = subject.mass_name();

@@ -217,9 +217,9 @@ fn seven_axes_with_noise_are_inside_their_intervals_as_often_as_stated() {
     assert!((share.inside - 0.95).abs() < allowed(runs), "{share:?}");
 }
 
-/// As of one body (`coloured-noise` in docs/estimation.md): with noise that lasts some share of the motion's
-/// periods intervals hold the truth about nine times in ten or more, where they had held it not even seven
-/// times.
+/// With noise that lasts some share of the motion's periods, intervals hold the truth about nine times in ten
+/// or more, where they had held it not even seven times; of one body, too (`coloured-noise` in
+/// docs/estimation.md).
 #[test]
 fn intervals_count_noise_that_is_autocorrelated() {
     let (two, seven) = (two_links(), seven_axes());

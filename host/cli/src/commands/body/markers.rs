@@ -15,7 +15,7 @@ use rigident::people::inverse_kinematics::marker_sets::{bare_segments, likeness}
 use rigident_io::motion_capture::trial::Trial;
 use rigident_io::recording::new_file::write_new_text;
 
-/// `rigident body markers`
+/// Runs `rigident body markers`.
 pub(crate) fn run(arguments: &BodyMarkers) -> Result<ExitCode, Failure> {
     let trial = Trial::read(&arguments.trial, arguments.ground.as_deref()).map_err(Failure::input)?;
     if let Some(path) = &arguments.page {

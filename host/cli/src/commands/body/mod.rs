@@ -20,7 +20,7 @@ use rigident::people::person::Person;
 use rigident::present;
 use rigident_fit::Fit;
 
-/// `rigident body`
+/// Runs `rigident body`.
 pub(crate) fn run(body: &Body) -> Result<ExitCode, Failure> {
     match &body.command {
         BodyCommand::Identify(arguments) => identify(arguments),

@@ -44,7 +44,7 @@ struct Drive<'a> {
     ratio_u95: Option<f64>,
 }
 
-/// `rigident calibrate drives`
+/// Runs `rigident calibrate drives`.
 pub(crate) fn run(arguments: &CalibrateDrives) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.output {
         factor::absent(path)?;
@@ -141,7 +141,7 @@ fn warnings(arguments: &CalibrateDrives, found: &DriveGains) -> Vec<String> {
     warnings
 }
 
-/// The table of the gains.
+/// Returns the table of the gains.
 fn words(found: &DriveGains) -> String {
     let width = found.drives.iter().map(|drive| drive.joint.chars().count()).max().unwrap_or(5).max(5);
     let mut out = "Gains of the drives: effort = gain × column\n\n".to_owned();

@@ -7,7 +7,7 @@ use crate::screen::outcome::{say, say_in_one_line};
 use crate::{ExitStatus, Failure};
 use rigident::application::DrivenImu;
 
-/// `rigident calibrate imu`
+/// Runs `rigident calibrate imu`.
 pub(crate) fn run(arguments: &CalibrateImu) -> Result<ExitCode, Failure> {
     let driven = DrivenImu::read(&arguments.recording, arguments.rig.as_deref())?;
     let program = arguments.programme.program(&driven.geometry)?;

@@ -17,7 +17,7 @@ use rigident_model::write;
 /// The heading's largest σ, degrees.
 const LARGEST_YAW_DEG: f64 = 180.0;
 
-/// `rigident calibrate joints`
+/// Runs `rigident calibrate joints`.
 pub(crate) fn run(arguments: &CalibrateJoints) -> Result<ExitCode, Failure> {
     for path in [&arguments.output, &arguments.report].into_iter().flatten() {
         factor::absent(path)?;

@@ -11,7 +11,7 @@ use rigident::application::{Caller, LoadCellOptions, load_cell};
 use rigident::load_cell::Uncertainty;
 use rigident_io::recording::new_file::write_new_text;
 
-/// `rigident calibrate load-cell`
+/// Runs `rigident calibrate load-cell`.
 pub(crate) fn run(arguments: &CalibrateLoadCell) -> Result<ExitCode, Failure> {
     if let Some(path) = &arguments.output {
         factor::absent(path)?;

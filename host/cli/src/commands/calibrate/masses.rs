@@ -12,7 +12,7 @@ use rigident::mass_properties::methods::Method;
 use rigident::mass_properties::unknowns::ParameterSet;
 use rigident::rows::tree::drive::Friction;
 
-/// `rigident calibrate masses`
+/// Runs `rigident calibrate masses`.
 pub(crate) fn run(arguments: &CalibrateMasses) -> Result<ExitCode, Failure> {
     let options = MassOptions {
         rig: arguments.rig.clone(),
@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &CalibrateMasses) -> Result<ExitCode, Failure> {
 }
 
 impl MassMethod {
-    /// The way whose parameters are taken.
+    /// Returns the way whose parameters are taken.
     fn way(self) -> Option<WayName> {
         match self {
             Self::Best => None,

@@ -29,7 +29,7 @@ struct Object<'a> {
     found: &'a RigErrors,
 }
 
-/// `rigident calibrate`
+/// Runs `rigident calibrate`.
 pub(crate) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
     match &arguments.what {
         CalibrateWhat::Rig(arguments) => rig(arguments),
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &Calibrate) -> Result<ExitCode, Failure> {
     }
 }
 
-/// `rigident calibrate rig`
+/// Runs `rigident calibrate rig`.
 fn rig(arguments: &CalibrateRig) -> Result<ExitCode, Failure> {
     factor::absent(&arguments.output)?;
     let options = ReferenceOptions { is_uncalibrated: true, ..options(&arguments.runs, "calibrate rig")? };

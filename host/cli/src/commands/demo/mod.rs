@@ -63,7 +63,7 @@ const PLATES: [f64; 6] = [0.5, 0.5, 1.0, 0.1, 0.1, 0.1];
 /// Shorter motions of a person tell little; longer ones nothing new. s
 const FRAMES_S: std::ops::RangeInclusive<f64> = 2.0..=3600.0;
 
-/// `rigident demo`
+/// Runs `rigident demo`.
 pub(crate) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     if matches!(arguments.body, Demonstrated::TwoLinks | Demonstrated::Human34) {
         if arguments.own.is_given() || arguments.explain {
@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Demo) -> Result<ExitCode, Failure> {
     }
 }
 
-/// The settings of the firmware's simulated sensors, which has no host to wait for.
+/// Returns the settings of the firmware's simulated sensors, which has no host to wait for.
 pub(crate) fn simulated_sensors() -> DeviceTiming {
     DeviceTiming { rate_hz: RATE_HZ, is_static: false, source: Source::Sensors, host_timeout_ms: 0 }
 }
@@ -135,7 +135,7 @@ struct Carried {
     rig: Rig,
     links: Option<Links>,
     file: RigFile,
-    /// What is estimated.
+    /// The estimated parameters.
     parameters: Vec<Parameter>,
 }
 
@@ -242,7 +242,7 @@ fn loaded(take: &mut Take, file: &RigFile, links: Option<&Links>) -> Result<Load
     }
 }
 
-/// `rigident demo` of what a platform carries
+/// Runs `rigident demo` of a body or links that a platform carries.
 fn on_platform(arguments: &Demo) -> Result<ExitCode, Failure> {
     let outlet = Outlet { started: Instant::now(), output: &arguments.output };
     let known = arguments.known.parse()?;
@@ -313,7 +313,7 @@ fn weighed(
     zeroing::weigh(&zeroing::at_rest(&take.readings, file.imu.first())?, file)
 }
 
-/// `rigident demo --body human34`
+/// Runs `rigident demo --body human34`.
 fn person(arguments: &Demo) -> Result<ExitCode, Failure> {
     let outlet = Outlet { started: Instant::now(), output: &arguments.output };
     let options = ReplayOptions {

@@ -19,7 +19,7 @@ use rigident_io::recording::Recording;
 use rigident_io::recording::error::RecordingError;
 use rigident_io::recording::new_file::write_new_bytes;
 
-/// `rigident factor`
+/// Runs `rigident factor`.
 pub(crate) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
     let mut factors = Vec::new();
@@ -34,7 +34,7 @@ pub(crate) fn make(arguments: &MakeFactor) -> Result<ExitCode, Failure> {
     write(factors, arguments.shared_offset, arguments.force, &arguments.output)
 }
 
-/// The same of a recording in memory.
+/// Makes the factor of a recording in memory.
 pub(crate) fn make_of(arguments: &MakeFactor, recording: Recording) -> Result<ExitCode, Failure> {
     absent(&arguments.output)?;
     let factor = reduced(arguments, recording.into(), None)?;
@@ -63,7 +63,7 @@ fn reduced(arguments: &MakeFactor, recording: Recorded, rig: Option<&Path>) -> R
     Ok(factor)
 }
 
-/// `rigident solve`
+/// Runs `rigident solve`.
 pub(crate) fn solve(arguments: &Solve) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let options = SolveOptions {
@@ -104,7 +104,7 @@ pub(crate) fn write_table(factors: &[PooledFactor], output: &Path) -> Result<Exi
     Ok(ExitCode::SUCCESS)
 }
 
-/// Found out now rather than after a long job.
+/// Refuses a path that exists, now rather than after a long job.
 pub(crate) fn absent(path: &Path) -> Result<(), Failure> {
     if path.symlink_metadata().is_ok() {
         return Err(Failure::input(RecordingError::Exists(path.display().to_string())));

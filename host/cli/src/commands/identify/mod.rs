@@ -15,7 +15,7 @@ use rigident::rows::tree::drive::Friction;
 #[cfg(not(target_family = "wasm"))]
 use rigident_io::recording::Recording;
 
-/// `rigident identify`, as its words are: files that a list names, and their check sums for a certificate.
+/// Runs `rigident identify` by its words: files that a list names, and their check sums for a certificate.
 pub(crate) fn of_words(mut arguments: Identify) -> Result<ExitCode, Failure> {
     arguments.recording = listed(arguments.recording);
     arguments.output.evidence = certificate::evidence(&arguments.recording, arguments.rig.as_deref());
@@ -26,7 +26,7 @@ fn run(arguments: &Identify) -> Result<ExitCode, Failure> {
     identify(arguments, Recorded::File(arguments.recording.clone()))
 }
 
-/// The same of a recording in memory; `--rig` is then of a fixture's recordings alone.
+/// Runs `rigident identify` with a recording in memory; `--rig` is then of a fixture's recordings alone.
 #[cfg(not(target_family = "wasm"))]
 pub(crate) fn of_recording(arguments: &Identify, recording: Recording) -> Result<ExitCode, Failure> {
     identify(arguments, recording.into())

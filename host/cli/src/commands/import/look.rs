@@ -20,7 +20,7 @@ use rigident_io::recording::{Recording, rig_path};
 /// A file that is understood to the end: its columns, and what they read.
 type Decided = (Understood, Columns, Recording);
 
-/// `rigident import --look`
+/// Runs `rigident import --look`.
 pub(crate) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
     let choices = import::choices(arguments)?;
     let files = match arguments.files.as_slice() {

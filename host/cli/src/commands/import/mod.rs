@@ -17,7 +17,7 @@ use rigident_io::recording::new_file::write_new_text;
 use rigident_io::recording::{Recording, rig_path};
 use rigident_io::rig::{DecimalMark, RigFile, Unit, WrenchSign};
 
-/// `rigident import`
+/// Runs `rigident import`.
 pub(crate) fn run(arguments: &Import) -> Result<ExitCode, Failure> {
     let to = target(arguments)?;
     if to.symlink_metadata().is_ok() {

@@ -15,7 +15,7 @@ use rigident::application::{self, Error, LiveOptions, NextMove};
 use rigident::device::microcontroller::Microcontroller;
 use rigident_io::recording::new_file::write_new_text;
 
-/// `rigident live`
+/// Runs `rigident live`.
 pub(crate) fn run(arguments: &Live) -> Result<ExitCode, Failure> {
     let outlet = Outlet { started: Instant::now(), output: &arguments.output };
     let options = LiveOptions {

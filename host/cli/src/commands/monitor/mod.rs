@@ -22,7 +22,7 @@ use rigident::present::monitor::View;
 use rigident::present::monitor::foxglove::Server;
 use rigident_io::rig::RigFile;
 
-/// `rigident monitor`
+/// Runs `rigident monitor`.
 pub(crate) fn run(arguments: &Monitor) -> Result<ExitCode, Failure> {
     let in_terminal = !arguments.once && !arguments.json;
     if in_terminal {

@@ -48,7 +48,7 @@ struct Parameter<'a> {
     coverage95: f64,
 }
 
-/// `rigident montecarlo`
+/// Runs `rigident montecarlo`.
 pub(crate) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     check_duration(arguments.duration_s)?;
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
     report(arguments, started, verdict.runs, &quantities, &[])
 }
 
-/// `rigident montecarlo --model`
+/// Runs `rigident montecarlo --model`.
 fn run_tree(arguments: &Montecarlo, name: &str, started: Instant) -> Result<ExitCode, Failure> {
     let rate_hz = arguments.rate_hz;
     if !(rate_hz.is_finite() && rate_hz > 0.0) {
@@ -219,7 +219,7 @@ impl<'a> Quantity<'a> {
 const DERIVED_NAMES: [&str; DERIVED] =
     ["com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "Iyz_com", "Izx_com", "Ixy_com"];
 
-/// The parameters, and what is derived from them.
+/// Returns the parameters, and the quantities derived from them.
 fn quantities(verdict: &Verdict) -> impl Iterator<Item = Quantity<'static>> {
     let derived_units = ["m"; 3].into_iter().chain(["kg m²"; 6]);
     let names =

@@ -39,7 +39,7 @@ struct Parameter {
     coverage95: f64,
 }
 
-/// `rigident montecarlo two-steps`
+/// Runs `rigident montecarlo two-steps`.
 pub(crate) fn in_two_steps(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
     let MontecarloMotions { runs, seed, duration_s, rate_hz, json } = *arguments;
     let mut progress = Progress::new();
@@ -76,7 +76,7 @@ pub(crate) fn in_two_steps(arguments: &MontecarloMotions) -> Result<ExitCode, Fa
     Ok(if interrupted(fewest, runs) { ExitStatus::NotIdentified.into() } else { ExitCode::SUCCESS })
 }
 
-/// The motions of `plan compare`.
+/// Returns the motions of `plan compare`.
 fn planned(arguments: &MontecarloMotions, progress: &mut Progress) -> Result<Vec<compare::Row>, Failure> {
     let MontecarloMotions { duration_s, rate_hz, .. } = *arguments;
     let task = Task { duration_s, rate_hz, ..Task::new(Equipment::thesis_horizontal()) };
@@ -99,7 +99,7 @@ fn interrupted(fewest: u64, runs: u64) -> bool {
     stopped
 }
 
-/// `rigident montecarlo motions`
+/// Runs `rigident montecarlo motions`.
 pub(crate) fn run(arguments: &MontecarloMotions) -> Result<ExitCode, Failure> {
     let MontecarloMotions { runs, seed, duration_s, rate_hz, json } = *arguments;
     let mut progress = Progress::new();

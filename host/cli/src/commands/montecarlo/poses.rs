@@ -65,7 +65,7 @@ struct Normality {
     correlation: [Option<f64>; 3],
 }
 
-/// `rigident montecarlo poses`
+/// Runs `rigident montecarlo poses`.
 pub(crate) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
     let MontecarloPoses { from, to, plot_n, .. } = *arguments;
     for n in [from, to] {
@@ -126,7 +126,7 @@ pub(crate) fn run(arguments: &MontecarloPoses) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The planned poses, one set for each number of them.
+/// Returns the planned poses, one set for each number of them.
 fn sets(arguments: &MontecarloPoses, progress: &mut Progress) -> Result<Vec<Vec<Vector3<f64>>>, Failure> {
     let reach = Reach::new(Geometry::thesis(), arguments.stroke_m).map_err(Failure::input)?;
     let region = Region::of_platform(&reach);
@@ -169,7 +169,8 @@ fn plot(arguments: &MontecarloPoses, path: &Path, ups: &[Vector3<f64>]) -> Resul
     Ok(normality)
 }
 
-/// The worst axis of every estimator over the number of poses, noise and offset together, both mountings.
+/// Returns the worst axis of every estimator over the number of poses, noise and offset together, both
+/// mountings.
 fn over_n(rows: &[Row]) -> Vec<over_n::Panel> {
     let panel = |mounting: Mounting| {
         let of: Vec<&Row> =

@@ -103,7 +103,7 @@ struct Prepared {
     boxes: Boxes,
 }
 
-/// `rigident plan excitation`
+/// Runs `rigident plan excitation`.
 pub(crate) fn run(arguments: &PlanExcitation) -> Result<ExitCode, Failure> {
     for path in &arguments.out {
         absent(path)?;

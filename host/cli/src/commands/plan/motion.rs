@@ -57,7 +57,7 @@ struct PeakObject {
     allowed: Option<f64>,
 }
 
-/// `rigident plan motion`
+/// Runs `rigident plan motion`.
 pub(crate) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     // Said now rather than after the work.
     for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &PlanMotion) -> Result<ExitCode, Failure> {
     Ok(ended(stopped, "motion"))
 }
 
-/// Exit status of a search; one that Ctrl-C has ended is partly done.
+/// Returns the exit status of a search; one that Ctrl-C has ended is partly done.
 pub(crate) fn ended(stopped: bool, what: &str) -> ExitCode {
     if stopped {
         tell!("rigident: stopped by Ctrl-C: the best {what} found by then, there may be better ones");
@@ -126,7 +126,7 @@ struct Compared<'a> {
     motion: Object<'a>,
 }
 
-/// `rigident plan compare`
+/// Runs `rigident plan compare`.
 pub(crate) fn compare(arguments: &PlanCompare) -> Result<ExitCode, Failure> {
     let (equipment, rate_hz, _) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
     let task = Task { duration_s: arguments.duration_s, rate_hz, ..Task::new(equipment) };
@@ -195,7 +195,7 @@ fn rig(path: Option<&Path>, stroke_m: Option<f64>) -> Result<Planned, Failure> {
     Ok((equipment, rate_hz, bound))
 }
 
-/// The task, and in words which body it is for.
+/// Returns the task, and in words the body that it is for.
 fn task(arguments: &PlanMotion) -> Result<(Task, String), Failure> {
     let (mut equipment, rate_hz, bound) = rig(arguments.rig.as_deref(), arguments.stroke_m)?;
     if !(0.0..1.0).contains(&arguments.reserve) {

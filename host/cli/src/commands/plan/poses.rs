@@ -63,7 +63,7 @@ struct PredictedU95 {
     mcz: f64,
 }
 
-/// `rigident plan poses`
+/// Runs `rigident plan poses`.
 pub(crate) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     let rig = rig(arguments.rig.as_deref())?;
     let [_, _, _, mx, my, mz] = rig.noise_n_nm;
@@ -144,7 +144,7 @@ pub(crate) fn run(arguments: &PlanPoses) -> Result<ExitCode, Failure> {
     Ok(ended(stopped, "poses"))
 }
 
-/// Said now rather than after the work.
+/// Checks the options of the plan's file now rather than after the work.
 fn check_out(arguments: &PlanPoses) -> Result<(), Failure> {
     if !(arguments.hold_s > 0.0 && arguments.hold_s <= 600.0) {
         return Err(Failure::input(format!(

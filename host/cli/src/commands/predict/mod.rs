@@ -11,12 +11,12 @@ use crate::{ExitStatus, Failure, Folder, Stages};
 use rigident::application::{self, PredictOptions, Predicted};
 use rigident::present::prediction::text;
 
-/// `rigident predict`
+/// Runs `rigident predict`.
 pub(crate) fn predict(arguments: &Predict) -> Result<ExitCode, Failure> {
     run(std::slice::from_ref(&arguments.given), &arguments.recording, None, &arguments.how, false)
 }
 
-/// `rigident validate`
+/// Runs `rigident validate`.
 pub(crate) fn validate(arguments: &Validate) -> Result<ExitCode, Failure> {
     let Some((recording, models)) = arguments.files.split_last() else {
         return Err(Failure::input("give a model and a recording"));

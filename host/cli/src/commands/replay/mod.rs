@@ -11,7 +11,7 @@ use crate::{Failure, Folder, Stages};
 use rigident::application::{self, ReplayOptions};
 use rigident::device::microcontroller::Microcontroller;
 
-/// `rigident replay`
+/// Runs `rigident replay`.
 pub(crate) fn run(arguments: &Replay) -> Result<ExitCode, Failure> {
     let outlet = Outlet { started: Instant::now(), output: &arguments.output };
     let options = ReplayOptions {

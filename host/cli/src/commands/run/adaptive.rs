@@ -76,7 +76,7 @@ impl Adaptive {
     /// Returns who decides, if anybody is to; `body` is what the load cell may carry, in S.
     ///
     /// # Errors
-    /// What is wrong with the platform, or nothing that it could do.
+    /// Fails if the platform cannot be used, or can do nothing.
     pub(crate) fn directing(
         &self,
         rig: &RigFile,
@@ -149,30 +149,31 @@ pub(crate) struct Directing {
     warnings: Vec<String>,
     asked: Asked,
     reached: bool,
-    /// What the last factor said, over what is asked for, and the parameter that is furthest off.
+    /// The uncertainty by the last factor over the one that is asked for, and the parameter that is furthest
+    /// off.
     last: Option<(f64, &'static str)>,
-    /// What can be reached in the time there is, where that is not what is asked for.
+    /// The uncertainties that can be reached in the remaining time, where they are not those asked for.
     forecast: Forecast,
     /// Why it ended before.
     why: Option<String>,
 }
 
-/// What an experiment that decides for itself leaves beside the answer.
+/// Results of an experiment that decides for itself, beside the answer.
 pub(crate) struct Concluded {
     /// Segments by their beginnings.
     pub(crate) stages: Vec<Stage>,
-    /// What was decided and what came of it.
+    /// The decisions and their results.
     pub(crate) decisions: Vec<Decided>,
-    /// What did not go as it should.
+    /// Warnings that the user should act on.
     pub(crate) warnings: Vec<String>,
-    /// How far it came.
+    /// The course of the experiment.
     pub(crate) came: Course,
     /// All that was commanded, rests between segments included; `None` if nothing was.
     pub(crate) program: Option<MotionProgram>,
 }
 
 impl Directing {
-    /// At the end.
+    /// Ends the experiment and returns its results.
     pub(crate) fn concluded(mut self) -> Concluded {
         if let Some(decision) = self.decision.take().filter(|_| self.stages.len() > self.decisions.len()) {
             let decided = self.decided(&decision, self.last_expected);
@@ -235,7 +236,7 @@ impl Directing {
         ))
     }
 
-    /// An uncertainty over what is asked for, in words.
+    /// Returns an uncertainty over the one that is asked for, in words.
     fn in_words(&self, ratio: f64) -> String {
         match self.asked {
             Asked::Tensor(share) => format!("{:.2} % of the largest principal moment", 100.0 * share * ratio),
@@ -296,12 +297,12 @@ impl Directing {
         }
     }
 
-    /// Everything that may be decided on, one after the other.
+    /// Returns everything that may be decided on, one after the other.
     pub(crate) fn everything(&self) -> MotionProgram {
         self.planner.everything()
     }
 
-    /// The longest it may take, s.
+    /// Returns the longest time that it may take, s.
     pub(crate) fn at_most_s(&self) -> f64 {
         self.at_most_s
     }
@@ -352,7 +353,7 @@ impl Directing {
     }
 }
 
-/// One program of several, with rests between them.
+/// Joins several programs to one, with rests between them.
 fn commanded(driven: &[(f64, MotionProgram)]) -> Option<MotionProgram> {
     let (_, first) = driven.first()?;
     let mut whole = MotionProgram { start: first.start, segments: Vec::new() };

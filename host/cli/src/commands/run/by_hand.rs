@@ -26,7 +26,7 @@ use rigident_io::rig::RigFile;
 /// The address of no platform.
 pub(crate) const NONE: &str = "none";
 
-/// `rigident run --platform none`
+/// Runs `rigident run --platform none`.
 pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     let started = Instant::now();
     let known = arguments.known.parse()?;

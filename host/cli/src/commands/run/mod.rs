@@ -43,7 +43,7 @@ use rigident::device::words::device_notes;
 use rigident_shared::forgetting::Span;
 use rigident_shared::wire::Settings;
 
-/// `rigident run`
+/// Runs `rigident run`.
 pub(crate) fn run(arguments: &Run) -> Result<ExitCode, Failure> {
     if arguments.platform == by_hand::NONE {
         return by_hand::run(arguments);
@@ -154,7 +154,7 @@ struct Ready {
     rest: Rest,
     settings: Settings,
     directing: Option<Directing>,
-    /// What is consented to, as it was shown.
+    /// The consented motion, as it was shown.
     shown: String,
     /// The plate's pose then, as far as the platform knows.
     stands: Option<Pose>,
@@ -353,7 +353,7 @@ fn approach(platform: &mut dyn Platform, session: &mut Session, trace: &TraceFil
     }
 }
 
-/// A platform that was asked for nothing yet.
+/// Returns the failure of a platform that was not asked for anything yet.
 fn unmoved(error: PlatformError) -> Failure {
     let said = format!("{error}\nNothing was moved.");
     match error {

@@ -21,15 +21,15 @@ pub struct Programme {
     pub plan: Option<PathBuf>,
 }
 
-/// What is to be done.
+/// The motion to be done.
 pub(crate) struct Planned {
     pub(crate) program: MotionProgram,
-    /// What it was made to carry, in P, if it was made for one body.
+    /// The body that it was made to carry, in P, if it was made for one.
     pub(crate) carries: Option<BodyParameters>,
 }
 
 impl Programme {
-    /// For this machine.
+    /// Returns the motion for this machine.
     ///
     /// # Errors
     /// A duration that is too short or too long, or a plan that is not for this machine: bad input.
@@ -46,10 +46,10 @@ impl Programme {
         Ok(Planned { program: thesis_program(geometry, self.duration_s), carries: None })
     }
 
-    /// The program alone.
+    /// Returns the program alone.
     ///
     /// # Errors
-    /// As [`Self::planned`].
+    /// Fails as [`Self::planned`] does.
     pub(crate) fn program(&self, geometry: &Geometry) -> Result<MotionProgram, Failure> {
         Ok(self.planned(geometry)?.program)
     }
@@ -70,7 +70,8 @@ pub(crate) fn tell_collisions(geometry: &Geometry) {
     }
 }
 
-/// The parts of a program, and the spans (s) of its first and last pose after a move: the same pose twice.
+/// Returns the parts of a program, and the spans (s) of its first and last pose after a move: the same pose
+/// twice.
 pub(crate) fn stages(program: &MotionProgram) -> (Vec<Stage>, Option<[(f64, f64); 2]>) {
     let mut stages = Vec::new();
     let mut holds = Vec::new();

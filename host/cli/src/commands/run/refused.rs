@@ -7,7 +7,7 @@ use crate::options::forgetting::Forgetting;
 
 /// Options by name, and whether they are given.
 pub(crate) trait Given {
-    /// All of them.
+    /// Returns all options.
     fn given(&self) -> Vec<(&'static str, bool)>;
 }
 
@@ -28,7 +28,7 @@ impl Given for Adaptive {
 }
 
 impl Given for Programme {
-    /// The duration is of use to others too.
+    /// Returns the plan alone: the duration is used by others too.
     fn given(&self) -> Vec<(&'static str, bool)> {
         vec![("--plan", self.plan.is_some())]
     }

@@ -33,7 +33,7 @@ pub(crate) struct Request<'a> {
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) rate_hz: f64,
     pub(crate) geometry: Geometry,
-    /// Whether the rig file says which machine it is.
+    /// True if the rig file states which machine it is.
     described: bool,
     /// The body that a plan was made for.
     pub(crate) carries: Option<BodyParameters>,
@@ -223,6 +223,8 @@ fn links_of(arguments: &Run, rig: &RigFile) -> Result<Option<(Model, Vec<Paramet
     Ok(Some((model, parameters)))
 }
 
+/// Checks that a speed is a share of the full one.
+///
 /// # Errors
 /// Bad input: no share of a speed.
 fn check_slow(slow: Option<f64>) -> Result<(), Failure> {
@@ -245,7 +247,7 @@ fn with_ways(
     MotionProgram { start, segments: parts.flat_map(|part| part.segments).collect() }
 }
 
-/// A program that the machine cannot do; the built-in one can be replaced.
+/// Returns the failure of a program that the machine cannot do; the built-in one can be replaced.
 fn beyond(error: PlatformError, arguments: &Run) -> Failure {
     let built_in = arguments.programme.plan.is_none() && !arguments.adaptive.adaptive;
     let advice = if built_in {

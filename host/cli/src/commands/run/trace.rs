@@ -22,7 +22,7 @@ pub(crate) struct TraceFile {
 }
 
 impl TraceFile {
-    /// A new file, whose time begins now.
+    /// Creates a new file, whose time begins now.
     ///
     /// # Errors
     /// It cannot be made.

@@ -216,7 +216,7 @@ pub(crate) fn check_untouched(rest: &Rest, now: &Rest) -> Result<(), Failure> {
     }
 }
 
-/// Specific force in S, m/s².
+/// Returns the specific force in S, m/s².
 fn felt(rest: &Rest, imu: &ImuTable) -> Vector3<f64> {
     let mounting = mounting(imu);
     let [bx, by, bz] = mounting.accel_bias.array();
@@ -341,8 +341,8 @@ pub(crate) fn warm_up(
     Ok(())
 }
 
-/// The sensors at rest: bias of the gyro, and the noise where the rig file states none. A plate that moves is
-/// waited for.
+/// Measures the sensors at rest: bias of the gyro, and the noise where the rig file states none. Waits for a
+/// plate that moves.
 pub(crate) fn zero(
     session: &mut Session,
     rig: &mut RigFile,
@@ -386,7 +386,7 @@ pub(crate) fn zero(
     Ok(rest)
 }
 
-/// The second link at rest: bias of its gyro.
+/// Measures the second link at rest: bias of its gyro.
 ///
 /// # Errors
 /// It moves, or its IMU sends nothing.
@@ -428,8 +428,8 @@ mod tests {
     use super::*;
     use hexapod::Geometry;
 
-    /// Two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with the noise of a
-    /// poor gyro.
+    /// Makes readings of two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with
+    /// the noise of a poor gyro.
     fn readings(angle: impl Fn(f64) -> f64) -> Vec<Reading<f64>> {
         (0..400)
             .map(|k| {

@@ -18,7 +18,7 @@ use crate::screen::outcome::say;
 /// Files that a page needs to work.
 const NEEDED: [&str; 2] = ["index.html", "rigident.wasm.gz"];
 
-/// `rigident ui`
+/// Runs `rigident ui`.
 pub(crate) fn run(arguments: &Ui) -> Result<ExitCode, Failure> {
     let site = match &arguments.site {
         Some(folder) => Site::Folder(folder.clone()),

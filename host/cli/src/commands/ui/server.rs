@@ -68,7 +68,7 @@ impl Server {
     /// Serves a site to whoever comes to the listener.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the error of the system.
     pub(crate) fn new(listener: TcpListener, site: Site) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         let port = listener.local_addr()?.port();

@@ -12,7 +12,7 @@ use crate::{ExitStatus, Failure, Folder, Stages};
 use rigident::application::{vibration_of, vibration_paper};
 use rigident::laboratory::suspended::Experiment;
 
-/// `rigident vibration demo`
+/// Runs `rigident vibration demo`.
 pub(crate) fn run(arguments: &DemoVibration) -> Result<ExitCode, Failure> {
     let noise_mm = arguments.marker_noise_mm;
     if !(noise_mm.is_finite() && (0.0..=10.0).contains(&noise_mm)) {
@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &DemoVibration) -> Result<ExitCode, Failure> {
     Ok(ExitStatus::of(found.table_4.iter().all(|row| row.measured.is_some())).into())
 }
 
-/// One body on the springs, identified as `rigident vibration identify` does.
+/// Identifies one body on the springs as `rigident vibration identify` does.
 fn of_body(arguments: &DemoVibration, body: DemoBody) -> Result<ExitCode, Failure> {
     let body = match body {
         DemoBody::Horizontal => BodyParameters::thesis_horizontal(),

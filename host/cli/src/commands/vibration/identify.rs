@@ -8,7 +8,7 @@ use crate::{ExitStatus, Failure, Folder, Stages};
 use rigident::application::vibration::identify::IdentifiedVibration;
 use rigident::application::{VibrationOptions, vibration_of, vibration_recording};
 
-/// `rigident vibration identify`
+/// Runs `rigident vibration identify`.
 pub(crate) fn run(arguments: &IdentifyVibration) -> Result<ExitCode, Failure> {
     if let Some(out) = &arguments.out {
         Folder::check(out)?;

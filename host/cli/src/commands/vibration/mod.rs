@@ -14,7 +14,7 @@ use crate::commands::vibration::arguments::{Vibration, VibrationCommand};
 use crate::{ExitStatus, Failure};
 use rigident::device::session::INTERRUPTED;
 
-/// `rigident vibration`
+/// Runs `rigident vibration`.
 pub(crate) fn run(arguments: &Vibration) -> Result<ExitCode, Failure> {
     let code = match &arguments.command {
         VibrationCommand::Identify(a) => identify::run(a),

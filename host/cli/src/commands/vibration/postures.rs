@@ -9,7 +9,7 @@ use crate::{ExitStatus, Failure, Stages};
 use rigident::application::vibration_postures;
 use rigident_io::recording::new_file::write_new_text;
 
-/// `rigident vibration postures`
+/// Runs `rigident vibration postures`.
 pub(crate) fn run(arguments: &Postures) -> Result<ExitCode, Failure> {
     for path in arguments.factor.iter().chain(&arguments.plot) {
         absent(path)?;

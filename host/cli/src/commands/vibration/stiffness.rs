@@ -7,7 +7,7 @@ use crate::screen::outcome::say_answer;
 use crate::{ExitStatus, Failure, Stages};
 use rigident::application::{StiffnessOptions, vibration_stiffness};
 
-/// `rigident vibration stiffness`
+/// Runs `rigident vibration stiffness`.
 pub(crate) fn run(arguments: &Stiffness) -> Result<ExitCode, Failure> {
     let options = StiffnessOptions {
         body: arguments.body.clone(),

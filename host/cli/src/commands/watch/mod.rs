@@ -13,7 +13,7 @@ use rigident::application::watch::{Change, PARAMETERS, WatchStatus, WatchedLink}
 use rigident::application::{self, WatchOptions};
 use rigident::device::microcontroller::Microcontroller;
 
-/// `rigident watch`
+/// Runs `rigident watch`.
 pub(crate) fn run(arguments: &Watch) -> Result<ExitCode, Failure> {
     let options = WatchOptions {
         link: arguments.link.clone(),
@@ -58,7 +58,7 @@ fn ended(watched: &WatchedLink, broken: &str) -> Failure {
     ))
 }
 
-/// Of a change that was not measured to the end there is no size.
+/// Describes a change. One that was not measured to the end has no size.
 fn text(change: &Change) -> String {
     let Some(size) = &change.size else {
         return format!(

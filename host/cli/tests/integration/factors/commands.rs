@@ -83,9 +83,9 @@ fn beyond_single(path: &std::path::Path) {
     fs::write(path, lines.collect::<Vec<_>>().join("\n") + "\n").unwrap();
 }
 
-/// What is streamed through the firmware, of one body and of two links, with its noise stated or not, leaves
-/// the factor that its recording has: they answer as one, and merged they count once. A part of a recording
-/// counts twice beside the whole, and that is said.
+/// A recording streamed through the firmware, of one body and of two links, with its noise stated or not,
+/// leaves the factor that the recording has: they answer as one, and merged they count once. A part of a
+/// recording counts twice beside the whole, and that is reported.
 #[test]
 fn the_factor_that_a_replay_leaves_is_that_of_its_recording() {
     let place = tempfile::tempdir().unwrap();

@@ -260,7 +260,7 @@ fn motion(time_s: &[f64], noise: &mut Noise) -> Vec<TimePlot> {
     ]
 }
 
-/// The same after still poses only: no tensor, no drift check.
+/// Returns an experiment of still poses only: no tensor, no drift check.
 pub fn still_poses() -> Experiment {
     let Experiment { mut answer, series } = experiment(50.0);
     for parameter in answer.parameters.iter_mut().take(10).skip(4) {

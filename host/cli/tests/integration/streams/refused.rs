@@ -1,4 +1,4 @@
-//! What is wrong with a set of files is reported by name, with status 2, and nothing is written.
+//! Errors of a set of files are reported by name, with status 2, and nothing is written.
 
 use std::fs;
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What nothing is stated of has the defaults of its class, in the answer, its budget and its words.
+/// Errors that are not stated have the defaults of their class, in the answer, its budget and its words.
 #[test]
 fn errors_that_nobody_states_rest_on_the_defaults_of_classes() {
     let place = tempfile::tempdir().unwrap();

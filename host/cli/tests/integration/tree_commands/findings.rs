@@ -1,4 +1,4 @@
-//! What is not used, not written or in another unit is said, and where.
+//! Parts that are not used, not written or in another unit are reported with their place.
 
 use super::*;
 
@@ -205,7 +205,7 @@ fn the_example_of_two_links_is_identified() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("17 base parameters of 20"));
 }
 
-/// As the antennas, lasers and frames of published descriptions: mass without inertia, rounded moments,
+/// The antennas, lasers and frames of published descriptions are such: mass without inertia, rounded moments,
 /// moments without mass.
 #[test]
 fn odd_links_on_fixed_joints_are_corrected_with_a_word_and_block_nothing() {
