@@ -520,7 +520,7 @@ mod tests {
         assert!(friction.check(&[drive("j1"), drive("j2")]).unwrap_err().contains("no joint j3"));
     }
 
-    /// What a model states of a joint is asked for beside the list; `none` takes it out again.
+    /// Terms that a model states of a joint are added to the list; `none` takes them out again.
     #[test]
     fn terms_that_a_model_states_have_columns() {
         let urdf = "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/><link name=\"c\"/><joint \
