@@ -334,7 +334,7 @@ fn shared_cases_of_a_laboratory_are_read() {
     assert_eq!((imu.rows(), imu.rate_hz, imu.time_ns[0]), (1199, Some(400.0), 88_123_000_000));
 }
 
-/// Whatever is read is written and read again as the same numbers.
+/// Every table that can be read is written and read again as the same numbers.
 #[test]
 fn damaged_exports_never_panic_and_rows_read_come_back() {
     let folder =

@@ -251,7 +251,7 @@ mod tests {
         }
     }
 
-    /// What SQLite computes ends at the deadline.
+    /// A computation of SQLite ends at the deadline.
     #[test]
     fn a_computation_without_end_is_interrupted() {
         let mut database =
