@@ -148,7 +148,7 @@ fn blank(bytes: Option<&mut [u8]>) {
 mod tests {
     use super::*;
 
-    /// As tinyxml2 reads it.
+    /// tinyxml2 reads such attributes as two.
     #[test]
     fn attributes_that_nothing_separates_are_two() {
         let text = "<?xml version='1.0'?><a b=\"1\"c='2' d=\"x\"/><!-- e=\"1\"f --><g>\"h\"i<j \
