@@ -58,7 +58,8 @@ impl Dropped {
 /// The places of soles in a frame, m, laboratory axes: heel and ball, inner and outer. Toes bend, and are
 /// left out.
 pub(super) type Soles = [[Vector3<f64>; 4]; 2];
-/// The places of soles as [`Soles`], as they are stored for every frame.
+/// The places of soles in a frame in single precision, as they are stored for every frame, m, laboratory
+/// axes.
 pub type KeptSoles = [[[f32; 3]; 4]; 2];
 
 pub(super) fn expanded(soles: &KeptSoles) -> Soles {
