@@ -14,10 +14,10 @@ type Wrench = SVector<f64, 6>;
 type Block = SMatrix<f64, 6, 6>;
 type Rows = SMatrix<f64, 6, JOINT>;
 
-/// The Cramér–Rao bound, a covariance, of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` and the six
-/// constant wrench offsets, SI: every sample of the load cell and of the IMU with its white noise, the motion
-/// known through the IMU alone, the gain errors unknown but for their distribution. Nothing that has seen the
-/// same samples and believes no more can do better.
+/// Returns the Cramér–Rao bound, a covariance, of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` and the
+/// six constant wrench offsets, SI: every sample of the load cell and of the IMU with its white noise, the
+/// motion known through the IMU alone, the gain errors unknown but for their distribution. Nothing that has
+/// seen the same samples and believes no more can do better.
 ///
 /// `J⁻¹` with `J = aᵀ C⁻¹ a`, rows `a = [(A φ)_c at its gain; row c of A; 1 at its offset]` of all samples,
 /// `1/σ_g²` added for each gain, the gains' rows and columns left out. C is the covariance of
@@ -146,8 +146,8 @@ fn right_solve(matrix: &Block, lower: &Block) -> Option<Block> {
     Some(lower.solve_lower_triangular(&matrix.transpose())?.transpose())
 }
 
-/// The wrench on the body about the load cell's origin, by Newton and Euler, from what the IMU at a lever arm
-/// reads.
+/// Returns the wrench on the body about the load cell's origin, by Newton and Euler, from the readings of an
+/// IMU at a lever arm.
 fn wrench(
     body: &BodyParameters,
     lever_arm: &Vector3<f64>,
@@ -164,7 +164,7 @@ fn wrench(
     Wrench::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 
-/// True wrenches on `body` along the motion, N and N m in S.
+/// Returns the true wrenches on `body` along the motion, N and N m in S.
 fn wrenches(
     config: &RigConfig,
     body: BodyParameters,
@@ -186,8 +186,8 @@ fn ideal(
     Ok(Readings::new(&config, program, rate_hz)?.ideal().to_vec())
 }
 
-/// The linear map from the ten parameters to the wrench, column by column. A first moment is a unit mass at a
-/// unit distance less what else that is: a mass, and two moments of inertia about the origin.
+/// Returns the linear map from the ten parameters to the wrench, column by column. A first moment is a unit
+/// mass at a unit distance less what else that is: a mass, and two moments of inertia about the origin.
 fn unit_wrenches(
     config: &RigConfig,
     program: &MotionProgram,

@@ -76,17 +76,17 @@ pub struct Campaign {
     pub tell_noise: bool,
 }
 
-/// Table 1's 95 % figures of the load cell as the share of the range that they are: 1 σ of gain errors that
-/// are constant over an experiment and drawn for each anew.
+/// Returns Table 1's 95 % figures of the load cell as gain errors: 1 σ, as a share of the range, of errors
+/// that are constant over an experiment and drawn for each anew.
 fn table_1_as_gain_error() -> PerExperiment<6> {
     let thesis = SensorModels::thesis().load_cell;
     let figure = thesis.noise_n_nm.map(|sigma| sigma * K95);
     PerExperiment::spread(std::array::from_fn(|c| figure[c] / thesis.range_n_nm[c] / K95))
 }
 
-/// The load cell of the thesis with Table 1's figure as a gain error; its resolution/√12 is the white noise.
-/// The IMU is perfect: at so little noise its own would be the larger part of every residual, and the
-/// question is what gains do.
+/// Returns the load cell of the thesis with Table 1's figure as a gain error; its resolution/√12 is the white
+/// noise. The IMU is perfect: at so little noise its own would be the larger part of every residual, and the
+/// question is the effect of gains.
 pub fn gain_error_sensors() -> SensorModels {
     let thesis = SensorModels::thesis().load_cell;
     let mut sensors = SensorModels::ideal();
@@ -99,7 +99,8 @@ pub fn gain_error_sensors() -> SensorModels {
     sensors
 }
 
-/// The thesis' sensors, IMU and all, with Table 1's figure as white noise and once more as a gain error.
+/// Returns the thesis' sensors, IMU and all, with Table 1's figure as white noise and once more as a gain
+/// error.
 pub fn noise_and_gain_error_sensors() -> SensorModels {
     let mut sensors = SensorModels::thesis();
     sensors.load_cell.gain_error = table_1_as_gain_error();
@@ -201,7 +202,7 @@ impl Judgement {
         }
     }
 
-    /// Bound over spread: 1 is as good as any unbiased estimator can be.
+    /// Returns bound over spread: 1 is as good as any unbiased estimator can be.
     pub fn efficiency(&self) -> f64 {
         self.crb_std / self.std
     }
@@ -224,7 +225,7 @@ impl Limits95 {
     /// standard errors.
     pub const ASKED: u64 = 2000;
 
-    /// For this many experiments.
+    /// Returns the limits for this many experiments.
     pub fn of(runs: u64) -> Self {
         const ASKED: f64 = Limits95::ASKED as f64;
         let shortage = (ASKED / (runs as f64).clamp(1.0, ASKED)).sqrt();
@@ -294,7 +295,7 @@ pub struct Prepared {
 }
 
 impl Campaign {
-    /// 20 s at 200 Hz of the default experiment on this rig, by the host's pipeline.
+    /// Returns the default experiment on this rig, 20 s at 200 Hz, by the host's pipeline.
     pub fn new(config: RigConfig) -> Self {
         Self {
             config,
@@ -332,7 +333,7 @@ impl Campaign {
 }
 
 impl Prepared {
-    /// The Cramér–Rao bound, 1 σ.
+    /// Returns the Cramér–Rao bound, 1 σ.
     pub fn crb_std(&self) -> [f64; PARAMETERS] {
         std::array::from_fn(|j| self.crb_std[j])
     }
@@ -411,7 +412,8 @@ impl Prepared {
         self.campaign.tell_gain_errors && gains.iter().any(|spread| *spread > 0.0)
     }
 
-    /// The device's own estimate, with checks of the factor and the noise of the IMU as on the device.
+    /// Returns the device's own estimate, with checks of the factor and the noise of the IMU as on the
+    /// device.
     fn by_firmware(&self, rows: &[ReadingRow], source: &BodySource) -> Result<Estimate, FitError> {
         let campaign = &self.campaign;
         let settings = EstimatorConfig {
@@ -483,8 +485,8 @@ impl Prepared {
     }
 }
 
-/// The body in S, and the offsets that an estimator finds which believes the accelerometer's zero: what its
-/// bias moves the wrench by is read with the load cell's gain.
+/// Returns the body in S, and the offsets that an estimator finds which believes the accelerometer's zero:
+/// the wrench that its bias adds is read with the load cell's gain.
 fn true_parameters(truth: &Truth) -> [f64; PARAMETERS] {
     let phi = truth.body.parameters();
     let (offset, apparent) = (truth.experiment.load_cell_offset_n_nm, truth.apparent_offset_n_nm);

@@ -21,7 +21,7 @@ pub struct RepeatedMotion {
 }
 
 impl RepeatedMotion {
-    /// Found over predicted standard deviations of the ten parameters.
+    /// Returns found over predicted standard deviations of the ten parameters.
     pub fn ratios(&self) -> [f64; 10] {
         std::array::from_fn(|j| K95 * self.verdict.parameters[j].std / self.predicted_u95[j])
     }
@@ -49,7 +49,7 @@ pub fn motions(
         .collect()
 }
 
-/// A planned motion with the thesis' sensors, ready to be repeated.
+/// Makes a planned motion with the thesis' sensors ready to be repeated.
 pub(super) fn prepared(row: &Row, rate_hz: f64) -> Result<Prepared, CampaignError> {
     let body = bodies().into_iter().find(|(_, name)| *name == row.body).map(|(body, _)| body);
     let config = RigConfig::thesis_horizontal();
@@ -57,7 +57,7 @@ pub(super) fn prepared(row: &Row, rate_hz: f64) -> Result<Prepared, CampaignErro
     Campaign { rate_hz, program: Some(row.plan.program.clone()), ..Campaign::new(config) }.prepare()
 }
 
-/// Markdown: found over predicted standard deviations.
+/// Returns found over predicted standard deviations as a table in Markdown.
 pub fn table(motions: &[RepeatedMotion]) -> String {
     let mut text = "| mounting | motion | m | mcx | mcy | mcz | Ixx | Iyy | Izz | Iyz | Izx | Ixy |\n\
                     |---|---|---|---|---|---|---|---|---|---|---|---|\n"

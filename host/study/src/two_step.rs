@@ -58,7 +58,8 @@ pub struct TwoSteps {
 }
 
 impl TwoSteps {
-    /// Largest ratio of the errors in two steps over those of the joint estimate, of the six elements.
+    /// Returns the largest ratio of the errors in two steps over those of the joint estimate, of the six
+    /// elements.
     pub fn worse(&self) -> f64 {
         self.believed.rms.iter().zip(self.joint.rms).map(|(two, one)| two / one).fold(0.0, f64::max)
     }
@@ -145,7 +146,7 @@ impl Prepared {
     }
 }
 
-/// Markdown.
+/// Returns the table in Markdown.
 pub fn table(all: &[TwoSteps]) -> String {
     let mut text = "| mounting | motion | errors in two steps over joint, worst element | coverage of 95 %, \
                     joint | two steps, the first believed | two steps, with its covariance \
