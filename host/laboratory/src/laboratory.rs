@@ -215,7 +215,7 @@ impl Somebody {
         }
     }
 
-    /// The ground's force and moment about the laboratory's origin at an instant, N and N m.
+    /// Returns the ground's force and moment about the laboratory's origin at an instant, N and N m.
     fn wrench(&self, pose: &dyn Fn(f64) -> Pose, time_s: f64) -> [f64; 6] {
         let h = STENCIL_S;
         let around: [Vec<Place>; 5] =
@@ -247,7 +247,7 @@ impl Somebody {
     }
 }
 
-/// The vector of the skew part of a matrix.
+/// Returns the vector of the skew part of a matrix.
 fn axial(m: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]) / 2.0
 }
@@ -311,12 +311,12 @@ impl<'a> Dance<'a> {
         self.somebody.model.link(link).and_then(|link| self.shares.get(link)).copied().unwrap_or(1.0)
     }
 
-    /// Height of the base of a person who stands upright, m.
+    /// Returns the height of the base of a person who stands upright, m.
     fn standing_m(&self) -> f64 {
         self.height_m + self.ankle_m()
     }
 
-    /// The pose at an instant.
+    /// Returns the pose at an instant.
     fn pose(&self, time_s: f64) -> Pose {
         let model = &self.somebody.model;
         let mut pose = self.somebody.skeleton.zero();
@@ -349,7 +349,7 @@ impl<'a> Dance<'a> {
         pose
     }
 
-    /// Height of the ankle above the sole of a planted foot, m.
+    /// Returns the height of the ankle above the sole of a planted foot, m.
     fn ankle_m(&self) -> f64 {
         0.039 * (self.height_m / 0.83) * 1.7
     }

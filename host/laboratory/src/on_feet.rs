@@ -133,7 +133,7 @@ impl OnFeet {
     }
 }
 
-/// Attitude and origin of every link in the base's frame.
+/// Returns the attitude and origin of every link in the base's frame.
 fn places(model: &Model, now: &TreeInstant) -> Vec<(Matrix3<f64>, Vector3<f64>)> {
     let mut places = vec![(Matrix3::identity(), Vector3::zeros())];
     for (link, (rotation, _)) in model.links.iter().zip(&now.links).skip(1) {

@@ -37,11 +37,10 @@ fn swing(i: usize, link: &ModelLink) -> Swing {
     }
 }
 
-/// A tree in motion: every joint swings about what axes it has, the base sways. `parameters` are ten of every
-/// link.
+/// Sets a tree in motion: every joint swings about its axes, and the base sways. `parameters` are ten of
+/// every link.
 ///
-/// Of joints that are spherical, or revolute about an axis of their link, and whose axes at zero are the
-/// parent's.
+/// Joints are spherical, or revolute about an axis of their link, and their axes at zero are the parent's.
 pub fn tree(model: &Model, parameters: &[f64]) -> Tree {
     let bodies = parameters.as_chunks::<10>().0.iter().map(|phi| body(*phi));
     let links = model.links.iter().zip(bodies).enumerate().map(|(i, (link, body))| {

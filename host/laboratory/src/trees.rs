@@ -42,7 +42,7 @@ fn link(
     )
 }
 
-/// Two links: a base and an arm on a ball.
+/// Makes two links: a base and an arm on a ball.
 pub fn two_links() -> Model {
     Model {
         name: "two".to_owned(),
@@ -67,7 +67,7 @@ pub fn two_links() -> Model {
     }
 }
 
-/// Seven axes on a base held still, like an arm's.
+/// Makes seven axes on a base held still, like an arm's.
 pub fn seven_axes() -> Model {
     let mut links =
         vec![link("base", 0, Joint::Free, [0.0; 3], body(4.0, [0.0, 0.0, 0.06], [0.1; 3], [0.0; 3]))];
@@ -89,7 +89,7 @@ pub fn seven_axes() -> Model {
     Model { name: "seven".to_owned(), links, findings: Vec::new(), gravity_mps2: None }
 }
 
-/// A sum of swings: value, rate, acceleration.
+/// Returns a sum of swings: value, rate, acceleration.
 pub(super) fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for n in 0..4 {
@@ -104,7 +104,7 @@ pub(super) fn swing(t: f64, k: usize, size: f64) -> [f64; 3] {
     sum
 }
 
-/// Attitude by three swings (roll, pitch, yaw) and its rate in its own axes.
+/// Returns the attitude by three swings (roll, pitch, yaw) and its rate in its own axes.
 fn attitude(t: f64, k: usize, size: f64) -> (Matrix3<f64>, Vector3<f64>) {
     let [x, y, z] = [0, 1, 2].map(|i| swing(t, k + i, size));
     let r = Rotation3::from_euler_angles(x[0], y[0], z[0]).into_inner();
@@ -140,7 +140,7 @@ pub const OFFSET: [f64; 6] = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3];
 const IMU: [f64; 3] = [0.04, -0.02, 0.03];
 const GRAVITY: f64 = 9.80665;
 
-/// Two links in motion: one IMU each, the arm's attitude, a load cell at the base.
+/// Records two links in motion: one IMU each, the arm's attitude, a load cell at the base.
 pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Option<u64>) -> Recording {
     let mut noise = Noise(noise.map(|seed| seed.wrapping_mul(0x2545_f491_4f6c_dd1d)));
     let mut normal = |sigma: f64| noise.normal(sigma);
@@ -187,8 +187,8 @@ pub fn two_link_recording(model: &Model, rate_hz: f64, seconds: f64, noise: Opti
     recording
 }
 
-/// Seven axes in motion: positions, rates if wished, torques; noise of these torques; `rubs` times a friction
-/// of 0.7 N m s, 1.5 N m and 0.2 N m.
+/// Records seven axes in motion: positions, rates if wished, and torques with noise. `rubs` times a friction
+/// of 0.7 N m s, 1.5 N m and 0.2 N m is in them.
 pub fn seven_axis_recording(
     model: &Model,
     rate_hz: f64,
@@ -355,8 +355,8 @@ impl TreeInstant {
     }
 }
 
-/// A tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of all
-/// links, the wrench on the base, its offset zero. For people; without noise.
+/// Records a tree of spherical and revolute joints on a base that moves: an IMU on every link, attitudes of
+/// all links, the wrench on the base, its offset zero. For people; without noise.
 pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording {
     let mut recording =
         Recording { name: "person".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
@@ -383,8 +383,8 @@ pub fn person_recording(model: &Model, rate_hz: f64, seconds: f64) -> Recording 
     recording
 }
 
-/// A tree of revolute joints on a base that is held still: positions, rates if wished, and torques of all
-/// joints; without noise.
+/// Records a tree of revolute joints on a base that is held still: positions, rates if wished, and torques of
+/// all joints; without noise.
 pub fn arm_recording(model: &Model, rate_hz: f64, seconds: f64, rates: bool) -> Recording {
     let mut recording = Recording { name: "arm".to_owned(), rate_hz: Some(rate_hz), ..Recording::default() };
     recording.rig = exact_rig(0);
