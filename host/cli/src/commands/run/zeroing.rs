@@ -428,8 +428,8 @@ mod tests {
     use super::*;
     use hexapod::Geometry;
 
-    /// Makes readings of two seconds at 200/s: a body at rest, turned by `angle` about x at each time (s), with
-    /// the noise of a poor gyro.
+    /// Makes readings of two seconds at 200/s. The body is at rest and turned by `angle` about x at each time
+    /// (s); the gyro has the noise of a poor one.
     fn readings(angle: impl Fn(f64) -> f64) -> Vec<Reading<f64>> {
         (0..400)
             .map(|k| {
