@@ -170,8 +170,10 @@ export const tests = {
     for (let n = 0; n < 100 && page.workers().length > 0; n++) await page.waitForTimeout(50);
     assert.equal(page.workers().length, 0);
     // Reading is cancelled likewise, and the next work runs.
-    await choose(page, file("other.csv", swinging(60, 1000)));
-    await page.locator("#cancel").click();
+    await choose(page, file("other.csv", swinging(300, 1000)));
+    await page.locator("#progress").waitFor();
+    // At once: what is shown moves meanwhile.
+    await page.locator("#cancel").dispatchEvent("click");
     await state(page, "Cancelled: other.csv was not read.");
     await page.locator("#example").click();
     await state(page, "is understood");
