@@ -41,6 +41,13 @@ function words({ file, carries, clock, from_s: from, to_s: to, rate_hz: rate }) 
   return `${file} (${carries.join(", ")}, ${digits(rate, 4)} rows per second): ${own}.`;
 }
 
+/** Returns the largest of 1, 2 and 5 times a power of ten that is not above `step`. */
+function tidy(step) {
+  if (!(step > 0)) return 1;
+  const ten = 10 ** Math.floor(Math.log10(step));
+  return ten * [5, 2, 1].find((times) => times * ten <= step * (1 + 1e-9));
+}
+
 /** Draws a curve for each stream, each over its own range of values. Streams without common time are drawn from their own beginnings. */
 function draw(streams, reference, together) {
   const svg = by("clocks-chart");
@@ -50,10 +57,10 @@ function draw(streams, reference, together) {
   const x = (t) => AREA.left + (AREA.width * (t - low)) / (high - low || 1);
   const foot = AREA.top + AREA.height;
   svg.replaceChildren(element("path", { d: `M${AREA.left} ${foot}h${AREA.width}`, class: "level" }));
-  for (let k = 0; k <= 5; k++) {
-    const t = low + ((high - low) * k) / 5;
-    const anchor = k === 0 ? "start" : k === 5 ? "end" : "middle";
-    svg.append(element("path", { d: `M${x(t)} ${foot}v5`, class: "level" }), element("text", { x: x(t), y: foot + 8, "text-anchor": anchor, "dominant-baseline": "hanging" }, `${digits(t, 4)}${k === 5 ? " s" : ""}`));
+  const step = tidy((high - low) / 5);
+  for (let t = step * Math.ceil(low / step); t <= high + 1e-9 * step; t += step) {
+    const anchor = x(t) < AREA.left + 20 ? "start" : x(t) > AREA.left + AREA.width - 20 ? "end" : "middle";
+    svg.append(element("path", { d: `M${x(t)} ${foot}v5`, class: "level" }), element("text", { x: x(t), y: foot + 8, "text-anchor": anchor, "dominant-baseline": "hanging" }, `${digits(t, 6)} s`));
   }
   const captions = [];
   for (const [k, stream] of streams.entries()) {
