@@ -79,9 +79,9 @@ fn root(of: f32) -> f32 {
 /// The simulated body: 3 kg, centre of mass at (0, 10, 50) mm, and its tensor about that, kg m²; and the load
 /// cell's offsets.
 pub const MASS_KG: f64 = 3.0;
-/// Its centre of mass in S, m.
+/// The body's centre of mass in S, m.
 pub const COM_M: [f64; 3] = [0.0, 0.01, 0.05];
-/// Its principal moments, along the axes of S, kg m².
+/// The body's principal moments, along the axes of S, kg m².
 pub const TENSOR_KGM2: [f64; 3] = [0.006, 0.005, 0.004];
 const OFFSET: [f64; 6] = [1.0, -0.5, 2.0, 0.02, -0.01, 0.03];
 const IMU_M: [f64; 3] = [0.05, -0.02, 0.03];

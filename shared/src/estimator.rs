@@ -219,7 +219,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     /// succeed.
     ///
     /// # Errors
-    /// What they would give.
+    /// The errors that they would return.
     #[inline(never)]
     pub fn check(config: &EstimatorConfig<T>, memory: Option<&MemoryConfig<T>>) -> Result<(), ConfigError> {
         check_sigma(config)?;

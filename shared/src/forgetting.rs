@@ -28,8 +28,8 @@
 //! deviation from it.
 //!
 //! # Noise in the coefficients
-//! What noise of the signals has added to M, its expectation K, goes the same way to first order: with the
-//! projection `E = X (Xᵀ M X)⁻¹ Xᵀ M` the change of M∥ is `K E + Eᵀ K − Eᵀ K E`, so that
+//! Noise of the signals adds to M. The expectation K of that part is forgotten the same way to first order:
+//! with the projection `E = X (Xᵀ M X)⁻¹ Xᵀ M` the change of M∥ is `K E + Eᵀ K − Eᵀ K E`, so that
 //! `K ← λ K + (1 − λ) (1 − E)ᵀ K (1 − E) + K_S`.
 //!
 //! # What counts as excited

@@ -93,7 +93,7 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         Self { mass, first_moment: c * mass, inertia: inertia_com + steiner(&c) * mass, frame: PhantomData }
     }
 
-    /// As `φ`, the order of [`PARAMETER_NAMES`].
+    /// Returns the parameters as `φ`, in the order of [`PARAMETER_NAMES`].
     pub fn to_vector(&self) -> [T; 10] {
         let [xx, yy, zz, yz, zx, xy] = tensor_elements(&self.inertia);
         let c = &self.first_moment;
@@ -111,7 +111,7 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         self.inertia - steiner(&self.centre_of_mass().vector()) * self.mass
     }
 
-    /// The same body about the origin of `G`, in G's axes. `origin` is G's origin in `F`.
+    /// Returns the body's parameters about the origin of `G`, in G's axes. `origin` is G's origin in `F`.
     pub fn expressed_in<G: Frame>(
         &self,
         rotation: &Rotation<G, F, T>,

@@ -9,7 +9,7 @@ use crate::calibration::Reading;
 
 /// Channels of one body's reading: wrench (6), specific force (3), angular rate (3).
 pub const CHANNELS: usize = 12;
-/// Those of two links' reading: a second IMU's specific force and rate come after them.
+/// Channels of two links' reading: those of one body, then a second IMU's specific force and rate.
 pub const TWO_LINK_CHANNELS: usize = 18;
 /// The attitude of a joint, which is examined as a whole.
 pub const ATTITUDE_CHANNEL: u8 = 18;

@@ -35,7 +35,7 @@ use crate::Scalar;
 
 /// A frame of reference, as a marker type.
 pub trait Frame: Copy + Default + PartialEq + core::fmt::Debug + Send + Sync + 'static {
-    /// Its symbol in the notation.
+    /// The frame's symbol in the notation.
     const SYMBOL: &'static str;
 }
 
@@ -174,7 +174,7 @@ impl<F: Frame, T: Scalar> Wrench<F, T> {
         let [fx, fy, fz, mx, my, mz] = w;
         Self::new(Force::new(fx, fy, fz), Moment::new(mx, my, mz))
     }
-    /// As `[Fx, Fy, Fz, Mx, My, Mz]`.
+    /// Returns `[Fx, Fy, Fz, Mx, My, Mz]`.
     #[inline(always)]
     pub fn array(&self) -> [T; 6] {
         let [fx, fy, fz] = self.force.array();

@@ -87,7 +87,7 @@ pub struct LinkMotion<T> {
     pub attitude: [T; 4],
     /// Angular rate relative to the earth, link axes, rad/s.
     pub rate: [T; 3],
-    /// Its derivative, link axes, rad/s².
+    /// Derivative of the angular rate, link axes, rad/s².
     pub angular_acceleration: [T; 3],
 }
 
@@ -100,7 +100,7 @@ pub struct Frame<'a, T> {
     pub specific_force: [T; 3],
     /// Angular rate of S, rad/s.
     pub rate: [T; 3],
-    /// Its derivative, rad/s².
+    /// Derivative of the angular rate, rad/s².
     pub angular_acceleration: [T; 3],
     /// The links after the first.
     pub links: &'a [LinkMotion<T>],

@@ -26,7 +26,7 @@ const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
 const SOME: usize = 2;
 /// Wrenches in a full absorbing level.
 const FULL: u16 = 1600;
-/// The same of rows that see all parameters, as one triangle takes all of them.
+/// Wrenches in a full absorbing level of rows that see all parameters, as one triangle takes all of them.
 const FULL_TOGETHER: u16 = FULL / 2;
 
 /// The cascade of a rigid body's `N` parameters, ten or sixteen, that knows which entries of its regressor

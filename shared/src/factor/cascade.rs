@@ -57,8 +57,8 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         false
     }
 
-    /// The same into a factor that began empty, and is a copy of the first level in use. How many steps that
-    /// took.
+    /// Does part `step` of merging the levels into a factor that began empty; the first level in use is
+    /// copied as a whole. Returns the number of steps that it took.
     pub(super) fn fold(&self, step: usize, whole: &mut InformationFactor<T, N>) -> u8 {
         match self.part(step).filter(|(level, _)| level.rows() > 0) {
             Some((level, 0)) if whole.rows() == 0 => {

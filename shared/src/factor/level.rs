@@ -11,7 +11,7 @@ use crate::whitening::{CHANNELS, LowPass, Passes, Whitening, combined};
 const FORCE: [usize; 7] = [1, 2, 3, 0, 10, 11, 12];
 /// Parameters that moments see: the tensor, mcx, mcy, mcz, and the offset; then those that they do not see.
 const ALL: [usize; 16] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 13, 14, 15, 0, 10, 11, 12];
-/// The same where the offset is known.
+/// The order of the parameters where the offset is known.
 const TEN: [usize; 10] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 0];
 
 /// The absorbing level: `[R z]` of the forces and of the moments, by columns, z being the one after the last

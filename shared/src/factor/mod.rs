@@ -108,7 +108,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.triangle.r.get(j).and_then(|column| column.get(i)).copied().unwrap_or_default()
     }
 
-    /// The same factor of as many parameters as it has, in room for `M`.
+    /// Returns the factor in room for `M` parameters, of which the first are those that it has.
     pub(crate) fn resized<const M: usize>(&self) -> InformationFactor<T, M> {
         let mut resized = InformationFactor::EMPTY;
         for (to, from) in resized.triangle.r.iter_mut().zip(&self.triangle.r) {
@@ -240,8 +240,8 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         Self::from_entries(entries.into_iter().take(Self::ENTRIES), rows)
     }
 
-    /// The same rows about other parameters: `z − R φ_r`. To the last bit the same for a reference of zero,
-    /// or if the numbers would not be finite.
+    /// Returns the factor of the same rows about other parameters, `z − R φ_r`. The factor stays the same to
+    /// the last bit for a reference of zero, or if the numbers would not be finite.
     #[inline(never)]
     pub(crate) fn about(&self, reference: &[T; N]) -> Self {
         let mut shifted = *self;
@@ -253,8 +253,8 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         if shifted.triangle.z.iter().all(|z| z.is_finite()) { shifted } else { *self }
     }
 
-    /// The same rows, solution `estimate`, with standard deviations `by` times as large and correlations as
-    /// they are.
+    /// Returns the rows, whose solution is `estimate`, with standard deviations `by` times as large and the
+    /// same solution and correlations.
     pub fn stretched(&self, estimate: &[T; N], by: &[T; N]) -> Self {
         let mut stretched = self.about(estimate);
         for (column, by) in stretched.triangle.r.iter_mut().zip(by) {
@@ -270,12 +270,12 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.residual_sum_of_squares *= by * by;
     }
 
-    /// The same triangle with another residual sum and row count.
+    /// Sets the residual sum and the row count; the triangle stays.
     pub(crate) fn set_residual(&mut self, residual_sum_of_squares: T, rows: u32) {
         (self.residual_sum_of_squares, self.rows) = (residual_sum_of_squares, rows);
     }
 
-    /// The same factor in another scalar.
+    /// Converts the factor to another scalar.
     pub fn cast<U: Scalar>(&self, convert: impl Fn(T) -> U) -> InformationFactor<U, N> {
         InformationFactor {
             triangle: Triangle {

@@ -91,7 +91,8 @@ pub(crate) fn reduce<T: Scalar>(
         .map_or(T::ZERO, |Column { rows, .. }| dot(rows, rows, T::ZERO))
 }
 
-/// The same into a packed triangle: column j of `[R z]` starts at `j (j + 1) / 2`.
+/// Reduces the columns as [`reduce`] does, into a packed triangle: column j of `[R z]` starts at `j (j + 1) /
+/// 2`.
 #[inline]
 pub(crate) fn reduce_packed<T: Scalar>(triangle: &mut [T], columns: &mut [Column<T>]) -> T {
     let mut rest = triangle;

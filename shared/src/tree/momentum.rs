@@ -1,5 +1,5 @@
-//! The same rows without accelerations: two parts, of which one is smoothed and the other differentiated by
-//! the filter.
+//! Rows without accelerations: two parts, of which one is smoothed and the other differentiated by the
+//! filter.
 //!
 //! Let h be the momentum of the links relative to a frame that moves with S without turning:
 //! `P' = Σ m u + ω × mc`, and `H'` about S. In that frame the base's acceleration and gravity act together as

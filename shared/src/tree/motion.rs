@@ -12,7 +12,7 @@ pub struct BaseMotion<T: Scalar> {
     pub specific_force: Vector3<T>,
     /// Angular rate, rad/s.
     pub rate: Vector3<T>,
-    /// Its derivative, rad/s². Not examined by [`super::momentum`].
+    /// Derivative of the angular rate, rad/s². Not examined by [`super::momentum`].
     pub angular_acceleration: Vector3<T>,
 }
 

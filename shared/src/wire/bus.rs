@@ -64,7 +64,7 @@ impl RequestHeader {
     /// Of a poll.
     pub const POLL: Self = Self { operation: Operation::Poll, length: 0 };
 
-    /// As sent.
+    /// Returns the header's bytes as they are sent.
     pub const fn encode(self) -> [u8; REQUEST_HEADER_BYTES] {
         let [low, high] = self.length.to_le_bytes();
         let operation = match self.operation {
@@ -78,7 +78,7 @@ impl RequestHeader {
         [operation, low, high]
     }
 
-    /// As received.
+    /// Reads the header from its bytes.
     pub const fn decode(bytes: [u8; REQUEST_HEADER_BYTES]) -> Result<Self, RequestError> {
         let [operation, low, high] = bytes;
         let length = u16::from_le_bytes([low, high]);
@@ -125,7 +125,7 @@ pub struct FlashRequest {
 }
 
 impl FlashRequest {
-    /// As sent.
+    /// Returns the request's bytes as they are sent.
     pub const fn encode(self) -> [u8; FLASH_HEADER_BYTES] {
         let [a, b, c, d] = self.offset.to_le_bytes();
         let operation = match self.operation {
@@ -136,7 +136,7 @@ impl FlashRequest {
         [operation, a, b, c, d]
     }
 
-    /// As received. `None` if no operation has this number.
+    /// Reads the request from its bytes. Returns `None` if no operation has this number.
     pub const fn decode(bytes: [u8; FLASH_HEADER_BYTES]) -> Option<Self> {
         let [operation, a, b, c, d] = bytes;
         let operation = match operation {
@@ -176,7 +176,7 @@ pub struct PollAnswer {
 }
 
 impl PollAnswer {
-    /// As sent.
+    /// Returns the answer's bytes as they are sent.
     pub const fn encode(self) -> [u8; POLL_ANSWER_BYTES] {
         let event = match self.event {
             Event::Idle => 0,
@@ -190,7 +190,7 @@ impl PollAnswer {
         [event, a, b, c, d, e, f, g, h]
     }
 
-    /// As received. `None` if no event has this number.
+    /// Reads the answer from its bytes. Returns `None` if no event has this number.
     pub const fn decode(bytes: [u8; POLL_ANSWER_BYTES]) -> Option<Self> {
         let [event, a, b, c, d, e, f, g, h] = bytes;
         let event = match event {

@@ -24,11 +24,11 @@ pub struct EventReport {
 pub struct EventMessage {
     /// Time since its program had started, ms; of the last one where there were several in a row.
     pub time_ms: u32,
-    /// What happened: see [`EventCode`].
+    /// The code of the event: see [`EventCode`].
     pub code: u8,
     /// Which; what it means depends on the code.
     pub detail: u8,
-    /// How often in a row; 255: as often or more.
+    /// Times that it happened in a row; 255 means 255 or more.
     pub count: u8,
 }
 

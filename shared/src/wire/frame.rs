@@ -57,9 +57,9 @@ pub struct TooLarge;
 pub struct Frame<'a> {
     /// Tells what it carries.
     pub kind: Kind,
-    /// Its number.
+    /// The frame's number in its series.
     pub sequence: u16,
-    /// Its payload: a message in postcard, or a frame of a robot that is watched.
+    /// The frame's payload: a message in postcard, or a frame of a robot that is watched.
     pub payload: &'a [u8],
 }
 

@@ -68,7 +68,7 @@ impl SuspensionSettings {
 /// The second link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct TwoLinkSettings {
-    /// Its IMU; in its frame, whose origin is the joint.
+    /// The second link's IMU in the link's frame, whose origin is the joint.
     pub imu: ImuSettings,
     /// The joint in S, m.
     pub joint_position_m: [f32; 3],
@@ -139,13 +139,13 @@ pub struct LinkBatch {
 /// Holds what became of frames. Of those that were left out nothing was absorbed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct FrameReport {
-    /// That arrived whole.
+    /// Frames that arrived whole.
     pub frames: u32,
-    /// That were absorbed.
+    /// Frames that were absorbed.
     pub absorbed: u32,
-    /// That did not come: numbers of their series that are missing.
+    /// Frames that did not come: numbers of their series that are missing.
     pub missing: u32,
-    /// That were damaged on the way, or could not be had.
+    /// Frames that were damaged on the way, or could not be fetched.
     pub damaged: u32,
     /// Of a tree with another number of links.
     pub wrong_links: u32,

@@ -81,7 +81,7 @@ pub enum Command {
     /// A link of the robot that is to be watched: Configured.
     #[cfg_attr(not(feature = "watch"), serde(skip))]
     WatchLink {
-        /// Its index.
+        /// The link's index.
         link: u8,
         /// The knowledge of it.
         settings: WatchLinkSettings,
@@ -162,7 +162,7 @@ pub enum ErrorCode {
 }
 
 impl ErrorCode {
-    /// Its number, for people and logs.
+    /// Returns the error's number, for people and logs.
     pub const fn number(self) -> u16 {
         match self {
             Self::UnknownCommand => 1,
@@ -236,7 +236,7 @@ pub enum SensorFault {
     Rate,
     /// It gives no new samples.
     Silent,
-    /// Its filters began anew.
+    /// The sensor's filters began anew.
     Resynced,
     /// It brings the same sample again.
     Stale,
@@ -628,7 +628,7 @@ pub struct CounterReport {
     pub rejected_by_channel: [u16; 19],
     /// The last rejection: 0 none, 1 not finite, 2 saturated, 3 frozen.
     pub last_rejection: u8,
-    /// Its channel.
+    /// The channel of the last rejection.
     pub last_rejected_channel: u8,
     /// Stretches of missing time.
     pub gaps: u32,
@@ -661,7 +661,8 @@ pub struct CounterReport {
     pub stack_bytes: [u32; 2],
     /// Failed transfers with the IMU, overflows of its FIFO, and samples of it that were read too late.
     pub imu_errors: u32,
-    /// The same of the second link's IMU.
+    /// Failed transfers with the second link's IMU, overflows of its FIFO, and samples of it that were read
+    /// too late.
     pub second_imu_errors: u32,
     /// Samples of load cell, IMU and second IMU that were signalled and that the board could not keep.
     pub lost: [u32; 3],

@@ -55,7 +55,7 @@ pub enum TreeFrameError {
 /// A frame whose check fits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberedFrame<'a, const VERSION: u8, const BASE: usize, const LINK: usize> {
-    /// Its number.
+    /// The frame's number.
     pub number: u32,
     /// The base's.
     pub base: [f32; BASE],

@@ -49,7 +49,7 @@ pub struct WatchLinkSettings {
     pub parent: u8,
     /// The way its joint moves.
     pub joint: WatchJoint,
-    /// Its axis in the link's frame, a unit vector.
+    /// The joint's axis in the link's frame, a unit vector.
     pub axis: [f32; 3],
     /// Axes of the parent ← axes of the link at zero, Hamilton quaternion.
     pub rotation_wxyz: [f32; 4],
@@ -81,7 +81,7 @@ pub enum WatchJoint {
 /// Reports a change of the watched link. It is sent when it is found, and again when it has been measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ChangeReport {
-    /// Its number, from one.
+    /// The change's number, from one.
     pub change: u16,
     /// Number of the frame after which it was found.
     pub found: u32,
@@ -91,7 +91,7 @@ pub struct ChangeReport {
     pub between: [u32; 2],
     /// The part that it explains against the limit.
     pub ratio: f32,
-    /// Its size, when it has been measured.
+    /// The size of the change, once it has been measured.
     pub size: Option<ChangeSize>,
 }
 
@@ -133,12 +133,12 @@ pub struct WatchReport {
 /// lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct StreamReport {
-    /// That had not come when a later one did.
+    /// Frames that had not come when a later one did.
     pub lost: u32,
-    /// That arrived once more; the copy was left out.
+    /// Frames that arrived once more; the copy was left out.
     pub repeated: u32,
-    /// That arrived after a later one, and were left out; each has been counted as lost, too.
+    /// Frames that arrived after a later one, and were left out; each has been counted as lost, too.
     pub late: u32,
-    /// That arrived while no robot was watched.
+    /// Frames that arrived while no robot was watched.
     pub unasked: u32,
 }

@@ -25,7 +25,7 @@ pub const MAX_WATCH_FRAME: usize = WatchFrame::bytes(MAX_WATCHED_LINKS, MAX_WATC
 /// Tells why a payload is no frame of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchFrameError {
-    /// Its length is not that of its links and sensors.
+    /// The payload's length is not that of the robot's links and sensors.
     Length,
     /// It has this number of links and sensors of forces, and others were expected.
     Robot {
@@ -39,7 +39,7 @@ pub enum WatchFrameError {
 /// Holds a frame of a robot that is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchFrame<'a> {
-    /// Its number.
+    /// The frame's number.
     pub number: u32,
     /// Specific force (m/s²) and rate (rad/s) of the base's IMU.
     pub imu: [f32; SIX],

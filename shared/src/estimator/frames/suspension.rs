@@ -91,7 +91,7 @@ impl<T: Scalar> Suspension<T> {
 /// The place of the base link on what is tracked.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mount<T> {
-    /// Its origin, axes of what is tracked, m.
+    /// The origin of the base link, axes of what is tracked, m.
     pub(super) arm: Vector3<T>,
     /// Axes of what is tracked ← base link.
     pub(super) rotation: Matrix3<T>,

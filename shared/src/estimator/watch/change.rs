@@ -61,8 +61,8 @@ pub struct Change<T> {
     pub between: [u32; 2],
     /// The part that it explains against its limit; above 1.
     pub ratio: T,
-    /// Its size, if it has been measured: of m, m c, and the tensor, and their standard deviations. Infinite
-    /// of what rows do not tell.
+    /// The size of the change, if it has been measured: of m, m c, and the tensor, and their standard
+    /// deviations. These are infinite for quantities that rows do not determine.
     pub size: Option<([T; LINK], [T; LINK])>,
 }
 
@@ -127,7 +127,7 @@ pub(super) struct Test<T: Scalar> {
     mean: [T; BINS],
     largest: [T; BINS],
     sweeps: u16,
-    /// Whether there is an alarm, and which.
+    /// True during an alarm; `alarm` describes it.
     alarming: bool,
     alarm: Alarm<T>,
     changes: u16,
