@@ -237,7 +237,7 @@ fn a_transfer_that_does_not_end_is_given_up_and_sampling_goes_on() {
     assert_eq!(samples.take().map(|c| (c.ticks, c.bytes[4])), Some((20, 3)));
 }
 
-/// What is left in the converter after a transfer that failed is older than the next edge.
+/// The conversion that is left in the converter after a transfer that failed is older than the next edge.
 #[test]
 fn no_conversion_is_dated_by_a_later_edge_after_a_failed_transfer() {
     for was_read in [false, true] {

@@ -131,8 +131,9 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.on_bytes_pausing(bytes, now_ns, || {});
     }
 
-    /// The same for a board whose interrupts read samples: `pause` is called before the sensors are brought
-    /// up, which no sample may come between. The board listens again to those that [`App::wanted`] names.
+    /// Takes bytes from the host as [`Self::on_bytes`] does, for a board whose interrupts read samples:
+    /// `pause` is called before the sensors are brought up, which no sample may come between. The board
+    /// listens again to those that [`App::wanted`] names.
     #[inline(always)]
     pub fn on_bytes_pausing(&mut self, bytes: &[u8], now_ns: u64, mut pause: impl FnMut()) {
         for byte in bytes {
@@ -237,9 +238,9 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
-    /// The same for a board that stands still while a sector is erased: nothing that may erase is done before
-    /// everything has been sent, and while bytes wait that the host has sent. `quiet`: neither is the case on
-    /// the board's side.
+    /// Does the same work as [`Self::tend`], for a board that stands still while a sector is erased: nothing
+    /// that may erase is done before everything has been sent, and while bytes wait that the host has sent.
+    /// `quiet`: neither is the case on the board's side.
     #[cfg(feature = "storage")]
     pub fn tend_when_quiet<F: embedded_storage::nor_flash::NorFlash>(
         &mut self,

@@ -1,5 +1,4 @@
-//! Whether the program does what it is for: a board feeds its watchdog by that, not by its main loop's
-//! turning alone.
+//! Progress of the program: a board feeds its watchdog by it, not by its main loop's turning alone.
 //!
 //! A sensor that is silent is a fault that the application tells within a quarter of a second, and that no
 //! restart heals. What a restart may heal is an application that does not tell it, or a port whose interrupt

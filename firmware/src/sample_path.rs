@@ -1,7 +1,7 @@
 //! The processing of every sample: calibration, alignment, estimator. No I/O, no panic, no heap, no f64.
 //!
 //! [`sample_path`] is the one entry; the release check searches for its symbol and walks what it can reach.
-//! That of frames is [`crate::frame_path`]'s.
+//! Frames are processed by [`crate::frame_path`].
 
 use rigident_shared::alignment::{Aligner, AlignerConfig, ImuReading};
 use rigident_shared::calibration::{GaugeCalibration, Reading};

@@ -5,7 +5,7 @@ use std::{env, fs};
 
 /// The baseline of the bench binary.
 const BASELINE: &str = "src/bin/bench/householder.c";
-/// As fast as the compiler makes it: products and sums may be fused.
+/// Flags for the fastest code: products and sums may be fused.
 const FLAGS: [&str; 9] = [
     "-O3",
     "-mcpu=cortex-m4",

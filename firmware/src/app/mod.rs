@@ -44,7 +44,8 @@ const HEARTBEAT_EVERY_NS: u64 = 1_000_000_000;
 /// A sensor that gives no sample for this long while readings are absorbed is broken, ns: six samples at the
 /// slowest rate there is.
 const SILENT_NS: u64 = 250_000_000;
-/// The same of frames of a robot that is watched, ns: the host that sends them has other things to do, too.
+/// A run whose host sends no frame of a robot that is watched for this long is broken, ns: the host has other
+/// things to do, too.
 const NO_FRAMES_NS: u64 = 1_000_000_000;
 /// Silence, of sensors or of the host, is checked for this often, ns.
 const LOOK_EVERY_NS: u64 = 5_000_000;
@@ -255,7 +256,7 @@ pub struct App<P> {
     pulses: [Pulse; SENSORS],
     /// Samples of gauges in a row whose excitation was missing.
     starved: u16,
-    /// How noisy the bus is, by the check sums of the load cell's frames.
+    /// The noise of the bus, by the check sums of the load cell's frames.
     noise: u16,
     /// Of load cell, IMU and second IMU.
     meters: [RateMeter; 3],

@@ -29,8 +29,8 @@ const EXCITATION_MOST: f32 = 1.1;
 /// Samples of the load cell come at the rate asked for, to within this much, parts in a million: what its
 /// filter and derivative count on. Oscillators of converters are within 100.
 const LOAD_CELL_PPM: u32 = 500;
-/// The same of an IMU, whose samples are dated one by one: 1 % by its data sheet, and what is far more is
-/// another rate.
+/// Samples of an IMU come at the rate asked for, to within this much, parts in a million. They are dated one
+/// by one. A data sheet allows 1 %; far more is another rate.
 const IMU_PPM: u32 = 50_000;
 /// An estimate waits this long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
@@ -189,7 +189,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.alive_on_path(sensor, time_ns);
     }
 
-    /// The same in the frame of its caller: of one body's samples, whose instructions count.
+    /// Notes a sample as [`Self::alive`] does, in the frame of its caller, for one body's samples, whose
+    /// instructions count.
     #[inline(always)]
     fn alive_on_path(&mut self, sensor: Sensor, time_ns: u64) {
         self.advance(time_ns);

@@ -87,7 +87,7 @@ pub enum AdcError<E> {
     WrongId(u16),
     /// A register does not hold what was written.
     Verify {
-        /// Its address.
+        /// The register's address.
         register: u8,
         /// Written.
         wrote: u16,

@@ -299,7 +299,7 @@ fn a_register_that_does_not_hold_is_named() {
     }
 }
 
-/// What only the status tells of a sample is examined in every frame.
+/// Every frame is examined for faults of its sample that only the status shows.
 #[test]
 fn a_status_that_speaks_against_its_sample_is_named_and_the_next_sample_is_good() {
     let (mut driver, converter) = running();

@@ -44,7 +44,7 @@ impl<'a> AnyFrame<'a> {
         }
     }
 
-    /// Its number.
+    /// Returns the frame's number.
     pub fn number(&self) -> u32 {
         match self {
             Self::Imu(frame) => frame.number,

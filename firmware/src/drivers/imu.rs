@@ -66,7 +66,7 @@ pub enum ImuError<E> {
     WrongId,
     /// A register does not hold what was written.
     Verify {
-        /// Its bank and its address.
+        /// The register's bank and address.
         register: (u8, u8),
         /// Written, in the bits that matter.
         wrote: u8,

@@ -139,8 +139,8 @@ impl<'f, F: NorFlash> Journal<'f, F> {
     }
 
     /// Shows every record, oldest first, in `buffer`, until `show` has seen enough, which says so by false.
-    /// What was shown last stays in the buffer. Inlined where it is used, which is in one place: flash is
-    /// dear.
+    /// The record that was shown last stays in the buffer. Inlined where it is used, which is in one place:
+    /// flash is dear.
     #[inline(always)]
     pub(super) fn each(
         &mut self,

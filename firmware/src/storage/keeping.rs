@@ -39,7 +39,7 @@ enum Phase {
     Rest,
     /// One is to be made.
     Due,
-    /// Its factor is being put together.
+    /// The checkpoint's factor is being put together.
     Folding,
     /// It can be stored.
     Ready,

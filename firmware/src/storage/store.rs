@@ -34,7 +34,7 @@ const SCHEMA: u64 =
 pub struct Layout {
     /// The journal of settings.
     pub settings: Range<u32>,
-    /// That of checkpoints.
+    /// The journal of checkpoints.
     pub checkpoints: Range<u32>,
 }
 
@@ -100,7 +100,7 @@ impl<F: NorFlash> Store<F> {
         Ok(Self { flash, layout, writer, buffer: [0; RECORD_BYTES] })
     }
 
-    /// The same as if another firmware used it.
+    /// Makes the store write as the firmware of this hash does.
     #[must_use]
     pub fn written_by(mut self, firmware: u32) -> Self {
         self.writer.firmware = firmware;

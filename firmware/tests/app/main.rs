@@ -461,8 +461,8 @@ fn answers_overtake_telemetry_and_messages_without_room_are_counted() {
     assert!(counters.telemetry_dropped > 0);
 }
 
-/// Whatever comes over the line, the application answers in whole frames, and a clean run afterwards gives
-/// the clean answer, bit for bit.
+/// For any bytes on the line, the application answers in whole frames, and a clean run afterwards gives the
+/// clean answer, bit for bit.
 #[test]
 fn garbage_and_wild_commands_never_corrupt_a_later_run() {
     let mut clean = Host::new();

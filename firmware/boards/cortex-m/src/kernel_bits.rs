@@ -1,6 +1,6 @@
 //! The factor's kernels on numbers that need no generator, and a digest of every bit of what they make.
 //!
-//! The same file is compiled for the host (`hil-sim/tests/integration/kernel_bits.rs`), which compares.
+//! This file is also compiled for the host (`hil-sim/tests/integration/kernel_bits.rs`), which compares.
 
 use rigident_shared::factor::{BodyCascade, InformationFactor};
 use rigident_shared::spatial::Position;

@@ -65,7 +65,7 @@ impl AddressRegister {
     /// Returns the register at an address.
     ///
     /// # Safety
-    /// As of [`Register::new`].
+    /// See [`Register::new`].
     pub const unsafe fn new(address: usize) -> Self {
         // SAFETY: the caller's promise.
         Self(unsafe { Register::new(address) })
@@ -74,8 +74,8 @@ impl AddressRegister {
     /// Names memory.
     ///
     /// # Safety
-    /// What the peripheral does to the memory from here on must be sound: it lives as long, it is long
-    /// enough, and whoever else uses it expects that.
+    /// The peripheral's use of the memory from here on must be sound: the memory lives as long, it is long
+    /// enough, and all other users of it expect that.
     #[inline]
     pub unsafe fn write(self, address: usize) {
         #[cfg(not(target_os = "none"))]

@@ -1,6 +1,6 @@
 //! The flash: a request to the simulator, which keeps its cells and so outlives the board.
 //!
-//! Its sectors are those of an STM32F405, so that what holds there holds here.
+//! The sectors are those of an STM32F405, so that results here hold there.
 
 use core::cell::RefCell;
 

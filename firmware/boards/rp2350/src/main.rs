@@ -1,5 +1,5 @@
 //! The firmware on a Raspberry Pi Pico 2, of which the link to the host is here: recordings can be replayed.
-//! Its sensors' bus is not written yet.
+//! The driver of the sensors' bus is not written yet.
 //!
 //! Crystal and PLL with bounded waits; UART0 on GP0 and GP1. No emulator has the chip: this image is built
 //! and not run. The kernels' bits are compared on the same core (`src/bin/kernel_bits.rs`).

@@ -1,4 +1,4 @@
-//! How a program ends on the core itself: handlers of panics and faults, and the first two instructions.
+//! The end of a program on the core itself: handlers of panics and faults, and the first two instructions.
 
 use core::panic::PanicInfo;
 

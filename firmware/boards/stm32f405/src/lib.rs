@@ -8,7 +8,7 @@
 //! All of it but [`ends`] runs on a computer, too, against a model of the chip's registers
 //! (`hil-sim/tests/board`).
 //!
-//! The same image runs in QEMU's `netduinoplus2`, where the clock registers read zero ([`clock`]).
+//! The image also runs in QEMU's `netduinoplus2`, where the clock registers read zero ([`clock`]).
 //!
 //! May not live here: what another chip would need too (that is `rigident-cortex-m`), or anything portable.
 #![cfg_attr(target_os = "none", no_std)]

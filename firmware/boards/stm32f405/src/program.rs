@@ -21,7 +21,7 @@ use crate::{CHIP, spi, start, usart, watchdog};
 const LOOKS_HZ: u32 = 1_000;
 /// The core's timer: on, with an interrupt, by the core's clock.
 const TIMER_ON: u32 = 0b111;
-/// How deep the stack has been is looked at this often, while there is nothing else to do, ns.
+/// The deepest use of the stack is looked at this often, while there is nothing else to do, ns.
 const MARK_EVERY_NS: u64 = 1_000_000_000;
 
 /// A sensor as its driver sees it.
@@ -37,7 +37,7 @@ pub struct Boot {
     pub reset: ResetReason,
     /// Where the last program ended, if it ended badly.
     pub ended: Option<BadEnd>,
-    /// How fast it runs.
+    /// The clocks that the chip runs at.
     pub clocks: Clocks,
 }
 

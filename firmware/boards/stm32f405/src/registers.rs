@@ -59,7 +59,7 @@ pub const SCB_AIRCR: Register = at(SCB, 0x0c);
 pub const SYST_CSR: Register = at(0xe000_e010, 0);
 /// The count that it begins with again.
 pub const SYST_RVR: Register = at(0xe000_e010, 4);
-/// Its count; any value clears it.
+/// The count of the core's own timer; any value clears it.
 pub const SYST_CVR: Register = at(0xe000_e010, 8);
 /// Masks interrupts, and forgets those that wait, 32 each.
 pub const NVIC_ICER: [Register; 3] = [at(0xe000_e180, 0), at(0xe000_e180, 4), at(0xe000_e180, 8)];

@@ -115,7 +115,7 @@ pub fn until_full_rank(n: usize) -> usize {
     n / 6 + 2
 }
 
-/// The same rows, two samples one below the other, as the factor absorbs them.
+/// Returns the rows of two samples one below the other, as the factor absorbs them.
 pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N> {
     let stacked =
         |a: &[f32; 6], b: &[f32; 6]| core::array::from_fn(|i| if i < 6 { a[i] } else { b[i - 6] }).into();

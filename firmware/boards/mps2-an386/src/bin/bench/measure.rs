@@ -54,7 +54,8 @@ impl Bench {
         });
     }
 
-    /// The same for something that goes through many samples by itself; the trace does not tell them apart.
+    /// Measures, as [`Self::case`] does, a run that goes through many samples by itself; the trace cannot
+    /// separate them.
     pub fn case_of(&mut self, part: &str, n: usize, samples: u32, search: u32, mut run: impl FnMut(u32)) {
         let marked = || {
             bench_begin();

@@ -38,8 +38,8 @@ pub fn decoded(bench: &mut Bench, path: &mut Path, n: usize) {
     telling(bench, path, "path", n, SILENT, SEARCH, |_| ());
 }
 
-/// The same with an estimate four times a second, its solution and the nearest body in it, and with all
-/// readings, too. What is sent is taken away as fast as a serial port of 1 MBd does.
+/// Measures the path of [`decoded`] with an estimate four times a second, its solution and the nearest body
+/// in it, and with all readings, too. A serial port of 1 MBd takes away what is sent.
 #[inline(never)]
 pub fn with_telemetry(bench: &mut Bench, path: &mut Path, n: usize) {
     let estimates = TelemetrySettings { estimate_every_blocks: 25, ..SILENT };
@@ -96,8 +96,8 @@ fn telling(
     check_running(&app);
 }
 
-/// The same from the bytes on the bus: one frame of the converter and one packet of the IMU through the
-/// drivers. The bus itself is a copy.
+/// Measures the path of [`decoded`] from the bytes on the bus: one frame of the converter and one packet of
+/// the IMU through the drivers. The bus itself is a copy.
 #[inline(never)]
 pub fn with_drivers(bench: &mut Bench, path: &mut Path, n: usize) {
     let mut instrument = instrument(path);
