@@ -34,11 +34,11 @@ const JUMP_RAD: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hinge {
-    /// Its name.
+    /// The hinge's name.
     pub name: String,
-    /// Its frame in that of the hinge before, of the first in the base's, at position zero.
+    /// The hinge's frame in that of the hinge before, or in the base's for the first, at position zero.
     pub place: Mounting,
-    /// Its axis in its own frame; need not be of unit length.
+    /// The hinge's axis in its own frame; need not be of unit length.
     pub axis: [f64; 3],
     /// Least and greatest position, rad.
     pub range_rad: [f64; 2],

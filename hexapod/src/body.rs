@@ -35,7 +35,8 @@ impl BodyParameters {
         }
     }
 
-    /// The same body standing upright, centre of mass 247 mm above the load cell.
+    /// Returns the thesis' test body with its plates standing upright, centre of mass 247 mm above the load
+    /// cell.
     pub fn thesis_vertical() -> Self {
         Self {
             mass_kg: 20.0,
@@ -88,8 +89,8 @@ impl BodyParameters {
         [m, m * x, m * y, m * z, xx, yy, zz, yz, zx, xy]
     }
 
-    /// The same body in another frame: this frame's origin is at `offset_m` there and its axes are the
-    /// columns of `rotation`. From S to P with the load cell's place on the plate.
+    /// Returns the parameters of the body in another frame: this frame's origin is at `offset_m` there and
+    /// its axes are the columns of `rotation`. From S to P with the load cell's place on the plate.
     pub fn in_frame(&self, offset_m: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
         let com = offset_m + rotation * Vector3::from(self.com_m);
         let i = rotation * self.inertia_com() * rotation.transpose();

@@ -18,7 +18,7 @@ type Ten = [f64; 10];
 /// frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodySet {
-    /// Its middle.
+    /// The middle of the set.
     pub middle: Ten,
     /// Half-axes of a box: each is taken between −1 and 1 times, on its own.
     pub half_axes: Vec<Ten>,
@@ -41,8 +41,8 @@ fn of_moments(mass: f64, first: &Vector3<f64>, second: &Matrix3<f64>) -> Ten {
     [mass, first.x, first.y, first.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(2, 0)], i[(0, 1)]]
 }
 
-/// The same ten parameters in another frame: this one's origin is at `offset` there, its axes the columns of
-/// `rotation`.
+/// Returns the ten parameters in another frame: this one's origin is at `offset` there, its axes the columns
+/// of `rotation`.
 fn in_frame(phi: &Ten, offset: &Vector3<f64>, rotation: &Matrix3<f64>) -> Ten {
     let (mass, first) = (phi[0], rotation * Vector3::new(phi[1], phi[2], phi[3]));
     let second = rotation * second_moment(phi) * rotation.transpose()

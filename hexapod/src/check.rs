@@ -1,4 +1,4 @@
-//! Whether a pose or a whole motion keeps every limit.
+//! Checks of a pose or a whole motion by every limit.
 //!
 //! A motion is not checked in steps: what happens between two checks is bounded ([`Geometry::guarantee`] has
 //! the bounds), and an interval whose bounds do not show that the limits are met is cut in two.
@@ -28,7 +28,7 @@ impl Geometry {
         self.kept_at(&Trajectory::resting(pose).state(0.0), None)
     }
 
-    /// The same with the forces that carrying `load` takes.
+    /// Checks a pose as [`Self::check_pose`] does, with the forces that carrying `load` takes.
     ///
     /// # Errors
     /// The limit, the leg and the value.
@@ -115,7 +115,7 @@ impl Geometry {
         self.kept(trajectory, None)
     }
 
-    /// As [`Geometry::check`], with the forces that moving `load` takes.
+    /// Checks a motion as [`Geometry::check`] does, with the forces that moving `load` takes.
     ///
     /// # Errors
     /// A limit that is violated, or cannot be shown to be met, with leg and time.
@@ -223,7 +223,8 @@ mod tests {
         assert!(error.to_string().contains("m/s"), "{error}");
     }
 
-    /// What is refused oversteps at that time; what is passed does not, examined every 0.2 ms.
+    /// A program that is refused oversteps at the time stated; one that is passed does not, examined every
+    /// 0.2 ms.
     #[test]
     fn the_first_overstepping_is_named_and_passed_programs_keep_the_limits() {
         let g = Geometry::thesis();

@@ -15,7 +15,7 @@ pub enum ForwardError {
     Length {
         /// 1 to 6.
         leg: usize,
-        /// As given, m.
+        /// The length given, m.
         length_m: f64,
         /// Shortest possible, m.
         min_m: f64,
@@ -30,7 +30,7 @@ pub enum ForwardError {
     NoPose {
         /// 1 to 6: the leg that fits worst.
         leg: usize,
-        /// Its length error, m.
+        /// The length error of that leg, m.
         error_m: f64,
     },
 }

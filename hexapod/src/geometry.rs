@@ -87,7 +87,7 @@ impl Geometry {
         self.travel.is_none()
     }
 
-    /// The same machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis'
+    /// Returns the machine with only the middle `stroke_m` of its legs' stroke in use, as in the thesis'
     /// experiments (0.20 m of 0.3048 m).
     ///
     /// # Errors
@@ -103,8 +103,8 @@ impl Geometry {
         Ok(self)
     }
 
-    /// The same machine with a share of its legs' stroke, or of its travel, left unused: half of it at either
-    /// end.
+    /// Returns the machine with a share of its legs' stroke, or of its travel, left unused: half of it at
+    /// either end.
     #[must_use]
     pub fn with_reserve(mut self, share: f64) -> Self {
         let [lo, hi] = self.leg_length_m;
@@ -114,7 +114,7 @@ impl Geometry {
         self
     }
 
-    /// The same machine with every limit brought in to a share of what it allows: of the stroke about its
+    /// Returns the machine with every limit brought in to a share of what it allows: of the stroke about its
     /// middle, of speeds, accelerations, forces and angles, and of `cond(H)`; clearances grow.
     #[must_use]
     pub fn within(&self, share: f64) -> Self {

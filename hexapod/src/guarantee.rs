@@ -377,7 +377,7 @@ impl Geometry {
         self.bounds_with(load, f64::INFINITY)
     }
 
-    /// The same with a limit of the plate's angular rate.
+    /// Returns the bounds as [`Self::bounds_of`] does, with a limit of the plate's angular rate.
     pub(super) fn bounds_with<'a>(&'a self, load: Option<&'a Load>, rate_limit_radps: f64) -> Bounds<'a> {
         Bounds { geometry: self, load, moments: load.map(moments), allowed: self.allowed(rate_limit_radps) }
     }

@@ -221,7 +221,7 @@ fn shares_of_a_travel_add_up_unless_all_of_it_may_be_used_at_once() {
     }
 }
 
-/// As with legs: examined every 0.5 ms no bound is below, and none more than 2 % above.
+/// Bounds of a travel, examined every 0.5 ms: none is below the true value, and none more than 2 % above.
 #[test]
 fn bounds_of_a_travel_hold_at_every_instant_and_are_not_far_above() {
     for (seed, together) in [(1, false), (2, true), (3, false), (4, true)] {

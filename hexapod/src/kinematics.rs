@@ -23,15 +23,15 @@ pub struct PlateState {
     pub rpy: Vector3<f64>,
     /// Origin of P in A, m.
     pub position: Vector3<f64>,
-    /// Its velocity in A, m/s.
+    /// Velocity of P's origin in A, m/s.
     pub velocity: Vector3<f64>,
-    /// Its acceleration in A, m/s². Gravity is not in it.
+    /// Acceleration of P's origin in A, m/s². Gravity is not in it.
     pub acceleration: Vector3<f64>,
     /// `R_AP`.
     pub rotation: Matrix3<f64>,
     /// Angular rate in the plate's axes, rad/s.
     pub angular_rate: Vector3<f64>,
-    /// Its time derivative in the plate's axes, rad/s².
+    /// Time derivative of the angular rate in the plate's axes, rad/s².
     pub angular_acceleration: Vector3<f64>,
 }
 

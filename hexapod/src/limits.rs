@@ -130,7 +130,7 @@ impl Bulk {
         2.0 * self.leg_radius_m
     }
 
-    /// The same with a clearance for which only a share of the range is used.
+    /// Returns the bulk with a larger clearance, for which only a share of the range is used.
     pub(super) fn within(&self, share: f64) -> Self {
         Self { clearance_m: self.clearance_m + (1.0 - share) * self.range_m(), ..self.clone() }
     }

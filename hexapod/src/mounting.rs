@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mounting {
-    /// Its origin, m.
+    /// The origin of the frame, m.
     pub position_m: [f64; 3],
     /// Takes its axes to the other's; Hamilton w, x, y, z, normalised when used.
     pub rotation_wxyz: [f64; 4],
 }
 
 impl Mounting {
-    /// The same frame.
+    /// The place of a frame in itself.
     pub const IDENTITY: Self = Self { position_m: [0.0; 3], rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
 
     /// The rotation as a matrix; `None` for a quaternion that is zero or not finite.

@@ -19,7 +19,7 @@ pub(super) fn rpy_from_rotation(r: &Matrix3<f64>) -> [f64; 3] {
     }
 }
 
-/// The same of sines and cosines of the angles.
+/// Returns the rotation of roll, pitch and yaw, given by their sines and cosines.
 pub(super) fn rotation_from_sines(
     (sr, cr): (f64, f64),
     (sp, cp): (f64, f64),

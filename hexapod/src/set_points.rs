@@ -49,7 +49,7 @@ impl SetPoint {
     /// Reads a line without its end: time, s, and set point.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The fault of the line.
     pub fn read(line: &str) -> Result<(f64, Self), LineError> {
         let numbers = line.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
         let numbers: Vec<f64> = numbers.collect::<Option<_>>().ok_or(LineError::NotNumbers)?;
