@@ -17,14 +17,14 @@ pub trait ByteLink {
     /// Sends all of `bytes`.
     ///
     /// # Errors
-    /// Whatever the line gives; nothing of what was sent can be taken back.
+    /// Any error of the line; bytes that were sent cannot be taken back.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Takes what has arrived, at most `buffer.len()` bytes, waiting up to `timeout` for the first. 0:
     /// nothing arrived. With an empty buffer nothing is taken, and the other end goes on for `timeout`.
     ///
     /// # Errors
-    /// Whatever the line gives.
+    /// Any error of the line.
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 }
 

@@ -30,7 +30,7 @@ pub struct JointState {
     pub rotation: Matrix3<f64>,
     /// Rate against the parent, link's axes, rad/s.
     pub rate: Vector3<f64>,
-    /// Its components' derivative, rad/s².
+    /// Derivative of the rate's components, rad/s².
     pub acceleration: Vector3<f64>,
 }
 
@@ -86,7 +86,7 @@ impl Swing {
         }
     }
 
-    /// Its attitude, w, x, y, z with w not negative.
+    /// Returns the joint's attitude, w, x, y, z with w not negative.
     pub fn attitude_wxyz(&self, time_s: f64) -> [f64; 4] {
         quaternion(&self.at(time_s).rotation)
     }
@@ -127,7 +127,7 @@ pub struct SecondLink {
     pub swing: Swing,
     /// It swings while the plate's program runs, from rest to rest and from no angle to none; else always.
     pub with_program: bool,
-    /// Its IMU in the link's frame.
+    /// The second link's IMU in the link's frame.
     pub imu: Mounting,
 }
 
@@ -151,7 +151,7 @@ impl SecondLink {
         }
     }
 
-    /// Its frame's motion, of that of S and the position of its joint.
+    /// Returns the motion of the second link's frame, by that of S and the position of its joint.
     pub fn motion(&self, sensor: &FrameMotion, joint: &JointState) -> FrameMotion {
         jointed(sensor, &Vector3::from(self.joint_m), joint)
     }
@@ -199,7 +199,7 @@ pub struct Tree {
     pub links: Vec<TreeLink>,
     /// Amplitudes of the base's sway, m.
     pub sway_m: [f64; 3],
-    /// Its frequencies, Hz.
+    /// Frequencies of the base's sway, Hz.
     pub sway_hz: [f64; 3],
     /// Gravity, downward positive, m/s².
     pub gravity_mps2: f64,

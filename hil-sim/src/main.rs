@@ -38,7 +38,7 @@ enum Command {
     Sensors(Box<SensorsOptions>),
 }
 
-/// What went wrong, and the exit status for it: 2 usage, 3 link or machine.
+/// A failure in words, and its exit status: 2 usage, 3 link or machine.
 struct Failure(u8, String);
 
 fn main() -> ExitCode {

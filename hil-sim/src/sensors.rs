@@ -228,8 +228,8 @@ impl SensorModels {
         }
     }
 
-    /// The same sensors without noise, bias, gain error, steps, bandwidth, delay and faults. Their ranges
-    /// stay, and so do the words of the converters where registers are simulated.
+    /// Returns the thesis' sensors without noise, bias, gain error, steps, bandwidth, delay and faults. Their
+    /// ranges stay, and so do the words of the converters where registers are simulated.
     pub fn ideal() -> Self {
         let mut s = Self::thesis();
         s.load_cell = LoadCellModel {

@@ -44,7 +44,7 @@ pub use motion::{Energy, Instant, Motion, Run, Start};
 pub struct Spring {
     /// Anchor in P, m.
     pub at_m: [f64; 3],
-    /// Its axis in A, of any length.
+    /// The spring's axis in A, of any length.
     pub axis: [f64; 3],
     /// Stiffness along the axis, N/m.
     pub axial_npm: f64,
@@ -75,7 +75,7 @@ impl Spring {
         }
     }
 
-    /// The same spring with damping in proportion to its stiffness, `C = time_s K`, before its tolerance.
+    /// Returns the spring with damping in proportion to its stiffness, `C = time_s K`, before its tolerance.
     pub fn with_loss(self, time_s: f64) -> Self {
         Self { axial_nspm: time_s * self.axial_npm, lateral_nspm: time_s * self.lateral_npm, ..self }
     }
@@ -164,7 +164,7 @@ pub enum SuspensionError {
     Parent {
         /// The link.
         link: usize,
-        /// Its parent.
+        /// The link's parent.
         parent: usize,
     },
     /// A single turn is locked, which holds no attitude.

@@ -63,7 +63,7 @@ pub struct Ads131m08 {
     flips: Vec<(u64, usize)>,
     /// Conversions that wait behind the one in `data`; see [`Self::hold_two`].
     held: Option<Option<[i32; CHANNELS]>>,
-    /// What is clocked out of the frame on its way, and what has been clocked in.
+    /// The bytes that are clocked out of the frame on its way, and those that have been clocked in.
     frame: Option<(Vec<u8>, Vec<u8>)>,
 }
 
@@ -74,7 +74,7 @@ impl Default for Ads131m08 {
 }
 
 impl Ads131m08 {
-    /// As it comes out of power-on reset.
+    /// Returns the converter as it comes out of power-on reset.
     pub fn new() -> Self {
         let mut device = Self {
             registers: [0; 64],

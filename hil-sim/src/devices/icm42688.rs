@@ -60,7 +60,7 @@ impl Default for Icm42688 {
 }
 
 impl Icm42688 {
-    /// As it comes out of power-on reset: both sensors off.
+    /// Returns the IMU as it comes out of power-on reset: both sensors off.
     pub fn new() -> Self {
         let mut device = Self {
             banks: [[0; 128]; 5],
@@ -113,7 +113,7 @@ impl Icm42688 {
         self.banks[0][usize::from(address & 0x7F)] ^= bits;
     }
 
-    /// Whether pin INT1 is up: latched, as its driver sets it, until INT_STATUS is read.
+    /// Returns true while pin INT1 is up: latched, as its driver sets it, until INT_STATUS is read.
     pub fn signals(&self) -> bool {
         // Bits 1 to 4 of INT_SOURCE0 enable the same bits of INT_STATUS.
         self.status & self.register(INT_SOURCE0) & (INT_DATA_READY | INT_FIFO_THRESHOLD | INT_FIFO_FULL) != 0

@@ -105,27 +105,27 @@ impl RigConfig {
         rig.with_sensors(sensors).with_second(SecondLink::arm())
     }
 
-    /// The same rig with another seed.
+    /// Returns the rig with another seed.
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
     }
 
-    /// The same rig with other sensors.
+    /// Returns the rig with other sensors.
     pub fn with_sensors(self, sensors: SensorModels) -> Self {
         Self { sensors, ..self }
     }
 
-    /// The same rig with another body.
+    /// Returns the rig with another body.
     pub fn with_body(self, body: BodyParameters) -> Self {
         Self { body, ..self }
     }
 
-    /// The same rig with a second link.
+    /// Returns the rig with a second link.
     pub fn with_second(self, second: SecondLink) -> Self {
         Self { second: Some(second), ..self }
     }
 
-    /// The same rig meant to run at other rates, Hz.
+    /// Returns the rig with other rates at which it is meant to run, Hz.
     pub fn with_rates(self, adc_hz: f64, imu_hz: f64) -> Self {
         Self { adc_hz, imu_hz, ..self }
     }
@@ -161,11 +161,10 @@ impl RigConfig {
     }
 }
 
-/// The fixed frames and matrices of a rig, ready for use.
-/// What the converter's seventh input sees of the gauges' excitation while it is the one of the calibration,
-/// V.
+/// The gauges' excitation at the converter's seventh input while it is the one of the calibration, V.
 pub const EXCITATION_V: f64 = 1.0;
 
+/// The fixed frames and matrices of a rig, ready for use.
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
     sensors: IdealSensors,

@@ -14,7 +14,7 @@ pub enum MotionState {
     Holding,
     /// It runs its program, or comes to rest after a stop.
     Moving,
-    /// Its program is over.
+    /// The plate's program is over.
     Done,
 }
 

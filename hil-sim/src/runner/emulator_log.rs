@@ -11,7 +11,7 @@ const KEPT: usize = 50;
 pub struct LogLine {
     /// `error`, `warn`, `info`, `debug` or `trace`.
     pub level: &'static str,
-    /// Its text.
+    /// The text of the line.
     pub message: String,
 }
 

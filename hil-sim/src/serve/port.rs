@@ -63,7 +63,7 @@ impl Port {
     /// Returns whether somebody has it open. What a user who has left had not read is gone.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn in_use(&mut self) -> io::Result<bool> {
         let events = match self.watch.read_events() {
             Ok(events) => events,
@@ -88,7 +88,7 @@ impl Port {
     /// Bytes the user has sent; 0 if none come within `timeout`.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let mut wait = [PollFd::new(self.line.as_raw_fd(), PollFlags::POLLIN)];
         let milliseconds = i32::try_from(timeout.as_millis()).unwrap_or(i32::MAX);
@@ -106,7 +106,7 @@ impl Port {
     /// Sends what the line takes now; how much that was.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self.line.write(bytes) {
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => Ok(0),

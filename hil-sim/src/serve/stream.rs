@@ -84,7 +84,7 @@ impl StreamServer {
     /// Takes lines from a serial line of this name too.
     ///
     /// # Errors
-    /// As [`Port::open`].
+    /// See [`Port::open`].
     pub fn open_port(&mut self, name: &Path) -> io::Result<()> {
         let mut port = Port::open(Some(name))?;
         let mut receiver = Receiver::new(Arc::clone(&self.rig), Arc::clone(&self.tell));
@@ -149,7 +149,7 @@ struct Course {
     motion: u64,
 }
 
-/// What follows the lines of one sender.
+/// A receiver that follows the lines of one sender.
 pub struct Receiver {
     rig: SharedRig,
     geometry: Geometry,

@@ -80,7 +80,8 @@ impl Suspended {
         &self.preload_n
     }
 
-    /// The same with other preloads, upward, N, one for each spring: of a spring that has settled, say.
+    /// Returns the platform with other preloads, upward, N, one for each spring: of a spring that has
+    /// settled, say.
     pub fn with_preload_n(mut self, preload_n: &[f64]) -> Result<Self, SuspensionError> {
         if preload_n.len() != self.preload_n.len() || preload_n.iter().any(|f| !f.is_finite()) {
             return Err(SuspensionError::Figure { what: "the preload".to_string() });

@@ -1,4 +1,4 @@
-//! What goes wrong with a board, drawn at random.
+//! Faults of a board, drawn at random.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -271,7 +271,7 @@ impl Drawn {
     }
 }
 
-/// What happens to a sensor once.
+/// A disturbance of a sensor that happens once.
 #[derive(Clone, Copy, Debug)]
 pub enum What {
     Converter(usize, u16),

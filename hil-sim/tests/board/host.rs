@@ -7,7 +7,7 @@ use rigident_shared::wire::{
 
 use super::chip::{Chip, MS};
 
-/// As `host/device/src/link/client.rs` has it.
+/// Tries and patience of the host, as in `host/device/src/link/client.rs`.
 const TRIES: u32 = 6;
 const PATIENCE: u64 = 700 * MS;
 /// A host that is well says something this often.
@@ -15,7 +15,7 @@ const HEARTBEAT: u64 = 500 * MS;
 /// A device that has not said a word for so long after everything is over is dead.
 const MOST_SILENT: u64 = 30_000 * MS;
 
-/// What the host is at.
+/// The host's stage in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Greet,
@@ -35,11 +35,11 @@ enum Stage {
     Over,
 }
 
-/// What the host does, and how it misbehaves.
+/// The plan of the host: its settings, times and misbehaviour.
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub settings: Settings,
-    /// How long the run is, ps.
+    /// The length of the run, ps.
     pub duration: u64,
     /// Everything is over by then, ps.
     pub calm_after: u64,
@@ -49,20 +49,20 @@ pub struct Plan {
     pub floods: Option<(u64, u64)>,
 }
 
-/// What became of the run.
+/// The outcome of the run.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// The estimate at the end, if there is one.
     pub estimate: Option<EstimateReport>,
     pub counters: Option<CounterReport>,
-    /// What the device or the host says of what happened.
+    /// Messages of the device or the host about events.
     pub words: Vec<String>,
     /// Restarts that the host has seen.
     pub restarts: u32,
     /// It was set up again after everything was over.
     pub alive: bool,
     pub started: bool,
-    /// What the device has kept of what happened, its restart included.
+    /// The events that the device has kept, its restart included.
     pub events: Vec<EventMessage>,
     pub resumed: bool,
 }

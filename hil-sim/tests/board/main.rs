@@ -1,7 +1,7 @@
 //! The board's own drivers and main loop against a model of the chip's registers.
 //!
-//! The same sources as on the board (`firmware/boards/stm32f405`), compiled for the computer: where they read
-//! and write registers there, they read and write those of the model here ([`chip`]). Sensors are the
+//! The board's sources (`firmware/boards/stm32f405`) are compiled for the computer: where they read and write
+//! registers there, they read and write those of the model here ([`chip`]). Sensors are the
 //! simulator's, bit by bit over the model's SPI; the host is at the other end of the model's serial port.
 
 mod chip;

@@ -7,7 +7,7 @@ use super::faults::{Drawn, Kind};
 use super::host::Plan;
 use super::world::{self, Life};
 
-/// What became of a run.
+/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum End {
     /// An answer, every parameter within [`MOST_SD`] of the truth.
@@ -116,7 +116,7 @@ pub fn end(life: &Life, kinds: &[Kind]) -> End {
     if withheld { End::Withheld } else { End::Answered }
 }
 
-/// What became of the runs of each kind.
+/// The ends of the runs of each kind.
 #[derive(Default)]
 pub struct Table(BTreeMap<Kind, BTreeMap<End, u32>>);
 

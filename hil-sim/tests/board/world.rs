@@ -27,11 +27,11 @@ struct Room(*mut Path);
 unsafe impl Send for Room {}
 static ROOM: Mutex<Option<Room>> = Mutex::new(None);
 
-/// What came of a board's life.
+/// The outcome of a board's life.
 #[derive(Debug)]
 pub struct Life {
     pub outcome: Outcome,
-    /// What the manual forbids.
+    /// Acts that the manual forbids.
     pub breaches: Vec<String>,
     /// The program panicked.
     pub panicked: Option<String>,
@@ -39,7 +39,7 @@ pub struct Life {
     pub seconds: f64,
     /// Edges that reached the chip while a run was on, of load cell, IMU and second IMU.
     pub edges: [u64; 3],
-    /// Its rate on the line is one that the host understands.
+    /// The board's rate on the line is one that the host understands.
     pub reachable: bool,
     pub truth: [f64; 10],
 }

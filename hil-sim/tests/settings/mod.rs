@@ -1,4 +1,4 @@
-//! What the rig file of a simulated rig says.
+//! Settings that the rig file of a simulated rig holds.
 
 use rigident_shared::wire::{
     ImuSettings, LoadCellSettings, MemorySettings, ModelSettings, Settings, Source, TelemetrySettings,

@@ -4,8 +4,8 @@
 //! Lives here: the commands' syntax (`syntax`), the controller that obeys them ([`Hexapod`]), and the
 //! servers. May not live here: how the plate moves ([`crate::rig`]).
 //!
-//! Its commands are those that a C-887 hexapod controller needs to be driven; `HLP?` lists it. What the lines
-//! mean, and from where that is known, is in [`hexapod::gcs`], which the driver reads too.
+//! The commands are those that a C-887 hexapod controller needs to be driven; `HLP?` lists them. The meaning
+//! of the lines, and its source, is in [`hexapod::gcs`], which the driver reads too.
 //!
 //! Differences from the vendor's: a stream whose points cease brakes and sets error 220; a client that goes
 //! away stops what it had started. How long a stop takes is not published: here 0.3 s smoothly (`HLT`) and

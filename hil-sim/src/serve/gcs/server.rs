@@ -87,10 +87,10 @@ impl GcsServer {
         self.listener.address()
     }
 
-    /// The same controller on a serial line too; `name` becomes a link to it.
+    /// Serves the controller on a serial line too; `name` becomes a link to it.
     ///
     /// # Errors
-    /// As [`Port::open`].
+    /// See [`Port::open`].
     pub fn open_port(&self, name: Option<&Path>) -> io::Result<GcsPort> {
         let mut port = Port::open(name)?;
         let terminal = port.terminal().to_owned();

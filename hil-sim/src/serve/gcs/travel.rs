@@ -58,8 +58,8 @@ mod tests {
         assert!(all.iter().all(|[low, high]| *low < 0.0 && *high > 0.0));
     }
 
-    /// What is published of a machine, each axis by itself, on one whose legs are known: shares that add up
-    /// to one are reached, most of the poses that use each at will are not.
+    /// The travel that is published of a machine, each axis by itself, is compared with one whose legs are
+    /// known: shares that add up to one are reached, most of the poses that use each at will are not.
     #[test]
     fn poses_whose_shares_of_the_travel_add_up_to_one_are_reached_by_the_legs() {
         let geometry = Geometry::thesis();

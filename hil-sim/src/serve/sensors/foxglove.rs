@@ -26,11 +26,11 @@ pub enum TopicKind {
 /// A topic.
 #[derive(Clone, Debug)]
 pub struct Topic {
-    /// Its name.
+    /// The topic's name.
     pub name: String,
-    /// Its type.
+    /// The type of the topic.
     pub kind: TopicKind,
-    /// Its messages.
+    /// The messages of the topic.
     pub played: Played,
 }
 

@@ -80,7 +80,7 @@ impl LinesServer {
     /// Writes lines on a serial line, of this name if one is given, and the header once a second.
     ///
     /// # Errors
-    /// As [`Port::open`].
+    /// See [`Port::open`].
     pub fn on_port(name: Option<&Path>, quantity: Quantity, played: Played) -> io::Result<Self> {
         let mut port = Port::open(name)?;
         let terminal = port.terminal().to_owned();

@@ -20,7 +20,7 @@ impl XsensServer {
     /// Streams on a serial line, of this name if one is given.
     ///
     /// # Errors
-    /// As [`Port::open`].
+    /// See [`Port::open`].
     pub fn open(name: Option<&Path>, played: Played) -> io::Result<Self> {
         let mut port = Port::open(name)?;
         let terminal = port.terminal().to_owned();

@@ -20,8 +20,8 @@ pub const HOME: [f64; 6] = [0.0, -1.9, -1.9, -0.9, std::f64::consts::FRAC_PI_2, 
 pub const FASTEST: f64 = std::f64::consts::PI;
 /// Range of every joint, rad: a turn to either side.
 pub const RANGE: f64 = std::f64::consts::TAU;
-/// How a joint brakes where the controller stops it by itself, rad/s². The maker publishes stopping times,
-/// not this.
+/// Deceleration of a joint where the controller stops it by itself, rad/s². The maker publishes stopping
+/// times, not this.
 const BRAKE: f64 = 12.0;
 /// A joint slower than this is at rest, rad/s.
 const REST: f64 = 1e-9;

@@ -40,13 +40,13 @@ pub use state::Tell;
 pub enum Incident {
     /// A protective stop.
     Protective,
-    /// Its emergency stop is pressed.
+    /// The arm's emergency stop is pressed.
     Emergency,
     /// The network is cut: nothing arrives, nothing is said.
     Cut,
-    /// Its panel stops the program.
+    /// The arm's panel stops the program.
     Stopped,
-    /// Its panel is put to local mode.
+    /// The arm's panel is put to local mode.
     Local,
 }
 
@@ -131,7 +131,7 @@ pub const RATE_RADPS: f64 = 2.5;
 /// Mass at the flange that the maker allows, kg.
 pub const PAYLOAD_KG: f64 = 5.0;
 
-/// How far the owner lets the flange go to either side.
+/// Returns the travel that the owner allows the flange to either side.
 #[must_use]
 pub fn travel() -> Travel {
     Travel {

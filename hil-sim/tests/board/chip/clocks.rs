@@ -17,10 +17,10 @@ const CSSC: u32 = 1 << 23;
 const CRYSTAL_STARTS: u64 = 2 * MS;
 const PLL_LOCKS: u64 = 200 * US;
 
-/// What hangs on the oscillator's pins.
+/// The crystal on the oscillator's pins.
 #[derive(Clone, Copy, Debug)]
 pub struct Crystal {
-    /// Its frequency, Hz; zero: it does not start.
+    /// The crystal's frequency, Hz; zero: it does not start.
     pub hz: f64,
     /// It stops at this time, ps.
     pub stops: Option<u64>,
@@ -113,7 +113,7 @@ impl Clocks {
         if self.configuration >> 10 & 4 == 0 { self.apb1_hz() } else { 2.0 * self.apb1_hz() }
     }
 
-    /// Whether a peripheral has its clock: of AHB1 (0), APB1 (2), APB2 (3).
+    /// Returns true if a peripheral has its clock: of AHB1 (0), APB1 (2), APB2 (3).
     pub fn feeds(&self, bus: usize, bit: u32) -> bool {
         self.enabled[bus] >> bit & 1 != 0
     }

@@ -15,8 +15,8 @@ const PARALLELISM: u32 = 1 << 6;
 /// Lines of the data cache: eight of four words (section 3.5.2).
 const LINES: usize = 8;
 
-/// How long the cells take, ps (data sheet, table of the flash: 16 to 100 µs a word, 1 to 2 s a sector, 3.3 V
-/// by words).
+/// Times that the cells take, ps (data sheet, table of the flash: 16 to 100 µs a word, 1 to 2 s a sector, 3.3
+/// V by words).
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     pub word: u64,
@@ -84,7 +84,7 @@ impl Flash {
         self.access & 7
     }
 
-    /// Whether the chip is held in reset while its supply is low.
+    /// Returns true if the chip is held in reset while its supply is low.
     pub fn guards_supply(&self) -> bool {
         self.options_kept & 0b11 << 2 == 0
     }

@@ -71,10 +71,10 @@ pub struct Machine {
     pub computing: u64,
     /// The program stands still at one look at the time in this many, and for how long, ps.
     pub long_computing: (u32, u64),
-    /// What happens to the sensors, and when, ps.
+    /// Disturbances of the sensors, with their times, ps.
     pub later: Vec<(u64, What)>,
     random: ChaCha8Rng,
-    /// What the manual forbids and was done.
+    /// Acts that the manual forbids and that were done.
     pub breaches: Vec<String>,
     reset: Option<Reset>,
     pub resets: Vec<Reset>,
@@ -204,7 +204,7 @@ impl Chip {
     }
 }
 
-/// What a program is ended with when its chip is reset.
+/// The payload of the unwinding that ends a program when its chip is reset.
 pub struct Restarted;
 
 impl model::Chip for Chip {

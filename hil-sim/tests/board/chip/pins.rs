@@ -4,7 +4,7 @@ use rigident_sim::devices::Device;
 
 use super::{Machine, US};
 
-/// What goes wrong between a data-ready pin and the chip.
+/// A fault between a data-ready pin and the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeFault {
     /// One edge in this many does not arrive.
@@ -72,14 +72,14 @@ impl Pins {
         self.routing = [0; 4];
     }
 
-    /// Whether a pin is a peripheral's, by the number of its function.
+    /// Returns true if a pin belongs to a peripheral, by the number of its function.
     pub(super) fn is_peripheral(&self, port: usize, number: u32, function: u32) -> bool {
         let port = &self.ports[port];
         let four = port.function[number as usize / 8] >> (4 * (number % 8)) & 0xf;
         port.mode >> (2 * number) & 3 == 2 && four == function
     }
 
-    /// Whether lines 1, and 10 to 15, interrupt.
+    /// Returns true for line 1, and for lines 10 to 15, if they interrupt.
     pub(super) fn waiting(&self) -> [bool; 2] {
         let now = self.pending & self.masks;
         [now & 2 != 0, now & 0xfc00 != 0]

@@ -95,7 +95,7 @@ impl Machine {
         }
     }
 
-    /// Whether host and chip have the same rate, nearly.
+    /// Returns true if host and chip have nearly the same rate.
     pub fn understands(&self) -> bool {
         (self.baud() / self.port.host_baud - 1.0).abs() < TOLERANCE
     }

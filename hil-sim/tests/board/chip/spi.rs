@@ -4,7 +4,7 @@ use rigident_sim::devices::Device;
 
 use super::{Machine, PS};
 
-/// What goes wrong on the sensors' bus.
+/// A fault on the sensors' bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusFault {
     /// The clock line is held: no bit comes in.
@@ -65,12 +65,12 @@ impl Spi {
         self.streams = Default::default();
     }
 
-    /// Whether bits are on their way.
+    /// Returns true while bits are on their way.
     pub(super) fn is_clocking(&self) -> bool {
         self.shifts.is_some()
     }
 
-    /// Whether stream 0 interrupts.
+    /// Returns true if stream 0 interrupts.
     pub(super) fn waits(&self) -> bool {
         let stream = &self.streams[0];
         let asks = |bit: u32, flag: u32| stream.control >> bit & 1 != 0 && stream.flags & flag != 0;

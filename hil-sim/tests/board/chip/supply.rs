@@ -68,7 +68,7 @@ impl Supply {
         self.control & 1 << 14 != 0
     }
 
-    /// What it is at a time, V.
+    /// Returns the supply's voltage at a time, V.
     pub fn volts(&self, now: u64) -> f64 {
         let sags = self.sags.iter().filter(|(from, to, _)| (*from..*to).contains(&now));
         sags.map(|(.., volts)| *volts).fold(3.3, f64::min)

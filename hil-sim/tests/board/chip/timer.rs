@@ -52,7 +52,7 @@ impl Timer {
         self.count + ticks(self.hz / f64::from(self.in_force + 1), at.saturating_sub(self.since))
     }
 
-    /// What the counter shows at a time.
+    /// Returns the counter's value at a time.
     pub fn shown(&self, at: u64) -> u32 {
         (self.count_at(at) as u64 % (u64::from(self.highest) + 1)) as u32
     }

@@ -34,7 +34,7 @@ fn span(memory: MemorySettings) -> MemoryConfig<f64> {
     }
 }
 
-/// The same pipeline in double precision.
+/// Runs the pipeline in double precision.
 fn wide(settings: &Settings, rows: &[ReadingMessage]) -> Box<Estimator<f64, 16, 64>> {
     let config = EstimatorConfig {
         rate_hz: RATE_HZ,

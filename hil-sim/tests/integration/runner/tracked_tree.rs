@@ -32,7 +32,7 @@ fn links_of(settings: &Settings) -> &[LinkSettings] {
     }
 }
 
-/// The same frames in double precision.
+/// Absorbs the frames in double precision.
 pub(super) fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
     let mut estimator = in_double(links_of(settings), settings);
     for bytes in frames {

@@ -225,7 +225,7 @@ pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<Fram
     estimator
 }
 
-/// The same frames in double precision.
+/// Absorbs the frames in double precision.
 fn batch(frames: &[Vec<u8>], settings: &Settings) -> Box<FrameEstimator<f64>> {
     let ModelSettings::Tree(links) = &settings.model else { panic!("a tree") };
     let mut estimator = in_double(links, settings);

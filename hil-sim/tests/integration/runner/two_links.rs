@@ -162,7 +162,7 @@ fn noise_leaves_both_links_parameters_within_their_uncertainty() {
     }
 }
 
-/// The same settings for the pipeline in double precision, with the attitude that was streamed.
+/// Converts the settings for the pipeline in double precision, with the attitude that was streamed.
 fn wide(settings: &Settings) -> (EstimatorConfig<f64>, TwoLinks<f64>) {
     let mounting = |imu: &ImuSettings| ImuMounting {
         rotation: Rotation::from_quaternion(imu.rotation_wxyz.map(f64::from)).unwrap(),
