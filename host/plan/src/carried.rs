@@ -41,7 +41,7 @@ pub enum CarriedError {
     Heavier {
         /// The reading less all that its offset may be, kg.
         least: f64,
-        /// As stated, kg.
+        /// The mass stated, kg.
         bound: f64,
     },
     /// Farther out than any part of it is said to be.
@@ -52,7 +52,7 @@ pub enum CarriedError {
     Farther {
         /// m.
         least: f64,
-        /// As stated, m.
+        /// The distance stated, m.
         bound: f64,
     },
     /// A range that is used up at rest.
@@ -65,9 +65,9 @@ pub enum CarriedError {
         channel: &'static str,
         /// N or N m.
         value: f64,
-        /// The same.
+        /// The channel's range, N or N m.
         range: f64,
-        /// The same.
+        /// The unit of both.
         unit: &'static str,
     },
     /// No material is so dense.

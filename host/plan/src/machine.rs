@@ -73,7 +73,7 @@ pub fn limits(table: &PlatformTable) -> Limits {
 /// 40 then.
 ///
 /// # Errors
-/// What the table lacks, or limits that no level pose keeps.
+/// The entries that the table lacks, or limits that no level pose keeps.
 pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     let table = rig.platform.as_ref().ok_or(MachineError::NoPlatform)?;
     let geometry = unchecked(table)?;
@@ -92,18 +92,18 @@ pub fn geometry(rig: &RigFile) -> Result<Geometry, MachineError> {
     Ok(geometry)
 }
 
-/// The same of a machine whose joints are known.
+/// Returns the platform of a rig file, whose joints must be known.
 ///
 /// # Errors
-/// As [`geometry`]; one without joints.
+/// See [`geometry`]; a machine without joints.
 pub fn with_joints(rig: &RigFile) -> Result<Geometry, MachineError> {
     geometry(rig).and_then(|g| if g.has_joints() { Ok(g) } else { Err(MachineError::NoJoints) })
 }
 
-/// The same where a rig file need not name its platform: the thesis' one then.
+/// Returns the platform of a rig file, or the thesis' one if the file does not describe any.
 ///
 /// # Errors
-/// As [`geometry`], of a table that is there and says anything of joints or legs.
+/// See [`geometry`], for a table that is there and says anything of joints or legs.
 pub fn geometry_or_thesis(rig: &RigFile) -> Result<Geometry, MachineError> {
     if is_described(rig) { geometry(rig) } else { Ok(Geometry::thesis()) }
 }
@@ -161,7 +161,7 @@ pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64
 /// Checks whether the limits leave a level pose.
 ///
 /// # Errors
-/// What is in the way at the best of them.
+/// The violation at the best level pose.
 pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
     level(geometry).map(|_| ()).map_err(no_level_pose(true))
 }
@@ -176,7 +176,8 @@ fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
     })
 }
 
-/// What to do about it depends on what it is, and on whether the file gives the guard.
+/// Returns a function that makes the error of a machine without a level pose. Its advice depends on the
+/// limit, and on whether the file gives the guard.
 fn no_level_pose(guard_is_given: bool) -> impl Fn((Pose, Violation)) -> MachineError {
     move |(pose, violation)| {
         let advice = match violation.limit {

@@ -47,7 +47,7 @@ pub enum PlanFileError {
     Unreadable {
         /// Which.
         path: String,
-        /// What the system or the parser says.
+        /// The reason, as the system or the parser says it.
         reason: String,
     },
     /// Another format, or a later one.
@@ -55,7 +55,7 @@ pub enum PlanFileError {
     Schema {
         /// Which.
         path: String,
-        /// What it says.
+        /// The schema that the file names.
         found: String,
     },
     /// Nothing to do, or more than a day's work.
@@ -98,7 +98,7 @@ pub enum PlanFileError {
         /// The plan knows of joints.
         planned: bool,
     },
-    /// What it carries is no body.
+    /// The parameters that it carries are no body.
     #[error(
         "plan {path}: carries: no body has these parameters: the mass must be positive, and about any axis \
          the moment at most the sum of the other two"
@@ -130,7 +130,7 @@ impl PlanFile {
         }
     }
 
-    /// The same with what it was made to carry, in P.
+    /// Adds the body that the plan was made to carry, in P.
     #[must_use]
     pub fn carrying(mut self, body: BodyParameters) -> Self {
         self.carries = Some(body);

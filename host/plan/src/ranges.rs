@@ -27,7 +27,7 @@ pub enum RangeError {
         what: String,
         /// The largest value.
         value: f64,
-        /// Its range.
+        /// The channel's range.
         range: f64,
         /// Of both.
         unit: &'static str,
@@ -151,7 +151,7 @@ pub struct CellStopped {
     pub channel: &'static str,
     /// N or N m.
     pub unit: &'static str,
-    /// Its range.
+    /// The channel's range.
     pub range: f64,
     /// Of the middle of what may be on the load cell.
     pub value: f64,

@@ -47,7 +47,7 @@ pub fn straight(
 /// The quickest of a straight move and smooth paths, each through the poses of one of `ways`.
 ///
 /// # Errors
-/// What bars the straight move, where no path is free either.
+/// The error of the straight move, where no path is free either.
 pub fn quickest(
     geometry: &Geometry,
     load: Option<&Load>,

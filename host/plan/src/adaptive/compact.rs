@@ -2,13 +2,13 @@
 
 /// Density of the most compact body of a mass, kg/m³ (steel).
 const DENSITY: f64 = 7850.0;
-/// Its centre of mass is reckoned with this many of its radii from S.
+/// Distance of the ball's centre of mass from S, in its radii.
 const AWAY: f64 = 3.0;
 
 /// The most compact body of a mass: what a relative goal is of before a body is identified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compact {
-    /// Its moment of inertia, kg m².
+    /// The ball's moment of inertia, kg m².
     pub(super) moment_kgm2: f64,
     /// Distance of its centre of mass from S that is reckoned with, m.
     pub(super) away_m: f64,

@@ -34,7 +34,7 @@ pub struct Design<'a> {
     pub rig: &'a RigModel,
     /// The pose where it begins and ends.
     pub centre: &'a Pose,
-    /// Its length and that of its ramps, s.
+    /// The motion's length, s.
     pub duration_s: f64,
     /// s.
     pub ramp_s: f64,

@@ -64,7 +64,7 @@ impl RigModel {
     /// Of a rig file. `sigma` is used where the file states none.
     ///
     /// # Errors
-    /// What is wrong with its platform.
+    /// A fault of its platform.
     pub fn of(
         rig: &RigFile,
         geometry: Geometry,

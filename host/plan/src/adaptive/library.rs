@@ -51,7 +51,7 @@ impl Candidate {
         moves
     }
 
-    /// The same, smaller. A still pose cannot be.
+    /// Returns the candidate with smaller amplitudes; `None` for a still pose.
     pub fn smaller(&self, scale: f64) -> Option<Self> {
         let Segment::Multisine { duration_s, ramp_s, terms } = &self.segment else { return None };
         let terms = terms.iter().map(|t| SineTerm { amplitude: scale * t.amplitude, ..*t }).collect();
@@ -190,7 +190,7 @@ pub fn word(axis: Axis) -> &'static str {
     }
 }
 
-/// As large as gyro and limits allow; `None` if that is next to nothing.
+/// Returns the candidate as large as gyro and limits allow; `None` if that is next to nothing.
 pub fn fitted(candidate: &Candidate, rig: &RigModel) -> Option<Candidate> {
     let alone = |c: &Candidate| MotionProgram { start: c.centre, segments: vec![c.segment.clone()] };
     if !matches!(candidate.segment, Segment::Multisine { .. }) {

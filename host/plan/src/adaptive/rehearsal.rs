@@ -36,9 +36,9 @@ const FROZEN_AFTER: u16 = 50;
 /// A rig and what is wrong with it.
 #[derive(Clone, Debug)]
 pub struct Rehearsal {
-    /// As it is.
+    /// The rig as it is.
     pub config: RigConfig,
-    /// As it is believed to be; the body is weighed.
+    /// The rig as it is believed to be; the body is weighed.
     pub believed: RigModel,
     /// The mass and size that a body may have.
     pub bound: LoadBound,

@@ -31,14 +31,14 @@ pub struct BoxFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxTable {
-    /// Its link in the model.
+    /// The box's link in the model.
     pub link: String,
-    /// Its edges, m.
+    /// The box's edges, m.
     pub size_m: [f64; 3],
-    /// Its centre in the link's frame, m.
+    /// The box's centre in the link's frame, m.
     #[serde(default)]
     pub position_m: [f64; 3],
-    /// Its attitude there, Rz(yaw) Ry(pitch) Rx(roll), rad.
+    /// The box's attitude in the link's frame, Rz(yaw) Ry(pitch) Rx(roll), rad.
     #[serde(default)]
     pub rpy_rad: [f64; 3],
 }
@@ -50,9 +50,9 @@ pub struct BodyBox {
     pub body: usize,
     /// The link that it is round.
     pub link: String,
-    /// Its axes, as columns.
+    /// The box's axes, as columns.
     pub rotation: Matrix3<f64>,
-    /// Its centre, m.
+    /// The box's centre, m.
     pub centre: Vector3<f64>,
     /// Half of its edges, m.
     pub half: Vector3<f64>,

@@ -37,7 +37,7 @@ impl Motion {
 pub struct Series {
     /// The positions where the joints start and end, rad or m.
     pub start: Vec<f64>,
-    /// Its length, s.
+    /// The length of the series, s.
     pub duration_s: f64,
     /// For every joint and harmonic the coefficients of sine and of cosine less one, rad or m.
     pub terms: Vec<Vec<[f64; 2]>>,

@@ -12,11 +12,11 @@ use rigident_rows::tree::columns::units;
 /// it is held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileJoint {
-    /// Its name.
+    /// The joint's name.
     pub name: String,
     /// The units at the end of its columns of position and rate.
     pub units: [&'static str; 2],
-    /// Its place in the series.
+    /// The joint's place in the series.
     pub moves: Option<usize>,
     /// The position where it is held, rad or m; not used of one that moves.
     pub held: f64,

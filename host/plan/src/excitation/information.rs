@@ -47,7 +47,7 @@ pub struct Measured {
 
 /// A row that is measured.
 struct MeasuredRow {
-    /// Its place among all rows, the wrench first.
+    /// The row's place among all rows, the wrench first.
     place: usize,
     /// The block of parameters that it is a row of.
     block: usize,

@@ -111,7 +111,7 @@ pub(super) fn no_joint(model: &Model, name: &str) -> String {
 /// every one, the last one given.
 ///
 /// # Errors
-/// What is no such number, or no such joint.
+/// A word that is no such number, or names no such joint.
 pub fn by_joint(
     option: &str,
     words: &[String],

@@ -13,9 +13,9 @@ const PARALLEL: f64 = 1e-6;
 /// A box at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedBox {
-    /// Its axes, as columns.
+    /// The box's axes, as columns.
     pub axes: Matrix3<f64>,
-    /// Its centre, m.
+    /// The box's centre, m.
     pub centre: Vector3<f64>,
     /// Half of its edges, m.
     pub half: Vector3<f64>,

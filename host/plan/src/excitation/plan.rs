@@ -94,7 +94,7 @@ pub enum ExcitationError {
     /// A joint that no series is made for.
     #[error("joint {name} {why}: hold it with `lock` {name}, at an angle with `lock` {name}=VALUE")]
     Joint {
-        /// Its name.
+        /// The joint's name.
         name: String,
         /// The meaning.
         why: String,

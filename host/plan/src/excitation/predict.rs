@@ -13,11 +13,11 @@ use rigident_rows::tree::{Frame, TreeSource, TreeSourceError};
 /// The knowledge of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predicted {
-    /// Its name, as `identify` has it.
+    /// The parameter's name, as `identify` has it.
     pub name: String,
-    /// Its unit.
+    /// The parameter's unit.
     pub unit: String,
-    /// Its 95 % expanded uncertainty; `None` if it is not identified.
+    /// The parameter's 95 % expanded uncertainty; `None` if it is not identified.
     pub u95: Option<f64>,
 }
 

@@ -95,7 +95,7 @@ impl Barrier {
         Some(sum)
     }
 
-    /// The same of a machine without joints.
+    /// Returns `−Σ log slack` as [`Self::at`] does, for a machine without joints.
     fn of_travel(
         &self,
         travel: &Travel,

@@ -31,7 +31,7 @@ pub struct Row {
     pub plan: MotionPlan,
     /// Condition number, columns scaled, of the same motion without the static step.
     pub condition_alone: f64,
-    /// The same with the offsets eliminated.
+    /// Condition number, columns scaled and offsets eliminated, of the same motion without the static step.
     pub condition_alone_eliminated: f64,
     /// Share of directions that angular rate and acceleration visit.
     pub coverage: [f64; 2],
@@ -50,7 +50,7 @@ impl Row {
 /// Every objective in both mountings; `task` gives the rest.
 ///
 /// # Errors
-/// As [`plan`].
+/// See [`plan`].
 pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> Result<Vec<Row>, PlanError> {
     let mut rows = Vec::new();
     for (parameters, body) in bodies() {

@@ -73,8 +73,8 @@ impl Family {
         }
     }
 
-    /// The same with a common period of all frequencies driven the given number of times more: the states of
-    /// that are those of the period after the first ramp, which must be there.
+    /// Makes the common period of all frequencies repeat `again` times more. Its states are those of the
+    /// period after the first ramp, which must be there.
     #[must_use]
     pub fn repeating(self, period_s: f64, again: usize, step_s: f64) -> Self {
         let from = (self.ramp_s / step_s).ceil() as usize;

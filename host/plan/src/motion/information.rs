@@ -247,8 +247,8 @@ impl Variation {
         self.turn[0] += worth.cross(&state.angular_acceleration);
     }
 
-    /// The same in the six coordinates and their derivatives: `η = E δr`, `η' = E' δr + E δr'`,
-    /// `η'' = E'' δr + 2 E' δr' + E δr''`.
+    /// Converts the variation to one of the six coordinates and their derivatives: `η = E δr`,
+    /// `η' = E' δr + E δr'`, `η'' = E'' δr + 2 E' δr' + E δr''`.
     pub fn coordinates(&self, c: &Coordinates) -> Coordinates {
         let [_, _, _, roll, pitch, _] = c.value;
         let [_, _, _, dr, dp, _] = c.rate;

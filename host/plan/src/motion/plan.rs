@@ -35,7 +35,7 @@ pub struct Task {
     pub objective: Objective,
     /// Of the whole experiment, s.
     pub duration_s: f64,
-    /// Whether the thesis' static step comes first.
+    /// True if the thesis' static step comes first.
     pub poses: bool,
     /// Highest frequency of the motion, Hz.
     pub highest_hz: f64,
@@ -82,7 +82,7 @@ pub enum PlanError {
         /// The time, s.
         time_s: f64,
     },
-    /// The same of the gyro's range.
+    /// The static step turns faster than the gyro's range allows, rad/s.
     #[error("the static step turns at up to {0:.3} rad/s, more than the IMU may see: give more time")]
     Rate(f64),
     /// The body's weight is too much.

@@ -21,13 +21,13 @@ pub struct Prediction {
     pub inertia_com_kgm2: [f64; 6],
     /// 2-norm condition number of the triangular factor, columns scaled to unit length, offsets included.
     pub condition_number: f64,
-    /// The same of the body's ten with the offsets eliminated: of the Schur complement, its diagonal scaled
-    /// to one, the root.
+    /// 2-norm condition number of the body's ten parameters with the offsets eliminated: of the Schur
+    /// complement, its diagonal scaled to one, the root.
     pub condition_eliminated: f64,
     /// `ln det` of the information on the ten parameters, offsets eliminated, SI: what D-optimality makes
     /// large.
     pub log_determinant: f64,
-    /// Whether every parameter of the body is determined.
+    /// True if every parameter of the body is determined.
     pub determined: bool,
 }
 

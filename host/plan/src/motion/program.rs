@@ -14,7 +14,7 @@ pub const SHORTEST_MOTION_S: f64 = 6.0;
 const SPARE: f64 = 0.985;
 /// Shares of the thesis' tilts that are tried.
 const TILTS: [f64; 8] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3];
-/// Those that are tried besides where the travel of the plate is all that is known: it may be a few degrees.
+/// Shares that are tried besides where the travel of the plate is all that is known: it may be a few degrees.
 const SMALL_TILTS: [f64; 3] = [0.2, 0.1, 0.05];
 
 /// The experiment with a place for a motion about home.
@@ -59,7 +59,7 @@ pub enum FrameError {
 /// Checks whether the plate can be at home.
 ///
 /// # Errors
-/// What is in the way.
+/// The violation at home.
 pub fn stands(geometry: &Geometry, load: &Load) -> Result<(), FrameError> {
     geometry.check_pose_loaded(&geometry.home(), load).map_err(FrameError::Home)
 }

@@ -91,8 +91,8 @@ pub fn centre_of_mass(factor: &InformationFactor<f64, MODELLED_PARAMETERS>) -> O
     (m != 0.0).then(|| Vector3::new(x, y, z) / m)
 }
 
-/// Its first-order covariance, m², for a true mass, kg, and centre of mass `r`: with `r = mc/m`,
-/// `δr = (δmc − r δm)/m`.
+/// Returns the first-order covariance, m², of [`centre_of_mass`] for a true mass, kg, and centre of mass `r`:
+/// with `r = mc/m`, `δr = (δmc − r δm)/m`.
 pub fn modelled_covariance(
     factor: &InformationFactor<f64, MODELLED_PARAMETERS>,
     mass_kg: f64,
@@ -122,7 +122,8 @@ pub fn measured_forces_covariance(
     propagate(forces, r, noise, offset)
 }
 
-/// The same of [`relative_to`]: forces less the reference's, and the reference's noise in place of the offset.
+/// Returns the first-order covariance, m², of [`relative_to`]: of forces less the reference's, with the
+/// reference's noise in place of the offset.
 pub fn relative_covariance(
     forces: &[Vector3<f64>],
     reference: &Vector3<f64>,

@@ -45,8 +45,8 @@ pub fn normal_matrix(forces: impl IntoIterator<Item = Vector3<f64>>) -> Matrix3<
     sum
 }
 
-/// The same of the forces less that of a reference orientation: the thesis' relative measurement, which
-/// removes a constant offset.
+/// Returns the normal matrix of the forces less that of a reference orientation: the thesis' relative
+/// measurement, which removes a constant offset.
 pub fn relative_normal_matrix(ups: &[Vector3<f64>], reference: &Vector3<f64>) -> Matrix3<f64> {
     normal_matrix(ups.iter().map(|u| u - reference))
 }

@@ -37,7 +37,7 @@ impl Mounting {
     /// Both, in the thesis' order.
     pub const ALL: [Self; 2] = [Self::Vertical, Self::Horizontal];
 
-    /// As on the command line.
+    /// Returns the mounting's name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vertical => "vertical",
@@ -69,7 +69,7 @@ impl Errors {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Precision, Self::Bias, Self::Both];
 
-    /// As in the JSON.
+    /// Returns the errors' name in the JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Precision => "precision",
@@ -101,7 +101,7 @@ pub enum Estimator {
     Relative,
     /// Modelled forces, offsets as parameters.
     Modelled,
-    /// The same with the mass weighed beforehand.
+    /// Modelled forces, offsets as parameters, with the mass weighed beforehand.
     ModelledWeighed,
 }
 
@@ -109,7 +109,7 @@ impl Estimator {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::MeasuredForces, Self::Relative, Self::Modelled, Self::ModelledWeighed];
 
-    /// As in the JSON.
+    /// Returns the estimator's name in the JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::MeasuredForces => "measured_forces",

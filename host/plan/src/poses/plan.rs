@@ -82,7 +82,8 @@ pub struct PosePlan {
     pub poses: Vec<Pose>,
     /// Condition number of the normal matrix `[F]ᵀ[F]`.
     pub condition_number_normal: f64,
-    /// The same of the forces less those of the level pose; infinite if they leave something open.
+    /// Condition number of the normal matrix of the forces less those of the level pose; infinite if they
+    /// leave something open.
     pub relative_condition_number_normal: f64,
     /// Determinant of the normal matrix of unit forces, at most `(2n/3)³`.
     pub determinant: f64,

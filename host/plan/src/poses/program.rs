@@ -138,7 +138,8 @@ mod tests {
     use crate::poses::plan::{Task, plan};
     use crate::study_length::runs;
 
-    /// Whatever two poses a search may choose on the border, with and without a margin and half-way in.
+    /// Any two poses that a search may choose on the border, with and without a margin and half-way in, are
+    /// joined by a way.
     #[test]
     fn there_is_a_way_between_any_two_poses_of_the_border() {
         let settings = [(None, 0.01), (None, 0.0), (Some(0.20), 0.01), (Some(0.10), 0.0)];

@@ -1,4 +1,4 @@
-//! Whether the plate can be held in an orientation, and where.
+//! Orientations in which the plate can be held, and its position there.
 
 use hexapod::{Geometry, Load, MotionProgram, Pose, Segment};
 use nalgebra::Vector3;
@@ -56,7 +56,7 @@ impl Reach {
         Ok(Self { inner: geometry.clone(), geometry, load: None, level })
     }
 
-    /// The same with poses that stay away from every limit by a share of what it allows, as
+    /// Returns the reach with poses that stay away from every limit by a share of what it allows, as
     /// [`Margin::relative`] has it; moves between them may use that share.
     ///
     /// # Errors
@@ -74,7 +74,8 @@ impl Reach {
         Ok(self)
     }
 
-    /// The same with legs that carry something: poses in which it is too heavy for them are out of reach.
+    /// Returns the reach with legs that carry something: poses in which it is too heavy for them are out of
+    /// reach.
     ///
     /// # Errors
     /// It is too heavy in the level pose.

@@ -14,9 +14,9 @@ use nalgebra::Vector3;
 use super::measure::Objective;
 use super::region::Region;
 
-/// As many combinations as the thesis examines.
+/// Combinations that are examined, as in the thesis.
 pub const COMBINATIONS: usize = 100_000;
-/// As many of them as it refines.
+/// Combinations that are refined, as in the thesis.
 pub const STARTS: usize = 10;
 /// Of the poll directions at the beginning, as a share of each coordinate's range.
 const FIRST_STEP: f64 = 0.125;

@@ -53,7 +53,7 @@ pub struct Held {
     pub reading: StillReading,
     /// The number of readings that they are the means of.
     pub count: usize,
-    /// Its first reading.
+    /// The index of the first reading.
     pub first: usize,
 }
 
@@ -65,7 +65,7 @@ pub struct Estimated {
     /// Centre of mass, S, m; `None` where the poses leave it open.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub com_m: Option<[f64; 3]>,
-    /// Its 95 % uncertainty, m.
+    /// The 95 % uncertainty of the centre of mass, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub u95_m: Option<[f64; 3]>,
     /// 2-norm condition number of its normal matrix; infinite where the poses leave something open.

@@ -16,7 +16,7 @@ pub struct Span {
     pub most_deg: f64,
     /// Between neighbours, degrees.
     pub step_deg: f64,
-    /// The same for all, degrees.
+    /// The yaw of all orientations, degrees.
     pub yaw_deg: f64,
 }
 
@@ -35,11 +35,11 @@ pub enum MapError {
          must be between 0.1° and the range, the range at most 90°, the yaw within ±180°"
     )]
     Span {
-        /// As given.
+        /// The range given, degrees.
         most_deg: f64,
-        /// As given.
+        /// The step given, degrees.
         step_deg: f64,
-        /// As given.
+        /// The yaw given, degrees.
         yaw_deg: f64,
     },
     /// Ctrl-C.
@@ -70,7 +70,7 @@ pub struct Reach {
     pub azimuth_deg: f64,
     /// Largest tilt up to which every smaller one is reachable, degrees.
     pub reachable_deg: f64,
-    /// The same with the guard, degrees.
+    /// Largest tilt up to which every smaller one is reachable and keeps the guard, degrees.
     pub singularity_free_deg: f64,
 }
 
@@ -124,8 +124,8 @@ impl<'a> Searcher<'a> {
         (spot.keeps() && orientation.keeps(&spot.position)).then_some(spot.position)
     }
 
-    /// The same without a position nearby: from the candidate of the exact answer that is furthest from
-    /// singular, and from the middle of all of them.
+    /// Returns a position that keeps the guard, without one nearby: found from the candidate of the exact
+    /// answer that is furthest from singular, and from the middle of all of them.
     fn free_anywhere(&self, rotation: &Matrix3<f64>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, true);
         let (mut sum, mut count) = (Vector3::zeros(), 0_u32);

@@ -218,8 +218,8 @@ pub fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
     settled(geometry, geometry.home(), true)
 }
 
-/// The same orientation at the nearest position that keeps every limit, or, with `fully`, is furthest inside
-/// all of them; nothing singular is crossed on the way.
+/// Returns the pose of the same orientation at the nearest position that keeps every limit, or, with `fully`,
+/// at that which is furthest inside all of them; nothing singular is crossed on the way.
 ///
 /// # Errors
 /// The best position found, and what is in the way there.

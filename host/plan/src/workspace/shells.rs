@@ -1,4 +1,4 @@
-//! Whether a point is inside six spherical shells, exactly.
+//! An exact test of a point inside six spherical shells.
 //!
 //! In a fixed orientation leg `i` keeps its length where the plate's origin is at distance `lo..hi` of
 //! `c_i = a_i − R b_i`. The positions are bounded and closed, so where there are any there is a highest one,

@@ -48,7 +48,7 @@ pub struct Decision {
     pub expected_s: f64,
     /// The information of the sequence of segments that begins with it, and the seconds that it takes.
     sequence: Step,
-    /// Its members.
+    /// The members of that sequence.
     members: Vec<usize>,
 }
 
@@ -98,7 +98,7 @@ enum Kind {
     Stock,
     /// Made for what is asked for.
     Made,
-    /// The same, small: to see what the body is like.
+    /// Made for what is asked for and small, to see what the body is like.
     Look,
 }
 

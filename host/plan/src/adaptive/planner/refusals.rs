@@ -147,14 +147,14 @@ impl Planner {
     }
 }
 
-/// The same way in more time.
+/// Returns the motion with the same path in more time.
 fn stretched(motion: &Segment) -> Segment {
     let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
     let terms = terms.iter().map(|t| SineTerm { frequency_hz: t.frequency_hz / STRETCH, ..*t }).collect();
     Segment::Multisine { duration_s: STRETCH * duration_s, ramp_s: STRETCH * ramp_s, terms }
 }
 
-/// The same, of another size.
+/// Returns the motion with its amplitudes times `size`.
 fn sized(motion: &Segment, size: f64) -> Segment {
     let Segment::Multisine { duration_s, ramp_s, terms } = motion else { return motion.clone() };
     let terms = terms.iter().map(|t| SineTerm { amplitude: size * t.amplitude, ..*t }).collect();
