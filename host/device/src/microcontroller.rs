@@ -30,9 +30,9 @@ pub enum Microcontroller {
 /// The images of the firmware for the emulated board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Image {
-    /// That of bodies and trees.
+    /// The image for bodies and trees.
     Standard,
-    /// That which watches robots, too.
+    /// The image that watches robots, too.
     Watch,
 }
 

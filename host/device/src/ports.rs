@@ -21,17 +21,17 @@ const ATTEMPTS: u32 = 2;
 /// Holds what a USB port says of the device behind it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Usb {
-    /// Its vendor's number, four hexadecimal digits.
+    /// The vendor's number, four hexadecimal digits.
     pub vid: String,
-    /// Its product's number, four hexadecimal digits.
+    /// The product's number, four hexadecimal digits.
     pub pid: String,
-    /// Its product's name.
+    /// The product's name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub product: Option<String>,
-    /// Its manufacturer's name.
+    /// The manufacturer's name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub manufacturer: Option<String>,
-    /// Its serial number.
+    /// The device's serial number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial_number: Option<String>,
 }
@@ -159,7 +159,7 @@ pub enum NotFound {
     /// The only port cannot be used.
     #[error("{port}: {why}")]
     Only {
-        /// Its name.
+        /// The port's name.
         port: String,
         /// Why not.
         why: Unusable,
@@ -207,7 +207,7 @@ pub fn find(others: &[String]) -> Result<(Port, Session), NotFound> {
     only(listed()?.into_iter().filter(|port| !others.contains(&port.port)).collect())
 }
 
-/// The same among these.
+/// Finds the only device among these ports, as [`find`] does among all.
 fn only(ports: Vec<Port>) -> Result<(Port, Session), NotFound> {
     let mut ports: Vec<Port> = ports.into_iter().filter(Port::may_be_a_device).collect();
     if ports.len() > 1 {

@@ -12,7 +12,7 @@ use serde_json::Value;
 /// Says why a text holds no settings.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsFileError {
-    /// Its name says neither format.
+    /// The file's name says neither format.
     #[error("{0}: settings are a .toml or a .json file")]
     Kind(String),
     /// The file cannot be read.

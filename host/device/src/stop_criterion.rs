@@ -11,7 +11,7 @@ const NAMED: usize = 4;
 /// Row blocks before which the rule is not examined: a second.
 const MINIMUM_BLOCKS: u32 = 100;
 
-/// What a device that estimates is to reach.
+/// The accuracy at which a device that estimates may stop.
 ///
 /// ```
 /// use rigident_device::stop_criterion::StopCriterion;
@@ -54,7 +54,7 @@ pub enum StopError {
     Unknown {
         /// The word.
         word: String,
-        /// What there is.
+        /// The error, which names those that there are.
         error: SelectionError,
     },
     /// A name has two limits.

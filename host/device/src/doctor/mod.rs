@@ -15,7 +15,7 @@ pub use host::UDEV_RULE;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
-    /// As it should be.
+    /// Everything is as it should be.
     Ok,
     /// Something is to be done.
     ToDo,
@@ -53,7 +53,7 @@ impl From<&str> for Advice {
 pub struct Check {
     /// A word: `ports`, `permissions`, `udev`, `emulator`, `image`, `device`, `sensors`, `events`, `clocks`.
     pub what: &'static str,
-    /// Its state.
+    /// The state of it.
     pub standing: Standing,
     /// The finding.
     pub found: String,

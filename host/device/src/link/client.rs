@@ -350,7 +350,7 @@ impl Client {
         }
     }
 
-    /// The same of whatever model.
+    /// Fetches the factor of any model, row by row.
     ///
     /// # Errors
     /// The link, or nothing absorbed yet.

@@ -52,7 +52,7 @@ impl Write for Datagrams {
 /// An address taken apart.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Address {
-    /// As it was given.
+    /// The address as it was given.
     pub text: String,
     scheme: String,
     place: String,
@@ -223,7 +223,7 @@ pub fn connect(address: &str, geometry: &Geometry) -> Result<Box<dyn Platform>, 
 /// `gcs`, `pose+tcp` or `legs+tcp`.
 ///
 /// # Errors
-/// As [`connect`].
+/// See [`connect`].
 pub fn connect_simulated(
     address: &str,
     geometry: &Geometry,

@@ -43,7 +43,7 @@ pub enum PlatformError {
     Controller {
         /// The command sent to it.
         command: String,
-        /// Its number of the error.
+        /// The controller's number of the error.
         code: i32,
     },
     /// The program itself.
@@ -81,7 +81,7 @@ pub enum PlatformError {
     TooLong {
         /// Of the command.
         bytes: usize,
-        /// That are taken.
+        /// The most bytes that the controller takes.
         most: usize,
     },
     /// The arm's controller has ended the motion, or lets it not begin.

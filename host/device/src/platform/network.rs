@@ -50,10 +50,10 @@ const ANSWER_S: f64 = 0.8 * QUIET_S;
 struct Line {
     address: String,
     stream: BufReader<TcpStream>,
-    /// Whether it has answered before.
+    /// True if the controller has answered before.
     known: bool,
     asked: Instant,
-    /// Whether the plate may move: it was started, and has not been seen at rest since.
+    /// True while the plate may move: it was started, and has not been seen at rest since.
     moves: bool,
     /// The error that broke it.
     broken: Option<PlatformError>,

@@ -1,9 +1,9 @@
 //! A program sent as set points at a fixed rate, and its result.
 //!
-//! Whatever ends it early, set points go on until the plate rests, unless the controller has a stop of its
-//! own or the line itself is broken. No point follows the one before sooner than a share of their interval
-//! ([`Follows::closest`]), so that a host that stood still makes up for it with no burst: a controller that
-//! may take points as they come never moves faster than the path by more than a twentieth.
+//! If it ends early for any reason, set points go on until the plate rests, unless the controller has a stop
+//! of its own or the line itself is broken. No point follows the one before sooner than a share of their
+//! interval ([`Follows::closest`]), so that a host that stood still makes up for it with no burst: a
+//! controller that may take points as they come never moves faster than the path by more than a twentieth.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -9,7 +9,7 @@ struct Slow {
     delay: Duration,
 }
 
-/// Its time, x, and when it arrived.
+/// The time of a point, its x, and the time of its arrival.
 type Point = (f64, f64, Instant);
 
 impl Sink for Slow {

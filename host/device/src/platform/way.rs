@@ -74,8 +74,8 @@ pub(super) fn between(
 /// Drives a way to its end; what was measured on it is of no experiment.
 ///
 /// # Errors
-/// As the platform's; [`PlatformError::Interrupted`] once it has come to rest after `go_on` has said no, and
-/// [`PlatformError::Unseen`] where it did not.
+/// The platform's errors; [`PlatformError::Interrupted`] once it has come to rest after `go_on` has said no,
+/// and [`PlatformError::Unseen`] where it did not.
 pub(super) fn drive(
     platform: &mut dyn Platform,
     way: &MotionProgram,

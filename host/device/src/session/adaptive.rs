@@ -47,11 +47,12 @@ enum Ended {
 }
 
 impl Session {
-    /// As [`Session::follow`], with programs decided one after the other. The device runs all the while; its
-    /// factor is read between segments.
+    /// Follows programs decided one after the other, as [`Session::follow`] follows one. The device runs all
+    /// the while; its factor is read between segments.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
+    /// The error that prevents a start. Anything later is stated in [`Take::broken`], with what was taken
+    /// before.
     pub fn follow_decided(
         &mut self,
         platform: &mut dyn Platform,

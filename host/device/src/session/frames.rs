@@ -194,7 +194,8 @@ fn mounting(imu: &ImuTable) -> Matrix3<f64> {
     attitude(&imu.rotation_wxyz).unwrap_or_else(Matrix3::identity)
 }
 
-/// What is to be calibrated on poses is refused when the recording is prepared.
+/// Returns the numbers, and NaN for those to be calibrated on poses, which are refused when the recording is
+/// prepared.
 fn numbers(value: Calibrated) -> [f64; 3] {
     match value {
         Calibrated::Numbers(v) => v,

@@ -29,7 +29,7 @@ impl Session {
     /// Sends a recording's readings to the device and fetches the factor.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Take::broken`].
+    /// The error that prevents a start. Anything later is stated in [`Take::broken`].
     pub fn inject(
         &mut self,
         readings: &[Reading<f64>],
@@ -47,7 +47,7 @@ impl Session {
     /// Likewise, readings of two links.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Take::broken`].
+    /// The error that prevents a start. Anything later is stated in [`Take::broken`].
     pub fn inject_links(
         &mut self,
         readings: &[LinkReadingMessage],
@@ -133,7 +133,7 @@ impl Session {
     /// Starts a device that readings are sent to as they come.
     ///
     /// # Errors
-    /// What prevents a start.
+    /// The error that prevents a start.
     pub fn begin_feeding(&mut self) -> Result<Feeding, SessionError> {
         self.start()?;
         Ok(Feeding { taking: Taking::default(), sent: 0, outcome: Ok(()) })

@@ -94,9 +94,9 @@ pub enum SessionError {
     NearRange {
         /// Of the wrench.
         channel: &'static str,
-        /// As read, N or N m.
+        /// The value read, N or N m.
         value: f64,
-        /// The same.
+        /// The channel's range, N or N m.
         range: f64,
         /// The unit of both.
         unit: &'static str,
@@ -211,7 +211,8 @@ impl Session {
     /// Starts the device and the loaded `program`, follows both to the end, and fetches the factor.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
+    /// The error that prevents a start. Anything later is stated in [`Take::broken`], with what was taken
+    /// before.
     pub fn follow(
         &mut self,
         platform: &mut dyn Platform,

@@ -55,7 +55,7 @@ impl Session {
     /// Nothing of it is lost, since all of it is here.
     ///
     /// # Errors
-    /// What was wrong, if it was no restart; or that there were too many.
+    /// The last error, if it was no restart or there were too many restarts.
     pub(super) fn go_on(
         &mut self,
         mut error: SessionError,

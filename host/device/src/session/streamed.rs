@@ -30,7 +30,7 @@ const COUNTERS: &str = "read the counters";
 /// Tells how fast frames are sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// As fast as they are taken.
+    /// Frames are sent as fast as they are taken.
     AsTaken,
     /// Each at its time.
     RealTime {
@@ -75,7 +75,8 @@ impl Session {
     /// Tells the device a robot, streams its frames and takes the changes until they end.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Watched::broken`], with what was found before.
+    /// The error that prevents a start. Anything later is stated in [`Watched::broken`], with what was found
+    /// before.
     pub fn watch_robot(
         &mut self,
         robot: &WatchedRobot,

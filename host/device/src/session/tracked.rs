@@ -41,7 +41,7 @@ pub(super) fn pose(rotation: &Matrix3<f64>, rate: &Vector3<f64>) -> [f32; TRACKE
     [q.w, q.i, q.j, q.k, rate.x, rate.y, rate.z].map(|v| v as f32)
 }
 
-/// The same of a link.
+/// Returns the attitude of a link, and its rate in its own axes.
 pub(super) fn of_link(state: &LinkState<f64>) -> [f32; TRACKED_LINK_NUMBERS] {
     pose(&state.rotation, &state.rate)
 }

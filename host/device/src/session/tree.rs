@@ -30,7 +30,7 @@ pub enum DeviceTreeError {
     /// It makes no tree.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// Its sensors are not described.
+    /// The tree's sensors are not described.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// The offset is to be estimated.
@@ -224,7 +224,8 @@ impl Session {
     /// its level is left alone as long as there is room.
     ///
     /// # Errors
-    /// What prevents a start. Anything later is stated in [`Take::broken`], with what was taken before.
+    /// The error that prevents a start. Anything later is stated in [`Take::broken`], with what was taken
+    /// before.
     pub fn follow_frames(
         &mut self,
         source: &dyn FrameSource,

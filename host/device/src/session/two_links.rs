@@ -20,10 +20,10 @@ pub const ATTITUDE_TIME_CONSTANT_S: f32 = 5.0;
 /// Why a rig file's links do not fit onto the device.
 #[derive(Debug, thiserror::Error)]
 pub enum TwoLinkError {
-    /// Its links make no tree.
+    /// The links make no tree.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// Its sensors are not described.
+    /// The rig's sensors are not described.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// Not two links with a spherical joint between them.

@@ -118,20 +118,20 @@ impl WatchOptions {
 /// Holds what the device is given, and its frames.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
-    /// Its settings.
+    /// The settings of the run.
     pub settings: Settings,
-    /// Its links, one by one.
+    /// The robot's links, one by one.
     pub links: Vec<WatchLinkSettings>,
-    /// Its frames, of one time base: their numbers tell gaps.
+    /// The robot's frames, of one time base: their numbers show gaps.
     pub frames: Vec<NumberedFrame>,
 }
 
 /// Holds a frame as it is sent to the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NumberedFrame {
-    /// Its number: periods since the first one.
+    /// The frame's number: periods since the first one.
     pub number: u32,
-    /// Its bytes ([`WatchFrame`]).
+    /// The frame's bytes ([`WatchFrame`]).
     pub payload: Vec<u8>,
 }
 

@@ -25,9 +25,9 @@ pub(super) struct Found {
     path: Vec<String>,
     /// Velocity of single moves, mm/s, if it says.
     velocity: Option<String>,
-    /// Whether each axis is held.
+    /// True for each axis that is held.
     servo: [bool; 6],
-    /// Whether it knows where it is.
+    /// True if the platform knows where it is.
     pub(super) referenced: bool,
     /// The pose of the plate, if it knows.
     pub(super) position: Option<GcsPosition>,

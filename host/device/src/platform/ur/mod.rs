@@ -76,7 +76,7 @@ struct Controller {
     last: [f64; 6],
     /// Where the arm was before less where the program begins, rad.
     offset: [f64; 6],
-    /// How the program is to end once no further point comes.
+    /// The end of the program once no further point comes.
     end: Order,
 }
 
