@@ -18,13 +18,13 @@ pub enum Finding {
         if *is_refused { ", too few to tell it from a drift, and is left out" } else { "" }
     )]
     FewCycles {
-        /// Its frequency, Hz.
+        /// The mode's frequency, Hz.
         hz: f64,
         /// Cycles in the recording.
         cycles: f64,
         /// Length for enough cycles, s.
         needed_s: f64,
-        /// Whether the mode is left out.
+        /// True if the mode is left out.
         is_refused: bool,
     },
     /// Fewer modes than there are.
@@ -40,9 +40,9 @@ pub enum Finding {
         found: usize,
         /// The unit vector over scaled channels that the found shapes reach least, in words.
         direction: String,
-        /// The same in numbers.
+        /// The unit vector of `direction` in numbers.
         vector: Vec<f64>,
-        /// Its largest channel.
+        /// The largest channel of that vector.
         channel: String,
     },
     /// Two modes whose shapes span a plane and are not known one by one; both are left out.
@@ -70,9 +70,9 @@ pub enum Finding {
          not asked for, or a disturbance from outside"
     )]
     OtherLine {
-        /// Its frequency, Hz.
+        /// The line's frequency, Hz.
         hz: f64,
-        /// Its size by that of noise at this frequency.
+        /// The ratio of its size to that of noise at this frequency.
         ratio: f64,
         /// The channel in which it is strongest by noise.
         channel: String,
@@ -83,11 +83,11 @@ pub enum Finding {
          {damping:.6} ± {sd:.6}); it is no mode; switch its source off"
     )]
     Disturbance {
-        /// Its frequency, Hz.
+        /// The vibration's frequency, Hz.
         hz: f64,
         /// Damping ratio.
         damping: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the damping ratio.
         sd: f64,
         /// The channel in which it is strongest by noise.
         channel: String,
@@ -105,15 +105,15 @@ pub enum Finding {
         hz: f64,
         /// Relative fall of the frequency from the early part to the late one.
         shift: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the relative fall.
         shift_sd: f64,
         /// The relative shift that would be said.
         limit: f64,
         /// The multiple or sum, in words.
         combination: String,
-        /// Its frequency, Hz.
+        /// Frequency of the multiple or sum, Hz.
         line_hz: f64,
-        /// Its size by that of the vibration, both weighted by noise.
+        /// The ratio of the line's size to that of the vibration, both weighted by noise.
         ratio: f64,
         /// By how much the amplitude is to be smaller for the shift to be as small as the frequency's
         /// standard deviation.
@@ -131,7 +131,7 @@ pub enum Finding {
         hz: f64,
         /// Relative fall of the frequency from the early part to the late one.
         shift: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the relative fall.
         shift_sd: f64,
         /// The relative shift that would be said.
         limit: f64,
@@ -146,9 +146,9 @@ pub enum Finding {
     Harmonic {
         /// The multiple or sum, in words.
         combination: String,
-        /// Its frequency, Hz.
+        /// Frequency of the multiple or sum, Hz.
         line_hz: f64,
-        /// Its size by that of the vibration, both weighted by noise.
+        /// The ratio of the line's size to that of the vibration, both weighted by noise.
         ratio: f64,
         /// The ratio that would be said.
         limit: f64,
@@ -172,11 +172,11 @@ pub enum Finding {
          matters"
     )]
     NoDecay {
-        /// Its frequency, Hz.
+        /// The mode's frequency, Hz.
         hz: f64,
         /// Damping ratio.
         damping: f64,
-        /// Its standard deviation.
+        /// Standard deviation of the damping ratio.
         sd: f64,
     },
     /// A shape that no phase makes real.
@@ -186,7 +186,7 @@ pub enum Finding {
         100.0 * share, 100.0 * noise
     )]
     Complex {
-        /// Its frequency, Hz.
+        /// The mode's frequency, Hz.
         hz: f64,
         /// The part that is out of phase.
         share: f64,

@@ -112,9 +112,9 @@ pub enum ModalError {
     TooShort {
         /// The length of the recording, s.
         duration_s: f64,
-        /// Its frequency, Hz.
+        /// The frequency of the mode, Hz.
         hz: f64,
-        /// Its cycles in the recording.
+        /// The cycles of the mode in the recording.
         cycles: f64,
         /// Cycles needed.
         least: f64,
@@ -130,7 +130,7 @@ pub enum ModalError {
     NothingVibrates {
         /// The strongest frequency, Hz.
         hz: f64,
-        /// Its power by the noise's.
+        /// The ratio of its power to that of the noise.
         ratio: f64,
     },
     /// The fit did not end.

@@ -51,7 +51,7 @@ const LAST_STEPS: usize = 8;
 /// A component of the decay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Component {
-    /// Its pole.
+    /// The component's pole.
     pub pole: Pole,
     /// The meaning.
     pub role: Role,

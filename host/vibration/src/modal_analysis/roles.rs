@@ -16,7 +16,8 @@ pub(super) const APART: f64 = 8.0;
 const UNDAMPED: f64 = 2.5e-4;
 /// Strength by that of the stronger one, below which a component may be its harmonic or be beside it.
 const WEAK: f64 = 0.05;
-/// The same for what the change of its own frequency leaves beside a mode.
+/// Strength by that of the stronger one, below which a component may be what a mode's change of frequency
+/// leaves beside it.
 const WEAK_BESIDE: f64 = 0.4;
 
 /// The meaning of a component.

@@ -22,7 +22,7 @@ const MARGIN: f64 = 1.4;
 const BESIDE: usize = 6;
 /// Samples for each cycle of the fastest line, in the samples that are searched.
 const SAMPLES_A_CYCLE: f64 = 12.0;
-/// The same for the first poles.
+/// Samples for each cycle of the fastest line where the first poles are searched.
 const FIRST_SAMPLES_A_CYCLE: f64 = 5.0;
 /// Parts of a recording from its beginning that are searched on their own where modes are missing, and their
 /// least samples.

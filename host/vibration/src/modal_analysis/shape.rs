@@ -10,11 +10,11 @@ use super::input::ModalError;
 pub struct Mode {
     /// Undamped natural frequency ω, rad/s.
     pub angular: f64,
-    /// Its standard deviation, rad/s.
+    /// Standard deviation of ω, rad/s.
     pub angular_sd: f64,
     /// Damping ratio ζ.
     pub damping: f64,
-    /// Its standard deviation.
+    /// Standard deviation of ζ.
     pub damping_sd: f64,
     /// Real shape in the channels' units: `Σ (φ_c / scale_c)² = 1`, its largest scaled entry positive.
     pub shape: DVector<f64>,

@@ -30,7 +30,7 @@ struct Found {
     shape: DVector<Complex<f64>>,
     /// Orders before this one that it was followed through.
     stable: usize,
-    /// Its place in the order before.
+    /// The pole's place in the order before.
     before: Option<usize>,
 }
 

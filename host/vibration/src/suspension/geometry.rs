@@ -17,11 +17,11 @@ use rigident_io::rig::{SpringTable, SuspensionTable};
 const PLACE_STD_M: f64 = 1e-3;
 const HEIGHT_STD_M: f64 = 1e-3;
 const LENGTH_STD_M: f64 = 5e-3;
-/// The same of an axis about either direction across it, rad: half a degree by eye.
+/// 1 σ of an axis about either direction across it, rad, where nothing is stated: half a degree by eye.
 const AXIS_STD_RAD: f64 = 0.009;
-/// The same of a stated preload, relative.
+/// 1 σ of a stated preload, relative, where nothing is stated.
 const PRELOAD_STD: f64 = 0.1;
-/// The same of the share of the weight that a spring takes, relative: three millimetres of a sag of thirty.
+/// 1 σ of the share of the weight that a spring takes, relative: three millimetres of a sag of thirty.
 const SHARE_STD: f64 = 0.1;
 /// Steps of differences, m, rad and relative.
 const STEP: f64 = 1e-4;
@@ -45,7 +45,7 @@ enum Number {
     Share(usize),
 }
 
-/// What the springs are if a number is another.
+/// The springs with another value of a number.
 #[derive(Clone, Debug)]
 struct Moved {
     springs: Springs,
@@ -60,7 +60,7 @@ struct GeometryError {
     below: Moved,
 }
 
-/// What is not known of places, axes, heights, lengths and preload.
+/// The errors of places, axes, heights, lengths and preload.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     errors: Vec<GeometryError>,
@@ -277,7 +277,7 @@ mod tests {
         RigFile::parse(&text).unwrap().suspension.unwrap()
     }
 
-    /// What an error changes in the stiffness under 20 kg at O.
+    /// Returns the change of the stiffness under 20 kg at O by an error.
     fn change(name: &str) -> Matrix6<f64> {
         let own = Geometry::new(&table(""), G);
         let k = own.nuisances(0).iter().position(|nuisance| nuisance.name == name).expect(name);

@@ -81,7 +81,7 @@ pub enum SuspensionError {
     Short {
         /// The recording.
         name: String,
-        /// Its rows.
+        /// The number of rows.
         rows: usize,
         /// Rows per second.
         rate_hz: f64,
@@ -118,9 +118,9 @@ pub enum SuspensionError {
         coordinate: String,
         /// Root mean square.
         moves: f64,
-        /// Its unit.
+        /// The unit of the coordinate.
         unit: &'static str,
-        /// The same, relative, %.
+        /// The same motion as a share of the largest free coordinate's, %.
         share: f64,
     },
     /// A posture cannot be used.

@@ -142,8 +142,8 @@ pub(super) struct Problem<'a> {
     parameters: usize,
     nuisances: &'a [Nuisance],
     known: Option<Known>,
-    /// That of the springs with what is stated of their preload, and what a unit of each parameter's weight
-    /// adds.
+    /// The stiffness of the springs with what is stated of their preload, and the part that a unit of each
+    /// parameter's weight adds.
     stiffness: Matrix6<f64>,
     by_weight: [Matrix6<f64>; TEN],
     /// Number of modes of all swings.
@@ -243,7 +243,7 @@ impl<'a> Problem<'a> {
         self.bounded(white, values, self.nuisances)
     }
 
-    /// The same with other bounds of the errors.
+    /// Returns the factor as [`Self::factor`] does, with other bounds of the errors.
     pub(super) fn bounded(
         &self,
         white: &DMatrix<f64>,

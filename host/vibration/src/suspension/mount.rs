@@ -13,7 +13,7 @@ use rigident_rows::tree::joints::attitude;
 /// The platform at the time of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instant {
-    /// Its position relative to rest.
+    /// The platform's position relative to rest.
     pub at: Displacement,
     /// Origin of the base link against O, axes at rest, m.
     pub arm: Vector3<f64>,
@@ -22,7 +22,7 @@ pub struct Instant {
 /// The place of S in P.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
-    /// Its origin against O, axes of P, m.
+    /// Origin of S against O, axes of P, m.
     pub arm: Vector3<f64>,
     /// P axes ← S axes.
     pub rotation: Matrix3<f64>,

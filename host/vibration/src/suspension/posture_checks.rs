@@ -1,4 +1,4 @@
-//! Whether locked postures can be of one tree.
+//! Checks whether locked postures can belong to one tree.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 

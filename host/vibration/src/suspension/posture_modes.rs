@@ -13,7 +13,7 @@ use rigident_rows::tree::{Input, TreeSource};
 /// A posture with its modes.
 #[derive(Clone, Debug)]
 pub struct PostureModes {
-    /// Its name.
+    /// The posture's name.
     pub name: String,
     /// Coordinates of the joints, in the order of the links: m, rad, quaternions w, x, y, z.
     pub positions: Vec<f64>,

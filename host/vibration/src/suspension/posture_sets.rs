@@ -2,7 +2,7 @@
 //!
 //! Of n links on spherical joints, tensors are determined up to `J_0 + Σ α_j 1, J_j − α_j 1`. In differences
 //! and the sum of the Jyy, all but one number of each such link is determined: Φ_s of the vibration paper.
-//! What stays open is bounded (Eq. 19): tensors have no negative moments.
+//! The open numbers are bounded (Eq. 19): tensors have no negative moments.
 
 use std::f64::consts::{PI, TAU};
 
@@ -30,11 +30,11 @@ pub const RANK: f64 = 1e-6;
 /// A quantity of Φ_s.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SubsetValue {
-    /// Its name: `base.MSx`, `base.Jxx-Jyy`, `sum of Jyy`.
+    /// The name of the quantity: `base.MSx`, `base.Jxx-Jyy`, `sum of Jyy`.
     pub name: String,
     /// SI unit in ASCII.
     pub unit: String,
-    /// Its value; `None` if the postures do not tell it.
+    /// The value of the quantity; `None` if the postures do not determine it.
     #[serde(flatten)]
     pub measured: Option<Measured>,
 }
@@ -67,9 +67,9 @@ pub struct OpenBounds {
 /// The position of a joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stand {
-    /// Its link.
+    /// The joint's link.
     pub link: String,
-    /// Its coordinate, rad or m, or its quaternion w, x, y, z.
+    /// The joint's coordinate, rad or m, or its quaternion w, x, y, z.
     pub stands: Vec<f64>,
 }
 

@@ -67,7 +67,7 @@ struct Carrier {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preload {
     carriers: Vec<Carrier>,
-    /// The same if springs of which no ends are stated are clamped.
+    /// The carriers if springs of which no ends are stated are clamped.
     clamped: Vec<Carrier>,
     gravity_mps2: f64,
 }

@@ -24,11 +24,11 @@ const LOCKED: f64 = 0.01;
 
 /// A locked posture as it was recorded.
 pub struct RecordedPosture {
-    /// Its name.
+    /// The posture's name.
     pub name: String,
     /// Coordinates of the joints: m, rad, quaternions w, x, y, z.
     pub positions: Vec<f64>,
-    /// Its modes over the free coordinates.
+    /// The posture's modes over the free coordinates.
     pub shapes: Shapes,
     /// The findings about them.
     pub findings: Vec<String>,

@@ -50,7 +50,7 @@ pub(super) enum Load {
 /// A rest against that of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rest {
-    /// Its name.
+    /// The name of the rest.
     pub name: String,
     /// Shift of O and turn, axes at rest of the recording, m and rad.
     pub change: Vector6<f64>,

@@ -39,7 +39,7 @@ const DAMPED_AT: f64 = std::f64::consts::TAU;
 pub struct Displacement {
     /// Shift of O, m.
     pub shift: Vector3<f64>,
-    /// Its velocity, m/s.
+    /// Velocity of O, m/s.
     pub velocity: Vector3<f64>,
     /// Axes at rest ← axes of the platform.
     pub rotation: Matrix3<f64>,
@@ -71,7 +71,7 @@ impl Displacement {
 struct Spring {
     /// The point against O, axes of the platform, m.
     arm: Vector3<f64>,
-    /// Its direction.
+    /// The direction of the spring.
     axis: Vector3<f64>,
     axial: f64,
     lateral: f64,
@@ -86,11 +86,11 @@ enum SpringError {
     Stiffness(usize, usize),
     /// A spring's stiffness along its axis, relative.
     Axial(usize),
-    /// The same across it.
+    /// A spring's stiffness across its axis, relative.
     Lateral(usize),
-    /// The same against turning of its seat.
+    /// A spring's stiffness against turning of its seat, relative.
     Bending(usize),
-    /// That of all springs alike.
+    /// The stiffness of all springs alike.
     Common,
     /// An element of the damping and its mirror image.
     Damping(usize, usize),

@@ -33,7 +33,7 @@ pub struct FoundStiffness {
     /// χ² of what is left by its degrees of freedom: more than chance gives contradicts body, springs or
     /// modes.
     pub variance_ratio: f64,
-    /// Its degrees of freedom.
+    /// The degrees of freedom of χ².
     pub degrees_of_freedom: f64,
 }
 

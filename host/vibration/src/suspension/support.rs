@@ -15,7 +15,7 @@ use rigident_io::rig::{RigFile, SpringTable, SuspensionTable};
 /// 1 σ of the force of springs 10 mm from the rest of a recording, relative, where none is stated: springs
 /// that stiffen by a few hundredths, axes that turn as the platform sags.
 const STATIC_STD: f64 = 0.01;
-/// The same at any distance: hysteresis.
+/// 1 σ of the force of springs at any distance, relative: hysteresis.
 const LEAST_STATIC_STD: f64 = 2e-3;
 /// Distance of springs from O where a matrix alone is stated, m.
 const REACH_M: f64 = 0.5;
@@ -29,7 +29,7 @@ pub struct Support {
     pub mount: Mount,
     /// The load of the springs at rest.
     pub preload: Preload,
-    /// What is not known of places, axes and lengths.
+    /// The errors of places, axes and lengths.
     pub geometry: Geometry,
     /// The mass matrix about O of the air that may move with the platform.
     pub air: Option<Matrix6<f64>>,
@@ -123,7 +123,7 @@ fn reach_m(table: &SuspensionTable) -> f64 {
     table.spring.iter().map(of).max_by(f64::total_cmp).unwrap_or(REACH_M)
 }
 
-/// What an error changes in the equations of free vibration about O.
+/// The change of the equations of free vibration about O by an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
     /// Stiffness: N/m, N, N m.

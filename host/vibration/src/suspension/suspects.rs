@@ -1,4 +1,4 @@
-//! What of the springs modes and rests contradict, in words: a rest that is elsewhere, an error that would
+//! Contradictions of the springs by modes and rests, in words: a rest that is elsewhere, an error that would
 //! explain the residuals.
 
 use std::fmt;
