@@ -30,7 +30,7 @@ const CONSUMER_IMU: [f64; 2] = [0.3, 0.02];
 enum Case {
     /// White noise alone.
     White,
-    /// The same with an ordinary IMU.
+    /// White noise alone, with an ordinary IMU.
     OrdinaryImu,
     /// σ not stated.
     NotStated,

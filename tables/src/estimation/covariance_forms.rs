@@ -17,7 +17,7 @@ const PRIORS: [f64; 3] = [1e2, 1e4, 1e6];
 enum Form {
     /// P ← P − k (P a)ᵀ
     Plain,
-    /// The same, then P ← (P + Pᵀ)/2
+    /// P ← P − k (P a)ᵀ, then P ← (P + Pᵀ)/2
     Symmetrised,
     /// P ← (1 − k aᵀ) P (1 − k aᵀ)ᵀ + k kᵀ, written out left to right
     Joseph,

@@ -30,7 +30,7 @@ type Rows = DMatrix<f64>;
 struct Known {
     /// Multiplies a block of six rows.
     whitening: DMatrix<f64>,
-    /// The same of the load cell's noise alone.
+    /// Multiplies a block of six rows where only the load cell's noise counts.
     channels: DMatrix<f64>,
     /// Products of the noise in whitened rows `[A y]`.
     products: DMatrix<f64>,

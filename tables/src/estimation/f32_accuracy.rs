@@ -34,7 +34,7 @@ pub struct Line {
     pub deviation_sd: f64,
     /// Largest deviation over `max(0.05 sd, 20 ε cond ‖φ‖)`.
     pub of_allowed: f64,
-    /// The same for a factor of one level.
+    /// Largest deviation over the allowed one, as `of_allowed`, for a factor of one level.
     pub of_allowed_one_level: Option<f64>,
 }
 

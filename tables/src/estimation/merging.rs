@@ -41,7 +41,7 @@ enum Case {
     One(usize),
     /// Likewise, of slow noise and slow motion.
     Slow(usize),
-    /// As many recordings of each of several rigs.
+    /// The same number of recordings of each of several rigs.
     Rigs { rigs: usize, each: usize },
     /// Four of one rig, the first with five times its noise.
     Noisy,
@@ -59,7 +59,7 @@ enum Case {
     Springs(u64),
 }
 
-/// How far the answers of a rig are off.
+/// The errors of a rig's answers.
 #[derive(Default)]
 struct Asked {
     of_body: Errors,

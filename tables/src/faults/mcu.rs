@@ -51,7 +51,7 @@ pub struct Line {
 pub type Reboot = Box<dyn FnOnce() -> Result<Box<dyn Mcu>, String> + Send>;
 
 impl Line {
-    /// The same seed makes the same faults of the same traffic.
+    /// Puts a device on a faulty line. The same seed makes the same faults of the same traffic.
     pub fn new(mcu: Box<dyn Mcu>, faults: LinkFaults) -> Self {
         Self { link: FaultyLink::new(Wired(mcu), faults, 1), restart: None }
     }

@@ -10,7 +10,7 @@ use rigident::plan::poses::montecarlo::{Row, section_6_3};
 use rigident::plan::poses::plan::{PosePlan, Task, plan};
 use rigident::plan::poses::{Objective, Reach, Region};
 
-/// As many experiments as the thesis.
+/// Number of experiments, as in the thesis.
 pub const RUNS: u64 = 2500;
 
 /// The built-in platform with the whole stroke, or the middle of it, m.

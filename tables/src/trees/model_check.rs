@@ -19,7 +19,7 @@ use rigident_shared::spatial::{Body, Position};
 /// The change of a tensor, or twice the distance of a centre of mass from the plane over the radius of
 /// gyration, from which a mistake is counted apart: it is as large as the body.
 const LARGE: f64 = 1.0;
-/// The same from which it is counted at all.
+/// The change or distance from which a mistake is counted at all.
 const SMALL: f64 = 0.1;
 
 const LIST: &str = "from importlib.metadata import distribution as d
@@ -174,7 +174,7 @@ fn is_lopsided(shape: &Shape) -> bool {
     of(1, 2) + of(2, 0) + of(0, 1) > 0.1 * 0.1
 }
 
-/// What is reported of one kind of mistake.
+/// The counts of one kind of mistake.
 #[derive(Clone, Copy, Default)]
 struct Reported {
     /// In all links.

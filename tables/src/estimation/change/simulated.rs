@@ -141,7 +141,7 @@ impl Instant {
 struct Oscillator {
     /// Specific force of its place at the sample before.
     before: Option<Vector3<f64>>,
-    /// Its distance from its place, m, and the rate of that.
+    /// The distance of the mass from its place, m, and its rate.
     swing: Vector3<f64>,
     swing_rate: Vector3<f64>,
 }

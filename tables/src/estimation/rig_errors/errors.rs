@@ -149,8 +149,8 @@ impl Errors {
         }
     }
 
-    /// The same with a load cell of which no more is known than the class of its data sheet, 1 %, and an IMU
-    /// of the class industrial: what a rig file has that states nothing.
+    /// Returns the standard deviations of a load cell of which no more is known than the class of its data
+    /// sheet, 1 %, and an IMU of the class industrial: those of a rig file that states nothing.
     pub fn default_classes() -> Self {
         let of = |limit: f64| limit / 3.0_f64.sqrt();
         let crosstalk = |to: usize| std::array::from_fn(|from| if from == to { 0.0 } else { of(1e-2) });
@@ -166,7 +166,7 @@ impl Errors {
         }
     }
 
-    /// The same with one group alone.
+    /// Returns the standard deviations with one group alone; all others are zero.
     pub fn only(mut self, group: Group) -> Self {
         for other in Group::ALL.into_iter().filter(|other| *other != group) {
             other.of(&mut self).into_iter().for_each(|value| *value = 0.0);

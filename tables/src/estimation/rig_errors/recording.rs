@@ -219,8 +219,8 @@ pub struct Flicker {
 }
 
 impl Flicker {
-    /// As strong as white noise of `sigma` at `corner_hz`: with the variance v an octave its density is
-    /// `v / (ln 2 f)`, that of the white noise `2 σ² / rate`.
+    /// Returns 1/f noise as strong as white noise of `sigma` at `corner_hz`: with the variance v an octave
+    /// its density is `v / (ln 2 f)`, that of the white noise `2 σ² / rate`.
     pub fn new(sigma: f64, corner_hz: f64, rate_hz: f64, normal: &mut Normal) -> Self {
         let sigma = sigma * (2.0 * 2.0_f64.ln() * corner_hz / rate_hz).sqrt();
         let part = |k: usize| (sigma * normal.draw(), (-TAU * 0.01 * 2.0_f64.powi(k as i32) / rate_hz).exp());

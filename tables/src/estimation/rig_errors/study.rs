@@ -11,7 +11,7 @@ use super::recording::Rig;
 
 /// Quantities of the body.
 pub const COUNT: usize = 13;
-/// Those of m, mc and the tensor about the centre of mass, whose coverage is examined.
+/// The quantities m, mc and the tensor about the centre of mass, whose coverage is examined.
 pub const MASS: std::ops::Range<usize> = 0..1;
 pub const MOMENT: std::ops::Range<usize> = 1..4;
 pub const CENTRE: std::ops::Range<usize> = 4..7;
@@ -24,7 +24,7 @@ const NAMED: f64 = 4.0;
 pub struct Run {
     /// Error of each quantity.
     pub error: Quantities,
-    /// Its expanded uncertainty.
+    /// Expanded uncertainty of each quantity.
     pub u95: Quantities,
     /// The group of the nuisance parameter that is the most standard deviations from nothing, if it is named.
     pub named: Option<String>,

@@ -193,7 +193,7 @@ impl Hexapod {
     }
 }
 
-/// What came of one run.
+/// The outcome of one run.
 #[derive(Clone, Debug, Default)]
 struct Outcome {
     kind: usize,

@@ -1,4 +1,4 @@
-//! What a simulated machine really does, by finite differences of its own poses: nothing here is the
+//! The true motion of a simulated machine, by finite differences of its own poses: nothing here is the
 //! planner's or the guards'.
 
 use std::collections::VecDeque;

@@ -63,7 +63,8 @@ fn simulated(hexapod: &Hexapod, program: &MotionProgram, lines: bool, fault: Fau
     most
 }
 
-/// The same of the rig's own controller, which is stopped without a line.
+/// Returns the largest forces and the longest time to rest as [`simulated`] does, for the rig's own
+/// controller, which is stopped without a line.
 fn simulated_by_program(hexapod: &Hexapod, program: &MotionProgram) -> [f64; 3] {
     let mut most = [0.0_f64; 3];
     for k in 0..INSTANTS {

@@ -16,7 +16,7 @@ const LATENCY_S: f64 = 5e-4;
 /// A read that nothing arrives for takes this long, s.
 const READ_S: f64 = 0.02;
 
-/// What goes wrong.
+/// A fault of the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     None,
@@ -138,7 +138,7 @@ impl World {
         read(&self.state().referee)
     }
 
-    /// Whether the machine itself moves, and where its plate is.
+    /// Returns true if the machine itself moves, and the pose of its plate.
     pub fn machine(&self) -> (bool, hexapod::Pose) {
         let state = self.state();
         let rig = state.rig.lock().unwrap_or_else(PoisonError::into_inner);

@@ -86,7 +86,7 @@ struct Outcome {
     rest_s: Option<f64>,
     status: Option<i32>,
     kept: Option<usize>,
-    /// Its last words.
+    /// The last words of the run.
     said: String,
 }
 
