@@ -17,7 +17,7 @@ use crate::places;
 use crate::process;
 use crate::toolchain::{self, Core};
 
-/// What the emulator says of its second serial port.
+/// The emulator's message about its second serial port.
 const REDIRECTED: &str = "char device redirected to ";
 const LIMIT: Duration = Duration::from_secs(30);
 
@@ -36,7 +36,7 @@ pub struct Options {
     page: PathBuf,
 }
 
-/// What became of a step.
+/// The outcome of a step.
 enum Outcome {
     Good(String),
     Bad(String),
@@ -80,7 +80,7 @@ const ASKED: [Asked; 7] = [
     }),
 ];
 
-/// What a person does: what is shown, and how.
+/// The steps that a person does: the feature that each shows, and the procedure.
 const BY_HAND: [(&str, &str); 12] = [
     (
         "crystal's frequency",
@@ -153,7 +153,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     }
 }
 
-/// What is missing where no port is named.
+/// The message where no port is named.
 const NO_PORT: &str = "no board: name its serial port by --port (`rigident ports` lists them), or try the \
                        procedure by --emulated";
 

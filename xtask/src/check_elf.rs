@@ -120,8 +120,8 @@ fn short_handlers(program: &Program) -> Vec<String> {
     first.into_iter().map(offender).collect()
 }
 
-/// Whether a function returns within [`SHORT`] instructions. One that loops, or ends elsewhere, does not
-/// return.
+/// Returns true if a function returns within [`SHORT`] instructions. One that loops, or ends elsewhere, does
+/// not return.
 fn is_short(instructions: &[(u32, Instruction)]) -> bool {
     let returns = instructions.iter().position(|(_, instruction)| instruction.flow == Flow::Return);
     returns.is_some_and(|position| position < SHORT)

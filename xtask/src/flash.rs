@@ -65,7 +65,7 @@ pub struct Options {
 struct Chip {
     board: Board,
     name: &'static str,
-    /// Its name for probe-rs.
+    /// The chip's name for probe-rs.
     probe: &'static str,
     /// Of its ID code.
     id: u32,

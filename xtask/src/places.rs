@@ -12,9 +12,9 @@ pub const STM32: &str = "stm32f405";
 pub const STM32_FIRMWARE: &str = "rigident-stm32f405";
 /// Name of the Pico 2's folder.
 pub const PICO: &str = "rp2350";
-/// Its binary.
+/// Name of the Pico 2's binary.
 pub const PICO_FIRMWARE: &str = "rigident-rp2350";
-/// Its binary for the emulated board with the same core.
+/// Name of the Pico 2's binary for the emulated board with the same core.
 pub const KERNEL_BITS: &str = "kernel-bits";
 /// The target triple of its core.
 pub const PICO_TARGET: &str = "thumbv8m.main-none-eabihf";

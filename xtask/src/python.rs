@@ -29,7 +29,7 @@ pub fn run() -> Result<()> {
 /// other engines than Dask are left to the night.
 ///
 /// # Errors
-/// As [`run`].
+/// See [`run`].
 pub fn test(counts: &mut Counts, released: bool) -> Result<()> {
     if !setup::has_module(setup::WHEEL) {
         if testing::is_ci() {

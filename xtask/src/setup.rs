@@ -9,11 +9,11 @@ use crate::process::{self, is_installed};
 use crate::toolchain::{self, Core};
 
 const CARGO_FUZZ: &str = "0.13.2";
-/// What tests take from Python, and the packages that bring it.
+/// A Python module that tests use, and the packages that bring it.
 #[derive(Clone, Copy)]
 pub struct Module {
     name: &'static str,
-    /// What Python can do if it is there.
+    /// The Python code that succeeds if the module is there.
     look: &'static str,
     packages: &'static [&'static str],
 }

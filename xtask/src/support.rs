@@ -14,7 +14,7 @@ use crate::places;
 /// The marks around the table in README.
 const MARKS: [&str; 2] = ["<!-- table: support -->\n", "<!-- end -->"];
 
-/// What a feature does for one kind of body, on the host or where a device runs.
+/// The support of a feature for one kind of body, on the host or where a device runs.
 enum Cell {
     /// It works: the test that shows it, as the test program names it.
     Yes(&'static str),

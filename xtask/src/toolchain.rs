@@ -89,7 +89,7 @@ pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
     board_cargo_for(core, verb, folder, TARGET)
 }
 
-/// The same for another target than that of the first boards; see [`have`].
+/// Returns Cargo as [`board_cargo`] does, for another target than that of the first boards; see [`have`].
 pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
     let mut command = cargo_for(core, verb, folder, target);
     if core == Core::Debian {

@@ -1,4 +1,4 @@
-//! What the documents say of the project is so.
+//! Checks that the documents' statements about the project are true.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

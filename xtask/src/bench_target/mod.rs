@@ -27,7 +27,7 @@ use crate::toolchain::{self, Core};
 use histogram::Histogram;
 use trace::Stretch;
 
-/// Its part that is the baseline.
+/// The part of the bench that is the baseline.
 const C_PART: &str = "C Householder";
 /// Parts that are a whole path, and how often one is gone.
 const PATHS: [(&str, f64); 3] = [("path", 1000.0), ("frame path", 100.0), ("tracked frame path", 100.0)];

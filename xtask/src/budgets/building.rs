@@ -38,7 +38,7 @@ pub fn figures(setting: &Setting) -> Result<Vec<Figure>> {
 /// Returns the processor seconds of the reference build, which is made once.
 ///
 /// # Errors
-/// Its libraries cannot be had.
+/// The reference's libraries cannot be fetched.
 pub fn reference_build_s(setting: &Setting) -> Result<f64> {
     if let Some(seconds) = setting.reference_s.get() {
         return Ok(*seconds);

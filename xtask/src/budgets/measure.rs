@@ -59,7 +59,7 @@ pub fn run(command: &mut Command, expected: &[i32]) -> Result<Used> {
 /// Runs two programs in turn, `times` each, and returns the medians of their processor seconds.
 ///
 /// # Errors
-/// As [`run`].
+/// See [`run`].
 pub fn in_turn(times: usize, ours: impl Fn() -> Command, theirs: impl Fn() -> Command) -> Result<[f64; 2]> {
     let mut found = [Vec::new(), Vec::new()];
     for _ in 0..times {

@@ -41,7 +41,7 @@ struct Figure {
     value: f64,
     /// The most that it may be.
     limit: f64,
-    /// What it was made from, for the reader.
+    /// The origin of the figure, for the reader.
     note: String,
 }
 
@@ -55,12 +55,12 @@ impl Figure {
 struct Group {
     /// Names of its figures, for `--only`.
     names: &'static str,
-    /// Whether it needs the scripts, recordings and robots of `../shared`, which are not ours to publish.
+    /// True if it needs the scripts, recordings and robots of `../shared`, which are not ours to publish.
     needs_shared: bool,
     measure: fn(&Setting) -> Result<Vec<Figure>>,
 }
 
-/// What every group needs.
+/// The setting that every group needs.
 struct Setting {
     /// The released program, built from the sources here.
     program: PathBuf,

@@ -28,8 +28,8 @@ impl Graph {
         Self { exits }
     }
 
-    /// Everything that can run once `from` is called, each with the function it was first reached through.
-    /// What `is_end` marks is reached, but not followed.
+    /// Returns all functions that can run once `from` is called, each with the function it was first reached
+    /// through. Functions that `is_end` marks are reached, but not followed.
     pub fn reachable(&self, from: usize, is_end: impl Fn(usize) -> bool) -> BTreeMap<usize, Option<usize>> {
         let mut reached = BTreeMap::from([(from, None)]);
         let mut waiting = VecDeque::from([from]);

@@ -33,7 +33,7 @@ const fn slow(case: Case) -> Case {
     Case { slow: true, ..case }
 }
 
-/// The same case in the emulator, whose golden is that of the firmware in this process.
+/// Returns a case in the emulator, whose golden is that of the firmware in this process.
 const fn emulated(name: &'static str, golden: &'static str, command: &'static str) -> Case {
     Case { name, command, slow: true, device: true, as_another: Some(golden) }
 }

@@ -33,7 +33,7 @@ pub struct Options {
     pub quick: bool,
 }
 
-/// What one case ended with.
+/// The result of one case.
 enum Ending {
     Same,
     OnPurpose(Vec<String>),

@@ -14,11 +14,11 @@ pub const PROGRAM: &str = "rigident-cli";
 
 /// A package that the program holds.
 pub struct Part {
-    /// Its name.
+    /// The package's name.
     pub name: String,
-    /// Its version.
+    /// The package's version.
     pub version: String,
-    /// Its licence, as an SPDX expression.
+    /// The package's licence, as an SPDX expression.
     pub licence: String,
     /// The address where its sources are published; empty if it does not say.
     pub repository: String,
