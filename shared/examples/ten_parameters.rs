@@ -67,7 +67,7 @@ impl Ten {
     }
 }
 
-/// A square root without `std`, by Newton's way.
+/// Returns a square root without `std`, by Newton's way.
 fn root(of: f32) -> f32 {
     let mut x = of.max(1.0);
     for _ in 0..20 {
@@ -123,7 +123,7 @@ pub fn identify(seconds: f64, seed: u64) -> Result<Solution<f32, N>, KernelError
     Ok(ten.answer())
 }
 
-/// Rate and its derivative: three axes, each with a frequency of its own.
+/// Returns the rate and its derivative: three axes, each with a frequency of its own.
 fn motion(t: f64) -> ([f64; 3], [f64; 3]) {
     let waves = [(2.0, 3.0, 0.0), (1.7, 4.1, 1.0), (2.3, 5.3, 2.0)];
     (
@@ -140,7 +140,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The attitude after a turn by a rotation vector in its own axes (Rodrigues).
+/// Returns the attitude after a turn by a rotation vector in its own axes (Rodrigues).
 fn turned(attitude: [[f64; 3]; 3], by: [f64; 3]) -> [[f64; 3]; 3] {
     let angle = (by[0] * by[0] + by[1] * by[1] + by[2] * by[2]).sqrt();
     if angle == 0.0 {

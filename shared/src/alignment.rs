@@ -82,7 +82,7 @@ impl<T: Scalar> Aligner<T> {
         }
     };
 
-    /// An aligner without readings.
+    /// Returns an aligner without readings.
     pub fn new(config: AlignerConfig) -> Self {
         let mut aligner = Self::UNUSED;
         aligner.set_up(config);
@@ -102,7 +102,7 @@ impl<T: Scalar> Aligner<T> {
         (self.filled, self.waiting) = (0, 0);
     }
 
-    /// Load-cell samples for which no IMU neighbours could be had.
+    /// Returns the load-cell samples for which no IMU neighbours could be had.
     pub fn dropped(&self) -> u32 {
         self.dropped
     }
@@ -127,7 +127,7 @@ impl<T: Scalar> Aligner<T> {
         }
     }
 
-    /// The k-th oldest of the last IMU readings.
+    /// Returns the k-th oldest of the last IMU readings.
     #[inline(always)]
     fn imu(&self, k: u8) -> &ImuReading<T> {
         &self.around[usize::from((self.oldest + k) % NEIGHBOURS as u8)]
@@ -177,7 +177,7 @@ impl<T: Scalar> Aligner<T> {
             && self.front().is_some_and(|wrench| wrench.time_ns <= self.imu(2).time_ns)
     }
 
-    /// The next aligned reading, oldest first.
+    /// Returns the next aligned reading, oldest first.
     pub fn pop(&mut self) -> Option<Reading<T>> {
         let mut reading = Reading::default();
         self.pop_into(&mut reading).then_some(reading)
@@ -316,8 +316,9 @@ mod tests {
         }
     }
 
-    /// Of 200 readings of a load cell at 500 Hz beside an IMU from which those come that `comes` names: how
-    /// many are neither aligned nor counted when the run ends, and how many its end has counted.
+    /// Aligns 200 readings of a load cell at 500 Hz with an IMU of which only those readings come that
+    /// `comes` names. Returns the numbers of those that are neither aligned nor counted when the run ends,
+    /// and of those that its end has counted.
     fn left_at_the_end(comes: impl Fn(u64) -> bool) -> (u32, u32) {
         let config =
             AlignerConfig { wrench_delay_ns: 1_000_000, imu_delay_ns: 7_000_000, imu_period_ns: 2_000_000 };

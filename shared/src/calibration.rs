@@ -30,7 +30,7 @@ pub struct GaugeCalibration<T: Scalar> {
 }
 
 impl<T: Scalar> GaugeCalibration<T> {
-    /// `w = C g`, gauges in volts.
+    /// Returns the wrench `w = C g`, gauges in volts.
     #[inline]
     pub fn wrench(&self, gauges_v: &[T; 6]) -> Wrench<Sensor, T> {
         Wrench::from_array(self.matrix.map(|row| {
@@ -83,16 +83,17 @@ impl<T: Scalar> ImuMounting<T> {
         gyro_bias: AngularRate::zero(),
     };
 
-    /// The signals of a reading, still in the IMU's axes and with the accelerometer as it reads: all that is
-    /// linear can wait until they are conditioned ([`Self::mounted`]), the products of the rates cannot.
+    /// Returns the signals of a reading, still in the IMU's axes and with the accelerometer as it reads:
+    /// all that is linear can wait until they are conditioned ([`Self::mounted`]), the products of the rates
+    /// cannot.
     #[inline]
     pub fn signals(&self, reading: &Reading<T>) -> [T; SIGNALS] {
         let rate = (reading.angular_rate - self.gyro_bias).array();
         regressor::signals(reading.specific_force.array(), rate, reading.wrench.array())
     }
 
-    /// Conditioned signals in the axes of S, the accelerometer's scale and bias taken out. The filter has
-    /// unit gain at zero frequency, so a bias is itself behind it.
+    /// Returns the conditioned signals in the axes of S, the accelerometer's scale and bias taken out. The
+    /// filter has unit gain at zero frequency, so a bias is itself behind it.
     #[inline]
     pub fn mounted(&self, signals: &[T; SIGNALS]) -> [T; SIGNALS] {
         let [ax, ay, az, xx, yy, zz, yz, zx, xy, fx, fy, fz, mx, my, mz, wx, wy, wz] = *signals;

@@ -103,8 +103,8 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         derivative_noise_gain: T::ZERO,
     };
 
-    /// The kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is the
-    /// identity, for still rows: ω̇ is then 0.
+    /// Returns the kernel of `width_s` seconds for sums of `averaged` samples at `rate_hz`. Width zero is
+    /// the identity, for still rows: ω̇ is then 0.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
@@ -115,8 +115,8 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         Ok(kernel)
     }
 
-    /// The kernel where an output is wanted every `row_every` samples, and how many of them are averaged
-    /// first.
+    /// Returns the kernel where an output is wanted every `row_every` samples, and how many of them are
+    /// averaged first.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
@@ -132,22 +132,22 @@ impl<T: Scalar, const TAPS: usize> Kernel<T, TAPS> {
         Ok((Self::new(rate_hz, width_s, averaged)?, averaged))
     }
 
-    /// Weights of the samples, oldest first; they sum to one over `averaged`.
+    /// Returns the weights of the samples, oldest first; they sum to one over `averaged`.
     pub fn smooth(&self) -> &[T] {
         self.smooth.get(..self.taps).unwrap_or_default()
     }
 
-    /// Weights of the samples for the derivative, oldest first, 1/s.
+    /// Returns the weights of the samples for the derivative, oldest first, 1/s.
     pub fn derivative(&self) -> &[T] {
         self.derivative.get(..self.taps).unwrap_or_default()
     }
 
-    /// `Σ h²` over the samples: the variance of white noise after the filter, relative to before.
+    /// Returns `Σ h²` over the samples: the variance of white noise after the filter, relative to before.
     pub fn noise_gain(&self) -> T {
         self.noise_gain
     }
 
-    /// `Σ ḣ²` over the samples, 1/s²: the variance of ω̇ for white noise of unit variance in ω.
+    /// Returns `Σ ḣ²` over the samples, 1/s²: the variance of ω̇ for white noise of unit variance in ω.
     pub fn derivative_noise_gain(&self) -> T {
         self.derivative_noise_gain
     }
@@ -183,8 +183,8 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         until_output: 0,
     };
 
-    /// A filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every` samples. Width
-    /// zero is the identity, for still rows.
+    /// Returns a filter of `width_s` seconds on samples at `rate_hz`, with an output every `row_every`
+    /// samples. Width zero is the identity, for still rows.
     ///
     /// # Errors
     /// [`KernelError`] if it cannot be, or does not fit.
@@ -207,12 +207,12 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         Ok(())
     }
 
-    /// The kernel.
+    /// Returns the kernel.
     pub fn kernel(&self) -> &Kernel<T, TAPS> {
         &self.kernel
     }
 
-    /// Samples in an average.
+    /// Returns the number of samples in an average.
     pub(crate) fn averaged(&self) -> u16 {
         self.averaged
     }
@@ -259,7 +259,8 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         Some(self.output())
     }
 
-    /// The kernel's halves lie mirrored, those of its derivative mirrored and negated.
+    /// Returns the smoothed signals and the derivatives. The kernel's halves lie mirrored, those of its
+    /// derivative mirrored and negated.
     #[inline(never)]
     fn output(&self) -> [T; S] {
         let Kernel { taps, smooth, derivative, .. } = &self.kernel;
@@ -288,13 +289,13 @@ impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T
         y
     }
 
-    /// Samples until the next output, that one included.
+    /// Returns the number of samples until the next output, that one included.
     pub(crate) fn until_output(&self) -> u32 {
         let averages = u32::from(self.until_output.saturating_sub(1));
         averages * u32::from(self.averaged) + u32::from(self.averaged.saturating_sub(self.in_sum))
     }
 
-    /// Samples under the filter.
+    /// Returns the number of samples under the filter.
     pub fn span(&self) -> usize {
         self.kernel.taps * usize::from(self.averaged)
     }

@@ -75,7 +75,7 @@ pub struct Consistent<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Nearest<T, N> {
-    /// The consistent parameters, given the free ones. `None` where nothing is determined.
+    /// Returns the consistent parameters, given the free ones. `None` where nothing is determined.
     pub fn parameters(&self, free: &[T; N]) -> Option<[T; N]> {
         match self {
             Self::Free => Some(*free),
@@ -100,13 +100,15 @@ pub fn is_consistent_with_margin<T: Scalar>(phi: &[T; 10]) -> bool {
     cholesky(&cone(phi, share())).is_some()
 }
 
-/// The free answer `R⁻¹ z` by back-substitution, far cheaper than [`InformationFactor::solve`]. `None` if a
-/// diagonal entry is at the rounding level of its column: the rows do not determine every parameter.
+/// Returns the free answer `R⁻¹ z` by back-substitution, far cheaper than [`InformationFactor::solve`].
+/// `None` if a diagonal entry is at the rounding level of its column: the rows do not determine every
+/// parameter.
 pub fn free_answer<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> Option<[T; N]> {
     determined(factor, N).then(|| back_substitute(&factor.r(), factor.z()))?
 }
 
-/// The physically consistent parameters nearest to the free answer `free` in the metric of the factor.
+/// Returns the physically consistent parameters nearest to the free answer `free` in the metric of the
+/// factor.
 ///
 /// `N` is 10 or 16 (with the wrench offset, which is unconstrained and follows). `free` is the factor's own
 /// least-squares estimate ([`free_answer`] or [`InformationFactor::solve`]); it is judged as it is given, so
@@ -210,12 +212,12 @@ impl<T: Scalar> Search<T> {
         };
     }
 
-    /// The ten parameters of the body in the free answer.
+    /// Returns the ten parameters of the body in the free answer.
     fn free(&self) -> [T; 10] {
         core::array::from_fn(|j| self.parameters[j])
     }
 
-    /// Does one step. True when the search is over.
+    /// Does one step. Returns true when the search is over.
     pub fn step(&mut self) -> bool {
         self.phase = match self.phase {
             Phase::Turn(row) => self.turn(row),
@@ -226,7 +228,7 @@ impl<T: Scalar> Search<T> {
         !matches!(self.phase, Phase::Turn(_) | Phase::Start | Phase::Iterate)
     }
 
-    /// The parameters after the tenth move to the front, where they can be eliminated.
+    /// Moves the parameters after the tenth to the front, where they can be eliminated.
     fn turn(&mut self, row: u8) -> Phase {
         let i = usize::from(row);
         let Some(z) = self.given.z().get(i) else {
@@ -282,19 +284,19 @@ fn half<T: Scalar>() -> T {
     T::ONE / T::from_u32(2)
 }
 
-/// `Σ − ε tr(Σ) 1 = h tr(I) 1 − I` with this h.
+/// Returns the h for which `Σ − ε tr(Σ) 1 = h tr(I) 1 − I`.
 fn share<T: Scalar>() -> T {
     half::<T>() * (T::ONE - T::from_f64_const(FLOOR))
 }
 
-/// `[[h tr(I) 1 − I, mc], [mcᵀ, m]]`: K(φ), and the pseudo-inertia for h = ½.
+/// Returns `[[h tr(I) 1 − I, mc], [mcᵀ, m]]`: K(φ), and the pseudo-inertia for h = ½.
 fn cone<T: Scalar>(phi: &[T; 10], h: T) -> Sym4<T> {
     let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi;
     let t = h * (xx + yy + zz);
     [[t - xx, -xy, -zx, x], [-xy, t - yy, -yz, y], [-zx, -yz, t - zz, z], [x, y, z, m]]
 }
 
-/// No diagonal entry of the first `n` is at the rounding level of its column.
+/// Returns true if no diagonal entry of the first `n` is at the rounding level of its column.
 fn determined<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>, n: usize) -> bool {
     let share = T::EPSILON * T::from_u32(n as u32);
     (0..n).all(|j| {
@@ -353,8 +355,9 @@ fn follow<T: Scalar>(
     }
 }
 
-/// A body well inside the cone near φ: principal second moments about the centre of mass lifted to at least
-/// the size of the least one. Where φ has no such body (mass not positive) a ball of the size of its numbers.
+/// Returns a body well inside the cone near φ: principal second moments about the centre of mass lifted to at
+/// least the size of the least one. Where φ has no such body (mass not positive) a ball of the size of its
+/// numbers.
 fn start<T: Scalar>(phi: &[T; 10], body: &InformationFactor<T, 10>) -> Option<[T; 10]> {
     let [m, x, y, z, ..] = *phi;
     let c = [x / m, y / m, z / m];
@@ -392,7 +395,7 @@ fn start<T: Scalar>(phi: &[T; 10], body: &InformationFactor<T, 10>) -> Option<[T
     is_consistent_with_margin(&ball).then_some(ball)
 }
 
-/// φ of a pseudo-inertia: `I = tr(Σ) 1 − Σ`.
+/// Returns φ of a pseudo-inertia: `I = tr(Σ) 1 − Σ`.
 fn from_cone<T: Scalar>(j: &Sym4<T>) -> [T; 10] {
     let (a, b, c) = (j[0][0], j[1][1], j[2][2]);
     [j[3][3], j[0][3], j[1][3], j[2][3], b + c, c + a, a + b, -j[1][2], -j[2][0], -j[0][1]]

@@ -92,7 +92,7 @@ pub struct Pipeline<
 }
 
 impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
-    /// An estimator that has seen nothing.
+    /// Returns an estimator that has seen nothing.
     ///
     /// # Errors
     /// [`ConfigError`] says which setting is impossible.
@@ -111,7 +111,7 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
         self.set_up(config, &OneBody::NEW)
     }
 
-    /// The row block absorbed last, not whitened.
+    /// Returns the row block absorbed last, not whitened.
     pub fn last_block(&self) -> Option<RegressorBlock<T>> {
         self.last_signals.map(|signals| regressor::block(&signals, &self.config.mounting.position))
     }
@@ -247,7 +247,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         &self.model
     }
 
-    /// The configuration.
+    /// Returns the configuration.
     pub fn config(&self) -> &EstimatorConfig<T> {
         &self.config
     }
@@ -285,7 +285,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.last_time_ns = None;
     }
 
-    /// The filter knows no time: it starts anew where half a period or more is missing or too much.
+    /// Starts anew where half a period or more is missing or too much: the filter knows no time.
     fn look_for_gap(&mut self, time_ns: u64) {
         if self.period_ns == 0 {
             return;
@@ -330,14 +330,14 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// Does what the last row block has left to be done, if it has: with a reading that only waits in the
-    /// filter. Whether it had.
+    /// Does the rest of the work of the last row block, if there is any, with a reading that only waits in
+    /// the filter. Returns true if there was.
     #[inline]
     pub fn settle(&mut self) -> bool {
         self.store.settle()
     }
 
-    /// One that is not yet stored is followed by a longer one.
+    /// Takes the segment, unless one waits that is not yet stored; that one is followed by a longer one.
     #[cold]
     #[inline(never)]
     fn close_segment(&mut self) {
@@ -348,8 +348,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// One factor of everything absorbed, or of what is retained of it. `(RᵀR)⁻¹` is the covariance for the σ
-    /// of the configuration.
+    /// Returns one factor of everything absorbed, or of what is retained of it. `(RᵀR)⁻¹` is the covariance
+    /// for the σ of the configuration.
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = self.store.factor();
         if self.segment_waits {
@@ -369,7 +369,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         (self.snapshot.whole, self.snapshot.step) = (InformationFactor::EMPTY, 0);
     }
 
-    /// Does one step towards the factor of the snapshot; true when [`Self::folded`] is that.
+    /// Does one step towards the factor of the snapshot. Returns true when [`Self::folded`] is that.
     #[inline(never)]
     pub fn fold(&mut self) -> bool {
         let Snapshot { store, segment, whole, step } = &mut self.snapshot;
@@ -386,8 +386,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     }
 
     /// Does one step towards the factor of the snapshot without what noise of the signals adds, once it is
-    /// folded; true when
-    /// [`Self::folded`] is that: what estimates are made of. What is handed over is not compensated.
+    /// folded. Returns true when [`Self::folded`] is that: what estimates are made of. What is handed over is
+    /// not compensated.
     #[inline(never)]
     pub fn compensate(&mut self) -> bool {
         if !self.noise.counts() {
@@ -406,8 +406,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.noise.snapshot()
     }
 
-    /// The factor that [`Self::fold`] has put together: to the last bit what [`Self::factor`] was at the
-    /// snapshot.
+    /// Returns the factor that [`Self::fold`] has put together: to the last bit that of [`Self::factor`] at
+    /// the snapshot.
     pub fn folded(&self) -> &InformationFactor<T, N> {
         &self.snapshot.whole
     }
@@ -417,7 +417,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.store.remembers()
     }
 
-    /// Row blocks in a segment of the memory, if there is one.
+    /// Returns the row blocks in a segment of the memory, if there is one.
     pub fn segment_blocks(&self) -> Option<u16> {
         self.memory.as_ref().map(Plan::segment_blocks)
     }
@@ -456,7 +456,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         Some(standard_deviation)
     }
 
-    /// Does a step towards another whitening; true if there is none left to do.
+    /// Does a step towards another whitening. Returns true if there is none left to do.
     fn refresh(&mut self) -> bool {
         // Rows that wait are reduced before rows are whitened together: a part of that with the reading
         // before, no row block between.
@@ -499,8 +499,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         }
     }
 
-    /// Does one step of a check of what has been absorbed, between readings; the standard deviation of every
-    /// parameter with the last step. A well-determined answer becomes the [`Reference`], with this
+    /// Does one step of a check of what has been absorbed, between readings. Returns the standard deviation
+    /// of every parameter with the last step. A well-determined answer becomes the [`Reference`], with this
     /// `knock_limit`. Where not everything is retained it is [`Self::remember`] that checks.
     #[inline(never)]
     pub fn look(&mut self, knock_limit: T) -> Option<[T; N]> {
@@ -545,7 +545,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         None
     }
 
-    /// The next check begins with nothing gathered: this step has more room than its first one.
+    /// Ends a check with nothing gathered, for the next one to begin: this step has more room than its first
+    /// one.
     fn end_look(&mut self) -> [T; N] {
         (self.gathering.whole, self.looking) = (InformationFactor::EMPTY, Looking::Gathering);
         self.deviations
@@ -580,7 +581,7 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         &self.counters
     }
 
-    /// Sums over the innovations since a reference was given, or since a check last halved one of its
+    /// Returns sums over the innovations since a reference was given, or since a check last halved one of its
     /// standard deviations.
     pub fn channel_statistics(&self) -> &ChannelStatistics<T> {
         &self.statistics
@@ -597,23 +598,24 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
         self.last_signals.as_ref()
     }
 
-    /// The factor on each row of the block absorbed last: less than 1 where a knock has spoilt it.
+    /// Returns the factor on each row of the block absorbed last: less than 1 where a knock has spoilt it.
     pub fn last_factors(&self) -> &[T; 6] {
         &self.last_factors
     }
 
-    /// Variance of the whitened, filtered noise per row: `row_every Σh²`. The residual sum of squares of the
-    /// factor divided by this and by its degrees of freedom estimates how far the σ given are off.
+    /// Returns the variance of the whitened, filtered noise per row: `row_every Σh²`. The residual sum of
+    /// squares of the factor divided by this and by its degrees of freedom estimates how far the σ given are
+    /// off.
     pub fn noise_gain(&self) -> T {
         T::from_u32(u32::from(self.config.row_every)) * self.conditioner.kernel().noise_gain()
     }
 
-    /// Readings under the filter.
+    /// Returns the number of readings under the filter.
     pub fn span(&self) -> usize {
         self.conditioner.span()
     }
 
-    /// The filter's kernel.
+    /// Returns the filter's kernel.
     pub fn kernel(&self) -> &Kernel<T, TAPS> {
         self.conditioner.kernel()
     }
@@ -664,7 +666,7 @@ struct Snapshot<T: Scalar, S, const N: usize> {
     step: u8,
 }
 
-/// The wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.
+/// Returns the wrench of a block less what `parameters` (10, or 16 with the offset) predict: N, N m.
 pub fn residual<T: Scalar, const N: usize>(block: &RegressorBlock<T>, parameters: &[T; N]) -> [T; 6] {
     let mut e = block.wrench;
     for (column, phi) in block.columns.iter().zip(parameters) {

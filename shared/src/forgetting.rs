@@ -88,9 +88,9 @@ pub struct Forgetting<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Forgetting<T, N> {
-    /// A memory of nothing. `noise[j]`: root mean square, per whitened row, of what sensor noise alone brings
-    /// to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the coefficients are
-    /// exact (the wrench offset): the rounding level of the column replaces it.
+    /// Returns a memory of nothing. `noise[j]`: root mean square, per whitened row, of what sensor noise
+    /// alone brings to the coefficients of parameter j, in 1 / unit of the parameter. Zero where the
+    /// coefficients are exact (the wrench offset): the rounding level of the column replaces it.
     pub fn new(noise: [T; N]) -> Self {
         Self {
             noise,
@@ -118,14 +118,14 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.gram.scale(by * by);
     }
 
-    /// For rows whose noise is correlated, of overlapping filters say: each is worth `independence` (0 to 1)
-    /// independent ones, so that what noise alone brings spreads more.
+    /// Adapts the memory to rows whose noise is correlated, of overlapping filters say: each is worth
+    /// `independence` (0 to 1) independent ones, so that what noise alone brings spreads more.
     #[must_use]
     pub fn of_coloured_rows(self, independence: T) -> Self {
         Self { independence: if independence < T::ONE { independence } else { T::ONE }, ..self }
     }
 
-    /// Everything retained. Its row count is the effective one.
+    /// Returns the factor of everything retained. Its row count is the effective one.
     pub fn factor(&self) -> InformationFactor<T, N> {
         self.memory.about(&self.reference.map(|v| -v))
     }
@@ -150,7 +150,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.take_noisy(segment, &Gram::ZERO, lambda)
     }
 
-    /// Likewise of a segment to which noise in the coefficients has added `gram`.
+    /// Takes a segment to which noise in the coefficients has added `gram`.
     pub fn take_noisy(
         &mut self,
         segment: &InformationFactor<T, N>,
@@ -218,7 +218,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         number
     }
 
-    /// `M ← λ M∥ + M⊥`
+    /// Forgets: `M ← λ M∥ + M⊥`.
     #[inline(never)]
     fn forget(&mut self, singular: &Jacobi<T, ROOM>, scale: &[T; N], excited: &[bool; N], lambda: T) {
         let root = lambda.sqrt();
@@ -278,8 +278,7 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
         self.memory.set_residual(residual, 0);
     }
 
-    /// Rows and residuals belong to no direction: they are forgotten in proportion to the number of
-    /// directions.
+    /// Forgets rows and residuals in proportion to the number of directions: they belong to no direction.
     fn count(&mut self, segment: &InformationFactor<T, N>, number: usize, lambda: T) {
         let share = T::from_u32(number as u32) / T::from_u32(N as u32);
         let kept = T::ONE - (T::ONE - lambda) * share;
@@ -291,7 +290,8 @@ impl<T: Scalar, const N: usize> Forgetting<T, N> {
     }
 }
 
-/// Nearest whole number, without a conversion to integers, which is not in [`Scalar`]: it saturates.
+/// Returns the nearest whole number, without a conversion to integers, which is not in [`Scalar`]: it
+/// saturates.
 fn whole<T: Scalar>(number: T) -> u32 {
     let mut whole = 0_u32;
     for bit in (0..32).rev() {

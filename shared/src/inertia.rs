@@ -48,7 +48,7 @@ pub struct InertialParameters<F: Frame, T: Scalar> {
     frame: PhantomData<F>,
 }
 
-/// `S(v) = vᵀv 1 − v vᵀ`, so that `I_O = I_c + m S(c)` (parallel-axis theorem).
+/// Returns `S(v) = vᵀv 1 − v vᵀ`, so that `I_O = I_c + m S(c)` (parallel-axis theorem).
 fn steiner<T: Scalar>(v: &Vector3<T>) -> Matrix3<T> {
     let (x, y, z) = (v.x, v.y, v.z);
     Matrix3::new(
@@ -64,19 +64,19 @@ fn steiner<T: Scalar>(v: &Vector3<T>) -> Matrix3<T> {
     )
 }
 
-/// `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]` as a symmetric matrix.
+/// Returns `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]` as a symmetric matrix.
 pub fn tensor_from_elements<T: Scalar>(e: [T; 6]) -> Matrix3<T> {
     let [xx, yy, zz, yz, zx, xy] = e;
     Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
 }
 
-/// A symmetric matrix as `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
+/// Returns a symmetric matrix as `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
 pub fn tensor_elements<T: Scalar>(i: &Matrix3<T>) -> [T; 6] {
     [i.m11, i.m22, i.m33, i.m23, i.m31, i.m12]
 }
 
 impl<F: Frame, T: Scalar> InertialParameters<F, T> {
-    /// From `φ = [m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg, kg m, kg m².
+    /// Makes the parameters from `φ = [m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg, kg m, kg m².
     pub fn from_vector(phi: [T; 10]) -> Self {
         let [m, x, y, z, xx, yy, zz, yz, zx, xy] = phi;
         Self {
@@ -87,7 +87,8 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         }
     }
 
-    /// From mass (kg), centre of mass (m) and inertia tensor about the centre of mass (kg m²).
+    /// Makes the parameters from mass (kg), centre of mass (m) and inertia tensor about the centre of mass
+    /// (kg m²).
     pub fn from_centre_of_mass(mass: T, com: Position<F, T>, inertia_com: Matrix3<T>) -> Self {
         let c = com.vector();
         Self { mass, first_moment: c * mass, inertia: inertia_com + steiner(&c) * mass, frame: PhantomData }
@@ -100,13 +101,13 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         [self.mass, c.x, c.y, c.z, xx, yy, zz, yz, zx, xy]
     }
 
-    /// Centre of mass `c`, m. Not finite where the mass is zero.
+    /// Returns the centre of mass `c`, m. Not finite where the mass is zero.
     pub fn centre_of_mass(&self) -> Position<F, T> {
         let c = self.first_moment / self.mass;
         Position::new(c.x, c.y, c.z)
     }
 
-    /// Inertia tensor about the centre of mass, `I_c = I − m S(c)`, kg m².
+    /// Returns the inertia tensor about the centre of mass, `I_c = I − m S(c)`, kg m².
     pub fn inertia_com(&self) -> Matrix3<T> {
         self.inertia - steiner(&self.centre_of_mass().vector()) * self.mass
     }
@@ -126,7 +127,8 @@ impl<F: Frame, T: Scalar> InertialParameters<F, T> {
         )
     }
 
-    /// Pseudo-inertia `J = [[Σ, mc], [mcᵀ, m]]`, `Σ = ½ tr(I) 1 − I` (Wensing, Kim, Slotine 2018).
+    /// Returns the pseudo-inertia `J = [[Σ, mc], [mcᵀ, m]]`, `Σ = ½ tr(I) 1 − I` (Wensing, Kim, Slotine
+    /// 2018).
     pub fn pseudo_inertia(&self) -> Matrix4<T> {
         let half_trace = self.inertia.trace() / (T::ONE + T::ONE);
         let s = -self.inertia;

@@ -18,7 +18,7 @@ pub const SMOOTHED: usize = 15;
 /// Tells where the wrench is among the signals.
 pub const WRENCH: usize = 9;
 
-/// The signals in the order `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`.
+/// Returns the signals in the order `[a_U(3), ωx², ωy², ωz², ωyωz, ωzωx, ωxωy, F(3), M(3), ω(3)]`.
 #[inline(always)]
 pub fn signals<T: Scalar>(specific_force: [T; 3], rate: [T; 3], wrench: [T; 6]) -> [T; SIGNALS] {
     let [ax, ay, az] = specific_force;
@@ -36,7 +36,8 @@ pub struct RegressorBlock<T: Scalar> {
     pub wrench: [T; 6],
 }
 
-/// The regressor block from (conditioned) signals, the last three being ω̇, and the IMU's lever arm p in S.
+/// Returns the regressor block from (conditioned) signals, the last three being ω̇, and the IMU's lever arm p
+/// in S.
 ///
 /// `F = a m + ([ω̇]× + [ω]×[ω]×) mc`, `M = −[a]× mc + (L(ω̇) + [ω]× L(ω)) I`.
 #[inline(always)]
@@ -82,8 +83,8 @@ mod tests {
         (*seed >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
     }
 
-    /// Random kinematics, the block they make, and the wrench by Newton and Euler about the centre of mass,
-    /// never by the regressor's algebra: the oracle.
+    /// Returns random kinematics, the block they make, and the wrench by Newton and Euler about the centre of
+    /// mass, never by the regressor's algebra: the oracle.
     fn case(seed: &mut u64) -> (RegressorBlock<f64>, [f64; 10], [f64; 6]) {
         let mut v = || Vector3::new(pseudo_random(seed), pseudo_random(seed), pseudo_random(seed));
         let (omega, alpha, lever, c, a_s) = (v(), v(), v(), v(), v() * 10.0);

@@ -52,21 +52,21 @@ pub trait Scalar:
     /// such squares neither overflow nor become NaN.
     const TINY_SQUARE: Self;
 
-    /// Correctly rounded square root of a non-negative number.
+    /// Returns the correctly rounded square root of a non-negative number.
     fn sqrt(self) -> Self;
-    /// Nearest value of this type.
+    /// Returns the nearest value of this type.
     fn from_f64_const(value: f64) -> Self;
-    /// Nearest value of this type.
+    /// Returns the nearest value of this type.
     fn from_f32(value: f32) -> Self;
-    /// Nearest value of this type.
+    /// Returns the nearest value of this type.
     fn from_u32(value: u32) -> Self;
-    /// Nearest value of this type.
+    /// Returns the nearest value of this type.
     fn from_i32(value: i32) -> Self;
-    /// Neither infinite nor NaN.
+    /// Returns true if the number is neither infinite nor NaN.
     fn is_finite(self) -> bool;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// 32 bits that are others whenever the number is another single.
+    /// Returns 32 bits that are others whenever the number is another single.
     #[doc(hidden)]
     fn trace_bits(self) -> u32;
     /// Reduces six rows into a triangle; see [`crate::factor`]. The target has kernels of its own for this
@@ -121,7 +121,7 @@ pub trait Scalar:
     fn rotate(p: &mut [Self], q: &mut [Self], cosine: Self, sine: Self) {
         vector::portable::rotate(p, q, cosine, sine);
     }
-    /// The larger of two; `self` if either is NaN.
+    /// Returns the larger of two; `self` if either is NaN.
     fn max(self, other: Self) -> Self {
         if other > self { other } else { self }
     }
@@ -240,7 +240,8 @@ mod square_root {
         unsafe { rigident_vsqrt_f32(x) }
     }
 
-    /// No `f64` arithmetic on target: reaching this is a link-time mistake that the release check finds.
+    /// Takes the root in single precision: there is no `f64` arithmetic on target, and reaching this is a
+    /// link-time mistake that the release check finds.
     #[cfg(all(target_arch = "arm", target_os = "none"))]
     #[inline(always)]
     pub fn double(x: f64) -> f64 {

@@ -57,7 +57,7 @@ pub struct Limits<T: Scalar> {
 }
 
 impl<T: Scalar> Limits<T> {
-    /// No limits: nothing but not-finite values and gaps is rejected.
+    /// Returns no limits: nothing but not-finite values and gaps is rejected.
     pub fn none() -> Self {
         let huge = T::ONE / T::TINY_SQUARE;
         Self { wrench: [huge; 6], specific_force: huge, angular_rate: huge, frozen_after: 0 }
@@ -102,7 +102,7 @@ pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
 }
 
 impl<T: Scalar> Screen<T> {
-    /// A screen that has seen nothing.
+    /// Returns a screen that has seen nothing.
     pub fn new(limits: Limits<T>) -> Self {
         let (a, g) = (limits.specific_force, limits.angular_rate);
         let [w0, w1, w2, w3, w4, w5] = limits.wrench;
@@ -134,7 +134,7 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         clean: 0,
     };
 
-    /// A screen that has seen nothing, of channels with these ranges.
+    /// Returns a screen that has seen nothing, of channels with these ranges.
     pub fn of_ranges(ranges: &[T; C], frozen_after: u16) -> Self {
         Self { highest: ranges.map(|range| T::from_f32(0.999) * range), frozen_after, ..Self::UNUSED }
     }
@@ -148,8 +148,8 @@ impl<T: Scalar, const C: usize> Screen<T, C> {
         self.check_read(|| values)
     }
 
-    /// Does that with values that are read where they lie, and again where they are kept: nearly all readings
-    /// take no other copy.
+    /// Checks values as [`Self::check_values`] does. They are read where they lie, and again where they are
+    /// kept: nearly all readings take no other copy.
     #[inline]
     fn check_read(&mut self, read: impl Fn() -> [T; C]) -> Result<(), Rejection> {
         let values = read();

@@ -67,28 +67,28 @@ macro_rules! quantity {
         pub struct $name<F: Frame, T: Scalar>(Vector3<T>, PhantomData<F>);
 
         impl<F: Frame, T: Scalar> $name<F, T> {
-            /// From components along the frame's axes.
+            /// Makes a vector from components along the frame's axes.
             #[inline(always)]
             pub const fn new(x: T, y: T, z: T) -> Self {
                 Self(Vector3::new(x, y, z), PhantomData)
             }
-            /// From components along the frame's axes. The caller vouches for the frame.
+            /// Makes a vector from components along the frame's axes. The caller vouches for the frame.
             #[inline(always)]
             pub fn from_array(v: [T; 3]) -> Self {
                 let [x, y, z] = v;
                 Self::new(x, y, z)
             }
-            /// The zero vector.
+            /// Returns the zero vector.
             #[inline(always)]
             pub const fn zero() -> Self {
                 Self::new(T::ZERO, T::ZERO, T::ZERO)
             }
-            /// Components along the frame's axes.
+            /// Returns the components along the frame's axes.
             #[inline(always)]
             pub fn array(&self) -> [T; 3] {
                 [self.0.x, self.0.y, self.0.z]
             }
-            /// Components as a plain vector, the frame forgotten.
+            /// Returns the components as a plain vector, the frame forgotten.
             #[inline(always)]
             pub fn vector(&self) -> Vector3<T> {
                 self.0
@@ -158,17 +158,17 @@ pub struct Wrench<F: Frame, T: Scalar> {
 }
 
 impl<F: Frame, T: Scalar> Wrench<F, T> {
-    /// No wrench.
+    /// Returns the zero wrench.
     #[inline(always)]
     pub const fn zero() -> Self {
         Self { force: Force::zero(), moment: Moment::zero() }
     }
-    /// From force and moment.
+    /// Makes a wrench from force and moment.
     #[inline(always)]
     pub fn new(force: Force<F, T>, moment: Moment<F, T>) -> Self {
         Self { force, moment }
     }
-    /// From `[Fx, Fy, Fz, Mx, My, Mz]`. The caller vouches for the frame and the sign.
+    /// Makes a wrench from `[Fx, Fy, Fz, Mx, My, Mz]`. The caller vouches for the frame and the sign.
     #[inline(always)]
     pub fn from_array(w: [T; 6]) -> Self {
         let [fx, fy, fz, mx, my, mz] = w;
@@ -202,20 +202,21 @@ pub struct Rotation<To: Frame, From: Frame, T: Scalar> {
 }
 
 impl<To: Frame, From: Frame, T: Scalar> Rotation<To, From, T> {
-    /// The rotation of two frames with the same axes.
+    /// Returns the rotation of two frames with the same axes.
     #[inline(always)]
     pub const fn identity() -> Self {
         let (o, l) = (T::ZERO, T::ONE);
         Self { matrix: Matrix3::new(l, o, o, o, l, o, o, o, l), frames: PhantomData }
     }
 
-    /// Is no rotation: all bits are zero, for room that is set up later.
+    /// Returns no rotation: all bits are zero, for room that is set up later.
     pub(crate) const fn unset() -> Self {
         let o = T::ZERO;
         Self { matrix: Matrix3::new(o, o, o, o, o, o, o, o, o), frames: PhantomData }
     }
 
-    /// From a Hamilton quaternion `[w, x, y, z]`, normalised here. `None` if its norm is not finite or zero.
+    /// Makes a rotation from a Hamilton quaternion `[w, x, y, z]`, normalised here. `None` if its norm is not
+    /// finite or zero.
     pub fn from_quaternion(wxyz: [T; 4]) -> Option<Self> {
         let [w, x, y, z] = wxyz;
         let n2 = w * w + x * x + y * y + z * z;
@@ -237,20 +238,20 @@ impl<To: Frame, From: Frame, T: Scalar> Rotation<To, From, T> {
         Some(Self { matrix, frames: PhantomData })
     }
 
-    /// The inverse rotation.
+    /// Returns the inverse rotation.
     #[inline(always)]
     pub fn inverse(&self) -> Rotation<From, To, T> {
         Rotation { matrix: self.matrix.transpose(), frames: PhantomData }
     }
 
-    /// The matrix whose columns are the axes of `From` written in `To`.
+    /// Returns the matrix whose columns are the axes of `From` written in `To`.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<T> {
         self.matrix
     }
 }
 
-/// The cross-product matrix `[v]×`.
+/// Returns the cross-product matrix `[v]×`.
 #[inline(always)]
 pub fn cross_matrix<T: Scalar>(v: [T; 3]) -> Matrix3<T> {
     let [x, y, z] = v;

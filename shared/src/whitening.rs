@@ -85,7 +85,7 @@ impl<T: Scalar> Whitening<T> {
     }
 }
 
-/// `Σ_k columns[k] v[k]`
+/// Returns `Σ_k columns[k] v[k]`.
 #[inline(always)]
 pub fn combined<T: Scalar, const K: usize>(columns: &[[T; CHANNELS]; K], v: &[T; K]) -> [T; CHANNELS] {
     let mut out = [T::ZERO; CHANNELS];
@@ -220,7 +220,7 @@ impl<T: Scalar> Design<T> {
         true
     }
 
-    /// Does one step; true when [`Self::finish`] may be called.
+    /// Does one step. Returns true when [`Self::finish`] may be called.
     pub fn step(&mut self) -> bool {
         self.jacobi.rotate_pairs(PAIRS)
     }

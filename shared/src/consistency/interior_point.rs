@@ -13,7 +13,7 @@ struct Scaling<T: Scalar> {
 }
 
 impl<T: Scalar> Scaling<T> {
-    /// Nesterov–Todd scaling of the pair `(X, S)` given in the coordinates `G, V`: these times
+    /// Returns the Nesterov–Todd scaling of the pair `(X, S)` given in the coordinates `G, V`: these times
     /// `L U diag(1/√s)`, where `X = L Lᵀ` and `Lᵀ S L = U diag(s²) Uᵀ`.
     fn of(x: &Sym4<T>, s: &Sym4<T>, g: &Sym4<T>, v: &Sym4<T>) -> Option<Self> {
         let l = cholesky(x)?;
@@ -59,7 +59,7 @@ impl<T: Scalar> Scaling<T> {
         Some(scaling)
     }
 
-    /// φ of `K = G diag(s) Gᵀ`: a sum of squares, so that no rounding takes it out of the cone.
+    /// Returns φ of `K = G diag(s) Gᵀ`: a sum of squares, so that no rounding takes it out of the cone.
     fn parameters(&self) -> [T; 10] {
         let mut k: Sym4<T> = core::array::from_fn(|i| {
             core::array::from_fn(|j| (0..4).map(|e| self.g[i][e] * self.s[e] * self.g[j][e]).sum())
@@ -72,7 +72,7 @@ impl<T: Scalar> Scaling<T> {
         from_cone(&k)
     }
 
-    /// Columns of the ten rows `V K(d) Vᵀ`, packed; column k belongs to parameter k.
+    /// Returns the columns of the ten rows `V K(d) Vᵀ`, packed; column k belongs to parameter k.
     fn columns(&self) -> [[T; 10]; 10] {
         let h = share::<T>();
         let v = &self.v;
@@ -97,7 +97,8 @@ impl<T: Scalar> Scaling<T> {
     }
 }
 
-/// The ten entries of a symmetric matrix (i ≥ j), off-diagonal ones times √2, so that the norm is Frobenius'.
+/// Returns the ten entries of a symmetric matrix (i ≥ j), off-diagonal ones times √2, so that the norm is
+/// Frobenius'.
 fn pack<T: Scalar>(entry: impl Fn(usize, usize) -> T) -> [T; 10] {
     let root2 = T::from_u32(2).sqrt();
     let mut packed = [T::ZERO; 10];
@@ -210,12 +211,12 @@ impl<T: Scalar> InteriorPoint<T> {
             (Phase::Begin, 0, max_iterations, false);
     }
 
-    /// φ, the Newton steps taken, and whether it is the optimum.
+    /// Returns φ, the Newton steps taken, and whether it is the optimum.
     pub(super) fn found(&self) -> (&[T; 10], u8, bool) {
         (&self.phi, self.iteration, self.converged)
     }
 
-    /// Does one step. True at the end.
+    /// Does one step. Returns true at the end.
     pub(super) fn step(&mut self) -> bool {
         self.phase = match self.phase {
             Phase::Begin => self.first_scaling(),
@@ -268,7 +269,7 @@ impl<T: Scalar> InteriorPoint<T> {
         Phase::Predict
     }
 
-    /// Predictor: straight at the boundary, μ = 0.
+    /// Predicts: straight at the boundary, μ = 0.
     fn predict(&mut self) -> Phase {
         let Some(dx) = self.newton.step(&self.columns, &self.misfit, &[T::ZERO; 10]) else {
             return self.give_up();
@@ -290,7 +291,7 @@ impl<T: Scalar> InteriorPoint<T> {
         }
     }
 
-    /// Corrector (Mehrotra 1992): s∘(dx + ds) = μ 1 − s² − dx∘ds of the predictor.
+    /// Corrects (Mehrotra 1992): s∘(dx + ds) = μ 1 − s² − dx∘ds of the predictor.
     fn correct(&mut self) -> Phase {
         let s = diagonal(&self.scaling.s);
         let (dx, ds, reach) = (self.dx, self.ds, self.reach);
@@ -348,7 +349,7 @@ fn diagonal<T: Scalar>(d: &[T; 4]) -> Sym4<T> {
     core::array::from_fn(|i| core::array::from_fn(|j| if i == j { d[i] } else { T::ZERO }))
 }
 
-/// `α A + β B`
+/// Returns `α A + β B`.
 fn combine<T: Scalar>(a: &Sym4<T>, b: &Sym4<T>, alpha: T, beta: T) -> Sym4<T> {
     core::array::from_fn(|i| core::array::from_fn(|j| alpha * a[i][j] + beta * b[i][j]))
 }
@@ -399,7 +400,7 @@ struct Newton<T: Scalar> {
 }
 
 impl<T: Scalar> Newton<T> {
-    /// The reflections of [`InformationFactor::absorb`].
+    /// Sets the reflections as [`InformationFactor::absorb`] makes them.
     fn set(&mut self, r: &[[T; 10]; 10], columns: &[[T; 10]; 10]) {
         let newton = self;
         (newton.r, newton.x) = (*r, *columns);
@@ -422,7 +423,7 @@ impl<T: Scalar> Newton<T> {
         }
     }
 
-    /// `B d` unpacked, for `d = argmin ‖R d − z‖² + ‖B d − y‖²`; B is `columns`.
+    /// Returns `B d` unpacked, for `d = argmin ‖R d − z‖² + ‖B d − y‖²`; B is `columns`.
     fn step(&self, columns: &[[T; 10]; 10], z: &[T; 10], y: &[T; 10]) -> Option<Sym4<T>> {
         let (mut z, mut y) = (*z, *y);
         for j in 0..10 {

@@ -3,7 +3,7 @@ use crate::Scalar;
 /// Symmetric 4×4 matrix, both triangles filled; also a general one where said.
 pub(super) type Sym4<T> = [[T; 4]; 4];
 
-/// Lower triangle L of `A = L Lᵀ`. `None` if A is not positive definite or not finite.
+/// Returns the lower triangle L of `A = L Lᵀ`. `None` if A is not positive definite or not finite.
 pub(super) fn cholesky<T: Scalar>(a: &Sym4<T>) -> Option<Sym4<T>> {
     let mut l = [[T::ZERO; 4]; 4];
     for i in 0..4 {
@@ -25,7 +25,7 @@ pub(super) fn cholesky<T: Scalar>(a: &Sym4<T>) -> Option<Sym4<T>> {
     Some(l)
 }
 
-/// Inverse of a lower triangle with a positive diagonal.
+/// Returns the inverse of a lower triangle with a positive diagonal.
 pub(super) fn invert_lower<T: Scalar>(l: &Sym4<T>) -> Sym4<T> {
     let mut inverse = [[T::ZERO; 4]; 4];
     for j in 0..4 {

@@ -10,7 +10,7 @@ use crate::spatial::{Body, Position, Rotation, Sensor};
 
 type Parameters = InertialParameters<Sensor, f64>;
 
-/// A body of random mass, place and shape; one principal second moment is `thin` times the largest.
+/// Returns a body of random mass, place and shape; one principal second moment is `thin` times the largest.
 fn body(random: &mut Random, thin: f64) -> [f64; 10] {
     let q = core::array::from_fn(|_| random.normal());
     let r = Rotation::<Sensor, Sensor, f64>::from_quaternion(q).unwrap().matrix();
@@ -23,8 +23,8 @@ fn body(random: &mut Random, thin: f64) -> [f64; 10] {
     Parameters::from_centre_of_mass(mass, com, inertia).to_vector()
 }
 
-/// Rows of N parameters whose answer is `phi` with a standard deviation of about `noise` of a unit each,
-/// mixed by a random matrix; offsets of zero.
+/// Returns rows of N parameters whose answer is `phi` with a standard deviation of about `noise` of a unit
+/// each, mixed by a random matrix; offsets of zero.
 fn factor<const N: usize>(
     random: &mut Random,
     phi: &[f64; 10],
@@ -49,7 +49,7 @@ fn factor<const N: usize>(
     factor
 }
 
-/// Random problems whose free answer is outside the cone.
+/// Returns random problems whose free answer is outside the cone.
 fn infeasible<const N: usize>(
     seed: u64,
     count: usize,
@@ -70,7 +70,7 @@ fn infeasible<const N: usize>(
     problems
 }
 
-/// K(φ) by another formula, from the pseudo-inertia.
+/// Returns K(φ) by another formula, from the pseudo-inertia.
 fn oracle_cone(phi: &[f64; 10]) -> Matrix4<f64> {
     let mut k = Parameters::from_vector(*phi).pseudo_inertia();
     let floor = FLOOR * k.fixed_view::<3, 3>(0, 0).trace();
@@ -92,8 +92,8 @@ fn projected<const N: usize>(factor: &InformationFactor<f64, N>, free: &[f64; N]
     }
 }
 
-/// Alternating directions (Boyd et al. 2011, §5.2) with the eigenvalue projection, in coordinates in which
-/// the map from φ to K is an isometry up to units: another method, another decomposition.
+/// Solves by alternating directions (Boyd et al. 2011, §5.2) with the eigenvalue projection, in coordinates
+/// in which the map from φ to K is an isometry up to units: another method, another decomposition.
 fn alternating_directions(factor: &InformationFactor<f64, 10>) -> DVector<f64> {
     // K in balanced units: kg, 0.05 m.
     let unit = Vector3::repeat(1.0 / 0.05).push(1.0);
@@ -209,7 +209,7 @@ fn a_consistent_answer_is_left_alone() {
     }
 }
 
-/// φ of the same body in another frame, as a matrix.
+/// Returns the matrix that takes φ to φ of the same body in another frame.
 fn change_of_frame(rotation: &Rotation<Body, Sensor, f64>, origin: [f64; 3]) -> [[f64; 10]; 10] {
     let r = rotation.matrix();
     let t = Vector3::from(origin);

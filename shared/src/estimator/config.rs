@@ -58,7 +58,7 @@ pub(super) fn check_sigma<T: Scalar>(config: &EstimatorConfig<T>) -> Result<(), 
     Ok(())
 }
 
-/// √row_every / σ per channel.
+/// Returns √row_every / σ per channel.
 pub(super) fn weights<T: Scalar>(config: &EstimatorConfig<T>) -> [T; 6] {
     let root = T::from_u32(u32::from(config.row_every)).sqrt();
     config.channel_sigma.map(|sigma| root / sigma)
@@ -88,7 +88,8 @@ pub(super) fn plan<T: Scalar, const N: usize, const TAPS: usize>(
     )
 }
 
-/// Nominal time between readings, by bisection on integers: a float-to-u64 conversion is not in `Scalar`.
+/// Returns the nominal time between readings, by bisection on integers: a float-to-u64 conversion is not in
+/// `Scalar`.
 pub(super) fn period_ns<T: Scalar>(rate_hz: T, filter_width_s: T) -> u64 {
     if filter_width_s <= T::ZERO {
         return 0;

@@ -108,7 +108,7 @@ impl<T: Scalar> ChannelStatistics<T> {
         self.sums(1)
     }
 
-    /// Root mean square per channel; `None` before the first innovation.
+    /// Returns the root mean square per channel; `None` before the first innovation.
     pub fn rms(&self) -> Option<[T; 6]> {
         let n = T::from_u32(self.count);
         (self.count > 0).then(|| self.squares().map(|s| (s / n).sqrt()))

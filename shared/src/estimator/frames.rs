@@ -339,12 +339,12 @@ impl<T: Scalar> FrameEstimator<T> {
         self.counters = FrameCounters::default();
     }
 
-    /// Base parameters.
+    /// Returns the number of base parameters.
     pub fn parameters(&self) -> usize {
         self.factor.parameters()
     }
 
-    /// Links, the base included.
+    /// Returns the number of links, the base included.
     pub fn links(&self) -> usize {
         usize::from(self.count)
     }
@@ -478,7 +478,7 @@ impl<T: Scalar> FrameEstimator<T> {
         Ok(())
     }
 
-    /// Every link's motion in the axes of S.
+    /// Returns every link's motion in the axes of S.
     #[inline(never)]
     fn states(&self, frame: &Frame<'_, T>) -> Result<[LinkState<T>; LINKS], FrameRejection> {
         let mut states = [LinkState::zero(); LINKS];
@@ -625,12 +625,12 @@ impl<T: Scalar> FrameEstimator<T> {
         (self.in_level, self.small_enough) = (0, 0);
     }
 
-    /// The level.
+    /// Returns the level.
     pub fn factor(&self) -> &TreeFactor<T> {
         &self.factor
     }
 
-    /// The level, to take rows out of.
+    /// Returns the level, to take rows out of.
     pub fn factor_mut(&mut self) -> &mut TreeFactor<T> {
         &mut self.factor
     }

@@ -11,7 +11,7 @@ use crate::random::Random;
 use crate::tree::joint::turn;
 use crate::tree::{BaseMotion, Joint, JointMotion, Link, motion};
 
-/// Ten spherical joints and four hinges: parents and axes of the 34-DOF human's shape.
+/// Returns ten spherical joints and four hinges: parents and axes of the 34-DOF human's shape.
 fn human() -> Vec<FrameLink<f64>> {
     let parents = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
     let hinges = [(5, 1), (8, 1), (11, 1), (14, 2)];
@@ -50,7 +50,7 @@ struct Owned {
 }
 
 impl Owned {
-    /// Rounded to single precision, which is exact in both.
+    /// Returns the frame rounded to single precision, which is exact in both.
     fn rounded(self) -> Self {
         let r = |v: [f64; 3]| v.map(|x| f64::from(x as f32));
         Self {
@@ -100,7 +100,7 @@ impl Owned {
     }
 }
 
-/// A tree at a random instant; the wrench is that of all standard parameters and noise.
+/// Returns a tree at a random instant; the wrench is that of all standard parameters and noise.
 fn instant(tree: &[FrameLink<f64>], phi: &[f64], noise: f64, random: &mut Random) -> Owned {
     let links: Vec<Link<f64>> = tree
         .iter()
@@ -179,7 +179,7 @@ fn made(tree: &[FrameLink<f64>]) -> Box<FrameEstimator<f64>> {
     estimator
 }
 
-/// R and z.
+/// Returns R and z.
 fn dense<T: Scalar>(factor: &TreeFactor<T>, widen: impl Fn(T) -> f64) -> (DMatrix<f64>, DVector<f64>) {
     let n = factor.parameters();
     let mut r = DMatrix::zeros(n, n);

@@ -50,8 +50,8 @@ impl<T: Scalar> Watch<T> {
         self.variance = variance;
     }
 
-    /// The factor on each row of the block, 1 for all but those that a knock has spoilt. `spread` gives
-    /// `Σ_j |a_j| sd_j` of a channel.
+    /// Returns the factor on each row of the block, 1 for all but those that a knock has spoilt. `spread`
+    /// gives `Σ_j |a_j| sd_j` of a channel.
     pub(super) fn factors<const N: usize>(
         &mut self,
         reference: &Reference<T, N>,

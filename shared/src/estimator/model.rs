@@ -34,14 +34,14 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     /// # Errors
     /// The reason, with the channel.
     fn screen(&mut self, reading: &Self::Reading) -> Result<(), Rejection>;
-    /// The signals of a reading. Those that are differentiated are the last.
+    /// Returns the signals of a reading. Those that are differentiated are the last.
     fn signals(&mut self, config: &EstimatorConfig<T>, reading: &Self::Reading) -> [T; S];
     /// Returns what remains linear of calibration, done once per row block: conditioned signals in the axes
     /// of S, the known offset taken off. `None` while the rows are not yet to be trusted.
     fn rows(&mut self, config: &EstimatorConfig<T>, conditioned: &[T; S]) -> Option<[T; S]>;
-    /// The measured wrench less what the parameters predict: N, N m.
+    /// Returns the measured wrench less what the parameters predict: N, N m.
     fn residual(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], parameters: &[T; N]) -> [T; 6];
-    /// `Σ_j |a_j| sd_j` of channel c.
+    /// Returns `Σ_j |a_j| sd_j` of channel c.
     fn spread(config: &EstimatorConfig<T>, model: &Self, signals: &[T; S], sd: &[T; N], c: usize) -> T;
     /// Absorbs the six rows, each multiplied by its weight and its factor, or by its factor and whitened
     /// together.
@@ -63,18 +63,19 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     /// Tells whether it can keep a memory in place of everything.
     const FORGETS: bool;
 
-    /// One factor of everything absorbed.
+    /// Returns one factor of everything absorbed.
     fn factor(&self) -> InformationFactor<T, N>;
-    /// Does one step towards that, using the store up; true when `whole`, which began empty, is it.
+    /// Does one step towards one factor of everything absorbed, using the store up. Returns true when
+    /// `whole`, which began empty, is it.
     fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool;
-    /// Does one step towards it; true when `gathering` holds it.
+    /// Does one step towards a factor of everything absorbed. Returns true when `gathering` holds it.
     fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool;
     /// Begins with this factor instead of nothing. False, and nothing is done, where not everything is
     /// retained.
     fn restore(&mut self, factor: &InformationFactor<T, N>) -> bool;
     /// Keeps what this memory keeps, from now on.
     fn set_memory(&mut self, _plan: &Plan<T, N>) {}
-    /// The memory, if there is one.
+    /// Returns the memory, if there is one.
     fn memory(&mut self) -> Option<&mut Memory<T, N>> {
         None
     }
@@ -86,7 +87,7 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn memory_gram(&self) -> Option<Gram<T, ROOM>> {
         None
     }
-    /// Does what absorbing has left to be done, if it has. Whether it had.
+    /// Does the rest of the work of absorbing, if there is any. Returns true if there was.
     fn settle(&mut self) -> bool {
         false
     }
@@ -94,7 +95,8 @@ pub trait Store<T: Scalar, const N: usize>: Copy {
     fn scale(&mut self, _by: T) {}
     /// Receives that the rows of a block are whitened together from now on.
     fn see_together(&mut self) {}
-    /// Does a part of that, a reading or two before it; returns whether there was something to begin with.
+    /// Does a part of [`Self::see_together`], a reading or two before it. Returns true if there was something
+    /// to begin with.
     fn begin_together(&mut self) -> bool {
         false
     }
@@ -192,7 +194,7 @@ impl<T: Scalar> OneBody<T> {
     /// To set an estimator up with.
     pub const NEW: Self = Self { screen: Screen::UNUSED };
 
-    /// The filtered rows in the axes of S.
+    /// Returns the filtered rows in the axes of S.
     fn block(config: &EstimatorConfig<T>, signals: &[T; SIGNALS]) -> RegressorBlock<T> {
         regressor::block(signals, &config.mounting.position)
     }

@@ -88,28 +88,29 @@ pub trait RowNoise<T: Scalar, const N: usize>: Copy {
     fn begin_memory(&mut self, factor: &InformationFactor<T, N>, memory: &Gram<T, ROOM>);
     /// Begins to compensate the factor of the snapshot.
     fn begin_snapshot(&mut self, factor: &InformationFactor<T, N>);
-    /// Does a step of what was begun; true when it is done.
+    /// Does a step of what was begun. Returns true when it is done.
     fn compensate(&mut self, of_snapshot: bool) -> bool;
-    /// The compensated factor.
+    /// Returns the compensated factor.
     fn compensated(&self, of_snapshot: bool) -> Option<InformationFactor<T, N>>;
     /// Begins to make the whitening anew from this estimate.
     fn begin_refresh(&mut self, config: &EstimatorConfig<T>, reference: &Reference<T, N>, blocks: u32);
-    /// Does a step of that.
+    /// Does a step of making the whitening anew.
     fn refresh(&mut self, config: &EstimatorConfig<T>, blocks: u32) -> Refreshed<T>;
-    /// Steps of [`Self::refresh`] before the one after which rows are whitened together for the first time,
-    /// where it is near.
+    /// Returns the steps of [`Self::refresh`] before the one after which rows are whitened together for the
+    /// first time, where it is near.
     fn steps_to_together(&self) -> Option<u8> {
         None
     }
-    /// Factor that all rows absorbed so far are to be multiplied by, if they are; asking takes it as done.
+    /// Returns the factor that all rows absorbed so far are to be multiplied by, if they are; asking takes it
+    /// as done.
     fn take_shrink(&mut self, blocks: u32) -> Option<T>;
     /// Goes on from what had been added up to this row block: its rows were whitened by the noise that a
     /// check finds, and are not scaled down.
     fn restore(&mut self, gram: &Gram<T, BODY>, blocks: u32);
     /// Receives that the first check after that is over.
     fn restored(&mut self, config: &EstimatorConfig<T>);
-    /// Root mean square, per whitened row, of what noise brings to the coefficients of each parameter; `None`
-    /// if nothing is known.
+    /// Returns the root mean square, per whitened row, of what noise brings to the coefficients of each
+    /// parameter; `None` if nothing is known.
     fn per_row(&self) -> Option<[T; N]>;
 }
 
@@ -250,7 +251,7 @@ impl<T: Scalar> Refresh<T> {
     };
 }
 
-/// The block of a unit change of noisy signal `k`, as the IMU's axes lie.
+/// Returns the block of a unit change of noisy signal `k`, as the IMU's axes lie.
 #[inline(never)]
 fn change<T: Scalar>(config: &EstimatorConfig<T>, k: usize) -> RegressorBlock<T> {
     let mounting = &config.mounting;
@@ -300,7 +301,7 @@ fn add_signal<T: Scalar>(
     }
 }
 
-/// The covariance of the load cell's noise per sample.
+/// Returns the covariance of the load cell's noise per sample.
 fn of_load_cell<T: Scalar>(config: &EstimatorConfig<T>) -> Square<T> {
     Whitening::diagonal(&config.channel_sigma.map(|sigma| sigma * sigma)).columns
 }
@@ -312,7 +313,7 @@ fn add_square<T: Scalar>(to: &mut Square<T>, v: &[T; CHANNELS], by: T) {
     }
 }
 
-/// `vᵀ of v`
+/// Returns `vᵀ of v`.
 fn spread<T: Scalar>(of: &Square<T>, v: &[T; CHANNELS]) -> T {
     let mut sum = T::ZERO;
     for (row, a) in of.iter().zip(v) {
@@ -321,7 +322,7 @@ fn spread<T: Scalar>(of: &Square<T>, v: &[T; CHANNELS]) -> T {
     sum
 }
 
-/// The diagonal.
+/// Returns the diagonal.
 fn diagonal<T: Scalar>(of: &Square<T>) -> [T; CHANNELS] {
     let mut diagonal = [T::ZERO; CHANNELS];
     for (c, (slot, row)) in diagonal.iter_mut().zip(of).enumerate() {
@@ -337,7 +338,7 @@ impl<T: Scalar> BodyNoise<T> {
         self.together.then_some((&self.whitening, &mut self.low_pass))
     }
 
-    /// Variance of white noise behind the filter, and that of its derivative's over it.
+    /// Returns the variance of white noise behind the filter, and that of its derivative's over it.
     fn gains(&self) -> (T, T) {
         let [[white, ..], [derivative, ..]] = self.autocovariance;
         (white, derivative / white)
@@ -391,7 +392,7 @@ impl<T: Scalar> BodyNoise<T> {
         }
     }
 
-    /// Variance behind filter and whitening that noisy signal `k` brings to each channel.
+    /// Returns the variance behind filter and whitening that noisy signal `k` brings to each channel.
     #[inline(never)]
     fn signal_gains(&self, whitening: &Whitening<T>, k: usize) -> [T; CHANNELS] {
         let [white, derivative] = &self.autocovariance;
@@ -449,7 +450,8 @@ impl<T: Scalar> BodyNoise<T> {
         (counts || self.together) && design.begin(white, slope)
     }
 
-    /// The most that the variance of a channel, as rows are whitened now, is larger than it was taken to be.
+    /// Returns the most that the variance of a channel, as rows are whitened now, is larger than it was taken
+    /// to be.
     #[inline(never)]
     fn excess(&self) -> T {
         let mut most = T::ONE;

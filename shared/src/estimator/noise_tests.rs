@@ -38,7 +38,7 @@ fn body() -> InertialParameters<Sensor, f64> {
     )
 }
 
-/// Two seconds of a sine about each axis and a swaying specific force, with noise.
+/// Returns a reading of two seconds of a sine about each axis and a swaying specific force, with noise.
 fn reading(n: u32, random: &mut Random, noisy: bool) -> crate::calibration::Reading<f64> {
     let t = f64::from(n) / 200.0;
     let frequency = [4.0, 5.3, 6.1];
@@ -65,7 +65,7 @@ fn reading(n: u32, random: &mut Random, noisy: bool) -> crate::calibration::Read
     }
 }
 
-/// A whitening of the true parameters, finished at once.
+/// Returns a whitening of the true parameters, finished at once.
 fn of_truth(estimator: &Estimator<f64, 10, TAPS>) -> BodyNoise<f64> {
     let mut noise = estimator.noise;
     noise.begin_anew(&config(), &body().to_vector(), &[0.0; 10], 1);

@@ -21,7 +21,7 @@ const RATE: [[(f64, f64, f64); 2]; 3] = [
     [(0.45, 0.23, 1.5), (0.4, 0.61, 3.0)],
 ];
 
-/// Value and derivative of a sum of sines.
+/// Returns value and derivative of a sum of sines.
 fn sines(terms: &[(f64, f64, f64)], t: f64) -> (f64, f64) {
     terms.iter().fold((0.0, 0.0), |(v, d), (a, f, p)| {
         let w = core::f64::consts::TAU * f;
@@ -50,7 +50,8 @@ fn mounting<T: Scalar>() -> ImuMounting<T> {
     }
 }
 
-/// A reading at time t by Newton and Euler about the centre of mass; specific force of a platform that sways.
+/// Returns a reading at time t by Newton and Euler about the centre of mass; specific force of a platform
+/// that sways.
 fn reading(t: f64) -> Reading<f64> {
     let [wx, wy, wz] = RATE.map(|terms| sines(&terms, t));
     let omega = Vector3::new(wx.0, wy.0, wz.0);
@@ -100,7 +101,7 @@ fn config<T: Scalar>(rate_hz: f64, known: bool) -> EstimatorConfig<T> {
     }
 }
 
-/// Relative errors of m, of m·c (against m·|c|) and of I (Frobenius).
+/// Returns the relative errors of m, of m·c (against m·|c|) and of I (Frobenius).
 fn errors(phi: &[f64]) -> [f64; 3] {
     let truth = body();
     let est = InertialParameters::<Sensor, f64>::from_vector(core::array::from_fn(|j| phi[j]));

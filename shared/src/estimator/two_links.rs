@@ -115,7 +115,7 @@ pub struct TwoLinks<T: Scalar> {
 }
 
 impl<T: Scalar> TwoLinks<T> {
-    /// `None` if an attitude is no rotation or a number is not finite.
+    /// Makes the model. Returns `None` if an attitude is no rotation or a number is not finite.
     pub fn new(
         mounting: ImuMounting<T>,
         ranges: [T; 2],
@@ -144,7 +144,7 @@ impl<T: Scalar> TwoLinks<T> {
         corrections: 0,
     };
 
-    /// The second link's attitude, `R_SL` as a quaternion w, x, y, z.
+    /// Returns the second link's attitude, `R_SL` as a quaternion w, x, y, z.
     pub fn attitude(&self) -> [T; 4] {
         self.quaternion
     }
@@ -179,7 +179,7 @@ impl<T: Scalar> TwoLinks<T> {
     }
 }
 
-/// `[1 − |θ|²/8, θ/2 (1 − |θ|²/24)]`: to the fourth order in a small angle.
+/// Returns `[1 − |θ|²/8, θ/2 (1 − |θ|²/24)]`: to the fourth order in a small angle.
 fn small_turn<T: Scalar>(angle: &Vector3<T>) -> [T; 4] {
     let square = angle.dot(angle);
     let v = angle * (T::from_f32(0.5) - square * T::from_f64_const(1.0 / 48.0));
@@ -196,7 +196,7 @@ fn product<T: Scalar>(a: &[T; 4], b: &[T; 4]) -> [T; 4] {
     ]
 }
 
-/// One step of Newton's: what is near a unit quaternion becomes one.
+/// Normalises a quaternion by one step of Newton's: what is near a unit quaternion becomes one.
 fn normalised<T: Scalar>(q: [T; 4]) -> [T; 4] {
     let [w, x, y, z] = q;
     let n2 = w * w + x * x + y * y + z * z;
@@ -204,12 +204,12 @@ fn normalised<T: Scalar>(q: [T; 4]) -> [T; 4] {
     q.map(|v| v * scale)
 }
 
-/// Axes of S ← axes of the link.
+/// Returns the matrix of axes of S ← axes of the link.
 fn matrix<T: Scalar>(quaternion: [T; 4]) -> Option<Matrix3<T>> {
     Rotation::<Imu, Imu, T>::from_quaternion(quaternion).map(|r| r.matrix())
 }
 
-/// Columns 1 to 9 of six rows: six numbers for each first moment, three for each of the tensor.
+/// Returns columns 1 to 9 of six rows: six numbers for each first moment, three for each of the tensor.
 fn entries<T: Scalar>(block: &[[T; 10]; 6]) -> [T; ENTRIES] {
     let mut out = [T::ZERO; ENTRIES];
     let (first, tensor) = out.split_at_mut(18);
@@ -242,13 +242,13 @@ fn base_signals<T: Scalar>(signals: &[T; SIGNALS]) -> [T; regressor::SIGNALS] {
     })
 }
 
-/// `p × f`
+/// Returns `p × f`.
 fn moved<T: Scalar>(p: &Vector3<T>, f: [T; 3]) -> Vector3<T> {
     p.cross(&Vector3::from(f))
 }
 
 impl<T: Scalar> TwoLinks<T> {
-    /// Columns of all `N` parameters, and the wrench.
+    /// Returns the columns of all `N` parameters, and the wrench.
     #[inline(always)]
     fn columns<const N: usize>(config: &EstimatorConfig<T>, signals: &[T; SIGNALS]) -> ([[T; 6]; N], [T; 6]) {
         let base = regressor::block(&base_signals(signals), &config.mounting.position);

@@ -33,7 +33,7 @@ impl Swing {
         })
     }
 
-    /// In the turning axes: Ṙ = R [ω]×, by a central difference of sixth order.
+    /// Returns the rate in the turning axes, Ṙ = R [ω]×, by a central difference of sixth order.
     fn rate(&self, t: f64) -> Vector3<f64> {
         let s = self.rotation(t).transpose() * difference(|t| self.rotation(t), t);
         Vector3::new(s.m32 - s.m23, s.m13 - s.m31, s.m21 - s.m12) * 0.5
@@ -191,7 +191,7 @@ impl Case {
     }
 }
 
-/// Of a rotation by less than half a turn.
+/// Returns the quaternion of a rotation by less than half a turn.
 fn quaternion(r: &Matrix3<f64>) -> [f64; 4] {
     let w = 0.5 * (1.0 + r.trace()).sqrt();
     let s = 0.25 / w;

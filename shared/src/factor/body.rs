@@ -77,7 +77,7 @@ impl<T: Scalar, const N: usize> Default for BodyCascade<T, N> {
 }
 
 impl<T: Scalar, const N: usize> BodyCascade<T, N> {
-    /// The cascade of no rows.
+    /// Returns the cascade of no rows.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N == 10 || N == 16, "ten parameters, or sixteen with the offset") }
@@ -148,7 +148,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// The memory, if there is one.
+    /// Returns the memory, if there is one.
     pub(crate) fn memory(&mut self) -> Option<&mut Memory<T, N>> {
         match &mut self.upper {
             Upper::Memory(memory) => Some(memory),
@@ -208,9 +208,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Does a part of what absorbing has left to be done, which it else does itself, later: reduces rows that
-    /// fill a block, or, where rows see all parameters, hands a part of a full level up. Returns whether that
-    /// took about as long as absorbing does.
+    /// Does a part of the work that absorbing has left, which absorbing else does itself, later: reduces rows
+    /// that fill a block, or, where rows see all parameters, hands a part of a full level up. Returns whether
+    /// that took about as long as absorbing does.
     #[inline]
     pub fn settle(&mut self) -> bool {
         if !self.together {
@@ -244,7 +244,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         begins
     }
 
-    /// From now on rows see all parameters.
+    /// Lets rows see all parameters from now on.
     #[inline(never)]
     pub fn see_together(&mut self) {
         if self.together {
@@ -282,7 +282,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// Between two reductions: a part of what a full level asks for, so that no wrench waits for all of it.
+    /// Does, between two reductions, a part of what a full level asks for, so that no wrench waits for all of
+    /// it.
     #[inline]
     fn tidy(&mut self, full: u16) {
         let Upper::Levels(upper) = &mut self.upper else { return };
@@ -302,8 +303,9 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         self.parts_merged = 0;
     }
 
-    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is
-    /// that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    /// Does one step towards one factor of everything absorbed. Returns true when `whole`, which began empty,
+    /// is that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at
+    /// 0.
     pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         if self.is_full() {
             self.reduce_waiting();
@@ -381,7 +383,7 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
         }
     }
 
-    /// One factor of everything absorbed.
+    /// Returns one factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
         let (mut cascade, mut whole, mut step) = (*self, InformationFactor::EMPTY, 0);
@@ -390,8 +392,8 @@ impl<T: Scalar, const N: usize> BodyCascade<T, N> {
     }
 
     /// Does one step towards a factor of everything absorbed, for where one sample must not pay for all of
-    /// it. True when `gathering` holds it: what was absorbed before the first step, and perhaps some of what
-    /// arrived since.
+    /// it. Returns true when `gathering` holds it: what was absorbed before the first step, and perhaps some
+    /// of what arrived since.
     pub fn gather(&mut self, gathering: &mut Gathering<T, N>) -> bool {
         let Gathering { whole, step } = gathering;
         if *step == 0 && whole.rows > 0 {

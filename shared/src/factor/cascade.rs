@@ -16,7 +16,7 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
         Self { levels: [InformationFactor::EMPTY; LEVELS], merges: [0; LEVELS] }
     }
 
-    /// The lowest of these levels.
+    /// Returns the lowest of these levels.
     pub(super) fn lowest(&mut self) -> Option<&mut InformationFactor<T, N>> {
         self.levels.first_mut()
     }
@@ -38,14 +38,15 @@ impl<T: Scalar, const N: usize, const LEVELS: usize> Levels<T, N, LEVELS> {
     /// Parts in which all these levels are merged.
     pub(super) const PARTS: usize = LEVELS * InformationFactor::<T, N>::PARTS;
 
-    /// The level and the part of its merge that come `step`th: oldest (largest) first. `None` after the last.
+    /// Returns the level and the part of its merge that come `step`th: oldest (largest) first. `None` after
+    /// the last.
     fn part(&self, step: usize) -> Option<(&InformationFactor<T, N>, usize)> {
         let parts = InformationFactor::<T, N>::PARTS;
         let level = self.levels.get(LEVELS.checked_sub(1 + step / parts)?)?;
         Some((level, step % parts))
     }
 
-    /// Does the next part of merging the levels into a factor. False when there is none left.
+    /// Does the next part of merging the levels into a factor. Returns false when there is none left.
     pub(super) fn gather(&self, step: &mut u8, whole: &mut InformationFactor<T, N>) -> bool {
         while let Some((level, part)) = self.part(usize::from(*step)) {
             *step += 1;
@@ -129,7 +130,7 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Default for Cascade<T, N, UP
 }
 
 impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
-    /// The cascade of no rows.
+    /// Returns the cascade of no rows.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -187,8 +188,9 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         self.blocks = 0;
     }
 
-    /// Does one step towards one factor of everything absorbed; true when `whole`, which began empty, is
-    /// that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at 0.
+    /// Does one step towards one factor of everything absorbed. Returns true when `whole`, which began empty,
+    /// is that. Nothing may be absorbed meanwhile, nor afterwards: the cascade is used up. `step` begins at
+    /// 0.
     pub fn fold(&mut self, whole: &mut InformationFactor<T, N>, step: &mut u8) -> bool {
         let upper = Levels::<T, N, UPPER>::PARTS;
         let k = usize::from(*step);
@@ -210,7 +212,7 @@ impl<T: Scalar, const N: usize, const UPPER: usize> Cascade<T, N, UPPER> {
         true
     }
 
-    /// One factor of everything absorbed.
+    /// Returns one factor of everything absorbed.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
         let (mut cascade, mut whole, mut step) = (*self, InformationFactor::EMPTY, 0);

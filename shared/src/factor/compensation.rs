@@ -102,7 +102,7 @@ impl<T: Scalar> Compensation<T> {
         })
     }
 
-    /// Does one step; true when [`Self::factor`] is compensated.
+    /// Does one step. Returns true when [`Self::factor`] is compensated.
     #[inline(never)]
     pub fn step(&mut self) -> bool {
         let n = self.n;
@@ -141,7 +141,7 @@ impl<T: Scalar> Compensation<T> {
         self.stage == Stage::Idle
     }
 
-    /// The factor, compensated when every step is done, of as many parameters as began.
+    /// Returns the factor, compensated when every step is done, of as many parameters as began.
     pub fn factor<const N: usize>(&self) -> InformationFactor<T, N> {
         let mut factor = InformationFactor::EMPTY;
         let Triangle { r, z } = &mut factor.triangle;
@@ -152,7 +152,7 @@ impl<T: Scalar> Compensation<T> {
         factor
     }
 
-    /// `R⁻ᵀ` of some columns of K, or of the rows of that.
+    /// Computes `R⁻ᵀ` of some columns of K, or of the rows of the result.
     fn substitute(&mut self, first: usize, second: bool) {
         for j in first..(first + COLUMNS).min(self.n) {
             let mut from = [T::ZERO; ROOM];
@@ -203,7 +203,7 @@ impl<T: Scalar> Compensation<T> {
         true
     }
 
-    /// The rows `R − R⁻ᵀ K`.
+    /// Computes the rows `R − R⁻ᵀ K`.
     fn subtract(&mut self) {
         for (own, r) in self.rows.iter_mut().zip(&self.triangle).take(self.n + 1) {
             for (own, r) in own.iter_mut().zip(r) {
@@ -212,7 +212,7 @@ impl<T: Scalar> Compensation<T> {
         }
     }
 
-    /// The rows of some eigenvectors v of C: `(1 − λ) vᵀ R φ = vᵀ z`.
+    /// Writes the rows of some eigenvectors v of C: `(1 − λ) vᵀ R φ = vᵀ z`.
     fn write_directions(&mut self, first: usize) {
         let half = T::from_f32(0.5);
         let n = self.n;

@@ -39,7 +39,7 @@ impl<T: Scalar, const N: usize> Gram<T, N> {
         self.mirror();
     }
 
-    /// Row `i` from the diagonal on.
+    /// Returns row `i` from the diagonal on.
     pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
         self.columns.iter().skip(i).filter_map(move |column| column.get(i).copied())
     }

@@ -2,8 +2,9 @@ use super::{InformationFactor, Triangle};
 use crate::Scalar;
 
 impl<T: Scalar, const N: usize> InformationFactor<T, N> {
-    /// The factor of the last `K` parameters with the others eliminated: what all rows say about those `K`
-    /// when nothing else is known about the rest. Nuisance parameters are therefore absorbed first in order.
+    /// Returns the factor of the last `K` parameters with the others eliminated: what all rows say about
+    /// those `K` when nothing else is known about the rest. Nuisance parameters are therefore absorbed first
+    /// in order.
     ///
     /// The trailing rows of a triangle hold no earlier column, so they are the marginal information
     /// themselves.
@@ -21,7 +22,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         }
     }
 
-    /// The factor of ψ where `φ = B ψ`: every row `A φ = y` reads `(A B) ψ = y`. `map[i][j]` is B_ij.
+    /// Returns the factor of ψ where `φ = B ψ`: every row `A φ = y` reads `(A B) ψ = y`. `map[i][j]` is B_ij.
     ///
     /// Serves a change of order, a tie between parameters, and a body that is the sum of two.
     pub fn substitute<const M: usize>(&self, map: &[[T; M]; N]) -> InformationFactor<T, M> {

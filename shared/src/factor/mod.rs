@@ -66,7 +66,7 @@ impl<T: Scalar, const N: usize> Block<T, N> {
     /// Rows of zeros, which say nothing.
     pub const ZERO: Self = Self { columns: [Column::ZERO; N], rhs: Column::ZERO };
 
-    /// Columns `first..` and the right-hand side.
+    /// Returns the columns `first..` and the right-hand side.
     fn columns_from(&mut self, first: usize) -> &mut [Column<T>] {
         let all: *mut Self = self;
         // SAFETY: `repr(C)`, N columns and one more of the same type, without padding between them.
@@ -92,18 +92,18 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         rows: 0,
     };
 
-    /// The factor of no rows.
+    /// Returns the factor of no rows.
     #[must_use]
     pub const fn new() -> Self {
         Self::EMPTY
     }
 
-    /// The triangle R, by rows, zero below the diagonal.
+    /// Returns the triangle R, by rows, zero below the diagonal.
     pub fn r(&self) -> [[T; N]; N] {
         core::array::from_fn(|i| core::array::from_fn(|j| self.triangle.r[j][i]))
     }
 
-    /// R_ij; zero where there is none.
+    /// Returns R_ij; zero where there is none.
     pub(crate) fn entry(&self, i: usize, j: usize) -> T {
         self.triangle.r.get(j).and_then(|column| column.get(i)).copied().unwrap_or_default()
     }
@@ -123,17 +123,17 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         resized
     }
 
-    /// The projected right-hand side.
+    /// Returns the projected right-hand side.
     pub fn z(&self) -> &[T; N] {
         &self.triangle.z
     }
 
-    /// Sum of squares that no φ can explain.
+    /// Returns the sum of squares that no φ can explain.
     pub fn residual_sum_of_squares(&self) -> T {
         self.residual_sum_of_squares
     }
 
-    /// Scalar rows absorbed.
+    /// Returns the number of scalar rows absorbed.
     pub fn rows(&self) -> u32 {
         self.rows
     }
@@ -197,7 +197,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         }
     }
 
-    /// Rows of the upper triangle one after the other, then z, then the residual sum of squares.
+    /// Returns the rows of the upper triangle one after the other, then z, then the residual sum of squares.
     pub fn entries(&self) -> impl Iterator<Item = T> + '_ {
         let Triangle { r, z } = &self.triangle;
         (0..N)
@@ -206,7 +206,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
             .chain(core::iter::once(self.residual_sum_of_squares))
     }
 
-    /// Row `i` of `[R z]` from the diagonal on. Empty if there is no such row.
+    /// Returns row `i` of `[R z]` from the diagonal on. Empty if there is no such row.
     pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
         let Triangle { r, z } = &self.triangle;
         r.iter()
@@ -215,8 +215,8 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
             .filter_map(move |column| column.get(i).copied())
     }
 
-    /// The inverse of [`Self::entries`]. `None` if there are not [`Self::ENTRIES`] finite numbers, a diagonal
-    /// entry or the residual sum is negative.
+    /// Makes the factor of [`Self::entries`]. `None` if there are not [`Self::ENTRIES`] finite numbers, a
+    /// diagonal entry or the residual sum is negative.
     pub fn from_entries(entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
         let mut factor = Self::new();
         let mut entries = entries.into_iter();
@@ -233,8 +233,8 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         entries.next().is_none().then_some(factor)
     }
 
-    /// [`Self::from_entries`] of the first [`Self::ENTRIES`] of these numbers, for whoever knows `N` by a
-    /// value alone.
+    /// Makes the factor as [`Self::from_entries`] does, of the first [`Self::ENTRIES`] of these numbers, for
+    /// callers who know `N` by a value alone.
     #[inline(never)]
     pub fn like(&self, entries: impl IntoIterator<Item = T>, rows: u32) -> Option<Self> {
         Self::from_entries(entries.into_iter().take(Self::ENTRIES), rows)
@@ -292,26 +292,26 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.entries().all(Scalar::is_finite)
     }
 
-    /// Covariance `(RᵀR)⁻¹`; entries of parameters that [`Solution::determined`] denies are meaningless.
+    /// Returns the covariance `(RᵀR)⁻¹`; entries of parameters that [`Solution::determined`] denies are
+    /// meaningless.
     pub fn covariance(&self) -> [[T; N]; N] {
         solution::covariance(self)
     }
 
-    /// `√(RᵀR)⁻¹_jj` at the price of a triangular inverse; infinite where R is singular. Without the
-    /// judgement of
-    /// [`InformationFactor::solve`] about what is determined, and many times cheaper.
+    /// Returns `√(RᵀR)⁻¹_jj` at the price of a triangular inverse; infinite where R is singular. Without the
+    /// judgement of [`InformationFactor::solve`] about what is determined, and many times cheaper.
     pub fn standard_deviations(&self) -> [T; N] {
         solution::standard_deviations(&self.triangle.r)
     }
 
-    /// The estimate by back substitution, at a price of `N²`; `None` unless every parameter's variance
-    /// inflation factor `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are
+    /// Returns the estimate by back substitution, at a price of `N²`; `None` unless every parameter's
+    /// variance inflation factor `(RᵀR)_jj (RᵀR)⁻¹_jj` is below `1/ε`. `deviations` are
     /// [`InformationFactor::standard_deviations`].
     pub fn well_determined(&self, deviations: &[T; N]) -> Option<[T; N]> {
         solution::well_determined(self, deviations)
     }
 
-    /// Estimate, standard deviations, what is determined, and the condition number.
+    /// Returns estimate, standard deviations, what is determined, and the condition number.
     pub fn solve(&self) -> Solution<T, N> {
         Solution::of(self)
     }

@@ -8,7 +8,7 @@
 use super::{BLOCK_ROWS, Column};
 use crate::Scalar;
 
-/// Numbers of a packed `[R z]` of N parameters: N (N + 1) / 2 and N.
+/// Returns the count of numbers of a packed `[R z]` of N parameters: N (N + 1) / 2 and N.
 pub const fn packed_entries(n: usize) -> usize {
     n * (n + 1) / 2 + n
 }
@@ -88,25 +88,25 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         x
     }
 
-    /// Root of the inflation of a parameter's variance by all others: 1 where no other one resembles it.
-    /// Infinite where it is not determined.
+    /// Returns the root of the inflation of a parameter's variance by all others: 1 where no other one
+    /// resembles it. Infinite where it is not determined.
     pub fn inflation(&self, j: usize) -> T {
         let first = j * (j + 1) / 2;
         let column = self.entries.get(first..=first + j).unwrap_or_default();
         self.standard_deviation(j) * column.iter().map(|r| *r * *r).sum::<T>().sqrt()
     }
 
-    /// Parameters.
+    /// Returns the number of parameters.
     pub fn parameters(&self) -> usize {
         usize::from(self.parameters)
     }
 
-    /// Scalar rows absorbed since it was last empty.
+    /// Returns the number of scalar rows absorbed since it was last empty.
     pub fn rows(&self) -> u32 {
         self.rows
     }
 
-    /// Sum of squares that no φ can explain.
+    /// Returns the sum of squares that no φ can explain.
     pub fn residual_sum_of_squares(&self) -> T {
         self.residual_sum_of_squares
     }
@@ -123,7 +123,7 @@ impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
         self.rows = self.rows.saturating_add(rows as u32);
     }
 
-    /// Row `i` from the diagonal on, then its z. Empty if there is no such row.
+    /// Returns row `i` from the diagonal on, then its z. Empty if there is no such row.
     pub fn row(&self, i: usize) -> impl Iterator<Item = T> + '_ {
         let columns = if i < self.parameters() { i..self.parameters() + 1 } else { 0..0 };
         columns.map(move |j| self.entries.get(j * (j + 1) / 2 + i).copied().unwrap_or(T::ZERO))

@@ -56,7 +56,8 @@ impl<T: Scalar> From<[T; BLOCK_ROWS]> for Column<T> {
     }
 }
 
-/// `a·b − from`, summed over even and odd rows, then both: the order of two lanes, or of two accumulators.
+/// Returns `a·b − from`, summed over even and odd rows, then both: the order of two lanes, or of two
+/// accumulators.
 #[inline(always)]
 fn dot<T: Scalar>(a: &[T; BLOCK_ROWS], b: &[T; BLOCK_ROWS], from: T) -> T {
     let (mut even, mut odd) = (a[0] * b[0], a[1] * b[1]);
@@ -128,8 +129,8 @@ fn reduce_column<T: Scalar>(entries: &mut [T], j: usize, columns: &mut [Column<T
     };
 }
 
-/// y and k of the column `x`; `r` becomes r′. A column of (near) zeros reflects nothing. With one division:
-/// the entries may be up to 1e8 in f32.
+/// Returns y and k of the column `x`; `r` becomes r′. A column of (near) zeros reflects nothing. With one
+/// division: the entries may be up to 1e8 in f32.
 #[inline(always)]
 fn reflection<T: Scalar>(x: &[T; BLOCK_ROWS], r: &mut T) -> Column<T> {
     let xx = dot(x, x, T::ZERO);
@@ -146,7 +147,8 @@ fn reflection<T: Scalar>(x: &[T; BLOCK_ROWS], r: &mut T) -> Column<T> {
     Column { rows: x.map(|x| x * e), k: xx * xx * inverse }
 }
 
-/// [`reduce`] by the kernels of the reference core: the same operations on every number, so the same bits.
+/// Reduces as [`reduce`] does, by the kernels of the reference core: the same operations on every number, so
+/// the same bits.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub(crate) fn reduce_on_core(
     triangle: &mut [f32],
@@ -161,14 +163,16 @@ pub(crate) fn reduce_on_core(
             pivots: usize,
             columns: *mut Column<f32>,
         ) -> f32;
-        /// Fewer instructions, more cycles: where the code no longer fits a small cache the fetch decides.
+        /// Reduces with fewer instructions and more cycles: where the code no longer fits a small cache the
+        /// fetch decides.
         fn rigident_reduce_large(
             r_z: *mut f32,
             stride_bytes: usize,
             pivots: usize,
             columns: *mut Column<f32>,
         ) -> f32;
-        /// The columns from `first` to `end`; what it returns has a meaning if that is behind the last one.
+        /// Reduces the columns from `first` to `end`; the number returned has a meaning if that is behind the
+        /// last one.
         fn rigident_reduce_part(
             r_z: *mut f32,
             stride_bytes: usize,
@@ -204,7 +208,7 @@ pub(crate) fn reduce_on_core(
     }
 }
 
-/// [`reduce_packed`] by the kernel of the reference core.
+/// Reduces as [`reduce_packed`] does, by the kernel of the reference core.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub(crate) fn reduce_packed_on_core(triangle: &mut [f32], columns: &mut [Column<f32>]) -> f32 {
     unsafe extern "C" {

@@ -21,8 +21,8 @@ pub struct Solution<T: Scalar, const N: usize> {
     pub weakest_direction: [T; N],
 }
 
-/// 2-norm condition number of the given columns of the factor, each scaled to unit length. `None` if one of
-/// them is zero or the set is dependent at the rounding level of the scalar.
+/// Returns the 2-norm condition number of the given columns of the factor, each scaled to unit length. `None`
+/// if one of them is zero or the set is dependent at the rounding level of the scalar.
 pub fn condition_number<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
     columns: &[bool; N],
@@ -44,7 +44,7 @@ pub fn condition_number<T: Scalar, const N: usize>(
     (least > floor).then(|| (most / least).sqrt())
 }
 
-/// Singular values below this share of the largest are rounding.
+/// Returns the share of the largest singular value below which singular values are rounding.
 fn rank_floor<T: Scalar>(n: usize) -> T {
     T::EPSILON * T::from_u32(n as u32)
 }
@@ -78,7 +78,7 @@ impl<T: Scalar, const M: usize> Solver<T, M> {
         self.scaled.jacobi.rotate_pairs(pairs)
     }
 
-    /// The solution when everything is rotated; numbers beyond the factor's parameters are zero.
+    /// Returns the solution when everything is rotated; numbers beyond the factor's parameters are zero.
     pub fn finish(&mut self) -> Solution<T, M> {
         self.scaled.jacobi.measure();
         let (Scaled { scale, jacobi }, n) = (&self.scaled, self.n);
@@ -147,8 +147,8 @@ impl<T: Scalar, const N: usize> Solution<T, N> {
     }
 }
 
-/// Covariance `(RᵀR)⁻¹` over the directions that are determined. Rows and columns of parameters that are not
-/// determined (see [`Solution`]) are meaningless.
+/// Returns the covariance `(RᵀR)⁻¹` over the directions that are determined. Rows and columns of parameters
+/// that are not determined (see [`Solution`]) are meaningless.
 pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T, N>) -> [[T; N]; N] {
     let Scaled { scale, jacobi } = Scaled::of(factor, &[true; N]);
     let mut most = T::ZERO;
@@ -173,7 +173,8 @@ pub(super) fn covariance<T: Scalar, const N: usize>(factor: &InformationFactor<T
     covariance
 }
 
-/// Row j of R⁻¹ has the length of parameter j's standard deviation. `r` by columns.
+/// Returns the standard deviation of every parameter: row j of R⁻¹ has the length of that of parameter j. `r`
+/// by columns.
 pub(super) fn standard_deviations<T: Scalar, const N: usize>(r: &[[T; N]; N]) -> [T; N] {
     let mut deviations = [T::ZERO; N];
     for (j, deviation) in deviations.iter_mut().enumerate() {
@@ -195,7 +196,7 @@ pub(super) fn standard_deviations<T: Scalar, const N: usize>(r: &[[T; N]; N]) ->
     deviations
 }
 
-/// `R φ = z` from below, given row lengths of R⁻¹.
+/// Solves `R φ = z` from below, given row lengths of R⁻¹.
 pub(super) fn well_determined<T: Scalar, const N: usize>(
     factor: &InformationFactor<T, N>,
     deviations: &[T; N],

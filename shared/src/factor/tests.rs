@@ -24,7 +24,8 @@ fn factor_of(blocks: &[([[f64; 6]; 6], [f64; 6])]) -> InformationFactor<f64, 6> 
     factor
 }
 
-/// Normal equations in f64 by another program's algebra (nalgebra's Cholesky) are the oracle.
+/// Solves the normal equations in f64 by another program's algebra (nalgebra's Cholesky), which is the
+/// oracle.
 fn normal_equations(blocks: &[([[f64; 6]; 6], [f64; 6])]) -> (DVector<f64>, DMatrix<f64>, f64) {
     let rows = blocks.len() * 6;
     let a = DMatrix::from_fn(rows, 6, |r, j| blocks[r / 6].0[j][r % 6]);

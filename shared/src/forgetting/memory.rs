@@ -60,8 +60,8 @@ pub(crate) struct Rows<T> {
 }
 
 impl<T: Scalar> Rows<T> {
-    /// Root mean square, per whitened row, of what the IMU's noise brings to the coefficients of each
-    /// parameter.
+    /// Returns the root mean square, per whitened row, of what the IMU's noise brings to the coefficients of
+    /// each parameter.
     ///
     /// Of the products with ω only the derivative's noise counts: that of ω itself is smaller by its
     /// bandwidth.
@@ -122,8 +122,8 @@ pub struct Plan<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Plan<T, N> {
-    /// `None` if the span is no positive number, or a window so short that a part of it holds no row block,
-    /// or a noise is negative or not finite.
+    /// Makes the plan. Returns `None` if the span is no positive number, or a window so short that a part of
+    /// it holds no row block, or a noise is negative or not finite.
     #[inline(never)]
     pub(crate) fn new(config: &MemoryConfig<T>, rows: &Rows<T>) -> Option<Self> {
         let (Span::TimeConstant(span_s) | Span::Window(span_s)) = config.span;
@@ -153,14 +153,14 @@ impl<T: Scalar, const N: usize> Plan<T, N> {
         })
     }
 
-    /// Row blocks in a segment.
+    /// Returns the row blocks in a segment.
     pub(crate) fn segment_blocks(&self) -> u16 {
         self.segment_blocks
     }
 }
 
 impl<T: Scalar, const N: usize> Memory<T, N> {
-    /// A memory of nothing.
+    /// Returns a memory of nothing.
     pub(crate) fn new(plan: &Plan<T, N>) -> Self {
         let kept = match plan.span {
             Span::TimeConstant(time_constant_s) => Kept::Forgetting {
@@ -247,7 +247,7 @@ impl<T: Scalar, const N: usize> Memory<T, N> {
         }
     }
 
-    /// Everything retained.
+    /// Returns the factor of everything retained.
     pub(crate) fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = InformationFactor::EMPTY;
         for k in 0..PARTS {

@@ -11,7 +11,8 @@ const NOISE: f64 = 0.01;
 const TRUTH: [f64; 4] = [2.0, -1.0, 0.5, 3.0];
 const ROWS: usize = 60;
 
-/// Rows whose coefficients have the given sizes, plus noise in the regressor that the answer does not know.
+/// Returns rows whose coefficients have the given sizes, plus noise in the regressor that the answer does not
+/// know.
 fn segment(random: &mut Random, truth: &[f64; 4], size: &[f64; 4]) -> InformationFactor<f64, 4> {
     let mut factor = InformationFactor::new();
     for _ in 0..ROWS {
@@ -35,7 +36,7 @@ const ALL: [f64; 4] = [3.0, 1.0, 2.0, 0.5];
 const STILL: [f64; 4] = [0.0; 4];
 const PART: [f64; 4] = [3.0, 0.0, 2.0, 0.0];
 
-/// Plain exponential forgetting, the textbook's: `R ← √λ R`, `z ← √λ z`.
+/// Forgets by the plain exponential rule of the textbook: `R ← √λ R`, `z ← √λ z`.
 fn plain(memory: &mut InformationFactor<f64, 4>, segment: &InformationFactor<f64, 4>, lambda: f64) {
     let root = lambda.sqrt();
     let numbers = InformationFactor::<f64, 4>::ENTRIES - 1;
@@ -169,8 +170,8 @@ fn standing_still_winds_up_plain_forgetting_and_not_this() {
     assert!(off > 20.0, "{off}");
 }
 
-/// A still segment, in its triangle already: the Bartlett decomposition of 60 rows would be the exact law;
-/// its mean with random signs and a spread does for a hundred thousand of them.
+/// Returns a still segment, in its triangle already: the Bartlett decomposition of 60 rows would be the exact
+/// law; its mean with random signs and a spread does for a hundred thousand of them.
 fn segment_of_noise(random: &mut Random, n: usize) -> InformationFactor<f64, 4> {
     if n.is_multiple_of(1000) {
         return segment(random, &TRUTH, &STILL);
@@ -223,8 +224,8 @@ fn partial_excitation_keeps_the_rest() {
     }
 }
 
-/// Largest difference of f32 from f64 over 20 000 segments of all kinds, in standard deviations; signals 1e4
-/// times the noise.
+/// Returns the largest difference of f32 from f64 over 20 000 segments of all kinds, in standard deviations;
+/// signals 1e4 times the noise.
 fn single_against_double(recentred: bool) -> f64 {
     let mut random = Random(17);
     let lambda = retention(0.5, 20.0);

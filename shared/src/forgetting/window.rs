@@ -18,7 +18,7 @@ impl<T: Scalar, const N: usize, const K: usize> Default for Window<T, N, K> {
 }
 
 impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
-    /// The window of no segments.
+    /// Returns the window of no segments.
     #[must_use]
     pub fn new() -> Self {
         const { assert!(K > 0, "a window holds at least one segment") }
@@ -52,7 +52,7 @@ impl<T: Scalar, const N: usize, const K: usize> Window<T, N, K> {
         self.take(&InformationFactor::EMPTY);
     }
 
-    /// The factor of all segments in the window, merged oldest first.
+    /// Returns the factor of all segments in the window, merged oldest first.
     #[must_use]
     pub fn factor(&self) -> InformationFactor<T, N> {
         let mut whole = InformationFactor::new();

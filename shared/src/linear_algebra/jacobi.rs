@@ -107,7 +107,7 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
     }
 }
 
-/// The first `n` numbers of two columns.
+/// Returns the first `n` numbers of two columns.
 #[inline]
 fn pair<T, const M: usize>(
     columns: &mut [[T; M]; M],

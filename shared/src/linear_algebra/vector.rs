@@ -3,7 +3,7 @@
 
 use crate::Scalar;
 
-/// `a·b`, of as many numbers as both have.
+/// Returns `a·b`, of as many numbers as both have.
 #[inline(always)]
 pub(crate) fn dot_slices<T: Scalar>(a: &[T], b: &[T]) -> T {
     T::dot(a, b)
@@ -57,7 +57,7 @@ pub(crate) mod portable {
         }
     }
 
-    /// `a·a`, `b·b` and `a·b`.
+    /// Returns `a·a`, `b·b` and `a·b`.
     #[inline]
     pub(crate) fn squares<T: Scalar>(a: &[T], b: &[T]) -> (T, T, T) {
         let (mut aa, mut bb, mut ab) = (T::ZERO, T::ZERO, T::ZERO);

@@ -17,8 +17,9 @@ pub enum TurningJoint {
     Spherical,
 }
 
-/// Bit k: column k of φ stays. Of a revolute joint about z (x, y, z in a circle) the mass, MSz and Jyy go to
-/// the parent, and the column of Jxx represents Jxx − Jyy. `None` if there is no such axis.
+/// Returns a mask in which bit k is set if column k of φ stays. Of a revolute joint about z (x, y, z in a
+/// circle) the mass, MSz and Jyy go to the parent, and the column of Jxx represents Jxx − Jyy. `None` if
+/// there is no such axis.
 pub const fn kept_columns(joint: TurningJoint) -> Option<u16> {
     const ALL: u16 = 0x3FF;
     match joint {

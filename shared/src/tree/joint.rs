@@ -102,7 +102,7 @@ pub struct JointMotion<T: Scalar> {
     pub acceleration: Vector3<T>,
 }
 
-/// `R(axis, angle) = 1 c + [axis]× s + axis axisᵀ (1 − c)` from sine and cosine.
+/// Returns `R(axis, angle) = 1 c + [axis]× s + axis axisᵀ (1 − c)` from sine and cosine.
 #[inline(always)]
 pub fn turn<T: Scalar>(axis: &Vector3<T>, sine: T, cosine: T) -> Matrix3<T> {
     let rest = T::ONE - cosine;
@@ -124,7 +124,7 @@ pub fn turn<T: Scalar>(axis: &Vector3<T>, sine: T, cosine: T) -> Matrix3<T> {
 }
 
 impl<T: Scalar> JointMotion<T> {
-    /// At rest at zero position.
+    /// Returns a joint at rest at zero position.
     pub fn rest(link: &Link<T>) -> Self {
         let zero = Vector3::zeros();
         Self {
@@ -137,7 +137,7 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a revolute joint: sine and cosine of the angle, rad/s, rad/s².
+    /// Makes the state of a revolute joint: sine and cosine of the angle, rad/s, rad/s².
     #[inline(always)]
     pub fn revolute(link: &Link<T>, axis: &Vector3<T>, sine_cosine: (T, T), rate: T, change: T) -> Self {
         Self {
@@ -148,7 +148,7 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a prismatic joint: m, m/s, m/s².
+    /// Makes the state of a prismatic joint: m, m/s, m/s².
     #[inline(always)]
     pub fn prismatic(link: &Link<T>, axis: &Vector3<T>, length: T, rate: T, change: T) -> Self {
         let along = link.rotation * axis;
@@ -160,7 +160,7 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a universal joint: sines and cosines of both angles, rad/s, rad/s².
+    /// Makes the state of a universal joint: sines and cosines of both angles, rad/s, rad/s².
     #[inline(always)]
     pub fn universal(
         link: &Link<T>,
@@ -184,7 +184,8 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a spherical joint: link axes at zero ← link axes; rate and its derivative in link axes.
+    /// Makes the state of a spherical joint: link axes at zero ← link axes; rate and its derivative in link
+    /// axes.
     #[inline(always)]
     pub fn spherical(link: &Link<T>, attitude: &Matrix3<T>, rate: [T; 3], change: [T; 3]) -> Self {
         Self {
@@ -195,8 +196,8 @@ impl<T: Scalar> JointMotion<T> {
         }
     }
 
-    /// Of a free joint: position of the origin from its place at zero and attitude, both in the axes at zero;
-    /// velocity and rate, then their derivatives, as components in link axes.
+    /// Makes the state of a free joint: position of the origin from its place at zero and attitude, both in
+    /// the axes at zero; velocity and rate, then their derivatives, as components in link axes.
     #[inline(always)]
     pub fn free(
         link: &Link<T>,
@@ -217,7 +218,7 @@ impl<T: Scalar> JointMotion<T> {
     }
 }
 
-/// `[v]×` of a vector.
+/// Returns `[v]×` of a vector.
 #[inline(always)]
 pub(super) fn hat<T: Scalar>(v: &Vector3<T>) -> Matrix3<T> {
     cross_matrix([v.x, v.y, v.z])

@@ -27,7 +27,7 @@ pub struct Parts<T: Scalar> {
     pub differentiated: Block<T>,
 }
 
-/// The momentum of one link about the base's origin, in base axes: h. Its velocity is that of
+/// Returns the momentum of one link about the base's origin, in base axes: h. Its velocity is that of
 /// [`LinkState::velocity`].
 #[inline(never)]
 pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
@@ -52,7 +52,7 @@ pub fn momentum<T: Scalar>(state: &LinkState<T>) -> Block<T> {
     momentum
 }
 
-/// The parts of one link.
+/// Returns the parts of one link.
 pub fn parts<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>) -> Parts<T> {
     let differentiated = momentum(state);
     Parts { smoothed: smoothed(state, base, &differentiated), differentiated }
@@ -82,7 +82,7 @@ pub fn smoothed<T: Scalar>(state: &LinkState<T>, base: &BaseMotion<T>, momentum:
     smoothed
 }
 
-/// The six base rows in two parts, each row by row with `10 · links` columns.
+/// Writes the six base rows in two parts, each row by row with `10 · links` columns.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if the arrays are not `60 · links` long.
@@ -104,8 +104,8 @@ pub fn base_rows<T: Scalar>(
     Ok(())
 }
 
-/// The rows of all joints in two parts; as [`super::rows::joint_rows`], entries that are always zero are left
-/// alone.
+/// Writes the rows of all joints in two parts; as in [`super::rows::joint_rows`], entries that are always
+/// zero are left alone.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if the arrays do not fit the tree.

@@ -17,7 +17,7 @@ pub struct BaseMotion<T: Scalar> {
 }
 
 impl<T: Scalar> BaseMotion<T> {
-    /// A base held still, where gravity is `gravity` in its axes, m/s².
+    /// Returns a base held still, where gravity is `gravity` in its axes, m/s².
     pub fn still(gravity: [T; 3]) -> Self {
         let zero = Vector3::zeros();
         Self { specific_force: -Vector3::from(gravity), rate: zero, angular_acceleration: zero }
@@ -42,7 +42,7 @@ pub struct LinkState<T: Scalar> {
 }
 
 impl<T: Scalar> LinkState<T> {
-    /// Nothing moves and nothing weighs: what arrays are filled with.
+    /// Returns a state in which nothing moves and nothing weighs, with which arrays are filled.
     pub fn zero() -> Self {
         let zero = Vector3::zeros();
         Self {
@@ -56,7 +56,7 @@ impl<T: Scalar> LinkState<T> {
     }
 }
 
-/// The state of every link.
+/// Computes the state of every link.
 ///
 /// # Errors
 /// [`TreeError`] if the links are in no order, or the three are not equally long.
@@ -142,7 +142,8 @@ pub struct Screw<T: Scalar> {
     pub changes: [T; 6],
 }
 
-/// The screws of a link's joint, in the order of its rates. Calls `each` with the number of the freedom.
+/// Gives the screws of a link's joint, in the order of its rates. Calls `each` with the number of the
+/// freedom.
 #[inline(always)]
 pub fn screws<T: Scalar>(
     link: &Link<T>,

@@ -27,7 +27,7 @@ pub fn homogeneous(r: Matrix3<f64>, p: Vector3<f64>, one: f64) -> Matrix4<f64> {
     t
 }
 
-/// Rotation about an axis by an angle with derivatives: d/dt R = q̇ [a]× R.
+/// Returns the rotation about an axis by an angle with derivatives: d/dt R = q̇ [a]× R.
 pub fn turning(axis: Vector3<f64>, q: [f64; 3]) -> Jet {
     let k = axis.cross_matrix();
     let r = Matrix3::identity() + k * q[0].sin() + k * k * (1.0 - q[0].cos());
@@ -37,7 +37,7 @@ pub fn turning(axis: Vector3<f64>, q: [f64; 3]) -> Jet {
     Jet([homogeneous(r, o, 1.0), homogeneous(dr, o, 0.0), homogeneous(ddr, o, 0.0)])
 }
 
-/// Attitude by the quaternion's own derivatives: q̇ = ½ q ω.
+/// Returns the attitude by the quaternion's own derivatives: q̇ = ½ q ω.
 pub fn attitude(q: Quaternion<f64>, rate: Vector3<f64>, change: Vector3<f64>) -> [Matrix3<f64>; 3] {
     let pure = |v: Vector3<f64>| Quaternion::from_imag(v);
     let dq = q * pure(rate) * 0.5;
@@ -110,7 +110,7 @@ pub fn world(links: &[Link<f64>], drives: &[Drive]) -> Vec<Jet> {
     jets
 }
 
-/// Angular rate and acceleration in A from Ṙ Rᵀ = [ω]×.
+/// Returns angular rate and acceleration in A from Ṙ Rᵀ = [ω]×.
 pub fn angular(jet: &Jet) -> [Vector3<f64>; 2] {
     let r = |k: usize| jet.0[k].fixed_view::<3, 3>(0, 0).into_owned();
     let vee = |m: Matrix3<f64>| {
@@ -126,8 +126,8 @@ pub fn point(jet: &Jet, c: Vector3<f64>, k: usize) -> Vector3<f64> {
     (jet.0[k] * c.push(1.0)).xyz()
 }
 
-/// Generalised forces of all freedoms, the free base's six first, as the sum of (m(p̈ − g), İω + …) on
-/// virtual motions.
+/// Returns the generalised forces of all freedoms, the free base's six first, as the sum of (m(p̈ − g), İω +
+/// …) on virtual motions.
 pub fn inverse_dynamics(links: &[Link<f64>], drives: &[Drive], bodies: &[Body], g: Vector3<f64>) -> Vec<f64> {
     let jets = world(links, drives);
     let mut forces = Vec::new();

@@ -12,12 +12,12 @@ use crate::Scalar;
 /// A link's share of the six base rows: `[Fx, Fy, Fz, Mx, My, Mz]`, ten columns each.
 pub type Block<T> = [[T; 10]; 6];
 
-/// A block of zeros.
+/// Returns a block of zeros.
 pub fn zero_block<T: Scalar>() -> Block<T> {
     [[T::ZERO; 10]; 6]
 }
 
-/// Ten parameters' forces and moments about the link's origin, as a block about the base's origin.
+/// Sets ten parameters' forces and moments about the link's origin, as a block about the base's origin.
 #[inline(always)]
 pub(super) fn set<T: Scalar>(
     block: &mut Block<T>,
@@ -33,7 +33,7 @@ pub(super) fn set<T: Scalar>(
     }
 }
 
-/// The block of one link in motion, base axes, about the base's origin.
+/// Returns the block of one link in motion, base axes, about the base's origin.
 ///
 /// With a, ω, ω̇ of the link: `F = a m + ([ω̇]× + [ω]×[ω]×) mc`, `M = −[a]× mc + (L(ω̇) + [ω]× L(ω)) I`.
 #[inline(always)]
@@ -71,7 +71,7 @@ pub fn block<T: Scalar>(state: &LinkState<T>) -> Block<T> {
     block
 }
 
-/// `weights · block`, over the ten columns; tensors have no part in forces.
+/// Returns `weights · block`, over the ten columns; tensors have no part in forces.
 #[inline(always)]
 pub(super) fn project<T: Scalar>(weights: &[T; 6], block: &Block<T>) -> [T; 10] {
     let mut row = [T::ZERO; 10];
@@ -88,7 +88,7 @@ pub(super) fn project<T: Scalar>(weights: &[T; 6], block: &Block<T>) -> [T; 10] 
     row
 }
 
-/// Link `i`'s block into the six base rows.
+/// Puts link `i`'s block into the six base rows.
 #[inline(always)]
 pub(super) fn put_base<T: Scalar>(block: &Block<T>, i: usize, stride: usize, rows: &mut [T]) {
     for (line, row) in block.iter().zip(rows.chunks_exact_mut(stride)) {
@@ -106,13 +106,13 @@ struct Lines<T> {
     moment: [[T; 10]; 3],
 }
 
-/// Numbers of some columns, all by the same operations.
+/// Returns numbers of some columns, all by the same operations.
 #[inline(always)]
 fn lanes<T, const N: usize>(of: impl FnMut(usize) -> T) -> [T; N] {
     core::array::from_fn(of)
 }
 
-/// `[c]× + [w]× [w]×` by rows. Products with the zeros of `[w]×` keep the signs of zeros.
+/// Returns `[c]× + [w]× [w]×` by rows. Products with the zeros of `[w]×` keep the signs of zeros.
 #[inline(always)]
 fn turning<T: Scalar>(w: &Vector3<T>, c: &Vector3<T>) -> [[T; 3]; 3] {
     let o = T::ZERO;
@@ -201,7 +201,7 @@ fn tensors<T: Scalar>(axes: &[[T; 4]; 3], rate: &Vector3<T>, change: &Vector3<T>
     ]
 }
 
-/// The six base rows, row by row, `10 · links` columns each.
+/// Writes the six base rows, row by row, `10 · links` columns each.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if `rows` is not `60 · links` long.
@@ -217,9 +217,9 @@ pub fn base_rows<T: Scalar>(states: &[LinkState<T>], rows: &mut [T]) -> Result<(
     Ok(())
 }
 
-/// The rows of all joints, row by row in the order of links and freedoms, `10 · links` columns each. Entries
-/// of links that are not beyond a joint are left as they are: they are zero always, so an array that was
-/// zeroed once serves. Of the workspace's screws only the weights are brought to this instant.
+/// Writes the rows of all joints, row by row in the order of links and freedoms, `10 · links` columns each.
+/// Entries of links that are not beyond a joint are left as they are: they are zero always, so an array that
+/// was zeroed once serves. Of the workspace's screws only the weights are brought to this instant.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if workspace or rows do not fit the tree.
@@ -241,8 +241,8 @@ pub fn joint_rows<T: Scalar>(
     Ok(())
 }
 
-/// Base rows and joint rows together: six, then those of all joints, row by row. Each link's block is made
-/// once.
+/// Writes base rows and joint rows together: six, then those of all joints, row by row. Each link's block is
+/// made once.
 ///
 /// # Errors
 /// [`TreeError::Lengths`] if workspace or rows do not fit the tree.
@@ -318,7 +318,7 @@ impl<T: Scalar> Workspace<'_, T> {
         Ok(())
     }
 
-    /// Link `i`'s lines, seen by every joint between it and the base, into the rows of all joints.
+    /// Puts link `i`'s lines, seen by every joint between it and the base, into the rows of all joints.
     #[inline(always)]
     fn put_lines(&self, lines: &Lines<T>, links: &[Link<T>], i: usize, rows: &mut [T]) {
         let mut at = i;
@@ -333,7 +333,7 @@ impl<T: Scalar> Workspace<'_, T> {
         }
     }
 
-    /// Link `i`'s block, seen by every joint between it and the base, into the rows of all joints.
+    /// Puts link `i`'s block, seen by every joint between it and the base, into the rows of all joints.
     #[inline(always)]
     pub(super) fn put_joints(&self, block: &Block<T>, links: &[Link<T>], i: usize, rows: &mut [T]) {
         self.each_above(links, i, |row, screw| {
@@ -342,7 +342,7 @@ impl<T: Scalar> Workspace<'_, T> {
         });
     }
 
-    /// Every freedom between link `i` and the base.
+    /// Calls `each` with every freedom between link `i` and the base.
     #[inline(always)]
     pub(super) fn each_above(
         &self,

@@ -13,7 +13,7 @@ use super::rows::Workspace;
 use super::*;
 use crate::random::Random;
 
-/// A tree with every kind of joint in the middle and at the end, branches included.
+/// Returns a tree with every kind of joint in the middle and at the end, branches included.
 fn zoo(random: &mut Random) -> Vec<Link<f64>> {
     let mut v = || Vector3::new(random.uniform() - 0.5, random.uniform() - 0.5, random.uniform() - 0.5);
     let kinds = |a: Vector3<f64>, b: Vector3<f64>| {
@@ -160,7 +160,7 @@ fn rows_of_every_kind_of_joint_are_d_alembert_s_forces() {
     }
 }
 
-/// The sum of all products of a screw's weights with a block, zeros of tensors in forces included.
+/// Returns the sum of all products of a screw's weights with a block, zeros of tensors in forces included.
 fn projected(weights: &[f64; 6], block: &super::rows::Block<f64>) -> [f64; 10] {
     let mut row = [0.0; 10];
     for (weight, line) in weights.iter().zip(block) {
@@ -253,8 +253,8 @@ fn rows_without_accelerations_are_the_same_rows() {
     }
 }
 
-/// The drive after a short time: constant accelerations, the attitude to the sixth order by small steps of a
-/// quaternion.
+/// Returns the drive after a short time: constant accelerations, the attitude to the sixth order by small
+/// steps of a quaternion.
 fn later(link: &Link<f64>, s: &Drive, t: f64) -> Drive {
     let v: Vec<f64> = s.v.iter().zip(&s.dv).map(|(v, dv)| v + dv * t).collect();
     let mut q = s.q.clone();

@@ -64,7 +64,7 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// The message in the payload.
+    /// Returns the message in the payload.
     ///
     /// # Errors
     /// [`DecodeError::Payload`] if it is not a whole message of this type.
@@ -137,7 +137,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the start of a frame.
+    /// Returns a decoder at the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
         Self { incoming: Vec::new(), decoded: Vec::new(), overflow: false }

@@ -63,12 +63,12 @@ pub struct NumberedFrame<'a, const VERSION: u8, const BASE: usize, const LINK: u
 }
 
 impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<'a, VERSION, BASE, LINK> {
-    /// Bytes of a frame of the given number of links.
+    /// Returns the bytes of a frame of the given number of links.
     pub const fn bytes(links: usize) -> usize {
         HEADER + 4 * (BASE + LINK * links.saturating_sub(1)) + CHECK
     }
 
-    /// The frame that `bytes` begin with, of a tree of the given number of links.
+    /// Returns the frame that `bytes` begin with, of a tree of the given number of links.
     ///
     /// # Errors
     /// [`TreeFrameError`]; that of another tree is distinguished although its end may not have been clocked.
@@ -91,7 +91,7 @@ impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<
         Ok(Self { number: u32::from_le_bytes(*number), base: numbers(base), links })
     }
 
-    /// The numbers of the links after the base.
+    /// Returns the numbers of the links after the base.
     pub fn links(&self) -> impl Iterator<Item = [f32; LINK]> + '_ {
         self.links.chunks_exact(4 * LINK).map(numbers)
     }

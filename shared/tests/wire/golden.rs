@@ -97,7 +97,7 @@ fn the_schema_hash_moves_only_with_the_schema() {
     assert_eq!(fs::read_to_string(&path).unwrap(), text, "the messages have changed");
 }
 
-/// The names of an enum's variants, out of its schema.
+/// Returns the names of an enum's variants, out of its schema.
 fn variants<M: Schema>() -> BTreeSet<&'static str> {
     match M::SCHEMA.ty {
         DataModelType::Enum(variants) => variants.iter().map(|v| v.name).collect(),
@@ -152,7 +152,7 @@ fn commands_of_the_watch_are_known_by_their_bytes() {
     assert_eq!(asked, ["command_configure_watch", "command_watch_link", "command_line_rate"]);
 }
 
-/// COBS undone as its definition says: a code byte n is n − 1 bytes and, unless n is 255, a zero.
+/// Undoes COBS as its definition says: a code byte n is n − 1 bytes and, unless n is 255, a zero.
 fn cobs_undone(mut line: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     while let [code, rest @ ..] = line {
@@ -166,7 +166,7 @@ fn cobs_undone(mut line: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The reflected CRC-32 bit by bit.
+/// Returns the reflected CRC-32, computed bit by bit.
 fn crc_32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0_u32, |crc, byte| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })

@@ -34,7 +34,7 @@ fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     }
 }
 
-/// The words of the code, comments left out.
+/// Returns the words of the code, comments left out.
 fn words(source: &str) -> Vec<&str> {
     source
         .lines()
@@ -44,7 +44,7 @@ fn words(source: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Words in the code of one side that belong to the other.
+/// Returns words in the code of one side that belong to the other.
 fn trespasses(is_wire: bool, source: &str) -> Vec<&str> {
     let words = words(source);
     let forbidden = |at: usize, word: &str| {

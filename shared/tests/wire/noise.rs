@@ -100,7 +100,7 @@ fn every_message_cut_short_or_changed_is_refused_or_read_never_a_panic() {
     }
 }
 
-/// The payload of a message, taken out of its frame.
+/// Returns the payload of a message, taken out of its frame.
 fn postcard<M: serde::Serialize>(message: &M) -> Vec<u8> {
     let mut bytes = [0; MAX_FRAME];
     let used = encode(Kind::Command, 0, message, &mut bytes).unwrap();

@@ -246,7 +246,7 @@ fn watch_link() -> WatchLinkSettings {
     }
 }
 
-/// Of three links and a foot.
+/// Returns the stream settings of three links and a foot.
 fn stream() -> Message {
     let mut bytes = [0; watch_frame::MAX_WATCH_FRAME];
     let imu = [0.5, -0.25, 9.75, 0.125, -1.0, 2.0];
@@ -290,7 +290,7 @@ fn row() -> FactorRow {
     }
 }
 
-/// Every message once.
+/// Returns every message once.
 pub fn samples() -> Vec<(&'static str, Message)> {
     let command = Message::Command;
     let reply = |m| Message::Answer(Ok(m));
@@ -367,8 +367,8 @@ pub fn samples() -> Vec<(&'static str, Message)> {
     ]
 }
 
-/// The messages with lists at their longest and numbers at their widest: postcard writes up to ten bytes for
-/// a `u64` and five for a `u32`.
+/// Returns the messages with lists at their longest and numbers at their widest: postcard writes up to ten
+/// bytes for a `u64` and five for a `u32`.
 pub fn longest() -> Vec<(&'static str, Message)> {
     let widest = ReadingMessage { time_ns: u64::MAX, ..reading(1) };
     let full = EstimateReport {

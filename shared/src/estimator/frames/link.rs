@@ -20,7 +20,8 @@ pub struct FrameLink<T> {
     pub position: [T; 3],
 }
 
-/// The rotation matrix of a quaternion w, x, y, z; `None` of one that is a hundredth off a unit quaternion.
+/// Returns the rotation matrix of a quaternion w, x, y, z; `None` of one that is a hundredth off a unit
+/// quaternion.
 #[inline(never)]
 pub(super) fn attitude<T: Scalar>(quaternion: [T; 4]) -> Option<Matrix3<T>> {
     let n2 = quaternion.iter().map(|v| *v * *v).sum::<T>();

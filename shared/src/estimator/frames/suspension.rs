@@ -150,8 +150,8 @@ impl<T: Scalar> Sums<T> {
         is_empty: false,
     };
 
-    /// The kernel of a filter, the frames in an average and the blocks under way, of the given number of
-    /// parameters.
+    /// Returns the kernel of a filter, the frames in an average and the blocks under way, of the given number
+    /// of parameters.
     ///
     /// # Errors
     /// [`KernelError`] if there is none, or no room for it.
@@ -206,7 +206,7 @@ impl<T: Scalar> Sums<T> {
         self.locked >> k & 1 == 0
     }
 
-    /// Rows of a block.
+    /// Returns the number of rows of a block.
     pub(super) fn rows(&self) -> usize {
         (!self.locked & 0x3f).count_ones() as usize
     }
@@ -295,7 +295,7 @@ impl<T: Scalar> Sums<T> {
         }
     }
 
-    /// Column of what the springs carry at rest, of a coordinate.
+    /// Returns the column of what the springs carry at rest, of a coordinate.
     fn carried(&self, turn: &Matrix3<T>, coordinate: usize) -> [T; 6] {
         let [x, y, z] = turn.data.0;
         // An axis of the platform, with its factor, × ẑ.

@@ -92,7 +92,7 @@ pub(super) struct Window<T: Scalar> {
 }
 
 impl<T: Scalar> LinkPose<T> {
-    /// Attitude and rate.
+    /// Returns attitude and rate.
     pub(super) fn numbers(&self) -> [T; OF_LINK] {
         let ([w, a, b, c], [x, y, z]) = (self.attitude, self.rate);
         [w, a, b, c, x, y, z]
@@ -112,7 +112,7 @@ impl<T: Scalar> Window<T> {
         is_empty: false,
     };
 
-    /// The kernel of a filter.
+    /// Returns the kernel of a filter.
     ///
     /// # Errors
     /// [`KernelError`] if there is none, or no room for it.
@@ -170,7 +170,7 @@ impl<T: Scalar> Window<T> {
         due
     }
 
-    /// Numbers of a frame.
+    /// Returns the count of numbers of a frame.
     fn stride(&self) -> usize {
         OF_BASE + OF_LINK * usize::from(self.links)
     }
@@ -217,7 +217,7 @@ impl<T: Scalar> Window<T> {
         });
     }
 
-    /// The filtered wrench less an offset: N, N m.
+    /// Returns the filtered wrench less an offset: N, N m.
     pub(super) fn wrench(&self, offset: &[T; 6]) -> [T; 6] {
         let mut sum = [T::ZERO; 6];
         self.each_frame(|smooth, _, kept| {
@@ -229,8 +229,8 @@ impl<T: Scalar> Window<T> {
     }
 }
 
-/// The columns of a link: of each what is smoothed, then what is differentiated. `velocity` is that of the
-/// point that moments are about.
+/// Returns the columns of a link: of each what is smoothed, then what is differentiated. `velocity` is that
+/// of the point that moments are about.
 #[inline(never)]
 pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T>) -> LinkColumns<T> {
     let upward = Vector3::new(T::ZERO, T::ZERO, T::from_f32(GRAVITY));
@@ -253,8 +253,8 @@ pub(super) fn link_columns<T: Scalar>(state: &LinkState<T>, velocity: &Vector3<T
     })
 }
 
-/// Every link's motion in the laboratory's axes, about the point that the base's origin is mounted to;
-/// velocities are the laboratory's.
+/// Returns every link's motion in the laboratory's axes, about the point that the base's origin is mounted
+/// to; velocities are the laboratory's.
 #[inline(never)]
 pub(super) fn states<T: Scalar>(
     links: &[FrameLink<T>],

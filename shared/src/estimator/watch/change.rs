@@ -168,7 +168,7 @@ impl<T: Scalar> Test<T> {
         changes: 0,
     };
 
-    /// The noise of rows is stated, and a change is reported beyond `limit` after the given number of bins.
+    /// States the noise of rows, and that a change is reported beyond `limit` after the given number of bins.
     /// Each bin `keep` of older rows is kept.
     pub(super) fn set_up(&mut self, sigma: [T; 6], limit: T, settle: u16, keep: T) {
         (self.sigma, self.limit, self.settle, self.keep) = (sigma, limit, settle, keep);
@@ -224,7 +224,7 @@ impl<T: Scalar> Test<T> {
         true
     }
 
-    /// `L⁻¹` of the noise's covariance `L Lᵀ`, by columns.
+    /// Computes `L⁻¹` of the noise's covariance `L Lᵀ`, by columns.
     #[cold]
     #[inline(never)]
     fn whiten(&mut self) {
@@ -299,7 +299,7 @@ impl<T: Scalar> Test<T> {
         if back < self.count { self.bins.get(at % BINS) } else { None }
     }
 
-    /// Does a step of what is to be done; a change if it has found or measured one.
+    /// Does a step of what is to be done. Returns a change if it has found or measured one.
     #[inline(never)]
     pub(super) fn step(&mut self, frame: u32) -> Option<Change<T>> {
         match self.step {
@@ -337,7 +337,7 @@ impl<T: Scalar> Test<T> {
         }
     }
 
-    /// The rows before, the newest, and the columns of a change.
+    /// Joins the rows before, the newest, and the columns of a change.
     #[inline(never)]
     fn join(&mut self) {
         self.both.extend(&self.before, ALL);
@@ -401,7 +401,8 @@ impl<T: Scalar> Test<T> {
         None
     }
 
-    /// A mean of what changes explain where there is none. What begins to resemble one counts little.
+    /// Updates the mean of what a change at each border explains where there is none. A change that begins to
+    /// show counts little.
     #[cold]
     #[inline(never)]
     fn remember(&mut self, borders: usize, settled: bool) {
@@ -423,7 +424,7 @@ impl<T: Scalar> Test<T> {
         }
     }
 
-    /// The border at which a change explains most.
+    /// Returns the border at which a change explains most.
     #[cold]
     #[inline(never)]
     fn best(&self, borders: usize) -> Option<usize> {
@@ -437,8 +438,8 @@ impl<T: Scalar> Test<T> {
         Some(best)
     }
 
-    /// Frames around the borders from the newer to the older one: border k lies between bin k and the one
-    /// before it.
+    /// Returns the frames around the borders from the newer to the older one: border k lies between bin k and
+    /// the one before it.
     #[cold]
     #[inline(never)]
     fn around(&self, newer: usize, older: usize) -> [u32; 2] {
@@ -468,7 +469,8 @@ impl<T: Scalar> Test<T> {
         self.step = Step::Measure(0);
     }
 
-    /// The size, of rows before and after. From now on the link is what it is after the change.
+    /// Returns the change with its size, of rows before and after. From now on the link is what it is after
+    /// the change.
     #[cold]
     #[inline(never)]
     fn measured(&mut self) -> Option<Change<T>> {

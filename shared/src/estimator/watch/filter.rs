@@ -39,7 +39,7 @@ impl<T: Scalar> Filter<T> {
         pending: [Pending { frames: 0, sums: [[T::ZERO; 11]; 6] }; ROWS],
     };
 
-    /// The kernel of such a filter.
+    /// Returns the kernel of such a filter.
     pub(super) fn kernel(
         rate_hz: T,
         width_s: T,
@@ -61,7 +61,7 @@ impl<T: Scalar> Filter<T> {
         Ok(())
     }
 
-    /// Half the frames of a row: it is about the instant this many frames back.
+    /// Returns half the frames of a row: it is about the instant this many frames back.
     pub(super) fn half(&self) -> u32 {
         (self.kernel.smooth().len() / 2) as u32
     }

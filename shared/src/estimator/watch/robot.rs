@@ -59,8 +59,8 @@ pub(super) struct Motion<T: Scalar> {
     base: BaseMotion<T>,
 }
 
-/// The state of every link; `None` if a number is none, an angle is far too large, or the links are in no
-/// order.
+/// Returns the state of every link; `None` if a number is none, an angle is far too large, or the links are
+/// in no order.
 #[inline(never)]
 pub(super) fn motion<T: Scalar>(
     links: &[WatchLink<T>],
@@ -149,8 +149,8 @@ impl<T: Scalar> Motion<T> {
     }
 }
 
-/// Sine and cosine; `None` beyond [`LARGEST_ANGLE`] or of what is no number. Quarter turns are taken off, and
-/// series take the rest.
+/// Returns sine and cosine; `None` beyond [`LARGEST_ANGLE`] or of what is no number. Quarter turns are taken
+/// off, and series take the rest.
 pub(super) fn sine_cosine<T: Scalar>(angle: T) -> Option<(T, T)> {
     // NaN is refused, too.
     if angle.abs() > T::from_f32(LARGEST_ANGLE) || !angle.is_finite() {
