@@ -107,8 +107,8 @@ impl<T: Scalar> Aligner<T> {
         self.dropped
     }
 
-    /// Drops, and counts, the load-cell readings that wait in vain: for an IMU which no longer comes, for
-    /// more than two of its periods, or between two readings of it that are further apart.
+    /// Drops and counts the load-cell readings that wait in vain: for an IMU which no longer comes, for more
+    /// than two of its periods, or between two readings of it that are further apart.
     pub fn give_up_waiting(&mut self) {
         let last = (usize::from(self.first) + usize::from(self.waiting)).wrapping_sub(1) % PENDING;
         let config = &self.config;
