@@ -187,8 +187,8 @@ impl<'a> Capture<'a> {
         self.failures
     }
 
-    /// To be called every millisecond. Returns true if the transfer on its way is overdue: the board is to
-    /// stop it and to reset its bus, and then to call [`Self::on_overdue`].
+    /// Looks at the transfer on its way, and is to be called every millisecond. Returns true if it is
+    /// overdue: the board is to stop it and to reset its bus, and then to call [`Self::on_overdue`].
     #[must_use]
     pub fn on_look(&mut self) -> bool {
         if !matches!(self.bus, Bus::Reads { .. }) {

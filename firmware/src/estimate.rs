@@ -153,7 +153,7 @@ impl Estimation {
     }
 }
 
-/// The first `n` of these numbers.
+/// Fills in the first `n` of these numbers.
 fn fill(target: &mut Vec<f32, MAX_PARAMETERS>, values: &[f32], n: usize) {
     target.clear();
     for value in values.iter().take(n) {

@@ -21,7 +21,7 @@ const NUMBERS: u32 = 1 << (32 - COUNT_BITS);
 pub struct EventRoom([[AtomicU32; WORDS]; MAX_EVENTS]);
 
 impl EventRoom {
-    /// Room in which nothing has happened.
+    /// Returns room in which nothing has happened.
     pub const fn empty() -> Self {
         Self([const { [const { AtomicU32::new(0) }; WORDS] }; MAX_EVENTS])
     }
@@ -31,7 +31,7 @@ impl EventRoom {
         self.0.iter().flatten().for_each(|word| word.store(0, Ordering::Relaxed));
     }
 
-    /// The event of this place with its number, if what is there is one.
+    /// Returns the event of this place with its number, if what is there is one.
     fn read(&self, place: usize) -> Option<(u32, EventMessage)> {
         let [numbered, time_ms, content] =
             self.0.get(place)?.each_ref().map(|word| word.load(Ordering::Relaxed));
@@ -103,7 +103,7 @@ impl Events {
         }
     }
 
-    /// The events, oldest first: those whose numbers lead up to the newest.
+    /// Returns the events, oldest first: those whose numbers lead up to the newest.
     pub(crate) fn report(&self) -> EventReport {
         let mut events = Vec::new();
         if let Some(room) = self.room {

@@ -59,8 +59,8 @@ pub struct Buses<ADC, IMU, FRAMES> {
 impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevice, D: DelayNs>
     Instrument<P, ADC, IMU, FRAMES, D>
 {
-    /// On the named board, with room for the estimator, the sensors and something that waits. Nothing is sent
-    /// to the sensors yet.
+    /// Makes an instrument on the named board, with room for the estimator, the sensors and something that
+    /// waits. Nothing is sent to the sensors yet.
     pub fn new(board: &str, path: P, buses: Buses<ADC, IMU, FRAMES>, delay: D) -> Self {
         let Buses { load_cell, imus: [imu, second], frames } = buses;
         Self {
@@ -74,7 +74,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
-    /// The application.
+    /// Returns the application.
     pub fn app(&self) -> &App<P> {
         &self.app
     }
@@ -275,7 +275,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         }
     }
 
-    /// Bytes waiting to be sent.
+    /// Returns the number of bytes waiting to be sent.
     pub fn tx_pending(&self) -> usize {
         self.app.tx_pending()
     }

@@ -154,7 +154,7 @@ impl Link {
         self.telemetry_dropped
     }
 
-    /// Bytes waiting.
+    /// Returns the number of bytes waiting.
     pub(crate) fn pending(&self) -> usize {
         self.answers.len() + self.telemetry.len()
     }

@@ -50,7 +50,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// The first millisecond in which the watchdog is not fed, of ten seconds.
+    /// Returns the first millisecond in which the watchdog is not fed, of ten seconds.
     fn starves(turn: impl Fn(u64) -> Turn) -> Option<u64> {
         let mut progress = Progress::default();
         (0..10_000).find(|ms| !progress.goes_on(ms * MS, &turn(*ms)))

@@ -53,7 +53,7 @@ impl RateMeter {
         false
     }
 
-    /// Some are missing, or it is the first.
+    /// Passes over a sample if some before it are missing, or it is the first.
     #[cold]
     #[inline(never)]
     fn pass_over(&mut self, gap_ns: u64) {
@@ -91,7 +91,8 @@ impl RateMeter {
 mod tests {
     use super::*;
 
-    /// Samples of an oscillator that is this much fast, of which those that `keeps` refuses are lost.
+    /// Measures samples of an oscillator that is this much fast, of which those that `keeps` refuses are
+    /// lost.
     fn measured(rate_hz: f32, ppm: f64, keeps: impl Fn(u64) -> bool) -> Option<i32> {
         let mut meter = RateMeter::new(rate_hz);
         let period_ns = 1e9 / (f64::from(rate_hz) * (1.0 + 1e-6 * ppm));

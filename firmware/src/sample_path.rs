@@ -170,8 +170,8 @@ impl SamplePath {
         }
     }
 
-    /// A path that still has to be [`Self::set_up`]. Its estimator is written in place, for the fewer copies
-    /// of it a stack has to hold the better.
+    /// Returns a path that still has to be [`Self::set_up`]. Its estimator is written in place, for the fewer
+    /// copies of it a stack has to hold the better.
     pub(crate) fn place(path: &mut crate::Path) -> Option<&mut Self> {
         if !matches!(path, crate::Path::Samples(_)) {
             begin::<_, Self, 1>(path);
@@ -234,7 +234,7 @@ impl SamplePath {
         any!(&mut self.estimator, e => e.set_memory(memory))
     }
 
-    /// Row blocks between two checks: a memory is checked with each of its segments.
+    /// Returns the number of row blocks between two checks: a memory is checked with each of its segments.
     fn look_every(&self) -> u16 {
         any!(&self.estimator, e => e.segment_blocks()).unwrap_or(LOOK_EVERY_BLOCKS)
     }
@@ -277,7 +277,7 @@ impl SamplePath {
         }
     }
 
-    /// The reading that was taken last.
+    /// Returns the reading that was taken last.
     #[inline]
     pub(crate) fn reading(&self) -> &TwoLinkReading<f32> {
         &self.reading
@@ -310,7 +310,7 @@ impl SamplePath {
         (self.has_more() && self.join()).then(|| self.absorb())
     }
 
-    /// One body's reading is made where it stays.
+    /// Takes one body's reading, made where it stays, and absorbs it.
     #[inline(always)]
     fn take_aligned(&mut self) -> Option<Outcome> {
         self.aligner.pop_into(&mut self.reading.base).then(|| self.absorb())
@@ -322,7 +322,7 @@ impl SamplePath {
         self.absorb()
     }
 
-    /// Two aligners' readings of the same load-cell sample.
+    /// Joins two aligners' readings of the same load-cell sample. Returns false while one of them is missing.
     fn join(&mut self) -> bool {
         let Some(second) = &mut self.second else { return false };
         let TwoLinkReading { base, specific_force, angular_rate, attitude } = &mut self.reading;
@@ -391,8 +391,8 @@ impl SamplePath {
         core::mem::take(&mut self.stepped)
     }
 
-    /// A row block is followed by readings that only wait in the filter: with each of these one step of a
-    /// check of the factor.
+    /// Does one step of a check of the factor, with each of the readings that only wait in the filter after a
+    /// row block.
     #[inline]
     fn look(&mut self, outcome: Outcome) {
         match outcome {
@@ -444,7 +444,7 @@ impl SamplePath {
         any!(&self.estimator, e => e.channel_statistics())
     }
 
-    /// Load-cell samples without neighbours of an IMU.
+    /// Returns the number of load-cell samples without neighbours of an IMU.
     pub(crate) fn unaligned(&self) -> u32 {
         let second = self.second.as_ref().map_or(0, Aligner::dropped);
         // What one aligner drops the other's half waits for in vain.
@@ -461,12 +461,12 @@ impl SamplePath {
         any!(&mut self.estimator, e => e.fold())
     }
 
-    /// A row of that factor. `None` if there is no such row.
+    /// Returns a row of the folded factor. `None` if there is no such row.
     pub(crate) fn row(&self, row: u8) -> Option<FactorRow> {
         any!(&self.estimator, e => row_of(e.folded(), e.gram(), row))
     }
 
-    /// Rows in that factor.
+    /// Returns the number of rows in the folded factor.
     #[cfg(feature = "storage")]
     pub(crate) fn folded_rows(&self) -> u32 {
         any!(&self.estimator, e => e.folded().rows())
@@ -548,7 +548,7 @@ impl SamplePath {
     }
 }
 
-/// A row of a factor as it travels. `None` if there is no such row.
+/// Returns a row of a factor as it travels. `None` if there is no such row.
 fn row_of<const N: usize>(
     factor: &InformationFactor<f32, N>,
     gram: Option<&Gram<f32, MAX_NOISY_PARAMETERS>>,
@@ -564,18 +564,18 @@ fn row_of<const N: usize>(
     })
 }
 
-/// [`Aligner::pop_into`], once for both aligners of two links.
+/// Does [`Aligner::pop_into`] once for both aligners of two links.
 #[inline(never)]
 fn pop(aligner: &mut Aligner<f32>, reading: &mut Reading<f32>) -> bool {
     aligner.pop_into(reading)
 }
 
-/// The settings of an aligner of the second IMU, from the first's.
+/// Returns the settings of an aligner of the second IMU, from the first's.
 pub(crate) fn second_aligner(first: &AlignerConfig, delay_ns: u32, period_ns: u32) -> AlignerConfig {
     AlignerConfig { imu_delay_ns: delay_ns, imu_period_ns: period_ns, ..*first }
 }
 
-/// An IMU's words.
+/// Converts an IMU's words to a reading.
 pub(crate) fn imu_reading(time_ns: u64, specific_force: [f32; 3], angular_rate: [f32; 3]) -> ImuReading<f32> {
     ImuReading {
         time_ns,

@@ -107,7 +107,8 @@ fn is_possible(stop: Option<&StopRule>) -> bool {
     stop.is_none_or(|stop| stop.limits.iter().all(|limit| limit.u95.is_finite()))
 }
 
-/// A tree absorbs frames as they come, filtered if its base is tracked: nothing forgotten, the offset known.
+/// Returns the configuration of a tree, which absorbs frames as they come, filtered if its base is tracked:
+/// nothing forgotten, the offset known.
 fn tree(
     settings: &Settings,
     links: &[LinkSettings],
@@ -157,7 +158,7 @@ fn tree(
     Ok(Configuration::Tree(links, config, stop))
 }
 
-/// A robot that is watched, without its links.
+/// Returns the configuration of a robot that is watched, without its links.
 #[cold]
 #[inline(never)]
 fn watch(settings: &Settings, robot: &WatchSettings) -> Result<Configuration, SettingName> {
@@ -184,7 +185,7 @@ fn watch(settings: &Settings, robot: &WatchSettings) -> Result<Configuration, Se
     Ok(Configuration::Watch(config, feet))
 }
 
-/// A link of a robot that is watched.
+/// Returns a link of a robot that is watched.
 #[cold]
 #[inline(never)]
 pub(crate) fn watch_link(given: &WatchLinkSettings, i: u8) -> Result<WatchLink<f32>, SettingName> {
@@ -201,7 +202,7 @@ pub(crate) fn watch_link(given: &WatchLinkSettings, i: u8) -> Result<WatchLink<f
     Ok(WatchLink { link, parameters: given.parameters })
 }
 
-/// The setting that a watch's refusal is about.
+/// Returns the setting that a watch's refusal is about.
 pub(crate) fn setting_of_watch(error: WatchError) -> SettingName {
     match error {
         WatchError::Links => SettingName::Links,
@@ -213,7 +214,7 @@ pub(crate) fn setting_of_watch(error: WatchError) -> SettingName {
     }
 }
 
-/// Springs, whose stiffness is given by half of the matrix.
+/// Returns the springs, whose stiffness is given by half of the matrix.
 fn suspension(springs: &SuspensionSettings) -> Suspension<f32> {
     let mut stiffness = [[0.0; 6]; 6];
     for ((i, j), value) in SuspensionSettings::places().zip(springs.stiffness) {
@@ -232,7 +233,7 @@ fn suspension(springs: &SuspensionSettings) -> Suspension<f32> {
     }
 }
 
-/// The second link and its IMU.
+/// Returns the second link and its IMU.
 fn second_link(
     links: &TwoLinkSettings,
     first: &AlignerConfig,
@@ -349,7 +350,7 @@ impl SampleConfiguration {
     }
 }
 
-/// The setting an estimator's refusal is about.
+/// Returns the setting an estimator's refusal is about.
 pub(crate) fn setting_of(error: ConfigError) -> SettingName {
     match error {
         ConfigError::Sigma(channel) => SettingName::Noise(channel),
@@ -359,7 +360,7 @@ pub(crate) fn setting_of(error: ConfigError) -> SettingName {
     }
 }
 
-/// The setting that a tree's refusal is about.
+/// Returns the setting that a tree's refusal is about.
 pub(crate) fn setting_of_tree(error: FramesError) -> SettingName {
     match error {
         FramesError::Links(_) | FramesError::Parameters(_) => SettingName::Links,

@@ -172,7 +172,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         Ok(Reply::Done)
     }
 
-    /// Everything counted is counted from here on.
+    /// Begins to count everything anew.
     pub(super) fn begin(&mut self) {
         self.run = Run::default();
         self.estimation.stop();
@@ -383,7 +383,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
     }
 }
 
-/// Rates at which the sensors are to be brought up for these settings; `None`: none are.
+/// Returns the rates at which the sensors are to be brought up for these settings; `None`: none are.
 pub(super) fn rates(settings: &Settings) -> Option<SensorRates> {
     (settings.source == Source::Sensors && !is_tree(settings)).then_some(SensorRates {
         load_cell_hz: settings.rate_hz,
@@ -395,7 +395,7 @@ pub(super) fn rates(settings: &Settings) -> Option<SensorRates> {
     })
 }
 
-/// Frames come by themselves: there is nothing to bring up.
+/// Returns true for a tree, whose frames come by themselves: there is nothing to bring up.
 fn is_tree(settings: &Settings) -> bool {
     matches!(settings.model, ModelSettings::Tree(_) | ModelSettings::Suspended(..) | ModelSettings::Watch(_))
 }
@@ -419,7 +419,7 @@ fn check(settings: &Settings) -> Result<(), ErrorCode> {
     }
 }
 
-/// A new path for these settings, which have been checked.
+/// Sets up a new path for these settings, which have been checked.
 #[inline(never)]
 fn set_up(settings: &Settings, path: &mut Path) -> Result<(), ErrorCode> {
     match Configuration::new(settings).map_err(ErrorCode::BadSetting)? {

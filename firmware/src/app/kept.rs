@@ -50,7 +50,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.keeping.written(kept);
     }
 
-    /// Rates at which the sensors are to be brought up to go on with a run of these settings.
+    /// Returns the rates at which the sensors are to be brought up to go on with a run of these settings.
     pub(crate) fn rates(&self, settings: &Settings) -> Option<SensorRates> {
         rates(settings)
     }

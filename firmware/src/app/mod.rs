@@ -267,7 +267,8 @@ pub struct App<P> {
 }
 
 impl<P: DerefMut<Target = Path>> App<P> {
-    /// An idle application on the named board (ASCII, at most sixteen bytes), with room for its estimator.
+    /// Returns an idle application on the named board (ASCII, at most sixteen bytes), with room for its
+    /// estimator.
     #[must_use]
     pub fn new(board: &str, path: P) -> Self {
         let mut name = [0; 16];
@@ -340,7 +341,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.restart_asked && self.link.pending() == 0
     }
 
-    /// The state, and why it is that.
+    /// Returns the state, and why it is that.
     pub fn state(&self) -> (StateName, Reason) {
         (self.state, self.reason)
     }
@@ -432,7 +433,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.enter(StateName::Fault, reason);
     }
 
-    /// A run pauses or ends: nothing of it is to be lost.
+    /// Stores everything, since a run pauses or ends: nothing of it is to be lost.
     fn keep_all(&mut self) {
         if let Some(path) = self.path.samples() {
             self.keeping.hurry(path.counters().readings);
@@ -455,7 +456,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Bytes waiting to be sent.
+    /// Returns the number of bytes waiting to be sent.
     pub fn tx_pending(&self) -> usize {
         self.link.pending()
     }

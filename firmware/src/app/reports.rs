@@ -125,7 +125,8 @@ impl<P: DerefMut<Target = Path>> App<P> {
         report
     }
 
-    /// A row of the factor. `None` if there is no such row, or nothing is estimated. A tree's is taken out.
+    /// Returns a row of the factor. `None` if there is no such row, or nothing is estimated. A tree's is
+    /// taken out.
     pub(super) fn take_row(&mut self, row: u8) -> Option<FactorRow> {
         if let Some(path) = self.path.samples() {
             let row = path.row(row)?;

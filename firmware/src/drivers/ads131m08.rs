@@ -122,14 +122,15 @@ pub struct AdcFrame {
 }
 
 impl AdcFrame {
-    /// The first six channels in volts at the converter's input, amplified by the `gain` of [`AdcConfig`].
+    /// Returns the first six channels in volts at the converter's input, amplified by the `gain` of
+    /// [`AdcConfig`].
     pub fn gauges_v(&self, gain: u8) -> [f32; 6] {
         let volts = FULL_SCALE_V / FULL_SCALE_CODES / f32::from(gain);
         let [a, b, c, d, e, f, _, _] = self.codes;
         [a, b, c, d, e, f].map(|code| code as f32 * volts)
     }
 
-    /// The seventh channel in volts at the converter's input: what a divider leaves of the gauges'
+    /// Returns the seventh channel in volts at the converter's input: what a divider leaves of the gauges'
     /// excitation. It is not amplified.
     pub fn excitation_v(&self) -> f32 {
         let [.., excitation, _] = self.codes;
@@ -145,12 +146,12 @@ pub struct Ads131m08<SPI> {
 }
 
 impl<SPI: SpiDevice> Ads131m08<SPI> {
-    /// A driver on this bus; nothing is sent yet.
+    /// Returns a driver on this bus; nothing is sent yet.
     pub const fn new(spi: SPI) -> Self {
         Self { spi, crc_errors: 0 }
     }
 
-    /// Frames whose CRC did not fit, since this driver was made.
+    /// Returns the number of frames whose CRC did not fit, since this driver was made.
     pub const fn crc_errors(&self) -> u32 {
         self.crc_errors
     }
@@ -324,12 +325,12 @@ fn refused<E>(status: u16) -> AdcError<E> {
     }
 }
 
-/// 4.096 MHz / (128 · 2^code); the faster half of the rates is not used.
+/// Returns the code for 4.096 MHz / (128 · 2^code); the faster half of the rates is not used.
 fn oversampling_code(rate_hz: u32) -> Option<u16> {
     (3..8).find(|code| 32_000 >> code == rate_hz)
 }
 
-/// A frame with one command word and its CRC.
+/// Returns a frame with one command word and its CRC.
 const fn command(word: u16) -> [u8; FRAME] {
     let mut frame = [0; FRAME];
     let [a, b] = word.to_be_bytes();
@@ -338,12 +339,12 @@ const fn command(word: u16) -> [u8; FRAME] {
     frame
 }
 
-/// A frame that asks for one register.
+/// Returns a frame that asks for one register.
 fn read_command(register: u8) -> [u8; FRAME] {
     command(0b101 << 13 | u16::from(register) << 7)
 }
 
-/// A frame that writes one register, and the CRC over both words.
+/// Returns a frame that writes one register, and the CRC over both words.
 fn write_command(register: u8, value: u16) -> [u8; FRAME] {
     let mut frame = [0; FRAME];
     put(&mut frame, 0, 0b011 << 13 | u16::from(register) << 7);
@@ -366,7 +367,7 @@ fn put(frame: &mut [u8; FRAME], index: usize, word: u16) {
     }
 }
 
-/// A frame's ten words.
+/// Returns a frame's ten words.
 fn words(frame: &[u8; FRAME]) -> [u32; CHANNELS + 2] {
     let mut words = [0; CHANNELS + 2];
     for (word, [a, b, c]) in words.iter_mut().zip(frame.as_chunks::<WORD>().0) {

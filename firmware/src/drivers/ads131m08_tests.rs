@@ -14,7 +14,7 @@ use super::*;
 const CONFIG: AdcConfig = AdcConfig { rate_hz: 1000, gain: 64 };
 const FRAME_BITS: usize = 240;
 
-/// Polynomial division, one bit at a time.
+/// Divides the polynomials, one bit at a time.
 fn crc_ccitt(bytes: &[u8]) -> u16 {
     let mut remainder = 0xffff_u16;
     for bit in bytes.iter().flat_map(|byte| (0..8).rev().map(move |i| byte >> i & 1 == 1)) {

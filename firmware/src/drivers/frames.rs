@@ -33,7 +33,7 @@ pub enum AnyFrame<'a> {
 }
 
 impl<'a> AnyFrame<'a> {
-    /// The frame of the wanted kind that `bytes` begin with.
+    /// Returns the frame of the wanted kind that `bytes` begin with.
     ///
     /// # Errors
     /// See [`TreeFrame::decode`].
@@ -60,7 +60,7 @@ pub struct FrameSource<SPI> {
 }
 
 impl<SPI: SpiDevice> FrameSource<SPI> {
-    /// On this bus. Nothing is sent yet.
+    /// Makes a source on this bus. Nothing is sent yet.
     pub fn new(spi: SPI) -> Self {
         Self { spi, bytes: [0; MAX_TREE_FRAME] }
     }

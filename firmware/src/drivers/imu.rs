@@ -239,7 +239,7 @@ pub struct Imu<SPI: ErrorType> {
 }
 
 impl<SPI: SpiDevice> Imu<SPI> {
-    /// A driver on this bus; nothing is sent yet.
+    /// Returns a driver on this bus; nothing is sent yet.
     pub const fn new(spi: SPI) -> Self {
         let wire = Wire { spi, initialises: false, failed: None };
         let (rate, next_setting) = (OutputDataRate::Hz1000, 0);
@@ -256,7 +256,7 @@ impl<SPI: SpiDevice> Imu<SPI> {
         self.overflows
     }
 
-    /// Samples passed over because a later one was already there.
+    /// Returns the number of samples passed over because a later one was already there.
     pub const fn skipped(&self) -> u32 {
         self.skipped
     }
@@ -366,7 +366,7 @@ impl<SPI: SpiDevice> Imu<SPI> {
     }
 }
 
-/// The newest sample in the FIFO; older ones are counted.
+/// Returns the newest sample in the FIFO; older ones are counted.
 fn newest<SPI: SpiDevice>(
     driver: &mut ICM42688<Wire<SPI>, Ready>,
     skipped: &mut u32,
@@ -390,9 +390,9 @@ fn newest<SPI: SpiDevice>(
     Ok(newest)
 }
 
-/// The published driver takes the 16 temperature bits of a 20-bit packet as unsigned and scales them like the
-/// 8 bits of the short packets, 2.07 per °C. Back to the bits (a half is added to round), and on by 132.48
-/// per °C.
+/// Returns the temperature, °C. The published driver takes the 16 temperature bits of a 20-bit packet as
+/// unsigned and scales them like the 8 bits of the short packets, 2.07 per °C. Back to the bits (a half is
+/// added to round), and on by 132.48 per °C.
 fn temperature_c(as_short_packet_c: f32) -> f32 {
     let bits = ((as_short_packet_c - 25.0) * 2.07 + 0.5) as u16;
     f32::from(bits.cast_signed()) / 132.48 + 25.0

@@ -107,7 +107,7 @@ impl DelayNs for Clock {
     }
 }
 
-/// A packet of 20-bit codes, as the data sheet lays it out.
+/// Returns a packet of 20-bit codes, as the data sheet lays it out.
 fn packet(accel: [i32; 3], gyro: [i32; 3], temperature: i16) -> [u8; 20] {
     let mut bytes = Vec::from([0x78]);
     for code in accel.iter().chain(&gyro) {

@@ -92,7 +92,7 @@ impl From<Error<GuardedError>> for JournalError {
     }
 }
 
-/// A future that waits for nothing.
+/// Runs a future that waits for nothing.
 fn at_once<T>(future: impl Future<Output = Result<T, Error<GuardedError>>>) -> Result<T, JournalError> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(result) => result.map_err(JournalError::from),
@@ -114,7 +114,7 @@ type Uncached = Cache<
 >;
 
 impl<'f, F: NorFlash> Journal<'f, F> {
-    /// The journal in this part of the flash: whole sectors, two at least.
+    /// Returns the journal in this part of the flash: whole sectors, two at least.
     pub(super) fn new(flash: &'f mut Guarded<F>, range: Range<u32>) -> Result<Self, JournalError> {
         let config = QueueConfig::try_new(range).map_err(|_| JournalError::Damaged)?;
         Ok(Self { queue: QueueStorage::new(flash, config, Cache::new_uncached()) })
@@ -126,7 +126,7 @@ impl<'f, F: NorFlash> Journal<'f, F> {
         at_once(self.queue.push(record, allowed))
     }
 
-    /// Bytes for further records, sectors that would have to be erased left out.
+    /// Returns the number of bytes for further records, sectors that would have to be erased left out.
     #[inline(never)]
     pub(super) fn room(&mut self) -> Result<u32, JournalError> {
         at_once(self.queue.space_left())

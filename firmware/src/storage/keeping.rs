@@ -111,7 +111,7 @@ impl Keeping {
         (self.kept, self.looked) = (kept, true);
     }
 
-    /// A run begins whose settings are to be stored.
+    /// Receives that a run begins whose settings are to be stored.
     pub(crate) fn configured(&mut self, rate_hz: f32) {
         if !cfg!(feature = "storage") {
             return;
@@ -122,7 +122,7 @@ impl Keeping {
         self.every = (rate_hz * EVERY_S) as u32;
     }
 
-    /// The settings are stored, or not: without them no checkpoint is.
+    /// Receives that the settings are stored, or not: without them no checkpoint is.
     pub(crate) fn begun(&mut self, run: Option<KeptRun>, room: u32) {
         self.settings_are_new = false;
         self.kept = run.map_or(Kept::Damaged, Kept::Run);
@@ -133,7 +133,7 @@ impl Keeping {
         self.resumption = Some(resumption);
     }
 
-    /// The host was answered.
+    /// Receives that the host was answered.
     pub(crate) fn answered(&mut self) {
         self.resumption = None;
     }
@@ -163,7 +163,7 @@ impl Keeping {
         }
     }
 
-    /// One is due now, if there is anything new.
+    /// Makes a checkpoint due now, if there is anything new.
     pub(crate) fn hurry(&mut self, readings: u32) {
         if !cfg!(feature = "storage") {
             return;
@@ -199,7 +199,7 @@ impl Keeping {
         self.phase == Phase::Folding
     }
 
-    /// The snapshot is taken.
+    /// Receives that the snapshot is taken.
     pub(crate) fn begin(&mut self) {
         self.phase = Phase::Folding;
     }
@@ -208,14 +208,15 @@ impl Keeping {
         self.phase = Phase::Ready;
     }
 
-    /// Somebody else has taken a snapshot.
+    /// Receives that somebody else has taken a snapshot.
     pub(crate) fn again(&mut self) {
         if self.needs_snapshot() {
             self.phase = Phase::Due;
         }
     }
 
-    /// The checkpoint has taken this many bytes of flash; none: there is no room, or it cannot be written.
+    /// Receives that the checkpoint has taken this many bytes of flash; none: there is no room, or it cannot
+    /// be written.
     pub(crate) fn written(&mut self, bytes: Option<u32>) {
         self.phase = Phase::Rest;
         let Kept::Run(run) = &mut self.kept else { return };

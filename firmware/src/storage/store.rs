@@ -76,7 +76,7 @@ pub struct Store<F> {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// A store in this part of a flash. Nothing is read yet.
+    /// Returns a store in this part of a flash. Nothing is read yet.
     ///
     /// # Errors
     /// [`LayoutError`] if the layout does not fit the flash.
@@ -202,7 +202,7 @@ impl<F: NorFlash> Store<F> {
         Ok(KeptRun { run, ..KeptRun::default() })
     }
 
-    /// From the record of the new run on all checkpoints are void: half of the room is to be free.
+    /// Makes half of the room free: from the record of the new run on all checkpoints are void.
     fn prepare(&mut self) -> Result<(), StoreError> {
         let range = self.layout.checkpoints.clone();
         let half = (range.end - range.start) / 2;
@@ -213,7 +213,7 @@ impl<F: NorFlash> Store<F> {
         Ok(journal.erase()?)
     }
 
-    /// Bytes in which checkpoints are stored.
+    /// Returns the number of bytes in which checkpoints are stored.
     pub fn checkpoint_bytes(&self) -> u32 {
         self.layout.checkpoints.end - self.layout.checkpoints.start
     }
@@ -240,7 +240,7 @@ impl<F: NorFlash> Store<F> {
         Ok(took)
     }
 
-    /// The settings of the run with this number.
+    /// Returns the settings of the run with this number.
     ///
     /// # Errors
     /// [`StoreError::NoSuchRun`] if the last run stored is another one.
@@ -256,7 +256,7 @@ impl<F: NorFlash> Store<F> {
         postcard::from_bytes(record.payload).map_err(|_| StoreError::Damaged)
     }
 
-    /// The last checkpoint of a run, and the factor's numbers; `None` if there is none.
+    /// Returns the last checkpoint of a run, and the factor's numbers; `None` if there is none.
     ///
     /// # Errors
     /// [`StoreError`] says why it cannot be read.
@@ -299,7 +299,7 @@ fn kept_settings(bytes: &[u8], writer: Writer) -> Kept {
     }
 }
 
-/// A checkpoint of this run, if the bytes are one.
+/// Returns a checkpoint of this run, if the bytes are one.
 fn checkpoint(bytes: &[u8], writer: Writer, run: u32) -> Option<(CheckpointHead, &[u8])> {
     let record = record::open(bytes, RecordKind::Checkpoint, writer).ok().filter(|r| r.run == run)?;
     postcard::take_from_bytes(record.payload).ok()

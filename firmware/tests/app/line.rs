@@ -7,7 +7,7 @@ use super::{Host, settings};
 const RATE: Command = Command::LineRate { baud: 2_000_000 };
 const LONG_NS: u64 = LINE_RATE_MS as u64 * 1_000_000;
 
-/// Set to a robot to watch, on a board whose line goes up to 3 MBd.
+/// Returns a host set to a robot to watch, on a board whose line goes up to 3 MBd.
 fn configured() -> Host {
     let mut host = Host::new();
     host.app.line_goes_up_to(3_000_000);

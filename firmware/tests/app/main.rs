@@ -51,7 +51,7 @@ fn settings(source: Source) -> Settings {
     }
 }
 
-/// A 2 kg point mass at (0, 0, 0.1) m whose frame turns and sways.
+/// Returns a reading of a 2 kg point mass at (0, 0, 0.1) m whose frame turns and sways.
 fn reading(n: u32) -> ReadingMessage {
     let t = f64::from(n) / 200.0;
     let w: [f64; 3] = [(1.9 * t).sin(), 0.8 * (2.7 * t).cos(), 0.7 * (3.3 * t).sin()];
@@ -100,7 +100,7 @@ impl Host {
         }
     }
 
-    /// Everything that has been sent; telemetry is set aside. Every frame must be whole.
+    /// Returns everything that has been sent; telemetry is set aside. Every frame must be whole.
     fn drain(&mut self) -> Vec<(u16, Answer)> {
         let mut answers = Vec::new();
         let mut bytes = [0; 512];
@@ -346,7 +346,7 @@ fn impossible_settings_are_named_and_change_nothing() {
     }
 }
 
-/// A stop rule for the mass alone.
+/// Returns a stop rule for the mass alone.
 fn mass_to(u95: f32) -> StopRule {
     let mut limit = StopLimit { u95, ..StopLimit::default() };
     limit.add(0);

@@ -17,7 +17,7 @@ const CHANGE: u32 = 5 * RATE_HZ;
 const MASS_KG: f32 = 2.0;
 const MORE_KG: f32 = 0.5;
 
-/// A body and a plate that is welded to it, on one sensor.
+/// Returns a robot of a body and a plate that is welded to it, on one sensor.
 fn robot() -> Settings {
     let robot = WatchSettings {
         links: 2,
@@ -48,7 +48,7 @@ fn link(parameters: [f32; 10]) -> WatchLinkSettings {
     }
 }
 
-/// In [−1, 1): a hash of its number (Wang's), so that a frame is the same in every run.
+/// Returns a number in [−1, 1): a hash of its own number (Wang's), so that a frame is the same in every run.
 fn noise(number: u32) -> f32 {
     let mut x = (number ^ 61) ^ (number >> 16);
     x = x.wrapping_mul(9);
@@ -56,7 +56,8 @@ fn noise(number: u32) -> f32 {
     (x ^ (x >> 15)) as f32 / 2_147_483_648.0 - 1.0
 }
 
-/// Of a point mass in the sensor's origin that is shaken and turned: force is mass times specific force.
+/// Returns the payload of a point mass in the sensor's origin that is shaken and turned: force is mass times
+/// specific force.
 fn payload(number: u32) -> Vec<u8> {
     let t = number as f32 / RATE_HZ as f32;
     let shaken = [3.0 * (7.0 * t).sin(), 2.0 * (11.0 * t).cos(), 9.8 + 2.0 * (5.0 * t).sin()];

@@ -5,17 +5,18 @@
 use rigident_shared::factor::{BodyCascade, InformationFactor};
 use rigident_shared::spatial::Position;
 
-/// Digests: of a body's cascade of 10 and of 16 parameters, of factors of 19 and 25 parameters.
+/// Returns the digests of a body's cascade of 10 and of 16 parameters, and of factors of 19 and 25
+/// parameters.
 pub fn digests() -> [u32; 4] {
     [body::<10>(), body::<16>(), given::<19>(), given::<25>()]
 }
 
-/// A value between −1 and 1, different for each number.
+/// Returns a value between −1 and 1, different for each number.
 fn value(number: u32) -> f32 {
     (number.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// FNV-1a over the bits of the factor's entries.
+/// Returns FNV-1a over the bits of the factor's entries.
 fn digest<const N: usize>(factor: &InformationFactor<f32, N>) -> u32 {
     let rows = (0..N).flat_map(|i| factor.row(i));
     rows.chain([factor.residual_sum_of_squares()])

@@ -11,7 +11,7 @@ pub struct Ring<const N: usize> {
 }
 
 impl<const N: usize> Ring<N> {
-    /// An empty ring.
+    /// Returns an empty ring.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N.is_power_of_two(), "the indices wrap by masking") };
@@ -22,7 +22,7 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// Bytes held.
+    /// Returns the number of bytes held.
     pub fn len(&self) -> usize {
         self.pushed.load(Ordering::Acquire).wrapping_sub(self.popped.load(Ordering::Acquire))
     }
@@ -32,7 +32,7 @@ impl<const N: usize> Ring<N> {
         self.len() == 0
     }
 
-    /// Bytes that fit.
+    /// Returns the number of bytes that fit.
     pub fn room(&self) -> usize {
         N - self.len()
     }

@@ -37,8 +37,8 @@ pub fn guard() {
     GUARDED.store(from + GUARD, Ordering::Relaxed);
 }
 
-/// Deepest use and size of the stack, bytes. A frame that skipped over painted words without touching them is
-/// not seen.
+/// Returns deepest use and size of the stack, bytes. A frame that skipped over painted words without touching
+/// them is not seen.
 pub fn high_water_and_size() -> (usize, usize) {
     let (end, first) = (&raw const _stack_end, &raw const _stack_start);
     // What the guard takes cannot be read, and is no room.

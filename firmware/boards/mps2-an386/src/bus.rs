@@ -71,7 +71,7 @@ impl Pipes {
         PollAnswer::decode(answer).unwrap_or_else(|| exit::bus_gone())
     }
 
-    /// One request to the flash. Whether it was done.
+    /// Makes one request to the flash. Returns true if it was done.
     #[cfg(feature = "storage")]
     pub fn flash(&mut self, operation: FlashOperation, offset: u32, data: Data<'_>) -> bool {
         let count = match &data {
@@ -95,7 +95,7 @@ impl Pipes {
         answer.first() == Some(&FLASH_DONE)
     }
 
-    /// One transfer under one chip select: the parts in order, zeros sent where a part only reads.
+    /// Makes one transfer under one chip select: the parts in order, zeros sent where a part only reads.
     fn transfer(&mut self, device: Operation, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), ErrorKind> {
         let length = parts.iter().map(|part| sent(part).1).sum::<usize>();
         let header = RequestHeader { operation: device, length: u16::try_from(length).unwrap_or(u16::MAX) };
@@ -174,22 +174,22 @@ pub struct Sensor<'a> {
 }
 
 impl<'a> Sensor<'a> {
-    /// The load cell's converter.
+    /// Returns the load cell's converter.
     pub fn load_cell(pipes: &'a RefCell<Pipes>) -> Self {
         Self { pipes, select: Operation::TransferLoadCell }
     }
 
-    /// The IMU.
+    /// Returns the IMU.
     pub fn imu(pipes: &'a RefCell<Pipes>) -> Self {
         Self { pipes, select: Operation::TransferImu }
     }
 
-    /// The second link's IMU.
+    /// Returns the second link's IMU.
     pub fn second_imu(pipes: &'a RefCell<Pipes>) -> Self {
         Self { pipes, select: Operation::TransferSecondImu }
     }
 
-    /// The source of frames.
+    /// Returns the source of frames.
     pub fn frames(pipes: &'a RefCell<Pipes>) -> Self {
         Self { pipes, select: Operation::TransferFrame }
     }

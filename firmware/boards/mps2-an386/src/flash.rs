@@ -32,7 +32,8 @@ impl NorFlashError for Failed {
     }
 }
 
-/// A store in that flash: half of it for settings, half for checkpoints. `None` if that does not fit it.
+/// Returns a store in that flash: half of it for settings, half for checkpoints. `None` if that does not fit
+/// it.
 pub fn store(pipes: &RefCell<Pipes>) -> Option<Store<Flash<'_>>> {
     const HALF: u32 = (SECTOR_BYTES * SECTORS / 2) as u32;
     Store::new(Flash(pipes), Layout { settings: 0..HALF, checkpoints: HALF..2 * HALF }).ok()

@@ -93,8 +93,8 @@ fn instrument(pipes: &'static RefCell<Pipes>) -> &'static mut Board {
     singleton!(: Board = Instrument::new("mps2-an386", path, buses, NoWait)).expect("taken once")
 }
 
-/// Longer than the two instructions of Arm's erratum 776924 of the Cortex-M4: a result of a division may be
-/// lost by them.
+/// Handles the core's timer. It is longer than the two instructions of Arm's erratum 776924 of the Cortex-M4:
+/// a result of a division may be lost by them.
 #[exception]
 fn SysTick() {
     core::hint::black_box([0_u32; 4]);

@@ -48,7 +48,7 @@ pub fn start() {
     unmask(SENT);
 }
 
-/// Bytes from the host into `buffer`; how many there were.
+/// Takes bytes from the host into `buffer`. Returns their number.
 pub fn receive(buffer: &mut [u8]) -> usize {
     let n = QUEUES.receive(buffer);
     if n > 0 {
@@ -72,7 +72,8 @@ pub fn flush() {
     }
 }
 
-/// Interrupt: takes one byte, and masks itself while there is no room for it: the sender is then held up.
+/// Takes one byte in an interrupt, and masks the interrupt while there is no room for it: the sender is then
+/// held up.
 pub fn on_received() {
     if QUEUES.from_host.room() == 0 {
         mask(RECEIVED);
@@ -86,7 +87,7 @@ pub fn on_received() {
     }
 }
 
-/// Interrupt: sends until the port or the queue says stop.
+/// Sends in an interrupt until the port or the queue says stop.
 pub fn on_sent() {
     write(INTERRUPT, TRANSMIT_INTERRUPT);
     while read(STATE) & TRANSMIT_FULL == 0 {

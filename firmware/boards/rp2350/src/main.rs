@@ -90,7 +90,7 @@ fn main() -> ! {
     }
 }
 
-/// The application where it stays: made on a stack of its own, which is gone afterwards.
+/// Returns the application where it stays: made on a stack of its own, which is gone afterwards.
 #[inline(never)]
 fn instrument() -> &'static mut Board {
     let path = singleton!(: Path = Path::EMPTY).expect("taken once");
@@ -98,9 +98,9 @@ fn instrument() -> &'static mut Board {
     singleton!(: Board = Instrument::new("rp2350", path, buses, NoWait)).expect("taken once")
 }
 
-/// Crystal, PLL, and what runs by them; frequency of the core, Hz, and where it comes from. The chip's ring
-/// oscillator, whose frequency nobody knows, is left to run where the crystal does not start: the port is
-/// then silent.
+/// Starts crystal, PLL, and what runs by them. Returns the frequency of the core, Hz, and its source. The
+/// chip's ring oscillator, whose frequency nobody knows, is left to run where the crystal does not start: the
+/// port is then silent.
 fn clocks() -> (u32, ClockSource) {
     const RING_HZ: u32 = 11_000_000;
     // IO_BANK0, PADS_BANK0, PLL_SYS, TIMER0, UART0.

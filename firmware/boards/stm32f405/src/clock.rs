@@ -59,7 +59,8 @@ pub fn start() -> Clocks {
     clocks
 }
 
-/// The chip's own loader leaves its PLL on and the core on it, and its peripherals running.
+/// Sets the clocks as after a reset: the chip's own loader leaves its PLL on and the core on it, and its
+/// peripherals running.
 fn as_after_a_reset() {
     RCC_CR.change(0, HSION);
     wait_for(RCC_CR, HSIRDY, HSIRDY, PLL_LOOKS);

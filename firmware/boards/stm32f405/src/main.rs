@@ -38,7 +38,7 @@ fn main() -> ! {
     }
 }
 
-/// The application where it stays: made on a stack of its own, which is gone afterwards.
+/// Returns the application where it stays: made on a stack of its own, which is gone afterwards.
 #[inline(never)]
 fn instrument() -> (&'static mut Board, &'static Place) {
     let place: &'static Place = singleton!(: Place = Place::new(None)).expect("taken once");
@@ -46,8 +46,8 @@ fn instrument() -> (&'static mut Board, &'static Place) {
     (singleton!(: Board = program::instrument(path, place)).expect("taken once"), place)
 }
 
-/// A handler of one or two instructions may lose the result of a division or root that it interrupts (Arm's
-/// erratum 776924 of the Cortex-M4, revision r0p1): this one is longer.
+/// Handles the core's timer. A handler of one or two instructions may lose the result of a division or root
+/// that it interrupts (Arm's erratum 776924 of the Cortex-M4, revision r0p1): this one is longer.
 #[exception]
 fn SysTick() {
     program::on_timer();

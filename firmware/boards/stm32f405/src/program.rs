@@ -214,12 +214,12 @@ fn send(instrument: &mut Board, chunk: &mut [u8]) {
     }
 }
 
-/// Interrupt of the core's timer.
+/// Handles the interrupt of the core's timer.
 pub fn on_timer() {
     sensors::on_look();
 }
 
-/// Interrupt of this number: each handler touches what its module keeps for it.
+/// Handles the interrupt of this number: each handler touches what its module keeps for it.
 pub fn on_interrupt(line: u16) {
     match line {
         lines::EXTI1 | lines::EXTI15_10 => sensors::on_edges(),

@@ -79,7 +79,7 @@ pub fn listen(sensors: [bool; 3]) {
     serve(|capture| capture.listen(sensors));
 }
 
-/// Interrupt: edges have come.
+/// Handles the interrupt of edges that have come.
 pub fn on_edges() {
     let pending = EXTI_PR.read();
     for (sensor, pin, channel) in EDGES {
@@ -94,7 +94,7 @@ pub fn on_edges() {
     }
 }
 
-/// Interrupt: a transfer has ended.
+/// Handles the interrupt of a transfer that has ended.
 pub fn on_transferred() {
     if !spi::has_ended() {
         // Of a transfer that was given up meanwhile.
@@ -108,8 +108,8 @@ pub fn on_transferred() {
     }
 }
 
-/// Interrupt, every millisecond: gives up a transfer that does not end, and tries a bus again that has
-/// failed.
+/// Handles the interrupt of every millisecond: gives up a transfer that does not end, and tries a bus again
+/// that has failed.
 pub fn on_look() {
     let overdue = interrupts::free(|section| {
         CAPTURE.borrow(section).borrow_mut().as_mut().is_some_and(Capture::on_look)

@@ -38,7 +38,7 @@ const CLOCK_LOST: u32 = 3;
 #[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.rigident_events"))]
 pub static EVENTS: EventRoom = EventRoom::empty();
 
-/// FNV-1a of 32 bits, of words or of bytes.
+/// Returns FNV-1a of 32 bits, of words or of bytes.
 fn digest(items: impl Iterator<Item = u32>) -> u32 {
     items.fold(0x811c_9dc5, |hash, item| (hash ^ item).wrapping_mul(0x0100_0193))
 }
@@ -129,7 +129,7 @@ pub(crate) fn digest_of(name: &str) -> u32 {
     digest(name.bytes().map(u32::from))
 }
 
-/// Interrupt that cannot be masked.
+/// Handles the interrupt that cannot be masked.
 pub fn on_not_maskable() {
     if clock::crystal_has_stopped() {
         // The chip runs on at 16 MHz, with all times wrong: it starts anew.

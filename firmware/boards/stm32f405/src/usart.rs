@@ -85,8 +85,9 @@ pub fn send() {
     pend(lines::USART2);
 }
 
-/// Interrupt: takes what has come and sends what can be sent. A full queue leaves a byte where it is; the
-/// next one overruns it, which is counted, and the host repeats a command that is not answered.
+/// Handles the port's interrupt: takes bytes that have come and sends those that can be sent. A full queue
+/// leaves a byte where it is; the next one overruns it, which is counted, and the host repeats a command that
+/// is not answered.
 pub fn on_interrupt() {
     let mut listen = true;
     loop {

@@ -21,7 +21,7 @@ unsafe extern "C" {
     fn householder_128(triangle: *mut f32, rows: *mut Rows<128>);
 }
 
-/// Every size.
+/// Measures every size.
 pub fn all(bench: &mut Bench) {
     one::<10, 70>(bench, householder_10);
     one::<16, 68>(bench, householder_16);
@@ -66,9 +66,9 @@ fn one<const N: usize, const BLOCKS: usize>(bench: &mut Bench, householder: Hous
     });
 }
 
-/// Rows of R are equal up to their sign, which C does not keep: each entry within what `blocks` reflections
-/// of a column can round, ε for each of their rows, times the largest condition number of such random rows,
-/// about 10.
+/// Returns true if rows of R are equal up to their sign, which C does not keep: each entry within the
+/// rounding of `blocks` reflections of a column, ε for each of their rows, times the largest condition number
+/// of such random rows, about 10.
 fn equal_to_rounding<const N: usize>(c: &[f32], factor: &InformationFactor<f32, N>, blocks: usize) -> bool {
     // Nothing is copied: at N = 128 a triangle is half of the RAM.
     let triangle = (0..N).flat_map(|i| (i..N).map(move |j| (i, j)));

@@ -24,8 +24,8 @@ struct Sample {
     wrench: [f32; 6],
 }
 
-/// One sample at full weight into the cascade: products of the rates, lever arm, regressor, whitening,
-/// reduction, merges of full levels.
+/// Measures one sample at full weight into the cascade: products of the rates, lever arm, regressor,
+/// whitening, reduction, merges of full levels.
 #[inline(never)]
 pub fn body<const N: usize>(bench: &mut Bench) {
     let samples = samples();
@@ -54,7 +54,7 @@ pub fn body<const N: usize>(bench: &mut Bench) {
     black_box(&cascade);
 }
 
-/// A motion without zeros: each channel a different triangle wave.
+/// Returns a motion without zeros: each channel a different triangle wave.
 fn samples() -> [Sample; SAMPLES] {
     core::array::from_fn(|k| {
         let wave = |period: usize, amplitude: f32| {
@@ -125,9 +125,9 @@ pub fn block_of<const N: usize>([first, second]: &[Rows<N>; 2]) -> Block<f32, N>
     }
 }
 
-/// Six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted from where
-/// the factor has its full rank, since columns that find no row left cost nothing. The rows are where they
-/// are absorbed from: nothing is copied within the count.
+/// Measures six dense rows into one factor, `BLOCKS` times, every second time with the six before; counted
+/// from where the factor has its full rank, since columns that find no row left cost nothing. The rows are
+/// where they are absorbed from: nothing is copied within the count.
 #[inline(never)]
 pub fn dense<const N: usize, const BLOCKS: usize>(bench: &mut Bench) {
     with_rows::<N, BLOCKS>(|factor, rows| {
@@ -159,7 +159,7 @@ pub fn dense<const N: usize, const BLOCKS: usize>(bench: &mut Bench) {
     });
 }
 
-/// Numbers in [−1, 1), the same in every run.
+/// Returns a source of numbers in [−1, 1), the same in every run.
 fn random() -> impl FnMut() -> f32 {
     let mut state = 7_u32;
     move || {

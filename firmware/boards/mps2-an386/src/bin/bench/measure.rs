@@ -125,7 +125,7 @@ fn ticks(run: impl FnOnce()) -> u32 {
     before.wrapping_sub(SYST::get_current()) & TICKS
 }
 
-/// Times a loop of a known number of instructions.
+/// Times a loop of a known number of instructions. Returns true if the clock counts them.
 fn clock_counts_instructions() -> bool {
     const ROUNDS: u32 = 400_000;
     let measured = ticks(|| {

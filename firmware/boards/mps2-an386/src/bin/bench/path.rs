@@ -31,8 +31,8 @@ const WORDS: usize = 64;
 const TWO_LINKS: usize = 19;
 const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
-/// One IMU reading and one of the load cell, as decoded from the bus, through everything that the application
-/// does with them, its work after each event included.
+/// Measures one IMU reading and one of the load cell, as decoded from the bus, through everything that the
+/// application does with them, its work after each event included.
 #[inline(never)]
 pub fn decoded(bench: &mut Bench, path: &mut Path, n: usize) {
     telling(bench, path, "path", n, SILENT, SEARCH, |_| ());
@@ -52,7 +52,7 @@ pub fn with_telemetry(bench: &mut Bench, path: &mut Path, n: usize) {
     }
 }
 
-/// `after` is called after each sample.
+/// Measures the path with this telemetry. `after` is called after each sample.
 #[inline(never)]
 fn telling(
     bench: &mut Bench,
@@ -136,7 +136,7 @@ fn instrument_of(
     Instrument::new("bench", path, buses, sensors::NoWait)
 }
 
-/// One frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128
+/// Measures one frame of the 34-DOF human from the bytes on the bus through the driver to the factor of 128
 /// parameters: every second frame reduces twelve rows. Of a tracked base its rows are those of nine frames
 /// under the filter.
 #[inline(never)]
@@ -159,8 +159,8 @@ pub fn frames(bench: &mut Bench, path: &mut Path, tracked: bool) {
     check_running(instrument.app());
 }
 
-/// One frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty take a
-/// step of the test along.
+/// Measures one frame of a humanoid of 30 links that is watched, from the bytes on the link; twenty of fifty
+/// take a step of the test along.
 #[inline(never)]
 #[cfg(feature = "watch")]
 pub fn watch(bench: &mut Bench, path: &mut Path) {
@@ -224,7 +224,7 @@ pub fn watch(bench: &mut Bench, path: &mut Path) {
     check_running(instrument.app());
 }
 
-/// The 34-DOF human: ten spherical joints, knees and elbows about y.
+/// Returns the settings of the 34-DOF human: ten spherical joints, knees and elbows about y.
 fn tree(tracked: bool) -> Settings {
     const PARENTS: [u8; sensors::TREE_LINKS] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
     let links = PARENTS.iter().enumerate().map(|(i, parent)| LinkSettings {

@@ -188,7 +188,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Room for the frames.
+    /// Returns room for the frames.
     fn place() -> &'static mut [[u8; MAX_TREE_FRAME]; FRAMES] {
         let place = FRAMES_AT as *mut [[u8; MAX_TREE_FRAME]; FRAMES];
         // SAFETY: the board has RAM there, nothing is linked to it, bytes need no alignment, and no other
@@ -246,8 +246,8 @@ pub struct Streamed {
 
 #[cfg(feature = "watch")]
 impl Streamed {
-    /// Each number a different triangle wave, as of a motion. Sequence numbers go round with the frames: each
-    /// is newer than the last.
+    /// Makes the frames: each number is a different triangle wave, as of a motion. Sequence numbers go round
+    /// with the frames: each is newer than the last.
     pub fn new() -> Self {
         const STEP: usize = (1 << 16) / FRAMES;
         let lines = Frames::place();
@@ -269,7 +269,7 @@ impl Streamed {
         Self { lines, next: 0 }
     }
 
-    /// The next one, up to its zero.
+    /// Returns the next frame, up to its zero.
     pub fn next(&mut self) -> &'static [u8] {
         let line = &self.lines[self.next];
         self.next = (self.next + 1) % FRAMES;
@@ -300,13 +300,13 @@ impl DelayNs for NoWait {
     fn delay_ns(&mut self, _: u32) {}
 }
 
-/// A triangle of ±2e5, in codes.
+/// Returns a triangle of ±2e5, in codes.
 fn wave(k: usize, period: usize) -> i32 {
     let phase = ((k * 7 + period) % period) as i32;
     400_000 * phase / period as i32 - 200_000
 }
 
-/// A frame with its CRC-16-CCITT.
+/// Returns a frame with its CRC-16-CCITT.
 fn sealed(mut frame: [u8; ADC_FRAME]) -> [u8; ADC_FRAME] {
     let (body, check) = frame.split_at_mut(ADC_FRAME - 3);
     let crc = body.iter().fold(0xFFFF_u16, |crc, byte| {
