@@ -16,7 +16,7 @@ const UR5: [[f64; 3]; 6] = [
 ];
 const HOME: [f64; 6] = [0.3, -1.3, 1.9, -2.2, -1.5, 0.4];
 
-/// The fixed part of a joint, which comes after its turn.
+/// Returns the fixed part of a joint, which comes after its turn.
 fn after([a, d, alpha]: [f64; 3]) -> Mounting {
     let (s, c) = (0.5 * alpha).sin_cos();
     Mounting { position_m: [a, 0.0, d], rotation_wxyz: [c, s, 0.0, 0.0] }
@@ -34,7 +34,7 @@ pub(crate) fn ur5() -> Arm {
     Arm { hinges: std::array::from_fn(hinge), flange: after(UR5[5]), home_rad: HOME, payload_kg: Some(5.0) }
 }
 
-/// The flange by the product of the parameters' matrices.
+/// Returns the flange by the product of the parameters' matrices.
 fn tool(q: &[f64; 6]) -> Matrix4<f64> {
     UR5.iter().zip(q).fold(Matrix4::identity(), |so_far, ([a, d, alpha], q)| {
         let ((st, ct), (sa, ca)) = (q.sin_cos(), alpha.sin_cos());

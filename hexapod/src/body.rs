@@ -25,8 +25,8 @@ pub struct BodyParameters {
 }
 
 impl BodyParameters {
-    /// The thesis' test body with its plates, lying across the platform: 20 kg (assumed; the bar alone is
-    /// 17.97 kg), centre of mass 53 mm above the load cell.
+    /// Returns the thesis' test body with its plates, lying across the platform: 20 kg (assumed; the bar
+    /// alone is 17.97 kg), centre of mass 53 mm above the load cell.
     pub fn thesis_horizontal() -> Self {
         Self {
             mass_kg: 20.0,
@@ -59,14 +59,14 @@ impl BodyParameters {
         eigen.max() >= 0.0 && eigen.min() >= -ROUNDED * eigen.max()
     }
 
-    /// The tensor about the centre of mass as a matrix, kg m².
+    /// Returns the tensor about the centre of mass as a matrix, kg m².
     pub fn inertia_com(&self) -> Matrix3<f64> {
         let [xx, yy, zz, yz, zx, xy] = self.inertia_com_kgm2;
         Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
     }
 
-    /// The tensor about S's origin, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²: parallel axes, a point mass at
-    /// the centre of mass added.
+    /// Returns the tensor about S's origin, `[Ixx, Iyy, Izz, Iyz, Izx, Ixy]`, kg m²: parallel axes, a point
+    /// mass at the centre of mass added.
     pub fn inertia_origin_kgm2(&self) -> [f64; 6] {
         let [x, y, z] = self.com_m;
         let m = self.mass_kg;
@@ -81,7 +81,7 @@ impl BodyParameters {
         ]
     }
 
-    /// The ten parameters about S's origin, `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
+    /// Returns the ten parameters about S's origin, `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
     pub fn parameters(&self) -> [f64; 10] {
         let m = self.mass_kg;
         let [x, y, z] = self.com_m;
@@ -101,8 +101,8 @@ impl BodyParameters {
         }
     }
 
-    /// Wrench on the body by the sensor side at S's origin, in S, that makes the body follow `motion`; N, N
-    /// m.
+    /// Returns the wrench on the body by the sensor side at S's origin, in S, that makes the body follow
+    /// `motion`; N, N m.
     ///
     /// In the earth's axes: `F = m (p̈_com − g)` and, about the centre of mass, `dL/dt = I_A α + ω × I_A ω`
     /// with `I_A = R I_c Rᵀ`. The moment is then moved to S's origin and both are turned into S.
@@ -138,7 +138,7 @@ pub struct FrameMotion {
 }
 
 impl FrameMotion {
-    /// The plate itself.
+    /// Returns the motion of the plate itself.
     pub fn of_plate(plate: &PlateState) -> Self {
         Self {
             position: plate.position,
@@ -150,8 +150,8 @@ impl FrameMotion {
         }
     }
 
-    /// Another frame fixed to the same rigid body: its origin at `offset` in this frame, its axes turned by
-    /// `rotation` (its axes to this frame's).
+    /// Returns the motion of another frame fixed to the same rigid body: its origin at `offset` in this
+    /// frame, its axes turned by `rotation` (its axes to this frame's).
     pub fn fixed_frame(&self, offset: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
         let arm = self.rotation * offset;
         let whirl = self.angular_rate.cross(&arm);
@@ -219,8 +219,8 @@ mod tests {
         FrameMotion::of_plate(&trajectory().state(t)).fixed_frame(&Vector3::new(0.01, 0.02, 0.06), &tilt)
     }
 
-    /// Point masses with the given total mass, centre of mass and inertia: six on the principal cross of a
-    /// Cholesky factor of the second moments. An oracle that knows neither tensors nor Euler's equation.
+    /// Returns point masses with the given total mass, centre of mass and inertia: six on the principal cross
+    /// of a Cholesky factor of the second moments. An oracle that knows neither tensors nor Euler's equation.
     fn point_masses(b: &BodyParameters) -> Vec<(f64, Vector3<f64>)> {
         let i = b.inertia_com();
         let second = Matrix3::identity() * (0.5 * i.trace()) - i;

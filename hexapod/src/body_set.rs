@@ -30,7 +30,7 @@ pub struct BodySet {
     pub and: Option<Box<BodySet>>,
 }
 
-/// The second moment `∫ r rᵀ dm` of a tensor: `½ tr(I) 1 − I`.
+/// Returns the second moment `∫ r rᵀ dm` of a tensor: `½ tr(I) 1 − I`.
 fn second_moment(phi: &Ten) -> Matrix3<f64> {
     let [.., xx, yy, zz, yz, zx, xy] = *phi;
     Matrix3::identity() * (0.5 * (xx + yy + zz)) - Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
@@ -238,8 +238,8 @@ impl BodySet {
     }
 }
 
-/// Returns, for each of the ten parameters in P, what a wrench `(u, v)` against the motion of the plate takes
-/// of it: the force and moment about P's origin that the parameter needs, times u and v (P).
+/// Returns, for each of the ten parameters in P, its part in a wrench `(u, v)` against the motion of the
+/// plate: the force and moment about P's origin that the parameter needs, times u and v (P).
 pub(super) fn linear_form(
     state: &PlateState,
     gravity: &Vector3<f64>,

@@ -73,7 +73,7 @@ impl Bulk {
         nearest
     }
 
-    /// The legs without their joints.
+    /// Returns the legs without their joints.
     fn legs(&self, base: &[Vector3<f64>; 6], legs: &Legs) -> [Bar; 6] {
         std::array::from_fn(|i| {
             let (n, length) = (legs.directions[i], legs.lengths[i]);
@@ -83,8 +83,8 @@ impl Bulk {
         })
     }
 
-    /// Change along the unit vector `e` of the place at `share` of a bar with the plate's position: that of a
-    /// leg's upper end is `dx − j dn`, of its lower `j dn`, `dn = (1 − n nᵀ) dx / l`.
+    /// Returns the change along the unit vector `e` of the place at `share` of a bar with the plate's
+    /// position: that of a leg's upper end is `dx − j dn`, of its lower `j dn`, `dn = (1 − n nᵀ) dx / l`.
     fn slope(&self, legs: &Legs, part: Part, share: f64, e: &Vector3<f64>) -> Vector3<f64> {
         match part {
             Part::Leg(leg) => {
@@ -98,7 +98,7 @@ impl Bulk {
         }
     }
 
-    /// Bound of the rate at which any distance changes, m/s, where plate joint `i` moves at most at
+    /// Returns a bound of the rate at which any distance changes, m/s, where plate joint `i` moves at most at
     /// `speeds[i]` and leg `i` is no shorter than `lengths[i]`: ends of legs are no faster than
     /// `u (1 + j/l)`.
     pub(super) fn rate(&self, speeds: &[f64; 6], lengths: &[f64; 6]) -> f64 {
@@ -107,7 +107,7 @@ impl Bulk {
     }
 }
 
-/// The bars between any two different joints.
+/// Returns the bars between any two different joints.
 fn chords(joints: [Vector3<f64>; 6], radius: f64, part: Part) -> impl Iterator<Item = Bar> {
     let first = move |i: usize| (0..i).all(|k| (joints[k] - joints[i]).norm() > SAME_M);
     (0..6).filter(move |i| first(*i)).flat_map(move |i| {
@@ -120,7 +120,7 @@ fn chords(joints: [Vector3<f64>; 6], radius: f64, part: Part) -> impl Iterator<I
     })
 }
 
-/// A lower bound of the distance of two axes: of the boxes about them.
+/// Returns a lower bound of the distance of two axes: of the boxes about them.
 fn apart(a: &Bar, b: &Bar) -> f64 {
     (0..3).fold(0.0_f64, |most, i| {
         let gap = (a.from[i].min(a.to[i]) - b.from[i].max(b.to[i]))

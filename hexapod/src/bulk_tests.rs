@@ -26,7 +26,8 @@ fn between(a: &Bar, b: &Bar, [s, t]: [f64; 2]) -> f64 {
     ((a.from + s * (a.to - a.from)) - (b.from + t * (b.to - b.from))).norm()
 }
 
-/// By alternate projection onto either segment: a convex problem, so it ends at the minimum.
+/// Minimises the distance by alternate projection onto either segment: a convex problem, so it ends at the
+/// minimum.
 fn minimised(a: &Bar, b: &Bar) -> f64 {
     let foot = |bar: &Bar, p: Vector3<f64>| {
         let d = bar.to - bar.from;

@@ -72,7 +72,7 @@ impl Geometry {
         arm.check(trajectory).map_err(limit)
     }
 
-    /// Quick where nothing is wrong.
+    /// Checks one instant; quick where nothing is wrong.
     fn kept_at(&self, state: &PlateState, load: Option<&Load>) -> Result<(), Violation> {
         if !self.has_joints() {
             return self.margins(state, None).check();

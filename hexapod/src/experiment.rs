@@ -23,8 +23,8 @@ const MOVE_RATE_RADPS: f64 = 1.1;
 /// Angular rate that each sine of the motion contributes, rad/s.
 const TERM_RATE_RADPS: f64 = 0.36;
 
-/// The default experiment of `duration_s`: from home through the five poses of Table 11, home again, a
-/// multisine on all six coordinates, and the first pose once more as a check for drift.
+/// Returns the default experiment of `duration_s`: from home through the five poses of Table 11, home again,
+/// a multisine on all six coordinates, and the first pose once more as a check for drift.
 ///
 /// The moves always take the same time; poses and multisine share the rest, the multisine gets most of it.
 /// Durations below [`SHORTEST_S`] are treated as that.
@@ -52,15 +52,15 @@ pub fn thesis_program(geometry: &Geometry, duration_s: f64) -> MotionProgram {
     MotionProgram { start: home, segments }
 }
 
-/// The quintic's peak rate is 15/8 of its mean.
+/// Returns the time of a move by the quintic's peak rate, 15/8 of its mean.
 fn move_s(from: &Pose, to: &Pose) -> f64 {
     let square: f64 = from.rpy_rad.iter().zip(to.rpy_rad).map(|(a, b)| (a - b).powi(2)).sum();
     1.875 * square.sqrt() / MOVE_RATE_RADPS
 }
 
-/// Three well separated frequencies on each angle and two on each translation, no two alike, all multiples of
-/// 0.05 Hz. With a single frequency a tilt's `I ω̇` and `mc × g` would be collinear. The phases were searched
-/// for a low peak of the angular rate over the common period of 20 s.
+/// Returns a multisine of three well separated frequencies on each angle and two on each translation, no two
+/// alike, all multiples of 0.05 Hz. With a single frequency a tilt's `I ω̇` and `mc × g` would be collinear.
+/// The phases were searched for a low peak of the angular rate over the common period of 20 s.
 fn multisine(duration_s: f64) -> Segment {
     let turns = [
         (Axis::Roll, [(0.55, 4.59), (1.15, 5.51), (1.95, 5.92)]),
@@ -120,8 +120,9 @@ mod tests {
         }
     }
 
-    /// Row blocks of the linear map from the ten parameters to the wrench, column by column from the body's
-    /// own physics: unit bodies, and for a first moment a unit mass at unit distance less what else that is.
+    /// Returns row blocks of the linear map from the ten parameters to the wrench, column by column from the
+    /// body's own physics: unit bodies, and for a first moment a unit mass at unit distance less what else
+    /// that is.
     fn columns(program: &MotionProgram, rate_hz: f64) -> Vec<Vec<[f64; 6]>> {
         let run = |mass_kg, com_m, inertia_com_kgm2| -> Vec<[f64; 6]> {
             let body = BodyParameters { mass_kg, com_m, inertia_com_kgm2 };
@@ -157,8 +158,8 @@ mod tests {
         all
     }
 
-    /// Cholesky inverse's diagonal and the condition number of the column-scaled system, from its Gram
-    /// matrix.
+    /// Returns the condition number of the column-scaled system and the diagonal of its Cholesky inverse,
+    /// from its Gram matrix.
     fn scaled_condition_and_sigma(gram: &[[f64; 16]; 16]) -> (f64, [f64; 16]) {
         let scale: Vec<f64> = (0..16).map(|i| gram[i][i].sqrt()).collect();
         let mut a = *gram;

@@ -72,11 +72,11 @@ const TOLERANCE_M: f64 = 1e-13;
 const NEWTON_STEPS: usize = 40;
 
 impl Geometry {
-    /// The pose at which the legs have these lengths, from a guess: damped Newton on the leg Jacobian, from
-    /// `start`, and where that ends elsewhere, along a path of leg lengths from [`Geometry::home`]. Of the
-    /// poses that share six lengths it is one that is not beyond a singular pose: `det H` has the sign it has
-    /// at home, the legs point to the plate's side of the base. To about 1e-12 m and rad away from singular
-    /// poses.
+    /// Returns the pose at which the legs have these lengths, from a guess: damped Newton on the leg
+    /// Jacobian, from `start`, and where that ends elsewhere, along a path of leg lengths from
+    /// [`Geometry::home`]. Of the poses that share six lengths it is one that is not beyond a singular pose:
+    /// `det H` has the sign it has at home, the legs point to the plate's side of the base. To about 1e-12 m
+    /// and rad away from singular poses.
     ///
     /// # Errors
     /// A leg beyond its reach, or lengths that belong to no such pose.
@@ -117,14 +117,15 @@ impl Geometry {
         Err(ForwardError::NoPose { leg: worst_leg + 1, error_m: best })
     }
 
-    /// Not the mirror image below the base, nor a pose beyond a singular one.
+    /// Returns true if a pose is neither the mirror image below the base, nor beyond a singular one.
     fn is_home_side(&self, at: &Iterate, home: &Iterate, side: f64) -> bool {
         at.determinant() * side > 0.0
             && at.rotation.column(2).dot(&home.rotation.column(2)) > 0.0
             && at.legs.directions.iter().zip(&home.legs.directions).all(|(n, up)| n.dot(up) > 0.0)
     }
 
-    /// Newton with steps halved until the error shrinks. The last iterate, and whether it is a solution.
+    /// Does Newton's steps, halved until the error shrinks. Returns the last iterate, and whether it is a
+    /// solution.
     fn newton(&self, mut at: Iterate, lengths: &[f64; 6]) -> (Iterate, bool) {
         let mut error = at.error(lengths);
         for _ in 0..NEWTON_STEPS {

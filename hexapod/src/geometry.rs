@@ -48,10 +48,10 @@ impl Default for Geometry {
 }
 
 impl Geometry {
-    /// The platform thesis' machine: base joints at azimuth 10, 110, 130, 230, 250, 350° on R = 0.45 m, plate
-    /// joints pairwise at 60, 180, 300° on r = 0.25 m and 0.123 m below the plate's origin, legs from 0.55 m
-    /// with a stroke of 0.3048 m. The thesis prints the azimuths, the 0.123 m and the stroke; radii, shortest
-    /// leg and the leg speed of 0.8 m/s are assumed.
+    /// Returns the platform thesis' machine: base joints at azimuth 10, 110, 130, 230, 250, 350° on R = 0.45
+    /// m, plate joints pairwise at 60, 180, 300° on r = 0.25 m and 0.123 m below the plate's origin, legs
+    /// from 0.55 m with a stroke of 0.3048 m. The thesis prints the azimuths, the 0.123 m and the stroke;
+    /// radii, shortest leg and the leg speed of 0.8 m/s are assumed.
     pub fn thesis() -> Self {
         let ring = |radius: f64, height: f64, azimuth_deg: [f64; 6]| {
             azimuth_deg.map(|d| {
@@ -147,9 +147,9 @@ impl Geometry {
         }
     }
 
-    /// A level pose in the middle of the stroke: the plate's joints over the base's joints in the mean and,
-    /// where all legs are alike, every leg half-way out; else the root mean square of their lengths is
-    /// half-way. The reference pose of a machine without joints.
+    /// Returns a level pose in the middle of the stroke: the plate's joints over the base's joints in the
+    /// mean and, where all legs are alike, every leg half-way out; else the root mean square of their lengths
+    /// is half-way. For a machine without joints it is the reference pose.
     pub fn home(&self) -> Pose {
         if !self.has_joints() {
             return Pose::default();

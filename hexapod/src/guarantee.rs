@@ -38,7 +38,7 @@ pub struct Peak {
 }
 
 impl Peak {
-    /// The guaranteed margin as a share of what is allowed, as [`super::Margin::relative`].
+    /// Returns the guaranteed margin as a share of what is allowed, as [`super::Margin::relative`].
     pub fn margin(&self) -> f64 {
         if self.allowed.is_infinite() { 1.0 } else { 1.0 - self.bound / self.allowed }
     }
@@ -54,7 +54,7 @@ pub struct Guarantee {
 }
 
 impl Guarantee {
-    /// The limit that is nearest.
+    /// Returns the limit that is nearest.
     pub fn tightest(&self) -> Option<&Peak> {
         self.peaks.iter().min_by(|a, b| a.margin().total_cmp(&b.margin()))
     }
@@ -111,7 +111,8 @@ const TOLERANCE: f64 = 0.01;
 const FIRST_STEP_S: f64 = 0.016;
 const CUTS: u32 = 16;
 
-/// Mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's origin.
+/// Returns mass (kg), first (kg m) and second (kg m²) moment of all points' distances from the plate's
+/// origin.
 fn moments(load: &Load) -> [f64; 3] {
     let (known, set) = match &load.bodies {
         Bodies::Known(known) => (known, [0.0; 3]),
@@ -134,7 +135,8 @@ pub(super) struct Bounds<'a> {
 }
 
 impl Bounds<'_> {
-    /// True if every limit is known to be met in the interval of `2 half` about `time_s`, between two seams.
+    /// Returns true if every limit is known to be met in the interval of `2 half` about `time_s`, between two
+    /// seams.
     pub(super) fn shown(&self, trajectory: &Trajectory, time_s: f64, half: f64) -> bool {
         let look = self.look(trajectory, time_s, half);
         look.bound.iter().zip(self.allowed).all(|(bound, allowed)| *bound <= allowed)
@@ -268,7 +270,7 @@ fn first_intervals(trajectory: &Trajectory) -> Vec<(f64, f64)> {
 }
 
 impl Geometry {
-    /// A bound that lies above what is allowed.
+    /// Returns the violation of a bound that lies above what is allowed.
     fn overstepped(
         &self,
         limit: Limit,
@@ -291,8 +293,8 @@ impl Geometry {
 }
 
 impl Geometry {
-    /// Bounds of every limited quantity over the whole of `trajectory`, at most about 1 % above the largest
-    /// value seen; leg forces with `load`, the angular rate against `rate_limit_radps`.
+    /// Returns bounds of every limited quantity over the whole of `trajectory`, at most about 1 % above the
+    /// largest value seen; leg forces with `load`, the angular rate against `rate_limit_radps`.
     pub fn guarantee(
         &self,
         trajectory: &Trajectory,
@@ -372,7 +374,7 @@ impl Geometry {
         most / limit
     }
 
-    /// To ask of intervals of any length, as [`Geometry::check`] does.
+    /// Returns the bounds of intervals of any length, as [`Geometry::check`] uses them.
     pub(super) fn bounds_of<'a>(&'a self, load: Option<&'a Load>) -> Bounds<'a> {
         self.bounds_with(load, f64::INFINITY)
     }

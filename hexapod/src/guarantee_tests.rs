@@ -29,7 +29,8 @@ fn machine() -> Geometry {
     g
 }
 
-/// A random program of a move, a multisine, a sphere and a path that stays well away from singular poses.
+/// Returns a random program of a move, a multisine, a sphere and a path that stays well away from singular
+/// poses.
 fn program(g: &Geometry, seed: u64) -> MotionProgram {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut unit = move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
@@ -77,7 +78,7 @@ const OF_LEGS: usize = 13;
 /// Jerk, push, pull and buckling, of whole segments or of intervals that suit the largest force.
 const LOOSE: [usize; 4] = [3, 5, 6, 7];
 
-/// Largest values at `rate` Hz, by [`Geometry::margins`]: in the order of the guarantee.
+/// Returns the largest values at `rate` Hz, by [`Geometry::margins`]: in the order of the guarantee.
 fn sampled(g: &Geometry, trajectory: &Trajectory, load: &Load, rate: f64) -> [f64; OF_LEGS] {
     let mut most = [0.0_f64; OF_LEGS];
     let [lo, hi] = g.leg_length_m;

@@ -36,15 +36,15 @@ pub struct PlateState {
 }
 
 impl PlateState {
-    /// The pose alone.
+    /// Returns the pose alone.
     pub fn pose(&self) -> Pose {
         Pose { position_m: self.position.into(), rpy_rad: self.rpy.into() }
     }
 }
 
 impl Coordinates {
-    /// The coordinates of a rigid motion, pitch within ±π/2: `(roll', pitch', yaw') = E⁻¹ ω_P`, and the
-    /// second derivatives from `ω̇_P − Ė (roll', pitch', yaw')`.
+    /// Returns the coordinates of a rigid motion, pitch within ±π/2: `(roll', pitch', yaw') = E⁻¹ ω_P`, and
+    /// the second derivatives from `ω̇_P − Ė (roll', pitch', yaw')`.
     pub(super) fn of_state(state: &PlateState) -> Self {
         let [roll, pitch, _] = state.rpy.into();
         let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
@@ -68,7 +68,7 @@ impl Coordinates {
         }
     }
 
-    /// The rigid motion. With `E(roll, pitch)` of the thesis, `ω_P = E (roll', pitch', yaw')` and
+    /// Returns the rigid motion. With `E(roll, pitch)` of the thesis, `ω_P = E (roll', pitch', yaw')` and
     /// `ω̇_P = E (roll'', pitch'', yaw'') + Ė (roll', pitch', yaw')`.
     pub fn plate_state(&self) -> PlateState {
         let [x, y, z, roll, pitch, yaw] = self.value;

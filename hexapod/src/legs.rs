@@ -19,15 +19,15 @@ pub struct Legs {
 }
 
 impl Legs {
-    /// Row `i` times `[v; ω]` (the plate's velocity and angular rate in A) is the speed of leg `i`:
-    /// `[n_i, (R b_i) × n_i]`. m and rad.
+    /// Returns the Jacobian. Row `i` times `[v; ω]` (the plate's velocity and angular rate in A) is the speed
+    /// of leg `i`: `[n_i, (R b_i) × n_i]`. m and rad.
     pub fn jacobian(&self) -> Matrix6<f64> {
         self.force_transmission().transpose()
     }
 
-    /// `H`: six leg forces (N, positive when a leg pushes) to the force and moment about the plate's origin
-    /// that they exert on the plate, in A. Columns `[n_i ; (R b_i) × n_i]` (thesis). It is the Jacobian's
-    /// transpose.
+    /// Returns `H`, which takes six leg forces (N, positive when a leg pushes) to the force and moment about
+    /// the plate's origin that they exert on the plate, in A. Columns `[n_i ; (R b_i) × n_i]` (thesis). It is
+    /// the Jacobian's transpose.
     pub fn force_transmission(&self) -> Matrix6<f64> {
         let mut h = Matrix6::zeros();
         for (i, (arm, n)) in self.arms.iter().zip(&self.directions).enumerate() {
@@ -37,14 +37,14 @@ impl Legs {
         h
     }
 
-    /// `H` with moments over a length, m: forces (N) to forces, whatever the machine's size.
+    /// Returns `H` with moments over a length, m: forces (N) to forces, whatever the machine's size.
     pub fn force_transmission_over(&self, length_m: f64) -> Matrix6<f64> {
         let mut h = self.force_transmission();
         h.fixed_rows_mut::<3>(3).unscale_mut(length_m);
         h
     }
 
-    /// `cond(H)`: 2-norm, moments over a length, m. Infinite where the platform is singular.
+    /// Returns `cond(H)`: 2-norm, moments over a length, m. Infinite where the platform is singular.
     pub fn condition_over(&self, length_m: f64) -> f64 {
         condition_number(&self.force_transmission_over(length_m))
     }
@@ -65,7 +65,7 @@ impl Legs {
         std::array::from_fn(|i| self.directions[i].dot(&(velocity + angular_rate.cross(&self.arms[i]))))
     }
 
-    /// Second time derivatives of the leg lengths, m/s². With `u` the velocity of a plate joint,
+    /// Returns the second time derivatives of the leg lengths, m/s². With `u` the velocity of a plate joint,
     /// `l'' = n·u' + (|u|² − (n·u)²) / l`; everything in A.
     pub fn accelerations(
         &self,
@@ -84,14 +84,14 @@ impl Legs {
         })
     }
 
-    /// Leg forces (N, positive when a leg pushes) that together exert `wrench` (force and moment about the
-    /// plate's origin, in A) on the plate. `None` where the platform is singular.
+    /// Returns the leg forces (N, positive when a leg pushes) that together exert `wrench` (force and moment
+    /// about the plate's origin, in A) on the plate. `None` where the platform is singular.
     pub fn forces(&self, wrench: &Vector6<f64>) -> Option<[f64; 6]> {
         self.force_transmission().lu().solve(wrench).map(Into::into)
     }
 }
 
-/// Ratio of the largest to the smallest singular value.
+/// Returns the ratio of the largest to the smallest singular value.
 pub(super) fn condition_number(h: &Matrix6<f64>) -> f64 {
     let s = h.singular_values();
     let (max, min) = (s.max(), s.min());
@@ -99,8 +99,8 @@ pub(super) fn condition_number(h: &Matrix6<f64>) -> f64 {
 }
 
 impl Geometry {
-    /// The legs when the plate's origin is at `position` (A, m) and its axes are the columns of `rotation`:
-    /// `l_i = x + R b_i − a_i`.
+    /// Returns the legs when the plate's origin is at `position` (A, m) and its axes are the columns of
+    /// `rotation`: `l_i = x + R b_i − a_i`.
     pub fn legs_at(&self, position: &Vector3<f64>, rotation: &Matrix3<f64>) -> Legs {
         let arms = self.plate_joints_m.map(|b| rotation * Vector3::from(b));
         let loops: [Vector3<f64>; 6] =
@@ -110,7 +110,7 @@ impl Geometry {
         Legs { arms, directions, lengths }
     }
 
-    /// The legs at a pose.
+    /// Returns the legs at a pose.
     pub fn legs(&self, pose: &Pose) -> Legs {
         self.legs_at(&Vector3::from(pose.position_m), &rotation_from_rpy(pose.rpy_rad))
     }
@@ -120,27 +120,27 @@ impl Geometry {
         self.legs(pose).lengths
     }
 
-    /// The inverse-kinematics Jacobian, see [`Legs::jacobian`].
+    /// Returns the inverse-kinematics Jacobian, see [`Legs::jacobian`].
     pub fn jacobian(&self, pose: &Pose) -> [[f64; 6]; 6] {
         // nalgebra keeps columns: the columns of H are the Jacobian's rows.
         self.legs(pose).force_transmission().into()
     }
 
-    /// Root mean square of the distances of the plate's joints from their mean, m.
+    /// Returns the root mean square of the distances of the plate's joints from their mean, m.
     pub fn joint_radius_m(&self) -> f64 {
         let joints = self.plate_joints_m.map(Vector3::from);
         let mean = joints.iter().sum::<Vector3<f64>>() / 6.0;
         (joints.iter().map(|joint| (joint - mean).norm_squared()).sum::<f64>() / 6.0).sqrt()
     }
 
-    /// The length that moments are divided by where `cond(H)` is taken: four times
+    /// Returns the length that moments are divided by where `cond(H)` is taken: four times
     /// [`Geometry::joint_radius_m`], m. A machine and its enlargement have the same number; of the built-in
     /// platform it is one metre.
     pub fn moment_length_m(&self) -> f64 {
         4.0 * self.joint_radius_m()
     }
 
-    /// `cond(H)` at a pose, moments over [`Geometry::moment_length_m`].
+    /// Returns `cond(H)` at a pose, moments over [`Geometry::moment_length_m`].
     pub fn condition_number(&self, pose: &Pose) -> f64 {
         self.legs(pose).condition_over(self.moment_length_m())
     }

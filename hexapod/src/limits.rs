@@ -113,7 +113,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Two parts in words.
+    /// Returns two parts in words.
     pub fn both(between: [Self; 2]) -> String {
         match between {
             [Self::Leg(a), Self::Leg(b)] => format!("legs {a} and {b}"),
@@ -125,7 +125,7 @@ impl Part {
 }
 
 impl Bulk {
-    /// A leg's diameter, m: a margin is a share of that, and what is farther apart has all of it.
+    /// Returns a leg's diameter, m: a margin is a share of that, and what is farther apart has all of it.
     pub fn range_m(&self) -> f64 {
         2.0 * self.leg_radius_m
     }
@@ -146,7 +146,8 @@ pub struct JointCones {
 }
 
 impl JointCones {
-    /// Angle between each axis and the direction there, rad; exact to rounding at small angles too.
+    /// Returns the angle between each axis and the direction there, rad; exact to rounding at small angles
+    /// too.
     pub(super) fn angles(&self, directions: &[Vector3<f64>; 6]) -> [f64; 6] {
         std::array::from_fn(|i| {
             let axis = Vector3::from(self.axes[i]);
@@ -360,8 +361,8 @@ impl fmt::Display for Violation {
     }
 }
 
-/// With the given number of decimals, or in powers of ten where those would show nothing, or nothing but
-/// digits.
+/// Writes a number with the given number of decimals, or in powers of ten where those would show nothing, or
+/// nothing but digits.
 fn number(value: f64, digits: usize) -> String {
     let magnitude = value.abs();
     if value != 0.0
@@ -374,8 +375,8 @@ fn number(value: f64, digits: usize) -> String {
     }
 }
 
-/// A value beyond a limit with as many decimals, `digits` or more, as show that it is; and how many those
-/// are.
+/// Writes a value beyond a limit with as many decimals, `digits` or more, as show that it is. Returns the
+/// number of those, too.
 fn apart(value: f64, limit: f64, digits: usize) -> (String, usize) {
     const MOST: usize = 9;
     let enough = |d: &usize| number(value, *d) != number(limit, *d);

@@ -36,12 +36,12 @@ pub struct Load {
 }
 
 impl Load {
-    /// One known body, given in P, under standard gravity.
+    /// Makes the load of one known body, given in P, under standard gravity.
     pub fn body(body: BodyParameters) -> Self {
         Self::new(Bodies::Known(vec![body]))
     }
 
-    /// `bodies` under standard gravity.
+    /// Makes the load of `bodies` under standard gravity.
     pub fn new(bodies: Bodies) -> Self {
         Self { bodies, gravity_mps2: [0.0, 0.0, -STANDARD_GRAVITY_MPS2] }
     }
@@ -52,7 +52,7 @@ impl Load {
         }
     }
 
-    /// The greatest mass of all bodies together, kg.
+    /// Returns the greatest mass of all bodies together, kg.
     pub fn most_kg(&self) -> f64 {
         let known: f64 = self.known().iter().map(|body| body.mass_kg).sum();
         match &self.bodies {
@@ -65,8 +65,8 @@ impl Load {
         }
     }
 
-    /// Force and moment about the plate's origin, in A, that the legs must exert for the known bodies to
-    /// follow `state`; N, N m.
+    /// Returns force and moment about the plate's origin, in A, that the legs must exert for the known bodies
+    /// to follow `state`; N, N m.
     pub fn wrench(&self, state: &PlateState) -> [f64; 6] {
         let (motion, gravity) = (FrameMotion::of_plate(state), Vector3::from(self.gravity_mps2));
         let mut sum = Vector6::zeros();
@@ -78,7 +78,7 @@ impl Load {
         [force.x, force.y, force.z, moment.x, moment.y, moment.z]
     }
 
-    /// Least and greatest force of every leg; infinite where the platform is singular.
+    /// Returns the least and greatest force of every leg; infinite where the platform is singular.
     pub(super) fn leg_forces_of(&self, legs: &Legs, state: &PlateState) -> [[f64; 2]; 6] {
         const UNBOUNDED: [[f64; 2]; 6] = [[f64::NEG_INFINITY, f64::INFINITY]; 6];
         let Some(inverse) = legs.force_transmission().try_inverse() else { return UNBOUNDED };
@@ -100,9 +100,9 @@ impl Load {
 }
 
 impl Geometry {
-    /// Least and greatest force of each leg, N, positive when a leg pushes, for the plate to follow `state`
-    /// with `load`. Equal for known bodies. For a set the range holds the forces of every body in it, and is
-    /// somewhat wider than needed.
+    /// Returns the least and greatest force of each leg, N, positive when a leg pushes, for the plate to
+    /// follow `state` with `load`. Equal for known bodies. For a set the range holds the forces of every body
+    /// in it, and is somewhat wider than needed.
     ///
     /// # Errors
     /// A singular pose.
@@ -127,7 +127,7 @@ impl Geometry {
         Err(MotionError::Limit { violation, time_s })
     }
 
-    /// Largest magnitude of each leg's force along a trajectory, N, examined every `step_s`.
+    /// Returns the largest magnitude of each leg's force along a trajectory, N, examined every `step_s`.
     ///
     /// # Errors
     /// A singular pose on the way.

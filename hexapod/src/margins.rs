@@ -111,7 +111,7 @@ pub struct Margin {
 }
 
 impl LimitMargins {
-    /// Every limit's margin at every leg, or the plate's where nothing is known of legs.
+    /// Returns every limit's margin at every leg, or the plate's where nothing is known of legs.
     pub fn all(&self) -> impl Iterator<Item = Margin> + '_ {
         let of_legs = self.travel.is_none().then(|| self.of_legs());
         of_legs.into_iter().flatten().chain(self.travel.into_iter().flat_map(TravelMargins::all))
@@ -175,7 +175,7 @@ impl LimitMargins {
             }))
     }
 
-    /// The limit that is nearest, or furthest overstepped. A value that is not a number counts as
+    /// Returns the limit that is nearest, or furthest overstepped. A value that is not a number counts as
     /// overstepped.
     pub fn tightest(&self) -> Margin {
         let order = |m: &Margin| if m.relative.is_nan() { f64::NEG_INFINITY } else { m.relative };
@@ -203,7 +203,7 @@ impl LimitMargins {
     }
 }
 
-/// A distance, m, where `least` must be left.
+/// Returns the violation of a distance, m, where `least` must be left.
 pub(super) fn too_near(distance_m: f64, between: [Part; 2], least: f64) -> Violation {
     Violation {
         limit: Limit::Clearance,
@@ -233,7 +233,7 @@ impl Geometry {
         JointCones { axes: self.legs(&self.home()).directions.map(Into::into), half_angle_rad }
     }
 
-    /// Every limited quantity at `state` beside its limit; with `load`, the forces of the legs too.
+    /// Returns every limited quantity at `state` beside its limit; with `load`, the forces of the legs too.
     pub fn margins(&self, state: &PlateState, load: Option<&Load>) -> LimitMargins {
         let legs = self.legs_at(&state.position, &state.rotation);
         let (w, dw) = (state.rotation * state.angular_rate, state.rotation * state.angular_acceleration);
@@ -266,13 +266,13 @@ impl Geometry {
         }
     }
 
-    /// `det H` at home. A pose at which it has the other sign lies beyond a singular one: whatever its own
-    /// `cond(H)`, no path of finite `cond(H)` leads there from home.
+    /// Returns `det H` at home. A pose at which it has the other sign lies beyond a singular one: whatever
+    /// its own `cond(H)`, no path of finite `cond(H)` leads there from home.
     pub(super) fn home_determinant(&self) -> f64 {
         self.legs(&self.home()).force_transmission().determinant()
     }
 
-    /// `cond(H)`, or infinity where `det H` has not the sign that it has at home.
+    /// Returns `cond(H)`, or infinity where `det H` has not the sign that it has at home.
     pub fn guarded_condition(&self, legs: &Legs) -> f64 {
         let h = legs.force_transmission();
         if h.determinant() * self.home_determinant() > 0.0 {

@@ -24,7 +24,8 @@ impl Uniform {
     }
 }
 
-/// Poses from all over the workspace: within the legs' lengths and the guard, tilts to 69°, yaw to 80°.
+/// Returns poses from all over the workspace: within the legs' lengths and the guard, tilts to 69°, yaw to
+/// 80°.
 fn workspace(g: &Geometry, random: &mut Uniform, count: usize) -> Vec<Pose> {
     let mut poses = Vec::new();
     while poses.len() < count {

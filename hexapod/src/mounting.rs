@@ -17,7 +17,7 @@ impl Mounting {
     /// The place of a frame in itself.
     pub const IDENTITY: Self = Self { position_m: [0.0; 3], rotation_wxyz: [1.0, 0.0, 0.0, 0.0] };
 
-    /// The rotation as a matrix; `None` for a quaternion that is zero or not finite.
+    /// Returns the rotation as a matrix; `None` for a quaternion that is zero or not finite.
     pub fn rotation(&self) -> Option<Matrix3<f64>> {
         let [w, x, y, z] = self.rotation_wxyz;
         let n = (w * w + x * x + y * y + z * z).sqrt();

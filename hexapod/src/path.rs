@@ -20,7 +20,7 @@ pub(super) struct Curve {
 }
 
 impl Curve {
-    /// From a pose through at most [`MOST_VIA`] others to the last.
+    /// Makes a path from a pose through at most [`MOST_VIA`] others to the last.
     pub(super) fn new(from: &[f64; 6], via: &[Pose], to: &Pose, duration_s: f64) -> Self {
         let mut points = vec![*from];
         points.extend(via.iter().take(MOST_VIA).chain([to]).map(Pose::coordinates));
@@ -46,7 +46,7 @@ impl Curve {
         Self { coefficients, duration_s }
     }
 
-    /// The coordinates `t` after the beginning.
+    /// Returns the coordinates `t` after the beginning.
     pub(super) fn coordinates(&self, t: f64) -> Coordinates {
         let [u, s1, s2] = quintic(t / self.duration_s);
         let (u1, u2) = (s1 / self.duration_s, s2 / (self.duration_s * self.duration_s));
@@ -77,7 +77,7 @@ impl Curve {
     }
 }
 
-/// Coefficients of a derivative.
+/// Returns the coefficients of a derivative.
 fn derivative(p: &[f64; COEFFICIENTS], order: usize) -> [f64; COEFFICIENTS] {
     let mut d = *p;
     for _ in 0..order {
@@ -86,8 +86,8 @@ fn derivative(p: &[f64; COEFFICIENTS], order: usize) -> [f64; COEFFICIENTS] {
     d
 }
 
-/// A bound of a polynomial's magnitude over `[0, 1]`: the largest of its coefficients in Bernstein's basis,
-/// `b_k = Σ_i C(k, i) / C(n, i) a_i`, of which the polynomial is a mean at every u.
+/// Returns a bound of a polynomial's magnitude over `[0, 1]`: the largest of its coefficients in Bernstein's
+/// basis, `b_k = Σ_i C(k, i) / C(n, i) a_i`, of which the polynomial is a mean at every u.
 fn largest(p: &[f64; COEFFICIENTS]) -> f64 {
     let n = COEFFICIENTS - 1;
     let choose = |n: usize, k: usize| (0..k).fold(1.0, |c, i| c * (n - i) as f64 / (i + 1) as f64);

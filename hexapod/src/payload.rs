@@ -35,7 +35,7 @@ pub struct Payload {
 }
 
 impl Payload {
-    /// The thesis' test body lying across the platform.
+    /// Returns the thesis' test body lying across the platform.
     pub fn thesis_horizontal() -> Self {
         Self {
             body: BodyParameters::thesis_horizontal(),
@@ -45,7 +45,7 @@ impl Payload {
         }
     }
 
-    /// Perfect sensors on this payload.
+    /// Returns perfect sensors on this payload.
     ///
     /// # Errors
     /// A rotation quaternion that is zero or not finite.

@@ -16,25 +16,25 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The six coordinates x, y, z, roll, pitch, yaw.
+    /// Returns the six coordinates x, y, z, roll, pitch, yaw.
     pub fn coordinates(&self) -> [f64; 6] {
         let [x, y, z] = self.position_m;
         let [roll, pitch, yaw] = self.rpy_rad;
         [x, y, z, roll, pitch, yaw]
     }
 
-    /// `R_AP`, by rows.
+    /// Returns `R_AP`, by rows.
     pub fn rotation(&self) -> [[f64; 3]; 3] {
         let r = rotation_from_rpy(self.rpy_rad);
         std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))
     }
 
-    /// The pose of these six coordinates.
+    /// Returns the pose of these six coordinates.
     pub fn from_coordinates([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
         Self { position_m: [x, y, z], rpy_rad: [roll, pitch, yaw] }
     }
-    /// The attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch and
-    /// roll.
+    /// Returns the attitude as a unit quaternion w, x, y, z: the product of the half-angle ones of yaw, pitch
+    /// and roll.
     pub fn quaternion_wxyz(&self) -> [f64; 4] {
         let [(sr, cr), (sp, cp), (sy, cy)] = self.rpy_rad.map(|a| (0.5 * a).sin_cos());
         [
@@ -45,7 +45,7 @@ impl Pose {
         ]
     }
 
-    /// The pose at a position, m, with the attitude of a unit quaternion w, x, y, z.
+    /// Returns the pose at a position, m, with the attitude of a unit quaternion w, x, y, z.
     pub fn from_quaternion(position_m: [f64; 3], [w, a, b, c]: [f64; 4]) -> Self {
         let rotation = Matrix3::new(
             1.0 - 2.0 * (b * b + c * c),

@@ -158,7 +158,7 @@ impl Segment {
         }
     }
 
-    /// Ramp at both ends, s.
+    /// Returns the ramp at both ends, s.
     pub(super) fn ramp_s(&self) -> Option<f64> {
         match self {
             Self::Hold { .. } | Self::Move { .. } | Self::Path { .. } => None,
@@ -178,7 +178,7 @@ pub struct MotionProgram {
 }
 
 impl MotionProgram {
-    /// The sum of the segments' durations, s.
+    /// Returns the sum of the segments' durations, s.
     pub fn duration_s(&self) -> f64 {
         self.segments.iter().map(Segment::duration_s).sum()
     }

@@ -2,13 +2,13 @@
 
 use nalgebra::Matrix3;
 
-/// `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+/// Returns `R = Rz(yaw) Ry(pitch) Rx(roll)`.
 pub fn rotation_from_rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
     rotation_from_sines((sr, cr), (sp, cp), (sy, cy))
 }
 
-/// Roll, pitch, yaw of a rotation, pitch within ±π/2. At a pitch of ±π/2 roll is taken as zero.
+/// Returns roll, pitch, yaw of a rotation, pitch within ±π/2. At a pitch of ±π/2 roll is taken as zero.
 pub(super) fn rpy_from_rotation(r: &Matrix3<f64>) -> [f64; 3] {
     let level = r[(2, 1)].hypot(r[(2, 2)]);
     let pitch = (-r[(2, 0)]).atan2(level);

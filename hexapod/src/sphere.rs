@@ -47,12 +47,12 @@ impl Sphere {
         }
     }
 
-    /// Rates of the axis' polar and azimuth angles, rad/s.
+    /// Returns the rates of the axis' polar and azimuth angles, rad/s.
     fn winding(&self) -> [f64; 2] {
         [std::f64::consts::PI, std::f64::consts::TAU * self.turns].map(|angle| angle / self.duration_s)
     }
 
-    /// The coordinates `t` after the beginning, which was at rest at `from`.
+    /// Returns the coordinates `t` after the beginning, which was at rest at `from`.
     pub(super) fn coordinates(&self, from: &[f64; 6], t: f64) -> Coordinates {
         let [x, y, z, roll, pitch, yaw] = *from;
         let begin = rotation_from_rpy([roll, pitch, yaw]);
@@ -73,7 +73,7 @@ impl Sphere {
         Coordinates::of_state(&state)
     }
 
-    /// With `ω = ρ' n + sin ρ n' − (1 − cos ρ) n×n'` in the plate's axes.
+    /// Returns the motion by `ω = ρ' n + sin ρ n' − (1 − cos ρ) n×n'` in the plate's axes.
     fn motion(&self, t: f64) -> Motion {
         let [e0, e1, e2] = envelope(t, self.duration_s, self.ramp_s);
         let w = std::f64::consts::TAU * self.frequency_hz;

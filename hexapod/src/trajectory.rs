@@ -58,7 +58,7 @@ impl Trajectory {
         Ok(Self { start, end: at, duration_s: begin_s, pieces })
     }
 
-    /// A plate that stands still.
+    /// Returns a plate that stands still.
     pub fn resting(pose: &Pose) -> Self {
         let at = pose.coordinates();
         Self { start: at, end: at, duration_s: 0.0, pieces: Vec::new() }
@@ -79,7 +79,7 @@ impl Trajectory {
         Pose::from_coordinates(self.end)
     }
 
-    /// Coordinates with exact derivatives at `time_s`.
+    /// Returns the coordinates with exact derivatives at `time_s`.
     pub fn coordinates(&self, time_s: f64) -> Coordinates {
         let still = |value| Coordinates { value, ..Coordinates::default() };
         if time_s <= 0.0 {
@@ -95,8 +95,8 @@ impl Trajectory {
         }
     }
 
-    /// Times, s, between which every derivative is continuous: the beginning and the end of each segment and
-    /// of its ramps, in order.
+    /// Returns the times, s, between which every derivative is continuous: the beginning and the end of each
+    /// segment and of its ramps, in order.
     pub fn seams_s(&self) -> Vec<f64> {
         let mut seams = vec![0.0];
         for piece in &self.pieces {
@@ -120,15 +120,15 @@ impl Trajectory {
         }
     }
 
-    /// The plate's rigid motion at `time_s`.
+    /// Returns the plate's rigid motion at `time_s`.
     pub fn state(&self, time_s: f64) -> PlateState {
         self.coordinates(time_s).plate_state()
     }
 }
 
 impl MotionProgram {
-    /// The exact kinematics of the program. Whether a platform can follow is [`super::Geometry::check`]'s
-    /// business.
+    /// Returns the exact kinematics of the program. Whether a platform can follow is
+    /// [`super::Geometry::check`]'s business.
     ///
     /// # Errors
     /// The first segment that makes no sense.

@@ -46,7 +46,7 @@ fn program() -> MotionProgram {
     }
 }
 
-/// `[v]×` read back from a skew matrix.
+/// Reads `[v]×` back from a skew matrix.
 fn unskew(m: Matrix3<f64>) -> Vector3<f64> {
     0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)])
 }

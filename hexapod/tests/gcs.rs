@@ -82,7 +82,7 @@ fn positions_are_where_the_vendors_kinematic_chain_puts_the_platform() {
     }
 }
 
-/// Roll, pitch, yaw of a matrix by nalgebra, whose convention is `Rz Ry Rx` too.
+/// Returns roll, pitch, yaw of a matrix by nalgebra, whose convention is `Rz Ry Rx` too.
 fn rpy(rows: &[[f64; 3]; 3]) -> [f64; 3] {
     let matrix = nalgebra::Matrix3::from_fn(|i, j| rows[i][j]);
     let (roll, pitch, yaw) = nalgebra::Rotation3::from_matrix_unchecked(matrix).euler_angles();

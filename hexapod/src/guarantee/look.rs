@@ -206,7 +206,7 @@ impl<'a> Interval<'a> {
 }
 
 impl Geometry {
-    /// One interval of `2 half` about `time_s`, between two seams; `moments` are the load's.
+    /// Bounds one interval of `2 half` about `time_s`, between two seams; `moments` are the load's.
     pub(super) fn look(
         &self,
         trajectory: &Trajectory,
