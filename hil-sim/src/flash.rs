@@ -56,26 +56,26 @@ pub struct SimulatedFlash {
 pub struct SharedFlash(Arc<Mutex<SimulatedFlash>>);
 
 impl SharedFlash {
-    /// An erased one with the large sectors of an STM32F405.
+    /// Returns an erased flash with the large sectors of an STM32F405.
     #[must_use]
     pub fn of_board() -> Self {
         Self::new(SECTOR_BYTES, SECTORS)
     }
 
-    /// An erased one.
+    /// Returns an erased flash.
     #[must_use]
     pub fn new(sector: usize, sectors: usize) -> Self {
         Self(Arc::new(Mutex::new(SimulatedFlash::new(sector, sectors))))
     }
 
-    /// The flash, also after a panic of another of its users: its cells are what they are.
+    /// Returns the flash, also after a panic of another of its users: its cells are what they are.
     pub fn lock(&self) -> MutexGuard<'_, SimulatedFlash> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl SimulatedFlash {
-    /// An erased flash.
+    /// Returns an erased flash.
     #[must_use]
     pub fn new(sector: usize, sectors: usize) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl SimulatedFlash {
         }
     }
 
-    /// The supply is back, for good.
+    /// Brings the supply back, for good.
     pub fn power_up(&mut self) {
         (self.fuel, self.dead) = (None, false);
     }
@@ -113,7 +113,7 @@ impl SimulatedFlash {
         self.fuel == Some(0)
     }
 
-    /// Bytes programmed or erased so far.
+    /// Returns the number of bytes programmed or erased so far.
     #[must_use]
     pub fn spent(&self) -> u64 {
         self.spent
@@ -125,13 +125,14 @@ impl SimulatedFlash {
         &self.wear
     }
 
-    /// Bytes that were programmed though they were not erased: a mistake of whoever programs.
+    /// Returns the number of bytes that were programmed though they were not erased: a mistake of whoever
+    /// programs.
     #[must_use]
     pub fn overprogrammed(&self) -> u64 {
         self.overprogrammed
     }
 
-    /// The cells.
+    /// Returns the cells.
     #[must_use]
     pub fn cells(&self) -> &[u8] {
         &self.cells
@@ -148,7 +149,7 @@ impl SimulatedFlash {
         true
     }
 
-    /// Reads; false if it does not answer.
+    /// Reads. Returns false if it does not answer.
     #[must_use]
     pub fn read(&self, offset: usize, bytes: &mut [u8]) -> bool {
         let from = offset.checked_add(bytes.len()).and_then(|end| self.cells.get(offset..end));
@@ -161,7 +162,7 @@ impl SimulatedFlash {
         }
     }
 
-    /// Programs: bits become 0, and never 1. False if the supply ended or it does not answer.
+    /// Programs: bits become 0, and never 1. Returns false if the supply ended or it does not answer.
     pub fn program(&mut self, offset: usize, bytes: &[u8]) -> bool {
         if self.dead || self.is_off() || offset.saturating_add(bytes.len()) > self.cells.len() {
             return false;

@@ -56,7 +56,8 @@ pub struct LinkFaults {
 }
 
 impl LinkFaults {
-    /// A line on which everything happens, each to one frame in `n` or to one byte in `100 n`.
+    /// Returns faults of a line on which everything happens, each to one frame in `n` or to one byte in
+    /// `100 n`.
     pub fn one_in(n: u32) -> Self {
         let frame = 1.0 / f64::from(n.max(1));
         let byte = 0.01 * frame;
@@ -182,7 +183,7 @@ impl<L: ByteLink> FaultyLink<L> {
         Self { inner, faults, outward, inward, arrived: VecDeque::new() }
     }
 
-    /// From now on these faults.
+    /// Sets the faults from now on.
     pub fn set_faults(&mut self, faults: LinkFaults) {
         self.faults = faults;
     }
@@ -192,7 +193,7 @@ impl<L: ByteLink> FaultyLink<L> {
         (self.outward.statistics, self.inward.statistics)
     }
 
-    /// The line inside.
+    /// Returns the line inside.
     pub fn inner(&mut self) -> &mut L {
         &mut self.inner
     }

@@ -35,7 +35,7 @@ pub struct JointState {
 }
 
 impl Swing {
-    /// Angles, rates and accelerations about x, y and z at `time_s`.
+    /// Returns angles, rates and accelerations about x, y and z at `time_s`.
     fn angles(&self, time_s: f64) -> [(f64, f64, f64); 3] {
         std::array::from_fn(|k| {
             let w = std::f64::consts::TAU * self.frequency_hz[k];
@@ -45,12 +45,12 @@ impl Swing {
         })
     }
 
-    /// The joint at `time_s`.
+    /// Returns the joint at `time_s`.
     pub fn at(&self, time_s: f64) -> JointState {
         Self::joint(self.angles(time_s))
     }
 
-    /// The joint at `time_s` of a motion of `duration_s` that begins and ends at rest, at no angle.
+    /// Returns the joint at `time_s` of a motion of `duration_s` that begins and ends at rest, at no angle.
     pub fn eased(&self, time_s: f64, duration_s: f64) -> JointState {
         let t = time_s.clamp(0.0, duration_s);
         // q = x³ (10 − 15 x + 6 x²), whose first two derivatives vanish at both ends.
@@ -62,7 +62,7 @@ impl Swing {
         Self::joint(self.angles(t).map(|(a, v, c)| (q * a, q * v + dq * a, q * c + 2.0 * dq * v + ddq * a)))
     }
 
-    /// Of angles, rates and accelerations about x, then y, then z.
+    /// Makes the state of a joint from angles, rates and accelerations about x, then y, then z.
     fn joint([a, b, c]: [(f64, f64, f64); 3]) -> JointState {
         let about = |k: usize, angle: f64| {
             let (s, c) = angle.sin_cos();
@@ -92,7 +92,7 @@ impl Swing {
     }
 }
 
-/// Of a rotation, w not negative.
+/// Returns the quaternion of a rotation, w not negative.
 pub fn quaternion(rotation: &Matrix3<f64>) -> [f64; 4] {
     let rotation = nalgebra::Rotation3::from_matrix_unchecked(*rotation);
     let q = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
@@ -100,7 +100,8 @@ pub fn quaternion(rotation: &Matrix3<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k].map(|v| sign * v)
 }
 
-/// A frame on a joint at `offset` in a frame that moves, everything in the earth's axes.
+/// Returns the motion of a frame on a joint at `offset` in a frame that moves, everything in the earth's
+/// axes.
 pub fn jointed(parent: &FrameMotion, offset: &Vector3<f64>, joint: &JointState) -> FrameMotion {
     let mut motion = parent.fixed_frame(offset, &joint.rotation);
     let turning = motion.rotation * joint.rate;
@@ -109,7 +110,7 @@ pub fn jointed(parent: &FrameMotion, offset: &Vector3<f64>, joint: &JointState) 
     motion
 }
 
-/// A wrench on the child's frame, as a wrench at the parent's origin in the parent's axes.
+/// Carries a wrench on the child's frame over to the parent's origin and axes.
 fn carried(wrench: [f64; 6], offset: &Vector3<f64>, rotation: &Matrix3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let [fx, fy, fz, mx, my, mz] = wrench;
     let force = rotation * Vector3::new(fx, fy, fz);
@@ -132,7 +133,8 @@ pub struct SecondLink {
 }
 
 impl SecondLink {
-    /// An arm of 6 kg on a ball joint, which swings at some 2 rad/s, always, and is at rest at time zero.
+    /// Returns an arm of 6 kg on a ball joint, which swings at some 2 rad/s, always, and is at rest at time
+    /// zero.
     pub fn arm() -> Self {
         Self {
             body: BodyParameters {
@@ -163,8 +165,8 @@ impl SecondLink {
         [f.x, f.y, f.z, m.x, m.y, m.z]
     }
 
-    /// The base parameters of the pair with a body on S: ten of the first, to which the second's mass belongs
-    /// as a point in the joint, and the second's first moments and tensor.
+    /// Returns the base parameters of the pair with a body on S: ten of the first, to which the second's mass
+    /// belongs as a point in the joint, and the second's first moments and tensor.
     pub fn base_parameters(&self, first: &BodyParameters) -> [f64; 19] {
         let point =
             BodyParameters { mass_kg: self.body.mass_kg, com_m: self.joint_m, inertia_com_kgm2: [0.0; 6] };
@@ -217,7 +219,7 @@ pub struct TreeInstant {
 }
 
 impl Tree {
-    /// The tree at `time_s`.
+    /// Returns the tree at `time_s`.
     ///
     /// # Panics
     /// If there is no link, or one precedes its parent.

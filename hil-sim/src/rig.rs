@@ -123,7 +123,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A rig that has just been switched on, the plate at home, its clock at zero.
+    /// Returns a rig that has just been switched on, the plate at home, its clock at zero.
     ///
     /// # Errors
     /// A singular gauge calibration, or a mounting whose quaternion is zero.
@@ -150,7 +150,7 @@ impl Rig {
         })
     }
 
-    /// For runners and a platform controller to share.
+    /// Makes a rig for runners and a platform controller to share.
     pub fn shared(self) -> SharedRig {
         Arc::new(Mutex::new(self))
     }
@@ -160,7 +160,7 @@ impl Rig {
         &self.config
     }
 
-    /// The rig's clock, ns.
+    /// Returns the rig's clock, ns.
     pub fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -186,12 +186,12 @@ impl Rig {
         self.platform.state() == MotionState::Done
     }
 
-    /// Time since the start of the program, s; stands still when it is over.
+    /// Returns the time since the start of the program, s; stands still when it is over.
     pub fn program_time_s(&self) -> f64 {
         self.platform.elapsed_s(self.now_ns as f64)
     }
 
-    /// Duration of the loaded program, its approach included, s.
+    /// Returns the duration of the loaded program, its approach included, s.
     pub fn program_duration_s(&self) -> f64 {
         self.platform.duration_s()
     }
@@ -232,8 +232,8 @@ impl Rig {
         self.platform.go(self.now_ns as f64, to, duration_s, &self.config.geometry)
     }
 
-    /// Is to pass a pose at a time of the rig's clock, ns. Points come in order of time; the plate brakes at
-    /// the last but one if no more come in time.
+    /// Orders the plate to pass a pose at a time of the rig's clock, ns. Points come in order of time; the
+    /// plate brakes at the last but one if no more come in time.
     ///
     /// # Errors
     /// While a program runs; a leg that would leave its reach or be too fast; a point after its time.
@@ -247,13 +247,13 @@ impl Rig {
         self.platform.starved(self.now_ns as f64)
     }
 
-    /// A sensor fault that acts from now on (its times are the rig's).
+    /// Adds a sensor fault that acts from now on (its times are the rig's).
     pub fn add_fault(&mut self, fault: Fault) {
         self.load_cell.add_fault(fault.clone());
         self.imu.add_fault(fault);
     }
 
-    /// Something is wired wrongly from now on.
+    /// Wires something wrongly from now on.
     pub fn wire(&mut self, fault: WiringFault) {
         self.wiring.add(fault);
     }
@@ -263,38 +263,38 @@ impl Rig {
         self.adc.flip_bit(ahead, bit);
     }
 
-    /// Bits of a register of the load cell's converter change by themselves; see [`Ads131m08::disturb`].
+    /// Changes bits of a register of the load cell's converter; see [`Ads131m08::disturb`].
     pub fn disturb_load_cell_register(&mut self, address: usize, bits: u16) {
         self.adc.disturb(address, bits);
     }
 
-    /// The load cell's converter gets a pulse on its SYNC pin.
+    /// Gives a pulse to the load cell's converter on its SYNC pin.
     pub fn resynchronise_load_cell(&mut self) {
         self.adc.resynchronise();
     }
 
-    /// The oscillator of the load cell's converter has this frequency, Hz.
+    /// Sets the frequency of the oscillator of the load cell's converter, Hz.
     pub fn set_load_cell_clock_hz(&mut self, clock_hz: f64) {
         self.adc.set_clock_hz(clock_hz);
     }
 
-    /// The load cell's converter holds two conversions; see [`Ads131m08::hold_two`].
+    /// Lets the load cell's converter hold two conversions; see [`Ads131m08::hold_two`].
     pub fn hold_two_conversions(&mut self) {
         self.adc.hold_two();
     }
 
-    /// The load cell's converter, to look at.
+    /// Returns the load cell's converter, to look at.
     pub fn load_cell_converter(&self) -> &Ads131m08 {
         &self.adc
     }
 
-    /// The IMU, for inspection.
+    /// Returns the IMU, for inspection.
     pub fn imu_device(&self) -> &Icm42688 {
         &self.imu_device
     }
 
-    /// The next data-ready event of the running program: the clock jumps to it. `Idle`, and the clock stands
-    /// still, while no program runs.
+    /// Returns the next data-ready event of the running program: the clock jumps to it. `Idle`, and the clock
+    /// stands still, while no program runs.
     pub fn next_event(&mut self) -> BusEvent {
         match self.platform.end_ns() {
             Some(end_ns) => self.advance(end_ns),
@@ -302,13 +302,14 @@ impl Rig {
         }
     }
 
-    /// The next data-ready event no later than `limit_ns`, whether or not a program runs; if there is none
-    /// the clock is set to `limit_ns` and the answer is `Idle`.
+    /// Returns the next data-ready event no later than `limit_ns`, whether or not a program runs; if there is
+    /// none the clock is set to `limit_ns` and the answer is `Idle`.
     pub fn next_event_before(&mut self, limit_ns: u64) -> BusEvent {
         self.advance(limit_ns.max(self.now_ns))
     }
 
-    /// When the next conversion or sample is due, ns of the rig's clock, whether it is reported or not.
+    /// Returns the time when the next conversion or sample is due, ns of the rig's clock, whether it is
+    /// reported or not.
     pub fn next_due_ns(&mut self) -> Option<u64> {
         self.follow_rates();
         let tickers = [&self.adc_ticker, &self.imu_ticker, &self.second_ticker];
@@ -401,7 +402,7 @@ impl Rig {
         self.second_device.sample(time_ns, accel, gyro, 25.0)
     }
 
-    /// One SPI transaction, chip select low to high, full duplex in place.
+    /// Makes one SPI transaction, chip select low to high, full duplex in place.
     pub fn transfer(&mut self, device: Device, bytes: &mut [u8]) {
         self.select(device);
         for byte in bytes {
@@ -410,7 +411,7 @@ impl Rig {
         self.deselect(device);
     }
 
-    /// Chip select of a device falls: a transaction begins, byte by byte.
+    /// Lowers chip select of a device: a transaction begins, byte by byte.
     pub fn select(&mut self, device: Device) {
         match self.present(device) {
             Some(Device::LoadCell) => self.adc.select(),
@@ -420,7 +421,7 @@ impl Rig {
         }
     }
 
-    /// A byte to a device that is selected, and its own.
+    /// Exchanges a byte with a device that is selected.
     pub fn exchange(&mut self, device: Device, byte: u8) -> u8 {
         match self.present(device) {
             Some(Device::LoadCell) => self.adc.exchange(byte),
@@ -431,7 +432,7 @@ impl Rig {
         }
     }
 
-    /// Chip select of a device rises.
+    /// Raises chip select of a device.
     pub fn deselect(&mut self, device: Device) {
         match self.present(device) {
             Some(Device::LoadCell) => self.adc.deselect(),
@@ -441,19 +442,19 @@ impl Rig {
         }
     }
 
-    /// Whose transactions these are, by the wiring.
+    /// Returns the device whose transactions these are, by the wiring.
     fn present(&self, device: Device) -> Option<Device> {
         self.wiring
             .selected(device)
             .filter(|device| *device != Device::SecondImu || self.config.second.is_some())
     }
 
-    /// The load cell's converter, to do something to.
+    /// Returns the load cell's converter, to do something to.
     pub fn load_cell_converter_mut(&mut self) -> &mut Ads131m08 {
         &mut self.adc
     }
 
-    /// The IMU, to do something to.
+    /// Returns the IMU, to do something to.
     pub fn imu_device_mut(&mut self) -> &mut Icm42688 {
         &mut self.imu_device
     }

@@ -35,12 +35,12 @@ impl<const N: usize> PerExperiment<N> {
     /// Always zero.
     pub const ZERO: Self = Self { fixed: [0.0; N], spread: [0.0; N] };
 
-    /// Always these values.
+    /// Returns fixed values.
     pub const fn fixed(values: [f64; N]) -> Self {
         Self { fixed: values, spread: [0.0; N] }
     }
 
-    /// Drawn with these standard deviations around zero.
+    /// Returns values drawn with these standard deviations around zero.
     pub const fn spread(sigma: [f64; N]) -> Self {
         Self { fixed: [0.0; N], spread: sigma }
     }
@@ -119,13 +119,13 @@ pub struct SensorModels {
     pub faults: Vec<Fault>,
 }
 
-/// Low-frequency delay of an optional single pole, s.
+/// Returns the low-frequency delay of an optional single pole, s.
 fn pole_delay_s(bandwidth_hz: Option<f64>) -> f64 {
     bandwidth_hz.map_or(0.0, |f| 1.0 / (std::f64::consts::TAU * f))
 }
 
 impl LoadCellModel {
-    /// The group delay a data sheet would state: pure delay plus that of the pole, s.
+    /// Returns the group delay a data sheet would state: pure delay plus that of the pole, s.
     pub fn stated_delay_s(&self) -> f64 {
         self.delay_s + pole_delay_s(self.bandwidth_hz)
     }
@@ -141,7 +141,7 @@ impl LoadCellModel {
 }
 
 impl ImuModel {
-    /// The group delay a data sheet would state: pure delay plus that of the pole, s.
+    /// Returns the group delay a data sheet would state: pure delay plus that of the pole, s.
     pub fn stated_delay_s(&self) -> f64 {
         self.delay_s + pole_delay_s(self.bandwidth_hz)
     }

@@ -61,7 +61,7 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// An upright spring without loss, hardening or tolerance.
+    /// Returns an upright spring without loss, hardening or tolerance.
     pub fn upright(at_m: [f64; 3], axial_npm: f64, lateral_npm: f64) -> Self {
         Self {
             at_m,
@@ -224,7 +224,7 @@ pub enum SuspensionError {
 }
 
 impl Suspension {
-    /// A platform on springs that carries one body and nothing that swings, all coordinates free.
+    /// Returns a platform on springs that carries one body and nothing that swings, all coordinates free.
     pub fn of_body(
         platform: BodyParameters,
         springs: Vec<Spring>,
@@ -297,7 +297,7 @@ fn check_link(number: usize, link: &JointedLink) -> Result<(), SuspensionError> 
     Ok(())
 }
 
-/// The matrix of `v ×`.
+/// Returns the matrix of `v ×`.
 fn cross(v: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -v.z, v.y, v.z, 0.0, -v.x, -v.y, v.x, 0.0)
 }

@@ -121,12 +121,12 @@ impl Ads131m08 {
         self.flips.push((self.frames + ahead, bit));
     }
 
-    /// The oscillator has this frequency, Hz.
+    /// Sets the frequency of the oscillator, Hz.
     pub fn set_clock_hz(&mut self, clock_hz: f64) {
         self.clock_hz = clock_hz;
     }
 
-    /// Bits of a register change by themselves, as a discharge may do it.
+    /// Changes bits of a register, as a discharge may do it.
     pub fn disturb(&mut self, address: usize, bits: u16) {
         if let Some(register) = self.registers.get_mut(address) {
             *register ^= bits;
@@ -134,12 +134,12 @@ impl Ads131m08 {
         }
     }
 
-    /// A pulse on the SYNC pin: the filters begin anew.
+    /// Gives a pulse to the SYNC pin: the filters begin anew.
     pub fn resynchronise(&mut self) {
         self.flags |= STATUS_RESYNC;
     }
 
-    /// The output buffer has two levels, as the chip's (data sheet 8.5.1.9.1): a conversion that nobody has
+    /// Gives the output buffer two levels, as the chip's (data sheet 8.5.1.9.1): a conversion that nobody has
     /// read waits behind the one before it, and a third takes the place of the second.
     pub fn hold_two(&mut self) {
         self.held = Some(None);
@@ -160,13 +160,13 @@ impl Ads131m08 {
         (!self.standby).then(|| 0.5 * self.clock_hz / self.oversampling())
     }
 
-    /// Group delay of the digital filter at the present OSR, s.
+    /// Returns the group delay of the digital filter at the present OSR, s.
     pub fn group_delay_s(&self) -> f64 {
         Self::filter_delay_s(self.oversampling())
     }
 
-    /// Group delay at a data rate, s: `(3 (N − 1) / 2 + N (K − 1) / 2) / f_mod`, a sinc³ of N ≤ 1024 followed
-    /// by an average of K.
+    /// Returns the group delay at a data rate, s: `(3 (N − 1) / 2 + N (K − 1) / 2) / f_mod`, a sinc³ of N ≤
+    /// 1024 followed by an average of K.
     pub fn group_delay_at_s(rate_hz: f64) -> f64 {
         Self::filter_delay_s(0.5 * CLOCK_HZ / rate_hz)
     }
@@ -182,7 +182,7 @@ impl Ads131m08 {
         f64::from(1u32 << ((register >> (4 * (channel % 4))) & 7))
     }
 
-    /// A conversion ends: these are the voltages at the inputs.
+    /// Ends a conversion of these voltages at the inputs.
     pub fn convert(&mut self, inputs_v: &[f64; CHANNELS]) {
         if self.standby {
             return;
@@ -236,7 +236,7 @@ impl Ads131m08 {
         }
     }
 
-    /// Bytes of a word, as MODE's WLENGTH has it.
+    /// Returns the bytes of a word, as MODE's WLENGTH has it.
     fn word_bytes(&self) -> usize {
         match self.registers[MODE] >> 8 & 3 {
             0 => 2,
@@ -249,7 +249,7 @@ impl Ads131m08 {
         crc16(if self.registers[MODE] & MODE_CRC_ANSI == 0 { 0x1021 } else { 0x8005 }, bytes)
     }
 
-    /// One frame: `bytes` holds what the host sends and receives what the converter sends.
+    /// Transfers one frame: `bytes` holds what the host sends and receives what the converter sends.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
         self.select();
         for byte in bytes.iter_mut() {
@@ -258,7 +258,7 @@ impl Ads131m08 {
         self.deselect();
     }
 
-    /// Chip select falls: a frame begins.
+    /// Lowers chip select: a frame begins.
     pub fn select(&mut self) {
         let mut output = self.output();
         for (_, bit) in self.flips.iter().filter(|(frame, _)| *frame == self.frames) {
@@ -271,7 +271,7 @@ impl Ads131m08 {
         self.frame = Some((output, Vec::with_capacity(30)));
     }
 
-    /// A byte in, a byte out.
+    /// Takes a byte in and gives a byte out.
     pub fn exchange(&mut self, byte: u8) -> u8 {
         let Some((output, input)) = &mut self.frame else { return 0 };
         let answer = output.get(input.len()).copied().unwrap_or(0);
@@ -279,14 +279,14 @@ impl Ads131m08 {
         answer
     }
 
-    /// Chip select rises: the command of the frame is carried out.
+    /// Raises chip select: the command of the frame is carried out.
     pub fn deselect(&mut self) {
         if let Some((output, input)) = self.frame.take() {
             self.execute(&input, input.len() >= output.len());
         }
     }
 
-    /// The frame that is about to be clocked out.
+    /// Returns the frame that is about to be clocked out.
     fn output(&mut self) -> Vec<u8> {
         let width = self.word_bytes();
         let mut out = Vec::with_capacity(10 * width);
@@ -402,7 +402,7 @@ impl Ads131m08 {
     }
 }
 
-/// CRC-16, seed 0xFFFF, most significant bit first.
+/// Returns CRC-16, seed 0xFFFF, most significant bit first.
 fn crc16(polynomial: u16, bytes: &[u8]) -> u16 {
     let mut crc = 0xFFFF_u16;
     for byte in bytes {

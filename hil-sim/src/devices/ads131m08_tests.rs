@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A frame of 24-bit words with the given 16-bit words first.
+/// Returns a frame of 24-bit words with the given 16-bit words first.
 fn frame(words: &[u16]) -> Vec<u8> {
     let mut out = Vec::new();
     for w in words {

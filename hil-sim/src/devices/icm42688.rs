@@ -108,7 +108,7 @@ impl Icm42688 {
         }
     }
 
-    /// Bits of a register of bank 0 change by themselves, as a discharge may do it.
+    /// Changes bits of a register of bank 0, as a discharge may do it.
     pub fn disturb(&mut self, address: u8, bits: u8) {
         self.banks[0][usize::from(address & 0x7F)] ^= bits;
     }
@@ -127,7 +127,8 @@ impl Icm42688 {
         usize::from(self.register(BANK_SEL) & 7).min(4)
     }
 
-    /// Samples per second, by the faster of the two sensors in low-noise mode; `None` while both are off.
+    /// Returns the samples per second, by the faster of the two sensors in low-noise mode; `None` while both
+    /// are off.
     pub fn rate_hz(&self) -> Option<f64> {
         let power = self.register(PWR_MGMT0);
         let gyro = (power >> 2 & 3 == 3).then(|| rate_of(self.register(GYRO_CONFIG0))).flatten();
@@ -138,7 +139,7 @@ impl Icm42688 {
         }
     }
 
-    /// A sample is taken at `time_ns`: specific force m/s², angular rate rad/s, along the IMU's axes. Returns
+    /// Takes a sample at `time_ns`: specific force m/s², angular rate rad/s, along the IMU's axes. Returns
     /// whether pin INT1 announces it.
     pub fn sample(&mut self, time_ns: u64, accel: [f64; 3], gyro: [f64; 3], temperature_c: f64) -> bool {
         let power = self.register(PWR_MGMT0);
@@ -178,7 +179,7 @@ impl Icm42688 {
         self.signals()
     }
 
-    /// Two bytes in the order SENSOR_DATA_ENDIAN asks for.
+    /// Returns two bytes in the order SENSOR_DATA_ENDIAN asks for.
     fn ordered(&self, word: u16) -> [u8; 2] {
         if self.register(INTF_CONFIG0) & 0x10 != 0 { word.to_be_bytes() } else { word.to_le_bytes() }
     }
@@ -276,7 +277,7 @@ impl Icm42688 {
         (if records { self.fifo.len() } else { bytes }) as u16
     }
 
-    /// One transaction: `bytes` holds what the host sends and receives what the IMU sends.
+    /// Makes one transaction: `bytes` holds what the host sends and receives what the IMU sends.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
         self.select();
         for byte in bytes.iter_mut() {
@@ -285,12 +286,12 @@ impl Icm42688 {
         self.deselect();
     }
 
-    /// Chip select falls: a transaction begins.
+    /// Lowers chip select: a transaction begins.
     pub fn select(&mut self) {
         self.addressed = None;
     }
 
-    /// A byte in, a byte out.
+    /// Takes a byte in and gives a byte out.
     pub fn exchange(&mut self, byte: u8) -> u8 {
         let Some((address, read)) = self.addressed else {
             self.addressed = Some((byte & 0x7F, byte & 0x80 != 0));
@@ -307,7 +308,7 @@ impl Icm42688 {
         answer
     }
 
-    /// Chip select rises.
+    /// Raises chip select.
     pub fn deselect(&mut self) {
         self.addressed = None;
         // A packet that was not read to its end is lost (FIFO_RESUME_PARTIAL_RD is not modelled).
@@ -374,7 +375,7 @@ impl Icm42688 {
     }
 }
 
-/// ODR field of GYRO_CONFIG0 and ACCEL_CONFIG0, Hz.
+/// Returns the rate of the ODR field of GYRO_CONFIG0 and ACCEL_CONFIG0, Hz.
 fn rate_of(register: u8) -> Option<f64> {
     match register & 0xF {
         0b0001 => Some(32_000.0),
@@ -393,8 +394,8 @@ fn rate_of(register: u8) -> Option<f64> {
     }
 }
 
-/// A fraction of full scale as a signed word with `bits` bits besides the sign. The most negative word marks
-/// invalid samples and is never given.
+/// Returns a fraction of full scale as a signed word with `bits` bits besides the sign. The most negative
+/// word marks invalid samples and is never given.
 fn code(fraction: f64, bits: u32) -> i32 {
     let full = f64::from(1u32 << bits);
     (fraction * full).round().clamp(1.0 - full, full - 1.0) as i32

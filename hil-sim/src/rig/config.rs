@@ -66,7 +66,7 @@ pub struct RigConfig {
 }
 
 impl RigConfig {
-    /// The thesis' rig with its test body lying across the platform.
+    /// Returns the thesis' rig with its test body lying across the platform.
     pub fn thesis_horizontal() -> Self {
         let Payload { body, load_cell, imu, gravity_mps2 } = Payload::thesis_horizontal();
         Self {
@@ -85,14 +85,14 @@ impl RigConfig {
         }
     }
 
-    /// The thesis' rig with its test body standing upright.
+    /// Returns the thesis' rig with its test body standing upright.
     pub fn thesis_vertical() -> Self {
         Self { body: BodyParameters::thesis_vertical(), ..Self::thesis_horizontal() }
     }
 
-    /// The thesis' rig with an arm hanging on its test body. Both IMUs are calibrated: with links that turn
-    /// against each other an accelerometer's bias is no constant wrench, which the offset could take up. The
-    /// arm is faster than the thesis' gyro.
+    /// Returns the thesis' rig with an arm hanging on its test body. Both IMUs are calibrated: with links
+    /// that turn against each other an accelerometer's bias is no constant wrench, which the offset could
+    /// take up. The arm is faster than the thesis' gyro.
     pub fn two_links() -> Self {
         let rig = Self::thesis_horizontal();
         let imu = ImuModel {
@@ -130,8 +130,8 @@ impl RigConfig {
         Self { adc_hz, imu_hz, ..self }
     }
 
-    /// Assumed: a gauge gives 6 mV at full range (bridges of 1.2 mV/V on 5 V), with up to 6 % of every other
-    /// gauge in each component.
+    /// Returns the assumed calibration: a gauge gives 6 mV at full range (bridges of 1.2 mV/V on 5 V), with
+    /// up to 6 % of every other gauge in each component.
     fn default_calibration() -> [[f64; 6]; 6] {
         let per_volt = [110e3, 110e3, 330e3, 10e3, 10e3, 10e3];
         let mut matrix = [[0.0; 6]; 6];
@@ -149,13 +149,13 @@ impl RigConfig {
         Payload { body: self.body, load_cell: self.load_cell, imu: self.imu, gravity_mps2: self.gravity_mps2 }
     }
 
-    /// Group delay of the load cell's chain that a rig file states: amplifiers and the converter's filter at
-    /// [`Self::adc_hz`], s.
+    /// Returns the group delay of the load cell's chain that a rig file states: amplifiers and the
+    /// converter's filter at [`Self::adc_hz`], s.
     pub fn load_cell_group_delay_s(&self) -> f64 {
         self.sensors.load_cell.stated_delay_s() + Ads131m08::group_delay_at_s(self.adc_hz)
     }
 
-    /// Group delay of the IMU that a rig file states, s.
+    /// Returns the group delay of the IMU that a rig file states, s.
     pub fn imu_group_delay_s(&self) -> f64 {
         self.sensors.imu.stated_delay_s()
     }
@@ -193,7 +193,7 @@ impl Mechanics {
         self.sensors.sensor_motion(plate)
     }
 
-    /// True wrench on the body at S's origin, in S.
+    /// Returns the true wrench on the body at S's origin, in S.
     pub(super) fn wrench(&self, plate: &PlateState) -> [f64; 6] {
         self.sensors.wrench(plate)
     }
@@ -205,8 +205,8 @@ impl Mechanics {
         })
     }
 
-    /// True specific force and angular rate at the second IMU's origin, in its axes; none without a second
-    /// link.
+    /// Returns the true specific force and angular rate at the second IMU's origin, in its axes; none without
+    /// a second link.
     pub(super) fn second_imu(&self, plate: &PlateState, joint: &JointState) -> Option<([f64; 3], [f64; 3])> {
         let (link, rotation) = self.second?;
         let motion = link
@@ -215,7 +215,7 @@ impl Mechanics {
         Some((motion.specific_force(self.sensors.gravity()).into(), motion.body_rate().into()))
     }
 
-    /// True specific force and angular rate at U's origin, in U.
+    /// Returns the true specific force and angular rate at U's origin, in U.
     pub(super) fn imu(&self, plate: &PlateState) -> ([f64; 3], [f64; 3]) {
         self.sensors.imu(plate)
     }
@@ -231,7 +231,7 @@ impl Mechanics {
         volts
     }
 
-    /// See [`super::Truth::apparent_offset_n_nm`].
+    /// Returns the apparent offset; see [`super::Truth::apparent_offset_n_nm`].
     pub(super) fn apparent_offset(&self, experiment: &Experiment) -> [f64; 6] {
         let body = self.body();
         let bias = self.sensors.imu_rotation() * Vector3::from(experiment.accel_bias_mps2);
@@ -242,7 +242,7 @@ impl Mechanics {
     }
 }
 
-/// Gauss–Jordan with row pivoting; `None` if a pivot vanishes against its row's scale.
+/// Inverts a matrix by Gauss–Jordan with row pivoting. `None` if a pivot vanishes against its row's scale.
 fn inverse(matrix: [[f64; 6]; 6]) -> Option<[[f64; 6]; 6]> {
     let mut a = matrix;
     let mut inv = [[0.0; 6]; 6];

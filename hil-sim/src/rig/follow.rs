@@ -33,7 +33,7 @@ struct Piece {
 }
 
 impl Piece {
-    /// The quintic with the given value, rate and acceleration at both ends.
+    /// Returns the quintic with the given value, rate and acceleration at both ends.
     fn new(begin_ns: f64, duration_s: f64, from: Coordinates, to: Coordinates) -> Self {
         let t = duration_s;
         let high = std::array::from_fn(|i| {
@@ -50,7 +50,7 @@ impl Piece {
         Self { begin_ns, until_ns: begin_ns + 1e9 * duration_s, duration_s, from, to, high }
     }
 
-    /// To rest: the rate falls as a cubic, so `x(T) = x + T (v/2 + a T/12)`.
+    /// Brakes to rest: the rate falls as a cubic, so `x(T) = x + T (v/2 + a T/12)`.
     fn brake(begin_ns: f64, from: Coordinates) -> Self {
         Self::brake_in(BRAKE_S, begin_ns, from)
     }
@@ -101,7 +101,7 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    /// A plate at rest.
+    /// Returns a plate at rest.
     pub(super) fn resting(pose: &Pose, now_ns: f64) -> Self {
         let before = at_rest(pose.coordinates());
         Self { before, pieces: VecDeque::new(), tail: Piece::brake(now_ns, before), pending: None }
@@ -187,7 +187,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The plate is to pass this pose at this time. Its rate and acceleration there follow from the
+    /// Orders the plate to pass this pose at this time. Its rate and acceleration there follow from the
     /// neighbours, so it is known one point later. A stream begins at rest, now: to its first point the plate
     /// has the time until then.
     pub(super) fn pass(
@@ -235,7 +235,7 @@ mod tests {
         (geometry, home, Follower::resting(&home, 0.0))
     }
 
-    /// Rate and acceleration are the derivatives of value and rate, also where pieces meet.
+    /// Asserts that rate and acceleration are the derivatives of value and rate, also where pieces meet.
     fn assert_smooth(f: &Follower, range: std::ops::Range<u32>) {
         let h = 1e-5;
         for k in range {

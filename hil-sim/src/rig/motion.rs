@@ -146,7 +146,7 @@ impl Platform {
         matches!(&self.phase, Phase::Following { follower, .. } if follower.starved(now_ns))
     }
 
-    /// Is to pass a pose at a time.
+    /// Orders the plate to pass a pose at a time.
     pub(super) fn pass(
         &mut self,
         now_ns: f64,
@@ -211,9 +211,9 @@ impl Platform {
         }
     }
 
-    /// Coordinates at a time of the rig's clock. After a stop at program time `t₀` the program's own time
-    /// slows down, `τ' = 1 − q(u)` with the quintic q and `u = (t − t₀)/T`, so the plate stays on its path:
-    /// `q̇ = q' τ'`, `q̈ = q'' τ'² + q' τ''`.
+    /// Returns the coordinates at a time of the rig's clock. After a stop at program time `t₀` the program's
+    /// own time slows down, `τ' = 1 − q(u)` with the quintic q and `u = (t − t₀)/T`, so the plate stays on
+    /// its path: `q̇ = q' τ'`, `q̈ = q'' τ'² + q' τ''`.
     pub(super) fn coordinates(&self, time_ns: f64) -> Coordinates {
         let (t, stop_s) = match self.phase {
             Phase::Following { ref follower, .. } => return follower.coordinates(time_ns),
@@ -240,8 +240,8 @@ impl Platform {
     }
 }
 
-/// A gentle move: the quintic's peak rate, 15/8 of the mean, stays below 0.15 m/s and 0.6 rad/s on each
-/// coordinate.
+/// Returns the time of a gentle move: the quintic's peak rate, 15/8 of the mean, stays below 0.15 m/s and 0.6
+/// rad/s on each coordinate.
 fn approach_s(from: &Pose, to: &Pose) -> f64 {
     let longest =
         |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).fold(0.0_f64, |m, (p, q)| m.max((p - q).abs()));

@@ -30,8 +30,8 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// Rows of `program` at `rate_hz`, the first at its start, the last at or before its end. Delays that the
-    /// rig file states are taken off, as the alignment does; undeclared ones remain.
+    /// Returns rows of `program` at `rate_hz`, the first at its start, the last at or before its end. Delays
+    /// that the rig file states are taken off, as the alignment does; undeclared ones remain.
     ///
     /// # Errors
     /// A program the platform cannot follow, a rate that is not positive, a mounting that is no rotation.

@@ -14,7 +14,7 @@ use crate::flash::{SECTOR_BYTES, SECTORS, WORD_BYTES};
 /// A bus that the drivers and the poll share.
 pub(super) type SharedBus = Arc<Mutex<Box<dyn SensorBus>>>;
 
-/// The bus, also after a panic of another of its users: its state is whole between calls.
+/// Returns the bus, also after a panic of another of its users: its state is whole between calls.
 pub(super) fn lock(bus: &SharedBus) -> MutexGuard<'_, Box<dyn SensorBus>> {
     bus.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -35,7 +35,7 @@ impl NorFlashError for Failed {
     }
 }
 
-/// A store in that flash: half of it for settings, half for checkpoints.
+/// Returns a store in that flash: half of it for settings, half for checkpoints.
 pub(super) fn store(bus: SharedBus) -> Option<Store<BusFlash>> {
     let (half, end) = ((SECTOR_BYTES * SECTORS / 2) as u32, (SECTOR_BYTES * SECTORS) as u32);
     Store::new(BusFlash(bus), Layout { settings: 0..half, checkpoints: half..end }).ok()

@@ -33,12 +33,12 @@ impl Log {
         lines.push_back(line);
     }
 
-    /// A line of our own.
+    /// Adds an error of our own.
     pub(super) fn error(&self, message: String) {
         self.push(LogLine { level: "error", message });
     }
 
-    /// The last `n` lines, oldest first.
+    /// Returns the last `n` lines, oldest first.
     pub(super) fn last(&self, n: usize) -> Vec<LogLine> {
         let lines = self.lines();
         lines.iter().skip(lines.len().saturating_sub(n)).cloned().collect()

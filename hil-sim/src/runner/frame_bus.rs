@@ -29,7 +29,7 @@ pub struct FrameGate {
 }
 
 impl FrameGate {
-    /// Frames come, or stop coming.
+    /// Lets frames come, or stop coming.
     pub fn set_open(&self, open: bool) {
         self.open.store(open, Ordering::Release);
     }
@@ -41,7 +41,7 @@ impl FrameGate {
 }
 
 impl FrameBus {
-    /// These frames, at this rate.
+    /// Makes a bus of these frames, at this rate.
     pub fn new(frames: Vec<Vec<u8>>, rate_hz: f64) -> (Self, FrameGate) {
         let gate = FrameGate::default();
         (Self { frames, period_ns: (1e9 / rate_hz).round() as u64, next: 0, gate: gate.clone() }, gate)
@@ -75,8 +75,9 @@ impl SensorBus for FrameBus {
     }
 }
 
-/// `count` frames of a tree in motion whose base cameras track, at `rate_hz`, the wrench with white noise of
-/// these σ (N, N m) in the laboratory's axes from the seed; the rest is exact but for single precision.
+/// Returns `count` frames of a tree in motion whose base cameras track, at `rate_hz`, the wrench with white
+/// noise of these σ (N, N m) in the laboratory's axes from the seed; the rest is exact but for single
+/// precision.
 ///
 /// # Panics
 /// If the tree has more links than a frame can hold.
@@ -105,7 +106,7 @@ pub fn tracked_frames_of(
         .collect()
 }
 
-/// A frame of six numbers, what moves as its base, and the links after the first.
+/// Returns a frame of six numbers, what moves as its base, and the links after the first.
 fn encoded(number: usize, mut numbers: Vec<f64>, base: &FrameMotion, links: &[FrameMotion]) -> Vec<u8> {
     numbers.extend(base.velocity.iter());
     let own = pose(base);
@@ -116,15 +117,15 @@ fn encoded(number: usize, mut numbers: Vec<f64>, base: &FrameMotion, links: &[Fr
     bytes[..n].to_vec()
 }
 
-/// A link's attitude and rate.
+/// Returns a link's attitude and rate.
 fn pose(link: &FrameMotion) -> [f32; 7] {
     let rate = link.rotation.transpose() * link.angular_rate;
     let all: Vec<f64> = quaternion(&link.rotation).into_iter().chain(rate.iter().copied()).collect();
     std::array::from_fn(|i| all[i] as f32)
 }
 
-/// The frames of a motion on springs with O in the platform's origin, the displacement with white noise of
-/// these σ (m, rad) from the seed; the rest is exact but for single precision.
+/// Returns the frames of a motion on springs with O in the platform's origin, the displacement with white
+/// noise of these σ (m, rad) from the seed; the rest is exact but for single precision.
 ///
 /// # Panics
 /// If there are more links than a frame can hold.
@@ -144,8 +145,8 @@ pub fn suspended_frames_of(motion: &Motion, noise: [f64; 6], seed: u64) -> Vec<V
     motion.instants.iter().enumerate().map(of).collect()
 }
 
-/// `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m) from the
-/// seed; the rest is exact but for single precision.
+/// Returns `count` frames of a tree in motion at `rate_hz`, the wrench with white noise of these σ (N, N m)
+/// from the seed; the rest is exact but for single precision.
 ///
 /// # Panics
 /// If the tree has more links than a frame can hold.

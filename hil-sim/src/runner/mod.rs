@@ -58,7 +58,7 @@ pub trait Mcu: Send {
     /// out first.
     fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 
-    /// `"inproc"` or `"qemu"`: what the command line calls it.
+    /// Returns `"inproc"` or `"qemu"`: what the command line calls it.
     fn name(&self) -> &'static str;
 }
 

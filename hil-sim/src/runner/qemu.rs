@@ -326,7 +326,7 @@ fn retry(e: &io::Error) -> bool {
     matches!(e.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
-/// The pipe that requests are read from and the one that answers are written to.
+/// Returns the pipe that requests are read from and the one that answers are written to.
 ///
 /// Neither opening waits for the other side: not to block lets a reader in alone, and a pipe opened for both
 /// is its own other side. The emulator's openings then find a partner.

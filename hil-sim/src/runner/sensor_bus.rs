@@ -13,21 +13,23 @@ use crate::rig::{BusEvent, Rig, SharedRig};
 /// The device that answers the emulated board's bus. Every method returns at once: the machine that asks
 /// stands still.
 pub trait SensorBus: Send {
-    /// The next event, or the time if there is none.
+    /// Returns the next event, or the time if there is none.
     fn poll(&mut self) -> PollAnswer;
-    /// One transfer with the load cell's converter selected, in place.
+    /// Makes one transfer with the load cell's converter selected, in place.
     fn transfer_load_cell(&mut self, bytes: &mut [u8]);
-    /// One transfer with the IMU selected, in place.
+    /// Makes one transfer with the IMU selected, in place.
     fn transfer_imu(&mut self, bytes: &mut [u8]);
-    /// One transfer with the second link's IMU selected, in place. Where there is none the line stays low.
+    /// Makes one transfer with the second link's IMU selected, in place. Where there is none the line stays
+    /// low.
     fn transfer_second_imu(&mut self, bytes: &mut [u8]) {
         bytes.fill(0);
     }
-    /// One request to the flash, in place. Where there is none the line stays low.
+    /// Makes one request to the flash, in place. Where there is none the line stays low.
     fn transfer_flash(&mut self, bytes: &mut [u8]) {
         bytes.fill(0);
     }
-    /// One transfer with the source of frames selected, in place. Where there is none the line stays low.
+    /// Makes one transfer with the source of frames selected, in place. Where there is none the line stays
+    /// low.
     fn transfer_frame(&mut self, bytes: &mut [u8]) {
         bytes.fill(0);
     }
@@ -40,7 +42,7 @@ pub struct WithFlash<B> {
 }
 
 impl<B: SensorBus> WithFlash<B> {
-    /// This bus and this flash.
+    /// Joins this bus and this flash.
     pub fn new(bus: B, flash: SharedFlash) -> Self {
         Self { bus, flash }
     }
@@ -83,7 +85,7 @@ impl PacedRig {
     }
 }
 
-/// The rig, also after a panic of another of its users: its state is whole between calls.
+/// Returns the rig, also after a panic of another of its users: its state is whole between calls.
 pub(crate) fn lock(rig: &SharedRig) -> MutexGuard<'_, Rig> {
     rig.lock().unwrap_or_else(PoisonError::into_inner)
 }

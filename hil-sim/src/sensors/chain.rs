@@ -23,7 +23,7 @@ impl<const N: usize> Pole<N> {
         bandwidth_hz.map(|f| Self { time_constant_s: 1.0 / (std::f64::consts::TAU * f), last: None })
     }
 
-    /// `y = a y₋ + (1 − r) u + (r − a) u₋` with `a = e^(−T/τ)`, `r = (1 − a) τ/T`. Starts settled.
+    /// Filters by `y = a y₋ + (1 − r) u + (r − a) u₋` with `a = e^(−T/τ)`, `r = (1 − a) τ/T`. Starts settled.
     fn filter(&mut self, time_s: f64, input: [f64; N]) -> [f64; N] {
         let mut output = input;
         if let Some((then_s, before, held)) = &self.last {
@@ -84,7 +84,7 @@ pub struct LoadCellChain {
 }
 
 impl LoadCellChain {
-    /// The load cell of the experiment that `seed` draws.
+    /// Returns the load cell of the experiment that `seed` draws.
     pub fn new(models: &SensorModels, experiment: &Experiment, seed: u64) -> Self {
         let model = models.load_cell.clone();
         let noisy = model.noise_n_nm.iter().any(|s| *s != 0.0);
@@ -99,12 +99,12 @@ impl LoadCellChain {
         }
     }
 
-    /// A fault more.
+    /// Adds a fault.
     pub fn add_fault(&mut self, fault: Fault) {
         self.faults.push(fault);
     }
 
-    /// The gauges' excitation at a time, as a ratio to the one of the calibration.
+    /// Returns the gauges' excitation at a time, as a ratio to the one of the calibration.
     pub fn excitation(&self, time_s: f64) -> f64 {
         self.faults.iter().filter_map(|f| f.excitation(time_s)).product()
     }
@@ -150,12 +150,12 @@ pub struct ImuChain {
 }
 
 impl ImuChain {
-    /// The IMU of the experiment that `seed` draws.
+    /// Returns the IMU of the experiment that `seed` draws.
     pub fn new(models: &SensorModels, experiment: &Experiment, seed: u64) -> Self {
         Self::with_stream(models, experiment, seed, STREAM_IMU)
     }
 
-    /// Another IMU of the same model: its biases and its noise are its own.
+    /// Returns another IMU of the same model: its biases and its noise are its own.
     pub fn second(models: &SensorModels, seed: u64) -> Self {
         let chain = Self::with_stream(models, &models.draw_second(seed), seed, STREAM_SECOND_IMU);
         // Faults are the first one's.
@@ -176,7 +176,7 @@ impl ImuChain {
         }
     }
 
-    /// A fault more.
+    /// Adds a fault.
     pub fn add_fault(&mut self, fault: Fault) {
         self.faults.push(fault);
     }

@@ -84,7 +84,7 @@ impl Fault {
         Some(wrench.map(|w| factor * w))
     }
 
-    /// The excitation's ratio to the one of the calibration at `time_s`.
+    /// Returns the excitation's ratio to the one of the calibration at `time_s`.
     pub(super) fn excitation(&self, time_s: f64) -> Option<f64> {
         let Self::Excitation { to, during } = self else { return None };
         let part = (time_s - during.start) / (during.end - during.start);

@@ -252,7 +252,7 @@ pub struct SensorsOptions {
 }
 
 impl ServeOptions {
-    /// The rig asked for.
+    /// Returns the rig asked for.
     #[must_use]
     pub fn rig(&self) -> RigConfig {
         let rig = match self.body {
@@ -285,7 +285,7 @@ impl ServeOptions {
         rig.with_sensors(sensors).with_seed(self.seed)
     }
 
-    /// The faults of the line asked for; `None` for a good one.
+    /// Returns the faults of the line asked for; `None` for a good one.
     #[must_use]
     pub fn link_faults(&self) -> Option<LinkFaults> {
         let faults = LinkFaults {

@@ -54,7 +54,7 @@ impl Port {
         Ok(Self { line, user_end, terminal, name: name.map(Path::to_owned), watch, users: 0 })
     }
 
-    /// The terminal's own path.
+    /// Returns the terminal's own path.
     #[must_use]
     pub fn terminal(&self) -> &Path {
         &self.terminal
@@ -85,7 +85,7 @@ impl Port {
         Ok(self.users > 0)
     }
 
-    /// Bytes the user has sent; 0 if none come within `timeout`.
+    /// Returns the bytes that the user has sent; 0 if none come within `timeout`.
     ///
     /// # Errors
     /// Any error of the system.

@@ -6,7 +6,8 @@ use super::ur;
 use crate::rig::{Rig, RigConfig};
 use hexapod::{BodyParameters, Geometry, Mounting};
 
-/// TOML of a rig, as the host reads it: data sheets and mountings, and what is really the case as `[truth]`.
+/// Writes the TOML of a rig, as the host reads it: data sheets and mountings, and the true values as
+/// `[truth]`.
 #[must_use]
 pub fn rig_file(rig: &Rig) -> String {
     let (config, truth) = (rig.config(), rig.truth());
@@ -85,7 +86,7 @@ pub fn rig_file(rig: &Rig) -> String {
     file.0
 }
 
-/// Joints, legs and limits.
+/// Writes joints, legs and limits.
 fn hexapod(file: &mut Toml, geometry: &Geometry) {
     file.key("base_joints_m", geometry.base_joints_m);
     file.key("plate_joints_m", geometry.plate_joints_m);
@@ -127,7 +128,7 @@ fn hexapod(file: &mut Toml, geometry: &Geometry) {
     file.key("cond_max", limits.cond_max);
 }
 
-/// The part of the arm's reach that may be used.
+/// Writes the part of the arm's reach that may be used.
 fn arm(file: &mut Toml) {
     let travel = ur::travel();
     file.key("travel_m", travel.shift_m);
@@ -137,7 +138,7 @@ fn arm(file: &mut Toml) {
     }
 }
 
-/// The arm's joints, and its model beside the file.
+/// Writes the arm's joints, and its model beside the file.
 fn arm_table(file: &mut Toml) {
     file.table("[platform.arm]");
     file.key("model", ur::MODEL);

@@ -159,7 +159,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// Of a rig; `tell` receives what was wrong with a line.
+    /// Makes the receiver of a rig; `tell` receives the faults of lines.
     pub fn new(rig: SharedRig, tell: Tell) -> Self {
         let geometry = lock(&rig).config().geometry.clone();
         Self { rig, geometry, tell, line: Vec::new(), course: None }

@@ -44,7 +44,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// A point fixed in it: the Jacobian follows `v = v_o + ω × r`.
+    /// Returns a point fixed in the frame: the Jacobian follows `v = v_o + ω × r`.
     fn at(&self, offset: &Vector3<f64>, rotation: &Matrix3<f64>) -> Self {
         let arm = cross(&(self.motion.rotation * offset));
         Self {
@@ -54,7 +54,7 @@ impl Frame {
         }
     }
 
-    /// The frame's motion with accelerations for u̇.
+    /// Returns the frame's motion with accelerations for u̇.
     pub fn with(&self, accelerations: &DVector<f64>) -> FrameMotion {
         let mut motion = self.motion;
         motion.acceleration += &self.shift * accelerations;
@@ -86,7 +86,7 @@ pub(super) struct Equations {
     pub force: DVector<f64>,
 }
 
-/// The rotation of a quaternion w, x, y, z that need not be quite a unit.
+/// Returns the rotation of a quaternion w, x, y, z that need not be quite a unit.
 pub(super) fn rotation(q: &[f64]) -> Matrix3<f64> {
     let (w, v) = (q[0], Vector3::new(q[1], q[2], q[3]));
     let square = w * w + v.norm_squared();
@@ -94,7 +94,7 @@ pub(super) fn rotation(q: &[f64]) -> Matrix3<f64> {
     turn / square
 }
 
-/// `a ⊗ b`.
+/// Returns `a ⊗ b`.
 fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     [
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -110,23 +110,23 @@ impl Suspended {
         &self.made_of
     }
 
-    /// Number of places and rates of a state.
+    /// Returns the number of places and rates of a state.
     pub(super) fn size(&self) -> (usize, usize) {
         (PLACES + 4 * self.joints.len(), self.rates)
     }
 
-    /// Gravity, A's axes, m/s².
+    /// Returns gravity, A's axes, m/s².
     pub(super) fn gravity(&self) -> Vector3<f64> {
         Vector3::new(0.0, 0.0, -self.made_of.gravity_mps2)
     }
 
-    /// The bodies, in the order of the frames: the platform, link 0, link 1, …
+    /// Returns the bodies, in the order of the frames: the platform, link 0, link 1, …
     pub(super) fn bodies(&self) -> impl Iterator<Item = &BodyParameters> {
         let s = &self.made_of;
         [&s.platform, &s.base].into_iter().chain(s.links.iter().map(|l| &l.body))
     }
 
-    /// P, link 0, link 1, … at a state.
+    /// Returns P, link 0, link 1, … at a state.
     pub(super) fn frames(&self, state: &DVector<f64>) -> Vec<Frame> {
         let (places, rates) = self.size();
         let u = state.rows(places, rates);
@@ -161,7 +161,8 @@ impl Suspended {
         frames
     }
 
-    /// The springs' forces with P as given, the support shifted by `support_m` and moving at `support_mps`.
+    /// Returns the springs' forces with P as given, the support shifted by `support_m` and moving at
+    /// `support_mps`.
     pub(super) fn springs(
         &self,
         platform: &FrameMotion,
@@ -193,7 +194,7 @@ impl Suspended {
         sum
     }
 
-    /// Force on the support of all but the platform's springs, and its energy; N, J.
+    /// Returns the force on the support of all but the platform's springs, and its energy; N, J.
     pub(super) fn under_support(&self, shift: &Vector3<f64>, rate: &Vector3<f64>) -> (Vector3<f64>, f64) {
         let Some(support) = self.made_of.support else { return (Vector3::zeros(), 0.0) };
         let linear = Vector3::from(support.stiffness_npm).component_mul(shift);
@@ -209,7 +210,8 @@ impl Suspended {
         [0, places].map(|at| Vector3::new(state[at], state[at + 1], state[at + 2]))
     }
 
-    /// `M u̇ = force + locks`, by d'Alembert: `M = Σ Jᵀ diag(m, I) J` over the bodies' centres of mass.
+    /// Returns the equations `M u̇ = force + locks`, by d'Alembert: `M = Σ Jᵀ diag(m, I) J` over the bodies'
+    /// centres of mass.
     pub(super) fn equations(&self, state: &DVector<f64>) -> Equations {
         let (places, rates) = self.size();
         let frames = self.frames(state);
@@ -244,7 +246,7 @@ impl Suspended {
         Equations { frames, springs, mass, force }
     }
 
-    /// u̇, with zeros where locked; `None` if the mass matrix of what is free is not positive.
+    /// Returns u̇, with zeros where locked; `None` if the mass matrix of what is free is not positive.
     pub(super) fn accelerations(&self, equations: &Equations) -> Option<DVector<f64>> {
         let n = self.free.len();
         let mass = DMatrix::from_fn(n, n, |r, c| equations.mass[(self.free[r], self.free[c])]);
@@ -257,7 +259,7 @@ impl Suspended {
         Some(all)
     }
 
-    /// Derivative of a state: places' by u, and u̇. Infinite where no mass resists.
+    /// Returns the derivative of a state: places' by u, and u̇. Infinite where no mass resists.
     pub(super) fn derivative(&self, state: &DVector<f64>) -> DVector<f64> {
         let (places, rates) = self.size();
         let mut out = DVector::zeros(places + rates);
@@ -286,7 +288,7 @@ impl Suspended {
         out
     }
 
-    /// The columns of a joint's rate in the link's axes.
+    /// Returns the columns of a joint's rate in the link's axes.
     pub(super) fn columns(joint: &Joint) -> Matrix3xX<f64> {
         match joint {
             Joint::Spherical => Matrix3xX::identity(3),
@@ -294,7 +296,7 @@ impl Suspended {
         }
     }
 
-    /// The free accelerations cannot be found: refused before anything moves.
+    /// Refuses a suspension whose free accelerations cannot be found, before anything moves.
     pub(super) fn check_mass(&self, state: &DVector<f64>) -> Result<(), SuspensionError> {
         self.accelerations(&self.equations(state)).map(|_| ()).ok_or(SuspensionError::Massless)
     }

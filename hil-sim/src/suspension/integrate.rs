@@ -76,7 +76,7 @@ impl Gauss {
         }
     }
 
-    /// The slopes to begin with: all stages as at `state`.
+    /// Returns the slopes to begin with: all stages as at `state`.
     pub(super) fn begin(
         &self,
         state: &DVector<f64>,
@@ -86,8 +86,8 @@ impl Gauss {
         DMatrix::from_fn(state.len(), self.outer.len(), |r, _| at[r])
     }
 
-    /// One step. `slopes` holds a guess of the stages' slopes and is left with one for the next step. `None`
-    /// if the fixed point is not found, for the step is too long.
+    /// Does one step. `slopes` holds a guess of the stages' slopes and is left with one for the next step.
+    /// `None` if the fixed point is not found, for the step is too long.
     pub(super) fn step(
         &self,
         state: &DVector<f64>,

@@ -82,7 +82,8 @@ impl MotionCapture {
         }
     }
 
-    /// Four markers on the corners of a plate of 2 `half_m` about a carrier's origin, and one above it.
+    /// Returns four markers on the corners of a plate of 2 `half_m` about a carrier's origin, and one above
+    /// it.
     pub fn cluster(on: Carrier, half_m: f64) -> Vec<Marker> {
         [[1.0, 1.0, 0.0], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.0], [1.0, -1.0, -0.1], [0.2, 0.0, 0.6]]
             .map(|at: [f64; 3]| Marker { on, at_m: at.map(|v| half_m * v) })
@@ -126,7 +127,7 @@ impl MotionCapture {
         Ok(Film { rate_hz: self.rate_hz, seen_m })
     }
 
-    /// `R_CA`, if everything makes sense.
+    /// Returns `R_CA`, if everything makes sense.
     fn checked(&self, motion: &Motion) -> Result<Matrix3<f64>, SuspensionError> {
         let figure = |what: &str| SuspensionError::Figure { what: what.to_string() };
         let links = motion.instants.first().map_or(0, |i| i.links.len());

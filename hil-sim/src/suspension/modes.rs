@@ -56,8 +56,8 @@ impl Suspended {
         out
     }
 
-    /// Natural vibrations about the rest that the platform finds with the joints held in this posture,
-    /// slowest first. A support that is not quite free takes part, and is not in the shapes.
+    /// Returns natural vibrations about the rest that the platform finds with the joints held in this
+    /// posture, slowest first. A support that is not quite free takes part, and is not in the shapes.
     pub fn modes(&self, joint_wxyz: &[[f64; 4]]) -> Result<Vec<Mode>, SuspensionError> {
         let state = self.resting_state(joint_wxyz)?;
         let rigid = self.rigid();
@@ -93,7 +93,7 @@ impl Suspended {
         Ok(out)
     }
 
-    /// `− ∂ force / ∂ rate` of the free rigid coordinates at rest, by central differences.
+    /// Returns `− ∂ force / ∂ rate` of the free rigid coordinates at rest, by central differences.
     fn rigid_damping(&self, state: &DVector<f64>) -> DMatrix<f64> {
         const RATE: f64 = 1e-3;
         let (places, _) = self.size();

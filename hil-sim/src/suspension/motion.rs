@@ -34,7 +34,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// At rest in the reference pose with the joints so.
+    /// Returns a start at rest in the reference pose with the joints so.
     pub fn resting(joint_wxyz: &[[f64; 4]]) -> Self {
         Self {
             position_m: [0.0; 3],
@@ -60,7 +60,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Such a run with steps by the quickest natural vibration.
+    /// Makes a run with steps by the quickest natural vibration.
     pub fn new(duration_s: f64, rate_hz: f64) -> Self {
         Self { duration_s, rate_hz, step_s: None }
     }
@@ -78,7 +78,7 @@ pub struct Energy {
 }
 
 impl Energy {
-    /// The sum.
+    /// Returns the sum of all energies, J.
     pub fn total_j(&self) -> f64 {
         self.kinetic_j + self.gravity_j + self.springs_j
     }
@@ -121,7 +121,7 @@ fn six([a, b]: [Vector3<f64>; 2]) -> [f64; 6] {
 }
 
 impl Suspended {
-    /// The motion from a start.
+    /// Simulates the motion from a start.
     pub fn simulate(&self, start: &Start, run: &Run) -> Result<Motion, SuspensionError> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let step = run.step_s.unwrap_or(LONGEST_STEP_S);
@@ -154,7 +154,7 @@ impl Suspended {
         Ok(Motion { rate_hz: run.rate_hz, instants })
     }
 
-    /// A step short enough for the quickest vibration, s.
+    /// Returns a step short enough for the quickest vibration, s.
     fn step_for(&self, joint_wxyz: &[[f64; 4]]) -> f64 {
         // What has no rest has no modes either; it moves all the same.
         let modes = self.modes(joint_wxyz).unwrap_or_default();
@@ -162,12 +162,12 @@ impl Suspended {
         LONGEST_STEP_S.min(LONGEST_STEP_PERIODS / quickest.max(1e-9))
     }
 
-    /// Everything at a start: accelerations and forces without a motion.
+    /// Returns everything at a start: accelerations and forces without a motion.
     pub fn at(&self, start: &Start) -> Result<Instant, SuspensionError> {
         self.instant(0.0, &self.state(start)?)
     }
 
-    /// Everything at a state.
+    /// Returns everything at a state.
     pub(super) fn instant(&self, time_s: f64, state: &DVector<f64>) -> Result<Instant, SuspensionError> {
         let equations = self.equations(state);
         let accelerations = self.accelerations(&equations).ok_or(SuspensionError::Massless)?;
@@ -193,14 +193,14 @@ impl Suspended {
         })
     }
 
-    /// `½ uᵀ M u`, J.
+    /// Returns `½ uᵀ M u`, J.
     fn kinetic(&self, state: &DVector<f64>, mass: &nalgebra::DMatrix<f64>) -> f64 {
         let (places, rates) = self.size();
         let u = state.rows(places, rates);
         0.5 * u.dot(&(mass * u))
     }
 
-    /// `− Σ m g · c`, J.
+    /// Returns `− Σ m g · c`, J.
     fn height(&self, frames: &[super::dynamics::Frame]) -> f64 {
         let com = |f: &FrameMotion, com: [f64; 3]| f.position + f.rotation * Vector3::from(com);
         self.bodies()

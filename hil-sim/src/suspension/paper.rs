@@ -28,7 +28,7 @@ pub const POSTURES: [[[f64; 3]; 3]; 3] = [
     [[-0.0010, 0.0, -1.0], [-0.0316, 0.9995, 0.0], [0.9995, 0.0316, -0.0010]],
 ];
 
-/// Link 0 in the base frame, Table 1.
+/// Returns link 0 in the base frame, Table 1.
 pub fn link_0() -> BodyParameters {
     BodyParameters {
         mass_kg: 65.921,
@@ -37,7 +37,7 @@ pub fn link_0() -> BodyParameters {
     }
 }
 
-/// Link 1 in its own frame, whose origin is the joint, Table 1.
+/// Returns link 1 in its own frame, whose origin is the joint, Table 1.
 pub fn link_1() -> BodyParameters {
     BodyParameters {
         mass_kg: 14.896,
@@ -46,14 +46,14 @@ pub fn link_1() -> BodyParameters {
     }
 }
 
-/// The platform: a plate of 15 kg, 0.9 m square.
+/// Returns the platform: a plate of 15 kg, 0.9 m square.
 pub fn platform() -> BodyParameters {
     BodyParameters { mass_kg: 15.0, com_m: [0.0; 3], inertia_com_kgm2: [1.02, 1.02, 2.03, 0.0, 0.0, 0.0] }
 }
 
-/// Four upright springs at the corners that carry the weight, and four weak ones along x beside them that
-/// carry nothing, so that the two sideways vibrations are not alike. With all 95.817 kg on them, `√(Σ k / m)
-/// / 2π` is 1.15 Hz along x, 1.06 Hz along y and 3.03 Hz upward.
+/// Returns four upright springs at the corners that carry the weight, and four weak ones along x beside them
+/// that carry nothing, so that the two sideways vibrations are not alike. With all 95.817 kg on them,
+/// `√(Σ k / m) / 2π` is 1.15 Hz along x, 1.06 Hz along y and 3.03 Hz upward.
 pub fn springs() -> Vec<Spring> {
     let corners =
         [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].map(|[x, y]| [0.38 * x, 0.32 * y, -0.05]);
@@ -63,8 +63,8 @@ pub fn springs() -> Vec<Spring> {
     [upright, along].concat()
 }
 
-/// The rig with link 1 on `joint_m` in link 0, whose whole centre of mass in posture 1 is over P's origin,
-/// 0.28 m high ([`JOINT_M`]).
+/// Returns the rig with link 1 on `joint_m` in link 0, whose whole centre of mass in posture 1 is over P's
+/// origin, 0.28 m high ([`JOINT_M`]).
 pub fn suspension(joint_m: [f64; 3]) -> Suspension {
     let link = JointedLink {
         parent: 0,
@@ -86,7 +86,7 @@ pub fn suspension(joint_m: [f64; 3]) -> Suspension {
     }
 }
 
-/// The posture's rotation, w, x, y, z: the one nearest to the printed digits.
+/// Returns the posture's rotation, w, x, y, z: the one nearest to the printed digits.
 pub fn posture_wxyz(printed: &[[f64; 3]; 3]) -> [f64; 4] {
     let m = Matrix3::from_fn(|r, c| printed[r][c]);
     let svd = m.svd(true, true);
@@ -100,16 +100,16 @@ pub fn posture_wxyz(printed: &[[f64; 3]; 3]) -> [f64; 4] {
     quaternion(&nearest)
 }
 
-/// Rotation at which link 1 hangs at rest: the least that puts its centre of mass below the joint; w, x, y,
-/// z.
+/// Returns the rotation at which link 1 hangs at rest: the least that puts its centre of mass below the
+/// joint; w, x, y, z.
 pub fn hanging_wxyz() -> [f64; 4] {
     let com = Vector3::from(link_1().com_m);
     let turn = UnitQuaternion::rotation_between(&com, &-Vector3::z()).unwrap_or_default();
     [turn.w, turn.i, turn.j, turn.k]
 }
 
-/// The start of the relative motion: everything at rest, link 1 turned off its own by `tilt_rad` about an
-/// axis of link 0.
+/// Returns the start of the relative motion: everything at rest, link 1 turned off its own by `tilt_rad`
+/// about an axis of link 0.
 pub fn released(tilt_rad: [f64; 3]) -> Start {
     let [w, x, y, z] = hanging_wxyz();
     let rest = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -117,8 +117,8 @@ pub fn released(tilt_rad: [f64; 3]) -> Start {
     Start::resting(&[[turn.w, turn.i, turn.j, turn.k]])
 }
 
-/// A start of free vibration in every mode: the reference pose, joints at rest in this posture, with a blow's
-/// velocities along what is free. The platform then moves by some millimetres.
+/// Returns a start of free vibration in every mode: the reference pose, joints at rest in this posture, with
+/// a blow's velocities along what is free. The platform then moves by some millimetres.
 pub fn struck(rig: &Suspended, joint_wxyz: &[[f64; 4]]) -> Start {
     let blow = [0.02, -0.015, 0.03, 0.06, 0.05, 0.08];
     let [x, y, z, roll, pitch, yaw] =

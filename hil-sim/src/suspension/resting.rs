@@ -10,9 +10,9 @@ use super::{Start, Suspension, SuspensionError};
 const STEP: f64 = 1e-5;
 
 impl Suspension {
-    /// The suspension with springs that carry the weight: upright preloads, of least norm, that make the
-    /// reference pose with the joints in this posture (parent's axes ← link's axes, w, x, y, z, in the order
-    /// of the links) a rest.
+    /// Returns the suspension with springs that carry the weight: upright preloads, of least norm, that make
+    /// the reference pose with the joints in this posture (parent's axes ← link's axes, w, x, y, z, in the
+    /// order of the links) a rest.
     pub fn at_rest(&self, joint_wxyz: &[[f64; 4]]) -> Result<Suspended, SuspensionError> {
         self.check()?;
         let mut joints: Vec<(Matrix3xX<f64>, usize)> = Vec::new();
@@ -90,7 +90,7 @@ impl Suspended {
         Ok(self)
     }
 
-    /// A state of places and rates.
+    /// Returns a state of places and rates.
     pub(super) fn state(&self, start: &Start) -> Result<DVector<f64>, SuspensionError> {
         let figure = |what: String| SuspensionError::Figure { what };
         let links = self.joints.len();
@@ -145,8 +145,8 @@ impl Suspended {
         self.free.iter().copied().filter(|k| *k < RATES).collect()
     }
 
-    /// A state with support and platform shifted, and the platform turned about A's axes, by `by` along the
-    /// rigid rates.
+    /// Returns a state with support and platform shifted, and the platform turned about A's axes, by `by`
+    /// along the rigid rates.
     fn displaced(&self, state: &DVector<f64>, by: &[(usize, f64)]) -> DVector<f64> {
         let mut out = state.clone();
         let mut turn = Vector3::zeros();
@@ -160,7 +160,7 @@ impl Suspended {
         out
     }
 
-    /// `− ∂ force / ∂ place` of the free rigid coordinates, joints held, by central differences.
+    /// Returns `− ∂ force / ∂ place` of the free rigid coordinates, joints held, by central differences.
     pub(super) fn rigid_stiffness(&self, state: &DVector<f64>) -> DMatrix<f64> {
         let rigid = self.rigid();
         let force = |k: usize, h: f64| self.equations(&self.displaced(state, &[(k, h)])).force;
@@ -195,7 +195,7 @@ impl Suspended {
         if state.iter().all(|v| v.is_finite()) { Ok(state) } else { Err(SuspensionError::Unstable) }
     }
 
-    /// The start at rest where the platform finds its own with the joints held in this posture.
+    /// Returns the start at rest where the platform finds its own with the joints held in this posture.
     pub fn resting(&self, joint_wxyz: &[[f64; 4]]) -> Result<Start, SuspensionError> {
         let state = self.resting_state(joint_wxyz)?;
         let q = nalgebra::Rotation3::from_matrix_unchecked(rotation(&state.as_slice()[6..10]));

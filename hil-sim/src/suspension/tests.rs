@@ -10,7 +10,7 @@ use hexapod::{BodyParameters, Mounting};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.80665);
 
-/// A body without symmetry.
+/// Returns a body without symmetry.
 fn body(k: f64) -> BodyParameters {
     BodyParameters {
         mass_kg: 2.0 + k,
@@ -19,7 +19,7 @@ fn body(k: f64) -> BodyParameters {
     }
 }
 
-/// A base with a ball joint, a hinge behind it and another hinge on the base; damped everywhere.
+/// Returns a base with a ball joint, a hinge behind it and another hinge on the base; damped everywhere.
 fn chain() -> Suspension {
     let corners = [[0.3, 0.25, -0.02], [-0.35, 0.3, 0.0], [-0.3, -0.3, 0.03], [0.32, -0.28, 0.0]];
     let springs = corners.map(|at_m| Spring {
@@ -57,12 +57,12 @@ fn chain() -> Suspension {
     }
 }
 
-/// A posture of the chain.
+/// Returns a posture of the chain.
 fn rests() -> [[f64; 4]; 3] {
     [[0.9, 0.1, 0.3, -0.2], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
 }
 
-/// A start of the chain with everything moving.
+/// Returns a start of the chain with everything moving.
 fn moving() -> Start {
     Start {
         position_m: [0.01, -0.02, 0.015],
@@ -74,7 +74,8 @@ fn moving() -> Start {
     }
 }
 
-/// Slope of the total energy by least squares, J/s, and the energy exchanged, the most of kinetic energy, J.
+/// Returns the slope of the total energy by least squares, J/s, and the energy exchanged, the most of kinetic
+/// energy, J.
 fn drift(motion: &Motion) -> (f64, f64) {
     let n = motion.instants.len() as f64;
     let mean = |f: &dyn Fn(&Instant) -> f64| motion.instants.iter().map(f).sum::<f64>() / n;

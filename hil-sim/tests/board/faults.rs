@@ -114,7 +114,7 @@ impl Drawn {
         Self { kinds, random }
     }
 
-    /// These, drawn by the seed in what they are like.
+    /// Returns the faults of these kinds, drawn by the seed in what they are like.
     pub fn of(kinds: &[Kind], seed: u64) -> Self {
         Self { kinds: kinds.to_vec(), random: ChaCha8Rng::seed_from_u64(seed) }
     }
@@ -131,8 +131,8 @@ impl Drawn {
         of[self.below(of.len() as u64) as usize]
     }
 
-    /// A stretch within the run, from 1 ms to two seconds long, or to its end; ps. The run is on from about 1
-    /// s.
+    /// Returns a stretch within the run, from 1 ms to two seconds long, or to its end; ps. The run is on from
+    /// about 1 s.
     fn stretch(&mut self, run: u64) -> (u64, u64) {
         let from = self.between(300 * MS, 1_000 * MS + run);
         let lasts = self.pick(&[MS, 10 * MS, 100 * MS, 2_000 * MS, run]);

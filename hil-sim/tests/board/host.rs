@@ -239,7 +239,7 @@ impl Host {
         }
     }
 
-    /// The sequence number of the command that waits.
+    /// Returns the sequence number of the command that waits.
     fn sequence_asked(&self) -> u16 {
         let Some((bytes, ..)) = &self.asked else { return u16::MAX };
         let mut decoder = Decoder::new();

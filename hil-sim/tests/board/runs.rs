@@ -64,7 +64,7 @@ fn planned(seed: u64, seconds: u64, prepare: impl FnOnce(&Chip, &mut Plan)) -> L
     world::live(rig, &mut plan, seed, prepare)
 }
 
-/// By how many of its standard deviations the worst parameter of the answer is off.
+/// Returns the error of the worst parameter of the answer, in its standard deviations.
 pub fn worst_sd(life: &Life) -> Option<f64> {
     let report = life.outcome.estimate.as_ref()?;
     let errors = report.estimate.iter().zip(&report.standard_deviation).zip(life.truth);
@@ -72,7 +72,7 @@ pub fn worst_sd(life: &Life) -> Option<f64> {
     Some(errors.fold(0.0, f64::max))
 }
 
-/// Samples of the load cell that reached the chip and that no counter knows of.
+/// Returns the number of samples of the load cell that reached the chip and that no counter knows of.
 pub fn uncounted(life: &Life) -> Option<i64> {
     let counters = life.outcome.counters.as_ref()?;
     if !life.outcome.started || life.outcome.restarts > 0 {

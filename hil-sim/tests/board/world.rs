@@ -44,7 +44,7 @@ pub struct Life {
     pub truth: [f64; 10],
 }
 
-/// The rig and its settings at this rate, with this many seconds of the thesis' motion.
+/// Returns the rig and its settings at this rate, with this many seconds of the thesis' motion.
 pub fn rig(rate_hz: f64, seconds: f64, seed: u64) -> (Rig, Settings) {
     let config = RigConfig::thesis_horizontal().with_rates(rate_hz, rate_hz).with_seed(seed);
     let settings = Settings {
@@ -114,7 +114,8 @@ pub fn live(rig: Rig, plan: &mut Plan, seed: u64, prepare: impl FnOnce(&Chip, &m
     }
 }
 
-/// Mass, first moments, and the inertia about S's origin in the order of the device: xx, yy, zz, yz, xz, xy.
+/// Returns mass, first moments, and the inertia about S's origin in the order of the device: xx, yy, zz, yz,
+/// xz, xy.
 fn parameters(m: f64, c: [f64; 3], about_com: [f64; 6]) -> [f64; 10] {
     let [xx, yy, zz, yz, xz, xy] = about_com;
     [

@@ -109,7 +109,7 @@ impl Interrupts<'_> {
         }
     }
 
-    /// Everything up to this time, in its order.
+    /// Runs everything up to this time, in its order.
     fn run_until(&mut self, until: u64) {
         loop {
             let ended = self.transfer.map_or(u64::MAX, |(at, _)| at);
@@ -144,7 +144,8 @@ fn ticks(time_ns: u64) -> u32 {
     (time_ns / 250) as u32
 }
 
-/// Of each sensor: samples signalled, and lost by the count. Every sample that comes must have its own time.
+/// Returns, for each sensor, the samples signalled, and those lost by the count. Every sample that comes must
+/// have its own time.
 fn with_the_ring(estimate: u64) -> ([u32; 2], [u32; 2]) {
     let chips = chips();
     let place = Place::new(None);

@@ -48,7 +48,7 @@ impl DelayNs for NoWait {
     fn delay_ns(&mut self, _: u32) {}
 }
 
-/// Gentle enough for the simulated sensors' ranges, 75 °/s among them.
+/// Returns a motion gentle enough for the simulated sensors' ranges, 75 °/s among them.
 fn swing(duration_s: f64) -> MotionProgram {
     let term = |axis, amplitude, frequency_hz| SineTerm { axis, amplitude, frequency_hz, phase_rad: 0.4 };
     MotionProgram {
@@ -72,7 +72,7 @@ impl Expected {
         Self { config: config.clone(), trajectory: swing(duration_s).trajectory().unwrap() }
     }
 
-    /// Motion of S this long before `time_ns`, and gravity.
+    /// Returns the motion of S this long before `time_ns`, and gravity.
     fn motion(&self, time_ns: u64, delay_s: f64) -> (FrameMotion, Vector3<f64>) {
         let cell = &self.config.load_cell;
         let plate = self.trajectory.state(time_ns as f64 * 1e-9 - delay_s);
@@ -81,7 +81,7 @@ impl Expected {
         (motion, Vector3::new(0.0, 0.0, -self.config.gravity_mps2))
     }
 
-    /// Half a step on each of six gauges, through the calibration's row.
+    /// Checks codes to half a step on each of six gauges, through the calibration's row.
     fn check_codes(&self, time_ns: u64, codes: &[i32; 8]) {
         let (motion, gravity) = self.motion(time_ns, self.config.load_cell_group_delay_s());
         let wrench = self.config.body.wrench(&motion, &gravity);
@@ -94,7 +94,7 @@ impl Expected {
         assert_eq!(codes[6..], [6_990_507, 0]);
     }
 
-    /// To half a step, and the f32 arithmetic behind it: four roundings.
+    /// Checks an IMU's sample to half a step, and the f32 arithmetic behind it: four roundings.
     fn check(&self, time_ns: u64, got: &ImuSample) {
         let (motion, gravity) = self.motion(time_ns, self.config.imu_group_delay_s());
         let imu = &self.config.imu;
@@ -113,7 +113,7 @@ impl Expected {
     }
 }
 
-/// A moving rig, ideal sensors, its converters brought up by the drivers.
+/// Returns a moving rig, ideal sensors, its converters brought up by the drivers.
 fn moving(duration_s: f64, rate_hz: u32) -> (SharedRig, Expected, Ads131m08<Wire>, Imu<Wire>) {
     let config = RigConfig::thesis_horizontal()
         .with_sensors(SensorModels::ideal())
@@ -135,7 +135,7 @@ fn next_event(rig: &SharedRig) -> BusEvent {
     rig.lock().unwrap().next_event()
 }
 
-/// Times of the IMU's signals, the load cell's left alone.
+/// Returns the next time of the IMU's signals, the load cell's left alone.
 fn next_imu_event(rig: &SharedRig) -> u64 {
     loop {
         match next_event(rig) {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Modules that make up the physics, with everything below them.
 const PHYSICS: [&str; 6] = ["devices", "link", "links", "rig", "sensors", "suspension"];
 
-/// Lines of code (not comments) that reach into the crates the firmware is made of.
+/// Returns the lines of code (not comments) that reach into the crates the firmware is made of.
 fn offences(source: &str) -> Vec<&str> {
     source
         .lines()

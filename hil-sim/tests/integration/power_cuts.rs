@@ -69,7 +69,7 @@ fn store<const SECTOR: usize>(flash: &SharedFlash) -> Store<FlashDriver<SECTOR>>
     Store::new(FlashDriver(flash.clone()), layout).unwrap()
 }
 
-/// Numbers in place of a factor's.
+/// Returns numbers in place of a factor's.
 fn numbers(readings: u32) -> Vec<u8> {
     (0..24).flat_map(|k| (readings as f32 + k as f32).to_le_bytes()).collect()
 }
@@ -139,7 +139,8 @@ fn oracle<const SECTOR: usize>(flash: &SharedFlash, steps: &[Step]) -> (Vec<Held
     (states, flash.lock().spent())
 }
 
-/// A cut after `fuel` bytes, one in the recovery after `again` of them if there is one, then another run.
+/// Cuts the supply after `fuel` bytes, and in the recovery after `again` of them if given; then does another
+/// run.
 fn cut<const SECTOR: usize>(
     fresh: &SharedFlash,
     steps: &[Step],

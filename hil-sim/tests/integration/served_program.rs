@@ -66,7 +66,7 @@ impl Server {
         }
     }
 
-    /// Ctrl-C; what is left in the folder.
+    /// Presses Ctrl-C. Returns what is left in the folder.
     fn interrupt(mut self) -> Vec<String> {
         let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status();
         assert!(sent.unwrap().success());

@@ -124,8 +124,8 @@ impl State {
         }
     }
 
-    /// Largest gaps of places, attitudes, rates, accelerations and wrenches, relative to the largest of their
-    /// kind.
+    /// Returns the largest gaps of places, attitudes, rates, accelerations and wrenches, relative to the
+    /// largest of their kind.
     fn gaps(&self, now: &Instant) -> [f64; 7] {
         let ours: Vec<&FrameMotion> = [&now.platform].into_iter().chain(&now.links).collect();
         let gap = |kind: &Pair| {

@@ -5,7 +5,7 @@ use rigident_shared::wire::{
 };
 use rigident_sim::rig::RigConfig;
 
-/// Settings that say of the rig what its rig file would.
+/// Returns the settings that a rig file would give for the rig.
 pub fn settings(rig: &RigConfig) -> Settings {
     let nanoseconds = |s: f64| (1e9 * s).round() as u32;
     let (cell, unit) = (&rig.sensors.load_cell, &rig.sensors.imu);

@@ -60,7 +60,7 @@ enum Stop {
 type Obeyed = Result<String, u16>;
 
 impl Hexapod {
-    /// Of a rig that has just been switched on: the servo is on, nothing is referenced.
+    /// Makes the controller of a rig that has just been switched on: the servo is on, nothing is referenced.
     pub fn new(rig: SharedRig) -> Self {
         let geometry = lock(&rig).config().geometry.clone();
         Self {
@@ -112,7 +112,7 @@ impl Hexapod {
         }
     }
 
-    /// A client has gone; what it had started is stopped.
+    /// Receives that a client has gone; what it had started is stopped.
     pub(super) fn left(&mut self, client: u64) {
         let shared = self.rig.clone();
         let rig = &mut *lock(&shared);
@@ -245,7 +245,7 @@ impl Hexapod {
         Ok(())
     }
 
-    /// The interval counts in tenths of a millisecond.
+    /// Sets the interval, which counts in tenths of a millisecond.
     fn set_interval(&mut self, rig: &Rig, words: &[&str]) -> Result<(), u16> {
         let ["T", ms] = words else { return Err(error::SYNTAX) };
         let ms: f64 = ms.parse().map_err(|_| error::NUMBER)?;
@@ -301,7 +301,7 @@ impl Hexapod {
         Ok(())
     }
 
-    /// The target with some axes changed.
+    /// Returns the target with some axes changed.
     fn aim(&self, words: &[&str], relative: bool) -> Result<GcsPosition, u16> {
         let mut to = self.target;
         for (axis, value) in read_pairs(words)? {
@@ -332,8 +332,8 @@ impl Hexapod {
         Ok(())
     }
 
-    /// A move's duration: its peak rate, 15/8 of the mean, stays below the velocity; a rotation counts as the
-    /// way of a point 0.25 m from the axis.
+    /// Returns a move's duration: its peak rate, 15/8 of the mean, stays below the velocity; a rotation
+    /// counts as the way of a point 0.25 m from the axis.
     fn duration_s(&self, from: &GcsPosition, to: &GcsPosition) -> f64 {
         let way =
             |range: std::ops::Range<usize>| range.map(|i| (to.0[i] - from.0[i]).powi(2)).sum::<f64>().sqrt();
@@ -433,7 +433,7 @@ fn axis_number(name: &str) -> Result<usize, u16> {
     gcs::axis_number(name).ok_or(error::AXIS)
 }
 
-/// `X 0x19001900 [value] …`: axis, parameter, and a value if there are three of each.
+/// Reads `X 0x19001900 [value] …`: axis, parameter, and a value if there are three of each.
 fn named<'a>(words: &[&'a str], of_each: usize) -> Result<Vec<(u32, Option<&'a str>)>, u16> {
     if words.is_empty() || !words.len().is_multiple_of(of_each) {
         return Err(error::PARAMETER_COUNT);
@@ -452,7 +452,7 @@ fn named<'a>(words: &[&'a str], of_each: usize) -> Result<Vec<(u32, Option<&'a s
         .collect()
 }
 
-/// `X=value` for the named axes, or all.
+/// Writes `X=value` for the named axes, or all.
 fn each(words: &[&str], value: impl Fn(usize) -> String) -> Obeyed {
     let axes = if words.is_empty() {
         (0..AXES.len()).collect()

@@ -24,7 +24,7 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// The point that X, Y, Z are of, in the plate's axes, m.
+    /// Returns the point that X, Y, Z are of, in the plate's axes, m.
     fn point_m(&self) -> [f64; 3] {
         let frame = self.in_force.and_then(|k| self.defined.get(k)).map_or([0.0; 3], |(_, offset)| *offset);
         std::array::from_fn(|i| 1e-3 * (self.pivot_mm[i] + frame[i]))

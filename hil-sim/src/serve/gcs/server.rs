@@ -113,7 +113,7 @@ pub struct GcsPort {
 }
 
 impl GcsPort {
-    /// The terminal's own path.
+    /// Returns the terminal's own path.
     #[must_use]
     pub fn terminal(&self) -> &Path {
         &self.terminal

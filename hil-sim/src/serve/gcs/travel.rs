@@ -3,8 +3,8 @@
 use hexapod::gcs::GcsPosition;
 use hexapod::{Geometry, Pose};
 
-/// Travel of each axis by itself from the reference pose, lowest and highest, mm and degrees: as far as the
-/// legs reach.
+/// Returns the travel of each axis by itself from the reference pose, lowest and highest, mm and degrees: as
+/// far as the legs reach.
 pub fn limits(geometry: &Geometry) -> [[f64; 2]; 6] {
     let home = geometry.home();
     let reaches = |axis: usize, value: f64| {

@@ -99,7 +99,7 @@ fn serve(socket: &UdpSocket, played: &Played, leave: &AtomicBool) {
     }
 }
 
-/// Command and count of a request.
+/// Returns command and count of a request.
 fn request(bytes: &[u8]) -> Option<(u16, u32)> {
     let [a, b, c, d, e, f, g, h] = bytes.try_into().ok()?;
     ([a, b] == HEADER).then(|| (u16::from_be_bytes([c, d]), u32::from_be_bytes([e, f, g, h])))

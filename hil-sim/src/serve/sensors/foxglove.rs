@@ -182,7 +182,7 @@ fn listen<'t>(
     Ok(())
 }
 
-/// Opcode, subscription, time, and the message in little-endian CDR: alignment counts from behind its
+/// Returns opcode, subscription, time, and the message in little-endian CDR: alignment counts from behind its
 /// four-byte header.
 fn message(id: u32, topic: &Topic, number: u64, sample: &Sample) -> Vec<u8> {
     let own_ns = (1e9 * topic.played.own_s(number)).round() as u64;

@@ -23,7 +23,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Names of its columns.
+    /// Returns the names of its columns.
     pub fn header(self) -> String {
         let mut header = String::from("seq,t_s");
         if self != Self::Imu {

@@ -89,8 +89,8 @@ pub struct Played {
 }
 
 impl Played {
-    /// A device that samples at `rate_hz` of a clock that is fast by `drift` and begins at `zero_s`; the
-    /// motion begins at `begun`.
+    /// Makes a device that samples at `rate_hz` of a clock that is fast by `drift` and begins at `zero_s`;
+    /// the motion begins at `begun`.
     ///
     /// # Errors
     /// A motion that the platform cannot make.

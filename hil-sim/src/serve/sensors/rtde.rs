@@ -33,7 +33,7 @@ impl RtdeServer {
     }
 }
 
-/// Type of a variable, as far as it is here.
+/// Returns the type of a variable, as far as it is here.
 fn kind(name: &str) -> &'static str {
     match name {
         "timestamp" => "DOUBLE",

@@ -27,7 +27,7 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// Begins.
+    /// Begins the controller's loop.
     pub fn begin(rig: SharedRig, shared: Arc<Mutex<Shared>>, tell: Tell) -> Self {
         let leave = Arc::new(AtomicBool::new(false));
         let stop = Arc::clone(&leave);
@@ -111,7 +111,7 @@ impl Work {
         }
     }
 
-    /// A program that was sent takes the place of the one that runs.
+    /// Begins a program that was sent, in the place of the one that runs.
     fn begin_program(&mut self) {
         let mut shared = lock(&self.shared);
         let Some(program) = shared.sent.take() else { return };
@@ -147,7 +147,7 @@ impl Work {
         !starved
     }
 
-    /// A program has ended: an arm that it left moving brakes.
+    /// Receives that a program has ended: an arm that it left moving brakes.
     fn ended(&self) {
         let mut shared = lock(&self.shared);
         (shared.runtime_state, shared.watchdog) = (STOPPED, None);
@@ -155,7 +155,7 @@ impl Work {
         self.brake();
     }
 
-    /// An arm that follows nobody's points brakes.
+    /// Brakes an arm that follows nobody's points.
     fn brake(&self) {
         let mut shared = lock(&self.shared);
         if matches!(shared.joints.command, Command::Servo { .. }) {

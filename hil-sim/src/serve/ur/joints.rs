@@ -48,12 +48,12 @@ pub struct Joints {
 }
 
 impl Joints {
-    /// At rest at home.
+    /// Returns joints at rest at home.
     pub fn new() -> Self {
         Self { q: HOME, qd: [0.0; 6], command: Command::Hold }
     }
 
-    /// They brake by themselves.
+    /// Lets the joints brake by themselves.
     pub fn brake(&mut self) {
         self.command = Command::Stop(BRAKE);
     }
@@ -63,7 +63,7 @@ impl Joints {
         self.qd.iter().all(|rate| rate.abs() < REST)
     }
 
-    /// One cycle, s; false if a joint would be faster than it may, or beyond its range.
+    /// Does one cycle, s. Returns false if a joint would be faster than it may, or beyond its range.
     ///
     /// The law of `servoj` is not published. Taken is `gain (target − q − lookahead q')`, which lags a steady
     /// ramp by the look-ahead, as the script manual describes it.
@@ -91,20 +91,20 @@ impl Joints {
     }
 }
 
-/// The fixed part of a joint, which comes after its turn.
+/// Returns the fixed part of a joint, which comes after its turn.
 fn after([a, d, alpha]: [f64; 3]) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), alpha);
     Isometry3::from_parts(Translation3::new(a, 0.0, d), turn)
 }
 
-/// The flange in the base.
+/// Returns the flange in the base.
 pub fn flange(q: &[f64; 6]) -> Isometry3<f64> {
     UR5.iter().zip(q).fold(Isometry3::identity(), |so_far, (parameters, q)| {
         so_far * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), *q) * after(*parameters)
     })
 }
 
-/// The plate that is fixed to the flange: A and P coincide at home, with the base's axes.
+/// Returns the plate that is fixed to the flange: A and P coincide at home, with the base's axes.
 pub fn plate(q: &[f64; 6]) -> Pose {
     let (home, now) = (flange(&HOME), flange(q));
     let turn = now.rotation * home.rotation.inverse();
@@ -112,14 +112,14 @@ pub fn plate(q: &[f64; 6]) -> Pose {
     Pose::from_quaternion(way.into(), [turn.w, turn.i, turn.j, turn.k])
 }
 
-/// The tool as the controller reports it: its position, m, and rotation vector in the base.
+/// Returns the tool as the controller reports it: its position, m, and rotation vector in the base.
 pub fn tool(q: &[f64; 6]) -> [f64; 6] {
     let now = flange(q);
     let (at, turn) = (now.translation.vector, now.rotation.scaled_axis());
     [at.x, at.y, at.z, turn.x, turn.y, turn.z]
 }
 
-/// The model of the arm as a URDF: its joints, and nothing of its masses.
+/// Returns the model of the arm as a URDF: its joints, and nothing of its masses.
 pub fn urdf() -> String {
     let mut text = String::from("<?xml version=\"1.0\"?>\n<robot name=\"ur5\">\n  <link name=\"base\"/>\n");
     let names = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];

@@ -377,7 +377,7 @@ impl Lines<'_> {
     }
 }
 
-/// Lines that are not empty, with their numbers.
+/// Returns the lines that are not empty, with their numbers.
 fn lines(text: &str) -> Vec<(usize, &str)> {
     let content = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
     text.lines().enumerate().map(|(k, line)| (k + 1, line)).filter(|(_, line)| content(line)).collect()

@@ -86,14 +86,14 @@ impl UrServer {
         [self.rtde.address(), self.scripts.address()]
     }
 
-    /// The address as a client is given it.
+    /// Returns the address as a client is given it.
     #[must_use]
     pub fn url(&self) -> String {
         let [rtde, scripts] = self.addresses();
         format!("ur://{rtde}?script={}", scripts.port())
     }
 
-    /// Something happens to the arm.
+    /// Lets something happen to the arm.
     pub fn happens(&self, incident: Incident) {
         let mut shared = lock(&self.shared);
         match incident {
@@ -108,7 +108,7 @@ impl UrServer {
         }
     }
 
-    /// Positions (rad) and rates (rad/s) of the joints.
+    /// Returns positions (rad) and rates (rad/s) of the joints.
     #[must_use]
     pub fn joints(&self) -> [[f64; 6]; 2] {
         let shared = lock(&self.shared);
@@ -143,8 +143,8 @@ pub fn travel() -> Travel {
     }
 }
 
-/// The rig on the arm's flange: a force sensor for the wrist, an IMU on it, and a body of some kilograms that
-/// hangs there.
+/// Returns the rig on the arm's flange: a force sensor for the wrist, an IMU on it, and a body of some
+/// kilograms that hangs there.
 #[must_use]
 pub fn rig() -> RigConfig {
     let thesis = RigConfig::thesis_horizontal();

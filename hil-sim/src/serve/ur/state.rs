@@ -51,7 +51,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Switched on, at rest.
+    /// Returns an arm that is switched on, at rest.
     pub fn new(cycle_s: f64) -> Self {
         Self {
             cycle_s,
@@ -73,12 +73,12 @@ impl Shared {
         }
     }
 
-    /// The controller's time, s.
+    /// Returns the controller's time, s.
     pub fn now_s(&self) -> f64 {
         self.cycle as f64 * self.cycle_s
     }
 
-    /// It stops at once and holds, its program paused.
+    /// Stops the arm at once; it holds, its program paused.
     pub fn protective_stop(&mut self) {
         if self.safety_mode == NORMAL {
             (self.safety_mode, self.runtime_state) = (PROTECTIVE, PAUSED);
@@ -86,7 +86,7 @@ impl Shared {
         }
     }
 
-    /// It stops at once and its power goes off.
+    /// Stops the arm at once, and its power goes off.
     pub fn emergency_stop(&mut self) {
         (self.safety_mode, self.robot_mode, self.runtime_state) = (EMERGENCY, POWER_OFF, STOPPED);
         self.joints.brake();
@@ -97,7 +97,7 @@ impl Shared {
         self.safety_mode == NORMAL && self.robot_mode == RUNNING
     }
 
-    /// The type of an input variable, and its register.
+    /// Returns the type of an input variable, and its register.
     fn input(name: &str) -> Option<(&'static str, usize)> {
         let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
         at("input_int_register_")
@@ -105,7 +105,7 @@ impl Shared {
             .or_else(|| at("input_double_register_").map(|k| ("DOUBLE", k)))
     }
 
-    /// The type of an input variable.
+    /// Returns the type of an input variable.
     pub fn input_kind(name: &str) -> Option<&'static str> {
         Self::input(name).map(|(kind, _)| kind)
     }
@@ -139,7 +139,7 @@ impl Shared {
         true
     }
 
-    /// An output variable: its type and its bytes.
+    /// Returns an output variable: its type and its bytes.
     pub fn read(&self, name: &str) -> Option<(&'static str, Vec<u8>)> {
         let doubles =
             |kind, values: &[f64]| Some((kind, values.iter().flat_map(|v| v.to_be_bytes()).collect()));

@@ -28,7 +28,7 @@ pub fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl Task {
-    /// A program that begins with the next cycle.
+    /// Makes a program that begins with the next cycle.
     pub fn new(program: Program, shared: Arc<Mutex<Shared>>) -> Self {
         let ((go, going), (doing, did)) = (sync_channel(0), sync_channel(0));
         thread::spawn(move || {

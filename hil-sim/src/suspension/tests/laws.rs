@@ -67,7 +67,7 @@ fn springs_locks_and_gravity_are_the_rate_of_change_of_momentum() {
     }
 }
 
-/// Momentum, and moment of momentum about A's origin, of all bodies.
+/// Returns momentum, and moment of momentum about A's origin, of all bodies.
 fn momentum(rig: &Suspended, now: &Instant) -> nalgebra::Vector6<f64> {
     let mut sum = nalgebra::Vector6::zeros();
     for (body, motion) in rig.bodies().zip([&now.platform].into_iter().chain(&now.links)) {
@@ -80,7 +80,7 @@ fn momentum(rig: &Suspended, now: &Instant) -> nalgebra::Vector6<f64> {
     sum
 }
 
-/// Force, and moment about A's origin, of springs, locks and gravity.
+/// Returns force, and moment about A's origin, of springs, locks and gravity.
 fn outer(rig: &Suspended, now: &Instant) -> nalgebra::Vector6<f64> {
     let on_p = |w: &[f64; 6]| {
         let force = Vector3::new(w[0], w[1], w[2]);

@@ -28,7 +28,7 @@ fn stiffness_is_the_slope_of_the_springs_forces() {
     assert!((whole - whole.transpose()).amax() < 1e-12 * ours.amax());
 }
 
-/// A platform that carries almost nothing, on springs that pass through its centre of mass.
+/// Returns a platform that carries almost nothing, on springs that pass through its centre of mass.
 fn plain() -> Suspension {
     let body = |mass_kg: f64, i: f64| BodyParameters {
         mass_kg,
@@ -100,7 +100,7 @@ fn a_stiff_support_changes_frequencies_a_little_downward() {
     assert!((ratio - 1.0 / (1.0 + 800.0 / 1e6)).abs() < 2e-5, "{ratio}");
 }
 
-/// Least-squares pose of markers by SVD: `seen = R at + p`.
+/// Returns the least-squares pose of markers by SVD: `seen = R at + p`.
 fn registered(at: &[Vector3<f64>], seen: &[Vector3<f64>]) -> (Matrix3<f64>, Vector3<f64>) {
     let mean = |v: &[Vector3<f64>]| v.iter().sum::<Vector3<f64>>() / v.len() as f64;
     let (a, b) = (mean(at), mean(seen));

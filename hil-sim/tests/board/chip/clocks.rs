@@ -84,7 +84,7 @@ impl Clocks {
         self.vco_hz() / f64::from(2 * ((self.pll >> 16 & 3) + 1))
     }
 
-    /// Of the core, Hz.
+    /// Returns the frequency of the core, Hz.
     pub fn core_hz(&self) -> f64 {
         match self.configuration >> 2 & 3 {
             1 => self.crystal.hz,
@@ -98,17 +98,17 @@ impl Clocks {
         self.core_hz() / if field < 4 { 1.0 } else { f64::from(2_u32 << (field & 3)) }
     }
 
-    /// Of the peripherals' first bus, Hz.
+    /// Returns the frequency of the peripherals' first bus, Hz.
     pub fn apb1_hz(&self) -> f64 {
         self.divided(10)
     }
 
-    /// Of the second one, Hz.
+    /// Returns the frequency of the peripherals' second bus, Hz.
     pub fn apb2_hz(&self) -> f64 {
         self.divided(13)
     }
 
-    /// Of timers at the first bus, Hz.
+    /// Returns the frequency of timers at the first bus, Hz.
     pub fn timer_hz(&self) -> f64 {
         if self.configuration >> 10 & 4 == 0 { self.apb1_hz() } else { 2.0 * self.apb1_hz() }
     }

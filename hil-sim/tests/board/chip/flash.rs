@@ -97,7 +97,7 @@ impl Flash {
         self.busy
     }
 
-    /// Power goes away: what is being done is half done.
+    /// Takes power away: what is being done is half done.
     pub(super) fn loses_power(&mut self, random: &mut ChaCha8Rng) {
         match self.doing {
             Doing::Word(at, value) => {

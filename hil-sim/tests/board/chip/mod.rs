@@ -139,7 +139,7 @@ impl Chip {
         self.with(|m| m.now as f64 / PS as f64)
     }
 
-    /// The chip comes out of reset: interrupts are let in, as the architecture has it.
+    /// Brings the chip out of reset: interrupts are let in, as the architecture has it.
     pub fn begins(&self) {
         self.masked.set(false);
         self.handles.set(false);
@@ -156,8 +156,8 @@ impl Chip {
         result
     }
 
-    /// The main loop looks at the time now and then; between these looks it computes. Interrupts come in
-    /// between.
+    /// Computes: the main loop looks at the time now and then, and computes between these looks. Interrupts
+    /// come in between.
     fn compute(&self) {
         let mut left = self.machine.borrow_mut().time_computed();
         while left > 0 {
@@ -247,7 +247,7 @@ impl model::Chip for Chip {
 }
 
 impl Machine {
-    /// A cycle of the core, ps.
+    /// Returns a cycle of the core, ps.
     fn cycle(&self) -> u64 {
         (PS as f64 / self.clocks.core_hz()) as u64
     }
@@ -259,7 +259,7 @@ impl Machine {
         }
     }
 
-    /// A number below `below`.
+    /// Draws a number below `below`.
     pub fn draw(&mut self, below: u64) -> u64 {
         self.random.next_u64() % below.max(1)
     }
@@ -273,7 +273,7 @@ impl Machine {
         most / 4 + self.draw(most)
     }
 
-    /// The program takes so long, ps; it stands still while the flash is busy, for that is where it is.
+    /// Lets the program take this time, ps; it stands still while the flash is busy, for that is where it is.
     fn spend(&mut self, time: u64) {
         let until = self.now + time;
         self.run_until(until);
@@ -282,8 +282,8 @@ impl Machine {
         }
     }
 
-    /// Time goes by in which nothing happens: what was to come comes as much later. Sensors are silent from
-    /// then on, and the line must be.
+    /// Lets time go by in which nothing happens: what was to come comes as much later. Sensors are silent
+    /// from then on, and the line must be.
     pub fn skip(&mut self, time: u64) {
         self.now += time;
         self.next_sensors = u64::MAX;
@@ -291,7 +291,7 @@ impl Machine {
         self.supply.later(time);
     }
 
-    /// When something happens next by itself, ps.
+    /// Returns the time when something happens next by itself, ps.
     fn next(&self) -> u64 {
         let next = [
             self.clocks.next(),
@@ -305,7 +305,7 @@ impl Machine {
         next.into_iter().flatten().min().unwrap_or(u64::MAX)
     }
 
-    /// Everything that the chip and what is around it do by themselves until then, in its order.
+    /// Runs everything that the chip and what is around it do by themselves until then, in its order.
     fn run_until(&mut self, until: u64) {
         while self.reset.is_none() {
             let next = self.next();
@@ -350,7 +350,7 @@ impl Machine {
         self.plan_sensors();
     }
 
-    /// When the last fault that ends by itself is over, ps.
+    /// Returns the time when the last fault that ends by itself is over, ps.
     pub fn ends_of_faults(&self) -> u64 {
         let spi = self.spi.faults.iter().map(|(.., to)| *to);
         let pins = self.pins.faults.iter().map(|(.., to)| *to);
@@ -446,7 +446,7 @@ impl Machine {
         }
     }
 
-    /// The chip is reset. Its registers are as after that; flash, sensors and the line go on.
+    /// Resets the chip. Its registers are as after that; flash, sensors and the line go on.
     pub fn reset(&mut self, why: Reset) {
         if self.reset.is_some() {
             return;
@@ -458,7 +458,7 @@ impl Machine {
         self.resets.push(why);
     }
 
-    /// The chip comes out of reset; returns whether it had been in it.
+    /// Brings the chip out of reset. Returns whether it had been in it.
     pub fn comes_up(&mut self) -> bool {
         if self.reset.take().is_none() {
             return false;

@@ -85,7 +85,7 @@ impl Pins {
         [now & 2 != 0, now & 0xfc00 != 0]
     }
 
-    /// To be called in each turn of the program: whether a run is on.
+    /// Receives in each turn of the program whether a run is on.
     pub fn count(&mut self, running: bool) {
         for k in 0..3 {
             let came = self.edges[k] - self.kept_away[k];
@@ -123,7 +123,7 @@ fn index(device: Device) -> usize {
 }
 
 impl Machine {
-    /// A sensor signals a sample.
+    /// Lets a sensor signal a sample.
     pub(super) fn signal(&mut self, device: Device, at: u64) {
         let k = index(device);
         // A signal that is up already makes no edge.
@@ -174,7 +174,7 @@ impl Machine {
         }
     }
 
-    /// The IMU's signal, right after it was read.
+    /// Looks at the IMU's signal, right after it was read.
     pub(super) fn look_at_signals(&mut self) {
         let stays = self.pins.fault_now(Device::Imu, self.now).any(|fault| fault == EdgeFault::Latched);
         self.pins.up[1] &= self.rig.imu_device().signals() || stays;
@@ -188,7 +188,7 @@ impl Machine {
         }
     }
 
-    /// The device that is selected, if it is one.
+    /// Returns the device that is selected, if it is one.
     pub(super) fn selected(&self) -> Option<Device> {
         let mut selected =
             SELECTS.iter().zip(self.pins.selected).filter(|(_, on)| *on).map(|((d, ..), _)| *d);

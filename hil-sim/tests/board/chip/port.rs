@@ -100,7 +100,7 @@ impl Machine {
         (self.baud() / self.port.host_baud - 1.0).abs() < TOLERANCE
     }
 
-    /// The host sends.
+    /// Sends from the host.
     pub fn host_sends(&mut self, bytes: &[u8]) {
         self.port.from_host.extend(bytes);
         if self.port.next_byte.is_none() {
@@ -108,12 +108,12 @@ impl Machine {
         }
     }
 
-    /// Bytes that the host has still to send.
+    /// Returns the number of bytes that the host has still to send.
     pub fn host_backlog(&self) -> usize {
         self.port.from_host.len()
     }
 
-    /// Noise on the line from the host begins and ends, a byte of it every so often, ps.
+    /// Lets noise on the line from the host begin and end, a byte of it every so often, ps.
     pub fn add_noise(&mut self, from: u64, to: u64, every: u64) {
         self.port.noise = Some((from, to, every));
         self.port.next_noise = Some(from);

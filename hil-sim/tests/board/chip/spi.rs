@@ -115,7 +115,7 @@ impl Machine {
         }
     }
 
-    /// A byte ends, and the streams serve the port.
+    /// Ends a byte, and lets the streams serve the port.
     pub(super) fn look_at_transfer(&mut self) {
         if let Some((byte, _)) = self.spi.shifts.filter(|(_, at)| *at <= self.now) {
             self.spi.shifts = None;
@@ -162,7 +162,7 @@ impl Machine {
         }
     }
 
-    /// The streams move what the port asks for.
+    /// Moves what the port asks for by the streams.
     fn serve_streams(&mut self) {
         if !self.clocks.feeds(0, 22) {
             return;

@@ -125,7 +125,7 @@ impl Machine {
         };
     }
 
-    /// The chip stays in reset until the supply is back.
+    /// Keeps the chip in reset until the supply is back.
     pub(super) fn wait_for_supply(&mut self) {
         self.now = self.now.max(self.supply.waits_until);
         self.next_sensors = self.now;

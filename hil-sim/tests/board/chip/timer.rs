@@ -67,8 +67,8 @@ impl Timer {
         self.core.period = (f64::from(self.core.reload + 1) / core_hz * PS as f64) as u64;
     }
 
-    /// An edge on a channel's input (1 to 3), at a time, ps; `rises`: which; `lasts`: how long the level
-    /// stays, ps.
+    /// Notes an edge on a channel's input (1 to 3), at a time, ps; `rises`: its direction; `lasts`: the time
+    /// that the level stays, ps.
     pub(super) fn edge(&mut self, channel: usize, rises: bool, at: u64, lasts: u64) {
         let k = channel - 1;
         let mode = self.modes[k / 2] >> (8 * (k % 2)) & 0xff;

@@ -8,8 +8,8 @@ use rigident_sim::sensors::SensorModels;
 
 use super::host::{Host, message, readings, settings};
 
-/// Smallest eigenvalue of the pseudo-inertia `[[½ tr(I) 1 − I, mc], [mcᵀ, m]]`, of the numbers as they were
-/// sent.
+/// Returns the smallest eigenvalue of the pseudo-inertia `[[½ tr(I) 1 − I, mc], [mcᵀ, m]]`, of the numbers as
+/// they were sent.
 fn least_eigenvalue(report: &EstimateReport) -> f64 {
     let p: Vec<f64> = report.estimate.iter().map(|v| f64::from(*v)).collect();
     let half = 0.5 * (p[4] + p[5] + p[6]);
@@ -34,7 +34,7 @@ fn run(body: BodyParameters, loud: f64, seed: u64) -> Host {
     host
 }
 
-/// A bar of 2 kg, 1 m long and 1 mm thick.
+/// Returns a bar of 2 kg, 1 m long and 1 mm thick.
 fn rod() -> BodyParameters {
     BodyParameters {
         mass_kg: 2.0,

@@ -14,12 +14,12 @@ use crate::runner::device;
 /// Rate of the readings, 1/s.
 pub const RATE_HZ: f64 = 500.0;
 
-/// Everything perfect sensors read in a default experiment of `seconds`.
+/// Returns everything perfect sensors read in a default experiment of `seconds`.
 pub fn readings(config: &RigConfig, seconds: f64) -> Readings {
     Readings::new(config, &thesis_program(&config.geometry, seconds), RATE_HZ).unwrap()
 }
 
-/// A row on the line.
+/// Converts a row to a message on the line.
 pub fn message(row: &ReadingRow) -> ReadingMessage {
     ReadingMessage {
         time_ns: row.time_ns,
@@ -29,7 +29,7 @@ pub fn message(row: &ReadingRow) -> ReadingMessage {
     }
 }
 
-/// The rig's settings for readings that come over the wire, with an estimate every 0.25 s.
+/// Returns the rig's settings for readings that come over the wire, with an estimate every 0.25 s.
 pub fn settings(config: &RigConfig) -> Settings {
     Settings {
         rate_hz: RATE_HZ as f32,
@@ -51,7 +51,7 @@ pub struct Host {
 }
 
 impl Host {
-    /// Configured and started.
+    /// Configures and starts a device.
     pub fn start(settings: &Settings) -> Self {
         let mut host = Self {
             app: App::new("test", Box::default()),
@@ -119,7 +119,7 @@ impl Host {
         }
     }
 
-    /// The factor, in f64, exactly.
+    /// Returns the factor, in f64, exactly.
     pub fn factor<const N: usize>(&mut self) -> InformationFactor<f64, N> {
         let (mut rows, mut z, mut residual, mut count) = (Vec::new(), Vec::new(), 0.0, 0);
         for row in 0.. {

@@ -6,7 +6,7 @@ use rigident_sim::sensors::SensorModels;
 
 use super::host::{Host, RATE_HZ, message, readings, settings};
 
-/// The thesis' rig with a load cell of a tenth of its noise, so that a knock is no matter of chance.
+/// Returns the thesis' rig with a load cell of a tenth of its noise, so that a knock is no matter of chance.
 fn quiet() -> RigConfig {
     let mut sensors = SensorModels::thesis();
     sensors.load_cell.noise_n_nm = sensors.load_cell.noise_n_nm.map(|s| 0.1 * s);
@@ -36,7 +36,7 @@ fn measured(readings: &Readings, seed: u64) -> Vec<ReadingMessage> {
     readings.measured(seed).map(|row| message(&row)).collect()
 }
 
-/// 50 N along x for 20 ms in the middle, at a point 0.2 m above the load cell.
+/// Returns readings with 50 N along x for 20 ms in the middle, at a point 0.2 m above the load cell.
 fn knocked(rows: &[ReadingMessage]) -> Vec<ReadingMessage> {
     let mut rows = rows.to_vec();
     let middle = rows.len() / 2;
@@ -47,7 +47,7 @@ fn knocked(rows: &[ReadingMessage]) -> Vec<ReadingMessage> {
     rows
 }
 
-/// The largest change of a parameter between two answers, in 95 % uncertainties.
+/// Returns the largest change of a parameter between two answers, in 95 % uncertainties.
 fn largest_change(a: &Answer, b: &Answer) -> f64 {
     a.values.iter().zip(&b.values).zip(&b.u95).map(|((a, b), u)| (a - b).abs() / u).fold(0.0, f64::max)
 }

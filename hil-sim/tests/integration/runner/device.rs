@@ -122,7 +122,7 @@ impl<'a> Device<'a> {
         assert_eq!(self.ask(&Command::Hold), Ok(Reply::Done));
     }
 
-    /// The factor's numbers.
+    /// Returns the factor's numbers.
     pub fn factor(&mut self) -> Vec<f32> {
         let (mut rows, mut z, mut residual) = (Vec::new(), Vec::new(), 0.0);
         for row in 0.. {

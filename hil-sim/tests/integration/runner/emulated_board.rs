@@ -14,7 +14,7 @@ fn rig() -> SharedRig {
     Rig::new(RigConfig::thesis_horizontal()).unwrap().shared()
 }
 
-/// The message says what to type if the emulator or the firmware is missing.
+/// Starts the emulator. The message says what to type if the emulator or the firmware is missing.
 fn emulate(rig: &SharedRig) -> Qemu {
     Qemu::spawn(&QemuOptions::default(), rig.clone(), Pacing::LockStep).unwrap_or_else(|e| panic!("{e}"))
 }

@@ -86,7 +86,7 @@ fn a_minute_of_rig_time_takes_less_than_three_seconds() {
     assert!(device.readings.len() > 59_900);
 }
 
-/// Processor time of this thread so far, s: user and system ticks of 1/100 s.
+/// Returns the processor time of this thread so far, s: user and system ticks of 1/100 s.
 fn processor_s() -> f64 {
     let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
     // The name in parentheses may hold spaces; the counts are the 12th and 13th fields behind it.

@@ -25,7 +25,7 @@ pub(super) const PARAMETERS: usize = 128;
 const PARENTS: [usize; 15] = [0, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 0, 13];
 const HINGES: [usize; 4] = [5, 8, 11, 14];
 
-/// Of a human's size and shape, every joint in motion.
+/// Returns a tree of a human's size and shape, every joint in motion.
 pub(super) fn human() -> Tree {
     let links = PARENTS
         .iter()
@@ -139,7 +139,7 @@ pub(super) fn merged(rows: &[FactorRow]) -> Box<TreeFactor<f64>> {
     factor
 }
 
-/// Estimate, standard deviations, condition number of the column-scaled R.
+/// Returns estimate, standard deviations, condition number of the column-scaled R.
 pub(super) fn solved(factor: &TreeFactor<f64>) -> (DVector<f64>, Vec<f64>, f64) {
     let n = factor.parameters();
     let mut r = DMatrix::zeros(n, n);
@@ -188,7 +188,7 @@ fn suspension(springs: &SuspensionSettings) -> Suspension<f64> {
     }
 }
 
-/// An estimator in double precision.
+/// Returns an estimator in double precision.
 pub(super) fn in_double(links: &[LinkSettings], settings: &Settings) -> Box<FrameEstimator<f64>> {
     let suspension = match &settings.model {
         ModelSettings::Suspended(_, springs) => Some(suspension(springs)),

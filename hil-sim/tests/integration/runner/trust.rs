@@ -21,7 +21,7 @@ struct Said {
     state: StateName,
 }
 
-/// Four seconds at rest without noise; `happens` to the rig before, and `later` after two of them.
+/// Runs four seconds at rest without noise; `happens` to the rig before, and `later` after two of them.
 fn rest(change: impl Fn(&mut Settings), happens: impl Fn(&mut Rig), later: impl Fn(&mut Rig)) -> Said {
     let config = RigConfig::thesis_horizontal().with_sensors(SensorModels::ideal());
     let rig = Rig::new(config.clone()).unwrap().shared();

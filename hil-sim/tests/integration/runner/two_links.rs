@@ -27,7 +27,8 @@ fn second() -> SecondLink {
     SecondLink::arm()
 }
 
-/// The thesis' noise without what an experiment draws once; the second link is faster than its gyro's range.
+/// Returns the thesis' noise without what an experiment draws once; the second link is faster than its gyro's
+/// range.
 fn noisy() -> SensorModels {
     let mut sensors = SensorModels::thesis();
     sensors.load_cell.offset_n_nm = PerExperiment::fixed([3.0, -2.0, 5.0, 0.2, -0.3, 0.1]);
