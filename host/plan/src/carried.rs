@@ -193,7 +193,8 @@ impl Weighing {
         ))
     }
 
-    /// The offset as far as it is known, and how far from that it may be, the mean's noise included.
+    /// Returns the offset as far as it is known, and the distance from that at which it may be, the mean's
+    /// noise included.
     fn offset(&self, rig: &RigFile) -> ([f64; 6], [f64; 6]) {
         let mean = self.sigma.map(|s| OFFSET_SD * s / (self.readings.max(1) as f64).sqrt());
         if let OffsetTable::Known(known) = &rig.load_cell.offset_n_nm {

@@ -61,7 +61,7 @@ pub trait Descent: Sync {
         None
     }
 
-    /// From one random beginning. `None` if not even a tiny motion is inside the limits.
+    /// Descends from one random beginning. `None` if not even a tiny motion is inside the limits.
     fn descend(&self, seed: u64, stop: &AtomicBool) -> Option<Found> {
         let mut z = self.begin(seed)?;
         let mut merit = f64::NEG_INFINITY;
@@ -103,8 +103,8 @@ pub trait Descent: Sync {
         Some(Found { coefficients: z, merit })
     }
 
-    /// From the given number of random beginnings, the first by `seed` and the next ones by the numbers after
-    /// it, on every core; the best first. `done` receives how many have ended.
+    /// Searches from the given number of random beginnings, the first by `seed` and the next ones by the
+    /// numbers after it, on every core; the best first. `done` receives the number of those that have ended.
     fn search(
         &self,
         starts: usize,
@@ -156,7 +156,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Downhill, by the two-loop recursion.
+/// Returns the direction downhill, by the two-loop recursion.
 fn direction(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
     let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut shares = Vec::with_capacity(pairs.len());

@@ -52,8 +52,8 @@ pub enum MachineError {
     },
 }
 
-/// The limits of a rig file's platform that are single numbers: all but the joints' cones and the thickness
-/// of the parts.
+/// Returns the limits of a rig file's platform that are single numbers: all but the joints' cones and the
+/// thickness of the parts.
 pub fn limits(table: &PlatformTable) -> Limits {
     Limits {
         leg_acceleration_mps2: table.leg_acceleration_mps2,
@@ -69,8 +69,8 @@ pub fn limits(table: &PlatformTable) -> Limits {
     }
 }
 
-/// The platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`, which is
-/// 40 then.
+/// Returns the platform of a rig file. Limits that the file does not give do not bind, but for `cond_max`,
+/// which is 40 then.
 ///
 /// # Errors
 /// The entries that the table lacks, or limits that no level pose keeps.
@@ -147,7 +147,7 @@ pub fn parts(platform: Option<&PlatformTable>) -> Vec<BodyParameters> {
     parts.iter().map(of).collect()
 }
 
-/// A body of the load cell's frame in P: the cell's origin in P, m, and its axes to the plate's.
+/// Converts a body of the load cell's frame to P: the cell's origin in P, m, and its axes to the plate's.
 pub fn on_plate(body: &BodyParameters, at: &Vector3<f64>, rotation: &Matrix3<f64>) -> BodyParameters {
     let com = at + rotation * Vector3::from(body.com_m);
     let inertia = rotation * body.inertia_com() * rotation.transpose();
@@ -166,7 +166,7 @@ pub fn check(geometry: &Geometry) -> Result<(), MachineError> {
     level(geometry).map(|_| ()).map_err(no_level_pose(true))
 }
 
-/// The level pose; where nothing but a collision bars all of them, that is what is in the way.
+/// Returns the level pose; where nothing but a collision bars all of them, the error names that.
 fn level(geometry: &Geometry) -> Result<Pose, (Pose, Violation)> {
     workspace::level(geometry).map_err(|best| {
         let mut thin = geometry.clone();
@@ -324,7 +324,7 @@ fn bulk(table: &PlatformTable) -> Result<Option<Bulk>, MachineError> {
     }))
 }
 
-/// Without axes they are the legs' directions at home.
+/// Returns the joints' cones. Without axes they are the legs' directions at home.
 fn cones(
     geometry: &Geometry,
     joint: &str,
@@ -354,7 +354,7 @@ fn cones(
 mod tests {
     use super::*;
 
-    /// The thesis' platform as a table, and what is added to it.
+    /// Returns the thesis' platform as a table, and what is added to it.
     fn file(more: &str) -> RigFile {
         let g = Geometry::thesis();
         let text = format!(

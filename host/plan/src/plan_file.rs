@@ -118,7 +118,7 @@ pub enum PlanFileError {
 }
 
 impl PlanFile {
-    /// A program for a machine.
+    /// Makes the file of a program for a machine.
     pub fn new(title: String, geometry: &Geometry, program: MotionProgram) -> Self {
         Self {
             schema: SCHEMA.to_owned(),

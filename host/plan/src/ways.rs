@@ -27,7 +27,7 @@ struct Carrier<'a> {
     load: Option<&'a Load>,
 }
 
-/// One move, as fast as `pace` says and the legs allow, carrying `load`.
+/// Returns one move, as fast as `pace` says and the legs allow, carrying `load`.
 ///
 /// # Errors
 /// A limit that is violated at any speed, and when.
@@ -44,7 +44,7 @@ pub fn straight(
     Carrier { geometry, load }.timed(from, &[], to, least_s)
 }
 
-/// The quickest of a straight move and smooth paths, each through the poses of one of `ways`.
+/// Returns the quickest of a straight move and smooth paths, each through the poses of one of `ways`.
 ///
 /// # Errors
 /// The error of the straight move, where no path is free either.
@@ -71,7 +71,7 @@ pub fn quickest(
     best
 }
 
-/// Straight where nothing is on the way.
+/// Returns the segment through `via` to `to`; straight if `via` is empty.
 fn segment(via: &[Pose], to: &Pose, duration_s: f64) -> Segment {
     match via {
         [] => Segment::Move { to: *to, duration_s },
@@ -141,7 +141,8 @@ impl Carrier<'_> {
         })
     }
 
-    /// Of a force only what the acceleration adds to the weight.
+    /// Returns true if more time helps: with a limit of speed, and with one of force that the weight alone
+    /// keeps.
     fn time_helps(&self, to: &Pose, violation: &Violation) -> bool {
         match (violation.limit, self.load) {
             (limit, _) if limit.is_of_speed() => true,

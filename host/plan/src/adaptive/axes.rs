@@ -53,7 +53,7 @@ pub fn stood_still(
     best.1
 }
 
-/// `floor` is what counts as nothing.
+/// Returns the discrepancy of observed and expected information on rotation; `floor` counts as nothing.
 fn discrepancy(expected: &Information, observed: &Information, floor: f64) -> f64 {
     (4..10).map(|j| ((observed[(j, j)].max(0.0) + floor) / (expected[(j, j)] + floor)).ln().abs()).sum()
 }

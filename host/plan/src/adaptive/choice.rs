@@ -37,7 +37,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// One candidate, whatever it leads to.
+    /// Returns the choice of one candidate, whatever it leads to.
     pub fn alone(candidate: usize) -> Self {
         Self { sequence: vec![candidate], seconds: f64::INFINITY }
     }
@@ -82,15 +82,15 @@ impl Turns {
     }
 }
 
-/// The members of a sequence, whatever their order in it.
+/// Returns the members of a sequence, whatever their order in it.
 fn sorted(sequence: &[usize]) -> Vec<usize> {
     let mut members = sequence.to_vec();
     members.sort_unstable();
     members
 }
 
-/// The best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after candidate
-/// `from` (`None`: from where the plate is); `None` where that cannot be.
+/// Returns the best sequence; `None` if none reaches the goal. `step(from, to)` is candidate `to` after
+/// candidate `from` (`None`: from where the plate is); `None` where that cannot be.
 pub fn choose(
     candidates: usize,
     step: &dyn Fn(Option<usize>, usize) -> Option<Step>,
@@ -144,7 +144,7 @@ pub fn choose(
     best
 }
 
-/// Sum of the logarithms of the eigenvalues that are not next to zero, columns scaled to one.
+/// Returns the sum of the logarithms of the eigenvalues that are not next to zero, columns scaled to one.
 fn volume(information: &Information) -> f64 {
     let scale: [f64; 16] = std::array::from_fn(|j| {
         let d = information[(j, j)];

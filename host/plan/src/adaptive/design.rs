@@ -73,7 +73,8 @@ impl Merit for Worst<'_> {
     }
 }
 
-/// The best motion found; `None` where nothing that moves keeps the limits or determines what is asked for.
+/// Returns the best motion found; `None` where nothing that moves keeps the limits or determines what is
+/// asked for.
 pub fn design(task: &Design, stop: &AtomicBool) -> Option<Segment> {
     let rig = task.rig;
     let step_s = step_s(HIGHEST_HZ);

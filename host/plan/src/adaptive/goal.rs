@@ -30,9 +30,9 @@ pub struct Goal {
 }
 
 impl Asked {
-    /// In SI, for the present estimate of the ten parameters. Without one a relative goal is that of the
-    /// most compact body. Mass and first moment are asked for as well then, so that they would do for the
-    /// tensor about its centre of mass.
+    /// Returns the goal in SI, for the present estimate of the ten parameters. Without one a relative goal is
+    /// that of the most compact body. Mass and first moment are asked for as well then, so that they would do
+    /// for the tensor about its centre of mass.
     pub fn goal(&self, estimate: Option<&[f64]>, compact: &Compact) -> Goal {
         match self {
             Self::Absolute(u95) => Goal { u95: *u95, about_com: None },
@@ -81,7 +81,8 @@ impl Goal {
         Some(Self { u95, about_com: Some((1.0, about_com_slopes(phi)?)) })
     }
 
-    /// 95 % uncertainty over what is asked for, of each parameter; infinite where one is not determined.
+    /// Returns the 95 % uncertainty over what is asked for, of each parameter; infinite where one is not
+    /// determined.
     pub fn ratios(&self, information: &Information, variance_scale: f64) -> [f64; 16] {
         let k = COVERAGE * variance_scale.sqrt();
         match deviations(information) {
@@ -90,7 +91,8 @@ impl Goal {
         }
     }
 
-    /// The largest of [`Self::ratios`] and of those about the centre of mass; at most 1 when all is reached.
+    /// Returns the largest of [`Self::ratios`] and of those about the centre of mass; at most 1 when all is
+    /// reached.
     pub fn worst(&self, information: &Information, variance_scale: f64) -> f64 {
         let k = COVERAGE * variance_scale.sqrt();
         let Some(inverse) = InverseRoot::of(information) else {
@@ -104,7 +106,7 @@ impl Goal {
         about_s.max(about_com)
     }
 
-    /// Name of the parameter that is furthest off.
+    /// Returns the name of the parameter that is furthest off.
     pub fn furthest(&self, information: &Information) -> &'static str {
         let ratios = self.ratios(information, 1.0);
         let worst = (0..16).max_by(|i, j| ratios[*i].total_cmp(&ratios[*j])).unwrap_or(0);
@@ -135,8 +137,8 @@ fn about_com_slopes(phi: &[f64]) -> Option<[[f64; 10]; 6]> {
     Some(slopes)
 }
 
-/// Largest principal moment about the centre of mass, kg m², of `[m, mc, I about S]`; `None` unless it is
-/// positive.
+/// Returns the largest principal moment about the centre of mass, kg m², of `[m, mc, I about S]`; `None`
+/// unless it is positive.
 pub fn largest_principal(phi: &[f64]) -> Option<f64> {
     let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi.first_chunk::<10>()?;
     let mc = Vector3::new(x, y, z);

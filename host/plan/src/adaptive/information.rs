@@ -61,7 +61,7 @@ pub struct RigModel {
 }
 
 impl RigModel {
-    /// Of a rig file. `sigma` is used where the file states none.
+    /// Makes the model of a rig file. `sigma` is used where the file states none.
     ///
     /// # Errors
     /// A fault of its platform.
@@ -100,9 +100,9 @@ impl RigModel {
         carried::limited(&self.geometry.limits, &self.wrench_range_n_nm)
     }
 
-    /// The largest share of what is allowed that a program takes, checked every 10 ms, if all of it is then
-    /// shown to be met: the machine's limits and the gyro's range at every instant, by bounds between checks.
-    /// Above one if it is not; infinite for a program without sense.
+    /// Returns the largest share of what is allowed that a program takes, checked every 10 ms, if all of it
+    /// is then shown to be met: the machine's limits and the gyro's range at every instant, by bounds between
+    /// checks. Above one if it is not; infinite for a program without sense.
     pub fn overstepped(&self, program: &MotionProgram) -> f64 {
         const LOOK_S: f64 = 0.01;
         /// If bounds show nothing although the checks do, the program is made smaller by a little.
@@ -130,7 +130,7 @@ impl RigModel {
         self.share(&state, self.load().as_ref(), &self.instrument(1.0))
     }
 
-    /// The largest share of what is allowed at one instant; infinite where one is no number.
+    /// Returns the largest share of what is allowed at one instant; infinite where one is no number.
     fn share(&self, state: &PlateState, load: Option<&Load>, instrument: &Instrument) -> f64 {
         let machine = 1.0 - self.geometry.margins(state, load).tightest().relative;
         let turning = state.angular_rate.norm() / self.highest_rate_radps();
@@ -168,7 +168,7 @@ impl RigModel {
         Some(Load::new(Bodies::Within { known: self.parts.clone(), body }))
     }
 
-    /// Variance of the whitened, filtered noise per row of the device's factor.
+    /// Returns the variance of the whitened, filtered noise per row of the device's factor.
     pub fn noise_gain(&self) -> f64 {
         let config = EstimatorConfig {
             rate_hz: self.rate_hz,
@@ -182,7 +182,7 @@ impl RigModel {
         Estimator::<f64, 10, ESTIMATOR_TAPS>::new(&config).map_or(1.0, |estimator| estimator.noise_gain())
     }
 
-    /// Before anything has moved.
+    /// Returns the information before anything has moved.
     pub fn prior(&self) -> Information {
         let known = if self.offset_known { KNOWN } else { 0.0 };
         Information::from_fn(|i, j| if i == j && i >= 10 { known } else { 0.0 })
@@ -253,7 +253,7 @@ pub struct InverseRoot {
 }
 
 impl InverseRoot {
-    /// `None` if something is not determined.
+    /// Makes the inverse root of an information. Returns `None` if something is not determined.
     pub fn of(information: &Information) -> Option<Self> {
         let scale: [f64; 16] = std::array::from_fn(|j| information[(j, j)].sqrt().recip());
         if !scale.iter().all(|s| s.is_finite()) {
@@ -267,19 +267,19 @@ impl InverseRoot {
         (0..16).all(within).then_some(Self { inverse, scale })
     }
 
-    /// Standard deviations: (L Lᵀ)⁻¹_jj is the squared length of column j of L⁻¹.
+    /// Returns the standard deviations: (L Lᵀ)⁻¹_jj is the squared length of column j of L⁻¹.
     pub fn deviations(&self) -> [f64; 16] {
         std::array::from_fn(|j| self.inverse.column(j).norm() * self.scale[j])
     }
 
-    /// Half-axes of the first ten parameters' ellipsoid of one standard deviation: `Σ l lᵀ` is their
-    /// covariance.
+    /// Returns the half-axes of the first ten parameters' ellipsoid of one standard deviation: `Σ l lᵀ` is
+    /// their covariance.
     pub fn half_axes(&self) -> Vec<[f64; 10]> {
         let half_axis = |k: usize| std::array::from_fn(|j| self.inverse[(k, j)] * self.scale[j]);
         (0..16).map(half_axis).collect()
     }
 
-    /// Standard deviation of a linear combination of the first ten.
+    /// Returns the standard deviation of a linear combination of the first ten.
     pub fn deviation_of(&self, slope: &[f64; 10]) -> f64 {
         let mut sum = nalgebra::SVector::<f64, 16>::zeros();
         for (j, weight) in slope.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
@@ -289,7 +289,7 @@ impl InverseRoot {
     }
 }
 
-/// Standard deviations of all sixteen; `None` if one of them is not determined.
+/// Returns the standard deviations of all sixteen; `None` if one of them is not determined.
 pub fn deviations(information: &Information) -> Option<[f64; 16]> {
     InverseRoot::of(information).map(|inverse| inverse.deviations())
 }

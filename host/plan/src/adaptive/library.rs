@@ -40,7 +40,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// The coordinates that move.
+    /// Returns the coordinates that move.
     pub fn moves(&self) -> [bool; 6] {
         let mut moves = [false; 6];
         if let Segment::Multisine { terms, .. } = &self.segment {
@@ -59,7 +59,7 @@ impl Candidate {
         Some(Self { segment, ..self.clone() })
     }
 
-    /// The way there and the segment; `None` if the machine cannot go there.
+    /// Returns the way there and the segment; `None` if the machine cannot go there.
     pub fn program(&self, from: &Pose, slower: f64, geometry: &Geometry) -> Option<MotionProgram> {
         let mut segments = Vec::new();
         if *from != self.centre {
@@ -94,8 +94,8 @@ pub(super) fn keeps(program: &MotionProgram, geometry: &Geometry) -> bool {
     program.trajectory().is_ok_and(|trajectory| geometry.check(&trajectory).is_ok())
 }
 
-/// Everything the machine can do of these without the coordinates in `lost`, each as large as its limits and
-/// the gyro allow.
+/// Returns everything the machine can do of these without the coordinates in `lost`, each as large as its
+/// limits and the gyro allow.
 pub fn library(rig: &RigModel, lost: &[bool; 6]) -> Vec<Candidate> {
     let home = rig.geometry.home();
     let tilted = |tilt_deg: f64, azimuth_deg: f64| {
@@ -217,7 +217,7 @@ pub fn fitted(candidate: &Candidate, rig: &RigModel) -> Option<Candidate> {
     None
 }
 
-/// Highest angular rate, rad/s, examined every 4 ms.
+/// Returns the highest angular rate, rad/s, examined every 4 ms.
 fn peak_rate(program: &MotionProgram) -> Option<f64> {
     let trajectory = program.trajectory().ok()?;
     let steps = (trajectory.duration_s() / 0.004).ceil() as usize;

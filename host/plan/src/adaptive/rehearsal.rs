@@ -107,7 +107,7 @@ impl Device {
 }
 
 impl RigModel {
-    /// Of a simulated rig, its body unknown; `None` if its load cell's axes are no rotation.
+    /// Makes the model of a simulated rig, its body unknown; `None` if its load cell's axes are no rotation.
     pub fn of_simulated(config: &RigConfig, rate_hz: f64) -> Option<Self> {
         let sensors = &config.sensors;
         Some(Self {
@@ -128,7 +128,7 @@ impl RigModel {
 }
 
 impl Rehearsal {
-    /// A rig that is what it is believed to be; `None` if its load cell's axes are no rotation.
+    /// Makes a rig that is as it is believed to be; `None` if its load cell's axes are no rotation.
     pub fn as_believed(config: RigConfig, rate_hz: f64) -> Option<Self> {
         let believed = RigModel::of_simulated(&config, rate_hz)?;
         Some(Self { config, believed, bound: BOUND, stuck: [false; 6], refused: [false; 6] })
@@ -261,7 +261,7 @@ impl Rehearsal {
         Ok(weighing.set(&file, &self.bound))
     }
 
-    /// The largest share of any limit that a program takes with the body as it is.
+    /// Returns the largest share of any limit that a program takes with the body as it is.
     fn taken(&self, program: &MotionProgram) -> f64 {
         let (Ok(trajectory), Ok(sensors)) = (program.trajectory(), self.config.payload().sensors()) else {
             return f64::INFINITY;
@@ -282,7 +282,7 @@ impl Rehearsal {
         })
     }
 
-    /// A program that was made beforehand, until the goal is reached. `None` if the platform refuses it.
+    /// Runs a program that was made beforehand, until the goal is reached. `None` if the platform refuses it.
     pub fn fixed(&self, program: &MotionProgram, asked: &Asked, seed: u64) -> Option<Outcome> {
         if !self.takes(program) {
             return None;
@@ -292,7 +292,8 @@ impl Rehearsal {
         Some(self.outcome(&device, asked, seconds, Vec::new()))
     }
 
-    /// Decided segment by segment, at most for the given time: from zero, as a rig is started.
+    /// Runs an experiment decided segment by segment, at most for the given time: from zero, as a rig is
+    /// started.
     ///
     /// # Errors
     /// The simulated rig cannot be built.

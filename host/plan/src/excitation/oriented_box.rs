@@ -107,7 +107,7 @@ mod tests {
 
     use super::*;
 
-    /// Within ±1.7, of variance one (D. Knuth's linear congruence).
+    /// Returns numbers within ±1.7, of variance one (D. Knuth's linear congruence).
     fn numbers(mut state: u64) -> impl FnMut() -> f64 {
         move || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -121,8 +121,8 @@ mod tests {
         PlacedBox { axes, centre: three(apart), half: three(0.3).map(|v| v.abs() + 0.05) }
     }
 
-    /// Another way: points of both boxes in turn brought to the nearest of the other, which ends at the
-    /// distance.
+    /// Returns the distance by another way: points of both boxes in turn brought to the nearest of the other,
+    /// which ends at the distance.
     fn distance(a: &PlacedBox, b: &PlacedBox) -> f64 {
         let onto = |p: &Vector3<f64>, to: &PlacedBox| {
             let own = to.axes.tr_mul(&(p - to.centre));

@@ -225,7 +225,7 @@ fn harmonics(task: &Task) -> Result<usize, ExcitationError> {
     Ok(harmonics)
 }
 
-/// Plans. `note` receives how far it is; `stop` ends the search with the best so far.
+/// Plans. `note` receives the progress; `stop` ends the search with the best so far.
 ///
 /// # Errors
 /// [`ExcitationError`] says which limit cannot be met, or which number makes no sense.

@@ -25,7 +25,7 @@ impl Descent for Problem<'_> {
         self.family.len()
     }
 
-    /// A hundredth of a parameter's information: nothing that a user would see.
+    /// Returns a hundredth of a parameter's information: nothing that a user would see.
     fn least_gain(&self) -> f64 {
         1e-2
     }

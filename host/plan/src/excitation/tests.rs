@@ -25,7 +25,7 @@ fn friction(words: &str) -> Friction {
     Friction::parse(&[words]).unwrap()
 }
 
-/// Noise of efforts as [`ArmRun`] has it.
+/// Returns a task with noise of efforts as [`ArmRun`] has it.
 fn task(model: &Model, given: &GivenLimits) -> Task {
     let model = movable(model).unwrap();
     let limits = given.of(&model, Shares::default()).unwrap();
@@ -69,7 +69,7 @@ fn planned(task: &Task) -> Excitation {
     plan(task, &AtomicBool::new(false), |_| ()).unwrap()
 }
 
-/// Everything that the search checks, for a task.
+/// Calls a function with everything that the search checks, for a task.
 fn with_problem<T>(task: &Task, job: impl FnOnce(&Problem) -> T) -> T {
     let tree = Tree::new(&task.model, &task.measured).unwrap();
     let mut moving = tree.moving();
@@ -189,7 +189,7 @@ fn a_series_begins_and_ends_at_rest_and_is_the_sum_of_its_derivatives() {
     }
 }
 
-/// The CSV of a plan as a recording.
+/// Reads the CSV of a plan as a recording.
 fn read_again(text: &str) -> Recording {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("plan.csv");
@@ -197,8 +197,8 @@ fn read_again(text: &str) -> Recording {
     Recording::load(&path, None).unwrap()
 }
 
-/// Every limit by another way: efforts by Newton and Euler, link by link, positions and rates as they are in
-/// the CSV.
+/// Asserts every limit by another way: efforts by Newton and Euler, link by link, positions and rates as they
+/// are in the CSV.
 fn assert_kept(task: &Task, plan: &Excitation) {
     let names: Vec<String> = task.limits.iter().map(|limits| limits.name.clone()).collect();
     let text = csv(&plan.series, &joints(&task.model, &names, &[], &[]), 1000.0);
@@ -233,8 +233,8 @@ fn assert_kept(task: &Task, plan: &Excitation) {
     assert!(plan.used.is_kept);
 }
 
-/// Plans, runs and identifies: shares of intervals that hold the truth, and the largest promise over the
-/// outcome.
+/// Plans, runs and identifies. Returns shares of intervals that hold the truth, and the largest promise over
+/// the outcome.
 fn end_to_end(model: &Model, task: &Task, seeds: std::ops::Range<u64>) -> (f64, Vec<f64>, Excitation) {
     let plan = planned(task);
     assert_kept(task, &plan);
@@ -287,7 +287,7 @@ fn the_same_seed_gives_the_same_trajectory_and_stopping_the_best_so_far() {
     assert!(stopped.used.is_kept);
 }
 
-/// One point of a message: what is in the brackets is JSON, too.
+/// Reads one point of a message: the text in the brackets is JSON, too.
 fn list(line: &str, key: &str) -> Vec<f64> {
     serde_json::from_str(line.trim_start_matches(['-', ' ']).strip_prefix(key).unwrap()).unwrap()
 }

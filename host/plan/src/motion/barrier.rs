@@ -22,8 +22,8 @@ pub struct Barrier {
 }
 
 impl Barrier {
-    /// Of a platform, with the highest angular rate of the plate, rad/s. Everything stays a three-hundredth
-    /// away from its limit, for what happens between the instants.
+    /// Makes the barrier of a platform, with the highest angular rate of the plate, rad/s. Everything stays a
+    /// three-hundredth away from its limit, for what happens between the instants.
     pub fn new(geometry: &Geometry, rate_radps: f64) -> Self {
         const SHARE: f64 = 1.0 - 1.0 / 300.0;
         let mut geometry = geometry.clone();
@@ -38,7 +38,7 @@ impl Barrier {
         Self { geometry, rate_radps: SHARE * rate_radps }
     }
 
-    /// `−Σ log slack` at one instant and, in `worth`, `share` times its change; `None` outside.
+    /// Returns `−Σ log slack` at one instant and, in `worth`, `share` times its change; `None` outside.
     pub fn at(&self, state: &PlateState, share: f64, worth: &mut Variation) -> Option<f64> {
         let g = &self.geometry;
         if let Some(travel) = &g.travel {

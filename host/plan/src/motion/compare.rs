@@ -15,7 +15,7 @@ pub const OBJECTIVES: [(Objective, &str); 4] = [
     (Objective::DOptimal, "d-optimal"),
 ];
 
-/// The bodies, with their names.
+/// Returns the bodies, with their names.
 pub fn bodies() -> [(BodyParameters, &'static str); 2] {
     [(BodyParameters::thesis_horizontal(), "horizontal"), (BodyParameters::thesis_vertical(), "vertical")]
 }
@@ -40,14 +40,15 @@ pub struct Row {
 }
 
 impl Row {
-    /// Largest predicted U95 of the tensor's elements, as a share of the largest principal moment.
+    /// Returns the largest predicted U95 of the tensor's elements, as a share of the largest principal
+    /// moment.
     pub fn worst(&self) -> f64 {
         self.plan.prediction.inertia_com_kgm2.iter().fold(0.0_f64, |m, u| m.max(*u))
             / self.largest_moment_kgm2
     }
 }
 
-/// Every objective in both mountings; `task` gives the rest.
+/// Compares every objective in both mountings; `task` gives the rest.
 ///
 /// # Errors
 /// See [`plan`].
@@ -84,7 +85,7 @@ pub fn compare(task: &Task, stop: &AtomicBool, mut note: impl FnMut(String)) -> 
     Ok(rows)
 }
 
-/// Markdown.
+/// Returns the comparison in Markdown.
 pub fn table(rows: &[Row]) -> String {
     let mut text = "| mounting | motion | condition, motion alone | offsets eliminated | and static step | \
                     offsets eliminated | directions of ω, ω̇ | CoM, mm | Ixx | Iyy | Izz | Iyz | Izx | Ixy, \

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 const BANDS: usize = 8;
 const SECTORS: usize = 12;
 
-/// Share of 96 cells of equal area that vectors of more than 30 % of the longest one point into.
+/// Returns the share of 96 cells of equal area that vectors of more than 30 % of the longest one point into.
 pub fn coverage(vectors: &[Vector3<f64>]) -> f64 {
     let longest = vectors.iter().map(Vector3::norm).fold(0.0, f64::max);
     let mut visited = [[false; SECTORS]; BANDS];
@@ -21,13 +21,13 @@ pub fn coverage(vectors: &[Vector3<f64>]) -> f64 {
     count as f64 / (BANDS * SECTORS) as f64
 }
 
-/// The coverage of angular rate and angular acceleration from one time to another, s.
+/// Returns the coverage of angular rate and angular acceleration from one time to another, s.
 pub fn of_motion(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [f64; 2] {
     vectors(trajectory, from_s, to_s).map(|vectors| coverage(&vectors))
 }
 
-/// Angular rates, rad/s, and angular accelerations, rad/s², in the plate's axes from one time to another, s,
-/// every hundredth of a second.
+/// Returns angular rates, rad/s, and angular accelerations, rad/s², in the plate's axes from one time to
+/// another, s, every hundredth of a second.
 pub fn vectors(trajectory: &Trajectory, from_s: f64, to_s: f64) -> [Vec<Vector3<f64>>; 2] {
     let count = ((to_s - from_s) / 0.01) as usize;
     let states: Vec<_> = (0..count).map(|k| trajectory.state(from_s + 0.01 * k as f64)).collect();

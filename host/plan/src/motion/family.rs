@@ -39,7 +39,7 @@ struct Repeated {
 }
 
 impl Family {
-    /// About `centre`, examined every `step_s`.
+    /// Makes the family about `centre`, examined every `step_s`.
     pub fn new(centre: &Pose, duration_s: f64, ramp_s: f64, frequencies_hz: &[f64], step_s: f64) -> Self {
         let count = (duration_s / step_s).floor() as usize + 1;
         let waves = frequencies_hz
@@ -90,7 +90,7 @@ impl Family {
         }
     }
 
-    /// Without these coordinates: their coefficients mean nothing.
+    /// Returns the family without these coordinates: their coefficients mean nothing.
     #[must_use]
     pub fn without(self, still: [bool; 6]) -> Self {
         Self { still, ..self }
@@ -100,7 +100,7 @@ impl Family {
         (0..6).filter(|i| !self.still[*i])
     }
 
-    /// Number of coefficients.
+    /// Returns the number of coefficients.
     pub fn len(&self) -> usize {
         6 * self.waves.len()
     }
@@ -120,7 +120,7 @@ impl Family {
         if axis < 3 { ACCELERATION_MPS2 / (w * w) } else { RATE_RADPS / w }
     }
 
-    /// The coordinates at the instant `k` of the grid.
+    /// Returns the coordinates at the instant `k` of the grid.
     pub fn coordinates(&self, coefficients: &[f64], k: usize) -> Coordinates {
         let mut c = Coordinates { value: self.centre, ..Coordinates::default() };
         for (j, wave) in self.waves.iter().enumerate() {
@@ -146,7 +146,7 @@ impl Family {
         }
     }
 
-    /// The motion for the platform; `size` makes it smaller.
+    /// Returns the motion for the platform; `size` makes it smaller.
     pub fn segment(&self, coefficients: &[f64], size: f64) -> Segment {
         let mut terms = Vec::new();
         for (i, axis) in AXES.into_iter().enumerate().filter(|(i, _)| !self.still[*i]) {

@@ -44,8 +44,8 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// At `position` in P, its axes to the plate's by `rotation`; noise 1 σ of one reading, `readings` of
-    /// them at each instant that will be examined.
+    /// Makes the instrument at `position` in P, its axes to the plate's by `rotation`; noise 1 σ of one
+    /// reading, `readings` of them at each instant that will be examined.
     pub fn new(
         position: &Vector3<f64>,
         rotation: &Matrix3<f64>,
@@ -72,15 +72,15 @@ impl Instrument {
         }
     }
 
-    /// With one of a set of bodies (S), whose wrench stays within `wrench_limit`, N and N m, and specific
+    /// Adds one of a set of bodies (S), whose wrench stays within `wrench_limit`, N and N m, and specific
     /// force within `felt_limit`, m/s².
     #[must_use]
     pub fn within(self, body: Option<BodySet>, wrench_limit: [f64; 6], felt_limit: f64) -> Self {
         Self { body, wrench_limit, felt_limit, ..self }
     }
 
-    /// Wrench in S of the middle of the bodies over what is allowed, of any of them over 1.14 times that, and
-    /// the specific force over what is allowed: the largest of them.
+    /// Returns the largest of these shares: the wrench in S of the middle of the bodies over what is allowed,
+    /// that of any of them over 1.14 times that, and the specific force over what is allowed.
     pub fn load_share(&self, state: &PlateState) -> f64 {
         let felt = self.felt(state).norm() / self.felt_limit;
         let Some(body) = &self.body else { return felt };
@@ -103,8 +103,8 @@ impl Instrument {
         })
     }
 
-    /// `−Σ log slack` of these limits for the middle of the bodies and, in `worth`, `share` times its change;
-    /// `None` outside.
+    /// Returns `−Σ log slack` of these limits for the middle of the bodies and, in `worth`, `share` times its
+    /// change; `None` outside.
     pub fn barrier(&self, state: &PlateState, share: f64, worth: &mut Variation) -> Option<f64> {
         let mut sum = 0.0;
         let mut pull = |value: f64, limit: f64| {
@@ -145,7 +145,7 @@ impl Instrument {
         block(&signals, &self.lever).columns
     }
 
-    /// Specific force at P's origin, in P.
+    /// Returns the specific force at P's origin, in P.
     fn felt(&self, state: &PlateState) -> Vector3<f64> {
         state.rotation.transpose() * (state.acceleration + Vector3::new(0.0, 0.0, self.gravity_mps2))
     }
@@ -189,7 +189,7 @@ impl Instrument {
         variation
     }
 
-    /// From the twelve signals to the plate's motion.
+    /// Pulls a derivative back from the twelve signals to the plate's motion.
     fn pull_back(&self, state: &PlateState, worth: &[f64; 12], variation: &mut Variation) {
         let [ax, ay, az, xx, yy, zz, yz, zx, xy, dx, dy, dz] = *worth;
         let w = self.to_cell * state.angular_rate;
@@ -207,7 +207,7 @@ impl Instrument {
     }
 }
 
-/// `log det M` and `M⁻¹`; `None` where something is left undetermined.
+/// Returns `log det M` and `M⁻¹`; `None` where something is left undetermined.
 pub fn log_determinant(information: &Information) -> Option<(f64, Information)> {
     let full = Information::from_fn(|i, j| information[(i.min(j), i.max(j))]);
     // Units differ by orders of magnitude: a unit diagonal leaves the inverse its digits.

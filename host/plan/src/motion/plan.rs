@@ -109,12 +109,12 @@ pub const SENSOR_SHARE: f64 = 0.85;
 /// Share of the gyro's range, in which nothing is unknown but noise.
 pub const GYRO_SHARE: f64 = 0.9;
 
-/// Grid of the search, s; a twentieth of the shortest period.
+/// Returns the grid of the search, s; a twentieth of the shortest period.
 pub fn step_s(highest_hz: f64) -> f64 {
     (0.05 / highest_hz).min(0.04)
 }
 
-/// Six frequencies, well separated, none a multiple of another.
+/// Returns six frequencies, well separated, none a multiple of another.
 pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
     [0.17, 0.29, 0.43, 0.61, 0.79, 1.0].map(|share| share * highest_hz)
 }
@@ -122,16 +122,16 @@ pub fn frequencies_hz(highest_hz: f64) -> [f64; 6] {
 /// Periods of [`frequencies_hz`] in one common period.
 const PERIODS: [f64; 6] = [8.0, 14.0, 20.0, 29.0, 37.0, 47.0];
 
-/// Their common period, s, where a motion of this length is made of repetitions, and how many there are
-/// beside the part that is searched for: a long motion would tell no more by other means, and takes long to
-/// search.
+/// Returns the common period of the frequencies, s, where a motion of this length is made of repetitions, and
+/// their number beside the part that is searched for: a long motion would yield no more by other means, and
+/// takes long to search.
 fn repetitions(highest_hz: f64, motion_s: f64, ramp_s: f64) -> Option<(f64, usize)> {
     let period_s = PERIODS[5] / highest_hz;
     let again = ((motion_s - 2.0 * ramp_s) / period_s - 1.0).floor();
     (again >= 1.0).then_some((period_s, again as usize))
 }
 
-/// Plans. `note` receives what goes on; `stop` ends the search with the best so far.
+/// Plans. `note` receives the progress; `stop` ends the search with the best so far.
 ///
 /// # Errors
 /// Limits that cannot be met, a duration that is too short, numbers without sense.
@@ -227,7 +227,7 @@ fn shape(
     }
 }
 
-/// The load cell with what it may be loaded with.
+/// Returns the load cell with what it may be loaded with.
 fn instrument(task: &Task) -> Instrument {
     let Equipment { payload, noise_n_nm, wrench_range_n_nm, accel_range_mps2, .. } = &task.equipment;
     let rotation = payload.load_cell.rotation().unwrap_or_else(nalgebra::Matrix3::identity);
@@ -245,7 +245,7 @@ fn instrument(task: &Task) -> Instrument {
     )
 }
 
-/// The search that a task asks for.
+/// Returns the search that a task asks for.
 pub(super) fn problem(task: &Task, frame: &Frame, ramp_s: f64) -> Problem {
     let step = step_s(task.highest_hz);
     let instrument = instrument(task);
@@ -290,7 +290,7 @@ fn seems_kept(
     })
 }
 
-/// The largest size, up to that planned, at which every limit is guaranteed.
+/// Returns the largest size, up to that planned, at which every limit is guaranteed.
 fn guaranteed(
     task: &Task,
     frame: &Frame,
@@ -359,8 +359,8 @@ fn guaranteed(
 pub const HIGHEST_HZ: f64 = 2.35;
 
 impl Task {
-    /// The default: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9 of the
-    /// gyro's range.
+    /// Returns the default task: D-optimal, 60 s, the static step first, in the default multisine's band, 0.9
+    /// of the gyro's range.
     pub fn new(equipment: Equipment) -> Self {
         Self {
             rate_radps: GYRO_SHARE * equipment.gyro_range_radps,

@@ -56,7 +56,7 @@ pub enum PredictError {
 /// Parameters of the body; those of the wrench's offset follow.
 const BODY: usize = 10;
 
-/// The factor of what perfect sensors read, with the noise of the rig's load cell in its weights.
+/// Predicts by the factor of what perfect sensors read, with the noise of the rig's load cell in its weights.
 ///
 /// # Errors
 /// A program that the platform cannot follow, or a rate that cannot be.

@@ -65,9 +65,9 @@ pub fn stands(geometry: &Geometry, load: &Load) -> Result<(), FrameError> {
 }
 
 impl Frame {
-    /// The static step of the thesis: home, the five orientations of Table 11 (less tilted where the legs do
-    /// not reach that far, are too weak for `load` or too slow for the time there is), home; the motion; the
-    /// first pose again.
+    /// Makes the frame with the static step of the thesis: home, the five orientations of Table 11 (less
+    /// tilted where the legs do not reach that far, are too weak for `load` or too slow for the time there
+    /// is), home; the motion; the first pose again.
     ///
     /// # Errors
     /// A duration that is too short, or a platform that can hardly tilt.
@@ -93,7 +93,7 @@ impl Frame {
         })
     }
 
-    /// The motion alone, a second of rest on either side.
+    /// Makes the frame of the motion alone, a second of rest on either side.
     ///
     /// # Errors
     /// A duration that is too short.
@@ -146,14 +146,14 @@ impl Frame {
         self.home
     }
 
-    /// The whole experiment.
+    /// Returns the whole experiment.
     pub fn around(&self, motion: Segment) -> MotionProgram {
         let segments =
             self.before.iter().cloned().chain([motion]).chain(self.after.iter().cloned()).collect();
         MotionProgram { start: self.home, segments }
     }
 
-    /// All but the motion.
+    /// Returns all but the motion.
     pub fn without_motion(&self) -> MotionProgram {
         let segments = self.before.iter().chain(&self.after).cloned().collect();
         MotionProgram { start: self.home, segments }

@@ -8,8 +8,8 @@ pub use crate::descent::{Descent, Found};
 
 /// The quantity that is maximised.
 pub trait Merit: Sync {
-    /// A figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None` where
-    /// something is left undetermined.
+    /// Returns a figure of merit of the information and its derivative Q by it, `d merit = tr(Q dM)`; `None`
+    /// where something is left undetermined.
     fn of(&self, information: &Information) -> Option<(f64, Information)>;
 }
 
@@ -43,7 +43,7 @@ impl<M: Merit> Descent for Problem<M> {
         self.family.len()
     }
 
-    /// `weight Σ barrier − merit`, its gradient, and the merit; `None` outside the limits.
+    /// Returns `weight Σ barrier − merit`, its gradient, and the merit; `None` outside the limits.
     fn cost(&self, z: &[f64], weight: f64) -> Option<(f64, Vec<f64>, f64)> {
         let mut information = self.beforehand;
         let mut walls = Vec::with_capacity(self.family.instants());

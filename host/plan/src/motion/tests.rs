@@ -12,7 +12,7 @@ fn made(task: &Task) -> MotionPlan {
     plan(task, &AtomicBool::new(false), |_| ()).unwrap()
 }
 
-/// Coefficients of a lively motion.
+/// Returns the coefficients of a lively motion.
 fn some(problem: &Problem) -> Vec<f64> {
     (0..problem.family.len()).map(|k| 0.35 * (2.3 * k as f64 + 0.7).sin()).collect()
 }

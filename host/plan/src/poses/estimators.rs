@@ -23,12 +23,12 @@ pub struct StillReading {
     pub moment: Vector3<f64>,
 }
 
-/// `[F]` of the thesis: `[F] r = r × F`.
+/// Returns `[F]` of the thesis: `[F] r = r × F`.
 fn lever_matrix(force: &Vector3<f64>) -> Matrix3<f64> {
     -force.cross_matrix()
 }
 
-/// `r = (Σ [F]ᵀ[F])⁻¹ Σ [F]ᵀ M` from forces and moments; `None` where they leave it open.
+/// Returns `r = (Σ [F]ᵀ[F])⁻¹ Σ [F]ᵀ M` from forces and moments; `None` where they leave it open.
 fn least_squares(pairs: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<Vector3<f64>> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for (force, moment) in pairs {
@@ -43,18 +43,18 @@ fn least_squares(pairs: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> O
         .map(|c| c.solve(&right))
 }
 
-/// The thesis' estimator.
+/// Estimates by the thesis' estimator.
 pub fn with_measured_forces(readings: &[StillReading]) -> Option<Vector3<f64>> {
     least_squares(readings.iter().map(|r| (r.force, r.moment)))
 }
 
-/// The thesis' estimator relative to a reference orientation.
+/// Estimates by the thesis' estimator relative to a reference orientation.
 pub fn relative_to(reference: &StillReading, readings: &[StillReading]) -> Option<Vector3<f64>> {
     least_squares(readings.iter().map(|r| (r.force - reference.force, r.moment - reference.moment)))
 }
 
-/// The factor of `[m, mcx, mcy, mcz, offset (6)]` with gravity from the attitude. `sigma` is the load cell's
-/// noise, 1 σ of a reading, N, N m; `weighed`, if given, a mass and its standard deviation, kg.
+/// Returns the factor of `[m, mcx, mcy, mcz, offset (6)]` with gravity from the attitude. `sigma` is the load
+/// cell's noise, 1 σ of a reading, N, N m; `weighed`, if given, a mass and its standard deviation, kg.
 pub fn modelled(
     readings: &[StillReading],
     sigma: &[f64; 6],
@@ -85,7 +85,7 @@ pub fn modelled(
     factor
 }
 
-/// The centre of mass that a factor of [`modelled`] tells, m; `None` where it is open.
+/// Returns the centre of mass by a factor of [`modelled`], m; `None` where it is open.
 pub fn centre_of_mass(factor: &InformationFactor<f64, MODELLED_PARAMETERS>) -> Option<Vector3<f64>> {
     let [m, x, y, z, ..] = factor.well_determined(&factor.standard_deviations())?;
     (m != 0.0).then(|| Vector3::new(x, y, z) / m)
@@ -109,8 +109,8 @@ pub fn modelled_covariance(
     Some(jacobian * block * jacobian.transpose())
 }
 
-/// First-order covariance, m², of [`with_measured_forces`] for a centre of mass `r`: with the true forces f
-/// and `e = δM − r × δF` the error is `(Σ [f]ᵀ[f])⁻¹ Σ [f]ᵀ e`.
+/// Returns the first-order covariance, m², of [`with_measured_forces`] for a centre of mass `r`: with the
+/// true forces f and `e = δM − r × δF` the error is `(Σ [f]ᵀ[f])⁻¹ Σ [f]ᵀ e`.
 ///
 /// `noise` is 1 σ of each reading, `offset` 1 σ of an offset that all readings share; N, N m.
 pub fn measured_forces_covariance(

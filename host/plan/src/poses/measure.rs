@@ -24,19 +24,19 @@ pub enum Objective {
     },
 }
 
-/// "Up" in the plate's axes for roll and pitch in rad; yaw does not matter.
+/// Returns "up" in the plate's axes for roll and pitch in rad; yaw does not matter.
 /// `Rᵀ z = (−sin θ, cos θ sin ψ, cos θ cos ψ)` for `R = Rz(yaw) Ry(θ) Rx(ψ)`.
 pub fn up_in_plate([roll, pitch]: [f64; 2]) -> Vector3<f64> {
     let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
     Vector3::new(-sp, cp * sr, cp * cr)
 }
 
-/// Roll and pitch, rad, that bring "up" to where `up` points in the plate's axes.
+/// Returns roll and pitch, rad, that bring "up" to where `up` points in the plate's axes.
 pub fn roll_pitch(up: &Vector3<f64>) -> [f64; 2] {
     [up.y.atan2(up.z), (-up.x).clamp(-1.0, 1.0).asin()]
 }
 
-/// `Σ [f]ᵀ[f]` of any vectors f.
+/// Returns `Σ [f]ᵀ[f]` of any vectors f.
 pub fn normal_matrix(forces: impl IntoIterator<Item = Vector3<f64>>) -> Matrix3<f64> {
     let mut sum = Matrix3::zeros();
     for f in forces {
@@ -51,16 +51,16 @@ pub fn relative_normal_matrix(ups: &[Vector3<f64>], reference: &Vector3<f64>) ->
     normal_matrix(ups.iter().map(|u| u - reference))
 }
 
-/// The 2-norm condition number of a normal matrix, which is the square of that of the stacked `[F]`; infinite
-/// for a singular one.
+/// Returns the 2-norm condition number of a normal matrix, which is the square of that of the stacked `[F]`;
+/// infinite for a singular one.
 pub fn condition_number(normal: &Matrix3<f64>) -> f64 {
     let eigen = normal.symmetric_eigenvalues();
     let (least, largest) = (eigen.min(), eigen.max());
     if least > 1e-12 * largest { largest / least } else { f64::INFINITY }
 }
 
-/// Information on the first moment `m r` in the load cell's axes, 1/(kg m)², where six constant offsets of
-/// the wrench are unknown.
+/// Returns the information on the first moment `m r` in the load cell's axes, 1/(kg m)², where six constant
+/// offsets of the wrench are unknown.
 ///
 /// `M = −[a] mc + b` with the specific force a. The best b for given mc leaves the rows with a less its mean
 /// ã, so that the information is `Σ [ã]ᵀ diag(σ)⁻² [ã]`. The forces hold nothing of mc.
@@ -80,7 +80,7 @@ pub fn first_moment_information(
         .sum()
 }
 
-/// Standard deviations, kg m, of the first moment; `None` where some combination is undetermined.
+/// Returns the standard deviations, kg m, of the first moment; `None` where some combination is undetermined.
 pub fn first_moment_deviations(information: &Matrix3<f64>) -> Option<[f64; 3]> {
     if !condition_number(information).is_finite() {
         return None;
@@ -105,7 +105,7 @@ impl Objective {
         }
     }
 
-    /// A cost below which nothing can be better.
+    /// Returns a cost below which nothing can be better.
     pub(super) fn floor(&self) -> f64 {
         match self {
             Self::Condition => 1.0,
@@ -114,8 +114,8 @@ impl Objective {
     }
 }
 
-/// Two orientations tell the centre of mass, but nothing beside it: their difference is one vector, and what
-/// is along it stays open where an offset is unknown too.
+/// Returns the fewest orientations. Two determine the centre of mass, but nothing beside it: their difference
+/// is one vector, and what is along it stays open where an offset is unknown too.
 pub fn fewest_orientations(objective: &Objective) -> usize {
     match objective {
         Objective::Condition | Objective::Determinant => 2,
@@ -123,8 +123,8 @@ pub fn fewest_orientations(objective: &Objective) -> usize {
     }
 }
 
-/// The least condition number of the normal matrix when n orientations may tilt by at most `tilt_rad`, in any
-/// direction.
+/// Returns the least condition number of the normal matrix when n orientations may tilt by at most
+/// `tilt_rad`, in any direction.
 ///
 /// n = 2: opposite tilts, eigenvalues 2 and `1 ± cos 2τ`, down to 2 at 45°, two orthogonal directions. n ≥ 3:
 /// equal spacing around a cone, eigenvalues `n s²` and `n (1 − s²/2)` with `s = sin τ`, down to 1 at 54.74°.

@@ -45,7 +45,7 @@ impl Mounting {
         }
     }
 
-    /// The thesis' test body with its plates.
+    /// Returns the thesis' test body with its plates.
     pub fn body(self) -> BodyParameters {
         match self {
             Self::Vertical => BodyParameters::thesis_vertical(),
@@ -78,8 +78,8 @@ impl Errors {
         }
     }
 
-    /// The thesis' sensors with these errors alone. Precision is Table 1's figure / 1.96; the spread of the
-    /// offsets is not printed, and assumed to be as large.
+    /// Returns the thesis' sensors with these errors alone. Precision is Table 1's figure / 1.96; the spread
+    /// of the offsets is not printed, and assumed to be as large.
     pub fn sensors(self) -> SensorModels {
         let mut sensors = SensorModels::thesis();
         let cell = &mut sensors.load_cell;
@@ -143,7 +143,7 @@ pub struct Spread {
 }
 
 impl Experiment {
-    /// Still poses with "up" there in the plate's axes, which are the load cell's.
+    /// Makes an experiment of still poses with "up" there in the plate's axes, which are the load cell's.
     pub fn new(mounting: Mounting, errors: Errors, ups: &[Vector3<f64>]) -> Self {
         let body = mounting.body();
         let gravity = Vector3::new(0.0, 0.0, -GRAVITY_MPS2);
@@ -163,7 +163,7 @@ impl Experiment {
         Self { body, sensors: errors.sensors(), sigma: SensorModels::thesis().load_cell.noise_n_nm, truth }
     }
 
-    /// Errors of the centre of mass by each estimator, m; `None` where the poses leave it open.
+    /// Returns the errors of the centre of mass by each estimator, m; `None` where the poses leave it open.
     pub fn run(&self, seed: u64) -> [Option<Vector3<f64>>; 4] {
         let mut chain = LoadCellChain::new(&self.sensors, &self.sensors.draw(seed), seed);
         let readings: Vec<StillReading> = self
@@ -196,7 +196,7 @@ impl Experiment {
         Some((self.body.mass_kg, WEIGHED_TO_KG))
     }
 
-    /// First-order covariance of an estimator, m².
+    /// Returns the first-order covariance of an estimator, m².
     pub fn predicted(&self, estimator: Estimator) -> Option<Matrix3<f64>> {
         let (level, others) = self.truth.split_first()?;
         let forces: Vec<_> = others.iter().map(|t| t.force).collect();
@@ -219,13 +219,13 @@ impl Experiment {
         }
     }
 
-    /// Errors of one estimator in all runs, m.
+    /// Returns the errors of one estimator in all runs, m.
     pub fn errors(&self, estimator: Estimator, runs: u64, seed: u64) -> Vec<Vector3<f64>> {
         let which = Estimator::ALL.iter().position(|e| *e == estimator).unwrap_or(0);
         (0..runs).filter_map(|run| self.run(run_seed(seed, run)).get(which).copied().flatten()).collect()
     }
 
-    /// Mean and spread of all estimators.
+    /// Returns the mean and spread of all estimators.
     pub fn spreads(&self, runs: u64, seed: u64) -> [Option<Spread>; 4] {
         let mut sums = [(0.0, Vector3::zeros(), Vector3::zeros()); 4];
         for run in 0..runs {
@@ -268,9 +268,9 @@ pub struct Row {
     pub spreads: [Option<Spread>; 4],
 }
 
-/// The whole section: every set of orientations in both mountings with each kind of errors, on all cores. The
-/// figures follow from `seed` alone. `done` receives how many of how many cells are; `stop` ends early with
-/// what there is, in order.
+/// Runs the whole section: every set of orientations in both mountings with each kind of errors, on all
+/// cores. The figures follow from `seed` alone. `done` receives the number of cells that are done, and of
+/// all; `stop` ends early with what there is, in order.
 pub fn section_6_3(
     sets: &[Vec<Vector3<f64>>],
     runs: u64,
@@ -307,7 +307,7 @@ pub fn section_6_3(
     rows.into_iter().map(|(_, row)| row).collect()
 }
 
-/// By how much the largest of the three uncertainties is smaller lying than standing, of 1.
+/// Returns the share by which the largest of the three uncertainties is smaller lying than standing, of 1.
 pub fn reduction(vertical: &Spread, horizontal: &Spread) -> f64 {
     1.0 - horizontal.sd.max() / vertical.sd.max()
 }

@@ -63,7 +63,7 @@ pub struct Task {
 }
 
 impl Task {
-    /// The least condition number, on the thesis' rig.
+    /// Returns the task of the least condition number, on the thesis' rig.
     pub fn thesis(n: usize) -> Self {
         Self {
             n,
@@ -95,7 +95,7 @@ pub struct PosePlan {
 }
 
 impl PosePlan {
-    /// Roll and pitch, degrees.
+    /// Returns roll and pitch of the poses, degrees.
     pub fn poses_deg(&self) -> Vec<[f64; 2]> {
         let hundredths = |angle: f64| (angle.to_degrees() * PARTS_OF_A_DEGREE).round() / PARTS_OF_A_DEGREE;
         self.poses
@@ -118,7 +118,7 @@ pub fn check_n(n: usize, objective: &Objective) -> Result<(), PlanError> {
     }
 }
 
-/// The best still poses of a platform; see [`Search::run`].
+/// Returns the best still poses of a platform; see [`Search::run`].
 ///
 /// # Errors
 /// A number of orientations that makes no sense, or a platform that cannot tilt.
@@ -179,8 +179,8 @@ fn worth(poses: Vec<Pose>, ups: &[Vector3<f64>], task: &Task) -> PosePlan {
     }
 }
 
-/// The orientation rounded to what is printed, and towards the level pose until it can be held: the border is
-/// a line between the azimuths at which it was searched for.
+/// Returns the orientation rounded to what is printed, and towards the level pose until it can be held: the
+/// border is a line between the azimuths at which it was searched for.
 pub(super) fn held(reach: &Reach, up: &Vector3<f64>) -> Option<Pose> {
     let tilt = up.z.clamp(-1.0, 1.0).acos();
     (0..100).find_map(|hundredths| {

@@ -20,8 +20,8 @@ const EVERY: [usize; 2] = [5, 1];
 /// So often a step is halved where it is barred itself.
 const HALVINGS: u32 = 6;
 
-/// The program, within what `reach` may use of the machine, turning at `rate_radps` at most. Home is the same
-/// whatever part of the stroke that is.
+/// Makes the program, within what `reach` may use of the machine, turning at `rate_radps` at most. Home is
+/// the same whatever part of the stroke that is.
 ///
 /// # Errors
 /// A move that the platform cannot make at any speed.
@@ -44,7 +44,7 @@ pub fn program(
     Ok(MotionProgram { start: home, segments })
 }
 
-/// Without a stop, or with one at the level pose, or in many straight moves by way of it.
+/// Returns a way without a stop, or with one at the level pose, or in many straight moves by way of it.
 fn way(reach: &Reach, from: &Pose, to: &Pose, pace: Pace) -> Result<Vec<Segment>, MotionError> {
     if from == to {
         return Ok(Vec::new());
@@ -81,8 +81,8 @@ fn way(reach: &Reach, from: &Pose, to: &Pose, pace: Pace) -> Result<Vec<Segment>
     result
 }
 
-/// Poses to pass through, one or two at a time: on the straight line, drawn towards the level pose and
-/// settled inside the limits.
+/// Returns poses to pass through, one or two at a time: on the straight line, drawn towards the level pose
+/// and settled inside the limits.
 fn paths(reach: &Reach, from: &Pose, to: &Pose) -> Vec<Vec<Pose>> {
     let level = reach.level();
     let mut paths = Vec::new();
@@ -99,7 +99,7 @@ fn paths(reach: &Reach, from: &Pose, to: &Pose) -> Vec<Vec<Pose>> {
     paths
 }
 
-/// Straight, or by way of a pose half-way that is away from the limits.
+/// Returns a way that is straight, or leads by a pose half-way that is away from the limits.
 fn bent(
     reach: &Reach,
     from: &Pose,
@@ -118,7 +118,7 @@ fn bent(
     Ok(segments)
 }
 
-/// On the way out from the level pose to `to`'s orientation.
+/// Returns the stops on the way out from the level pose to `to`'s orientation.
 fn stops(reach: &Reach, to: &Pose, every: usize) -> Vec<Pose> {
     let [roll, pitch, _] = to.rpy_rad;
     let strides = reach.strides(&up_in_plate([roll, pitch])).unwrap_or_default();

@@ -35,7 +35,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// With the legs' middle `stroke_m` only, if given.
+    /// Makes the reach, with the legs' middle `stroke_m` only, if given.
     ///
     /// # Errors
     /// Limits that contradict each other, a stroke the legs do not have, or a level pose out of reach.
@@ -93,7 +93,7 @@ impl Reach {
         })
     }
 
-    /// The legs.
+    /// Returns the geometry of the machine.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }
@@ -103,14 +103,14 @@ impl Reach {
         self.load.as_ref()
     }
 
-    /// The pose above which the plate starts: level, its legs as central as can be.
+    /// Returns the pose above which the plate starts: level, its legs as central as can be.
     pub fn level(&self) -> Pose {
         self.level
     }
 
-    /// A pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it from
-    /// the level pose straight on: legs inside their limits and the guard met all the way, no singular pose
-    /// crossed.
+    /// Returns a pose with "up" there in the plate's axes, at a yaw of zero, if the plate can be tilted to it
+    /// from the level pose straight on: legs inside their limits and the guard met all the way, no singular
+    /// pose crossed.
     pub fn pose(&self, up: &Vector3<f64>) -> Option<Pose> {
         let held = self.strides(up)?.pop()?;
         let central =
@@ -118,8 +118,8 @@ impl Reach {
         Some(central.filter(|central| self.is_free(&held, central)).unwrap_or(held))
     }
 
-    /// Poses on the way there from the level pose, two degrees or less apart, each as near as can be to the
-    /// one before it.
+    /// Returns poses on the way there from the level pose, two degrees or less apart, each as near as can be
+    /// to the one before it.
     pub(super) fn strides(&self, up: &Vector3<f64>) -> Option<Vec<Pose>> {
         let tilt = up.z.clamp(-1.0, 1.0).acos();
         let strides = (tilt / STRIDE_RAD).ceil().max(1.0);
@@ -140,7 +140,8 @@ impl Reach {
         program.trajectory().is_ok_and(|t| self.geometry.within(1.0 + TRIFLE).check(&t).is_ok())
     }
 
-    /// Half-way between two poses, aside to where the limits are met, with something to spare if that can be.
+    /// Returns a pose half-way between two poses, aside to where the limits are met, with something to spare
+    /// if that can be.
     pub(super) fn between(&self, from: &Pose, to: &Pose) -> Option<Pose> {
         let middle = mean(from, to, 0.5);
         [0.9, 0.95, 0.98, 0.99, 1.0].into_iter().find_map(|share| self.settled(&middle, Some(share)))
@@ -156,7 +157,7 @@ impl Reach {
         settled.ok().filter(|pose| !self.is_too_heavy(pose))
     }
 
-    /// A pose for the next direction on the way, as near as can be to one that is held.
+    /// Returns a pose for the next direction on the way, as near as can be to one that is held.
     pub fn towards(&self, from: &Pose, up: &Vector3<f64>) -> Option<Pose> {
         let [roll, pitch] = roll_pitch(up);
         let turned = Pose { rpy_rad: [roll, pitch, 0.0], ..*from };
@@ -165,13 +166,13 @@ impl Reach {
     }
 }
 
-/// The pose at this share of the straight line between two.
+/// Returns the pose at this share of the straight line between two.
 pub(super) fn mean(from: &Pose, to: &Pose, share: f64) -> Pose {
     let mean = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| (1.0 - share) * a[k] + share * b[k]);
     Pose { position_m: mean(from.position_m, to.position_m), rpy_rad: mean(from.rpy_rad, to.rpy_rad) }
 }
 
-/// The direction at this tilt towards where `up` is.
+/// Returns the direction at this tilt towards where `up` is.
 pub(super) fn tilted(up: &Vector3<f64>, tilt: f64) -> Vector3<f64> {
     let aside = Vector3::new(up.x, up.y, 0.0).try_normalize(1e-12).unwrap_or_else(Vector3::x);
     aside * tilt.sin() + Vector3::z() * tilt.cos()
@@ -189,7 +190,7 @@ mod tests {
         Reach::new(Geometry::thesis(), stroke_m).unwrap()
     }
 
-    /// The largest of the measures.
+    /// Returns the largest of the measures.
     fn tightness(reach: &Reach, pose: &Pose) -> f64 {
         let [low, high] = reach.geometry.leg_length_m;
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));

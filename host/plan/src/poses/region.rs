@@ -22,12 +22,13 @@ pub struct Region {
 }
 
 impl Region {
-    /// All directions within `tilt_rad` of the plate's normal.
+    /// Makes the region of all directions within `tilt_rad` of the plate's normal.
     pub fn cone(tilt_rad: f64) -> Self {
         Self { largest_tilt_rad: vec![tilt_rad.clamp(0.0, FRAC_PI_2); 1] }
     }
 
-    /// The tilts to which a platform can bring its plate from the level pose, see [`Reach::pose`].
+    /// Makes the region of the tilts to which a platform can bring its plate from the level pose, see
+    /// [`Reach::pose`].
     pub fn of_platform(reach: &Reach) -> Self {
         let level = reach.level();
         Self::of_rows(|azimuth| {
@@ -41,13 +42,13 @@ impl Region {
         })
     }
 
-    /// The tilts for which `reachable` holds, up to the first for which it does not; it is asked with "up" in
-    /// the plate's axes. At most 90°.
+    /// Makes the region of the tilts for which `reachable` holds, up to the first for which it does not; it
+    /// is asked with "up" in the plate's axes. At most 90°.
     pub fn reachable_by(reachable: impl Fn(&Vector3<f64>) -> bool + Sync) -> Self {
         Self::of_rows(|azimuth| largest_tilt(|tilt| reachable(&direction(azimuth, tilt))))
     }
 
-    /// From the largest tilt at an azimuth.
+    /// Makes the region from the largest tilt at an azimuth.
     fn of_rows(row: impl Fn(f64) -> f64 + Sync) -> Self {
         let mut largest_tilt_rad = vec![0.0; AZIMUTHS];
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -65,7 +66,7 @@ impl Region {
         Self { largest_tilt_rad }
     }
 
-    /// The largest tilt at an azimuth, interpolated, rad.
+    /// Returns the largest tilt at an azimuth, interpolated, rad.
     pub fn largest_tilt_rad(&self, azimuth: f64) -> f64 {
         let count = self.largest_tilt_rad.len();
         let place = azimuth.rem_euclid(TAU) / TAU * count as f64;
@@ -75,13 +76,14 @@ impl Region {
         low + (place - below) * (high - low)
     }
 
-    /// Least and largest of the largest tilts, rad.
+    /// Returns least and largest of the largest tilts, rad.
     pub fn tilt_range_rad(&self) -> (f64, f64) {
         self.largest_tilt_rad.iter().fold((f64::INFINITY, 0.0), |(low, high), t| (low.min(*t), high.max(*t)))
     }
 
-    /// A direction in the region from two numbers, the azimuth as a share of the circle and the solid angle
-    /// within the border as a share from 0 (level) to 1 (border): uniform numbers give uniform directions.
+    /// Returns a direction in the region from two numbers, the azimuth as a share of the circle and the solid
+    /// angle within the border as a share from 0 (level) to 1 (border): uniform numbers give uniform
+    /// directions.
     pub fn direction(&self, [turn, share]: [f64; 2]) -> Vector3<f64> {
         let azimuth = TAU * turn;
         let cosine = 1.0 - share.clamp(0.0, 1.0) * (1.0 - self.largest_tilt_rad(azimuth).cos());
@@ -94,7 +96,7 @@ fn direction(azimuth: f64, tilt: f64) -> Vector3<f64> {
     Vector3::new(st * ca, st * sa, ct)
 }
 
-/// In steps to the first tilt that is out of reach, then by halves.
+/// Searches in steps to the first tilt that is out of reach, then by halves.
 fn largest_tilt(mut reachable: impl FnMut(f64) -> bool) -> f64 {
     let mut within = 0.0;
     loop {

@@ -95,7 +95,7 @@ impl Search<'_> {
         self.objective.cost(&self.ups(x))
     }
 
-    /// The best of the sequence, best first.
+    /// Returns the best of the sequence, best first.
     fn screen(&self, stop: &AtomicBool) -> Vec<Candidate> {
         let halton = Halton::new(2 * self.n);
         let next = std::sync::atomic::AtomicUsize::new(0);
@@ -126,7 +126,8 @@ impl Search<'_> {
         all.into_iter().map(|(cost, k)| (cost, halton.point(k + 1))).collect()
     }
 
-    /// A better combination near one, by polling; the step is doubled by a success and halved by a failure.
+    /// Returns a better combination near one, by polling; the step is doubled by a success and halved by a
+    /// failure.
     fn refine(&self, (mut cost, mut x): Candidate, stop: &AtomicBool) -> Candidate {
         let dimension = x.len();
         let halton = Halton::new(dimension);
@@ -187,7 +188,7 @@ impl Halton {
         Self { bases }
     }
 
-    /// All in [0, 1).
+    /// Draws a point whose coordinates are all in [0, 1).
     fn point(&self, k: usize) -> Vec<f64> {
         let inverse = |base: usize| {
             let (mut rest, mut weight, mut sum) = (k, 1.0, 0.0);

@@ -212,7 +212,7 @@ pub fn statics(poses: &[Held], sigma: Option<&[f64; 6]>, reference: usize) -> Re
     })
 }
 
-/// The wrench as read less `[a m; mc × a]`.
+/// Returns the wrench as read less `[a m; mc × a]`.
 fn difference(reading: &StillReading, phi: &[f64; 10]) -> [f64; 6] {
     let [m, x, y, z, ..] = *phi;
     let force = reading.force - m * reading.specific_force;
@@ -220,8 +220,8 @@ fn difference(reading: &StillReading, phi: &[f64; 10]) -> [f64; 6] {
     [force.x, force.y, force.z, moment.x, moment.y, moment.z]
 }
 
-/// Root mean squares, over the degrees of freedom, of what the model with gravity leaves of forces and of
-/// moments, over `sigma`.
+/// Returns root mean squares, over the degrees of freedom, of what the model with gravity leaves of forces
+/// and of moments, over `sigma`.
 fn scatter(readings: &[StillReading], sigma: &[f64; 6]) -> [f64; 2] {
     let factor = modelled(readings, sigma, None);
     let Some(phi) = factor.well_determined(&factor.standard_deviations()) else { return [f64::NAN; 2] };

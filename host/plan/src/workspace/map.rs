@@ -89,8 +89,9 @@ impl<'a> Searcher<'a> {
         Orientation::new(self.geometry, *rotation, guarded.then_some(self.side))
     }
 
-    /// A position that keeps lengths and joint angles, if there is one; `near` is tried first. Exact for the
-    /// lengths; with limited joint angles or clearances by descent from every candidate of the exact answer.
+    /// Returns a position that keeps lengths and joint angles, if there is one; `near` is tried first. Exact
+    /// for the lengths; with limited joint angles or clearances by descent from every candidate of the exact
+    /// answer.
     fn reachable(&self, rotation: &Matrix3<f64>, near: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, false);
         if let Some(near) = near.filter(|p| orientation.keeps(p)) {
@@ -114,7 +115,7 @@ impl<'a> Searcher<'a> {
         held
     }
 
-    /// A position that keeps the guard too, found by descent from `near`.
+    /// Returns a position that keeps the guard too, found by descent from `near`.
     fn free_near(&self, rotation: &Matrix3<f64>, near: &Vector3<f64>) -> Option<Vector3<f64>> {
         let orientation = self.orientation(rotation, true);
         if orientation.keeps(near) {
@@ -239,7 +240,7 @@ impl Map {
     }
 }
 
-/// The four cells beside one of an n × n grid.
+/// Returns the four cells beside one of an n × n grid.
 fn neighbours(cell: usize, n: usize) -> impl Iterator<Item = usize> {
     let (row, column) = (cell / n, cell % n);
     [
@@ -253,8 +254,8 @@ fn neighbours(cell: usize, n: usize) -> impl Iterator<Item = usize> {
 }
 
 impl Reach {
-    /// Along `count` directions, equally spaced from x of A. Tilts in steps of 0.5°, the last one halved down
-    /// to 0.01°.
+    /// Returns the reach along `count` directions, equally spaced from x of A. Tilts in steps of 0.5°, the
+    /// last one halved down to 0.01°.
     pub fn around(geometry: &Geometry, yaw_deg: f64, count: usize) -> Vec<Self> {
         let searcher = Searcher::new(geometry);
         (0..count)
@@ -273,8 +274,8 @@ impl Reach {
     }
 }
 
-/// The plate's axes with its normal at `tilt_deg` from z of A towards `azimuth_deg`, in roll, pitch and the
-/// given yaw.
+/// Returns the plate's axes with its normal at `tilt_deg` from z of A towards `azimuth_deg`, in roll, pitch
+/// and the given yaw.
 fn leaning(azimuth_deg: f64, tilt_deg: f64, yaw_deg: f64) -> Matrix3<f64> {
     // n = Rz(yaw) Ry(pitch) Rx(roll) z: before the yaw it is (sin p cos r, −sin r, cos p cos r).
     let (sin, cos) = tilt_deg.to_radians().sin_cos();
@@ -284,7 +285,7 @@ fn leaning(azimuth_deg: f64, tilt_deg: f64, yaw_deg: f64) -> Matrix3<f64> {
     rotation_from_rpy([roll, pitch, yaw_deg.to_radians()])
 }
 
-/// The largest tilt, degrees, up to which `held` gives a position at every step; 0 if not even level.
+/// Returns the largest tilt, degrees, up to which `held` gives a position at every step; 0 if not even level.
 fn furthest(mut held: impl FnMut(f64, Option<Vector3<f64>>) -> Option<Vector3<f64>>) -> f64 {
     const STEP_DEG: f64 = 0.5;
     let (mut at, mut near) = (0.0, None);

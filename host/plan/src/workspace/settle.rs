@@ -43,7 +43,7 @@ impl Measures {
         self.all.iter().take(self.count)
     }
 
-    /// Infinite for a value that is not a number.
+    /// Returns the worst measure; infinite for a value that is not a number.
     fn worst(&self) -> f64 {
         self.iter().fold(0.0, |m, (v, _)| if v.is_nan() { f64::INFINITY } else { m.max(*v) })
     }
@@ -58,7 +58,7 @@ pub(super) struct Orientation<'a> {
 }
 
 impl<'a> Orientation<'a> {
-    /// `side` is the sign of `det H` at home if the guard is to be met.
+    /// Makes the search of an orientation. `side` is the sign of `det H` at home if the guard is to be met.
     pub(super) fn new(geometry: &'a Geometry, rotation: Matrix3<f64>, side: Option<f64>) -> Self {
         Self { geometry, rotation, side }
     }
@@ -119,7 +119,8 @@ impl<'a> Orientation<'a> {
         best
     }
 
-    /// `None` beyond a singular pose, or with a plate joint below its base joint.
+    /// Returns the measures at a position. `None` beyond a singular pose, or with a plate joint below its
+    /// base joint.
     fn look(&self, position: &Vector3<f64>) -> Option<Measures> {
         let legs = self.geometry.legs_at(position, &self.rotation);
         let above = legs.directions.iter().all(|n| n.z > 0.0);
@@ -163,7 +164,7 @@ impl<'a> Orientation<'a> {
     }
 }
 
-/// `cond(H)`, moments over `length_m`, and its gradient in the position. Column `i` of H changes by
+/// Returns `cond(H)`, moments over `length_m`, and its gradient in the position. Column `i` of H changes by
 /// `[dn ; R b × dn / length]`, `dn = (1 − n nᵀ) dx / l`, and a singular value by `uᵀ dH v`.
 fn condition(legs: &Legs, length_m: f64) -> (f64, Vector3<f64>) {
     let h: Matrix6<f64> = legs.force_transmission_over(length_m);
@@ -185,14 +186,14 @@ fn condition(legs: &Legs, length_m: f64) -> (f64, Vector3<f64>) {
     (ratio, (slope(largest) / max - slope(smallest) / min) * ratio)
 }
 
-/// `(Σ v^p)^(1/p)`.
+/// Returns `(Σ v^p)^(1/p)`.
 fn mean(measures: &Measures, power: i32) -> f64 {
     let worst = measures.worst();
     let sum: f64 = measures.iter().map(|(v, _)| (v / worst).powi(power)).sum();
     worst * sum.powf(1.0 / f64::from(power))
 }
 
-/// Newton's step for `Σ v^p` with the measures taken as linear, `None` if there is none.
+/// Returns Newton's step for `Σ v^p` with the measures taken as linear, `None` if there is none.
 fn descent(measures: &Measures, power: i32) -> Option<Vector3<f64>> {
     let worst = measures.worst();
     if !(worst.is_finite() && worst > 0.0) {
@@ -210,7 +211,7 @@ fn descent(measures: &Measures, power: i32) -> Option<Vector3<f64>> {
     Some(if length > LONGEST_STEP_M { step * (LONGEST_STEP_M / length) } else { step })
 }
 
-/// The level pose that is furthest inside all limits.
+/// Returns the level pose that is furthest inside all limits.
 ///
 /// # Errors
 /// The best level pose, and what is in the way there.
@@ -231,7 +232,7 @@ pub fn settled(geometry: &Geometry, from: Pose, fully: bool) -> Result<Pose, (Po
     geometry.check_pose(&pose).map(|()| pose).map_err(|violation| (pose, violation))
 }
 
-/// Sign of `det H` at home.
+/// Returns the sign of `det H` at home.
 pub(super) fn side_at_home(geometry: &Geometry) -> f64 {
     geometry.legs(&geometry.home()).force_transmission().determinant().signum()
 }

@@ -9,7 +9,7 @@
 use hexapod::Geometry;
 use nalgebra::{Matrix3, Vector3};
 
-/// The centres `a_i − R b_i`, in A, m.
+/// Returns the centres `a_i − R b_i`, in A, m.
 pub fn centres(geometry: &Geometry, rotation: &Matrix3<f64>) -> [Vector3<f64>; 6] {
     std::array::from_fn(|i| {
         Vector3::from(geometry.base_joints_m[i]) - rotation * Vector3::from(geometry.plate_joints_m[i])

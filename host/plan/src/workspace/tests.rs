@@ -35,7 +35,8 @@ fn by_trying(geometry: &Geometry, rpy_rad: [f64; 3], spacing_m: f64) -> [bool; 2
     held
 }
 
-/// Every cell of the map is shown by a position; no position of a grid contradicts an empty one.
+/// Asserts that every cell of the map is shown by a position, and that no position of a grid contradicts an
+/// empty one.
 fn agrees_with_trying(geometry: &Geometry, step_deg: f64, yaw_deg: f64, spacing_m: f64) {
     let map = map(geometry, step_deg, yaw_deg);
     let [lo, hi] = geometry.leg_length_m;

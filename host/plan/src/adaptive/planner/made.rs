@@ -21,7 +21,7 @@ const LOOK_SHARE: f64 = 0.5;
 const TILTS_DEG: [f64; 2] = [25.0, 35.0];
 
 impl Planner {
-    /// Motions made for what is asked for, for the machine as it now is. They are believed to be needed this
+    /// Makes motions for what is asked for, for the machine as it now is. They are believed to be needed this
     /// many times.
     pub(super) fn design(&mut self, known: &Known, times: f64) {
         self.designs = Some(known.estimate.is_some());

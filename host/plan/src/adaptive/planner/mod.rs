@@ -196,7 +196,7 @@ impl Planner {
         planner
     }
 
-    /// The coordinates that do not follow.
+    /// Returns the coordinates that do not follow.
     pub fn lost(&self) -> [bool; 6] {
         self.lost
     }
@@ -218,7 +218,7 @@ impl Planner {
         self.contradicted
     }
 
-    /// All of them, one after the other.
+    /// Returns the program of all candidates, one after the other.
     pub fn everything(&self) -> MotionProgram {
         let start = self.rig.geometry.home();
         let (mut at, mut segments) = (start, Vec::new());
@@ -320,7 +320,7 @@ impl Planner {
             .map_or_else(|| self.nothing(&goal, known), |decision| Next::Segment(Box::new(decision)))
     }
 
-    /// Why nothing is left to do.
+    /// Returns why nothing is left to do.
     fn nothing(&self, goal: &Goal, known: &Known) -> Next {
         let moves = |entry: &Entry| matches!(entry.candidate.segment, Segment::Multisine { .. });
         if !self.identified && !self.entries.iter().any(moves) {
@@ -329,7 +329,7 @@ impl Planner {
         Next::Hopeless(self.furthest(goal, known))
     }
 
-    /// A careful motion while the body is not known.
+    /// Returns a careful motion while the body is not known.
     fn look(&mut self) -> Option<Decision> {
         if self.identified || self.looks == 0 {
             return None;
@@ -371,7 +371,7 @@ impl Planner {
         Some(self.turns.in_turn(choice, once_s, can_begin))
     }
 
-    /// All of a sequence, from where the plate is.
+    /// Returns the step of a whole sequence, from where the plate is.
     fn along(&self, sequence: &[usize]) -> Step {
         let (mut from, mut whole) = (self.at, Step { seconds: 0.0, tells: Information::zeros() });
         for to in sequence {
@@ -435,13 +435,14 @@ impl Planner {
         })
     }
 
-    /// Of everything at once, what is furthest off.
+    /// Returns the parameter that is furthest off, of everything at once.
     fn furthest(&self, goal: &Goal, known: &Known) -> &'static str {
         let all = self.entries.iter().fold(*known.information, |sum, e| sum + e.tells);
         goal.furthest(&all)
     }
 
-    /// The decision was carried out to its end with this result. Coordinates that turn out not to follow.
+    /// Receives that the decision was carried out to its end with this result. Returns coordinates that turn
+    /// out not to follow.
     pub fn carried_out(&mut self, decision: &Decision, observed: &Information) -> [bool; 6] {
         self.turns.driven(&decision.members, decision.index);
         if let Some(entry) = self.entries.get(decision.index) {
@@ -477,7 +478,7 @@ fn mark_moved(at: &Pose, to: &Pose, moved: &mut [bool; 6]) {
     }
 }
 
-/// Coordinates that a program moves, ways included.
+/// Returns the coordinates that a program moves, ways included.
 fn moved(program: &MotionProgram) -> [bool; 6] {
     let mut moved = [false; 6];
     let mut at = program.start;
@@ -500,7 +501,7 @@ fn moved(program: &MotionProgram) -> [bool; 6] {
     moved
 }
 
-/// Of `[m, mc, I about S]`; `None` where no body is like that.
+/// Makes the body of `[m, mc, I about S]`; `None` where no body is like that.
 fn body_of(phi: &[f64]) -> Option<BodyParameters> {
     let [m, x, y, z, xx, yy, zz, yz, zx, xy] = *phi.first_chunk::<10>()?;
     super::goal::largest_principal(phi)?;

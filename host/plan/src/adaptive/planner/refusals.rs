@@ -27,9 +27,9 @@ pub(super) enum Question {
 }
 
 impl Planner {
-    /// The platform refuses a decision. It is asked which coordinate it does not move, then whether the
-    /// motion is too fast or too large for it and by how much: that limit is the tighter one from then on.
-    /// Where that does not help, the motion is made smaller and the way to it slower.
+    /// Receives that the platform refuses a decision. It is asked which coordinate it does not move, then
+    /// whether the motion is too fast or too large for it and by how much: that limit is the tighter one from
+    /// then on. Where that does not help, the motion is made smaller and the way to it slower.
     pub fn refused(&mut self, decision: &Decision) {
         let moves = moved(&decision.program);
         let unknown = (0..6).filter(|k| moves[*k] && !self.taken[*k]).map(Question::Coordinate);
@@ -57,7 +57,7 @@ impl Planner {
         }
     }
 
-    /// The last of the questions, from where the plate is.
+    /// Returns the last of the questions, from where the plate is.
     pub(super) fn question(&self) -> Option<MotionProgram> {
         const AXES: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Roll, Axis::Pitch, Axis::Yaw];
         let segment = match self.questions.last()? {
@@ -111,7 +111,7 @@ impl Planner {
         newly
     }
 
-    /// The largest motion that the platform takes shows how tight a limit is.
+    /// Tightens a limit to the largest motion that the platform takes.
     fn tighten(&mut self, limit: Limit, motion: &Segment) {
         let Some(at) = self.places.get(self.at).copied() else { return };
         let program = MotionProgram { start: at, segments: vec![motion.clone()] };
