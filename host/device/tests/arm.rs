@@ -26,7 +26,7 @@ const UR5: [[f64; 3]; 6] = [
     [0.0, 0.0823, 0.0],
 ];
 
-/// The fixed part of a joint, which comes after its turn.
+/// Returns the fixed part of a joint, which comes after its turn.
 fn after([a, d, alpha]: [f64; 3]) -> Mounting {
     let (s, c) = (0.5 * alpha).sin_cos();
     Mounting { position_m: [a, 0.0, d], rotation_wxyz: [c, s, 0.0, 0.0] }
@@ -82,7 +82,7 @@ impl OnArm {
         connect(&self.arm.url(), &geometry()).unwrap()
     }
 
-    /// A driver under way with a program.
+    /// Returns a driver under way with a program.
     fn started(&self, program: &MotionProgram) -> Box<dyn Platform> {
         let mut platform = self.connect();
         platform.load(program).unwrap();
@@ -92,7 +92,7 @@ impl OnArm {
         platform
     }
 
-    /// A program of somebody else.
+    /// Sends a program of somebody else.
     fn send(&self, program: &str) {
         let mut line = TcpStream::connect(self.arm.addresses()[1]).unwrap();
         line.write_all(program.as_bytes()).unwrap();
@@ -204,7 +204,7 @@ fn a_planned_end_takes_the_points_and_the_slowing_and_an_alarm_nothing_but_its_d
     }
 }
 
-/// The first error of a motion, and how long the plate took to rest.
+/// Returns the first error of a motion, and the time that the plate took to rest.
 fn broken(on: &OnArm, platform: &mut dyn Platform, since: Instant) -> (PlatformError, Duration) {
     let (mut error, mut rested) = (None, None);
     while error.is_none() || rested.is_none() {

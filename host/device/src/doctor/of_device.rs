@@ -118,8 +118,8 @@ fn judge_drift(port: &str, drift: Option<(f64, f64)>) -> Check {
     }
 }
 
-/// Drift of a clock and its 95 % uncertainty, ppm: the slope of the least-squares line through times here and
-/// there, s, and what the scatter of the arrivals lets it be off by; a millisecond of scatter at least.
+/// Returns the drift of a clock and its 95 % uncertainty, ppm: the slope of the least-squares line through
+/// times here and there, s, and its error by the scatter of the arrivals; a millisecond of scatter at least.
 fn drift(beats: &[(f64, f64)]) -> Option<(f64, f64)> {
     const LEAST_SCATTER_S: f64 = 1e-3;
     let n = beats.len();

@@ -142,7 +142,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Over this transport; nothing is sent yet.
+    /// Makes a client over this transport; nothing is sent yet.
     pub fn new(transport: Box<dyn Transport>) -> Self {
         Self {
             transport,
@@ -177,7 +177,8 @@ impl Client {
         Ok(identity)
     }
 
-    /// Likewise, giving up after `attempts` questions of 0.7 s each: there may be something else on the port.
+    /// Greets the device, and gives up after `attempts` questions of 0.7 s each: there may be something else
+    /// on the port.
     ///
     /// # Errors
     /// No answer, or another protocol.
@@ -294,7 +295,7 @@ impl Client {
         self.receive(timeout).map(drop)
     }
 
-    /// The next telemetry message, oldest first.
+    /// Returns the next telemetry message, oldest first.
     pub fn next_telemetry(&mut self) -> Option<Telemetry> {
         self.telemetry.pop_front()
     }
@@ -415,7 +416,7 @@ mod tests {
         }
     }
 
-    /// A frame as firmware of protocol `version` would send it, whose answer holds `payload`.
+    /// Returns a frame as firmware of protocol `version` would send it, whose answer holds `payload`.
     fn frame_of_version(version: u8, payload: u8) -> Vec<u8> {
         let raw = [version, 1, 1, 0, payload];
         let check = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&raw);

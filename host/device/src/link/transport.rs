@@ -115,7 +115,7 @@ impl SerialTransport {
         serialport::new(path, BAUD).timeout(Duration::from_millis(10)).open()
     }
 
-    /// The port, searched for again if it has vanished; `None` while it is out.
+    /// Returns the port, searched for again if it has vanished; `None` while it is out.
     fn line(&mut self) -> io::Result<Option<&mut dyn serialport::SerialPort>> {
         if let Line::Out(since, looked, said) = &mut self.line {
             if since.elapsed() > OUT_AT_MOST {
@@ -200,7 +200,7 @@ fn write_all(port: &mut dyn serialport::SerialPort, bytes: &[u8]) -> io::Result<
     Ok(())
 }
 
-/// Only these two mean "try again"; everything else means that the port is gone.
+/// Returns true for the two errors that mean "try again"; everything else means that the port is gone.
 fn patience(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }

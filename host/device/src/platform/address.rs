@@ -129,7 +129,7 @@ impl Address {
         Ok(Box::new(stream))
     }
 
-    /// The host and the port of an address that may leave out its port.
+    /// Returns the host and the port of an address that may leave out its port.
     fn host_and_port(&self, port: u16) -> Result<(String, u16), PlatformError> {
         // An address of IPv6 has colons of its own, and brackets.
         match self.place.rsplit_once(':').filter(|(host, _)| !host.contains(':') || host.ends_with(']')) {

@@ -143,7 +143,7 @@ impl Used {
     }
 }
 
-/// A peak against a limit that may not be given, and the reserve.
+/// Returns a peak against a limit that may not be given, and the reserve.
 fn against(peak: f64, limit: Option<f64>, digits: usize, unit: &str, key: &str) -> String {
     match limit.filter(|limit| limit.is_finite()) {
         Some(limit) => {
@@ -276,7 +276,7 @@ impl Summary {
     }
 }
 
-/// A pose in words: mm in A, degrees.
+/// Returns a pose in words: mm in A, degrees.
 pub fn words(pose: &Pose) -> String {
     // A negative zero is a zero.
     let [x, y, z] = pose.position_m.map(|v| (1e4 * v).round() / 10.0 + 0.0);

@@ -12,7 +12,7 @@ pub trait World: Send + Sync {
     fn now_s(&self) -> f64;
     /// Waits until a time, s; it may come back later, as a machine that stood still does.
     fn wait_until(&self, time_s: f64);
-    /// A motion begins; `watch` is its watcher's.
+    /// Receives that a motion begins; `watch` is its watcher's.
     fn begins(&self, watch: Watch);
 }
 

@@ -388,8 +388,8 @@ mod tests {
 
     use super::*;
 
-    /// A controller that answers in order until somebody asks for the state of a moving plate, and then does
-    /// as `then` says; gives the lines that it heard.
+    /// Returns a controller that answers in order until somebody asks for the state of a moving plate, and
+    /// then does as `then` says; gives the lines that it heard.
     fn controller(then: impl Fn(&mut TcpStream) + Send + 'static) -> (NetworkPlatform, Receiver<String>) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = format!("tcp://{}", listener.local_addr().unwrap());
@@ -422,7 +422,7 @@ mod tests {
         platform.start().unwrap();
     }
 
-    /// A byte now and then, for as long as somebody waits.
+    /// Sends a byte now and then, for as long as somebody waits.
     fn drip(stream: &mut TcpStream) {
         let mut stream = stream.try_clone().unwrap();
         thread::spawn(move || {

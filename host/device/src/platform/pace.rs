@@ -77,9 +77,8 @@ pub(super) trait Sink: Send {
     fn look(&mut self) -> Result<Option<Pose>, PlatformError> {
         Ok(None)
     }
-    /// A set point that comes this long after its time ends the motion, s. Whether a controller that says
-    /// nothing goes by a line's time or follows as it comes, nobody knows: one that goes by it rests by
-    /// then.
+    /// Returns the time after which a late set point ends the motion, s. Whether a controller that says
+    /// nothing goes by a line's time or follows as it comes, nobody knows: one that goes by it rests by then.
     fn patience_s(&self) -> f64 {
         0.0
     }
@@ -195,7 +194,7 @@ impl Watch {
 struct Asked(Arc<AtomicU8>);
 
 impl Asked {
-    /// An alarm stays one.
+    /// Asks for a stop; an alarm stays one.
     fn ask(&self, stop: Stop) {
         let number = match stop {
             Stop::Planned => 1,
@@ -271,7 +270,7 @@ impl<S: Sink + 'static> Pace<S> {
         }
     }
 
-    /// The last pose sent.
+    /// Returns the last pose sent.
     pub(super) fn last(&self) -> Option<Pose> {
         lock(&self.shared).last.map(|(_, pose)| pose)
     }
@@ -366,7 +365,7 @@ impl<S: Sink> Run<S> {
         self.sink
     }
 
-    /// The first thing that went wrong is the one reported.
+    /// Notes an error: the first thing that went wrong is the one reported.
     fn note(&self, error: PlatformError) {
         lock(&self.shared).error.get_or_insert(error);
     }

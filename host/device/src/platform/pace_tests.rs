@@ -46,8 +46,8 @@ fn ended(pace: &Pace<impl Sink + 'static>) -> Motions {
     motions
 }
 
-/// The points of a move of 0.1 m in 2 s, one of which took this long, s, with a lead of 0.3 s; what was
-/// reported.
+/// Drives a move of 0.1 m in 2 s, one of whose points took this long, s, with a lead of 0.3 s. Returns its
+/// points and what was reported.
 fn driven(delay_s: f64, follows: Follows) -> (Vec<Point>, Motions) {
     let sent = Arc::default();
     let sink = Slow { sent: Arc::clone(&sent), delay: Duration::from_secs_f64(delay_s) };

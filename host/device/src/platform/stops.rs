@@ -10,7 +10,7 @@ const STEP_S: f64 = 0.02;
 /// that falls, in durations. It falls as the quintic `1 − u³ (10 − 15 u + 6 u²)`.
 const WITHIN: [[f64; 2]; 4] = [[0.9, 0.7], [0.75, 1.45], [0.5, 1.875], [0.25, 1.45]];
 
-/// The state of a plate whose program goes at a share `s` of its speed, which changes by `ds` 1/s:
+/// Returns the state of a plate whose program goes at a share `s` of its speed, which changes by `ds` 1/s:
 /// `v s`, `a s² + v ds`.
 fn slowed(state: &PlateState, s: f64, ds: f64) -> PlateState {
     PlateState {

@@ -10,7 +10,7 @@ const LONGEST_S: f64 = 0.6;
 /// A rotation counts in the search for the delay as the way of a point so far from the axis, m.
 const ARM_M: f64 = 0.25;
 
-/// Measured less commanded: the way, and the rotation vector of `R_measured R_commandedᵀ`, in A.
+/// Returns measured less commanded: the way, and the rotation vector of `R_measured R_commandedᵀ`, in A.
 pub fn difference(commanded: &Pose, measured: &Pose) -> [f64; 6] {
     let (c, m) = (commanded.rotation(), measured.rotation());
     let turn = |i: usize, j: usize| (0..3).map(|k| m[i][k] * c[j][k]).sum::<f64>();

@@ -24,11 +24,11 @@ pub trait Director: Send {
     /// # Errors
     /// The factor cannot be used.
     fn next(&mut self, factor: &Factor) -> Result<Option<Proposal>, String>;
-    /// The platform does not take what was proposed; another proposal is asked for.
+    /// Receives that the platform does not take what was proposed; another proposal is asked for.
     fn refused(&mut self, error: &PlatformError);
-    /// The platform would take what is not to be driven; another proposal is asked for.
+    /// Receives that the platform would take what is not to be driven; another proposal is asked for.
     fn taken(&mut self);
-    /// The segment begins, this long after the first reading, s.
+    /// Receives that the segment begins, this long after the first reading, s.
     fn begins(&mut self, time_s: f64);
     /// Returns whether, by a new estimate, everything asked for seems reached: a factor is then worth its
     /// reading.
@@ -152,8 +152,8 @@ impl Session {
         heard.map(|()| done)
     }
 
-    /// Work is announced by its flag when the device is not heard any more, or what it says is a reason to
-    /// end.
+    /// Does work while the device is listened to. The work's flag is set when the device is not heard any
+    /// more, or what it says is a reason to end.
     fn heard<T: Send>(
         &mut self,
         taking: &mut Taking,

@@ -17,7 +17,7 @@ const REST: Duration = Duration::from_secs(4);
 const STRAGGLERS: Duration = Duration::from_secs(2);
 
 impl Session {
-    /// The motion first, then the recording.
+    /// Ends the motion first, then the recording.
     pub(super) fn finish(
         &mut self,
         platform: &mut dyn Platform,

@@ -32,13 +32,13 @@ pub enum NoFrames {
     Links,
 }
 
-/// The columns of a link's angular acceleration.
+/// Returns the columns of a link's angular acceleration.
 pub fn acceleration_columns(link: usize) -> [String; 3] {
     ["x", "y", "z"].map(|axis| format!("alpha{link}_{axis}_radps2"))
 }
 
-/// Frames at the given rate as a recording; those that are not whole, or not of the given number of links,
-/// are left out.
+/// Returns frames at the given rate as a recording; those that are not whole, or not of the given number of
+/// links, are left out.
 pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, links: usize, frames: &[Vec<u8>]) -> Recording {
     let mut recording = Recording {
         name: name.to_owned(),
@@ -91,7 +91,7 @@ struct LinkRows {
     attitudes: Vec<[f64; 4]>,
 }
 
-/// The frames of a recording of a model's links, in the model's order.
+/// Returns the frames of a recording of a model's links, in the model's order.
 ///
 /// # Errors
 /// [`NoFrames`] names what is missing.

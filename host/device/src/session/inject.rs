@@ -44,7 +44,7 @@ impl Session {
         Ok(self.conclude_injected(taking, ended, observer))
     }
 
-    /// Likewise, readings of two links.
+    /// Sends readings of two links to the device, as [`Self::inject`] does those of one body.
     ///
     /// # Errors
     /// The error that prevents a start. Anything later is stated in [`Take::broken`].
@@ -63,8 +63,8 @@ impl Session {
     }
 
     /// Starts, and sends the given number of readings by commands that are made of the index of their first
-    /// one. A device that restarts is sent again what it does not hold. What arrived meanwhile, how it ended,
-    /// and how many readings were taken.
+    /// one. A device that restarts is sent again what it does not hold. Returns what arrived meanwhile, how
+    /// it ended, and the number of readings that were taken.
     fn send(
         &mut self,
         count: usize,

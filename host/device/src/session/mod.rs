@@ -147,7 +147,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Something moves from now on, or does so no more: while it does, readings must come.
+    /// Notes whether something moves from now on: while it does, readings must come.
     pub fn watches(&mut self, moves: bool) {
         (self.moves, self.unheard) = (moves, Duration::ZERO);
     }
@@ -181,7 +181,7 @@ impl Session {
         &self.identity
     }
 
-    /// The link, for single questions.
+    /// Returns the link, for single questions.
     pub fn client(&mut self) -> &mut Client {
         &mut self.client
     }
@@ -252,7 +252,7 @@ impl Session {
         self.watch_program(program).map_err(SessionError::from)
     }
 
-    /// From now on readings must come, and the IMU must show a program.
+    /// Watches a program: from now on readings must come, and the IMU must show it.
     fn watch_program(&mut self, program: &MotionProgram) -> Result<(), PlatformError> {
         self.watches(true);
         let now_s = self.heartbeats.then(|| self.opened.elapsed().as_secs_f64());
@@ -262,7 +262,7 @@ impl Session {
         }
     }
 
-    /// The plate rests, or is being brought to rest.
+    /// Ends the watch of a motion: the plate rests, or is being brought to rest.
     fn unwatched(&mut self) {
         self.watches(false);
         if let Some(guard) = &mut self.motion_guard {
@@ -282,7 +282,7 @@ impl Session {
         Ok(self.watched(seconds, observer)?.readings)
     }
 
-    /// Likewise, readings of two links.
+    /// Watches readings of two links, as [`Self::watch`] does those of one body.
     ///
     /// # Errors
     /// The link, or a sensor fault.

@@ -120,8 +120,8 @@ impl MotionGuard {
         Self { sensors, to_plate, gyro_zero, axes, offset_s: f64::INFINITY, bias: None, course: None }
     }
 
-    /// A program begins; `at_host_s` is the time on the host, s, or none in lock-step, where the first
-    /// reading is its beginning.
+    /// Receives that a program begins; `at_host_s` is the time on the host, s, or none in lock-step, where
+    /// the first reading is its beginning.
     ///
     /// # Errors
     /// A segment that makes no sense.
@@ -142,7 +142,7 @@ impl MotionGuard {
         Ok(())
     }
 
-    /// The program is over, or is being ended.
+    /// Receives that the program is over, or is being ended.
     pub(super) fn ends(&mut self) {
         self.course = None;
     }
@@ -334,7 +334,7 @@ struct Foresight {
 }
 
 impl Foresight {
-    /// Between the steps on straight lines.
+    /// Interpolates between the steps on straight lines.
     fn at(&self, time_s: f64) -> Expected {
         let place = ((time_s - self.from_s) / BIN_S).clamp(0.0, (self.steps.len() - 2) as f64);
         let (a, b) = (&self.steps[place as usize], &self.steps[place as usize + 1]);
@@ -410,8 +410,8 @@ impl Look<'_> {
         (Seen::Late(lags.find(|(_, rest)| *rest < LAGS).map(|(delay_s, _)| delay_s)), None)
     }
 
-    /// The axis that does not follow, with its share: turns first, as a missing turn changes what is felt
-    /// along the others.
+    /// Returns the axis that does not follow, with its share: turns first, as a missing turn changes what is
+    /// felt along the others.
     fn axis(&self, measured: &[Six], expected: &[Expected], noise: f64) -> Option<(usize, f64)> {
         let turns = [0, 1, 2].map(|k| {
             let pairs: Vec<[f64; 2]> = measured.iter().zip(expected).map(|(m, f)| [m[k], f.six[k]]).collect();
@@ -456,7 +456,7 @@ struct Share {
 }
 
 impl Share {
-    /// Of pairs read, predicted; the most distant few are left out.
+    /// Makes a line of pairs read, predicted; the most distant few are left out.
     fn of(pairs: &[[f64; 2]]) -> Self {
         let fit = |pairs: &[[f64; 2]]| {
             let sum = |f: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(f).sum::<f64>();
@@ -480,7 +480,7 @@ fn without_mean(mut pairs: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     pairs
 }
 
-/// Mean of the specific force read less that predicted, m/s².
+/// Returns the mean of the specific force read less that predicted, m/s².
 fn bias(measured: &[Six], expected: &[Expected]) -> [f64; 3] {
     let n = measured.len().max(1) as f64;
     std::array::from_fn(|k| {
@@ -492,7 +492,7 @@ fn sixes(expected: &[Expected]) -> Vec<Six> {
     expected.iter().map(|f| f.six).collect()
 }
 
-/// Specific force without its mean, which holds gravity and the bias; all as rad/s.
+/// Returns the specific force without its mean, which holds gravity and the bias; all as rad/s.
 fn moving(six: &[Six]) -> Vec<Six> {
     let n = six.len().max(1) as f64;
     let mean: Six =
@@ -502,7 +502,7 @@ fn moving(six: &[Six]) -> Vec<Six> {
         .collect()
 }
 
-/// The squares of the rows, the largest few left out.
+/// Returns the mean of the squares of the rows, the largest few left out.
 fn squares(rows: impl Iterator<Item = f64>) -> f64 {
     let mut squares: Vec<f64> = rows.collect();
     squares.sort_by(f64::total_cmp);
@@ -510,7 +510,7 @@ fn squares(rows: impl Iterator<Item = f64>) -> f64 {
     squares.iter().sum::<f64>() / squares.len().max(1) as f64
 }
 
-/// Root mean square of a motion, rad/s.
+/// Returns the root mean square of a motion, rad/s.
 fn motion(six: &[Six]) -> f64 {
     squares(moving(six).iter().map(|s| s.iter().map(|v| v * v).sum())).sqrt()
 }
@@ -522,7 +522,7 @@ fn unexplained(measured: &[Six], expected: &[Six]) -> f64 {
     squares(m.iter().zip(&f).map(distance)) / motion(expected).powi(2).max(f64::MIN_POSITIVE)
 }
 
-/// The noise of averaged readings, rad/s: by how much one differs from the middle of its neighbours.
+/// Returns the noise of averaged readings, rad/s: by how much one differs from the middle of its neighbours.
 fn noise(measured: &[Six]) -> f64 {
     let rows = measured.windows(3).map(|w| {
         (0..6)

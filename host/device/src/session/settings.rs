@@ -57,7 +57,7 @@ fn delay(seconds: f64) -> u32 {
     (seconds * 1e9).round() as u32
 }
 
-/// An IMU's.
+/// Returns an IMU's settings.
 pub(super) fn imu_settings(imu: &ImuTable, timing: &DeviceTiming) -> Result<ImuSettings, SettingsError> {
     Ok(ImuSettings {
         rate_hz: imu.rate_hz.unwrap_or(timing.rate_hz) as f32,
@@ -95,7 +95,7 @@ pub fn state_memory(settings: &mut Settings, memory: Option<&MemoryConfig<f64>>)
     };
 }
 
-/// The device's settings from a rig file, and σ where the rig file has none.
+/// Returns the device's settings from a rig file, and σ where the rig file has none.
 ///
 /// # Errors
 /// [`SettingsError`] names what the rig file lacks.

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
     use rigident_shared::spatial::{AngularRate, SpecificForce, Wrench};
 
-    /// Two seconds at 200/s of channels with noise, but for a gyro's axis.
+    /// Returns two seconds at 200/s of channels with noise, but for a gyro's axis.
     fn readings(gyro_y: impl Fn(usize) -> f64) -> Vec<Reading<f64>> {
         let noise = |k: usize, c: usize| ((k * 7919 + c * 104_729) as f64 * 0.618_033_988_75).fract() - 0.5;
         (0..400)

@@ -14,7 +14,7 @@ use rigident_fit::RowSource;
 use rigident_vibration::suspension::Instant;
 use rigident_vibration::suspension::SuspendedSource;
 
-/// The frames of a source on springs. Their numbers tell gaps in time: one more is one period later.
+/// Returns the frames of a source on springs. Their numbers tell gaps in time: one more is one period later.
 ///
 /// # Errors
 /// [`NoFrames`] if a frame holds fewer links.
@@ -29,8 +29,8 @@ pub fn frames(source: &SuspendedSource) -> Result<Vec<Vec<u8>>, NoFrames> {
     source.instants().iter().enumerate().map(frame).collect()
 }
 
-/// The device's settings for such frames beside the noise of the springs' six channels, and what brings its
-/// parameters into the order of the source's: `φ_device = map φ`.
+/// Returns the device's settings for frames on springs with noise `sigma` of the springs' six channels, and
+/// the map that brings its parameters into the order of the source's: `φ_device = map φ`.
 ///
 /// # Errors
 /// [`DeviceTreeError`] says what does not fit onto the device.

@@ -13,21 +13,22 @@ use crate::platform::MotionSample;
 
 /// The observer of an experiment.
 pub trait Observer {
-    /// A reading, in order, with the time on the device's clock.
+    /// Receives a reading, in order, with the time on the device's clock.
     ///
     /// # Errors
     /// The experiment is then stopped.
     fn reading(&mut self, reading: &ReadingMessage) -> Result<(), String>;
-    /// Likewise, of two links.
+    /// Receives a reading of two links, in order, with the time on the device's clock.
     ///
     /// # Errors
     /// The experiment is then stopped.
     fn link_reading(&mut self, _reading: &LinkReadingMessage) -> Result<(), String> {
         Ok(())
     }
-    /// A new estimate.
+    /// Receives a new estimate.
     fn estimate(&mut self, _report: &EstimateReport) {}
-    /// A level of a tree's factor was taken, after this many frames: all that is known until then.
+    /// Receives that a level of a tree's factor was taken, after this many frames: all that is known until
+    /// then.
     fn level(&mut self, _factor: &TreeFactor<f64>, _frames: u32) {}
     /// Receives where the plate should be and is.
     ///
@@ -39,11 +40,11 @@ pub trait Observer {
     /// Hears what the host makes of the device's factor while it runs, in words; nothing where it says
     /// nothing yet.
     fn known(&mut self, _words: Option<String>) {}
-    /// Called often: progress may be shown.
+    /// Receives often that progress may be shown.
     fn progress(&mut self, _readings: usize) {}
-    /// Likewise: what of the device's messages arrived.
+    /// Receives the device's messages that arrived.
     fn heard(&mut self, _heard: &Heard) {}
-    /// The device has changed its state.
+    /// Receives that the device has changed its state.
     fn state(&mut self, _state: StateName, _reason: Reason) {}
     /// Receives what the device has counted, where it is asked meanwhile.
     fn counters(&mut self, _counters: &CounterReport) {}
@@ -109,7 +110,7 @@ impl Take {
     }
 }
 
-/// A reading as the device sent it, in f64 (exactly).
+/// Returns a reading as the device sent it, in f64 (exactly).
 pub fn widen(message: &ReadingMessage) -> Reading<f64> {
     Reading {
         time_ns: message.time_ns,
@@ -119,7 +120,7 @@ pub fn widen(message: &ReadingMessage) -> Reading<f64> {
     }
 }
 
-/// A reading as it is sent to the device: rounded to f32.
+/// Returns a reading as it is sent to the device: rounded to f32.
 pub fn narrow(reading: &Reading<f64>) -> ReadingMessage {
     ReadingMessage {
         time_ns: reading.time_ns,
@@ -160,13 +161,13 @@ pub(super) struct Taking {
 }
 
 impl Taking {
-    /// Readings or frames.
+    /// Returns the number of readings or frames.
     pub(super) fn count(&self) -> usize {
         let frames = if self.level.is_some() { self.counters.frames.absorbed as usize } else { 0 };
         self.readings.len() + self.links.len() + frames
     }
 
-    /// From the first reading to the last, s.
+    /// Returns the time from the first reading to the last, s.
     pub(super) fn span_s(&self) -> f64 {
         let of_body = [self.readings.first(), self.readings.last()].map(|r| r.map(|r| r.time_ns));
         let of_links = [self.links.first(), self.links.last()].map(|r| r.map(|r| r.base.time_ns));

@@ -11,8 +11,8 @@ use rigident_fit::RowSource;
 use rigident_io::rig::{LoadCellClass, LoadCellTable, OffsetTable, OffsetWord, RecordingTable, RigFile};
 use rigident_rows::tree::{Frame, Input, TreeSource};
 
-/// The frames of a source whose base is tracked. Their numbers tell gaps in time: one more is one period
-/// later.
+/// Returns the frames of a source whose base is tracked. Their numbers tell gaps in time: one more is one
+/// period later.
 ///
 /// # Errors
 /// [`NoFrames`] if a frame holds fewer links.
@@ -28,13 +28,13 @@ pub fn frames(source: &TreeSource) -> Result<Vec<Vec<u8>>, NoFrames> {
     input.frames.iter().enumerate().map(frame).collect()
 }
 
-/// The number of a frame in the series.
+/// Returns the number of a frame in the series.
 pub(super) fn number(input: &Input, frame: usize) -> u32 {
     let time_ns = |k: usize| input.frames.get(k).map_or(0, |frame| frame.time_ns);
     (time_ns(frame).saturating_sub(time_ns(0)) as f64 * 1e-9 * input.rate_hz).round() as u32
 }
 
-/// Attitude of a body, and its rate in its own axes.
+/// Returns the attitude of a body, and its rate in its own axes.
 pub(super) fn pose(rotation: &Matrix3<f64>, rate: &Vector3<f64>) -> [f32; TRACKED_LINK_NUMBERS] {
     let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*rotation));
     let rate = rotation.tr_mul(rate);
@@ -46,7 +46,7 @@ pub(super) fn of_link(state: &LinkState<f64>) -> [f32; TRACKED_LINK_NUMBERS] {
     pose(&state.rotation, &state.rate)
 }
 
-/// A frame: its number, what is measured at the base and the velocity there, and the poses.
+/// Encodes a frame: its number, what is measured at the base and the velocity there, and the poses.
 pub(super) fn encoded(
     number: u32,
     placed: &[f64; 9],
@@ -60,15 +60,15 @@ pub(super) fn encoded(
     Ok(bytes)
 }
 
-/// The frames that such a series leaves out between its own.
+/// Returns the number of frames that a series leaves out between its own.
 pub fn left_out(frames: &[Vec<u8>], links: usize) -> u32 {
     let numbers: Vec<u32> =
         frames.iter().filter_map(|bytes| Some(TrackedFrame::decode(bytes, links).ok()?.number)).collect();
     numbers.windows(2).map(|pair| pair[1].saturating_sub(pair[0]).saturating_sub(1)).sum()
 }
 
-/// The device's settings for such frames, and what brings its parameters into the order of the source's:
-/// `φ_device = map φ`.
+/// Returns the device's settings for frames of a tracked base, and the map that brings its parameters into
+/// the order of the source's: `φ_device = map φ`.
 ///
 /// # Errors
 /// [`DeviceTreeError`] says what does not fit onto the device.
@@ -87,7 +87,7 @@ pub fn settings(source: &TreeSource) -> Result<(Settings, DMatrix<f64>), DeviceT
     Ok((settings_of(model, input.rate_hz, std::array::from_fn(sigma))?, map))
 }
 
-/// The device's settings for frames of this model, whose wrench has no offset and this noise.
+/// Returns the device's settings for frames of this model, whose wrench has no offset and this noise.
 pub(super) fn settings_of(
     model: ModelSettings,
     rate_hz: f64,

@@ -142,7 +142,7 @@ pub fn device_parameters(model: &Model, parameters: &[BaseParameter], offset: bo
     of_base.chain(offsets).collect()
 }
 
-/// The device's settings for a tree whose frames come over its sensor bus.
+/// Returns the device's settings for a tree whose frames come over its sensor bus.
 ///
 /// # Errors
 /// [`DeviceTreeError`]: the rig file lacks what it needs, or leaves the offset to be estimated.

@@ -51,8 +51,8 @@ pub enum TwoLinkError {
     },
 }
 
-/// The device's settings for two links; `attitude` as the device wants it, `R_SL` of the second link at the
-/// start.
+/// Returns the device's settings for two links; `attitude` as the device wants it, `R_SL` of the second link
+/// at the start.
 ///
 /// # Errors
 /// [`TwoLinkError`] says what does not fit.
@@ -93,7 +93,7 @@ pub fn attitude_source(rig: &RigFile) -> AttitudeSource {
     }
 }
 
-/// A device's readings as a recording.
+/// Returns a device's readings as a recording.
 pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[LinkReadingMessage]) -> Recording {
     let imu = |of: fn(&LinkReadingMessage) -> [[f32; 3]; 2]| ImuColumns {
         accel: Some(readings.iter().map(|r| of(r)[0].map(f64::from)).collect()),
@@ -114,8 +114,8 @@ pub fn recording(name: &str, rig: &RigFile, rate_hz: f64, readings: &[LinkReadin
     }
 }
 
-/// A recording's readings as the device takes them, rounded to single precision; attitudes are not examined
-/// if it finds them itself.
+/// Returns a recording's readings as the device takes them, rounded to single precision; attitudes are not
+/// examined if it finds them itself.
 ///
 /// # Errors
 /// [`TwoLinkError::Columns`] names what is missing.

@@ -195,7 +195,7 @@ fn wxyz(rotation: &Matrix3<f64>) -> [f32; 4] {
     [q.w, q.i, q.j, q.k].map(|v| v as f32)
 }
 
-/// A link, the base's origin moved to the IMU.
+/// Returns a link, the base's origin moved to the IMU.
 fn link_settings(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchLinkSettings, WatchError> {
     let link = &input.model.links[i];
     let phi = link.nominal.ok_or_else(|| WatchError::NoParameters(link.name.clone()))?;
@@ -223,8 +223,8 @@ fn link_settings(input: &Input, i: usize, place: &Vector3<f64>) -> Result<WatchL
     })
 }
 
-/// The parameters about another origin in the same axes, a body without mass included: mc less m d, and the
-/// tensor by Steiner, twice.
+/// Returns the parameters about another origin in the same axes, a body without mass included: mc less m d,
+/// and the tensor by Steiner, twice.
 fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
     let (m, c, one) = (own.mass, own.first_moment, Matrix3::identity());
     // Σ m (|p − d|² 1 − (p − d)(p − d)ᵀ)
@@ -235,8 +235,8 @@ fn moved(own: &InertialParameters<Body, f64>, by: &Vector3<f64>) -> [f64; 10] {
     [m, c.x, c.y, c.z, xx, yy, zz, yz, zx, xy]
 }
 
-/// The sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by sensors
-/// and by the IMU.
+/// Returns the sensors, and 1 σ of the wrench on the whole robot about the IMU in its axes: of a frame, by
+/// sensors and by the IMU.
 fn feet(input: &Input, place: &Vector3<f64>) -> Result<(Vec<FootSettings>, [f64; 6]), WatchError> {
     let one = Matrix3::identity();
     // Link, rotation and position there, 1 σ.
@@ -312,7 +312,7 @@ fn arms(input: &Input, place: &Vector3<f64>, sensors: &[(usize, Vector3<f64>)]) 
     (arms, mass, if mass > 0.0 { (first / mass - place).norm() } else { 0.0 })
 }
 
-/// The wrenches of a frame: of the feet, or of the base.
+/// Returns the wrenches of a frame: of the feet, or of the base.
 fn wrenches<'a>(input: &'a Input, frame: &'a Frame) -> &'a [[f64; 6]] {
     if input.contact.is_some() { &frame.ground.wrenches } else { std::slice::from_ref(&frame.wrench) }
 }

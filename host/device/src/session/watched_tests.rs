@@ -7,7 +7,7 @@ use super::*;
 use crate::study_length::runs;
 use rigident_laboratory::picks_up::{HAND, PicksUp, RATE_HZ};
 
-/// The watch of these settings as the firmware makes it, in any precision.
+/// Returns the watch of these settings as the firmware makes it, in any precision.
 fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
     let ModelSettings::Watch(stated) = &robot.settings.model else { panic!("a watch") };
     let [s, r] = [robot.settings.load_cell.noise_n_nm, robot.settings.load_cell.range_n_nm];
@@ -52,7 +52,7 @@ fn watch<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> Box<Watch<T>> {
     watch
 }
 
-/// The changes that it tells.
+/// Returns the changes that it reports.
 fn changes<T: rigident_shared::Scalar>(robot: &WatchedRobot) -> (Vec<Change<T>>, Box<Watch<T>>) {
     let mut watch = watch::<T>(robot);
     let mut all = Vec::new();
@@ -78,8 +78,8 @@ fn robot(case: &PicksUp) -> WatchedRobot {
     WatchedRobot::new(&input, HAND, &WatchOptions::default()).unwrap()
 }
 
-/// Time from the change until it is found, s; whether the interval of time holds it; errors of mass and first
-/// moment in 1 σ.
+/// Returns the time from the change until it is found, s; whether the interval of time holds it; errors of
+/// mass and first moment in 1 σ.
 fn judged(change: (&Change<f32>, &Change<f32>), at_s: f64, wanted: &[f64; 10]) -> (f64, bool, [f64; 4]) {
     let (found, measured) = change;
     let (size, sd) = measured.size.unwrap();

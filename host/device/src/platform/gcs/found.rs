@@ -45,7 +45,7 @@ struct Knows {
     macros: bool,
 }
 
-/// The command that sets a parameter of the motion path.
+/// Returns the command that sets a parameter of the motion path.
 pub(super) fn set(parameter: u32, value: impl Display) -> String {
     format!("SPA X 0x{parameter:X} {value}")
 }
@@ -239,7 +239,7 @@ fn agree_on_pivot(answer: &str) -> Result<(), Option<String>> {
     if off.is_empty() { Ok(()) } else { Err(Some(off.join(", "))) }
 }
 
-/// The coordinate systems in force, if all are the maker's.
+/// Returns the coordinate systems in force, if all are the maker's.
 fn frames(answer: &str) -> Result<String, PlatformError> {
     let names: Vec<&str> =
         answer.lines().filter_map(|l| l.split('=').next()).map(str::trim).filter(|n| !n.is_empty()).collect();

@@ -49,7 +49,7 @@ impl Line {
         self.wire.write_all(bytes).and_then(|()| self.wire.flush()).map_err(|e| self.lost(command, e))
     }
 
-    /// Asks; all lines of the answer.
+    /// Asks. Returns all lines of the answer.
     pub(super) fn ask(&mut self, question: &str) -> Result<String, PlatformError> {
         self.ask_within(question, PATIENCE)
     }
@@ -71,7 +71,7 @@ impl Line {
         self.write(&[STOP], "#24 (stop)")
     }
 
-    /// An answer ends at a line's end without a space before it.
+    /// Reads an answer, which ends at a line's end without a space before it.
     fn bytes(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, PlatformError> {
         let deadline_s = self.clock.now_s() + within.as_secs_f64();
         let (mut answer, mut byte) = (Vec::new(), [0]);
@@ -98,12 +98,13 @@ impl Line {
         Err(self.lost(question, format!("no whole answer within {} s", within.as_secs_f64())))
     }
 
-    /// The controller's error since the last time, blamed on a command.
+    /// Checks for the controller's error since the last time, blamed on a command.
     pub(super) fn check(&mut self, command: &str) -> Result<(), PlatformError> {
         self.check_within(command, PATIENCE)
     }
 
-    /// Likewise, of a plate that is to come to rest: a late answer must not hold back what is tried next.
+    /// Checks as [`Self::check`] does, of a plate that is to come to rest: a late answer must not hold back
+    /// what is tried next.
     pub(super) fn check_soon(&mut self, command: &str) -> Result<(), PlatformError> {
         self.check_within(command, SOON)
     }
@@ -127,7 +128,7 @@ impl Line {
         PlatformError::Refused(format!("its answer to {question} is not understood: {answer:?}"))
     }
 
-    /// Numbers of the six axes, `X=1.5` a line.
+    /// Asks for numbers of the six axes, `X=1.5` a line.
     pub(super) fn six(&mut self, question: &str) -> Result<[f64; 6], PlatformError> {
         let answer = self.ask(question)?;
         match GcsPosition::read_answer(&answer) {

@@ -144,7 +144,7 @@ impl UrPlatform {
         }
     }
 
-    /// Where the arm is at rest, in the posture of home.
+    /// Returns the pose where the arm is at rest, in the posture of home.
     fn here(&mut self) -> Result<Pose, PlatformError> {
         let arm = self.arm.clone();
         let state = self.resting()?.rtde.fresh(1.0)?;
@@ -165,7 +165,8 @@ impl UrPlatform {
     }
 }
 
-/// Numbers of motions begin anywhere, so that numbers left in the registers belong to another.
+/// Returns the number of the first motion. Numbers begin anywhere, so that numbers left in the registers
+/// belong to another.
 fn first_motion() -> i32 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     i32::try_from(since.as_millis() % 1_000_000_000).unwrap_or(0) + 1
@@ -179,7 +180,7 @@ fn at_port(port: u16, error: &std::io::Error) -> String {
     format!("port {port}: {error}")
 }
 
-/// Why an arm in this state does not move, if so.
+/// Returns why an arm in this state does not move, if so.
 fn hindrance(state: &State) -> Option<&'static str> {
     if !states::is_safe(state.safety_mode) {
         return Some(states::safety(state.safety_mode));
@@ -402,7 +403,7 @@ impl Controller {
             .map_err(|e| unreachable(e.to_string()))
     }
 
-    /// Why the arm does not follow, if so.
+    /// Returns why the arm does not follow, if so.
     fn fault(&self, state: &State) -> Option<PlatformError> {
         if let Some(why) = hindrance(state) {
             return Some(PlatformError::Halted(why.to_owned()));

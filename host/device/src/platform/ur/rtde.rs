@@ -108,7 +108,7 @@ impl State {
         rest.is_empty().then_some(state)
     }
 
-    /// Highest rate of a joint, rad/s.
+    /// Returns the highest rate of a joint, rad/s.
     pub fn fastest(&self) -> f64 {
         self.qd.iter().fold(0.0, |most, rate| rate.abs().max(most))
     }
@@ -372,13 +372,13 @@ impl Rtde {
     }
 }
 
-/// Names and types of the variables that are sent.
+/// Returns the names and types of the variables that are sent.
 fn inputs() -> Vec<(String, &'static str)> {
     let integers = (24..27).map(|k| (format!("input_int_register_{k}"), "INT32"));
     integers.chain((24..48).map(|k| (format!("input_double_register_{k}"), "DOUBLE"))).collect()
 }
 
-/// The number of a recipe that the controller has accepted.
+/// Returns the number of a recipe that the controller has accepted.
 fn recipe(answer: &[u8], wanted: &[(String, &str)]) -> Result<u8, PlatformError> {
     let (number, types) = answer.split_first().ok_or_else(|| refused("its answer to a set-up is empty"))?;
     let types = String::from_utf8_lossy(types);

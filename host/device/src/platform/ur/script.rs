@@ -63,7 +63,7 @@ pub const AT_REST: i32 = 2;
 /// The points ceased while the arm moved.
 pub const CEASED: i32 = 3;
 
-/// Why the program ended, in words; `None` where it did so as commanded.
+/// Returns why the program ended, in words; `None` where it did so as commanded.
 pub fn reason(number: i32) -> Option<&'static str> {
     match number {
         0..=2 => None,
@@ -118,8 +118,8 @@ pub fn program(arm: &Arm, motion: i32) -> String {
         .fold(FOLLOW.to_owned(), |text, (name, value)| text.replace(&format!("{{{{{name}}}}}"), value))
 }
 
-/// A program that brings the arm to rest, whatever runs on the controller, for an arm that does not hear its
-/// registers.
+/// Returns a program that brings the arm to rest, whatever runs on the controller, for an arm that does not
+/// hear its registers.
 pub fn stop(arm: &Arm) -> String {
     let most = arm.hinges.iter().map(|hinge| hinge.acceleration_radps2).fold(0.0, f64::max);
     format!("def rigident_stop():\n  stopj({most:.4})\nend\n")

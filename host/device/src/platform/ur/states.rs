@@ -12,7 +12,7 @@ pub fn is_safe(safety_mode: i32) -> bool {
     matches!(safety_mode, 1 | 2)
 }
 
-/// `safety_mode` in words.
+/// Returns `safety_mode` in words.
 pub fn safety(mode: i32) -> &'static str {
     match mode {
         1 => "its safety system is in normal mode",
@@ -33,7 +33,7 @@ pub fn safety(mode: i32) -> &'static str {
     }
 }
 
-/// `robot_mode` in words.
+/// Returns `robot_mode` in words.
 pub fn robot(mode: i32) -> &'static str {
     match mode {
         -1 => "its panel has no controller",
@@ -50,7 +50,7 @@ pub fn robot(mode: i32) -> &'static str {
     }
 }
 
-/// `runtime_state` in words.
+/// Returns `runtime_state` in words.
 pub fn program(state: u32) -> &'static str {
     match state {
         0 => "its program is stopping",

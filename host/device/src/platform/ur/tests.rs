@@ -28,7 +28,7 @@ fn arm() -> Geometry {
     Geometry::of_arm(arm, travel)
 }
 
-/// The error of a connection to a controller that answers each type of package like this.
+/// Returns the error of a connection to a controller that answers each type of package like this.
 fn refusal(answer: impl Fn(u8) -> Option<Vec<u8>> + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
