@@ -59,7 +59,7 @@ impl Amplitudes {
         }
     }
 
-    /// Standard deviations of ω and ζ of a component.
+    /// Returns the standard deviations of ω and ζ of a component.
     pub(super) fn deviations(&self, component: usize) -> (f64, f64) {
         let k = component * self.stride();
         (self.covariance[(k, k)].max(0.0).sqrt(), self.covariance[(k + 1, k + 1)].max(0.0).sqrt())
@@ -132,12 +132,12 @@ pub(super) fn amplitudes(fit: &Fit, noise: &Noise) -> Option<Amplitudes> {
     })
 }
 
-/// Place of `a` of a component and channel among (α₁ ν₁ … a₁₁ b₁₁ a₁₂ …).
+/// Returns the place of `a` of a component and channel among (α₁ ν₁ … a₁₁ b₁₁ a₁₂ …).
 fn place(count: usize, channels: usize, component: usize, channel: usize) -> usize {
     2 * count + 2 * (component * channels + channel)
 }
 
-/// Covariance of (α₁ ν₁ … α_R ν_R, a₁₁ b₁₁ a₁₂ b₁₂ …).
+/// Returns the covariance of (α₁ ν₁ … α_R ν_R, a₁₁ b₁₁ a₁₂ b₁₂ …).
 ///
 /// With the triangle's blocks `[R_B R_BD; 0 R_D]` and unit noise ε in its rows, channel by channel:
 /// `δθ = C Σ_c S_cᵀ R_Dᵀ ε_D / σ_c` and `δx_c = R_B⁻¹ (σ_c ε_B − R_BD S_c δθ)`. Channels that are correlated
@@ -184,7 +184,7 @@ fn raw_covariance(fit: &Fit, noise: &Noise) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(size, size, |i, j| covariance[(i, j)] * wider[i] * wider[j]))
 }
 
-/// `L` with `L Lᵀ` the correlation; the identity if it is none.
+/// Returns `L` with `L Lᵀ` the correlation; the identity if it is none.
 fn correlation_root(correlation: &DMatrix<f64>) -> DMatrix<f64> {
     let n = correlation.nrows();
     let eigen = correlation.clone().symmetric_eigen();

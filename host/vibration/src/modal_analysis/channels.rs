@@ -93,7 +93,8 @@ fn runs(values: &[f64]) -> Vec<Run> {
     runs
 }
 
-/// The step of the converter, or of the arithmetic: the least difference of values that is not rounding.
+/// Returns the step of the converter, or of the arithmetic: the least difference of values that is not
+/// rounding.
 fn quantum(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -74,7 +74,7 @@ impl Fit {
         (0..self.sigma.len()).all(|channel| self.is_rounding(channel))
     }
 
-    /// `S_c` of a channel: the derivatives of its rows by (α₁ ν₁ α₂ …) in the columns `t c`, `t s`:
+    /// Returns `S_c` of a channel: the derivatives of its rows by (α₁ ν₁ α₂ …) in the columns `t c`, `t s`:
     /// `∂/∂α = −a tc − b ts`, `∂/∂ν = b tc − a ts`.
     pub(super) fn derivative(&self, channel: usize) -> DMatrix<f64> {
         let count = self.poles.len();
@@ -89,7 +89,7 @@ impl Fit {
         s
     }
 
-    /// Information on the poles with amplitudes and offsets free, and the right side of the step.
+    /// Returns the information on the poles with amplitudes and offsets free, and the right side of the step.
     fn normal(&self) -> (DMatrix<f64>, DVector<f64>) {
         let (p, q) = (linear(self.poles.len()), all(self.poles.len()));
         let free = self.upper.view((p, p), (q - p, q - p));
@@ -104,7 +104,7 @@ impl Fit {
         (information, right)
     }
 
-    /// Covariance of (α₁ ν₁ α₂ …) under white noise; nothing if they are not determined.
+    /// Returns the covariance of (α₁ ν₁ α₂ …) under white noise; nothing if they are not determined.
     pub(super) fn pole_covariance(&self) -> Option<DMatrix<f64>> {
         scaled_inverse(&self.normal().0)
     }
@@ -191,7 +191,7 @@ impl Fit {
     }
 }
 
-/// `(A + μ diag A)⁻¹ b`, columns scaled.
+/// Returns `(A + μ diag A)⁻¹ b`, columns scaled.
 fn step(information: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let n = scale.len();
@@ -202,7 +202,7 @@ fn step(information: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> Optio
     solved.iter().all(|v| v.is_finite()).then_some(solved)
 }
 
-/// Inverse of a positive definite matrix, columns scaled; nothing if it is not.
+/// Returns the inverse of a positive definite matrix, columns scaled; nothing if it is not.
 pub(super) fn scaled_inverse(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { f64::NAN });
     let n = scale.len();

@@ -44,7 +44,8 @@ pub(super) struct Shift {
     pub(super) sd: f64,
 }
 
-/// Twice, three times, sums and differences. A product of decays decays by the sum of their rates.
+/// Returns twice, three times, sums and differences of frequencies. A product of decays decays by the sum of
+/// their rates.
 pub(super) fn combinations(poles: &[Pole], of: &[usize], strengths: &[f64]) -> Vec<Combination> {
     let mut found = Vec::new();
     for (place, i) in of.iter().enumerate() {
@@ -114,7 +115,7 @@ pub(super) fn harmonics(
     found
 }
 
-/// `Σ e²` and `Σ r_c e` for `e = e^{−αt − iνt}`.
+/// Returns `Σ e²` and `Σ r_c e` for `e = e^{−αt − iνt}`.
 fn correlation(rate_hz: f64, columns: &DMatrix<f64>, pole: &Pole) -> (f64, Vec<Complex<f64>>) {
     let mut energy = 0.0;
     let mut sums = vec![Complex::new(0.0, 0.0); columns.ncols()];
@@ -181,8 +182,8 @@ fn part(samples: &Samples, fit: &Fit, components: &[usize], first: usize, rows: 
     Some((Fit::refined(&samples.part(first, rows), poles, 20)?, kept))
 }
 
-/// Angular frequency of a component in a part, with its standard deviation; nothing where it is too weak or
-/// has run away.
+/// Returns the angular frequency of a component in a part, with its standard deviation; nothing where it is
+/// too weak or has run away.
 fn frequency(part: &Part, component: usize) -> Option<(f64, f64)> {
     let (fit, kept) = part;
     let place = kept.iter().position(|r| *r == component)?;

@@ -87,7 +87,7 @@ pub fn platform_amplitudes(imu: &Imu, amplitudes: &Amplitudes) -> Result<Amplitu
     })
 }
 
-/// The map from `[Z_f; Z_w]` to `[X; Θ]` at a pole, and its derivative by the pole.
+/// Returns the map from `[Z_f; Z_w]` to `[X; Θ]` at a pole, and its derivative by the pole.
 fn maps(imu: &Imu, s: Complex<f64>) -> (Complex6, Complex6) {
     let arm = imu.lever.cross_matrix() * imu.axes;
     let tilt = imu.gravity.cross_matrix() * imu.axes;

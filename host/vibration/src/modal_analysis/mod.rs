@@ -147,7 +147,7 @@ pub fn identify(decay: &FreeDecay<'_>, options: &Options) -> Result<Modes, Modal
     })
 }
 
-/// Variance of white noise that does what the channels' noise does near a component.
+/// Returns the variance of white noise that has the effect of the channels' noise near a component.
 fn coloured_levels(fit: &Fit, noise: &Noise, component: usize) -> Vec<f64> {
     let levels: Vec<f64> = fit
         .sigma

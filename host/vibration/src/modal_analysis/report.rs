@@ -41,7 +41,7 @@ pub(super) struct Evidence<'a> {
 }
 
 impl Evidence<'_> {
-    /// All findings, errors first.
+    /// Returns all findings, errors first.
     pub(super) fn findings(&self, modes: &[Mode]) -> Vec<Finding> {
         let mut found = self.of_components();
         found.extend(self.close());
@@ -101,7 +101,8 @@ impl Evidence<'_> {
         self.options.scales.get(channel).copied().unwrap_or(1.0)
     }
 
-    /// Real and imaginary parts of components' scaled amplitudes, brought to unit length for each component.
+    /// Returns real and imaginary parts of components' scaled amplitudes, brought to unit length for each
+    /// component.
     fn directions(&self, components: &[usize]) -> DMatrix<f64> {
         let channels = self.fit.sigma.len();
         let mut all = DMatrix::zeros(channels, 2 * components.len());
@@ -144,7 +145,7 @@ impl Evidence<'_> {
         found
     }
 
-    /// The direction that found shapes reach least: the last left singular vector of them.
+    /// Returns the direction that found shapes reach least: the last left singular vector of them.
     fn missing(&self) -> Option<Finding> {
         let wanted = self.options.modes?;
         let is_found = |r: &usize| matches!(self.roles[*r], Role::Mode | Role::TooClose(_) | Role::TooShort);
@@ -216,7 +217,7 @@ impl Evidence<'_> {
         found
     }
 
-    /// Weak components beside modes that no change of the mode's frequency explains.
+    /// Returns findings of weak components beside modes that no change of the mode's frequency explains.
     fn beside(&self, explained: impl Fn(usize) -> bool) -> Vec<Finding> {
         let of = |(r, role): (usize, &Role)| match role {
             Role::Beside(parent) if !explained(*parent) => {
@@ -268,7 +269,7 @@ impl Evidence<'_> {
         self.with(Role::Harmonic).into_iter().filter_map(to_harmonic).collect()
     }
 
-    /// Lines that the final residual still has.
+    /// Returns findings of lines that the final residual still has.
     fn lines(&self) -> Vec<Finding> {
         let channels = self.fit.sigma.len();
         let duration = self.decay.duration_s();

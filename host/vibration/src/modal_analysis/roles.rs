@@ -71,7 +71,7 @@ pub(super) fn roles(
     roles
 }
 
-/// Components of no or negative damping, unless nothing decays at all.
+/// Marks components of no or negative damping, unless nothing decays at all.
 fn mark_undamped(roles: &mut [Role], amplitudes: &Amplitudes) {
     let is_undamped = |r: usize| {
         let (_, sd) = amplitudes.deviations(r);
@@ -89,7 +89,7 @@ fn mark_undamped(roles: &mut [Role], amplitudes: &Amplitudes) {
     }
 }
 
-/// Weak components at the frequency of a stronger one that decay as its product with a square does. A
+/// Marks weak components at the frequency of a stronger one that decay as its product with a square does. A
 /// frequency that changes with amplitudes squared, `ν + κ e^{−2βt}`, makes of `e^{iνt − αt}` to first order
 /// such a part of decay `α + 2β`; `α + 4β` and `α + 6β` are of the second and third order.
 fn mark_beside(
@@ -121,7 +121,7 @@ fn mark_beside(
     }
 }
 
-/// Weak components at a multiple or sum of stronger ones, that decay as products of them do.
+/// Marks weak components at a multiple or sum of stronger ones, that decay as products of them do.
 fn mark_harmonics(
     roles: &mut [Role],
     poles: &[Pole],
@@ -176,8 +176,8 @@ fn mark_close(
     }
 }
 
-/// If modes are missing, a weak one beside another or at a multiple or sum is one of them: the
-/// strongest first.
+/// Takes a mark back if modes are missing: a weak component beside another or at a multiple or sum is then
+/// one of them, the strongest first.
 fn take_back(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found: impl Fn(&Role) -> bool) {
     let found = roles.iter().filter(|role| is_found(role)).count();
     let is_weak = |r: &usize| matches!(roles[*r], Role::Beside(_) | Role::Harmonic);
@@ -197,7 +197,7 @@ fn keep_strongest(roles: &mut [Role], strengths: &[f64], wanted: usize, is_found
     }
 }
 
-/// Difference of two poles by its covariance: `√(Δᵀ C⁻¹ Δ)` for Δ of (ω, ζ).
+/// Returns the difference of two poles by its covariance: `√(Δᵀ C⁻¹ Δ)` for Δ of (ω, ζ).
 pub(super) fn distance(amplitudes: &Amplitudes, i: usize, j: usize) -> f64 {
     let stride = amplitudes.stride();
     let places = [i * stride, i * stride + 1, j * stride, j * stride + 1];

@@ -47,7 +47,7 @@ pub(super) struct Line {
     pub(super) ratio: f64,
 }
 
-/// The χ² value that noise exceeds with the probability.
+/// Returns the χ² value that noise exceeds with the probability.
 pub(super) fn quantile(freedom: f64, probability: f64) -> f64 {
     ChiSquared::new(freedom).map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - probability.clamp(1e-13, 1.0)))
 }
@@ -86,14 +86,15 @@ fn chance_limit(samples: &Samples) -> f64 {
     quantile(2.0 * samples.y.ncols() as f64 + 2.0, FALSE_ALARM / samples.y.nrows() as f64)
 }
 
-/// Noise of the channels, as standard deviation of the samples, from the middle level of their spectra.
+/// Returns the noise of the channels, as standard deviation of the samples, from the middle level of their
+/// spectra.
 fn noise(samples: &Samples) -> Vec<f64> {
     let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
     spectrum.level().iter().map(|level| level.sqrt()).collect()
 }
 
-/// The frequency of the fastest line that stands out of its surroundings, and the strongest one, by their
-/// power.
+/// Returns the frequency of the fastest line that stands out of its surroundings, and the strongest one, by
+/// their power.
 fn fastest_line(samples: &Samples) -> (f64, (f64, f64)) {
     let spectrum = Periodogram::new(&samples.y, samples.rate_hz, 1, true);
     let levels = spectrum.levels();
@@ -113,7 +114,7 @@ fn fastest_line(samples: &Samples) -> (f64, (f64, f64)) {
     (fastest, strongest)
 }
 
-/// Spectrum and levels of a fit's residuals.
+/// Returns spectrum and levels of a fit's residuals.
 pub(super) fn left(samples: &Samples, fit: Option<&Fit>) -> (Periodogram, Levels) {
     let columns =
         fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
@@ -122,7 +123,8 @@ pub(super) fn left(samples: &Samples, fit: Option<&Fit>) -> (Periodogram, Levels
     (spectrum, levels)
 }
 
-/// The strongest line of a residual that noise does not explain, nearer than nothing to zero frequency.
+/// Returns the strongest line of a residual that noise does not explain, nearer than nothing to zero
+/// frequency.
 pub(super) fn strongest_line(
     spectrum: &Periodogram,
     levels: &Levels,
@@ -141,8 +143,8 @@ pub(super) fn strongest_line(
         .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
 }
 
-/// The strongest line of the residual under windows `e^{−αt}` over 3/α, of which one is near the decay of
-/// what is left there.
+/// Returns the strongest line of the residual under windows `e^{−αt}` over 3/α, of which one is near the
+/// decay of what is left there.
 fn strongest_decay(samples: &Samples, fit: Option<&Fit>, channels: usize, refused: &[f64]) -> Option<Line> {
     let columns =
         fit.map_or_else(|| samples.y.clone(), |fit| residuals(samples, &fit.poles, &fit.amplitudes));
@@ -218,7 +220,7 @@ fn with_early(first: &Samples, samples: &Samples, mut fit: Fit, most: usize) -> 
     fit
 }
 
-/// The candidates that hold together, without those that noise explains.
+/// Returns the candidates that hold together, without those that noise explains.
 fn begun(samples: &Samples, candidates: Vec<Pole>) -> Option<Fit> {
     let mut poles = candidates;
     while !poles.is_empty() {
@@ -295,8 +297,8 @@ fn pruned(samples: &Samples, fit: Fit) -> Option<Fit> {
     }
 }
 
-/// The fit with one more pole beside one that has more than noise around it: two broad modes over each other
-/// leave no line.
+/// Returns the fit with one more pole beside one that has more than noise around it: two broad modes over
+/// each other leave no line.
 fn split(samples: &Samples, fit: &Fit) -> Option<Fit> {
     let (spectrum, _) = left(samples, Some(fit));
     let away: Vec<f64> = fit.poles.iter().map(Pole::hz).collect();
@@ -320,7 +322,7 @@ fn split(samples: &Samples, fit: &Fit) -> Option<Fit> {
     })
 }
 
-/// The fit with one more pole near a line, if the likelihood gains more than noise gives.
+/// Returns the fit with one more pole near a line, if the likelihood gains more than noise gives.
 fn extended(samples: &Samples, fit: Option<&Fit>, poles: &[Pole], line: Line) -> Option<Fit> {
     let duration = samples.duration_s();
     let angular = line.hz * std::f64::consts::TAU;

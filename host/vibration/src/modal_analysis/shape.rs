@@ -144,7 +144,7 @@ impl Turned {
         }
     }
 
-    /// Derivative of the shape by `[Re z, Im z]`.
+    /// Returns the derivative of the shape by `[Re z, Im z]`.
     fn derivative(&self, scales: &[f64]) -> DMatrix<f64> {
         let channels = scales.len();
         let mut by = DMatrix::zeros(channels, 2 * channels);
@@ -177,7 +177,7 @@ impl Turned {
         (imaginary / (real + imaginary).max(f64::MIN_POSITIVE)).sqrt()
     }
 
-    /// `((Sxx − Syy)² + 4 Sxy²) / (Sxx + Syy)²` (R. Pappa, K. Elliott, A. Schenk 1993).
+    /// Returns `((Sxx − Syy)² + 4 Sxy²) / (Sxx + Syy)²` (R. Pappa, K. Elliott, A. Schenk 1993).
     fn collinearity(&self, scales: &[f64]) -> f64 {
         let (real, imaginary, both) = self.sums(scales);
         ((real - imaginary).powi(2) + 4.0 * both * both) / (real + imaginary).powi(2).max(f64::MIN_POSITIVE)

@@ -112,12 +112,12 @@ impl Periodogram {
         row as f64 * self.step_hz
     }
 
-    /// Independent frequencies.
+    /// Returns the number of independent frequencies.
     pub(super) fn independent(&self) -> usize {
         (self.rows() / self.padding).max(1)
     }
 
-    /// The sum over channels of power by the channel's level.
+    /// Returns the sum over channels of power by the channel's level.
     pub(super) fn sum(&self, row: usize, level: &[f64]) -> f64 {
         self.power.row(row).iter().zip(level).map(|(p, l)| p / l.max(f64::MIN_POSITIVE)).sum()
     }
@@ -127,9 +127,9 @@ impl Periodogram {
         self.power.row(row).iter().copied().collect()
     }
 
-    /// The rows of independent frequencies nearest to one: the same number on both sides, so that a slope
-    /// does not count, at most `side` and at least [`LEAST_SIDE`] if there are as many. Not those closer than
-    /// 1.5 of them to any of `away`, and not zero.
+    /// Returns the rows of independent frequencies nearest to one: the same number on both sides, so that a
+    /// slope does not count, at most `side` and at least [`LEAST_SIDE`] if there are as many. Not those
+    /// closer than 1.5 of them to any of `away`, and not zero.
     fn near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<usize> {
         let width = self.padding as f64 * self.step_hz;
         let is_free = |row: &usize| away.iter().all(|other| (self.hz(*row) - other).abs() > 1.5 * width);
@@ -139,8 +139,8 @@ impl Periodogram {
         free[place.saturating_sub(half)..(place + half).min(free.len())].to_vec()
     }
 
-    /// Mean power of each channel around a frequency: the variance of white noise that would do the same
-    /// there.
+    /// Returns the mean power of each channel around a frequency: the variance of white noise that would do
+    /// the same there.
     pub(super) fn mean_near(&self, hz: f64, side: usize, away: &[f64]) -> Vec<f64> {
         let rows = self.near(hz, side, away);
         let mean = |channel: usize| {
@@ -149,7 +149,7 @@ impl Periodogram {
         (0..self.power.ncols()).map(mean).collect()
     }
 
-    /// The level of noise of each channel over all frequencies.
+    /// Returns the level of noise of each channel over all frequencies.
     pub(super) fn level(&self) -> Vec<f64> {
         self.middle(&(self.padding..self.rows()).step_by(self.padding).collect::<Vec<_>>())
     }
@@ -172,8 +172,8 @@ impl Periodogram {
         Levels { hz, level }
     }
 
-    /// The median power of each channel over rows, by that of noise of level one, `ln 2`: lines do not move
-    /// it.
+    /// Returns the median power of each channel over rows, by that of noise of level one, `ln 2`: lines do
+    /// not move it.
     fn middle(&self, rows: &[usize]) -> Vec<f64> {
         let of = |channel: usize| {
             let mut powers: Vec<f64> = rows.iter().map(|row| self.power[(*row, channel)]).collect();
@@ -191,7 +191,7 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// The level of each channel at a frequency, between the blocks on a straight line of logarithms.
+    /// Returns the level of each channel at a frequency, between the blocks on a straight line of logarithms.
     pub(super) fn at(&self, hz: f64) -> Vec<f64> {
         let after = self.hz.partition_point(|h| *h < hz);
         let (low, high) = (after.saturating_sub(1), after.min(self.hz.len().saturating_sub(1)));
@@ -207,7 +207,7 @@ impl Levels {
     }
 }
 
-/// The middle one; it sorts.
+/// Returns the middle one; it sorts.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();

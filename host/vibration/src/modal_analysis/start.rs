@@ -58,7 +58,7 @@ pub(super) fn stable_poles(samples: &Samples, noise: &[f64], most: usize) -> Vec
     collect(&orders)
 }
 
-/// `Σ`, `Uᵀ H₁ V` and the rows of `U Σ` of the first lag, for as many dimensions as may be of use.
+/// Returns `Σ`, `Uᵀ H₁ V` and the rows of `U Σ` of the first lag, for as many dimensions as may be of use.
 fn realisation(y: &DMatrix<f64>, most_order: usize) -> Option<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
     let (samples, channels) = y.shape();
     let lags = (samples - 1) / 2;
@@ -113,7 +113,7 @@ fn poles(a: &DMatrix<f64>, observed: &DMatrix<f64>, samples: &Samples) -> Vec<Fo
     .collect()
 }
 
-/// The eigenvector of a known eigenvalue by two steps of inverse iteration.
+/// Returns the eigenvector of a known eigenvalue by two steps of inverse iteration.
 fn eigenvector(a: &DMatrix<f64>, value: Complex<f64>) -> Option<DVector<Complex<f64>>> {
     let n = a.nrows();
     let near = value * Complex::new(1.0 + 1e-10, 1e-10);

@@ -56,8 +56,8 @@ impl Samples {
         self.y.nrows() as f64 / self.rate_hz
     }
 
-    /// Means of the given number of samples each: an exponential stays one, with the same pole, and white
-    /// noise stays white.
+    /// Returns means of the given number of samples each: an exponential stays one, with the same pole, and
+    /// white noise stays white.
     pub(super) fn averaged(&self, factor: usize) -> Self {
         let rows = self.y.nrows() / factor;
         let mean = |row: usize, channel: usize| self.y.column(channel).rows(row * factor, factor).mean();
@@ -68,18 +68,18 @@ impl Samples {
         Self { rate_hz: self.rate_hz, y: self.y.rows(first, rows).into_owned() }
     }
 
-    /// Root mean square of each channel.
+    /// Returns the root mean square of each channel.
     pub(super) fn sizes(&self) -> Vec<f64> {
         self.y.column_iter().map(|column| column.norm() / (self.y.nrows().max(1) as f64).sqrt()).collect()
     }
 }
 
-/// Columns of the offset and of the poles.
+/// Returns the number of columns of the offset and of the poles.
 pub(super) fn linear(poles: usize) -> usize {
     1 + 2 * poles
 }
 
-/// Columns of the offset, of the poles and of their derivatives.
+/// Returns the number of columns of the offset, of the poles and of their derivatives.
 pub(super) fn all(poles: usize) -> usize {
     1 + 4 * poles
 }

@@ -104,7 +104,7 @@ mod tests {
     const MODES: [(f64, f64, [f64; 2], f64); 2] =
         [(1.3, 0.10, [1.0, 0.4], 0.3), (2.9, 0.15, [-0.5, 1.0], 1.1)];
 
-    /// Rows at the times of a recording, of which some are missing, and struck anew at a time.
+    /// Returns rows at the times of a recording, of which some are missing, and struck anew at a time.
     fn rows(missing: Range<usize>, struck_s: Option<f64>) -> (DMatrix<f64>, Vec<u64>) {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let kept: Vec<usize> = (0..4000).filter(|k| !missing.contains(k)).collect();

@@ -149,7 +149,7 @@ fn missing_is_apart(support: &Support, found: &Vibration, fit: &Fit) -> Result<(
     }
 }
 
-/// Frequencies of ten parameters about O on the springs, rising, Hz; `None` if no body has them.
+/// Returns the frequencies of ten parameters about O on the springs, rising, Hz; `None` if no body has them.
 fn frequencies(support: &Support, ten: &[f64; TEN]) -> Option<Vec<f64>> {
     let free = &support.free;
     let part = |all: &Matrix6<f64>| all.select_rows(free).select_columns(free);

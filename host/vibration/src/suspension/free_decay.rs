@@ -130,7 +130,7 @@ fn samples_of(
     })
 }
 
-/// The longest stretch without a gap in time: modes are those of samples at a constant rate.
+/// Returns the longest stretch without a gap in time: modes are those of samples at a constant rate.
 ///
 /// # Errors
 /// [`SuspensionError::Gaps`] if it is too short a part.
@@ -153,7 +153,7 @@ fn longest(recording: &Recording, rate_hz: f64) -> Result<Range<usize>, Suspensi
     Ok(longest)
 }
 
-/// Shift and turn of each pose against rest.
+/// Returns shift and turn of each pose against rest.
 fn coordinates(poses: &[Pose], rest: &Pose, free: &[usize]) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(poses.len(), free.len());
     for (row, pose) in poses.iter().enumerate() {
@@ -268,7 +268,7 @@ fn without_dampers(modes: &mut Modes, free: &[usize]) -> Result<(), ModalError> 
     Ok(())
 }
 
-/// The shapes of some channels.
+/// Returns the shapes of some channels.
 fn only(all: &modal_analysis::Shapes, free: &[usize]) -> modal_analysis::Shapes {
     let channels = all.modes.first().map_or(0, |mode| mode.shape.len());
     if channels == free.len() {

@@ -117,14 +117,14 @@ impl Number {
     }
 }
 
-/// Two directions across an axis.
+/// Returns two directions across an axis.
 fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let least = axis.iamin();
     let first = axis.cross(&Vector3::ith(least, 1.0)).normalize();
     [first, axis.cross(&first)]
 }
 
-/// The numbers of a table that are measured.
+/// Returns the numbers of a table that are measured.
 fn numbers(table: &SuspensionTable) -> Vec<Number> {
     let mut all = Vec::new();
     for (n, own) in table.spring.iter().enumerate() {

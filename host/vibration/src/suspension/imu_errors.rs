@@ -99,7 +99,7 @@ impl MountedImu {
         Ok(all)
     }
 
-    /// The amplitudes of the platform if an error is a step larger; `None` of one that no mode has.
+    /// Returns the amplitudes of the platform if an error is a step larger; `None` of one that no mode has.
     fn moved(
         &self,
         read: &Amplitudes,

@@ -238,7 +238,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Rows, and what is known beforehand of parameters and errors, as a factor.
+    /// Returns the factor of the rows, and of what is known beforehand of parameters and errors.
     pub(super) fn factor(&self, white: &DMatrix<f64>, values: &DVector<f64>) -> Factor {
         self.bounded(white, values, self.nuisances)
     }
@@ -265,8 +265,8 @@ impl<'a> Problem<'a> {
         factor
     }
 
-    /// Rows over parameters and errors, values, and the derivative by what was measured, at corrected modes
-    /// and parameters.
+    /// Returns rows over parameters and errors, values, and the derivative by what was measured, at corrected
+    /// modes and parameters.
     fn linearised(
         &self,
         corrected: &DVector<f64>,
@@ -379,7 +379,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The covariance of the equations, factored.
+    /// Returns the covariance of the equations, factored.
     fn whitening(
         &self,
         rows: &DMatrix<f64>,
@@ -414,14 +414,14 @@ impl<'a> Problem<'a> {
         Cholesky::new(q)
     }
 
-    /// All six coordinates of a displacement.
+    /// Returns all six coordinates of a displacement.
     fn whole(&self, free: &[f64]) -> Vector6<f64> {
         let mut all = Vector6::zeros();
         self.support.free.iter().zip(free).for_each(|(k, value)| all[*k] = *value);
         all
     }
 
-    /// `ω² M(π) φ − K_g(π) φ` by the ten parameters.
+    /// Returns `ω² M(π) φ − K_g(π) φ` by the ten parameters.
     fn coefficients(&self, angular: f64, shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
         let mut all = mass_rows(shape) * (angular * angular);
         for (k, by_weight) in self.by_weight.iter().enumerate() {
@@ -444,7 +444,7 @@ pub(super) fn mass_matrix(ten: &[f64; TEN]) -> Matrix6<f64> {
     all
 }
 
-/// `M(π) φ` by the ten parameters.
+/// Returns `M(π) φ` by the ten parameters.
 fn mass_rows(shape: &Vector6<f64>) -> SMatrix<f64, 6, TEN> {
     let (x, turn): (Vector3<f64>, Vector3<f64>) =
         (shape.fixed_rows::<3>(0).into_owned(), shape.fixed_rows::<3>(3).into_owned());

@@ -21,7 +21,7 @@ const RIG: &str = "[suspension]\nanchor_height_m = -0.05\nat_m = [0.0, 0.0, 0.02
 /// A body of the paper's size about S.
 const BODY: [f64; TEN] = [80.817, 0.016, -20.70, -10.22, 9.52, 3.15, 7.72, -2.62, 0.0016, 0.0024];
 
-/// The springs, known to a share; of exact ones everything else is exact, too.
+/// Returns the springs, known to a share; of exact ones everything else is exact, too.
 fn support(std: f64) -> Support {
     let exact = "place_std_m = 0.0\naxis_std_rad = 0.0\nanchor_height_std_m = 0.0\nshare_std = 0.0\n";
     let geometry = if std == 0.0 { exact } else { "" };
@@ -30,13 +30,13 @@ fn support(std: f64) -> Support {
     Support::of(&rig, "test").unwrap()
 }
 
-/// The body about O.
+/// Returns the body about O.
 fn about_o(support: &Support) -> [f64; TEN] {
     let ten = support.mount.map() * nalgebra::SVector::<f64, TEN>::from(BODY);
     std::array::from_fn(|k| ten[k])
 }
 
-/// Frequencies and shapes of a body on springs whose stiffness may differ from the stated.
+/// Returns frequencies and shapes of a body on springs whose stiffness may differ from the stated.
 fn modes(support: &Support, stiffness: &Matrix6<f64>, kept: usize) -> Vec<(f64, Vector6<f64>)> {
     let ten = about_o(support);
     let k = stiffness + support.preload.stiffness(&ten);
@@ -54,7 +54,7 @@ fn modes(support: &Support, stiffness: &Matrix6<f64>, kept: usize) -> Vec<(f64, 
     all
 }
 
-/// Shapes with noise of these relative sizes; its part along each shape is none.
+/// Returns shapes with noise of these relative sizes; its part along each shape is none.
 fn measured(modes: &[(f64, Vector6<f64>)], shape_sd: f64, angular_sd: f64, rng: &mut ChaCha8Rng) -> Shapes {
     let mut covariance = DMatrix::zeros(8 * modes.len(), 8 * modes.len());
     let mut draw = || -> f64 { StandardNormal.sample(rng) };
@@ -104,7 +104,7 @@ fn three_exact_modes_give_all_ten_and_two_do_not() {
     assert!(found(&support, two).estimate.unjudged().determined.iter().any(|d| !*d));
 }
 
-/// Root mean square of the normed errors, share outside 95 %, and mean of the normed errors, of each
+/// Returns root mean square of the normed errors, share outside 95 %, and mean of the normed errors, of each
 /// parameter.
 fn statistics(runs: u64, std: f64, noise: (f64, f64), kept: usize) -> Vec<[f64; 3]> {
     let support = support(std);
@@ -194,7 +194,7 @@ fn a_known_body_tells_the_stiffness_with_intervals_that_hold() {
     assert!(stiffness(&table, &support, &Swing::of_body(&two, Vec::new()), (&known, &sd)).is_none());
 }
 
-/// The pose without the body, and with 4 kg, of springs of another stiffness.
+/// Returns the rests without the body, and with 4 kg, of springs of another stiffness.
 fn rested(support: &Support, factor: f64) -> Vec<crate::suspension::rests::Rest> {
     let ten = about_o(support);
     support

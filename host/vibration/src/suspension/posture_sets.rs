@@ -292,7 +292,7 @@ pub fn next(source: &PostureSource) -> Option<NextPosture> {
     best.map(|(_, _, posture)| posture)
 }
 
-/// The k-th of evenly spread postures.
+/// Returns the k-th of evenly spread postures.
 fn spread_stand(model: &Model, k: usize) -> Vec<Stand> {
     let mut base = 1;
     let mut even = || {
@@ -317,7 +317,7 @@ fn spread_stand(model: &Model, k: usize) -> Vec<Stand> {
     model.links.iter().skip(1).map(of).collect()
 }
 
-/// The digits of k to a base, mirrored at the point.
+/// Returns the digits of k to a base, mirrored at the point.
 fn halton(mut k: usize, base: usize) -> f64 {
     let (mut value, mut share) = (0.0, 1.0 / base as f64);
     while k > 0 {

@@ -188,8 +188,9 @@ impl PostureSource {
     }
 }
 
-/// 1 σ of masses, first moments and tensors as residuals of all postures show it: the sum of squares of each
-/// kind by what of its rows is not fitted. Of a kind that scatters by nothing, a millionth of its values.
+/// Returns 1 σ of masses, first moments and tensors as residuals of all postures show it: the sum of squares
+/// of each kind by what of its rows is not fitted. Of a kind that scatters by nothing, a millionth of its
+/// values.
 fn scatter(rows: &[(DMatrix<f64>, [f64; TEN])]) -> Vec<[f64; TEN]> {
     let n = rows.first().map_or(0, |(columns, _)| columns.ncols());
     let kind = |i: usize| [0, 1, 1, 1, 2, 2, 2, 2, 2, 2][i];
@@ -252,7 +253,7 @@ pub fn base_columns(base: &BaseParameters, standard: &DMatrix<f64>) -> DMatrix<f
     mix.map_or_else(|| columns.clone(), |mix| &columns * mix)
 }
 
-/// The ten parameters of a posture about the base's origin.
+/// Returns the ten parameters of a posture about the base's origin.
 fn whole(posture: &PostureTable) -> Result<[f64; TEN], String> {
     let PostureTable { mass_kg, com_m, inertia_com_kgm2, .. } = posture;
     let finite = com_m.iter().chain(inertia_com_kgm2).chain([mass_kg]).all(|v| v.is_finite());
@@ -324,8 +325,8 @@ fn quaternion(turn: &Matrix3<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// 1 σ of the ten values of each posture: of the first moments `√((M σ_c)² + (c σ_M)²)`, of the tensor about
-/// the origin what mass and centre move besides.
+/// Returns 1 σ of the ten values of each posture: of the first moments `√((M σ_c)² + (c σ_M)²)`, of the
+/// tensor about the origin what mass and centre move besides.
 fn sigma(file: &PosturesFile) -> Result<Option<Vec<[f64; TEN]>>, String> {
     let (mass, com, inertia) = match (file.mass_std_kg, file.com_std_m, file.inertia_std_kgm2) {
         (None, None, None) => return Ok(None),

@@ -30,7 +30,7 @@ fn paper() -> PosturesFile {
     toml::from_str(&text()).unwrap()
 }
 
-/// The 17 of Φ_s of base parameters M, MS0, J0 (xx yy zz yz zx xy), MS1, J1.
+/// Returns the 17 of Φ_s of base parameters M, MS0, J0 (xx yy zz yz zx xy), MS1, J1.
 fn subset(phi: &[f64]) -> [f64; 17] {
     let (j0, ms1, j1) = (&phi[4..10], &phi[10..13], &phi[13..19]);
     [

@@ -168,7 +168,7 @@ impl Preload {
     }
 }
 
-/// Forces upward at a height, and pairs of them for the moments.
+/// Returns forces upward at a height, and pairs of them for the moments.
 fn upright(height_m: f64) -> Vec<Carrier> {
     let at = |arm: Vector3<f64>, load: usize, force: f64| {
         let mut forces = [Vector3::zeros(); LOADS];
@@ -185,12 +185,12 @@ fn upright(height_m: f64) -> Vec<Carrier> {
     ]
 }
 
-/// Height above O of the forces for a unit of W.
+/// Returns the height above O of the forces for a unit of W.
 fn height(carriers: &[Carrier]) -> f64 {
     carriers.iter().map(|own| own.arm.z * own.forces[1].z).sum()
 }
 
-/// The springs with their forces for each load.
+/// Returns the springs with their forces for each load.
 fn carried(table: &SuspensionTable, free: &[usize], unstated_are_clamped: bool) -> Vec<Carrier> {
     let at = Vector3::from(table.at_m);
     let axis = |own: &SpringTable| Vector3::from(own.axis).normalize();
@@ -264,7 +264,7 @@ impl Carrier {
         self.forces.iter().zip(loads).map(|(force, load)| force * *load).sum()
     }
 
-    /// Displacement of the place by that of O.
+    /// Returns the displacement of the place by that of O.
     fn arms(&self) -> Matrix3x6<f64> {
         let mut arms = Matrix3x6::zeros();
         arms.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();

@@ -42,7 +42,7 @@ impl World {
         self.springs.iter().map(stored).sum::<f64>() + self.mass * G * place(&self.com).z
     }
 
-    /// Gradient at rest, and the Hessian by central differences.
+    /// Returns the gradient at rest, and the Hessian by central differences.
     fn hessian(&self) -> (Vector6<f64>, Matrix6<f64>) {
         let h = 2e-4;
         let at = |i: usize, a: f64, j: usize, b: f64| {
@@ -64,7 +64,7 @@ impl World {
         [self.mass, ms.x, ms.y, ms.z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     }
 
-    /// The rig file of these springs, each with `more`.
+    /// Returns the rig file of these springs, each with `more`.
     fn rig(&self, more: impl Fn(usize) -> String) -> RigFile {
         let spring = |(k, s): (usize, &Straight)| {
             let n = s.ground - s.at;
@@ -84,7 +84,7 @@ impl World {
     }
 }
 
-/// Four springs at the corners that lean in by a slope, all alike.
+/// Returns four springs at the corners that lean in by a slope, all alike.
 fn leaning(slope: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     let corner = |(x, y): (f64, f64)| {
         let axis = Vector3::new(-x, -y, 0.0).normalize() * slope + Vector3::z();
@@ -93,7 +93,7 @@ fn leaning(slope: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(corner).to_vec()
 }
 
-/// The stiffness about O that a rig file and the body give, moved to P's origin.
+/// Returns the stiffness about O that a rig file and the body give, moved to P's origin.
 fn given(rig: &RigFile, world: &World) -> Matrix6<f64> {
     let table = rig.suspension.as_ref().unwrap();
     let (o, [m, x, y, z, ..]) = (Vector3::from(table.at_m), world.ten());

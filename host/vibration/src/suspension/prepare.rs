@@ -75,7 +75,7 @@ pub fn prepare(recording: &Recording, model: Option<&Model>) -> Result<PreparedS
     Ok(PreparedSuspension { source, notes, idle })
 }
 
-/// A model of one link.
+/// Returns a model of one link.
 fn one_body() -> Model {
     let link = rigident_shared::tree::Link {
         parent: 0,

@@ -97,7 +97,7 @@ fn take_platform_off(recording: &Recording, found: &mut Fit) -> Result<(), Suspe
     taken.map_err(|e| SuspensionError::Posture { file: recording.name.clone(), why: e.to_string() })
 }
 
-/// The joints as they are on average.
+/// Returns the joints as they are on average.
 ///
 /// # Errors
 /// [`SuspensionError`] if one moves.

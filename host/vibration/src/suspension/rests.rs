@@ -85,7 +85,7 @@ pub(super) fn stated(table: &SuspensionTable) -> Vec<StatedRest> {
     table.rest.iter().enumerate().filter_map(of).collect()
 }
 
-/// Ten parameters about O of a mass at a point of P.
+/// Returns ten parameters about O of a mass at a point of P.
 fn about_o(mass_kg: f64, at_m: &[f64; 3], table: &SuspensionTable) -> [f64; TEN] {
     let arm = Vector3::from(*at_m) - Vector3::from(table.at_m);
     InertialParameters::<Body, f64>::from_centre_of_mass(
@@ -96,7 +96,7 @@ fn about_o(mass_kg: f64, at_m: &[f64; 3], table: &SuspensionTable) -> [f64; TEN]
     .to_vector()
 }
 
-/// Ten parameters about O of the bare platform and the springs' moved share, and their covariance.
+/// Returns ten parameters about O of the bare platform and the springs' moved share, and their covariance.
 fn bare_about_o(table: &SuspensionTable) -> Option<([f64; TEN], SMatrix<f64, TEN, TEN>)> {
     let (mean, covariance) = bare_parameters(table)?;
     let map = super::mount::Mount::of(table).map();
@@ -123,7 +123,7 @@ impl StatedRest {
     }
 }
 
-/// `W` by the ten parameters, N and N m.
+/// Returns `W` by the ten parameters, N and N m.
 fn weight(gravity_mps2: f64) -> SMatrix<f64, 6, TEN> {
     let mut all = SMatrix::zeros();
     (all[(2, 0)], all[(3, 2)], all[(4, 1)]) = (-gravity_mps2, -gravity_mps2, gravity_mps2);

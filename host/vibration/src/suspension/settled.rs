@@ -128,7 +128,8 @@ fn with_weight(support: &Support, ten: &[f64; 10]) -> Option<Matrix6<f64>> {
     stiffness.iter().all(|v| v.is_finite()).then_some(stiffness)
 }
 
-/// The spring that explains what is left best, and by how much it is shorter, m; `None` if none does.
+/// Returns the spring that explains what is left best, and the length by which it is shorter, m; `None` if
+/// none does.
 fn shorter(
     table: &SuspensionTable,
     compliance: &Matrix6<f64>,

@@ -159,7 +159,7 @@ impl SuspendedSource {
         self.input().model.links.len() == 1
     }
 
-    /// Column of what the springs carry at rest, of a coordinate.
+    /// Returns the column of what the springs carry at rest, of a coordinate.
     fn carried(&self, at: &Displacement, coordinate: usize) -> Vector6<f64> {
         if !(2..5).contains(&coordinate) {
             return Vector6::ith(coordinate, 1.0);

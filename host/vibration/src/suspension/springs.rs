@@ -325,8 +325,8 @@ impl Spring {
     }
 }
 
-/// 1 σ of the factor that all springs share, and whether it is stated: springs of one batch, weighed by one
-/// load cell, are off alike.
+/// Returns 1 σ of the factor that all springs share, and whether it is stated: springs of one batch, weighed
+/// by one load cell, are off alike.
 fn common_std(table: &SuspensionTable) -> (f64, bool) {
     if let Some(stated) = table.stiffness_common_std {
         return (stated, true);

@@ -117,7 +117,7 @@ impl Support {
     }
 }
 
-/// Distance of the farthest spring from O, m.
+/// Returns the distance of the farthest spring from O, m.
 fn reach_m(table: &SuspensionTable) -> f64 {
     let of = |own: &SpringTable| (Vector3::from(own.at_m) - Vector3::from(table.at_m)).norm();
     table.spring.iter().map(of).max_by(f64::total_cmp).unwrap_or(REACH_M)
@@ -137,7 +137,7 @@ pub(super) fn missing(name: &str, missing: &str, advice: &str) -> SuspensionErro
     SuspensionError::Missing { name: name.to_owned(), missing: missing.to_owned(), advice: advice.to_owned() }
 }
 
-/// Samples per second.
+/// Returns the samples per second.
 pub(super) fn constant_rate_hz(recording: &Recording) -> Result<f64, SuspensionError> {
     recording.rate_hz.ok_or_else(|| {
         missing(

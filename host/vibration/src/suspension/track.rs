@@ -43,7 +43,7 @@ pub(super) struct Pose {
     pub(super) attitude: UnitQuaternion<f64>,
 }
 
-/// Positions (x, y, z, qw, qx, qy, qz) as position of a point of P and attitude.
+/// Reads positions (x, y, z, qw, qx, qy, qz) as position of a point of P and attitude.
 pub(super) fn poses(
     rows: &[[f64; 7]],
     at: &Vector3<f64>,

@@ -32,7 +32,7 @@ pub(super) struct TrackNoise {
     shape: DMatrix<f64>,
 }
 
-/// The change of coordinates that a change of their numbers is: shifts, and turns in the axes of what is
+/// Returns the change of coordinates by a change of their numbers: shifts, and turns in the axes of what is
 /// turned against.
 fn change(parts: &[Part], numbers: &[f64], by: &[f64]) -> Vec<f64> {
     let (mut at, mut out) = (0, Vec::with_capacity(by.len()));
@@ -116,7 +116,7 @@ impl Track {
     }
 }
 
-/// Covariance of what has no mean, of normal numbers some of which are spoilt.
+/// Returns the covariance of what has no mean, of normal numbers some of which are spoilt.
 fn covariance(all: &[Vec<f64>]) -> Option<DMatrix<f64>> {
     let d = all.first()?.len();
     let count = all.len() as f64;

@@ -19,7 +19,7 @@ fn imu() -> Imu {
     }
 }
 
-/// Complex amplitudes of x and θ, of about 10⁻⁵ m and rad.
+/// Returns complex amplitudes of x and θ, of about 10⁻⁵ m and rad.
 fn truth() -> DMatrix<Complex<f64>> {
     let shape =
         [[1.0, 0.2, -0.3, 0.5, 1.2, 0.1], [0.3, -1.0, 0.4, -0.9, 0.2, 0.6], [0.2, 0.5, 1.0, 0.4, -0.3, 0.8]];
@@ -37,7 +37,7 @@ fn pose(t: f64) -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::new(q[0], q[1], q[2]), *rotation.matrix())
 }
 
-/// `Rᵀ(r̈ − g)` and the rate of `Rᵀ Ṙ`, by differences over five points, in the IMU's axes.
+/// Returns `Rᵀ(r̈ − g)` and the rate of `Rᵀ Ṙ`, by differences over five points, in the IMU's axes.
 fn signals(seconds: f64) -> DMatrix<f64> {
     let imu = imu();
     let h = 4e-3;

@@ -8,8 +8,8 @@ use crate::study_length::runs;
 
 const RATE_HZ: f64 = 200.0;
 
-/// Duffing's decay of two coupled masses by Runge's and Kutta's method: `k x + β x³` in each spring to the
-/// ground.
+/// Returns Duffing's decay of two coupled masses by Runge's and Kutta's method: `k x + β x³` in each spring
+/// to the ground.
 fn cubic(beta: f64, amplitude: f64, seconds: f64) -> DMatrix<f64> {
     let steps = 20;
     let (k1, k2, k12, c) = (90.0, 160.0, 25.0, 0.15);

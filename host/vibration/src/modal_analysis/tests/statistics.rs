@@ -82,7 +82,7 @@ impl Tally {
     }
 }
 
-/// `eᵀ C⁺ e` over the given number of the largest directions of the scaled covariance.
+/// Returns `eᵀ C⁺ e` over the given number of the largest directions of the scaled covariance.
 fn quadratic(covariance: &DMatrix<f64>, error: &DVector<f64>, rank: usize) -> f64 {
     let scale = covariance.diagonal().map(|d| 1.0 / d.sqrt());
     let n = error.len();
@@ -94,7 +94,7 @@ fn quadratic(covariance: &DMatrix<f64>, error: &DVector<f64>, rank: usize) -> f6
     order.iter().take(rank).map(take).sum()
 }
 
-/// Limits of a mean of squares of unit normal deviates, by four standard deviations `√(2 / freedom)`; below,
+/// Checks a mean of squares of unit normal deviates, by four standard deviations `√(2 / freedom)`; below,
 /// what the widening for coloured noise may take: the mean of max(1, χ²₆₄/64) of variance is 1.07.
 fn check_mean(mean: f64, freedom: f64, what: &str) {
     let four = 4.0 * (2.0 / freedom).sqrt();
@@ -118,8 +118,8 @@ fn intervals_hold_under_white_noise() {
     check_mean(joint / 12.0, 12.0 * tally.runs as f64, "joint");
 }
 
-/// The bound of Cramér and Rao from numerical derivatives of the samples by all parameters: nothing of the
-/// module is in it.
+/// Returns the bound of Cramér and Rao from numerical derivatives of the samples by all parameters: nothing
+/// of the module is in it.
 fn bound() -> [f64; 3] {
     let system = system();
     let (omega, shapes) = system.modes();

@@ -15,8 +15,8 @@ pub(super) struct System {
 }
 
 impl System {
-    /// A system with these undamped frequencies and damping ratios, a full mass matrix and shapes that are
-    /// oblique: `M = L Lᵀ`, `K = L Q Ω² Qᵀ Lᵀ`, `C = L Q (2 ζ Ω) Qᵀ Lᵀ` with Q orthogonal.
+    /// Makes a system with these undamped frequencies and damping ratios, a full mass matrix and shapes that
+    /// are oblique: `M = L Lᵀ`, `K = L Q Ω² Qᵀ Lᵀ`, `C = L Q (2 ζ Ω) Qᵀ Lᵀ` with Q orthogonal.
     pub(super) fn new(hz: &[f64], ratios: &[f64], seed: u64) -> Self {
         let n = hz.len();
         let mut random = Normal::new(seed);
@@ -36,8 +36,8 @@ impl System {
         }
     }
 
-    /// Frequencies (rad/s) and shapes of `K ψ = ω² M ψ`, by the roots of M (not by its triangle, from which
-    /// the system was made).
+    /// Returns frequencies (rad/s) and shapes of `K ψ = ω² M ψ`, by the roots of M (not by its triangle, from
+    /// which the system was made).
     pub(super) fn modes(&self) -> (Vec<f64>, DMatrix<f64>) {
         let eigen = self.mass.clone().symmetric_eigen();
         let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| 1.0 / v.sqrt()));
@@ -49,7 +49,7 @@ impl System {
         (order.iter().map(|k| modes.eigenvalues[*k].sqrt()).collect(), shapes)
     }
 
-    /// Exact samples from rest at a deflection: steps of the matrix exponential of the state.
+    /// Returns exact samples from rest at a deflection: steps of the matrix exponential of the state.
     pub(super) fn decay(&self, deflection: &DVector<f64>, rate_hz: f64, samples: usize) -> DMatrix<f64> {
         let n = deflection.len();
         let inverse = self.mass.clone().try_inverse().expect("masses are positive");
@@ -69,7 +69,7 @@ impl System {
     }
 }
 
-/// The exponential by its series, of the matrix halved ten times and squared ten times.
+/// Returns the exponential by its series, of the matrix halved ten times and squared ten times.
 fn exponential(a: &DMatrix<f64>) -> DMatrix<f64> {
     let small = a / 1024.0;
     let n = a.nrows();
@@ -107,7 +107,7 @@ impl Normal {
     }
 }
 
-/// A shape brought to unit norm, its largest entry positive.
+/// Returns a shape brought to unit norm, its largest entry positive.
 pub(super) fn unit(shape: &DVector<f64>) -> DVector<f64> {
     let unit = shape.normalize();
     let largest = unit[unit.iamax()];

@@ -8,7 +8,7 @@ use crate::modal_analysis::{FreeDecay, Modes, Options, identify, shapes, undampe
 const RATE_HZ: f64 = 100.0;
 const SAMPLES: usize = 4_000;
 
-/// A platform of which one coordinate alone has a damper.
+/// Returns a platform of which one coordinate alone has a damper.
 fn system(damper: f64, seed: u64) -> System {
     let mut system = System::new(&[1.3, 1.9, 2.6, 3.5, 4.9, 6.4], &[0.002; 6], seed);
     system.damping[(1, 1)] += damper;
