@@ -241,7 +241,7 @@ fn line(case: Case, runs: usize, seed: u64) -> Reports {
     all
 }
 
-/// The table of honest recordings and of changes.
+/// Returns the table of honest recordings and of changes.
 pub fn table() -> String {
     let cases = [
         (Case::White, 1000),
@@ -265,7 +265,7 @@ pub fn table() -> String {
     table_of(&cases, 1)
 }
 
-/// The table of what is not rigid.
+/// Returns the table of what is not rigid.
 pub fn not_rigid_table() -> String {
     let cases = [
         (Case::Cable(5.0), 50),

@@ -55,7 +55,7 @@ pub struct Line {
     estimated: Stated,
 }
 
-/// The experiment with noise of the channels' standard deviation and of this correlation time.
+/// Returns the experiment with noise of the channels' standard deviation and of this correlation time.
 pub fn readings(study: &Study, time_s: f64, normal: &mut Normal) -> Vec<Reading<f64>> {
     let sigma = study.settings().channel_sigma;
     let rho = if time_s > 0.0 { f64::exp(-1.0 / (RATE_HZ * time_s)) } else { 0.0 };
@@ -93,7 +93,7 @@ pub fn line(study: &Study, time_s: f64, seed: u64, runs: u64) -> Line {
     line
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let study: &'static Study = Box::leak(Box::new(Study::new(RATE_HZ)));
     let jobs = TIMES_S

@@ -29,7 +29,7 @@ struct Outcome<T> {
     impossible: usize,
 }
 
-/// Row by row, unit noise, from P = p0 1 and x = 0.
+/// Estimates row by row, unit noise, from P = p0 1 and x = 0.
 fn covariance_form<T: Scalar, const N: usize>(blocks: &[Block<N>], p0: f64, form: Form) -> Outcome<T> {
     let mut p = vec![[T::ZERO; N]; N];
     for (j, row) in p.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ fn dot<T: Scalar, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
     sum
 }
 
-/// `aᵀ P`
+/// Returns `aᵀ P`.
 fn times<T: Scalar, const N: usize>(a: &[T; N], p: &[[T; N]]) -> [T; N] {
     let mut product = [T::ZERO; N];
     for (a, row) in a.iter().zip(p) {
@@ -106,7 +106,7 @@ fn update<T: Scalar, const N: usize>(p: &mut [[T; N]], x: &mut [T; N], a: &[T; N
     s > T::ZERO
 }
 
-/// Normal equations in f32 by Cholesky; `None` where they are not positive definite.
+/// Solves the normal equations in f32 by Cholesky; `None` where they are not positive definite.
 fn information_sum<const N: usize>(blocks: &[Block<N>]) -> Option<Vec<f64>> {
     let mut gram = nalgebra::DMatrix::<f32>::zeros(N, N);
     let mut moments = nalgebra::DVector::<f32>::zeros(N);
@@ -177,7 +177,7 @@ fn random(condition: f64, seed: u64) -> Vec<Block<128>> {
     (0..2000).map(|_| rows.block()).collect()
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = "| problem | P₀ | plain | + symmetrised | Joseph | plain, f64 | information sum | square \
                     root (ours) |\n\

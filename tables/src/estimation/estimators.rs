@@ -130,7 +130,7 @@ fn total_least_squares(rows: &Rows, products: &DMatrix<f64>) -> Option<DVector<f
     Some(null.rows(0, N) / -null[N])
 }
 
-/// Rows before and after by more than the filter reaches, added.
+/// Returns the sum of the rows before and after by more than the filter reaches.
 fn neighbours(rows: &Rows, filter_blocks: usize) -> (Rows, Rows) {
     let (lag, count) = (CHANNELS * (filter_blocks + 1), rows.nrows());
     let inner = count - 2 * lag;
@@ -165,7 +165,7 @@ fn estimates(prepared: &Prepared, known: &Known, seed: u64) -> [[f64; BODY]; NAM
     })
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text =
         "| motion | accelerometer, m/s² | gyro, rad/s | estimator | efficiency | largest bias, sd |\n\

@@ -48,7 +48,7 @@ fn estimate<const N: usize>(factor: &InformationFactor<f32, N>) -> Vec<f64> {
     factor.solve().estimate.iter().map(|v| f64::from(*v)).collect()
 }
 
-/// Random rows, six a sample, through the cascade; a line at each of `checkpoints` (ascending numbers of
+/// Runs random rows, six a sample, through the cascade; a line at each of `checkpoints` (ascending numbers of
 /// samples).
 pub fn random<const N: usize>(condition: f64, checkpoints: &[u64], seed: u64) -> Vec<Line> {
     let mut rows = Mixed::<N>::new(condition, NOISE, 1.0, seed);
@@ -81,7 +81,7 @@ pub fn random<const N: usize>(condition: f64, checkpoints: &[u64], seed: u64) ->
     lines
 }
 
-/// Random rows of 128 parameters: pieces of this many samples on target, merged on the host in f64.
+/// Runs random rows of 128 parameters: pieces of this many samples on target, merged on the host in f64.
 pub fn pieces(condition: f64, count: usize, samples: u64, seed: u64) -> Line {
     let mut rows = Mixed::<128>::new(condition, NOISE, 1.0, seed);
     let mut exact = BlockQr::<128>::new();
@@ -113,7 +113,7 @@ pub fn pieces(condition: f64, count: usize, samples: u64, seed: u64) -> Line {
     }
 }
 
-/// Twenty seconds of the experiment's multisine, its common period, at 100 Hz.
+/// Returns twenty seconds of the experiment's multisine, its common period, at 100 Hz.
 fn one_period(config: &RigConfig) -> Vec<ReadingRow> {
     let mut program = thesis_program(&config.geometry, 60.0);
     program.segments.retain(|s| matches!(s, Segment::Multisine { .. }));
@@ -121,8 +121,8 @@ fn one_period(config: &RigConfig) -> Vec<ReadingRow> {
     readings.ideal().iter().skip(200).take(2000).copied().collect()
 }
 
-/// A body on the experiment's multisine, again and again, at 100 Hz with Table 1 noise, through the whole
-/// estimator. The reference absorbs the rows that the estimator made.
+/// Runs a body on the experiment's multisine, again and again, at 100 Hz with Table 1 noise, through the
+/// whole estimator. The reference absorbs the rows that the estimator made.
 pub fn body<const N: usize>(checkpoints: &[u64], seed: u64) -> Vec<Line> {
     let sensors = SensorModels::thesis();
     let sigma = sensors.load_cell.noise_n_nm;
@@ -227,12 +227,12 @@ fn lines(checkpoints: &'static [u64]) -> Vec<Job<'static, Vec<Line>>> {
     jobs
 }
 
-/// 1e2 and 1e5 samples.
+/// Returns the table of 1e2 and 1e5 samples.
 pub fn table() -> String {
     markdown(&in_parallel(lines(&[100, 100_000])).into_iter().flatten().collect::<Vec<_>>())
 }
 
-/// 1e7 samples, and 128 parameters.
+/// Returns the table of 1e7 samples, and of 128 parameters.
 pub fn long_table() -> String {
     let mut jobs = lines(&[10_000_000]);
     for (k, condition) in CONDITIONS.into_iter().enumerate() {

@@ -12,7 +12,7 @@ const RATES_HZ: [f64; 6] = [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0];
 /// Rounding of sums of a hundred terms; below it nothing is reported.
 const ROUNDING: f64 = 1e-13;
 
-/// `|Σ h exp(−2πi f t)|`
+/// Returns `|Σ h exp(−2πi f t)|`.
 fn magnitude(h: &[f64], f_hz: f64, rate_hz: f64) -> f64 {
     let phase = |n: usize| std::f64::consts::TAU * (n as f64 * f_hz / rate_hz).fract();
     let sum = |part: &dyn Fn(f64) -> f64| h.iter().enumerate().map(|(n, h)| h * part(phase(n))).sum::<f64>();
@@ -81,7 +81,7 @@ pub fn white_autocovariance(response: &[f64], every: u16) -> Vec<f64> {
     Filter { every, response: response.to_vec(), ..Filter::default() }.white_autocovariance()
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = "| rate, Hz | a row every | averaged | readings under the filter | σ² after/before \
                     | \\|H\\| at 2 Hz | at the row rate | twice | three times | `row_every Σ γ(m row_every)` \

@@ -76,15 +76,15 @@ pub fn states(fit: &Fit) -> Vec<ParameterState> {
     rigident::answer::states::states(fit, None, false)
 }
 
-/// Square roots of the diagonal of `G⁻¹ B G⁻¹`.
+/// Returns the square roots of the diagonal of `G⁻¹ B G⁻¹`.
 fn sandwich(inverse: &DMatrix<f64>, meat: &DMatrix<f64>) -> [f64; N] {
     let covariance = inverse * meat * inverse;
     std::array::from_fn(|j| covariance[(j, j)].sqrt())
 }
 
 impl Study {
-    /// Shipped formula, from the fit, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the covariance that
-    /// white noise has after the filter, row by row.
+    /// Makes the shipped formula, from the fit, and the exact sandwich `G⁻¹ (Ãᵀ T Ã) G⁻¹`: T is the
+    /// covariance that white noise has after the filter, row by row.
     pub fn new(rate_hz: f64) -> Self {
         let config = RigConfig::thesis_horizontal();
         let program = thesis_program(&config.geometry, 20.0);
@@ -153,7 +153,7 @@ impl Study {
         &self.settings
     }
 
-    /// The question for perfect sensors.
+    /// Returns the question for perfect sensors.
     pub fn input(&self) -> &Input {
         &self.input
     }
@@ -169,13 +169,13 @@ impl Study {
         std::array::from_fn(|j| body.get(j).copied().unwrap_or(0.0))
     }
 
-    /// Shipped over exact, parameter by parameter.
+    /// Returns shipped over exact, parameter by parameter.
     pub fn shipped_over_sandwich(&self) -> [f64; N] {
         std::array::from_fn(|j| self.shipped[j] / self.sandwich[j])
     }
 }
 
-/// The sandwich with the rows of perfect sensors outside and this inside.
+/// Returns the sandwich with the rows of perfect sensors outside and this inside.
 pub fn sandwich_of(study: &Study, meat: &DMatrix<f64>) -> [f64; N] {
     sandwich(&study.inverse, meat)
 }
@@ -230,14 +230,14 @@ impl Sums {
     }
 }
 
-/// Rows that a batch has: a second's, ten widths of the filter.
+/// Returns the rows that a batch has: a second's, ten widths of the filter.
 fn batch_rows(settings: &EstimatorConfig<f64>) -> usize {
     (settings.rate_hz / f64::from(settings.row_every)).round() as usize
 }
 
-/// Sum of the squares of the scores of batches, of a second each, and the estimator at the end. Batches are
-/// of the true errors, which only a simulation knows: with sixteen parameters fitted to twenty batches, those
-/// of the residuals would be far too small.
+/// Returns the sum of the squares of the scores of batches, of a second each, and the estimator at the end.
+/// Batches are of the true errors, which only a simulation knows: with sixteen parameters fitted to twenty
+/// batches, those of the residuals would be far too small.
 pub fn batch_meat(
     settings: &EstimatorConfig<f64>,
     readings: impl Iterator<Item = Reading<f64>>,
@@ -264,7 +264,7 @@ pub fn batch_meat(
     (meat, estimator)
 }
 
-/// Measured runs of these seeds.
+/// Measures runs of these seeds.
 fn monte_carlo(study: &Study, seeds: std::ops::Range<u64>) -> Sums {
     let mut sums = Sums::new();
     for seed in seeds {
@@ -304,7 +304,7 @@ fn all_runs(study: &'static Study, runs: u64) -> Sums {
     sums
 }
 
-/// Least and largest, as "0.98–1.02".
+/// Writes least and largest, as "0.98–1.02".
 fn range(values: impl Iterator<Item = f64>, digits: usize) -> String {
     let (least, most) = values.fold((f64::INFINITY, 0.0_f64), |(l, m), v| (l.min(v), m.max(v)));
     format!("{least:.digits$}–{most:.digits$}")
@@ -314,7 +314,7 @@ fn percent(shares: [f64; N], runs: f64) -> String {
     format!("{} %", range(shares.into_iter().map(|s| 100.0 * s / runs), 1))
 }
 
-/// The table: a line for each rate, then one for each parameter at 1 kHz.
+/// Returns the table: a line for each rate, then one for each parameter at 1 kHz.
 pub fn table() -> String {
     let mut text = "| rate, Hz | a row every | σ² after/before | runs | shipped | batch means | spread of \
                     runs | residual scaling | coverage, shipped | coverage, residual scaling \

@@ -188,7 +188,7 @@ impl Case {
     }
 }
 
-/// The seed of the recordings of a rig that a reference calibrates.
+/// Returns the seed of the recordings of a rig that a reference calibrates.
 fn of_reference(rig: usize) -> u64 {
     10_000_000 + 10 * rig as u64
 }

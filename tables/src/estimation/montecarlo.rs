@@ -19,7 +19,7 @@ fn verdict(campaign: Campaign, runs: u64, seed: u64) -> Verdict {
     prepared.run(runs, seed, &AtomicBool::new(false), |_| ()).expect("every experiment can be identified")
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let white = RigConfig::thesis_horizontal();
     let gains = white.clone().with_sensors(gain_error_sensors());

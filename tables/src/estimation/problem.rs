@@ -25,9 +25,9 @@ impl Normal {
     }
 }
 
-/// 30 s at 200 Hz of a body on a platform: roll, pitch and yaw of 0.5 rad at 0.23, 0.31 and 0.41 Hz, in full
-/// swing from the first row, or with a second of swelling from rest before that. The regressor is exact, the
-/// wrench noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
+/// Returns 30 s at 200 Hz of a body on a platform: roll, pitch and yaw of 0.5 rad at 0.23, 0.31 and 0.41 Hz,
+/// in full swing from the first row, or with a second of swelling from rest before that. The regressor is
+/// exact, the wrench noisy; 36 000 rows, whitened by `sigma`. `N` is 10, or 16 with a constant offset.
 pub fn rigid_body<const N: usize>(sigma: [f64; 6], from_rest: bool, seed: u64) -> Vec<Block<N>> {
     let term = |axis, frequency_hz| SineTerm { axis, amplitude: 0.5, frequency_hz, phase_rad: 0.0 };
     let program = MotionProgram {
@@ -99,7 +99,8 @@ pub struct Mixed<const N: usize> {
 }
 
 impl<const N: usize> Mixed<N> {
-    /// `noise` is 1 σ of the right-hand side where the rows' entries are of order one; `phi_scale` that of φ.
+    /// Makes a problem. `noise` is 1 σ of the right-hand side where the rows' entries are of order one;
+    /// `phi_scale` that of φ.
     pub fn new(condition: f64, noise: f64, phi_scale: f64, seed: u64) -> Self {
         let mut normal = Normal::new(seed);
         let m = with_unit_columns::<N>(condition, &mut normal);
@@ -107,7 +108,7 @@ impl<const N: usize> Mixed<N> {
         Self { m, phi, noise, normal }
     }
 
-    /// The next six rows, divided by the noise.
+    /// Returns the next six rows, divided by the noise.
     pub fn block(&mut self) -> Block<N> {
         let mut columns = [[0.0_f32; 6]; N];
         let mut rhs = [0.0_f32; 6];
@@ -129,8 +130,8 @@ impl<const N: usize> Mixed<N> {
     }
 }
 
-/// `S Vᵀ` with `diag(V S² Vᵀ) = 1`: a random orthogonal V, then a rotation for each diagonal entry of the
-/// Gram matrix (Bendel and Mickey, *Population correlation matrices for sampling experiments*, 1978).
+/// Returns `S Vᵀ` with `diag(V S² Vᵀ) = 1`: a random orthogonal V, then a rotation for each diagonal entry of
+/// the Gram matrix (Bendel and Mickey, *Population correlation matrices for sampling experiments*, 1978).
 fn with_unit_columns<const N: usize>(condition: f64, normal: &mut Normal) -> Vec<[f64; N]> {
     let mut singular: [f64; N] = std::array::from_fn(|k| condition.powf(-(k as f64) / (N as f64 - 1.0)));
     let norm = singular.iter().map(|s| s * s).sum::<f64>() / N as f64;

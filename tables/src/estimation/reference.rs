@@ -66,20 +66,20 @@ impl<const N: usize> BlockQr<N> {
 }
 
 impl Reference {
-    /// Of all rows of a problem.
+    /// Makes the reference of all rows of a problem.
     pub fn of<const N: usize>(blocks: &[Block<N>]) -> Self {
         let mut qr = BlockQr::new();
         blocks.iter().for_each(|block| qr.absorb(block));
         qr.solve()
     }
 
-    /// The largest deviation in units of the standard deviation.
+    /// Returns the largest deviation in units of the standard deviation.
     pub fn deviation_sd(&self, x: impl IntoIterator<Item = f64>) -> f64 {
         largest(x.into_iter().zip(&self.estimate).zip(&self.sd).map(|((x, e), sd)| (x - e).abs() / sd))
     }
 }
 
-/// The largest, and not a number if one of them is none.
+/// Returns the largest, and not a number if one of them is none.
 pub fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |m: f64, v| if v > m || v.is_nan() { v } else { m })
 }

@@ -30,7 +30,7 @@ pub fn in_parallel<T: Send>(jobs: Vec<Job<'_, T>>) -> Vec<T> {
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Two significant digits, as one would write them.
+/// Writes two significant digits, as one would write them.
 pub fn short(value: f64) -> String {
     if !value.is_finite() {
         return "not finite".to_owned();

@@ -32,7 +32,7 @@ pub(super) fn rig([accel, gyro]: [f64; 2]) -> RigConfig {
     config
 }
 
-/// ±0.5 rad of roll, pitch and yaw at three frequencies each.
+/// Returns ±0.5 rad of roll, pitch and yaw at three frequencies each.
 pub(super) fn motion(config: &RigConfig, duration_s: f64, slow: bool) -> MotionProgram {
     let frequencies: [[f64; 3]; 3] = if slow {
         [[0.05, 0.1, 0.13], [0.06, 0.09, 0.15], [0.07, 0.11, 0.14]]
@@ -105,13 +105,13 @@ impl Case {
     }
 }
 
-/// The table of 20 s at 200 Hz.
+/// Returns the table of 20 s at 200 Hz.
 pub fn table() -> String {
     let ways = &[(true, Solver::Host), (false, Solver::Host), (true, Solver::Firmware)];
     Case { sampled: (200.0, 20.0), runs: 500, ways }.lines()
 }
 
-/// The table of 60 s at 1 kHz.
+/// Returns the table of 60 s at 1 kHz.
 pub fn fast_table() -> String {
     Case { sampled: (1000.0, 60.0), runs: 200, ways: &[(true, Solver::Host)] }.lines()
 }

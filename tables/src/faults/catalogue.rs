@@ -34,7 +34,8 @@ pub type Run =
 /// The time when sensor faults act: in the middle of the motion, s.
 const DURING: std::ops::Range<f64> = 8.0..10.0;
 
-/// The kind of sensor fault after this one, with numbers of its own; the first if there is none before it.
+/// Returns the kind of sensor fault after this one, with numbers of its own; the first if there is none
+/// before it.
 fn next_fault(before: Option<&Fault>) -> Option<Fault> {
     match before {
         None => Some(Fault::Frozen { channel: Channel::Wrench(2), during: DURING }),
@@ -54,7 +55,7 @@ fn next_fault(before: Option<&Fault>) -> Option<Fault> {
     }
 }
 
-/// The channel after this one; the first if there is none before it.
+/// Returns the channel after this one; the first if there is none before it.
 fn next_channel(before: Option<Channel>) -> Option<Channel> {
     match before {
         None => Some(Channel::Wrench(2)),
@@ -70,7 +71,7 @@ fn channels() -> Vec<Channel> {
     std::iter::successors(next_channel(None), |channel| next_channel(Some(*channel))).collect()
 }
 
-/// A sensor fault, on every channel that it can have.
+/// Returns a sensor fault, on every channel that it can have.
 fn on_channels(fault: &Fault) -> Vec<(String, Fault)> {
     match fault {
         Fault::Frozen { during, .. } => channels()
@@ -93,7 +94,7 @@ fn on_channels(fault: &Fault) -> Vec<(String, Fault)> {
     }
 }
 
-/// Line faults, each by itself and all together.
+/// Returns line faults, each by itself and all together.
 fn line_faults() -> Vec<(&'static str, LinkFaults)> {
     // No field is left out: a new one does not compile.
     let LinkFaults { drop_byte, flip_bit, duplicate_byte, drop_frame, duplicate_frame, delay_frame } =
@@ -110,7 +111,7 @@ fn line_faults() -> Vec<(&'static str, LinkFaults)> {
     ]
 }
 
-/// The wiring fault after this one; the first if there is none before it.
+/// Returns the wiring fault after this one; the first if there is none before it.
 fn next_wiring(before: Option<WiringFault>) -> Option<WiringFault> {
     match before {
         None => Some(WiringFault::Exchanged),
@@ -124,7 +125,7 @@ fn next_wiring(before: Option<WiringFault>) -> Option<WiringFault> {
     }
 }
 
-/// Wiring faults, from the beginning and, where a plug can come off, in the middle of the motion.
+/// Returns wiring faults, from the beginning and, where a plug can come off, in the middle of the motion.
 fn wiring_cases() -> Vec<Case> {
     let faults = std::iter::successors(next_wiring(None), |fault| next_wiring(Some(*fault)));
     let of = |fault: WiringFault| {
@@ -147,7 +148,7 @@ fn wiring_cases() -> Vec<Case> {
     faults.flat_map(of).collect()
 }
 
-/// The flash fault after this one.
+/// Returns the flash fault after this one.
 fn next_flash(before: Option<&FlashFault>) -> Option<FlashFault> {
     match before {
         None => Some(FlashFault::PowerCut { after: 0 }),
@@ -167,7 +168,7 @@ fn case(
     Case { name: name.into(), place, expected, short, restarts: false, run: std::sync::Arc::new(run) }
 }
 
-/// An experiment on the emulated board with a rig that is disturbed.
+/// Makes an experiment on the emulated board with a rig that is disturbed.
 fn disturbed(
     name: impl Into<String>,
     expected: Expected,
@@ -284,7 +285,7 @@ fn flash_cases() -> Vec<Case> {
     faults.map(of).collect()
 }
 
-/// All cases.
+/// Returns all cases.
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![disturbed("none", Expected::Survived, true, |_| {})];
     cases.extend(sensor_cases());

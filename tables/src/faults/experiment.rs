@@ -60,7 +60,7 @@ fn rig_file(config: &RigConfig) -> RigFile {
     }
 }
 
-/// The rig of the cases.
+/// Returns the rig of the cases.
 pub fn rig() -> RigConfig {
     RigConfig::thesis_horizontal().with_rates(RATE_HZ, RATE_HZ)
 }
@@ -78,7 +78,7 @@ pub fn experiment(
     })
 }
 
-/// An experiment of which the device misses every third sample of the load cell.
+/// Runs an experiment of which the device misses every third sample of the load cell.
 pub fn overloaded(place: Place) -> Result<Verdict, String> {
     on_line(
         rig(),
@@ -90,7 +90,7 @@ pub fn overloaded(place: Place) -> Result<Verdict, String> {
     )
 }
 
-/// An experiment on a board that was wired wrongly before it was switched on.
+/// Runs an experiment on a board that was wired wrongly before it was switched on.
 pub fn wired(place: Place, fault: WiringFault) -> Result<Verdict, String> {
     on_line(
         rig(),
@@ -105,7 +105,7 @@ pub fn wired(place: Place, fault: WiringFault) -> Result<Verdict, String> {
     )
 }
 
-/// An experiment in whose middle the device restarts, its flash with it.
+/// Runs an experiment in whose middle the device restarts, its flash with it.
 pub fn restarted(place: Place) -> Result<Verdict, String> {
     on_line(
         rig(),
@@ -202,12 +202,12 @@ fn on_line(
     Ok(Verdict { detected, worst, words: words.join("; ") })
 }
 
-/// It had no result, for this reason.
+/// Returns the verdict that there was no result, for this reason.
 pub fn refused(words: String) -> Verdict {
     Verdict { detected: true, worst: None, words: first_words(&words) }
 }
 
-/// The first sentence of a message, without what would end a cell of a table.
+/// Returns the first sentence of a message, without what would end a cell of a table.
 fn first_words(words: &str) -> String {
     let line = words.lines().next().unwrap_or_default();
     let short = line.split_once(": ").map_or(line, |(first, _)| first);
@@ -215,7 +215,8 @@ fn first_words(words: &str) -> String {
     short.replace('|', "/")
 }
 
-/// The largest error of mass, centre of mass and tensor over its U95; `None` if none of them is identified.
+/// Returns the largest error of mass, centre of mass and tensor over its U95; `None` if none of them is
+/// identified.
 fn worst(answer: &Answer, body: &hexapod::BodyParameters) -> Option<f64> {
     let [x, y, z] = body.com_m;
     let m = body.mass_kg;

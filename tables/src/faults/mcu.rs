@@ -17,7 +17,7 @@ pub enum Place {
     Process,
 }
 
-/// A device with this bus behind its drivers.
+/// Boots a device with this bus behind its drivers.
 pub fn boot(place: Place, bus: Box<dyn SensorBus>) -> Result<Box<dyn Mcu>, String> {
     Ok(match place {
         Place::Board => {
@@ -56,7 +56,7 @@ impl Line {
         Self { link: FaultyLink::new(Wired(mcu), faults, 1), restart: None }
     }
 
-    /// The device restarts after this many reads that brought something.
+    /// Makes the device restart after this many reads that brought something.
     pub fn restarting(self, after: usize, reboot: Reboot) -> Self {
         Self { restart: Some((after, reboot)), ..self }
     }
@@ -69,7 +69,7 @@ pub struct Busy<B> {
 }
 
 impl<B> Busy<B> {
-    /// Of this bus.
+    /// Makes the device of this bus.
     pub fn on(bus: B) -> Self {
         Self { bus, samples: 0 }
     }

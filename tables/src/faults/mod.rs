@@ -136,7 +136,7 @@ fn run_all(only: Option<&str>, extent: Extent) -> (String, Vec<String>) {
     (text, failed)
 }
 
-/// The whole table.
+/// Returns the whole table.
 ///
 /// # Panics
 /// If a fault leads to a wrong number, a panic or a hang, or nobody is informed.

@@ -73,7 +73,7 @@ fn settings() -> Settings {
     }
 }
 
-/// Still poses of a body of 2 kg at (0, 0, 0.1) m, each reading another one.
+/// Returns still poses of a body of 2 kg at (0, 0, 0.1) m, each reading another one.
 fn recording() -> Vec<Reading<f64>> {
     (0..READINGS)
         .map(|n| {
@@ -243,7 +243,7 @@ fn judged(place: Place, flash: &SharedFlash, supply: Supply) -> Result<(Verdict,
     Ok((verdict, done.load(Ordering::Relaxed)))
 }
 
-/// The supply ends a number of times in the middle of a recording.
+/// Ends the supply a number of times in the middle of a recording.
 pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
     let (mut restarts, mut recordings, mut last) = (0, 0, None);
     while restarts < extent.restarts {
@@ -278,7 +278,8 @@ pub fn power_cuts(place: Place, extent: Extent) -> Result<Verdict, String> {
     Ok(Verdict { detected: true, words, ..verdict })
 }
 
-/// The flash does not answer: nothing is stored, and the recording goes through all the same.
+/// Runs a recording while the flash does not answer: nothing is stored, and the recording goes through all
+/// the same.
 pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();
     flash.lock().fail(FlashFault::Dead);
@@ -300,7 +301,7 @@ pub fn dead_flash(place: Place, cuts: usize) -> Result<Verdict, String> {
     Ok(verdict)
 }
 
-/// A bit of what is stored flips: it is read as damaged or as an older checkpoint, and never as something
+/// Flips a bit of what is stored: it is read as damaged or as an older checkpoint, and never as something
 /// else.
 pub fn bit_rot(place: Place) -> Result<Verdict, String> {
     let flash = SharedFlash::of_board();

@@ -31,7 +31,7 @@ const KINDS: [(&str, usize, &[&str]); 9] = [
 /// The remaining motion of what is at rest, as nobody stands quite still.
 const STILL: f64 = 0.05;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let seed = 1;
     let own = subject(HumanModel::Human34, None, seed);

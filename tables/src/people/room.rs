@@ -18,7 +18,7 @@ const RUNS: [(usize, bool); 4] = [(6_000, true), (6_000, false), (60_000, false)
 /// The child's memory is read this often.
 const EVERY: Duration = Duration::from_millis(20);
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let program = built();
     let folder = std::env::temp_dir().join(format!("rigident-room-{}", std::process::id()));
@@ -100,7 +100,7 @@ fn watched(mut child: Child) -> (ExitStatus, f64) {
     }
 }
 
-/// Mass and its U95 by the answer, kg.
+/// Returns mass and its U95 by the answer, kg.
 fn mass(folder: &Path) -> [f64; 2] {
     let text = fs::read_to_string(folder.join("result.json")).expect("an answer");
     let answer: serde_json::Value = serde_json::from_str(&text).expect("an answer");
@@ -140,7 +140,7 @@ fn markers(out: &mut impl Write, trial: &Trial, columns: &[usize]) -> std::io::R
     out.flush()
 }
 
-/// The moment is written about the laboratory's origin.
+/// Writes the forces, and the moment about the laboratory's origin.
 fn forces(out: &mut impl Write, trial: &Trial) -> std::io::Result<()> {
     let plate = &trial.ground[0];
     let axes = |stem: &str| ["x", "y", "z"].map(|axis| format!("ground_{stem}{axis}")).join("\t");

@@ -31,7 +31,7 @@ pub struct Subject {
     pub somebody: Somebody,
 }
 
-/// Somebody of a kind, no two alike.
+/// Returns somebody of a kind, no two alike.
 pub fn subject(kind: HumanModel, tool: Option<[f64; 10]>, seed: u64) -> Subject {
     let height_m = 1.6 + 0.07 * (seed % 4) as f64;
     let person = Standard { height_m, mass_kg: 22.0 * height_m * height_m, ..Standard::default() };
@@ -125,7 +125,7 @@ fn study(subject: &Subject, kind: HumanModel, seed: u64) -> Found {
     found
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let kinds: [(&str, HumanModel, Option<[f64; 10]>); 3] = [
         ("34", HumanModel::Human34, None),
@@ -165,7 +165,7 @@ pub fn table() -> String {
     out
 }
 
-/// The racket alone, from the difference of two factors.
+/// Returns the table of the racket alone, from the difference of two factors.
 pub fn racket_table() -> String {
     let mut out = String::from(
         "| person | mass, kg | centre below the wrist, m | Ixx, kg m² | Iyy, kg m² | inside U95, of 10 \

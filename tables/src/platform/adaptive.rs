@@ -17,7 +17,7 @@ const DEFAULT_S: f64 = 60.0;
 /// The time that counts as never, s.
 const LONGEST_S: f64 = 240.0;
 
-/// Mounting, readings per second, case; rig time of each way.
+/// Returns the table by mounting, readings per second and case, with the rig time of each way.
 pub fn table() -> String {
     let mut text = String::from(
         "| mounting, rate | the rig | fixed, 60 s | fixed, shortest that does | its motion alone | D-optimal \
@@ -70,7 +70,7 @@ fn cases(nominal: &Rehearsal) -> [(&'static str, Rehearsal); 5] {
     ]
 }
 
-/// Median over the seeds, and how many got there.
+/// Writes the median over the seeds, or that not all of them got there.
 fn cell(run: impl Fn(u64) -> Option<Outcome> + Sync) -> String {
     let outcomes: Option<Vec<Outcome>> = std::thread::scope(|scope| {
         let run = &run;
@@ -86,7 +86,7 @@ fn cell(run: impl Fn(u64) -> Option<Outcome> + Sync) -> String {
     }
 }
 
-/// Until it is over for good: with the way back to its start between.
+/// Repeats a program until it is over for good: with the way back to its start between.
 fn repeated(program: &MotionProgram) -> MotionProgram {
     let back = Segment::Move { to: program.start, duration_s: 2.0 };
     let ends = program.trajectory().expect("a program that makes sense").end_pose();
@@ -102,7 +102,7 @@ fn repeated(program: &MotionProgram) -> MotionProgram {
     MotionProgram { start: program.start, segments }
 }
 
-/// Of several lengths, the programme that is over soonest with the goal reached in it.
+/// Returns, of several lengths, the programme that is over soonest with the goal reached in it.
 fn shortest(
     nominal: &Rehearsal,
     lengths_s: impl Iterator<Item = f64>,
@@ -121,7 +121,7 @@ fn shortest(
     best.expect("one of the lengths is enough").1
 }
 
-/// The fixed programme's multisine, from home, without the still poses.
+/// Returns the fixed programme's multisine, from home, without the still poses.
 fn motion_alone(nominal: &Rehearsal) -> MotionProgram {
     let whole = thesis_program(&nominal.config.geometry, DEFAULT_S);
     let segments = whole.segments.into_iter().filter(|s| matches!(s, Segment::Multisine { .. })).collect();

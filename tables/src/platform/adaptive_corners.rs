@@ -78,7 +78,7 @@ fn corners() -> Vec<Corner> {
     all
 }
 
-/// Limits and noise; how the experiments ended.
+/// Returns the table of limits and noise, and how the experiments ended.
 pub fn table() -> String {
     let corners = corners();
     let outcomes = run(&corners);

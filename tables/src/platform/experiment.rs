@@ -9,7 +9,7 @@ use rigident_sim::rig::RigConfig;
 /// k of a 95 % interval.
 const K95: f64 = 1.96;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text =
         "| mounting | noise | rate, Hz | runs | U95 of the centre of mass, mm | U95 of the tensor \

@@ -19,18 +19,18 @@ fn rows() -> Vec<Row> {
     compare(&task, &AtomicBool::new(false), |_| ()).expect("the built-in platform can do them all")
 }
 
-/// The comparison.
+/// Returns the comparison.
 pub fn comparison() -> String {
     table(&rows())
 }
 
-/// Found over predicted standard deviations of the ten parameters.
+/// Returns found over predicted standard deviations of the ten parameters.
 pub fn montecarlo() -> String {
     let repeated = motions::motions(&rows(), RATE_HZ, [RUNS, 1], &AtomicBool::new(false), |_, _, _| ());
     motions::table(&repeated.expect("every run is identified"))
 }
 
-/// The tensor in one step and in two.
+/// Returns the tensor in one step and in two.
 pub fn two_steps() -> String {
     let all = two_step::two_steps(&rows(), RATE_HZ, [TWICE, 1], &AtomicBool::new(false), |_, _, _| ());
     two_step::table(&all.expect("every run is identified"))

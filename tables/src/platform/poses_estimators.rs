@@ -4,7 +4,7 @@ use rigident::plan::poses::montecarlo::{Errors, Mounting};
 
 use super::poses_montecarlo::find;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text =
         "| n | standing: measured forces (thesis) | relative (thesis) | modelled, offsets unknown \

@@ -4,23 +4,23 @@ use rigident::plan::poses::montecarlo::{Errors, Mounting, Row, Spread, reduction
 
 use super::still_poses::campaign;
 
-/// The row of an experiment.
+/// Returns the row of an experiment.
 pub fn find(n: usize, mounting: Mounting, errors: Errors) -> &'static Row {
     let found = campaign().iter().find(|r| r.n == n && r.mounting == mounting && r.errors == errors);
     found.expect("the campaign has every combination")
 }
 
-/// Of the thesis' estimator.
+/// Returns the spread of the thesis' estimator.
 pub fn thesis(n: usize, mounting: Mounting, errors: Errors) -> Spread {
     find(n, mounting, errors).spreads[0].expect("two poses determine the centre of mass")
 }
 
-/// 99.7 %, mm.
+/// Writes the 99.7 % spread of each axis, mm.
 fn axes(spread: &Spread) -> String {
     spread.sd.iter().map(|sd| format!("{:.1}", 3e3 * sd)).collect::<Vec<_>>().join(" ")
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = "| n | standing, precision | bias | both | lying, precision | bias | both | reduction of \
                     the worst axis: precision | bias | both |\n|---|---|---|---|---|---|---|---|---|---|\n"

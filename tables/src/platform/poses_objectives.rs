@@ -5,7 +5,7 @@ use rigident::plan::poses::plan::Task;
 
 use super::still_poses::Platform;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let platform = Platform::with_stroke(Some(0.20));
     let task = Task::thesis(5);

@@ -8,7 +8,7 @@ use rigident::plan::poses::montecarlo::{Errors, Mounting, reduction};
 
 use super::poses_montecarlo::thesis;
 
-/// Three orthogonal directions, the best there are.
+/// Returns the worst uncertainty of three orthogonal directions, the best there are.
 fn worst(lever_m: f64, noise: &[f64; 6]) -> f64 {
     let tilt = (1.0_f64 / 3.0).sqrt().acos();
     let forces: Vec<_> = (0..3)
@@ -23,14 +23,14 @@ fn worst(lever_m: f64, noise: &[f64; 6]) -> f64 {
     covariance.diagonal().max().sqrt()
 }
 
-/// First order, with the noise of the forces `gain` times that of Table 1.
+/// Predicts to first order, with the noise of the forces `gain` times that of Table 1.
 fn predicted(gain: f64) -> f64 {
     let [fx, fy, fz, mx, my, mz] = SensorModels::thesis().load_cell.noise_n_nm;
     let noise = [gain * fx, gain * fy, gain * fz, mx, my, mz];
     1.0 - worst(0.053, &noise) / worst(0.247, &noise)
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let [fx, _, _, mx, my, _] = SensorModels::thesis().load_cell.noise_n_nm;
     let lateral = |gain: f64| format!("{:.0}–{:.0}", gain * fx / my, gain * fx / mx);

@@ -7,7 +7,7 @@ use super::still_poses::{Platform, difference};
 const TABLE_8: [f64; 5] = [2.00, 1.07, 1.20, 1.31, 1.24];
 const TABLE_9: [f64; 5] = [2.0, 1.0, 1.0, 1.0, 1.0];
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let platform = Platform::with_stroke(None);
     let mut text =

@@ -10,7 +10,7 @@ use super::still_poses::Platform;
 const CNT: [f64; 4] = [3.52, 2.99, 3.27, 3.25];
 const TILT_DEG: f64 = 32.5;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let platform = Platform::with_stroke(Some(0.20));
     let cone = Region::cone(TILT_DEG.to_radians());

@@ -17,7 +17,7 @@ const PRINTED_4: &[[f64; 2]] = &[[-28.9, 16.0], [14.1, 26.5], [28.2, -25.0], [-1
 const TABLE_12: [(f64, f64, Option<f64>); 4] =
     [(3.52, 13.0, Some(13.9)), (2.99, 1.7, Some(1.8)), (3.27, 1.8, Some(1.9)), (3.25, 1.8, None)];
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = "| n | largest tilt | stacked [F] | normal matrix | CNT printed | difference | relative, \
                     normal matrix | CNR printed (lying, standing) | difference \

@@ -32,7 +32,7 @@ impl Platform {
     }
 }
 
-/// Section 6.3 with the plans for two to ten poses.
+/// Runs section 6.3 with the plans for two to ten poses.
 pub fn campaign() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
@@ -45,7 +45,7 @@ pub fn campaign() -> &'static [Row] {
     })
 }
 
-/// `+0.01`, and no sign before a zero.
+/// Writes a difference as `+0.01`, and no sign before a zero.
 pub fn difference(ours: f64, printed: f64, decimals: usize) -> String {
     let text = format!("{:+.decimals$}", ours - printed);
     if text.bytes().all(|b| b"+-0.".contains(&b)) { text[1..].to_owned() } else { text.replace('-', "−") }

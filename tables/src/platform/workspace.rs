@@ -10,7 +10,7 @@ use rigident::plan::workspace::{Map, Reach, Span};
 const STROKES: [(f64, &str); 2] = [(0.3048, "–"), (0.20, "32.0–32.7°")];
 const AZIMUTHS: usize = 180;
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = String::from(
         "| stroke | orientations kept by legs and joints | and by cond(H) ≤ 40 | tilt in every direction: \
@@ -34,7 +34,7 @@ pub fn table() -> String {
     text
 }
 
-/// Of all orientations, per cent.
+/// Returns the share of all orientations, per cent.
 fn share(cells: &[Vec<bool>]) -> f64 {
     let kept = cells.iter().flatten().filter(|kept| **kept).count();
     100.0 * kept as f64 / cells.iter().flatten().count() as f64

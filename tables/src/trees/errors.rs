@@ -222,7 +222,7 @@ fn times() -> impl Iterator<Item = f64> {
     (0..(DURATION_S * RATE_HZ) as usize).map(|k| k as f64 / RATE_HZ)
 }
 
-/// A line and a curve over the recording.
+/// Returns a line and a curve over the recording.
 fn drift(errors: &Errors, channel: &str, t: f64) -> f64 {
     let at = 2.0 * t / DURATION_S - 1.0;
     of(errors, &format!("drift_line_{channel}")) * at
@@ -359,7 +359,7 @@ fn runs(what: &str, count: u64, job: impl Fn(u64) -> Run + Sync) -> Vec<Run> {
     done
 }
 
-/// Least, mean and largest coverage over the parameters.
+/// Writes least, mean and largest coverage over the parameters.
 fn coverage(runs: &[Run]) -> String {
     let count = runs.first().map_or(0, |run| run.inside.len());
     let of = |j: usize| 100.0 * share(runs, |run| run.inside.get(j) == Some(&true));

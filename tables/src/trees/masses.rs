@@ -42,8 +42,8 @@ fn number(k: usize) -> f64 {
     ((k as f64 * 12.9898).sin() * 43_758.545_3).fract()
 }
 
-/// A nominal model whose links are off, mirror images alike: mass, and the second moments of its mass by a
-/// linear map of space.
+/// Returns a nominal model whose links are off, mirror images alike: mass, and the second moments of its mass
+/// by a linear map of space.
 fn nominal(truth: &Model) -> Model {
     let mut model = truth.clone();
     for link in &mut model.links {
@@ -65,7 +65,7 @@ fn nominal(truth: &Model) -> Model {
     model
 }
 
-/// Parameters of a pseudo-inertia `[Σ h; hᵀ m]`: the tensor is `tr Σ − Σ`.
+/// Returns the parameters of a pseudo-inertia `[Σ h; hᵀ m]`: the tensor is `tr Σ − Σ`.
 fn of_pseudo(j: &Matrix4<f64>) -> [f64; 10] {
     let trace = j[(0, 0)] + j[(1, 1)] + j[(2, 2)];
     let at = |i: usize, k: usize| if i == k { trace - j[(i, i)] } else { -j[(i, k)] };

@@ -153,7 +153,7 @@ fn twins(model: &Model) -> BTreeMap<usize, usize> {
         .collect()
 }
 
-/// The kinds of findings that were put in, by their words.
+/// Returns the kinds of findings that were put in, by their words.
 fn kind(finding: &Finding) -> Option<&'static str> {
     let kinds = [
         ("looks as if it was about the link's origin", "tensor about the link's origin"),

@@ -55,7 +55,7 @@ fn answer(case: &Case, source: &TreeSource) -> Answer {
     Answer::new(&fit, Context { links: Some(links), ..Context::default() }).expect("an answer")
 }
 
-/// NRMSE of every channel in per cent.
+/// Returns the NRMSE of every channel in per cent.
 fn shares(found: &Prediction) -> Vec<f64> {
     found.residual_rms.iter().zip(&found.measured_sd).map(|(rms, sd)| 100.0 * rms / sd).collect()
 }

@@ -122,7 +122,7 @@ pub fn coloured_table() -> String {
     out
 }
 
-/// A nominal model that is off by some share.
+/// Returns a nominal model that is off by some share.
 fn guess(model: &Model, off: f64) -> Model {
     let mut guess = model.clone();
     for (i, link) in guess.links.iter_mut().enumerate() {

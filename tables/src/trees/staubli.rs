@@ -41,7 +41,7 @@ fn columns(file: &str) -> [Vec<f64>; 6] {
     out
 }
 
-/// Joint angles and torques from motor angles and motor torques: the wrist's last motor turns with two
+/// Converts motor angles and motor torques to joint angles and torques: the wrist's last motor turns with two
 /// joints.
 fn joints() -> ([Vec<f64>; 6], [Vec<f64>; 6]) {
     let ratio = [32.0, 32.0, 45.0, -48.0, 45.0, 32.0];
@@ -71,7 +71,7 @@ pub(super) fn halves() -> [Recording; 2] {
     [recording(&q, &tau, 0..half), recording(&q, &tau, half..q[0].len())]
 }
 
-/// A part of the recording.
+/// Returns a part of the recording.
 fn recording(q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> Recording {
     let mut recording = Recording { name: "tx40".to_owned(), rate_hz: Some(RATE_HZ), ..Recording::default() };
     recording.time_ns = rows.clone().map(|row| row as u64 * 200_000).collect();
@@ -84,7 +84,7 @@ fn recording(q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize
     recording
 }
 
-/// The rows of a part of the recording.
+/// Returns the rows of a part of the recording.
 fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::Range<usize>) -> TreeSource {
     let recording = recording(q, tau, rows);
     let terms = vec![Term::Viscous, Term::Coulomb(None), Term::Offset, Term::Rotor];
@@ -102,7 +102,7 @@ fn part(model: &Model, q: &[Vec<f64>; 6], tau: &[Vec<f64>; 6], rows: std::ops::R
     TreeSource::new(input).expect("a tree")
 }
 
-/// Second-order Butterworth low-pass, forward and backward, from rest at the first value.
+/// Filters by a second-order Butterworth low-pass, forward and backward, from rest at the first value.
 fn zero_phase(values: &[f64]) -> Vec<f64> {
     let w = (std::f64::consts::PI * CUT_HZ / RATE_HZ).tan();
     let norm = 1.0 + std::f64::consts::SQRT_2 * w + w * w;
@@ -188,7 +188,7 @@ fn usual(
     Usual { rows, measured }
 }
 
-/// Residual over the measurement's standard deviation, joint by joint.
+/// Returns the residual over the measurement's standard deviation, joint by joint.
 fn shares(residual: &[f64], measured: &[f64]) -> Vec<f64> {
     (0..6)
         .map(|k| {
@@ -209,7 +209,7 @@ fn fitted(source: &TreeSource) -> Fit {
     fit(source, &FitOptions::default(), &Silent).expect("a fit")
 }
 
-/// Residual over the measurement's standard deviation on the rows of `identify`, joint by joint.
+/// Returns the residual over the measurement's standard deviation on the rows of `identify`, joint by joint.
 fn of_prediction(made: &Prediction) -> Vec<f64> {
     made.residual_rms.iter().zip(&made.measured_sd).map(|(r, m)| r / m).collect()
 }

@@ -93,7 +93,7 @@ impl Tally {
     }
 }
 
-/// A number from 0 to 1 of a seed, van der Corput's by the golden ratio.
+/// Returns a number from 0 to 1 of a seed, van der Corput's by the golden ratio.
 fn part(seed: u64, k: u64) -> f64 {
     ((seed * 7 + k) as f64 * 0.618_033_988_749_895).fract()
 }
@@ -178,7 +178,7 @@ fn quantile(values: &[f64], part: f64) -> f64 {
     sorted.get((part * (sorted.len().max(1) - 1) as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// Expected count that gives so few with a probability of 5 %: Poisson.
+/// Returns the expected count that gives such a small count with a probability of 5 %: Poisson.
 fn upper(count: usize) -> f64 {
     let below = |mean: f64| {
         let mut term = (-mean).exp();

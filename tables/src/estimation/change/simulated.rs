@@ -41,7 +41,7 @@ fn with_point(body: &BodyParameters, mass_kg: f64, at: Vector3<f64>) -> BodyPara
     BodyParameters { mass_kg: whole, com_m: com.into(), inertia_com_kgm2: inertia }
 }
 
-/// A uniform number from −1 to 1.
+/// Returns a uniform number from −1 to 1.
 fn uniform(normal: &mut Normal) -> f64 {
     // The phase of two normal deviates.
     normal.draw().atan2(normal.draw()) / std::f64::consts::PI

@@ -42,7 +42,7 @@ fn gyro(case: &mut Case, by: f64) {
     each(case, |_, (_, _, g)| g.iter_mut().for_each(|v| *v *= by));
 }
 
-/// Readings of an IMU that are stamped this many rows too late.
+/// Delays readings of an IMU: they are stamped this many rows too late.
 fn late(case: &mut Case, rows: usize, accel: bool, gyro: bool) {
     let imu = case.recording.imus.first_mut().expect("an IMU");
     let of = |values: Option<&mut Vec<[f64; 3]>>| {
@@ -169,7 +169,7 @@ pub(super) fn truth(_: &Problem) -> Vec<Option<f64>> {
     phi.into_iter().map(Some).chain(std::iter::repeat_n(None, 6)).collect()
 }
 
-/// The table of faults.
+/// Returns the table of faults.
 pub fn table() -> String {
     table_of(&FAULTS, SEEDS, |fault, seed| {
         let mut case = honest_case(10 + seed, true);
@@ -178,7 +178,7 @@ pub fn table() -> String {
     })
 }
 
-/// Honest recordings by kinds.
+/// Returns honest recordings by kinds.
 pub fn honest() -> Vec<(String, Vec<Verdict>)> {
     [
         (true, "one body, errors of the rig as its file states"),

@@ -67,7 +67,7 @@ const SPECTRA: [(&str, Spectrum); 14] = [
     ("servo, lag 1: 0.94", Spectrum::Structural),
 ];
 
-/// A section `(1 + z⁻¹)ᵏ` over its poles, of unit gain at rest.
+/// Applies a section `(1 + z⁻¹)ᵏ` over its poles, of unit gain at rest.
 fn section(values: &mut [f64], a: [f64; 2], k: i32) {
     let gain = (1.0 + a[0] + a[1]) / 2.0_f64.powi(k);
     let (mut x1, mut x2, mut y1, mut y2) = (0.0, 0.0, 0.0, 0.0);
@@ -173,7 +173,7 @@ pub(super) fn honest_case(spectrum: Spectrum, rest_s: f64, seed: u64) -> Case {
     case
 }
 
-/// The table of honest recordings by noise and rest.
+/// Returns the table of honest recordings by noise and rest.
 pub fn table() -> String {
     let count = SPECTRA.len() * RESTS_S.len() * SEEDS as usize;
     let verdicts = parallel::map(parallel::threads(), count, |k| {

@@ -47,14 +47,14 @@ fn moved(size: usize) -> Moved {
     }
 }
 
-/// From S to a world whose heading is not that of the start.
+/// Returns the rotations from S to a world whose heading is not that of the start.
 fn world(moved: &Moved, size: usize) -> Vec<Matrix3<f64>> {
     let heading = [0.0, 0.7, 2.5][size];
     let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), heading).into_inner();
     moved.attitudes.iter().map(|attitude| turn * attitude).collect()
 }
 
-/// From the IMU's axes to those of S.
+/// Returns the rotation from the IMU's axes to those of S.
 fn mounted(case: &Case) -> Matrix3<f64> {
     let [w, x, y, z] = case.recording.rig.imu[0].rotation_wxyz;
     let turn = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
@@ -98,7 +98,7 @@ fn linear_acceleration(moved: &mut Moved, _: usize) {
     });
 }
 
-/// Rates of the IMU's roll, pitch and yaw, by the derivatives of its attitude.
+/// Replaces rates by those of the IMU's roll, pitch and yaw, by the derivatives of its attitude.
 fn euler_rates(moved: &mut Moved, _: usize) {
     let imu = mounted(&moved.case);
     let attitudes = moved.attitudes.clone();
@@ -157,7 +157,7 @@ fn faults() -> Vec<Published> {
     ]
 }
 
-/// The table of what drivers publish.
+/// Returns the table of what drivers publish.
 pub fn table() -> String {
     let (planted, plants): (Vec<Planted>, Vec<Plant>) = faults().into_iter().unzip();
     table_of(&planted, SIZES, |fault, size| {

@@ -120,7 +120,7 @@ impl Arm {
         Case { recording, model: Some(self.nominal.clone()), options }
     }
 
-    /// The true parameters of a problem in the order of its columns.
+    /// Returns the true parameters of a problem in the order of its columns.
     fn truth(&self, problem: &Problem) -> Vec<Option<f64>> {
         let source = problem.tree().expect("a tree");
         let mut base = truth(&self.actual.welded(), source.base()).into_iter();
@@ -237,7 +237,7 @@ const TILTS: [(&str, &str, f64); 4] = [
     ("base on the ceiling", "the base stands upside down", 180.0),
 ];
 
-/// The table of faults.
+/// Returns the table of faults.
 pub fn table() -> String {
     let tilts = TILTS.map(|(name, named, _)| Planted { name, named, plant: |_| {} });
     let all: Vec<Planted> = FAULTS.into_iter().chain(tilts).collect();
@@ -251,7 +251,7 @@ pub fn table() -> String {
     })
 }
 
-/// Honest recordings by kinds.
+/// Returns honest recordings by kinds.
 pub fn honest() -> Vec<(String, Vec<Verdict>)> {
     let all = parallel::map(parallel::threads(), HONEST as usize, |k| {
         let arm = Arm::new(1000 + k as u64);

@@ -44,7 +44,7 @@ const OF_MACHINE: usize = 2 * AXES;
 /// Links' parameters, the load's, the machine's errors.
 const ALL: usize = 10 * AXES + 10 + OF_MACHINE;
 
-/// Angle, rate and slope of a joint at a time, by the seed of a recording.
+/// Returns angle, rate and slope of a joint at a time, by the seed of a recording.
 fn swing(seed: u64, joint: usize, t: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for n in 0..4 {

@@ -82,7 +82,7 @@ pub fn names(links: &[&str]) -> Vec<String> {
     links.iter().flat_map(|link| TEN.iter().map(move |name| format!("{link}.{name}"))).collect()
 }
 
-/// The angle of the joint at a time, its rate and its slope: by the seed of the recording.
+/// Returns the angle of the joint at a time, its rate and its slope: by the seed of the recording.
 fn angle(seed: u64, t: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (k, hz) in [0.31, 0.83, 1.27].into_iter().enumerate() {

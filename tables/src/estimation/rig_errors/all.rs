@@ -22,7 +22,7 @@ fn drawn(name: &str, count: u64, wide: f64, disturbance: Disturbance) -> Runs {
     })
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let flicker = Disturbance { flicker_hz: 1.0, ..Disturbance::default() };
     let cases = [

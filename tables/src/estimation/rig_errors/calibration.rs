@@ -29,7 +29,7 @@ const SIZE_LIMIT: f64 = 2e-5;
 const PLACE_LIMIT: f64 = 3.5e-5;
 const TILT_LIMIT: f64 = 0.05;
 
-/// The file of the cylinder.
+/// Returns the file of the cylinder.
 fn reference() -> ReferenceBody {
     let text = format!(
         "name = \"steel cylinder\"\nmass_kg = {MASS_KG}\nmass_std_kg = {MASS_STD}\n\n[cylinder]\ndiameter_m \
@@ -64,7 +64,7 @@ impl Made {
         }
     }
 
-    /// The cylinder on the load cell, upright or lying along y, a little off and tilted.
+    /// Returns the cylinder on the load cell, upright or lying along y, a little off and tilted.
     fn mounted(&self, lying: bool, normal: &mut Normal) -> Body {
         let limit = |a: f64| a / 3.0_f64.sqrt();
         let mut draw = |sd: f64| Vector3::new(sd * normal.draw(), sd * normal.draw(), sd * normal.draw());
@@ -89,7 +89,8 @@ impl Made {
     }
 }
 
-/// The rig's errors in another recording: what is the rig's stays, what is the recording's is drawn anew.
+/// Returns the rig's errors in another recording: what is the rig's stays, what is the recording's is drawn
+/// anew.
 fn again(rig: &Errors, known: &Errors, normal: &mut Normal) -> Errors {
     let mut errors = known.draw(1.0, normal);
     let mut kept = *rig;
@@ -156,7 +157,7 @@ fn drawn(name: &str, known: Errors, motion: &Motion, recordings: usize) -> Runs 
     })
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     let mut text = "| rig | rigs | U95 of m | of c | of I_c | coverage of m | of mc, least–largest | of c | \
                     of I_c | implausible |\n\

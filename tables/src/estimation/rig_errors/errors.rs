@@ -67,7 +67,7 @@ impl Group {
         Self::Drift,
     ];
 
-    /// The name that a fit has for it.
+    /// Returns the name that a fit has for it.
     pub fn name(self) -> &'static str {
         match self {
             Self::LeverArm => "lever arm",
@@ -85,8 +85,8 @@ impl Group {
         }
     }
 
-    /// The name of the nuisance parameter of one of its errors, in the order of [`Group::of`], and what it is
-    /// in the unit of the error here.
+    /// Returns the name of the nuisance parameter of one of its errors, in the order of [`Group::of`], and
+    /// its value in the unit of the error here.
     pub fn nuisance(self, at: usize) -> (String, f64) {
         let axis = |group: &str| (format!("{group}_{}", ["x", "y", "z"][at % 3]), 1.0);
         match self {
@@ -108,7 +108,7 @@ impl Group {
         }
     }
 
-    /// Errors of the group, one a nuisance parameter.
+    /// Returns errors of the group, one a nuisance parameter.
     pub fn of(self, errors: &mut Errors) -> Vec<&mut f64> {
         match self {
             Self::LeverArm => errors.lever_arm.iter_mut().collect(),
@@ -128,8 +128,8 @@ impl Group {
 }
 
 impl Errors {
-    /// Standard deviations of a rig that is known by its data sheets alone: limits of 3 mm, 0.5°, 2 ms, 0.05
-    /// m/s², 10 mrad/s and 0.2 % of full scale, over √3; scales and angles between axes to 0.5 %.
+    /// Returns the standard deviations of a rig that is known by its data sheets alone: limits of 3 mm, 0.5°,
+    /// 2 ms, 0.05 m/s², 10 mrad/s and 0.2 % of full scale, over √3; scales and angles between axes to 0.5 %.
     pub fn data_sheet() -> Self {
         let of = |limit: f64| limit / 3.0_f64.sqrt();
         let crosstalk = |to: usize| std::array::from_fn(|from| if from == to { 0.0 } else { of(2e-3) });
@@ -174,7 +174,7 @@ impl Errors {
         self
     }
 
-    /// Independent normal draws, these being their standard deviations, `wide` times as large.
+    /// Returns independent normal draws, these being their standard deviations, `wide` times as large.
     pub fn draw(mut self, wide: f64, normal: &mut Normal) -> Self {
         for group in Group::ALL {
             group.of(&mut self).into_iter().for_each(|value| *value *= wide * normal.draw());
@@ -182,7 +182,7 @@ impl Errors {
         self
     }
 
-    /// The rig file of somebody who knows these standard deviations, of an IMU at `position`.
+    /// Returns the rig file of somebody who knows these standard deviations, of an IMU at `position`.
     pub fn rig_file(&self, position: &Vector3<f64>, quaternion: &[f64; 4], noise: &Noise) -> String {
         let [x, y, z] = [position.x, position.y, position.z];
         format!(
@@ -228,7 +228,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// A load cell for hand-held bodies and a good IMU.
+    /// Returns a load cell for hand-held bodies and a good IMU.
     pub fn lab() -> Self {
         Self { cell: [0.05, 0.05, 0.08, 0.002, 0.002, 0.0015], accel: 0.01, gyro: 5e-4 }
     }

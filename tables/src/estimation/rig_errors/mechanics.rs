@@ -17,7 +17,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// The body of `docs/estimation.md`: 3.2 kg.
+    /// Returns the body of `docs/estimation.md`: 3.2 kg.
     pub fn lab() -> Self {
         Self {
             mass: 3.2,
@@ -26,7 +26,7 @@ impl Body {
         }
     }
 
-    /// The body without a point mass that was part of it.
+    /// Returns the body without a point mass that was part of it.
     pub fn without(&self, mass: f64, at: &Vector3<f64>) -> Self {
         let left = self.mass - mass;
         let com = (self.com * self.mass - at * mass) / left;
@@ -36,15 +36,15 @@ impl Body {
         Self { mass: left, com, inertia: origin - point(left, &com) }
     }
 
-    /// Force and moment that the load cell has to exert about the origin of S.
+    /// Returns force and moment that the load cell has to exert about the origin of S.
     pub fn wrench(&self, state: &State) -> (Vector3<f64>, Vector3<f64>) {
         let force = state.force_at(&self.com) * self.mass;
         let turning = self.inertia * state.acceleration + state.rate.cross(&(self.inertia * state.rate));
         (force, turning + self.com.cross(&force))
     }
 
-    /// Mass, centre of mass, first moments and the tensor about the centre of mass: the quantities that are
-    /// examined.
+    /// Returns mass, centre of mass, first moments and the tensor about the centre of mass: the quantities
+    /// that are examined.
     pub fn quantities(&self) -> Quantities {
         let i = &self.inertia;
         let moment = self.com * self.mass;
@@ -83,7 +83,7 @@ pub struct State {
 }
 
 impl State {
-    /// Specific force at a point of S.
+    /// Returns the specific force at a point of S.
     pub fn force_at(&self, at: &Vector3<f64>) -> Vector3<f64> {
         self.force + self.acceleration.cross(at) + self.rate.cross(&self.rate.cross(at))
     }
@@ -101,7 +101,7 @@ pub struct Motion {
 const STOPS_S: f64 = 1.0;
 
 impl Motion {
-    /// ±0.5 rad about all axes, 0.2 to 1.6 Hz.
+    /// Returns a motion of ±0.5 rad about all axes, 0.2 to 1.6 Hz.
     pub fn lab() -> Self {
         Self::of(vec![
             (0, 0.25, 0.2, 0.1),
@@ -153,8 +153,8 @@ impl Motion {
         }
     }
 
-    /// ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s², of which a tensor
-    /// is known twice as well.
+    /// Returns a motion of ±1 rad about all axes, 0.2 to 1.6 Hz, four sines each: accelerations of 20 rad/s²,
+    /// of which a tensor is known twice as well.
     pub fn brisk() -> Self {
         let of = |axis: usize, all: [(f64, f64); 4]| all.map(|(hz, phase)| (axis, 0.25, hz, phase));
         Self::of(
@@ -167,7 +167,7 @@ impl Motion {
         )
     }
 
-    /// The state at a time, by the kinematics of the angles' rates.
+    /// Returns the state at a time, by the kinematics of the angles' rates.
     pub fn state(&self, t: f64) -> State {
         let [s, speed, change] = self.progress(t);
         let (mut e, mut d, mut dd) = ([0.0; 3], [0.0; 3], [0.0; 3]);

@@ -69,17 +69,17 @@ impl Rig {
     }
 }
 
-/// Nominal place of the IMU in S, m.
+/// Returns the nominal place of the IMU in S, m.
 pub fn nominal_position() -> Vector3<f64> {
     Vector3::new(0.04, -0.03, 0.02)
 }
 
-/// Nominal attitude of the IMU in S.
+/// Returns the nominal attitude of the IMU in S.
 fn nominal_attitude() -> UnitQuaternion<f64> {
     UnitQuaternion::from_euler_angles(0.2, -0.4, 1.1)
 }
 
-/// The rig file of somebody who knows the standard deviations `known`.
+/// Returns the rig file of somebody who knows the standard deviations `known`.
 pub fn rig_file(known: &Errors, noise: &Noise) -> RigFile {
     let q = nominal_attitude();
     let text = known.rig_file(&nominal_position(), &[q.w, q.i, q.j, q.k], noise);
@@ -106,7 +106,7 @@ impl Rig {
         }
     }
 
-    /// The loads on the cell, on-body sign.
+    /// Returns the loads on the cell, on-body sign.
     fn loads(&self, motion: &Motion, times: &[f64]) -> Vec<[f64; 6]> {
         let spot = Vector3::from(SPOT);
         let half = 0.5 * self.duration_s;
@@ -262,7 +262,7 @@ impl Swing {
         Self { mass, natural: TAU * hz, at, place: zero, speed: zero }
     }
 
-    /// The force that the body exerts on it at a time, after which it goes on to the next sample.
+    /// Returns the force that the body exerts on it at a time, after which it goes on to the next sample.
     fn step(&mut self, motion: &Motion, t: f64, period: f64, state: &State) -> Vector3<f64> {
         let (w, d) = (self.natural, DAMPING);
         if t == 0.0 {

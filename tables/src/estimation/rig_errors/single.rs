@@ -31,8 +31,8 @@ fn status(all: &Runs) -> String {
     )
 }
 
-/// One error of a group is several standard deviations large; all others are none. Which one, and its sign,
-/// follows from the seed; its name comes with it.
+/// Returns errors of which one of a group is several standard deviations large; all others are none. The seed
+/// determines the one, and its sign; its name comes with it.
 fn large(group: Group, known: &Errors, seed: u64) -> (Errors, String, f64) {
     let mut errors = Errors::default();
     let sigma: Vec<f64> = group.of(&mut known.clone()).into_iter().map(|v| *v).collect();
@@ -44,8 +44,8 @@ fn large(group: Group, known: &Errors, seed: u64) -> (Errors, String, f64) {
     (errors, name, size * unit)
 }
 
-/// Rows of errors that the rig file states: each alone, drawn as stated with all others stated exact; then
-/// large beside all others.
+/// Returns rows of errors that the rig file states: each alone, drawn as stated with all others stated exact;
+/// then large beside all others.
 fn stated() -> String {
     let motion = Motion::lab();
     let known = Errors::data_sheet();
@@ -86,7 +86,7 @@ fn stated() -> String {
     text
 }
 
-/// Rows of what no key of the rig file states, beside all errors of a data sheet.
+/// Returns rows of errors that no key of the rig file states, beside all errors of a data sheet.
 fn disturbed() -> String {
     let none = Disturbance::default;
     let cases = [
@@ -131,7 +131,7 @@ fn disturbed() -> String {
     text
 }
 
-/// The table.
+/// Returns the table.
 pub fn table() -> String {
     format!("{}\n{}", stated(), disturbed())
 }

@@ -37,7 +37,7 @@ pub struct Run {
     pub warnings: Vec<String>,
 }
 
-/// The quantities of the ten parameters.
+/// Returns the quantities of the ten parameters.
 fn quantities(phi: &[f64]) -> Quantities {
     let (m, moment) = (phi[0], Vector3::new(phi[1], phi[2], phi[3]));
     let c = moment / m;
@@ -67,7 +67,7 @@ pub fn run(rig: &Rig, motion: &Motion, file: &RigFile, seed: u64) -> Option<Run>
     })
 }
 
-/// The quantities of a fit and their expanded uncertainties to first order.
+/// Returns the quantities of a fit and their expanded uncertainties to first order.
 fn found(fit: &Fit) -> Option<(Quantities, Quantities)> {
     let estimate = &fit.estimate;
     let phi: Vec<f64> = (0..10).map(|j| estimate.measured(j).map(|m| m.value)).collect::<Option<_>>()?;
@@ -90,7 +90,7 @@ fn found(fit: &Fit) -> Option<(Quantities, Quantities)> {
     Some((value, std::array::from_fn(|k| estimate.coverage_factor() * all[(k, k)].sqrt())))
 }
 
-/// Runs, with progress on standard error.
+/// Makes runs, with progress on standard error.
 pub fn runs(name: &str, count: u64, job: impl Fn(u64) -> Option<Run> + Sync) -> Runs {
     let begun = std::time::Instant::now();
     let done = parallel::map(parallel::threads(), count as usize, |k| job(k as u64));
@@ -113,7 +113,7 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Share of the runs, %, for which something holds; those without an estimate count as none.
+    /// Returns the share of the runs, %, for which something holds; those without an estimate count as none.
     pub fn share(&self, holds: impl Fn(&Run) -> bool) -> f64 {
         100.0 * self.runs.iter().filter(|run| holds(run)).count() as f64 / self.asked.max(1) as f64
     }
@@ -122,22 +122,22 @@ impl Runs {
         self.share(|run| run.error[k].abs() <= run.u95[k]) * self.asked as f64 / self.runs.len().max(1) as f64
     }
 
-    /// Mean coverage of a group, %.
+    /// Returns the mean coverage of a group, %.
     pub fn mean(&self, group: &std::ops::Range<usize>) -> f64 {
         group.clone().map(|k| self.coverage(k)).sum::<f64>() / group.len().max(1) as f64
     }
 
-    /// Least coverage in a group, %.
+    /// Returns the least coverage in a group, %.
     pub fn worst(&self, group: &std::ops::Range<usize>) -> f64 {
         group.clone().map(|k| self.coverage(k)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Largest coverage in a group, %.
+    /// Returns the largest coverage in a group, %.
     pub fn best(&self, group: &std::ops::Range<usize>) -> f64 {
         group.clone().map(|k| self.coverage(k)).fold(0.0, f64::max)
     }
 
-    /// Median of a number of every run.
+    /// Returns the median of a number of every run.
     pub fn median(&self, of: impl Fn(&Run) -> f64) -> f64 {
         median(self.runs.iter().map(of).collect())
     }
@@ -149,7 +149,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// The largest error in units of its uncertainty, of m, mc and the tensor.
+/// Returns the largest error in units of its uncertainty, of m, mc and the tensor.
 pub fn largest(run: &Run) -> f64 {
     let all = MASS.chain(MOMENT).chain(TENSOR);
     all.map(|k| run.error[k].abs() / run.u95[k]).fold(0.0, f64::max)

@@ -87,7 +87,7 @@ struct Hexapod {
 }
 
 impl Hexapod {
-    /// The built-in machine enlarged; speeds go by the root of the size, forces by the weight.
+    /// Returns the built-in machine enlarged; speeds go by the root of the size, forces by the weight.
     fn new(radius_m: f64, mass_kg: f64, draws: &mut Draws) -> Self {
         let scale = radius_m / 0.25;
         let mut geometry = Geometry::thesis();
@@ -115,8 +115,8 @@ impl Hexapod {
         hexapod
     }
 
-    /// A motion of all axes, as large as the machine takes it, and how it comes to rest, in a share of the
-    /// limits.
+    /// Returns a motion of all axes, as large as the machine takes it, its stops included, within a share of
+    /// the limits.
     fn program(&self, scale: f64, draws: &mut Draws) -> Option<MotionProgram> {
         let inner = self.geometry.within(USED);
         let load = Load::body(self.body);
@@ -172,7 +172,7 @@ impl Hexapod {
         Referee::new(machine, 1e-4 * self.geometry.leg_rate_mps)
     }
 
-    /// The largest shares of the limits: stroke, speed, acceleration, jerk, force.
+    /// Returns the largest shares of the limits: stroke, speed, acceleration, jerk, force.
     fn shares(&self, peaks: &Peaks) -> [f64; 5] {
         let [lo, hi] = self.geometry.leg_length_m;
         let limits = &self.geometry.limits;
@@ -229,7 +229,7 @@ fn fault(kind: usize, draws: &mut Draws) -> Fault {
     }
 }
 
-/// One run, wholly decided by its number.
+/// Does one run, wholly decided by its number.
 fn run(machines: &[Hexapod], number: u64) -> Outcome {
     let mut draws = Draws(ChaCha8Rng::seed_from_u64(1000 + number));
     let hexapod = &machines[number as usize % machines.len()];

@@ -68,7 +68,7 @@ pub struct Referee {
     pub still_mps: f64,
 }
 
-/// `Rz(yaw) Ry(pitch) Rx(roll)`, factor by factor.
+/// Returns `Rz(yaw) Ry(pitch) Rx(roll)`, factor by factor.
 fn turned(rpy: [f64; 3]) -> Matrix3<f64> {
     let [(sr, cr), (sp, cp), (sy, cy)] = rpy.map(f64::sin_cos);
     let x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cr, -sr, 0.0, sr, cr);

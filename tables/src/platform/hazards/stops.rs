@@ -27,7 +27,7 @@ const CASES: [(&str, &str, Fault, f64); 6] = [
     ("`pose+tcp://`", "line lost: points cease", Fault::LinkCut, 0.3),
 ];
 
-/// The built-in machine with 20 kg standing: as point masses, and its default program.
+/// Returns the built-in machine with 20 kg standing: as point masses, and its default program.
 fn machine() -> Hexapod {
     let (points, body) = six_points(20.0, [0.0, 0.0, 0.247], [0.1, 0.1, 0.2]);
     let geometry = Geometry::thesis();
@@ -35,7 +35,7 @@ fn machine() -> Hexapod {
     Hexapod { radius_m: 0.25, geometry, body, points, programs: vec![program] }
 }
 
-/// The largest force of the undisturbed program and of the stops, N, and the longest time to rest, s.
+/// Returns the largest force of the undisturbed program and of the stops, N, and the longest time to rest, s.
 fn simulated(hexapod: &Hexapod, program: &MotionProgram, lines: bool, fault: Fault) -> [f64; 3] {
     let mut most = [0.0_f64; 3];
     let duration_s = program.duration_s();

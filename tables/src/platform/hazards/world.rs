@@ -71,7 +71,7 @@ struct State {
 pub struct World(Mutex<State>);
 
 impl World {
-    /// Of a rig at home, its controller by the address's scheme.
+    /// Makes the world of a rig at home, its controller by the address's scheme.
     pub fn new(
         config: RigConfig,
         lines: bool,
@@ -110,12 +110,12 @@ impl World {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The line's end at the host.
+    /// Returns the line's end at the host.
     pub fn wire(self: &Arc<Self>) -> Box<dyn platform::Wire> {
         Box::new(Line(Arc::clone(self)))
     }
 
-    /// Another client says something.
+    /// Lets another client say something.
     pub fn other_says(&self, words: &str) {
         self.state().other_says(words);
     }
@@ -127,7 +127,7 @@ impl World {
         state.advance(until_s);
     }
 
-    /// When something went wrong, s; `None` if nothing did.
+    /// Returns the time when something went wrong, s; `None` if nothing did.
     pub fn failed_s(&self) -> Option<f64> {
         let state = self.state();
         state.fails_s.filter(|_| state.failed)

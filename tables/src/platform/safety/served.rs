@@ -27,7 +27,8 @@ use super::{Driver, Fault};
 pub const HOLD_S: f64 = 2.0;
 const MOTION_S: f64 = 6.0;
 
-/// Away from home, so that there is a way to the start and one home: a rest, then a motion of several axes.
+/// Returns a program away from home, so that there is a way to the start and one home: a rest, then a motion
+/// of several axes.
 fn program(geometry: &Geometry) -> MotionProgram {
     let mut start = geometry.home();
     start.position_m[0] += 0.03;
@@ -181,18 +182,18 @@ impl Served {
         Ok(Self { folder, rig, between, own, driver, cut, leave, carrying, child, said, _servers: servers })
     }
 
-    /// The rig's clock, s, and where the plate is.
+    /// Returns the rig's clock, s, and where the plate is.
     pub fn look(&self) -> (f64, Pose) {
         let rig = self.rig.lock().unwrap_or_else(PoisonError::into_inner);
         (rig.now_ns() as f64 * 1e-9, rig.pose())
     }
 
-    /// Lines that the run has said since the last time.
+    /// Returns lines that the run has said since the last time.
     pub fn heard(&self) -> Vec<String> {
         self.said.try_iter().collect()
     }
 
-    /// The run's exit status, once it has one; a signal's number below zero.
+    /// Returns the run's exit status, once it has one; a signal's number below zero.
     pub fn status(&mut self) -> io::Result<Option<i32>> {
         let status = self.child.try_wait()?;
         Ok(status.map(|status| status.code().unwrap_or(-9)))
@@ -235,7 +236,7 @@ impl Served {
         self.signal("-CONT")
     }
 
-    /// Another client stops the plate; where there is no stop it says where it would have it.
+    /// Lets another client stop the plate; where there is no stop it says where it would have it.
     fn second_client(&self) -> io::Result<()> {
         let mut other = TcpStream::connect(self.own)?;
         let line = match self.driver {
@@ -259,7 +260,7 @@ impl Served {
         if status.success() { Ok(()) } else { Err(io::Error::other("the run has ended already")) }
     }
 
-    /// Readings in the recording that is left, if one can be read.
+    /// Returns the number of readings in the recording that is left, if one can be read.
     pub fn kept(&self) -> Option<usize> {
         let recording = rigident::recording::Recording::load(&self.folder.join("out/run.mcap"), None).ok()?;
         Some(recording.rows())
