@@ -42,7 +42,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     steps.finish()
 }
 
-/// The checks as named steps.
+/// Runs the checks as named steps.
 pub fn run_steps(steps: &mut Steps, core: Core) {
     steps.run("check-elf", || check_file(&firmware::build(core, &[])?));
     steps.run("check-elf, with the watch", || check_watch_file(&firmware::build_watch(core)?));
@@ -63,7 +63,7 @@ pub fn run_steps(steps: &mut Steps, core: Core) {
     });
 }
 
-/// Both checks on the standard firmware, which does not watch.
+/// Runs both checks on the standard firmware, which does not watch.
 pub fn check_file(elf: &Path) -> Result<()> {
     check_paths(elf, &PATHS[..2])
 }
@@ -137,7 +137,8 @@ fn double_precision(program: &Program) -> Vec<String> {
         .collect()
 }
 
-/// Names of the run-time ABI (IHI 0043, 4.1.2) and of compiler-rt: arithmetic on, to or from double.
+/// Returns true for names of the run-time ABI (IHI 0043, 4.1.2) and of compiler-rt: arithmetic on, to or from
+/// double.
 fn is_double_helper(symbol: &str) -> bool {
     let plain = crate::elf::program::readable(symbol);
     let name = plain.rsplit("::").next().unwrap_or(&plain);
@@ -155,7 +156,8 @@ fn is_double_helper(symbol: &str) -> bool {
     .any(|end| rest.ends_with(end))
 }
 
-/// Panics, aborts and calls of unknown target within reach of a function; and how many functions are.
+/// Returns panics, aborts and calls of unknown target within reach of a function, and the number of functions
+/// that are.
 fn unwelcome_within_reach(program: &Program, root: &str) -> Result<(Vec<String>, usize)> {
     let root = program
         .function_of_symbol(root)
@@ -203,7 +205,7 @@ mod tests {
     use super::*;
     use crate::elf::thumb;
 
-    /// Decoded from half-words, as they are in memory.
+    /// Decodes half-words, as they are in memory.
     fn decoded(halfwords: &[u16]) -> Vec<(u32, Instruction)> {
         let mut found = Vec::new();
         let mut at = 0;

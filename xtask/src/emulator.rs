@@ -17,8 +17,8 @@ pub const BENCH: &str = "bench";
 const BAD_ENDS: [(&str, i32); 2] = [("panic", 101), ("fault", 102)];
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// The emulator with one instruction a nanosecond, running `elf` to its end; the program gets `words` as its
-/// command line.
+/// Returns the emulator with one instruction a nanosecond, running `elf` to its end; the program gets `words`
+/// as its command line.
 pub fn emulator(elf: &Path, words: &[&str]) -> Command {
     let words: String = words.iter().map(|word| format!(",arg={word}")).collect();
     let mut command = process::command("qemu-system-arm", places::root());
@@ -28,7 +28,7 @@ pub fn emulator(elf: &Path, words: &[&str]) -> Command {
     command
 }
 
-/// A panic and a fault on the board each end the emulator with the status that says so.
+/// Checks that a panic and a fault on the board each end the emulator with the status that says so.
 pub fn bad_ends(core: Core) -> Result<()> {
     let elf = firmware::build_binary(core, BENCH, &[firmware::WATCH])?;
     for (word, expected) in BAD_ENDS {

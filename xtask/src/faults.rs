@@ -48,12 +48,12 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     process::run(&mut command)
 }
 
-/// Ten thousand runs of the board's own drivers.
+/// Makes ten thousand runs of the board's own drivers.
 pub fn of_board() -> Result<()> {
     board(false)
 }
 
-/// The short selection, against the image that is built.
+/// Runs the short selection, against the image that is built.
 pub fn short(core: Core) -> Result<()> {
     run(&Options { short: true, ..Options::default() }, Some(core))
 }

@@ -205,7 +205,7 @@ fn is_chip(chip: &Chip, code: u32) -> Result<()> {
     }
 }
 
-/// The last word of hexadecimal digits that was printed.
+/// Returns the last word of hexadecimal digits that was printed.
 fn id_code(text: &str) -> Option<u32> {
     text.split_whitespace().rev().find_map(|word| u32::from_str_radix(word.trim_start_matches("0x"), 16).ok())
 }
@@ -243,7 +243,7 @@ fn is_loader(chip: &Chip, list: &str) -> Result<()> {
     bail!("the flash of the board in its loader is not that of an {}: {what}; nothing was written", chip.name)
 }
 
-/// The bytes of flash from its beginning on, as the loader takes them.
+/// Returns the bytes of flash from its beginning on, as the loader takes them.
 fn flat(elf: &Path) -> Result<Vec<u8>> {
     let bytes = std::fs::read(elf).with_context(|| format!("cannot read {}", elf.display()))?;
     let file = ElfFile32::<object::Endianness>::parse(&*bytes)

@@ -59,7 +59,7 @@ pub fn run(options: &Options) -> Result<()> {
     if failures.is_empty() { Ok(()) } else { bail!("{}", failures.join("\n  ")) }
 }
 
-/// Names of the fuzz targets: the files in their folder.
+/// Returns the names of the fuzz targets: the files in their folder.
 fn all_targets() -> Result<Vec<String>> {
     let folder = places::fuzz().join("fuzz_targets");
     let mut names = Vec::new();
@@ -73,7 +73,8 @@ fn all_targets() -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// Names of the fuzz targets that do without the host's crate: those that require no feature of it.
+/// Returns the names of the fuzz targets that do without the host's crate: those that require no feature of
+/// it.
 fn device_targets() -> Result<Vec<String>> {
     let file = places::fuzz().join("Cargo.toml");
     let text = std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -121,7 +122,7 @@ fn run_target(cargo_fuzz: &Path, target: &str, options: &Options) -> Result<()> 
     bail!("failed, see {}:\n    {end}", report.display())
 }
 
-/// The committed inputs of a target.
+/// Returns the committed inputs of a target.
 fn corpus(target: &str) -> PathBuf {
     places::fuzz().join("corpus").join(target)
 }

@@ -28,7 +28,7 @@ pub struct Options {
     pub all: bool,
 }
 
-/// Checks.
+/// Checks the program for Macs.
 pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     ensure!(cfg!(unix), "the stand-in for a C compiler is a shell's script: run this on Linux or macOS");
     let folder = places::target().join("macos");

@@ -21,17 +21,17 @@ pub const PICO_TARGET: &str = "thumbv8m.main-none-eabihf";
 /// The target triple of the boards with a Cortex-M4F.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// The project's folder.
+/// Returns the project's folder.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
 }
 
-/// The emulated board's folder, a workspace of its own.
+/// Returns the emulated board's folder, a workspace of its own.
 pub fn board() -> PathBuf {
     board_named(BOARD)
 }
 
-/// A board's folder by its name.
+/// Returns a board's folder by its name.
 pub fn board_named(name: &str) -> PathBuf {
     root().join("firmware/boards").join(name)
 }
@@ -66,7 +66,7 @@ pub fn watch_elf() -> PathBuf {
     firmware_elf().with_file_name(format!("{FIRMWARE}-watch"))
 }
 
-/// The fuzz targets' folder, a workspace of its own.
+/// Returns the fuzz targets' folder, a workspace of its own.
 pub fn fuzz() -> PathBuf {
     root().join("fuzz")
 }

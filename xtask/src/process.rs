@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::places;
 
-/// A command without what cargo set for this program alone, and without standard input.
+/// Returns a command without what cargo set for this program alone, and without standard input.
 ///
 /// Build scripts watch such variables: left in place, they would rebuild crates on every change of caller.
 pub fn command(program: impl AsRef<OsStr>, folder: &Path) -> Command {
@@ -29,12 +29,12 @@ pub fn command(program: impl AsRef<OsStr>, folder: &Path) -> Command {
     command
 }
 
-/// Cargo as the user calls it, in `folder`.
+/// Returns Cargo as the user calls it, in `folder`.
 pub fn cargo(folder: &Path) -> Command {
     command("cargo", folder)
 }
 
-/// The command as one would type it.
+/// Returns the command as one would type it.
 pub fn shown(command: &Command) -> String {
     let mut words: Vec<String> = vec![command.get_program().to_string_lossy().into_owned()];
     words.extend(command.get_args().map(|word| word.to_string_lossy().into_owned()));
@@ -97,7 +97,8 @@ pub fn is_installed(program: &str) -> bool {
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
 }
 
-/// Processor time of the programs that ended so far, user's and system's; `None` where `/proc` does not tell.
+/// Returns the processor time of the programs that ended so far, user's and system's; `None` where `/proc`
+/// does not state it.
 pub fn processor_time() -> Option<Duration> {
     /// Ticks of these figures in a second, on every Linux.
     const TICKS: f64 = 100.0;

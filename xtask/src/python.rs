@@ -11,7 +11,7 @@ use crate::process;
 use crate::setup;
 use crate::testing::{self, Counts};
 
-/// Builds, installs and tests the wheel, and prints how many tests there were.
+/// Builds, installs and tests the wheel, and prints the number of tests.
 ///
 /// # Errors
 /// It cannot be built, a test fails, or nothing of what is needed can be installed.
@@ -81,7 +81,7 @@ fn install(released: bool) -> Result<()> {
     process::run(command.args(["--no-deps", "--force-reinstall", "./python"]))
 }
 
-/// The project's own Python, whose programs come before others of their name.
+/// Returns the project's own Python, whose programs come before others of their name.
 fn python() -> std::process::Command {
     let program = setup::python();
     let mut command = process::command(&program, places::root());

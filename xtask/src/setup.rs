@@ -130,7 +130,7 @@ pub fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|program| is_installed(program))
 }
 
-/// The emulator, and the C++ compiler that the fuzzer's run-time needs.
+/// Installs the emulator, and the C++ compiler that the fuzzer's run-time needs.
 pub fn system_packages() -> Result<()> {
     let wanted = [("qemu-system-arm", "qemu-system-arm"), ("g++", "g++")];
     let missing: Vec<&str> =
@@ -159,7 +159,7 @@ pub fn apt_install(packages: &[&str]) -> Result<()> {
         .with_context(|| format!("cannot install; by hand it is\n  {by_hand}"))
 }
 
-/// The pinned cargo-fuzz, in this project's own folder.
+/// Returns the pinned cargo-fuzz, in this project's own folder.
 pub fn cargo_fuzz() -> Result<PathBuf> {
     let folder = places::own().join("tools");
     let program = folder.join("bin/cargo-fuzz");
@@ -207,7 +207,7 @@ pub fn python_module(module: Module) {
     }
 }
 
-/// The project's own Python, if it was made.
+/// Returns the project's own Python, if it was made.
 pub fn python() -> PathBuf {
     places::own().join("python/bin/python")
 }

@@ -52,7 +52,7 @@ struct Images {
 }
 
 impl Images {
-    /// Each with its name.
+    /// Returns each size with its name.
     fn named(&self) -> [(&'static str, Sizes); 5] {
         [
             ("whole image", self.whole),
@@ -106,7 +106,7 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     compare(&images, options.overwrite)
 }
 
-/// The sizes of a linked image, whose worst stack must find room.
+/// Returns the sizes of a linked image, whose worst stack must find room.
 fn measure(elf: &Path, way: bool) -> Result<Sizes> {
     let program = Program::read(elf)?;
     let (main, handlers) = depths(&program)?;
@@ -139,13 +139,13 @@ fn hold(images: &Images) -> Result<()> {
     if above.is_empty() { Ok(()) } else { bail!("not what is promised: {}", above.join("; ")) }
 }
 
-/// The worst stack of a program, bytes.
+/// Returns the worst stack of a program, bytes.
 pub fn stack_bound(program: &Program) -> Result<u64> {
     let (main, handlers) = depths(program)?;
     Ok(worst_stack(&main, &handlers))
 }
 
-/// The main program and every handler on top of it and of each other.
+/// Returns the worst stack of the main program and every handler on top of it and of each other.
 fn worst_stack(main: &Depth, handlers: &[Depth]) -> u64 {
     u64::from(main.bytes) + handlers.iter().map(|h| u64::from(h.bytes + EXCEPTION_FRAME)).sum::<u64>()
 }
@@ -186,7 +186,7 @@ fn differences(image: &str, before: &Sizes, now: &Sizes) -> Vec<String> {
         .collect()
 }
 
-/// Bytes between the static variables and the top of the stack.
+/// Returns the bytes between the static variables and the top of the stack.
 fn stack_room(program: &Program) -> Result<u64> {
     let address = |symbol: &str| {
         program.symbols.get(symbol).copied().with_context(|| format!("there is no symbol {symbol}"))
@@ -194,7 +194,7 @@ fn stack_room(program: &Program) -> Result<u64> {
     Ok(u64::from(address("_stack_start")?.saturating_sub(address("_stack_end")?)))
 }
 
-/// The main program's depth and every exception handler's.
+/// Returns the main program's depth and every exception handler's.
 ///
 /// Handlers are summed up, as if each interrupted the one before: a bound for any priorities.
 fn depths(program: &Program) -> Result<(Depth, Vec<Depth>)> {
@@ -209,7 +209,8 @@ fn depths(program: &Program) -> Result<(Depth, Vec<Depth>)> {
     Ok((main, handlers))
 }
 
-/// Distinct handlers in the vector table, without Reset and the hard fault, which does not return.
+/// Returns the distinct handlers in the vector table, without Reset and the hard fault, which does not
+/// return.
 fn handlers(program: &Program) -> Vec<usize> {
     const HARD_FAULT: usize = 3;
     let mut found: Vec<usize> = program

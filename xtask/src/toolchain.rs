@@ -53,7 +53,7 @@ const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_CLIPPY: &str = "/usr/bin/cargo-clippy";
 const RUSTUP_LIMIT: Duration = Duration::from_secs(60);
 
-/// Chooses, installs if it must, and prints what was chosen and why.
+/// Chooses, installs if it must, and prints the choice and its reason.
 ///
 /// Order: what was asked for; what is there already; rustup, for at most a minute; Debian's packages.
 pub fn choose(asked: Option<Core>) -> Result<Core> {
@@ -82,7 +82,7 @@ pub fn choose(asked: Option<Core>) -> Result<Core> {
     Ok(core)
 }
 
-/// Cargo for a build in the board's folder, without arguments after the flags that `core` needs.
+/// Returns Cargo for a build in the board's folder, without arguments after the flags that `core` needs.
 ///
 /// Each way has its own build folder, so that switching rebuilds nothing.
 pub fn board_cargo(core: Core, verb: &str, folder: &Path) -> Command {
@@ -101,8 +101,8 @@ pub fn board_cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> C
     command
 }
 
-/// Cargo for a program on another system, whose target has `std`: rustup downloads it, Debian's compiler
-/// builds it.
+/// Returns Cargo for a program on another system, whose target has `std`: rustup downloads it, Debian's
+/// compiler builds it.
 pub fn system_cargo(core: Core, verb: &str, target: &str) -> Command {
     let mut command = cargo_for(core, verb, places::root(), target);
     if core == Core::Debian {
@@ -111,12 +111,12 @@ pub fn system_cargo(core: Core, verb: &str, target: &str) -> Command {
     command
 }
 
-/// The variable by which cargo takes a target's linker.
+/// Returns the variable by which cargo takes a target's linker.
 pub fn linker_variable(target: &str) -> String {
     format!("CARGO_TARGET_{}_LINKER", target.to_uppercase().replace(['-', '.'], "_"))
 }
 
-/// Cargo for a target, by the compiler of this way.
+/// Returns Cargo for a target, by the compiler of this way.
 fn cargo_for(core: Core, verb: &str, folder: &Path, target: &str) -> Command {
     let mut command = match core {
         Core::Rustup => process::cargo(folder),

@@ -119,7 +119,7 @@ impl<F: Fn(Part) -> bool> Job<F> {
         }
     }
 
-    /// Tests of the workspace, then what the built program must print.
+    /// Runs tests of the workspace, then checks what the built program must print.
     fn host(&self, steps: &mut Steps, counts: &mut Counts, core: Option<Core>, has_firmware: bool) {
         let elf = has_firmware.then(places::firmware_elf);
         let mut here = Surroundings::look(elf.as_deref(), self.nightly);
@@ -246,8 +246,8 @@ fn other_core(steps: &mut Steps, core: Core, here: &mut Surroundings, counts: &m
     });
 }
 
-/// The compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of the
-/// library.
+/// Checks by the compiler that `rust-version` promises: this one, an installed one, or clippy's knowledge of
+/// the library.
 fn oldest_compiler() -> Result<()> {
     let promised = promised_version()?;
     let text = process::output(process::command("rustc", places::root()).arg("--version"))?;

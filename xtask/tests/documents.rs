@@ -17,7 +17,7 @@ const MANIFESTS: [&str; 5] = [
     "fuzz/Cargo.toml",
 ];
 
-/// The packages of a workspace, its members alone or everything it builds on.
+/// Returns the packages of a workspace, its members alone or everything it builds on.
 fn packages(manifest: &str, scope: &[&str]) -> Vec<serde_json::Value> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--locked", "--format-version", "1"])
@@ -31,7 +31,7 @@ fn packages(manifest: &str, scope: &[&str]) -> Vec<serde_json::Value> {
     metadata["packages"].as_array().unwrap().clone()
 }
 
-/// Direct dependencies, from crates.io, of every crate in a workspace.
+/// Returns the direct dependencies, from crates.io, of every crate in a workspace.
 fn direct_dependencies(manifest: &str) -> BTreeSet<String> {
     packages(manifest, &["--no-deps"])
         .iter()
@@ -57,7 +57,7 @@ fn every_direct_dependency_is_explained_and_none_is_explained_that_is_gone() {
     assert!(gone.is_empty(), "docs/dependencies.md names {gone:?}, which nothing uses");
 }
 
-/// The licences that `deny.toml` allows.
+/// Returns the licences that `deny.toml` allows.
 fn allowed() -> BTreeSet<String> {
     let text = std::fs::read_to_string(root().join("deny.toml")).unwrap();
     let (_, list) = text.split_once("\nallow = [").expect("deny.toml allows licences");

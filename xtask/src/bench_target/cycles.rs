@@ -55,7 +55,8 @@ impl Cost {
         self.counts.values().sum()
     }
 
-    /// A float result that the very next instruction uses is a cycle late.
+    /// Returns the cycles by which an instruction stalls: a float result that the very next instruction uses
+    /// is a cycle late.
     fn stall(&self, next: &Instruction) -> u64 {
         let made = self.last.and_then(|last| last.float).map(|registers| registers.to);
         let used = next.float.map_or([crate::elf::thumb::NONE; 3], |registers| registers.from);

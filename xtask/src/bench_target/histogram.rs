@@ -38,7 +38,7 @@ impl Histogram {
     }
 }
 
-/// The fewest instructions that this share of the samples does not exceed.
+/// Returns the fewest instructions that this share of the samples does not exceed.
 fn quantile(counts: &Counts, thousandths: u64) -> u64 {
     let all: u64 = counts.iter().map(|(_, count)| count).sum();
     let mut seen = 0;

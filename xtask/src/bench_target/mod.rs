@@ -82,7 +82,7 @@ impl Case {
         self.per_sample(self.stretch.cost.instructions())
     }
 
-    /// Estimated cycles per sample.
+    /// Returns the estimated cycles per sample.
     fn cycles(&self) -> f64 {
         self.per_sample(self.stretch.cost.cycles)
     }
@@ -185,7 +185,7 @@ fn parse_case(line: &str) -> Option<Reported> {
     serde_json::from_str(line).ok()
 }
 
-/// One entry for every size that has a kernel of its own: a body's, or that of given rows.
+/// Returns one entry for every size that has a kernel of its own: a body's, or that of given rows.
 fn entries(cases: &[Case], firmware: &Program) -> Result<Vec<Entry>> {
     let find =
         |part: &str, n: u32| cases.iter().find(|case| case.reported.part == part && case.reported.n == n);

@@ -36,7 +36,7 @@ fn means(cases: &[Case]) {
     }
 }
 
-/// Our kernel against the C Householder: from the raw sample, regressor included, where N is a body's.
+/// Prints our kernel against the C Householder: from the raw sample, regressor included, where N is a body's.
 fn baseline(entries: &[Entry]) {
     let pairs: Vec<_> = entries.iter().filter_map(|e| e.baseline.as_ref().map(|c| (e, c))).collect();
     if pairs.is_empty() {

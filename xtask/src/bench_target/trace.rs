@@ -196,8 +196,8 @@ impl Counter<'_> {
     }
 }
 
-/// The block in a line of the trace, `Trace 0: 0x7f… [flags/address/flags/flags] name`: where its translation
-/// is, and its address.
+/// Returns the block in a line of the trace, `Trace 0: 0x7f… [flags/address/flags/flags] name`: where its
+/// translation is, and its address.
 fn executed(line: &[u8]) -> Option<(u64, u32)> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix("Trace ")?;
     let (before, inside) = text.split_once('[')?;
@@ -206,7 +206,8 @@ fn executed(line: &[u8]) -> Option<(u64, u32)> {
     Some((u64::from_str_radix(place, 16).ok()?, u32::from_str_radix(address, 16).ok()?))
 }
 
-/// The address in a line of a translated block's listing: `0x0000d512:  b580       push     {r7, lr}`.
+/// Returns the address in a line of a translated block's listing:
+/// `0x0000d512:  b580       push     {r7, lr}`.
 fn listed(line: &[u8]) -> Option<u32> {
     let (address, _) = std::str::from_utf8(line).ok()?.strip_prefix("0x")?.split_once(':')?;
     u32::from_str_radix(address, 16).ok()

@@ -65,7 +65,7 @@ pub fn reference_build_s(setting: &Setting) -> Result<f64> {
     Ok(*setting.reference_s.get_or_init(|| used.processor_s))
 }
 
-/// The first of README's two commands, from nothing.
+/// Measures the first of README's two commands, from nothing.
 fn first_answer(setting: &Setting, reference_s: f64) -> Result<Figure> {
     let target = from_nothing(&setting.folder.join("first-target"))?;
     let answer = from_nothing(&setting.folder.join("first-answer"))?;
@@ -81,7 +81,7 @@ fn first_answer(setting: &Setting, reference_s: f64) -> Result<Figure> {
     })
 }
 
-/// A clone of what is committed, in which lines are changed: the sources here stay as they are.
+/// Measures a clone of what is committed, in which lines are changed: the sources here stay as they are.
 fn changed_lines(setting: &Setting, reference_s: f64) -> Result<Vec<Figure>> {
     let clone = from_nothing(&setting.folder.join("clone"))?;
     let mut git = process::command("git", places::root());

@@ -72,7 +72,7 @@ fn identify(setting: &Setting, recording: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// `identify` of one body against plain least squares by numpy.
+/// Measures `identify` of one body against plain least squares by numpy.
 pub fn one_body(setting: &Setting) -> Result<Vec<Figure>> {
     set_up_python()?;
     let file = recording(setting, "body-1e6.csv", "generate.py", &["1e6"])?;
@@ -86,7 +86,7 @@ pub fn one_body(setting: &Setting) -> Result<Vec<Figure>> {
     Ok(vec![ratio("one body, 1 000 000 rows / numpy", ours, theirs, 1.2)])
 }
 
-/// `identify` of an arm with friction against plain least squares by numpy with Pinocchio.
+/// Measures `identify` of an arm with friction against plain least squares by numpy with Pinocchio.
 pub fn arm(setting: &Setting) -> Result<Vec<Figure>> {
     set_up_python()?;
     let urdf = robot("ur5_robot").display().to_string();
@@ -108,7 +108,7 @@ fn ratio(name: &str, ours: f64, theirs: f64, limit: f64) -> Figure {
     Figure { name: name.to_owned(), value: ours / theirs, limit, note }
 }
 
-/// The most memory for a recording of ten million rows, against that of its numbers.
+/// Measures the most memory for a recording of ten million rows, against that of its numbers.
 pub fn memory(setting: &Setting) -> Result<Vec<Figure>> {
     const ROWS: f64 = 1e7;
     set_up_python()?;
@@ -128,7 +128,7 @@ pub fn memory(setting: &Setting) -> Result<Vec<Figure>> {
     }])
 }
 
-/// Rows of each robot against Pinocchio's own C++.
+/// Measures rows of each robot against Pinocchio's own C++.
 pub fn rows(setting: &Setting) -> Result<Vec<Figure>> {
     set_up_python()?;
     let theirs = pinocchio_program(setting)?;

@@ -22,7 +22,7 @@ pub fn figures(setting: &Setting) -> Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// The last line of the table `room-long`: 300 000 frames on all cores.
+/// Measures the last line of the table `room-long`: 300 000 frames on all cores.
 fn person(reference_s: f64) -> Result<Vec<Figure>> {
     let text = process::output(tables::program()?.arg("room-long"))?;
     let line =
@@ -45,7 +45,7 @@ fn person(reference_s: f64) -> Result<Vec<Figure>> {
     ])
 }
 
-/// A merge of ten thousand factor files by one process.
+/// Measures a merge of ten thousand factor files by one process.
 fn merge(setting: &Setting, reference_s: f64) -> Result<Figure> {
     let folder = setting.folder.join("factors");
     let list = folder.join("list.txt");
@@ -72,7 +72,7 @@ fn name(k: usize) -> String {
     format!("{k}.factor")
 }
 
-/// Still poses of one body, with noise that is a sum of uniform numbers.
+/// Makes factors from still poses of one body, with noise that is a sum of uniform numbers.
 fn make_factors(setting: &Setting, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let rig = folder.join("poses.rig.toml");

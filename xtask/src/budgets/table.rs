@@ -26,7 +26,7 @@ pub fn text(figures: &[Figure]) -> String {
     text
 }
 
-/// Two figures after the point where a limit has them.
+/// Writes a number with two figures after the point where a limit has them.
 fn number(value: f64) -> String {
     match value {
         v if !v.is_finite() => "–".to_owned(),

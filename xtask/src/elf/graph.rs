@@ -48,7 +48,7 @@ impl Graph {
     }
 }
 
-/// The way into `to` as names, outermost first.
+/// Returns the way into `to` as names, outermost first.
 pub fn path(program: &Program, reached: &BTreeMap<usize, Option<usize>>, to: usize) -> String {
     let mut names = vec![program.functions[to].name.clone()];
     let mut at = to;

@@ -107,25 +107,25 @@ impl Program {
         Ok(Self { path: path.to_owned(), functions, memory, vectors, symbols, segments, marks })
     }
 
-    /// The function that holds an address.
+    /// Returns the function that holds an address.
     pub fn function_at(&self, address: u32) -> Option<usize> {
         let after = self.functions.partition_point(|function| function.range.start <= address);
         let index = after.checked_sub(1)?;
         self.functions[index].range.contains(&address).then_some(index)
     }
 
-    /// The function of that linker symbol.
+    /// Returns the function of that linker symbol.
     pub fn function_of_symbol(&self, symbol: &str) -> Option<usize> {
         self.symbols.get(symbol).and_then(|&address| self.function_at(address & !1))
     }
 
-    /// The instruction at an address.
+    /// Returns the instruction at an address.
     pub fn instruction(&self, address: u32) -> Option<Instruction> {
         let first = self.halfword(address)?;
         Some(thumb::decode(address, first, self.halfword(address + 2).unwrap_or(0)))
     }
 
-    /// A function's instructions in order of address, literal pools left out.
+    /// Returns a function's instructions in order of address, literal pools left out.
     pub fn instructions(&self, function: &Function) -> Vec<(u32, Instruction)> {
         let mut found = Vec::new();
         let mut address = function.range.start;
@@ -141,7 +141,7 @@ impl Program {
         found
     }
 
-    /// A word of the program's memory.
+    /// Returns a word of the program's memory.
     pub fn word(&self, address: u32) -> Option<u32> {
         Some(u32::from(self.halfword(address)?) | u32::from(self.halfword(address + 2)?) << 16)
     }
@@ -177,7 +177,7 @@ fn functions(starts: &BTreeMap<u32, (u32, Vec<String>)>, code: &[Range<u32>]) ->
     found
 }
 
-/// A symbol demangled, without its hash.
+/// Returns a symbol demangled, without its hash.
 pub fn readable(symbol: &str) -> String {
     format!("{:#}", rustc_demangle::demangle(symbol))
 }

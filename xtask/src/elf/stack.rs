@@ -16,12 +16,12 @@ pub struct Depth {
     pub way: Vec<(String, u32)>,
 }
 
-/// Bytes that a function's own instructions push.
+/// Returns the bytes that a function's own instructions push.
 pub fn frame(program: &Program, function: usize) -> u32 {
     program.instructions(&program.functions[function]).iter().map(|(_, instruction)| instruction.pushed).sum()
 }
 
-/// The worst stack from `root` down, `is_end` marking functions that are not entered.
+/// Returns the worst stack from `root` down, `is_end` marking functions that are not entered.
 ///
 /// # Errors
 /// Recursion, or a call whose target is not known: no bound can be given then.

@@ -184,7 +184,7 @@ fn decode_wide(address: u32, first: u16, second: u16) -> Instruction {
     }
 }
 
-/// Shifted-register and register forms: only what they do to the stack pointer matters.
+/// Decodes shifted-register and register forms: only what they do to the stack pointer matters.
 fn data_processing(second: u16) -> Instruction {
     let to_stack = (second >> 8) & 0xf == SP;
     Instruction { moves_stack: to_stack, ..plain(4, Class::Integer) }
@@ -229,7 +229,7 @@ fn decode_immediate(first: u16, second: u16) -> Instruction {
     }
 }
 
-/// ThumbExpandImm of a twelve-bit constant.
+/// Returns ThumbExpandImm of a twelve-bit constant.
 fn expand(low: u16) -> u32 {
     let byte = u32::from(low & 0xff);
     match low >> 8 {

@@ -15,7 +15,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// The golden that this case must give.
+    /// Returns the golden that this case must give.
     pub fn golden(&self) -> &'static str {
         self.as_another.unwrap_or(self.name)
     }

@@ -14,7 +14,7 @@ pub struct Difference {
     pub reason: Option<&'static str>,
 }
 
-/// All differences; none if the outputs are the same.
+/// Returns all differences; none if the outputs are the same.
 pub fn differences(golden: &Seen, now: &Seen, case: &Case) -> Vec<Difference> {
     let mut what = Vec::new();
     if golden.exit != now.exit {
@@ -65,7 +65,7 @@ fn parameters(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
     what.extend(added.map(|name| format!("parameter {name} is new")));
 }
 
-/// Other numbers: those that another schema has not are not missed.
+/// Compares other numbers; those that another schema lacks are not missed.
 fn numbers(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
     for (path, old) in &golden.numbers {
         // Numbers of one array are of one kind: the largest is their scale, so that rounding about zero is
@@ -83,7 +83,7 @@ fn numbers(golden: &Seen, now: &Seen, what: &mut Vec<String>) {
     }
 }
 
-/// Every entry of the golden must be somewhere in the new file, whatever its format.
+/// Compares factors: every entry of the golden must be somewhere in the new file, whatever its format.
 fn factor(name: &str, entries: &[String], now: &Seen, tolerance: f64, what: &mut Vec<String>) {
     let Some(bytes) = now.files.get(name) else {
         what.push(format!("factor {name} is not written"));

@@ -72,9 +72,9 @@ const ARM: &str = r#"<robot name="arm">
 </robot>
 "#;
 
-/// Twenty seconds at 200 Hz of the arm with the hand held: torques by the closed form of a planar double
-/// pendulum whose links have 2.1 and 1.2 kg at 0.21 and 0.16 m, friction, and noise of a linear congruential
-/// generator.
+/// Writes twenty seconds at 200 Hz of the arm with the hand held: torques by the closed form of a planar
+/// double pendulum whose links have 2.1 and 1.2 kg at 0.21 and 0.16 m, friction, and noise of a linear
+/// congruential generator.
 fn arm() -> String {
     let mut text = "t_s,shoulder_rad,elbow_rad,wrist_rad,shoulder_nm,elbow_nm,wrist_nm\n".to_owned();
     let (m1, m2, l1, c1, c2, i1, i2, g) = (2.1, 1.2, 0.4, 0.21, 0.16, 0.035, 0.012, 9.80665);
@@ -119,7 +119,7 @@ fn arm() -> String {
     text
 }
 
-/// Joint angles and torques from motor angles and motor torques: the wrist's last motor turns with two
+/// Converts motor angles and motor torques to joint angles and torques: the wrist's last motor turns with two
 /// joints.
 fn staubli(folder: &Path) -> Result<String> {
     const RATIO: [f64; 6] = [32.0, 32.0, 45.0, -48.0, 45.0, 32.0];

@@ -138,7 +138,7 @@ impl Seen {
     }
 }
 
-/// Every number in a value, by its path.
+/// Collects every number in a value, by its path.
 fn leaves(path: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
     match value {
         Value::Number(number) => {
@@ -155,7 +155,7 @@ fn leaves(path: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
     }
 }
 
-/// The first word of a line and its numbers, if it has any; the names of files are left out.
+/// Returns the first word of a line and its numbers, if it has any; the names of files are left out.
 pub fn numbers_of(line: &str) -> Option<String> {
     if line.starts_with("Files in") {
         return None;
@@ -172,8 +172,8 @@ pub fn numbers_of(line: &str) -> Option<String> {
     (!numbers.is_empty()).then(|| format!("{first} {}", numbers.join(" ")))
 }
 
-/// The numbers at the end of a factor file of version 8, before its check sum. The version, the numbers of
-/// parameters and of runs and that of these numbers follow the magic, in bytes of seven bits.
+/// Returns the numbers at the end of a factor file of version 8, before its check sum. The version, the
+/// numbers of parameters and of runs and that of these numbers follow the magic, in bytes of seven bits.
 fn entries(bytes: &[u8]) -> Option<Vec<f64>> {
     let body = bytes.get(8..bytes.len().checked_sub(4)?)?;
     let mut at = 0;

@@ -78,14 +78,14 @@ pub fn run(options: &Options, core: Option<Core>) -> Result<()> {
     Ok(())
 }
 
-/// The triple of the compiler's own system.
+/// Returns the triple of the compiler's own system.
 fn this_system() -> Result<String> {
     let text = process::output(process::command("rustc", places::root()).arg("-vV"))?;
     let host = text.lines().find_map(|line| line.strip_prefix("host: "));
     Ok(host.context("rustc names no host")?.to_owned())
 }
 
-/// The version of the workspace.
+/// Returns the version of the workspace.
 fn version() -> Result<String> {
     let metadata = graph::metadata(None)?;
     let packages = metadata["packages"].as_array().context("cargo lists no packages")?;

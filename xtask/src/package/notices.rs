@@ -45,7 +45,7 @@ pub fn text(parts: &[Part]) -> Result<String> {
     Ok(out)
 }
 
-/// The texts in a package's folder.
+/// Returns the texts in a package's folder.
 fn licences(folder: &Path) -> Result<Vec<String>> {
     let mut texts = Vec::new();
     let mut files: Vec<_> =

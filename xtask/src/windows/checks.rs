@@ -61,7 +61,7 @@ impl Bench<'_> {
         object(&self.windows(words).output()?)
     }
 
-    /// Each recording of the examples, the demonstration, and a recorded person where there is one.
+    /// Checks each recording of the examples, the demonstration, and a recorded person where there is one.
     fn same_numbers(&self) -> Result<()> {
         let example = |name: &str| places::root().join("docs/examples").join(name).display().to_string();
         let data = places::root().join("../shared/data/human_gait2354_subject01_walk");
@@ -91,7 +91,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// The bracket as a spreadsheet of Windows saves it, under a name with an umlaut.
+    /// Checks the bracket as a spreadsheet of Windows saves it, under a name with an umlaut.
     fn files_of_windows(&self) -> Result<()> {
         let examples = places::root().join("docs/examples");
         let text = std::fs::read_to_string(examples.join("bracket.csv"))?;
@@ -116,7 +116,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// A reader that goes away early has read as much as it wanted.
+    /// Checks that a reader that goes away early has read as much as it wanted.
     fn closed_pipe(&self) -> Result<()> {
         for words in [&["schema", "result"][..], &["--help"], &["man"]] {
             let mut command = self.windows(words);
@@ -129,7 +129,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// A port that is not there is named. Real ones Wine cannot show.
+    /// Checks that a port that is not there is named. Real ones Wine cannot show.
     fn ports(&self) -> Result<()> {
         let missing = self.windows(&["info", "--port", "COM77"]).output()?;
         let words = said(&missing);
@@ -138,7 +138,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Lines over UDP from this system, in real time.
+    /// Checks lines over UDP from this system, in real time.
     fn live(&self) -> Result<()> {
         let text = std::fs::read_to_string(places::root().join("docs/examples/bracket.csv"))?;
         let rig = places::root().join("docs/examples/bracket.rig.toml").display().to_string();
@@ -193,7 +193,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The object that a program printed.
+/// Returns the object that a program printed.
 fn object(output: &Output) -> Result<Value> {
     serde_json::from_slice(&output.stdout)
         .with_context(|| format!("no object on standard output: {:?}, {}", output.status, said(output)))

@@ -121,7 +121,8 @@ pub fn in_wine(program: &Path, at: &Path) -> Result<Command> {
 /// The emulated board and the served rig are Unix' alone.
 const FEATURES: [&str; 3] = ["--no-default-features", "--features", "rigident-cli/simulator"];
 
-/// Cargo for Windows, with a build folder of its own and the level of optimisation that compiles soonest.
+/// Returns Cargo for Windows, with a build folder of its own and the level of optimisation that compiles
+/// soonest.
 fn cargo(core: Core, verb: &str) -> Command {
     let mut command = toolchain::system_cargo(core, verb, TARGET);
     command

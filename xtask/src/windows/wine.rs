@@ -49,7 +49,7 @@ impl Wine {
         Ok(wine)
     }
 
-    /// A program of Windows in a folder; the first argument is its path.
+    /// Returns the command of a program of Windows in a folder; the first argument is its path.
     pub fn command(&self, folder: &Path) -> Command {
         let mut command = process::command(&self.program, folder);
         self.surround(&mut command);
@@ -63,7 +63,7 @@ impl Wine {
         self.surround(command);
     }
 
-    /// Neither dialogues nor messages of Wine's own.
+    /// Silences dialogues and messages of Wine's own.
     fn surround(&self, command: &mut Command) {
         command
             .env("WINEPREFIX", &self.prefix)
