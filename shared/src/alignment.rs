@@ -62,7 +62,7 @@ pub struct Aligner<T: Scalar> {
 }
 
 impl<T: Scalar> Aligner<T> {
-    /// Not yet set up: [`Self::set_up`] must follow.
+    /// The aligner before it is set up: [`Self::set_up`] must follow.
     pub const UNUSED: Self = {
         let none = ImuReading {
             time_ns: 0,

@@ -1,4 +1,4 @@
-//! From sensor words to physical quantities in known frames.
+//! Conversion of sensor words to physical quantities in known frames.
 //!
 //! Lives here: gauge matrix, IMU scale, bias and mounting. May not live here: time. Before this: the drivers
 //! of the firmware; after it: [`crate::alignment`].
@@ -65,7 +65,7 @@ impl<T: Scalar> Default for ImuMounting<T> {
 }
 
 impl<T: Scalar> ImuMounting<T> {
-    /// At the link's origin and along its axes, without errors.
+    /// A mounting at the link's origin and along its axes, without errors.
     pub const PERFECT: Self = Self {
         rotation: Rotation::identity(),
         position: Position::zero(),
@@ -74,7 +74,7 @@ impl<T: Scalar> ImuMounting<T> {
         gyro_bias: AngularRate::zero(),
     };
 
-    /// Not yet set up. All bits are zero.
+    /// The mounting before it is set up. All bits are zero.
     pub(crate) const UNUSED: Self = Self {
         rotation: Rotation::unset(),
         position: Position::zero(),

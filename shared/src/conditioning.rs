@@ -171,7 +171,7 @@ pub struct Conditioner<T: Scalar, const S: usize, const D: usize, const TAPS: us
 }
 
 impl<T: Scalar, const S: usize, const D: usize, const TAPS: usize> Conditioner<T, S, D, TAPS> {
-    /// Not yet set up: [`Self::set_up`] must follow.
+    /// The filter before it is set up: [`Self::set_up`] must follow.
     pub const UNUSED: Self = Self {
         kernel: Kernel::NONE,
         averaged: 0,

@@ -161,7 +161,7 @@ pub struct Search<T: Scalar> {
     parameters: [T; WITH_OFFSET],
     /// The factor as it is given.
     given: InformationFactor<T, WITH_OFFSET>,
-    /// With the offsets first.
+    /// The factor with the offsets first.
     turned: InformationFactor<T, WITH_OFFSET>,
     body: InformationFactor<T, 10>,
     interior_point: InteriorPoint<T>,

@@ -36,11 +36,11 @@ use knocks::Watch;
 /// Tells what became of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It may not be used; the filter starts anew after it.
+    /// The reading may not be used; the filter starts anew after it.
     Rejected(Rejection),
-    /// It is in the filter.
+    /// The reading is in the filter.
     Pending,
-    /// It completed a row block, which is now in the factor.
+    /// The reading completed a row block, which is now in the factor.
     Absorbed,
 }
 
@@ -120,8 +120,8 @@ impl<T: Scalar, const N: usize, const TAPS: usize> Estimator<T, N, TAPS> {
 impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usize, const TAPS: usize>
     Pipeline<T, M, N, S, D, TAPS>
 {
-    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero, so that it costs no flash to write
-    /// it.
+    /// The estimator before it is set up: [`Self::set_up`] must follow. All bits are zero, so that it costs
+    /// no flash to write it.
     pub const UNUSED: Self = Self {
         config: EstimatorConfig {
             rate_hz: T::ZERO,

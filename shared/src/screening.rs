@@ -16,7 +16,7 @@ pub const ATTITUDE_CHANNEL: u8 = 18;
 /// All there are.
 pub const ALL_CHANNELS: usize = 19;
 
-/// Their names, as in a recording; an attitude's is its first component's.
+/// The channels' names, as in a recording; an attitude's is its first component's.
 pub const CHANNEL_NAMES: [&str; ALL_CHANNELS] = [
     "fx_n",
     "fy_n",
@@ -63,7 +63,7 @@ impl<T: Scalar> Limits<T> {
         Self { wrench: [huge; 6], specific_force: huge, angular_rate: huge, frozen_after: 0 }
     }
 
-    /// Of nothing.
+    /// Limits of nothing.
     pub(crate) const ZERO: Self =
         Self { wrench: [T::ZERO; 6], specific_force: T::ZERO, angular_rate: T::ZERO, frozen_after: 0 };
 }
@@ -85,7 +85,7 @@ pub enum Rejection {
 /// Checks readings of `C` channels one after the other.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen<T: Scalar, const C: usize = CHANNELS> {
-    /// At this and beyond a channel is saturated: its range to within 0.1 %.
+    /// The value at which, and beyond which, a channel is saturated: its range to within 0.1 %.
     highest: [T; C],
     frozen_after: u16,
     last: [T; C],

@@ -110,11 +110,11 @@ pub struct LowPass<T: Scalar> {
 const WIDTH: usize = 17;
 
 impl<T: Scalar> LowPass<T> {
-    /// Not yet set up. All bits are zero.
+    /// The filter before it is set up. All bits are zero.
     pub const UNUSED: Self =
         Self { before: [[T::ZERO; POLES]; WIDTH], after: [[T::ZERO; POLES]; WIDTH], begins: false };
 
-    /// Before the first block.
+    /// The filter before the first block.
     pub const NEW: Self =
         Self { before: [[T::ZERO; POLES]; WIDTH], after: [[T::ZERO; POLES]; WIDTH], begins: true };
 

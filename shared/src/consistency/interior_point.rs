@@ -136,7 +136,7 @@ const TRIES_AT_ONCE: u8 = 6;
 /// Tells what a search does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// At its end, or not begun. All bits are zero.
+    /// The search is at its end, or not begun. All bits are zero.
     End,
     /// Makes the first scaling.
     Begin,

@@ -12,13 +12,13 @@ pub struct Counters {
     pub readings: u32,
     /// Readings not used, for whatever reason.
     pub rejected: u32,
-    /// Of these, per channel.
+    /// Readings not used, per channel.
     pub rejected_by_channel: [u16; ALL_CHANNELS],
     /// Stretches of missing time.
     pub gaps: u32,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Of these, those in which a channel was given less weight, per channel of the wrench; see
+    /// Row blocks in which a channel was given less weight, per channel of the wrench; see
     /// [`super::Reference`].
     pub knocks: [u16; 6],
     /// The last rejection.
@@ -51,8 +51,8 @@ impl Default for Counters {
 /// [`Kernel::noise_gain`] times the raw variance if the rows leave nothing unexplained.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChannelStatistics<T: Scalar> {
-    /// Of the sums, those of whole parts of [`PART`] innovations: in single precision one innovation would
-    /// not change a sum of 2²⁴ of them, and the mean would sink.
+    /// The part of the sums that whole parts of [`PART`] innovations make up: in single precision one
+    /// innovation would not change a sum of 2²⁴ of them, and the mean would sink.
     parts: [[T; 6]; 2],
     /// Σ e² and Σ e_k e_(k−1) since the last whole part.
     recent: [[T; 6]; 2],

@@ -57,7 +57,7 @@ pub struct FramesConfig<T> {
 pub struct FrameStop<T> {
     /// Largest standard deviation of each base parameter; infinite for one that is not asked for.
     pub standard_deviation: [T; PARAMETERS],
-    /// Not before this many frames.
+    /// The run is not ended before this many frames.
     pub minimum_frames: u32,
 }
 
@@ -130,17 +130,17 @@ pub struct FrameCounters {
     pub frames: u32,
     /// Absorbed.
     pub absorbed: u32,
-    /// Not those of the tree.
+    /// Frames with another number of links than the tree.
     pub wrong_links: u32,
-    /// With a number that is none.
+    /// Frames with a number that is none.
     pub not_finite: u32,
-    /// With an attitude that is none.
+    /// Frames with an attitude that is none.
     pub no_attitude: u32,
-    /// With a wrench at its range.
+    /// Frames with a wrench at its range.
     pub saturated: u32,
     /// The number whose motion repeats itself.
     pub without_motion: u32,
-    /// After the level was full.
+    /// Frames that came after the level was full.
     pub full: u32,
     /// The link of the last rejection that was about one, or how many links a frame had.
     pub last_link: u8,
@@ -204,7 +204,7 @@ pub struct FrameEstimator<T: Scalar> {
 }
 
 impl<T: Scalar> FrameEstimator<T> {
-    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero.
+    /// The estimator before it is set up: [`Self::set_up`] must follow. All bits are zero.
     pub const UNUSED: Self = Self {
         factor: TreeFactor::EMPTY,
         block: [Column::ZERO; PARAMETERS + 1],

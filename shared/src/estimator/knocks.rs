@@ -20,7 +20,7 @@ pub const LONGEST: u16 = 50;
 pub struct Reference<T: Scalar, const N: usize> {
     /// φ
     pub parameters: [T; N],
-    /// Of each parameter.
+    /// Standard deviation of each parameter.
     pub standard_deviation: [T; N],
     /// Variance of the noise relative to the σ of the configuration, as far as it is known to be larger; else
     /// 1.
@@ -32,7 +32,7 @@ pub struct Reference<T: Scalar, const N: usize> {
 /// Watches every channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch<T: Scalar> {
-    /// Of the filtered noise.
+    /// Variance of the filtered noise.
     variance: [T; 6],
     /// Row blocks beyond the limit, in a row.
     lasting: [u16; 6],

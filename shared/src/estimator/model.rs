@@ -22,7 +22,7 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
     type Store: Store<T, N>;
     /// Tells what noise of the signals does to the rows.
     type Noise: RowNoise<T, N>;
-    /// Not yet set up.
+    /// The model before it is set up.
     const UNUSED: Self;
 
     /// Starts anew with this configuration.
@@ -58,7 +58,7 @@ pub trait Model<T: Scalar, const N: usize, const S: usize>: Copy {
 
 /// Absorbs rows of `N` parameters and keeps `f32` from stagnating.
 pub trait Store<T: Scalar, const N: usize>: Copy {
-    /// Of no rows.
+    /// The store of no rows.
     const EMPTY: Self;
     /// Tells whether it can keep a memory in place of everything.
     const FORGETS: bool;
@@ -191,7 +191,7 @@ pub struct OneBody<T: Scalar> {
 }
 
 impl<T: Scalar> OneBody<T> {
-    /// To set an estimator up with.
+    /// The model with which an estimator is set up.
     pub const NEW: Self = Self { screen: Screen::UNUSED };
 
     /// Returns the filtered rows in the axes of S.

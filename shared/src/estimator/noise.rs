@@ -56,7 +56,7 @@ pub enum Refreshed<T: Scalar> {
 
 /// Tells what a model's rows hold of noise of the signals.
 pub trait RowNoise<T: Scalar, const N: usize>: Copy {
-    /// None. All bits are zero.
+    /// No noise. All bits are zero.
     const UNUSED: Self;
 
     /// Sets it up for an IMU of this noise, behind this filter.
@@ -169,10 +169,10 @@ impl<T: Scalar, const N: usize> RowNoise<T, N> for Noiseless {
 pub struct BodyNoise<T: Scalar> {
     imu: ImuNoise<T>,
     counts: bool,
-    /// Of white noise of unit variance after the filter, at the lags of the row blocks; and of its
-    /// derivative.
+    /// Autocovariance of white noise of unit variance after the filter, at the lags of the row blocks; and
+    /// that of its derivative.
     autocovariance: [[T; LAGS]; 2],
-    /// From one row block to the next, s.
+    /// Time from one row block to the next, s.
     period_s: T,
     /// Rows are whitened together.
     together: bool,

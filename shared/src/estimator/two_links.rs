@@ -31,7 +31,7 @@ pub const PARAMETERS: usize = 19;
 const SECOND: usize = 9;
 /// Numbers of its columns: six each of the moments', three each of the tensor's, which moments alone see.
 const ENTRIES: usize = 6 * 3 + 3 * 6;
-/// Of one body's signals, those that are smoothed.
+/// Number of one body's signals that are smoothed.
 const BASE: usize = regressor::SMOOTHED;
 /// Tells where the second link's smoothed entries are, the joint's specific force, and what is
 /// differentiated.
@@ -84,13 +84,13 @@ impl<T: Scalar> TwoLinkReading<T> {
 /// Tells where the joint's attitude comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointAttitude<T> {
-    /// With every reading.
+    /// The attitude comes with every reading.
     Streamed,
-    /// From both IMUs.
+    /// The attitude is found from both IMUs.
     FromImus {
-        /// At the start, w, x, y, z.
+        /// The attitude at the start, w, x, y, z.
         initial: [T; 4],
-        /// Of the accelerometers' correction, s; zero: the gyros alone.
+        /// Time constant of the accelerometers' correction, s; zero: the gyros alone.
         time_constant_s: T,
     },
 }
@@ -132,7 +132,7 @@ impl<T: Scalar> TwoLinks<T> {
         finite.then_some(Self { mounting, ranges, joint, attitude, ..Self::NONE })
     }
 
-    /// Not yet set up. All bits are zero.
+    /// The model before it is set up. All bits are zero.
     const NONE: Self = Self {
         mounting: ImuMounting::UNUSED,
         ranges: [T::ZERO; 2],

@@ -21,7 +21,7 @@ const FOLD_LEVEL: usize = FOLD_WAITING + 1;
 const WRENCHES: u8 = (BLOCK_ROWS / 3) as u8;
 /// Wrenches in a block of rows that see all parameters.
 const PAIR: u8 = (BLOCK_ROWS / CHANNELS) as u8;
-/// For each parameter this many pairs of columns are reduced at once, where the rest has time: a tenth of a
+/// Pairs of columns that are reduced at once for each parameter, where the rest has time: a tenth of a
 /// reduction.
 const SOME: usize = 2;
 /// Wrenches in a full absorbing level.
@@ -424,7 +424,7 @@ pub struct Gathering<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Gathering<T, N> {
-    /// Of nothing.
+    /// The gathering of nothing.
     pub const EMPTY: Self = Self { whole: InformationFactor::EMPTY, step: 0 };
 }
 

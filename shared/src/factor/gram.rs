@@ -9,7 +9,7 @@ pub struct Gram<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Gram<T, N> {
-    /// Of no noise.
+    /// The matrix of no noise.
     pub const ZERO: Self = Self { columns: [[T::ZERO; N]; N] };
 
     /// Adds the given multiple of another one, whose further parameters, if it has more, are left out.

@@ -25,7 +25,7 @@ pub struct PackedFactor<T: Scalar, const N: usize, const E: usize> {
 }
 
 impl<T: Scalar, const N: usize, const E: usize> PackedFactor<T, N, E> {
-    /// Of no parameters. All bits are zero.
+    /// The factor of no parameters. All bits are zero.
     pub const EMPTY: Self =
         Self { entries: [T::ZERO; E], parameters: 0, residual_sum_of_squares: T::ZERO, rows: 0 };
 

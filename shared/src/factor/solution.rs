@@ -223,7 +223,7 @@ pub(super) fn well_determined<T: Scalar, const N: usize>(
 struct Scaled<T: Scalar, const M: usize> {
     /// Column norms D of R; zero for a column that is empty or left out.
     scale: [T; M],
-    /// Of `R D⁻¹`.
+    /// The decomposition of `R D⁻¹`.
     jacobi: Jacobi<T, M>,
 }
 

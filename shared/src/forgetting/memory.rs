@@ -28,9 +28,9 @@ pub enum Span<T> {
 /// 1 σ of the IMU per reading: what it alone brings into the rows is not excitation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuNoise<T> {
-    /// Of the accelerometer, m/s².
+    /// Noise of the accelerometer, m/s².
     pub accel: T,
-    /// Of the gyro, rad/s.
+    /// Noise of the gyro, rad/s.
     pub gyro: T,
 }
 
@@ -117,7 +117,7 @@ pub struct Plan<T: Scalar, const N: usize> {
     independence: T,
     block_s: T,
     segment_blocks: u16,
-    /// Of a window.
+    /// Row blocks in a part of a window.
     part_blocks: u32,
 }
 

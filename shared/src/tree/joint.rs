@@ -8,7 +8,7 @@ use crate::spatial::cross_matrix;
 /// Tells how a link moves against its parent. Axes are unit vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Joint<T: Scalar> {
-    /// Not at all.
+    /// The link does not move against its parent.
     Fixed,
     /// Turns about an axis, given in the link's frame.
     Revolute(Vector3<T>),

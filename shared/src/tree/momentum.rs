@@ -21,9 +21,9 @@ use crate::Scalar;
 /// A link's momentum about the base's origin and the rest of its base rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts<T: Scalar> {
-    /// To be smoothed: `ω₀ × h + [m a; mc × a]`.
+    /// The part to be smoothed: `ω₀ × h + [m a; mc × a]`.
     pub smoothed: Block<T>,
-    /// To be differentiated: h.
+    /// The part to be differentiated: h.
     pub differentiated: Block<T>,
 }
 

@@ -138,7 +138,7 @@ fn step_by<T: Scalar, const SLIDES: bool>(
 pub struct Screw<T: Scalar> {
     /// Weights of Fx, Fy, Fz, Mx, My, Mz.
     pub weights: [T; 6],
-    /// Their derivatives as components in base axes.
+    /// Derivatives of the weights as components in base axes.
     pub changes: [T; 6],
 }
 

@@ -61,7 +61,7 @@ pub enum RequestError {
 }
 
 impl RequestHeader {
-    /// Of a poll.
+    /// The header of a poll.
     pub const POLL: Self = Self { operation: Operation::Poll, length: 0 };
 
     /// Returns the header's bytes as they are sent.

@@ -26,7 +26,7 @@ pub struct EventMessage {
     pub time_ms: u32,
     /// The code of the event: see [`EventCode`].
     pub code: u8,
-    /// Which; what it means depends on the code.
+    /// A detail of the event; its meaning depends on the code.
     pub detail: u8,
     /// Times that it happened in a row; 255 means 255 or more.
     pub count: u8,

@@ -36,7 +36,7 @@ pub enum Kind {
 pub enum DecodeError {
     /// More bytes than the longest frame.
     TooLong,
-    /// Not COBS, or shorter than header and check.
+    /// The bytes are not COBS, or shorter than header and check.
     Malformed,
     /// The check does not fit: a byte was lost or changed.
     Check,

@@ -79,13 +79,13 @@ pub struct TwoLinkSettings {
 /// Tells where a joint's attitude comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum AttitudeSource {
-    /// With every reading that is injected.
+    /// The attitude comes with every reading that is injected.
     Streamed,
-    /// From both IMUs.
+    /// The attitude is found from both IMUs.
     FromImus {
         /// `R_SL` at the start of the run, Hamilton quaternion.
         initial_wxyz: [f32; 4],
-        /// Of the correction by the accelerometers, s; zero: none.
+        /// Time constant of the correction by the accelerometers, s; zero: none.
         time_constant_s: f32,
     },
 }
@@ -104,11 +104,11 @@ pub struct LinkSettings {
 /// Tells how a link of a tree turns against its parent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum LinkJoint {
-    /// Not at all.
+    /// The link does not move against its parent.
     Fixed,
     /// About an axis of its own: 0 x, 1 y, 2 z.
     Revolute(u8),
-    /// In any way, or about two axes.
+    /// The link turns in any way, or about two axes.
     Spherical,
     /// Moves freely: the first link alone, of which frames tell position and rates.
     Free,
@@ -147,17 +147,17 @@ pub struct FrameReport {
     pub missing: u32,
     /// Frames that were damaged on the way, or could not be fetched.
     pub damaged: u32,
-    /// Of a tree with another number of links.
+    /// Frames of a tree with another number of links.
     pub wrong_links: u32,
-    /// With a number that is NaN or infinite.
+    /// Frames with a number that is NaN or infinite.
     pub not_finite: u32,
-    /// With an attitude that is no rotation.
+    /// Frames with an attitude that is no rotation.
     pub no_attitude: u32,
-    /// With a wrench at its range.
+    /// Frames with a wrench at its range.
     pub saturated: u32,
     /// The number whose motion repeats itself while the wrench changes.
     pub without_motion: u32,
-    /// After the level was full.
+    /// Frames that came after the level was full.
     pub full: u32,
     /// The link that the last rejected frame was rejected for, or the links that it had.
     pub last_link: u8,
@@ -170,14 +170,13 @@ pub struct FactorRow {
     pub row: u8,
     /// Parameters.
     pub parameters: u8,
-    /// From the diagonal on, then the right-hand side.
+    /// The row from the diagonal on, then the right-hand side.
     pub entries: Vec<f32, { MAX_TREE_PARAMETERS + 1 }>,
-    /// From the diagonal on: what noise of the signals has added to `RᵀR`, in the same units; none: nothing.
-    /// It is taken off where the factor is solved.
+    /// The row, from the diagonal on, of the part of `RᵀR` that noise of the signals has added, in the same
+    /// units; empty if there is none. It is taken off where the factor is solved.
     pub gram: Vec<f32, MAX_NOISY_PARAMETERS>,
-    /// With row 0: the sum of squares that no parameters explain. Of a tree: of all rows since it was last
-    /// taken.
+    /// Sum of squares that no parameters explain, with row 0. Of a tree: of all rows since it was last taken.
     pub residual_sum_of_squares: f32,
-    /// With row 0: how many these were.
+    /// Number of the rows of that sum, with row 0.
     pub rows: u32,
 }

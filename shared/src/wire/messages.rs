@@ -109,22 +109,22 @@ pub type Answer = Result<Reply, ErrorCode>;
 pub enum Reply {
     /// Done.
     Done,
-    /// To `Hello`.
+    /// The answer to `Hello`.
     Hello(Identity),
-    /// To `ReadSettings`.
+    /// The answer to `ReadSettings`.
     Settings(Settings),
-    /// To `ReadCounters`.
+    /// The answer to `ReadCounters`.
     Counters(CounterReport),
-    /// To `ReadEstimate`.
+    /// The answer to `ReadEstimate`.
     Estimate(EstimateReport),
-    /// To `TakeRow`.
+    /// The answer to `TakeRow`.
     Row(FactorRow),
-    /// To `Inject`: the index of the reading expected next.
+    /// The answer to `Inject`: the index of the reading expected next.
     Injected {
         /// Index expected next.
         next_index: u32,
     },
-    /// To `ReadEvents`.
+    /// The answer to `ReadEvents`.
     Events(EventReport),
 }
 
@@ -234,11 +234,11 @@ pub enum SensorFault {
     Restarted,
     /// The rate asked for is not one it has, or its samples come at another.
     Rate,
-    /// It gives no new samples.
+    /// The sensor gives no new samples.
     Silent,
     /// The sensor's filters began anew.
     Resynced,
-    /// It brings the same sample again.
+    /// The sensor brings the same sample again.
     Stale,
     /// The excitation of the gauges is missing, or far from the one stated.
     Excitation,
@@ -405,7 +405,8 @@ pub enum MemorySettings {
     },
     /// The rows of the last seconds and nothing else.
     Window {
-        /// At most this many of them, s, at least `filter_width_s`; never less than four fifths of it.
+        /// Length of the window, s, at least `filter_width_s`; the rows in it never span more, and never less
+        /// than four fifths of it.
         length_s: f32,
     },
 }
@@ -634,7 +635,7 @@ pub struct CounterReport {
     pub gaps: u32,
     /// Row blocks absorbed.
     pub blocks: u32,
-    /// Of these, those in which a knock gave a channel of the wrench less weight, per channel.
+    /// Row blocks in which a knock gave a channel of the wrench less weight, per channel.
     pub knocks: [u16; 6],
     /// Frames of the converter whose CRC did not fit.
     pub load_cell_crc_errors: u32,
@@ -689,9 +690,10 @@ pub enum Consistency {
     NotDetermined,
     /// The free answer is a body's.
     Free,
-    /// It is not; the nearest body is given.
+    /// The estimate is not consistent; the nearest body is given.
     Projected,
-    /// It is not; a body is given, but the iteration bound was met before it was the nearest one.
+    /// The estimate is not consistent; a body is given, but the iteration bound was met before it was the
+    /// nearest one.
     NotConverged,
 }
 
@@ -715,7 +717,7 @@ pub struct EstimateReport {
     pub standard_deviation: Vec<f32, MAX_PARAMETERS>,
     /// Bit j: the rows determine parameter j.
     pub determined: u32,
-    /// Of the column-scaled rows.
+    /// Condition number of the column-scaled rows.
     pub condition_number: f32,
     /// Root mean square of the innovations, each against the estimate before it, N and N m.
     pub innovation_rms: [f32; 6],
@@ -749,7 +751,7 @@ impl EstimateReport {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub enum Telemetry {
-    /// After power-on, until the host says hello.
+    /// The device's identity, sent after power-on until the host says hello.
     Announce(Identity),
     /// The state has changed.
     State {

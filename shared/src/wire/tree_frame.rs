@@ -46,9 +46,9 @@ pub type TrackedFrame<'a> = NumberedFrame<'a, 2, TRACKED_BASE_NUMBERS, TRACKED_L
 /// Tells why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeFrameError {
-    /// Too short, another mark or version, or the check does not fit.
+    /// The frame is too short, has another mark or version, or its check does not fit.
     Damaged,
-    /// It has this number of links, and others were expected.
+    /// The frame has this number of links, and others were expected.
     Links(u8),
 }
 

@@ -69,12 +69,12 @@ pub fn asks_to_watch(payload: &[u8]) -> bool {
 /// Tells how a joint of one freedom moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum WatchJoint {
-    /// Not at all.
+    /// The link does not move against its parent.
     #[default]
     Fixed,
-    /// It turns.
+    /// The joint turns.
     Revolute,
-    /// It slides.
+    /// The joint slides.
     Prismatic,
 }
 

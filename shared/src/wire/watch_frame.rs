@@ -27,7 +27,7 @@ pub const MAX_WATCH_FRAME: usize = WatchFrame::bytes(MAX_WATCHED_LINKS, MAX_WATC
 pub enum WatchFrameError {
     /// The payload's length is not that of the robot's links and sensors.
     Length,
-    /// It has this number of links and sensors of forces, and others were expected.
+    /// The frame has this number of links and sensors of forces, and others were expected.
     Robot {
         /// Links.
         links: u8,

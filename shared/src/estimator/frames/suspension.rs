@@ -132,7 +132,7 @@ pub(super) struct Sums<T: Scalar> {
 }
 
 impl<T: Scalar> Sums<T> {
-    /// Without springs. All bits are zero.
+    /// The sums without springs. All bits are zero.
     pub(super) const UNUSED: Self = Self {
         kernel: Kernel::NONE,
         stiffness: [[T::ZERO; 6]; 6],

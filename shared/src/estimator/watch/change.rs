@@ -24,9 +24,9 @@ use super::filter::Six;
 pub const BINS: usize = 20;
 /// Parameters of the link.
 const LINK: usize = 10;
-/// With the offset.
+/// Parameters of the link, and the offset.
 const COMMON: usize = LINK + 6;
-/// With the change.
+/// Parameters of the link, the offset, and the change.
 const ALL: usize = COMMON + LINK;
 /// Bins since a change when it is measured.
 const MEASURED_AFTER: usize = 14;
@@ -116,9 +116,9 @@ pub(super) struct Test<T: Scalar> {
     next: u8,
     /// Rows of half a bin.
     half: Option<(Six<T>, u32)>,
-    /// Of rows that are no longer among the bins.
+    /// The factor of rows that are no longer among the bins.
     before: Common<T>,
-    /// Of the newest ones, and both with the change.
+    /// The factor of the newest rows, and that of both with the change.
     newest: Common<T>,
     both: Joint<T>,
     step: Step,

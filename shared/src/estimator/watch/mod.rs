@@ -54,11 +54,11 @@ pub struct WatchConfig<T> {
 /// Tells why a robot cannot be watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchError {
-    /// None, too many, or the watched one is not among them.
+    /// There are no links, too many, or the watched one is not among them.
     Links,
     /// The link has no parent before it, no joint of one freedom, or a number that is none.
     Link(u8),
-    /// None, too many, or on no link.
+    /// There are no sensors of forces, too many, or some on no link.
     Feet,
     /// A σ is not positive and finite.
     Sigma(u8),
@@ -89,7 +89,7 @@ pub struct WatchFrame<'a, T> {
 /// Tells why a frame was not taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchRejection {
-    /// Not this many links or sensors.
+    /// A frame without this many links or sensors.
     Links,
     /// A number is none, or an angle far too large.
     NotFinite,
@@ -104,11 +104,11 @@ pub struct WatchCounters {
     pub frames: u32,
     /// Taken in.
     pub absorbed: u32,
-    /// Of another robot.
+    /// Frames of another robot.
     pub wrong_links: u32,
-    /// With a number that is none.
+    /// Frames with a number that is none.
     pub not_finite: u32,
-    /// With a wrench at its range.
+    /// Frames with a wrench at its range.
     pub saturated: u32,
     /// The sensor that was last.
     pub last_foot: u8,
@@ -135,7 +135,7 @@ pub struct Watch<T: Scalar> {
 }
 
 impl<T: Scalar> Watch<T> {
-    /// Not yet set up: [`Self::set_up`] must follow. All bits are zero.
+    /// The watch before it is set up: [`Self::set_up`] must follow. All bits are zero.
     pub const UNUSED: Self = Self {
         links: [WatchLink {
             link: Link {
