@@ -30,7 +30,7 @@ const ROOM: usize = 144;
 /// The flash takes 100 µs a word at most (data sheet of the STM32F405, table of its flash), and interrupts
 /// come between words.
 const WORD_NS: u64 = 100_000;
-/// Of the longest record that is stored.
+/// Words of the longest record that is stored.
 const RECORD_WORDS: u64 = 1792 / 4;
 /// The longest that a main loop does not come round, ns.
 pub const LONGEST_AWAY_NS: u64 = WORD_NS * RECORD_WORDS;

@@ -27,7 +27,7 @@ pub(crate) struct Link {
 
 struct Remembered {
     sequence: u16,
-    /// Of the command's payload.
+    /// Check sum of the command's payload.
     check: u32,
     frame: Vec<u8, MAX_FRAME>,
 }
@@ -35,11 +35,11 @@ struct Remembered {
 /// Tells what the memory says of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Recall {
-    /// To be obeyed.
+    /// The command is to be obeyed.
     New,
-    /// It was the last one; its answer is on its way again.
+    /// The command was the last one; its answer is on its way again.
     AnsweredAgain,
-    /// It is older than the last one.
+    /// The command is older than the last one.
     Stale,
 }
 

@@ -4,7 +4,7 @@
 //! restart heals. What a restart may heal is an application that does not tell it, or a port whose interrupt
 //! no longer comes.
 
-/// Without progress for this long the watchdog is no longer fed, ns.
+/// The time without progress after which the watchdog is no longer fed, ns.
 const PATIENCE_NS: u64 = 2_000_000_000;
 /// Load cell, IMU, second IMU.
 const SENSORS: usize = 3;

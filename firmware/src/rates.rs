@@ -1,4 +1,4 @@
-//! At what rate samples come, by the device's clock.
+//! The rates at which samples come, by the device's clock.
 //!
 //! Samples are taken at the times of their signals, and the filters count on the rate that was asked for: a
 //! converter whose oscillator has 8.0 instead of 8.192 MHz would make every inertia 2.4 % too large without a

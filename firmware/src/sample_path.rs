@@ -98,7 +98,7 @@ models! { $
 pub struct SamplePath {
     gauges: GaugeCalibration<f32>,
     aligner: Aligner<f32>,
-    /// Of the second link's IMU, if there is one.
+    /// The aligner of the second link's IMU, if there is one.
     second: Option<Aligner<f32>>,
     /// The second aligner's last reading; that of the first is in `reading` from the beginning.
     other: Reading<f32>,
@@ -126,7 +126,7 @@ pub struct SamplePath {
 pub struct StopLimits {
     /// Largest standard deviation of each parameter; infinite for one that is not asked for.
     pub(crate) standard_deviation: [f32; MAX_PARAMETERS],
-    /// Not before this many row blocks.
+    /// A run is not ended before this many row blocks.
     pub(crate) minimum_blocks: u32,
 }
 

@@ -1,4 +1,4 @@
-//! From the host's settings to the estimator's configuration, every field checked.
+//! The estimator's configuration from the host's settings, every field checked.
 
 use heapless::Vec;
 use rigident_shared::alignment::AlignerConfig;
@@ -30,11 +30,11 @@ const COVERAGE: f32 = 1.96;
 /// Tells what the settings amount to.
 #[allow(clippy::large_enum_variant, reason = "no heap")]
 pub(crate) enum Configuration {
-    /// Of sensors or a recording.
+    /// The configuration for sensors or a recording.
     Samples(SampleConfiguration),
-    /// Of frames.
+    /// The configuration for frames.
     Tree(Vec<FrameLink<f32>, MAX_LINKS>, FramesConfig<f32>, Option<FrameStop<f32>>),
-    /// Of a robot that is watched.
+    /// The configuration for a robot that is watched.
     Watch(WatchConfig<f32>, Vec<WatchFoot<f32>, MAX_WATCH_FEET>),
 }
 
@@ -48,7 +48,7 @@ pub(crate) struct SampleConfiguration {
     pub(crate) estimates_offset: bool,
     pub(crate) stop: Option<StopLimits>,
     pub(crate) knock_limit: f32,
-    /// Of the first IMU.
+    /// Noise of the first IMU.
     pub(crate) imu_noise: ImuNoise<f32>,
     /// `None`: everything is retained.
     pub(crate) memory: Option<MemoryConfig<f32>>,

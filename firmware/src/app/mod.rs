@@ -53,11 +53,11 @@ const LOOK_EVERY_NS: u64 = 5_000_000;
 /// Rates at which the sensors are to be brought up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorRates {
-    /// Of the load cell's converter, 1/s.
+    /// Rate of the load cell's converter, 1/s.
     pub load_cell_hz: f32,
-    /// Of the IMU, 1/s.
+    /// Rate of the IMU, 1/s.
     pub imu_hz: f32,
-    /// Of the second link's IMU, 1/s, if it is wanted.
+    /// Rate of the second link's IMU, 1/s, if it is wanted.
     pub second_imu_hz: Option<f32>,
 }
 
@@ -102,7 +102,7 @@ impl Sensor {
 /// A command waiting for the sensors to come up.
 struct PendingConfigure {
     sequence: u16,
-    /// Of the command's payload.
+    /// Check sum of the command's payload.
     check: u32,
     settings: Settings,
 }
@@ -166,13 +166,13 @@ struct SensorErrors {
     failed_transfers: u32,
     imu: u32,
     second_imu: u32,
-    /// Of load cell, IMU and second IMU.
+    /// Lost samples of load cell, IMU and second IMU.
     lost: [u32; 3],
     frames_damaged: u32,
     frames_missing: u32,
     /// Number of the frame expected next.
     next_frame: Option<u32>,
-    /// Of frames on the link: the sequence number expected next, and what became of them.
+    /// The sequence number of frames on the link that is expected next, and the frames' counts.
     next_streamed: Option<u16>,
     stream: StreamReport,
     /// Links of the last one of another robot.
@@ -258,7 +258,7 @@ pub struct App<P> {
     starved: u16,
     /// The noise of the bus, by the check sums of the load cell's frames.
     noise: u16,
-    /// Of load cell, IMU and second IMU.
+    /// The meters of load cell, IMU and second IMU.
     meters: [RateMeter; 3],
     errors: SensorErrors,
     bad_frames: u32,

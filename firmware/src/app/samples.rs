@@ -35,7 +35,7 @@ const IMU_PPM: u32 = 50_000;
 /// An estimate waits this long for the next row of a factor that the host has begun to take, ns.
 const HAND_OVER_NS: u64 = 1_000_000_000;
 
-/// After this many ticks without a sample the sensors are silent, and slices need not wait for the next one.
+/// Ticks without a sample after which the sensors are silent, and slices need not wait for the next one.
 const IDLE_TICKS: u8 = 8;
 
 impl<P: DerefMut<Target = Path>> App<P> {

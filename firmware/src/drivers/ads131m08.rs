@@ -67,7 +67,7 @@ const FULL_SCALE_CODES: f32 = 8_388_608.0;
 pub struct AdcConfig {
     /// 250, 500, 1000, 2000 or 4000 samples per second.
     pub rate_hz: u32,
-    /// Of the first six channels: 1, 2, 4, … 128. The others have gain 1.
+    /// Gain of the first six channels: 1, 2, 4, … 128. The others have gain 1.
     pub gain: u8,
 }
 
@@ -80,7 +80,7 @@ pub enum AdcError<E> {
     Crc {
         /// Computed here.
         expected: u32,
-        /// In the frame.
+        /// The check sum in the frame.
         got: u32,
     },
     /// Another chip answers, or none: its answer to a reset, or its ID register.

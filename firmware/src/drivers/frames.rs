@@ -10,7 +10,7 @@ pub enum FrameError {
     Bus,
     /// The received bytes are no frame, or damaged.
     Damaged,
-    /// It is of a tree with this number of links.
+    /// The frame is of a tree with this number of links.
     Links(u8),
 }
 

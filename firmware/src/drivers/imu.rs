@@ -223,14 +223,14 @@ fn written(rate: OutputDataRate) -> [(u8, u8, u8, u8); 26] {
 enum Device<SPI: ErrorType> {
     Bus(Wire<SPI>),
     Ready(ICM42688<Wire<SPI>, Ready>),
-    /// For the moment in which the bus is handed over.
+    /// The state in which the bus is handed over.
     Between,
 }
 
 /// The driver.
 pub struct Imu<SPI: ErrorType> {
     device: Device<SPI>,
-    /// At what it was set up, and which of its settings is looked at next.
+    /// The rate at which it was set up, and the setting that is looked at next.
     rate: OutputDataRate,
     next_setting: u8,
     errors: u32,

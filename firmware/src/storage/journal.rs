@@ -20,9 +20,9 @@ pub(super) struct Guarded<F> {
 /// Tells why the flash did not do what it was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GuardedError {
-    /// It failed.
+    /// The flash failed.
     Flash(NorFlashErrorKind),
-    /// It would have been erased.
+    /// The flash would have been erased.
     WouldErase,
 }
 

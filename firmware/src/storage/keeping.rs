@@ -4,7 +4,7 @@ use rigident_shared::wire::{CounterReport, Kept, KeptRun};
 
 /// A checkpoint is due after this long, in readings of the rate set, s.
 const EVERY_S: f32 = 10.0;
-/// After this many equal parts of the room have been used the interval doubles, each time.
+/// Parts of the room: after this many equal parts of it have been used the interval doubles, each time.
 const PARTS: u32 = 16;
 
 /// Tells what a board's store is to do next.
@@ -26,7 +26,7 @@ pub(crate) enum Duty {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Resumption {
     pub(crate) sequence: u16,
-    /// Of the command's payload.
+    /// Check sum of the command's payload.
     pub(crate) check: u32,
     pub(crate) run: u32,
     pub(crate) next_reading: u32,
@@ -35,13 +35,13 @@ pub(crate) struct Resumption {
 /// Tells how far a checkpoint is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// None is wanted.
+    /// No checkpoint is wanted.
     Rest,
     /// One is to be made.
     Due,
     /// The checkpoint's factor is being put together.
     Folding,
-    /// It can be stored.
+    /// The checkpoint can be stored.
     Ready,
 }
 

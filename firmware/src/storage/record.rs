@@ -41,7 +41,7 @@ pub enum RecordKind {
 /// Tells who wrote a record: only what the same firmware wrote is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Writer {
-    /// Of the messages and of what is recorded.
+    /// The schema of the messages and of what is recorded.
     pub schema: u64,
     /// CRC-32 of the firmware's sources.
     pub firmware: u32,

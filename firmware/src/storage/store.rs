@@ -277,7 +277,7 @@ enum Wanted {
     Checkpoints(u32),
     /// The record of settings with this number, in the buffer.
     SettingsAt(usize),
-    /// Likewise a checkpoint.
+    /// A checkpoint is wanted at this index.
     CheckpointAt(usize),
 }
 

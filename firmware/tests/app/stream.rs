@@ -12,7 +12,7 @@ use super::{Host, settings};
 
 const RATE_HZ: u32 = 200;
 const FRAMES: u32 = 8 * RATE_HZ;
-/// From this frame on the body weighs [`MORE_KG`] more.
+/// The frame from which on the body weighs [`MORE_KG`] more.
 const CHANGE: u32 = 5 * RATE_HZ;
 const MASS_KG: f32 = 2.0;
 const MORE_KG: f32 = 0.5;

@@ -22,7 +22,7 @@ const CHUNK: usize = 2048;
 /// The flash behind the pipes.
 pub struct Flash<'a>(&'a RefCell<Pipes>);
 
-/// It failed, or the simulator has none.
+/// The error of a flash that failed, or that the simulator has not.
 #[derive(Clone, Copy, Debug)]
 pub struct Failed(NorFlashErrorKind);
 

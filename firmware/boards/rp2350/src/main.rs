@@ -206,7 +206,7 @@ fn now_ns() -> u64 {
 #[exception]
 fn SysTick() {}
 
-/// Of the watchdog, without progress, µs.
+/// Time of the watchdog, without progress, µs.
 const WATCHDOG_US: u32 = 6_000_000;
 const MARK: u32 = 0x5249_4400;
 const PANICKED: u32 = 1;

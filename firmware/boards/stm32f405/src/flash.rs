@@ -28,7 +28,7 @@ const PG: u32 = 1;
 /// Erases a sector.
 const SER: u32 = 1 << 1;
 const SECTOR_AT: u32 = 3;
-/// By words of 32 bits: the supply is 2.7 V or more.
+/// Programs words of 32 bits: the supply is 2.7 V or more.
 const WORDS: u32 = 0b10 << 8;
 const START: u32 = 1 << 16;
 const LOCK: u32 = 1 << 31;
@@ -46,7 +46,7 @@ const SECTOR_LOOKS: u32 = 100_000_000;
 /// The part of the flash that is reserved for this.
 pub struct Flash(());
 
-/// It did not take what was written, or said that it failed.
+/// The error of a flash that did not take what was written, or said that it failed.
 #[derive(Clone, Copy, Debug)]
 pub struct Failed(NorFlashErrorKind);
 

@@ -61,15 +61,15 @@ impl Pin {
     }
 }
 
-/// To the host (USART2 TX).
+/// The pin to the host (USART2 TX).
 pub const HOST_TX: Pin = Pin::a(2);
-/// From the host (USART2 RX).
+/// The pin from the host (USART2 RX).
 pub const HOST_RX: Pin = Pin::a(3);
 /// Clock of the sensors' bus (SPI1 SCK).
 pub const SCK: Pin = Pin::a(5);
-/// From the sensors (SPI1 MISO).
+/// The pin from the sensors (SPI1 MISO).
 pub const MISO: Pin = Pin::a(6);
-/// To the sensors (SPI1 MOSI).
+/// The pin to the sensors (SPI1 MOSI).
 pub const MOSI: Pin = Pin::a(7);
 /// Selects the load cell's converter.
 pub const LOAD_CELL_CS: Pin = Pin::a(4);

@@ -33,9 +33,9 @@ static LOST: Lost = Lost::new();
 
 /// Tells how the chip came up.
 pub struct Boot {
-    /// Why it was reset.
+    /// The reason why it was reset.
     pub reset: ResetReason,
-    /// Where the last program ended, if it ended badly.
+    /// The place where the last program ended, if it ended badly.
     pub ended: Option<BadEnd>,
     /// The clocks that the chip runs at.
     pub clocks: Clocks,

@@ -28,7 +28,7 @@ pub const RCC_AHB1ENR: Register = at(RCC, 0x30);
 pub const RCC_APB1ENR: Register = at(RCC, 0x40);
 /// Clocks of SPI1 and SYSCFG.
 pub const RCC_APB2ENR: Register = at(RCC, 0x44);
-/// Why the chip was reset.
+/// The reason why the chip was reset.
 pub const RCC_CSR: Register = at(RCC, 0x74);
 
 const FLASH: usize = 0x4002_3c00;

@@ -1,4 +1,4 @@
-//! Why the chip started, and how a program ends: with a note for the next start, and a reset.
+//! The reason of a start, and the end of a program: a note for the next start, and a reset.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

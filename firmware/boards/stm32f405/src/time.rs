@@ -7,7 +7,7 @@ use crate::registers::{
     TIM2_ARR, TIM2_CCER, TIM2_CCMR, TIM2_CCR, TIM2_CNT, TIM2_CR1, TIM2_EGR, TIM2_PSC, TIM2_SR, wait_for,
 };
 
-/// Of the count, Hz.
+/// Rate of the count, Hz.
 pub const TICKS_HZ: u32 = 4_000_000;
 /// Time of a tick, ns.
 const TICK_NS: u64 = 1_000_000_000 / TICKS_HZ as u64;

@@ -22,12 +22,12 @@ const SAMPLES: u32 = 1000;
 const SEARCH: u32 = 101_000;
 /// Bytes that a serial port of 1 MBd takes away in a millisecond.
 const LINE_BYTES: usize = 100;
-/// With estimates, in this many blocks: some eighty estimates, a check with each fiftieth block, all slices
-/// of both.
+/// Blocks in which the worst sample with estimates is searched for: some eighty estimates, a check with each
+/// fiftieth block, all slices of both.
 const ESTIMATES_SEARCH: u32 = 20_000;
 /// Different samples, gone through again and again.
 const WORDS: usize = 64;
-/// From this many parameters on it is two links.
+/// The number of parameters from which on it is two links.
 const TWO_LINKS: usize = 19;
 const SILENT: TelemetrySettings = TelemetrySettings { estimate_every_blocks: 0, stream_readings: false };
 
