@@ -52,7 +52,7 @@ pub struct Hinge {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// From the base to the flange.
+    /// The hinges from the base to the flange.
     pub hinges: [Hinge; 6],
     /// The flange in the last hinge's frame.
     pub flange: Mounting,

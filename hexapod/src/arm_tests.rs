@@ -1,4 +1,4 @@
-//! Against Denavit and Hartenberg's parameters, as Universal Robots publishes them for the UR5.
+//! Comparison with Denavit and Hartenberg's parameters, as Universal Robots publishes them for the UR5.
 
 use nalgebra::Matrix4;
 

@@ -12,7 +12,7 @@ const SAME_M: f64 = 1e-9;
 /// Two parts that are nearest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// Between the surfaces, m; negative where they overlap.
+    /// Distance between the surfaces, m; negative where they overlap.
     pub distance_m: f64,
     /// The parts.
     pub between: [Part; 2],

@@ -1,4 +1,4 @@
-//! Against dense sampling, a numerical minimiser and finite differences.
+//! Comparison with dense sampling, a numerical minimiser and finite differences.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

@@ -1,9 +1,9 @@
-//! Why motions are refused.
+//! The reasons for which motions are refused.
 
 use super::limits::Violation;
 use super::program::LONGEST_S;
 
-/// Why a motion cannot be driven.
+/// The reason why a motion cannot be driven.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
     /// A limit of the platform is violated.

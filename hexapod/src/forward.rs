@@ -7,7 +7,7 @@ use super::legs::Legs;
 use super::pose::Pose;
 use super::rotation::{rotation_from_rpy, rpy_from_rotation};
 
-/// Why no pose was found for six leg lengths.
+/// The reason why no pose was found for six leg lengths.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ForwardError {
     /// A length is not a positive number, or beyond the leg's reach.

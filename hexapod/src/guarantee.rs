@@ -47,9 +47,9 @@ impl Peak {
 /// The guarantee for a whole motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guarantee {
-    /// In the order of [`Limit`], the angular rate last. Joint angles, jerks and the further limits of forces
-    /// are there if they are limited. The bound of a jerk is that of a whole segment, some twelve times the
-    /// largest there is.
+    /// The peaks in the order of [`Limit`], the angular rate last. Joint angles, jerks and the further limits
+    /// of forces are there if they are limited. The bound of a jerk is that of a whole segment, some twelve
+    /// times the largest there is.
     pub peaks: Vec<Peak>,
 }
 

@@ -1,4 +1,4 @@
-//! From six coordinates and their derivatives to the plate's rigid motion.
+//! The plate's rigid motion from six coordinates and their derivatives.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -88,14 +88,14 @@ impl Limits {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bulk {
-    /// Of each leg, m.
+    /// Radius of each leg, m.
     pub leg_radius_m: f64,
     /// The part of a leg that belongs to its joint, at either end, m: it touches plate, base and its
     /// neighbour there by design.
     pub joint_length_m: f64,
-    /// Of the bars between any two of the plate's joints, m; absent if the plate is not examined.
+    /// Radius of the bars between any two of the plate's joints, m; absent if the plate is not examined.
     pub plate_radius_m: Option<f64>,
-    /// Of the bars between any two of the base's joints, m; absent if the base is not examined.
+    /// Radius of the bars between any two of the base's joints, m; absent if the base is not examined.
     pub base_radius_m: Option<f64>,
     /// Least distance of one surface from another, m.
     pub clearance_m: f64,
@@ -239,7 +239,7 @@ pub struct Violation {
     pub between: Option<[Part; 2]>,
     /// The value asked for, in the limit's unit.
     pub value: f64,
-    /// From where to where it may be.
+    /// The range that is allowed, from the lowest to the highest value.
     pub allowed: [f64; 2],
 }
 

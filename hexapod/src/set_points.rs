@@ -17,7 +17,7 @@ pub enum SetPoint {
     Legs([f64; 6]),
 }
 
-/// Why a line is not one.
+/// The reason why a line is not one.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LineError {
     /// Something else than finite numbers between commas.

@@ -13,7 +13,7 @@ struct Piece {
     begin_s: f64,
     from: [f64; 6],
     segment: Segment,
-    /// Of a path.
+    /// The curve of a path.
     curve: Option<Curve>,
 }
 

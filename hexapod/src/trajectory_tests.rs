@@ -1,4 +1,4 @@
-//! Against finite differences, and where segments meet.
+//! Comparison with finite differences, and where segments meet.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -11,7 +11,7 @@ use super::kinematics::PlateState;
 pub struct Travel {
     /// Along x, y, z, m.
     pub shift_m: [f64; 3],
-    /// Of roll, pitch, yaw, rad; a pitch stays below a right angle.
+    /// Ranges of roll, pitch, yaw, rad; a pitch stays below a right angle.
     pub turn_rad: [f64; 3],
     /// All of it can be used at once. Else each holds with the other axes at zero, and the shares of what is
     /// used of them together are at most one.
