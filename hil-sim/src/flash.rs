@@ -33,7 +33,7 @@ pub enum FlashFault {
         /// Bit, from the beginning.
         bit: usize,
     },
-    /// It does not answer.
+    /// The flash does not answer.
     Dead,
 }
 
@@ -221,7 +221,7 @@ impl SimulatedFlash {
 #[derive(Clone, Debug)]
 pub struct FlashDriver<const SECTOR: usize>(pub SharedFlash);
 
-/// It failed.
+/// The error of a flash that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashFailed(NorFlashErrorKind);
 

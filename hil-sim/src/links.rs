@@ -126,7 +126,8 @@ pub struct SecondLink {
     pub joint_m: [f64; 3],
     /// The motion of its swing: by the rig's clock, or by the plate's program.
     pub swing: Swing,
-    /// It swings while the plate's program runs, from rest to rest and from no angle to none; else always.
+    /// True if it swings while the plate's program runs, from rest to rest and from no angle to none; else it
+    /// swings always.
     pub with_program: bool,
     /// The second link's IMU in the link's frame.
     pub imu: Mounting,

@@ -88,7 +88,7 @@ pub enum Joint {
     Spherical,
     /// About one axis, of any length, the same in the parent's and the link's frame at angle zero.
     Revolute {
-        /// In the link's axes.
+        /// The axis in the link's axes.
         axis: [f64; 3],
     },
 }
@@ -102,7 +102,7 @@ pub struct JointedLink {
     pub joint_m: [f64; 3],
     /// The way it turns.
     pub joint: Joint,
-    /// It keeps the rotation that it starts with.
+    /// True if it keeps the rotation that it starts with.
     pub locked: bool,
     /// Torque against the rate of the joint, N m s/rad.
     pub damping_nmspr: f64,
@@ -144,7 +144,7 @@ pub struct Suspension {
     pub gravity_mps2: f64,
 }
 
-/// Why a suspension cannot be simulated.
+/// The reason why a suspension cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SuspensionError {
     /// A figure is not finite, or has a sign that it cannot have.
@@ -216,9 +216,9 @@ pub enum SuspensionError {
          multiple"
     )]
     CameraRate {
-        /// Of the cameras, Hz.
+        /// Rate of the cameras, Hz.
         camera_hz: f64,
-        /// Of the motion, Hz.
+        /// Rate of the motion, Hz.
         motion_hz: f64,
     },
 }

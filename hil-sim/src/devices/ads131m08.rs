@@ -14,7 +14,7 @@
 
 /// Full scale at gain 1, V.
 pub const FULL_SCALE_V: f64 = 1.2;
-/// Of the oscillator that the data sheet asks for, Hz.
+/// Frequency of the oscillator that the data sheet asks for, Hz.
 pub const CLOCK_HZ: f64 = 8.192e6;
 const CHANNELS: usize = 8;
 

@@ -49,7 +49,7 @@ pub struct Icm42688 {
     status: u8,
     latched_count: u16,
     last_sample_ns: Option<u64>,
-    /// Of the transaction on its way: nothing yet, or the address that is next and whether it is read.
+    /// State of the transaction on its way: nothing yet, or the address that is next and whether it is read.
     addressed: Option<(u8, bool)>,
 }
 

@@ -61,7 +61,7 @@ pub struct RigConfig {
     pub gravity_mps2: f64,
     /// The platform.
     pub geometry: Geometry,
-    /// Of everything random.
+    /// Seed of everything random.
     pub seed: u64,
 }
 
@@ -168,7 +168,7 @@ pub const EXCITATION_V: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
     sensors: IdealSensors,
-    /// With `R` of its IMU's mounting.
+    /// The second link, with `R` of its IMU's mounting.
     second: Option<(SecondLink, Matrix3<f64>)>,
     volts_per_wrench: [[f64; 6]; 6],
 }

@@ -19,7 +19,7 @@ const KEPT_NS: f64 = 2e9;
 /// Steps in which a move is checked against the legs, s.
 const STEP_S: f64 = 0.004;
 
-/// From one state to another.
+/// A piece of a motion, from one state to another.
 #[derive(Clone, Debug)]
 struct Piece {
     begin_ns: f64,

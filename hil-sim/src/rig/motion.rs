@@ -10,9 +10,9 @@ const STOP_S: f64 = 0.5;
 /// The motion of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionState {
-    /// It is at rest, and no program has run since the last one was loaded.
+    /// The plate is at rest, and no program has run since the last one was loaded.
     Holding,
-    /// It runs its program, or comes to rest after a stop.
+    /// The plate runs its program, or comes to rest after a stop.
     Moving,
     /// The plate's program is over.
     Done,
@@ -32,7 +32,7 @@ enum Phase {
         stop_s: Option<f64>,
         end_ns: f64,
     },
-    /// By set points; `at_rest` once it has come to the last.
+    /// The plate follows set points; `at_rest` once it has come to the last.
     Following {
         follower: Box<Follower>,
         at_rest: bool,

@@ -25,7 +25,7 @@ const CHUNK: usize = 2048;
 /// The flash behind a bus, with the large sectors of an STM32F405.
 pub(super) struct BusFlash(SharedBus);
 
-/// It failed, or there is none.
+/// The error of a flash that failed, or of which there is none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Failed(NorFlashErrorKind);
 

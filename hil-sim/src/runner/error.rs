@@ -1,7 +1,7 @@
 use std::io;
 use std::path::PathBuf;
 
-/// Why a microcontroller could not be started.
+/// The reason why a microcontroller could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum RunnerError {
     /// The emulator is not installed.

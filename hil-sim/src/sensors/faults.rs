@@ -43,7 +43,7 @@ pub enum Fault {
     },
     /// The load cell's offset settles: `amplitude · e^(−t / time constant)`.
     WarmUp {
-        /// At time zero, N, N m.
+        /// Amplitude at time zero, N, N m.
         amplitude_n_nm: [f64; 6],
         /// s.
         time_constant_s: f64,

@@ -66,7 +66,7 @@ impl Frame {
 /// The forces of the springs at one instant, A's axes about P's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SpringForces {
-    /// Without loss: force and moment.
+    /// Force and moment without loss.
     pub elastic: [Vector3<f64>; 2],
     /// The loss alone.
     pub damping: [Vector3<f64>; 2],
@@ -80,7 +80,7 @@ pub(super) struct Equations {
     /// P, link 0, link 1, …
     pub frames: Vec<Frame>,
     pub springs: SpringForces,
-    /// Of all rates.
+    /// The mass matrix of all rates.
     pub mass: DMatrix<f64>,
     /// Forces without those of the locks, less what u̇ = 0 takes.
     pub force: DVector<f64>,

@@ -34,9 +34,9 @@ pub struct Marker {
 pub struct Hidden {
     /// Index of the marker.
     pub marker: usize,
-    /// From then, s.
+    /// The time from which on it is hidden, s.
     pub from_s: f64,
-    /// To then, s.
+    /// The time until which it is hidden, s.
     pub to_s: f64,
 }
 

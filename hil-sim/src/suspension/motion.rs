@@ -1,4 +1,4 @@
-//! From a start to a motion at a uniform rate.
+//! A motion at a uniform rate from a start.
 
 use nalgebra::{DVector, Vector3};
 
@@ -69,11 +69,12 @@ impl Run {
 /// Energy, J; the sum of all three is constant without damping.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Of motion.
+    /// Energy of motion.
     pub kinetic_j: f64,
-    /// Of height above A's origin.
+    /// Energy of height above A's origin.
     pub gravity_j: f64,
-    /// In the springs, the work of their preload included, zero in the reference pose; with the support's.
+    /// Energy in the springs, the work of their preload included, zero in the reference pose; with the
+    /// support's.
     pub springs_j: f64,
 }
 

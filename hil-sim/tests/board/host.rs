@@ -43,9 +43,9 @@ pub struct Plan {
     pub duration: u64,
     /// Everything is over by then, ps.
     pub calm_after: u64,
-    /// From when to when it says nothing and reads nothing, ps.
+    /// Beginning and end of the time in which it says nothing and reads nothing, ps.
     pub sleeps: Option<(u64, u64)>,
-    /// From when to when it fills its line with commands, ps.
+    /// Beginning and end of the time in which it fills its line with commands, ps.
     pub floods: Option<(u64, u64)>,
 }
 
@@ -59,7 +59,7 @@ pub struct Outcome {
     pub words: Vec<String>,
     /// Restarts that the host has seen.
     pub restarts: u32,
-    /// It was set up again after everything was over.
+    /// True if it was set up again after everything was over.
     pub alive: bool,
     pub started: bool,
     /// The events that the device has kept, its restart included.

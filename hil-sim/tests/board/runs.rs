@@ -18,7 +18,7 @@ pub enum End {
     Silent,
     /// An answer that is wrong, and no word.
     Wrong,
-    /// It could not be set up again.
+    /// The device could not be set up again.
     Dead,
     /// Samples are missing that nobody has counted.
     Uncounted,

@@ -28,7 +28,7 @@ const HANDLING: u64 = 40 * US;
 const ESTIMATE: u64 = 6 * MS;
 const ESTIMATES_EVERY: u64 = 250 * MS;
 const END: u64 = 20_000 * MS;
-/// Of both sensors in their smallest steps, so that numbers come back exactly.
+/// The smallest steps of both sensors, so that numbers come back exactly.
 const STEP_V: f64 = 1.2 / 64.0 / 8_388_608.0;
 
 /// The chips on the bus. Conversion and packet k carry k.

@@ -10,7 +10,7 @@ use hexapod::gcs::{GcsPosition, answer, error, read_pairs};
 const ROOT: &str = "ZERO";
 /// The type of those that are defined here.
 const KIND: &str = "KSD";
-/// At most this many may be defined.
+/// The most coordinate systems that may be defined.
 const MOST: usize = 16;
 /// Names of the pivot point's coordinates.
 const PIVOT: [&str; 3] = ["R", "S", "T"];

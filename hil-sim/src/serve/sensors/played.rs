@@ -46,13 +46,13 @@ pub fn sensors_rig_file(config: &RigConfig, more: &str) -> String {
 /// Holds one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// On the body, by the sensor, in S, N and N m.
+    /// The wrench on the body, by the sensor, in S, N and N m.
     pub wrench: [f64; 6],
     /// Specific force in U, m/s².
     pub accel: [f64; 3],
     /// Angular rate in U, rad/s.
     pub gyro: [f64; 3],
-    /// Of S in the earth's axes: x, y, z in m, w, x, y, z.
+    /// The pose of S in the earth's axes: x, y, z in m, w, x, y, z.
     pub pose: [f64; 7],
 }
 

@@ -10,7 +10,7 @@ const MOST_STEPS: u32 = 200_000;
 /// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Of functions that return nothing.
+    /// The value of functions that return nothing.
     None,
     Integer(i64),
     Float(f64),
@@ -19,14 +19,14 @@ pub enum Value {
     List(Vec<f64>),
 }
 
-/// Why a program ends before its end.
+/// The reason why a program ends before its end.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// It was taken away.
+    /// The program was taken away.
     Killed,
-    /// It has stopped itself.
+    /// The program has stopped itself.
     Halted,
-    /// It is wrong.
+    /// The program is wrong.
     Error(String),
 }
 

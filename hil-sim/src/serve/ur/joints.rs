@@ -31,9 +31,9 @@ const REST: f64 = 1e-9;
 pub enum Command {
     /// Nothing: they hold.
     Hold,
-    /// To follow a target, rad, as `servoj` does, with its look-ahead, s, and gain.
+    /// The joints follow a target, rad, as `servoj` does, with its look-ahead, s, and gain.
     Servo { target: [f64; 6], lookahead_s: f64, gain: f64 },
-    /// To come to rest with this deceleration of the fastest joint, rad/s².
+    /// The joints come to rest with this deceleration of the fastest joint, rad/s².
     Stop(f64),
 }
 

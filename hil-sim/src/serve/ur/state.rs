@@ -36,7 +36,7 @@ pub struct Shared {
     pub robot_mode: i32,
     pub safety_mode: i32,
     pub runtime_state: u32,
-    /// It obeys programs from outside.
+    /// True if the arm obeys programs from outside.
     pub remote: bool,
     /// The speed slider, as a share.
     pub speed: f64,
@@ -44,9 +44,9 @@ pub struct Shared {
     pub watchdog: Option<(String, f64, f64)>,
     /// A program that is to begin.
     pub sent: Option<Program>,
-    /// Which client has which input.
+    /// The client of each input.
     pub claims: HashMap<String, u64>,
-    /// Why no answer is given to anybody: the network is cut.
+    /// True if no answer is given to anybody: the network is cut.
     pub cut: bool,
 }
 

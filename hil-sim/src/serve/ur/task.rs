@@ -11,9 +11,9 @@ use super::state::{REGISTERS, Shared};
 
 /// The outcome of one cycle of a program.
 pub enum Did {
-    /// It waits for the next one.
+    /// The program waits for the next cycle.
     Waits,
-    /// It is over, with its fault, if any.
+    /// The program is over, with its fault, if any.
     Ended(Option<String>),
 }
 

@@ -13,7 +13,7 @@ const PLLON: u32 = 1 << 24;
 const PLLRDY: u32 = 1 << 25;
 const CSSF: u32 = 1 << 7;
 const CSSC: u32 = 1 << 23;
-/// Of the crystal and of the PLL, ps (data sheet: 2 ms, 300 µs at most).
+/// Start-up times of the crystal and of the PLL, ps (data sheet: 2 ms, 300 µs at most).
 const CRYSTAL_STARTS: u64 = 2 * MS;
 const PLL_LOCKS: u64 = 200 * US;
 
@@ -22,7 +22,7 @@ const PLL_LOCKS: u64 = 200 * US;
 pub struct Crystal {
     /// The crystal's frequency, Hz; zero: it does not start.
     pub hz: f64,
-    /// It stops at this time, ps.
+    /// The time at which it stops, ps.
     pub stops: Option<u64>,
 }
 

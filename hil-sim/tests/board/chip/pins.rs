@@ -39,15 +39,15 @@ pub struct Pins {
     rising: u32,
     falling: u32,
     pending: u32,
-    /// Of each sensor: what is wrong, from when to when, ps.
+    /// The fault of each sensor, with its beginning and end, ps.
     pub faults: Vec<(Device, EdgeFault, u64, u64)>,
     /// The IMUs' signals as they were last.
     up: [bool; 3],
     next_glitch: u64,
-    /// Of each sensor: edges that left it, and those that a fault kept from the chip.
+    /// Edges that left each sensor, and those that a fault kept from the chip.
     edges: [u64; 3],
     kept_away: [u64; 3],
-    /// Of each sensor: edges that reached the chip while a run was on.
+    /// Edges of each sensor that reached the chip while a run was on.
     pub edges_of_run: [u64; 3],
     counted: [u64; 3],
     selected: [bool; 3],

@@ -28,7 +28,7 @@ pub struct Port {
     next_byte: Option<u64>,
     /// Bytes that have come out.
     pub to_host: Vec<u8>,
-    /// Of the host's adapter, baud.
+    /// Rate of the host's adapter, baud.
     pub host_baud: f64,
     /// One byte in this many of those from the host is another; noise makes bytes, so often, ps: from when to
     /// when.

@@ -2,7 +2,7 @@
 
 use super::{Machine, PS};
 
-/// Why the chip was reset.
+/// The reason why the chip was reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
     /// Power came on.
@@ -22,9 +22,9 @@ const DETECTOR_V: f64 = 2.9;
 
 pub struct Supply {
     control: u32,
-    /// From when to when it is how high, ps and V.
+    /// Beginning, end and voltage of each sag, ps and V.
     pub sags: Vec<(u64, u64, f64)>,
-    /// Of the watchdog's oscillator, Hz: 17 to 47 kHz.
+    /// Frequency of the watchdog's oscillator, Hz: 17 to 47 kHz.
     pub watchdog_hz: f64,
     watchdog: Option<Watchdog>,
     unlocked: bool,
