@@ -13,14 +13,14 @@ use rigident_io::rig::{OffsetTable, RigFile, WRENCH_CHANNELS};
 /// The offset of a channel is within this share of its range unless the rig file says otherwise: twice what
 /// data sheets of multi-axis load cells give as zero balance.
 const OFFSET_SHARE: f64 = 0.01;
-/// And within this many standard deviations of its noise, where that is the coarser.
+/// Standard deviations of its noise within which the offset of a channel is, where that is the coarser.
 const OFFSET_SD: f64 = 3.0;
 /// A load cell without a stated range: the same as a share of what it reads.
 const OFFSET_OF_READING: f64 = 0.02;
-/// At rest a channel must leave as much of its range to the motion.
+/// The largest share of its range that a channel may take at rest: a motion needs the remainder.
 const MOST_AT_REST: f64 = 0.9;
 
-/// Why nothing can be said of what the plate carries, or no motion is safe.
+/// The reason why nothing can be said of what the plate carries, or no motion is safe.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CarriedError {
     /// Forces are limited, and nothing bounds them.
@@ -61,7 +61,7 @@ pub enum CarriedError {
          it. Take a larger load cell, a lighter body, or mount it nearer to the load cell's axis"
     )]
     Overloaded {
-        /// Of the wrench.
+        /// The channel of the wrench.
         channel: &'static str,
         /// N or N m.
         value: f64,

@@ -15,7 +15,7 @@ const MEMORY: usize = 15;
 /// A motion under way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Of the family.
+    /// The coefficients of the family.
     pub coefficients: Vec<f64>,
     /// `log det M`, or whatever else is made large.
     pub merit: f64,

@@ -9,7 +9,7 @@ use rigident_io::recording::error::RecordingError;
 use rigident_io::recording::new_file::write_new_text;
 use rigident_shared::printable;
 
-/// Of the format.
+/// Name of the format's schema.
 const SCHEMA: &str = "rigident/plan/1";
 /// Joints that are closer than this are the same, m.
 const SAME_JOINT_M: f64 = 1e-4;
@@ -39,13 +39,13 @@ pub struct PlanFile {
     pub program: MotionProgram,
 }
 
-/// Why a plan cannot be used.
+/// The reason why a plan cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanFileError {
     /// The file.
     #[error("plan {path}: {reason}")]
     Unreadable {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// The reason, as the system or the parser says it.
         reason: String,
@@ -53,7 +53,7 @@ pub enum PlanFileError {
     /// Another format, or a later one.
     #[error("plan {path}: {found}; this program reads {SCHEMA:?}: make the plan anew with `plan()`")]
     Schema {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// The schema that the file names.
         found: String,
@@ -64,7 +64,7 @@ pub enum PlanFileError {
         least = DURATION_S[0], most = DURATION_S[1]
     )]
     Duration {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// s.
         duration_s: f64,
@@ -75,15 +75,15 @@ pub enum PlanFileError {
          {actual:.4?} m in the rig; make it anew with `plan(…, rig)`"
     )]
     AnotherRig {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// Base or plate.
         joint: &'static str,
-        /// From 1.
+        /// The joint's number, from 1.
         number: usize,
-        /// In the plan, m.
+        /// The joint's place in the plan, m.
         planned: [f64; 3],
-        /// In the rig, m.
+        /// The joint's place in the rig, m.
         actual: [f64; 3],
     },
     /// A machine of another kind.
@@ -93,7 +93,7 @@ pub enum PlanFileError {
         if *planned { "with" } else { "without" }, if *planned { "without" } else { "with" }
     )]
     OtherKnowledge {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// The plan knows of joints.
         planned: bool,
@@ -104,13 +104,13 @@ pub enum PlanFileError {
          the moment at most the sum of the other two"
     )]
     Carries {
-        /// Which.
+        /// Path of the plan.
         path: String,
     },
     /// The machine cannot do it.
     #[error("plan {path}: {error}")]
     Motion {
-        /// Which.
+        /// Path of the plan.
         path: String,
         /// Leg or limit, and when.
         error: MotionError,

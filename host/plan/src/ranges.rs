@@ -29,7 +29,7 @@ pub enum RangeError {
         value: f64,
         /// The channel's range.
         range: f64,
-        /// Of both.
+        /// The unit of both.
         unit: &'static str,
         /// The time, s.
         time_s: f64,
@@ -48,10 +48,10 @@ struct Peak {
     what: String,
     unit: &'static str,
     range: f64,
-    /// Of the middle of what may be on the load cell, and when, s.
+    /// The value with the middle of what may be on the load cell, and its time, s.
     value: f64,
     time_s: f64,
-    /// Of any body that may be.
+    /// The value with any body that may be on the load cell.
     at_worst: f64,
 }
 
@@ -153,9 +153,9 @@ pub struct CellStopped {
     pub unit: &'static str,
     /// The channel's range.
     pub range: f64,
-    /// Of the middle of what may be on the load cell.
+    /// The value with the middle of what may be on the load cell.
     pub value: f64,
-    /// Of any body that may be.
+    /// The value with any body that may be on the load cell.
     pub at_worst: f64,
     /// The time of the program at which the stop begins, s.
     pub time_s: f64,

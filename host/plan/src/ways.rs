@@ -2,7 +2,7 @@
 
 use hexapod::{Geometry, Load, MotionError, MotionProgram, Pose, Segment, Violation};
 
-/// By which a move takes longer where a leg would be too fast.
+/// The factor by which a move takes longer where a leg would be too fast.
 const LONGER: f64 = 1.25;
 /// So often the last step of that is halved to find what is needed.
 const HALVINGS: u32 = 3;

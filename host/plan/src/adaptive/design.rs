@@ -19,8 +19,8 @@ use crate::motion::information::log_determinant;
 use crate::motion::plan::{HIGHEST_HZ, frequencies_hz, step_s};
 use crate::motion::search::{Descent, Merit, Problem};
 
-/// Of the norm. Twelve equal ratios count as 36 % above each in variance, 17 % in deviation, whatever the
-/// motion.
+/// Power of the norm. Twelve equal ratios count as 36 % above each in variance, 17 % in deviation, whatever
+/// the motion.
 const POWER: i32 = 8;
 /// The barrier's weights are made for `log det` of some ten parameters, this is the logarithm of one.
 const SCALE: f64 = 10.0;

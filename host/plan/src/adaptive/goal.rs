@@ -12,7 +12,7 @@ const COVERAGE: f64 = 1.96;
 /// The request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked {
-    /// At most these 95 % uncertainties, SI; infinite where anything will do.
+    /// Largest 95 % uncertainties, SI; infinite where anything will do.
     Absolute([f64; 16]),
     /// Every element of the tensors about S and about the centre of mass at most this share of the largest
     /// principal moment about the centre of mass.
@@ -24,8 +24,8 @@ pub enum Asked {
 pub struct Goal {
     /// Largest 95 % uncertainties; infinite where anything will do.
     pub u95: [f64; 16],
-    /// Of the tensor about the centre of mass: the same for every element, and their derivatives by the ten
-    /// parameters.
+    /// The largest 95 % uncertainty of the tensor about the centre of mass, the same for every element, and
+    /// the elements' derivatives by the ten parameters.
     pub about_com: Option<(f64, [[f64; 10]; 6])>,
 }
 

@@ -31,7 +31,7 @@ const LEAST_SCALE: f64 = 0.1;
 /// A segment to choose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// For people.
+    /// The name for people.
     pub name: String,
     /// The pose where it begins and ends.
     pub centre: Pose,

@@ -70,7 +70,7 @@ pub struct Outcome {
     pub promised: Option<Foreseen>,
     /// The result, less that, as a share of it.
     pub off: Option<f64>,
-    /// Why it ended before, in words.
+    /// The reason why it ended before, in words.
     pub ended: Option<String>,
     /// The longest that a decision took on this machine, s.
     pub decided_s: f64,

@@ -24,7 +24,7 @@ pub struct Apart {
 /// Two boxes, or a box and the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nearest {
-    /// At least so far apart, m; negative if they overlap.
+    /// Lower bound of the distance, m; negative if they overlap.
     pub distance_m: f64,
     /// The links; `floor` for the floor.
     pub between: [String; 2],

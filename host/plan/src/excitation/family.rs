@@ -39,7 +39,7 @@ pub struct Series {
     pub start: Vec<f64>,
     /// The length of the series, s.
     pub duration_s: f64,
-    /// For every joint and harmonic the coefficients of sine and of cosine less one, rad or m.
+    /// The coefficients of sine and of cosine less one for every joint and harmonic, rad or m.
     pub terms: Vec<Vec<[f64; 2]>>,
 }
 
@@ -90,7 +90,7 @@ pub struct Family {
     /// Sine and cosine coefficients, over kω, of every free coefficient: harmonics by coefficients.
     sines: DMatrix<f64>,
     cosines: DMatrix<f64>,
-    /// By instant and coefficient: value, rate, acceleration.
+    /// Value, rate, acceleration by instant and coefficient.
     waves: Vec<Vec<[f64; 3]>>,
 }
 

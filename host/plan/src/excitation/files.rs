@@ -20,7 +20,7 @@ pub struct FileJoint {
     pub moves: Option<usize>,
     /// The position where it is held, rad or m; not used of one that moves.
     pub held: f64,
-    /// It is in the message for the controller, which refuses joints that are none of its own.
+    /// True if it is in the message for the controller, which refuses joints that are none of its own.
     pub is_commanded: bool,
 }
 

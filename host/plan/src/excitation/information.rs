@@ -67,7 +67,7 @@ type Places = (usize, Vec<(usize, usize)>, Vec<(Other, usize)>);
 enum Other {
     /// An offset of the wrench.
     One,
-    /// Of the drive of a freedom.
+    /// A column of the drive of a freedom.
     Drive(Term, usize),
 }
 

@@ -16,11 +16,11 @@ const FROM_ENDS: f64 = 0.2;
 /// Shares of the limits that a trajectory may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shares {
-    /// Of half the range of positions, about its middle.
+    /// Share of half the range of positions, about its middle.
     pub range: f64,
-    /// Of the largest rate.
+    /// Share of the largest rate.
     pub speed: f64,
-    /// Of the largest effort: what is left is for what the nominal model does not know.
+    /// Share of the largest effort: the rest is for what the nominal model does not know.
     pub effort: f64,
 }
 
@@ -35,7 +35,7 @@ impl Default for Shares {
 pub struct JointLimits {
     /// The joint.
     pub name: String,
-    /// It slides.
+    /// True if the joint slides.
     pub slides: bool,
     /// Least and largest position, rad or m.
     pub range: [f64; 2],

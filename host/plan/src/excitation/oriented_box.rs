@@ -47,7 +47,7 @@ enum Axis {
 pub struct Separation {
     /// The gap, m; negative if the boxes overlap. It is at most their distance.
     pub gap: f64,
-    /// From the first to the second.
+    /// The direction from the first box to the second.
     normal: Vector3<f64>,
     axis: Axis,
     points: [Vector3<f64>; 2],

@@ -85,7 +85,7 @@ pub enum Stage {
     Prediction,
 }
 
-/// Why there is no trajectory.
+/// The reason why there is no trajectory.
 #[derive(Debug, thiserror::Error)]
 pub enum ExcitationError {
     /// Nothing moves.
@@ -129,7 +129,7 @@ pub enum ExcitationError {
         low: f64,
         /// rad or m
         high: f64,
-        /// Of the range.
+        /// The share of the range.
         share: f64,
     },
     /// Something touches at the start.

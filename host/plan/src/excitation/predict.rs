@@ -32,7 +32,7 @@ pub struct Prediction {
     pub log_determinant: f64,
 }
 
-/// Why nothing can be predicted.
+/// The reason why nothing can be predicted.
 #[derive(Debug, thiserror::Error)]
 pub enum PredictError {
     /// The rows do not fit the model.

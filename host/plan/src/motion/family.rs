@@ -22,9 +22,9 @@ pub struct Family {
     duration_s: f64,
     ramp_s: f64,
     frequencies_hz: Vec<f64>,
-    /// By frequency, sine before cosine.
+    /// The waves by frequency, sine before cosine.
     waves: Vec<Wave>,
-    /// Of a part between the ramps that is driven again.
+    /// The part between the ramps that is driven again.
     repeated: Option<Repeated>,
 }
 

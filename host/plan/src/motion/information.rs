@@ -30,7 +30,7 @@ const USED: [usize; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17];
 pub struct Instrument {
     /// P's axes to S's.
     to_cell: Matrix3<f64>,
-    /// Of P's origin in S.
+    /// Place of P's origin in S.
     lever: Position<Sensor, f64>,
     gravity_mps2: f64,
     weights: [f64; 6],
@@ -224,13 +224,13 @@ pub fn log_determinant(information: &Information) -> Option<(f64, Information)> 
 /// and of the turn η in P and its two derivatives.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Variation {
-    /// Of the place.
+    /// Variation of the place.
     pub place: Vector3<f64>,
-    /// Of the velocity.
+    /// Variation of the velocity.
     pub velocity: Vector3<f64>,
-    /// Of the acceleration.
+    /// Variation of the acceleration.
     pub acceleration: Vector3<f64>,
-    /// Of η, η', η''.
+    /// Variation of η, η', η''.
     pub turn: [Vector3<f64>; 3],
 }
 

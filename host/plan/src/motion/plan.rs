@@ -33,7 +33,7 @@ pub struct Task {
     pub equipment: Equipment,
     /// The objective.
     pub objective: Objective,
-    /// Of the whole experiment, s.
+    /// Duration of the whole experiment, s.
     pub duration_s: f64,
     /// True if the thesis' static step comes first.
     pub poses: bool,
@@ -41,7 +41,7 @@ pub struct Task {
     pub highest_hz: f64,
     /// Highest angular rate, rad/s.
     pub rate_radps: f64,
-    /// Of the readings that are predicted for, 1/s.
+    /// Rate of the readings that are predicted for, 1/s.
     pub rate_hz: f64,
     /// Random beginnings of the search.
     pub starts: usize,
@@ -54,7 +54,7 @@ pub struct MotionPlan {
     pub program: MotionProgram,
     /// Begin and end of the motion in it, s.
     pub motion_s: [f64; 2],
-    /// Of every limit over all of it.
+    /// The guarantee of every limit over all of it.
     pub guarantee: Guarantee,
     /// The information that it will bring.
     pub prediction: Prediction,
@@ -62,7 +62,7 @@ pub struct MotionPlan {
     pub size: f64,
 }
 
-/// Why there is no plan.
+/// The reason why there is no plan.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
     /// The experiment around it.

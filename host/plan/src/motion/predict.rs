@@ -13,11 +13,11 @@ use rigident_identify::answer::derived;
 /// 95 % expanded uncertainties, and the conditioning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// Of `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` about S's origin, SI.
+    /// Predictions for `[m, mcx, mcy, mcz, Ixx, Iyy, Izz, Iyz, Izx, Ixy]` about S's origin, SI.
     pub parameters: [f64; 10],
-    /// Of the centre of mass, m.
+    /// Predictions for the centre of mass, m.
     pub com_m: [f64; 3],
-    /// Of the tensor about the centre of mass, kg m².
+    /// Predictions for the tensor about the centre of mass, kg m².
     pub inertia_com_kgm2: [f64; 6],
     /// 2-norm condition number of the triangular factor, columns scaled to unit length, offsets included.
     pub condition_number: f64,
@@ -31,7 +31,7 @@ pub struct Prediction {
     pub determined: bool,
 }
 
-/// Why nothing can be predicted.
+/// The reason why nothing can be predicted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PredictError {
     /// The platform cannot follow the program.

@@ -10,7 +10,7 @@ use crate::ways::{self, Pace};
 const PACE: Pace = Pace { rate_radps: 1.1, shortest_s: 0.0 };
 /// Shortest motion worth planning, s.
 pub const SHORTEST_MOTION_S: f64 = 6.0;
-/// Of the legs' speeds, accelerations and forces the static step uses this share at most.
+/// The share of the legs' speeds, accelerations and forces that the static step uses at most.
 const SPARE: f64 = 0.985;
 /// Shares of the thesis' tilts that are tried.
 const TILTS: [f64; 8] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3];
@@ -29,10 +29,10 @@ pub struct Frame {
     pub begin_s: f64,
 }
 
-/// Why there is no experiment.
+/// The reason why there is no experiment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FrameError {
-    /// Too short.
+    /// The experiment is too short.
     #[error(
         "{asked_s} s are too short: the static step takes {static_s:.1} s on this platform, and a motion \
          should have {SHORTEST_MOTION_S} s; give `duration_s` {least:.0} or more, or plan a motion without \
@@ -45,10 +45,10 @@ pub enum FrameError {
         /// The static step, s.
         static_s: f64,
     },
-    /// Not even small tilts.
+    /// Not even small tilts are possible.
     #[error("the platform can do no static step, plan a motion without it (`plan_motion(no_poses)`): {0}")]
     Poses(MotionError),
-    /// Not even home.
+    /// Not even home is possible.
     #[error(
         "the platform cannot stand level at home: {0}; that is no matter of time or tilts, look at \
          [platform] and the body"

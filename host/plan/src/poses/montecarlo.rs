@@ -264,7 +264,7 @@ pub struct Row {
     pub mounting: Mounting,
     /// The errors.
     pub errors: Errors,
-    /// In the order of [`Estimator::ALL`].
+    /// The spreads in the order of [`Estimator::ALL`].
     pub spreads: [Option<Spread>; 4],
 }
 

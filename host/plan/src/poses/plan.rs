@@ -20,10 +20,10 @@ pub const MOST_ORIENTATIONS: usize = 30;
 /// Angles are given to this many parts of a degree.
 const PARTS_OF_A_DEGREE: f64 = 100.0;
 
-/// Why there is no plan.
+/// The reason why there is no plan.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// Too few orientations, or too many.
+    /// There are too few orientations, or too many.
     #[error(
         "`n` {n}: {fewest} orientations at least (fewer leave a part of the centre of mass open), \
          {MOST_ORIENTATIONS} at most"
@@ -31,7 +31,7 @@ pub enum PlanError {
     Orientations {
         /// Asked for.
         n: usize,
-        /// At least.
+        /// The fewest orientations.
         fewest: usize,
     },
     /// An angle that no plate has.
@@ -78,7 +78,7 @@ impl Task {
 /// Still poses and what they are worth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosePlan {
-    /// By azimuth of the tilt; roll and pitch are rounded to hundredths of a degree.
+    /// The poses by azimuth of the tilt; roll and pitch are rounded to hundredths of a degree.
     pub poses: Vec<Pose>,
     /// Condition number of the normal matrix `[F]ᵀ[F]`.
     pub condition_number_normal: f64,

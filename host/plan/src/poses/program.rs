@@ -1,4 +1,4 @@
-//! From still poses to a motion program: home, every pose held, the first once more as a check for drift.
+//! A motion program from still poses: home, every pose held, the first once more as a check for drift.
 
 use hexapod::{MotionError, MotionProgram, Pose, Segment};
 
@@ -14,8 +14,8 @@ const SHORTEST_S: f64 = 1.0;
 const DRAWN: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Shares of the limits within which a pose on the way stays; `None` is as far inside as can be.
 const WITHIN: [Option<f64>; 3] = [Some(0.97), Some(0.9), None];
-/// Of the way out from the level pose in small strides every such one is a stop where every path between two
-/// poses is barred: the fewer the quicker.
+/// Strides between two stops on the way out from the level pose, where every path between two poses is
+/// barred: the fewer stops the quicker.
 const EVERY: [usize; 2] = [5, 1];
 /// So often a step is halved where it is barred itself.
 const HALVINGS: u32 = 6;

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::measure::roll_pitch;
 use crate::workspace;
 
-/// Why there is no region.
+/// The reason why there is no region.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RegionError {
     /// Not even the level pose can be held.
@@ -20,8 +20,8 @@ pub enum RegionError {
 /// Tilts on the way from level, rad: two degrees.
 const STRIDE_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-/// By which a straight line between two poses on a limit may overstep it, as a share of what is allowed; a
-/// way around begins with it.
+/// The share of what is allowed by which a straight line between two poses on a limit may overstep it; a way
+/// around begins with it.
 const TRIFLE: f64 = 0.005;
 
 /// A platform and where its plate can be brought to from the level pose.

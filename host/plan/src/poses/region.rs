@@ -10,14 +10,14 @@ use super::reach::Reach;
 const AZIMUTHS: usize = 180;
 /// Steps in which the tilt is tried, rad: a degree.
 const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
-/// To which the largest tilt is known, rad.
+/// The accuracy of the largest tilt, rad.
 const RESOLUTION_RAD: f64 = 1e-4;
 
 /// Directions of "up" in the plate's axes that the plate can be brought to: for each azimuth all tilts up to
 /// a largest one, so that the way there from the level pose is reachable too.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
-    /// At azimuth `k · 360°/len`, rad.
+    /// The largest tilt at azimuth `k · 360°/len`, rad.
     largest_tilt_rad: Vec<f64>,
 }
 

@@ -18,9 +18,9 @@ use super::region::Region;
 pub const COMBINATIONS: usize = 100_000;
 /// Combinations that are refined, as in the thesis.
 pub const STARTS: usize = 10;
-/// Of the poll directions at the beginning, as a share of each coordinate's range.
+/// Step of the poll directions at the beginning, as a share of each coordinate's range.
 const FIRST_STEP: f64 = 0.125;
-/// At which a refinement ends.
+/// The step at which a refinement ends.
 const LAST_STEP: f64 = 1e-9;
 /// Polls after which it ends, too.
 const POLLS: usize = 20_000;

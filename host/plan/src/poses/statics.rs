@@ -28,7 +28,7 @@ const SAME: f64 = 0.02;
 /// A recording whose still poses tell nothing.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StaticsError {
-    /// Too few poses.
+    /// There are too few poses.
     #[error(
         "{0} still poses that differ: three at least, as of `plan_poses(n=5)`, each held for a second or more"
     )]
@@ -41,7 +41,7 @@ pub enum StaticsError {
     Reference {
         /// Asked for.
         reference: usize,
-        /// There are.
+        /// The number of poses.
         poses: usize,
     },
 }
@@ -60,7 +60,7 @@ pub struct Held {
 /// The result of one estimator from the poses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimated {
-    /// In words.
+    /// The name in words.
     pub name: &'static str,
     /// Centre of mass, S, m; `None` where the poses leave it open.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -81,7 +81,8 @@ fn is_infinite(value: &f64) -> bool {
 /// All of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statics {
-    /// From measured forces; from the same relative to a reference pose; with gravity from the attitude.
+    /// Estimates from measured forces; from the same relative to a reference pose; with gravity from the
+    /// attitude.
     #[serde(rename = "estimators")]
     pub estimates: [Estimated; 3],
     /// Mass, kg, and offset of the wrench, N and N m, with gravity from the attitude, each with its U95;

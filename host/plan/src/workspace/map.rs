@@ -14,7 +14,7 @@ use super::shells;
 pub struct Span {
     /// Roll and pitch from minus this to this, degrees.
     pub most_deg: f64,
-    /// Between neighbours, degrees.
+    /// The step between neighbours, degrees.
     pub step_deg: f64,
     /// The yaw of all orientations, degrees.
     pub yaw_deg: f64,
@@ -26,7 +26,7 @@ impl Default for Span {
     }
 }
 
-/// Why there is no map.
+/// The reason why there is no map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MapError {
     /// A grid that makes no sense.
@@ -50,9 +50,9 @@ pub enum MapError {
 /// Rows are rolls, columns pitches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Of the rows, degrees.
+    /// The roll of the rows, degrees.
     pub roll_deg: Vec<f64>,
-    /// Of the columns, degrees.
+    /// The pitch of the columns, degrees.
     pub pitch_deg: Vec<f64>,
     /// Some position keeps the legs' lengths and the joints' angles.
     pub reachable: Vec<Vec<bool>>,

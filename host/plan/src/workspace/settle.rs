@@ -11,7 +11,7 @@ const LONGEST_STEP_M: f64 = 0.05;
 /// A position in an orientation, and how near the limits it is.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot {
-    /// Of the plate's origin, A, m.
+    /// The place of the plate's origin, A, m.
     pub position: Vector3<f64>,
     /// The largest of `|l − middle| / half the stroke`, joint angle over its limit, what the clearance lacks
     /// over its range and, with the guard, `cond(H)` over its limit. At most one where every limit is met.

@@ -8,7 +8,7 @@ use super::{Kind, Planner, SLOWER, SLOWEST, Way};
 /// The share of its size that is too small to be worth a try, and while nothing is known of the body.
 const SMALLEST: f64 = 0.2;
 const SMALLEST_LOOK: f64 = 0.02;
-/// After this many tries a motion is made smaller by twice as much, and again.
+/// Tries after which a motion is made smaller by twice as much, and again.
 const PATIENT_TRIES: u32 = 6;
 
 impl Planner {

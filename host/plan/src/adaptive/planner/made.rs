@@ -12,8 +12,8 @@ use crate::adaptive::library::Candidate;
 
 /// Shorter where the machine can do less, so that one way of turning follows another soon.
 const DESIGNED_WITHOUT_S: f64 = 3.0;
-/// Before the body is known its wrench cannot be predicted: a short test, with this share of the rates, as
-/// often at most.
+/// Length of a short test before the body is known, whose wrench cannot be predicted then, s; its share of
+/// the rates, and the most such tests.
 const LOOK_S: f64 = 1.5;
 const LOOK_SHARE: f64 = 0.5;
 /// Tilts about which motions are made where an axis is lost, degrees: about a tilted axis the others make up

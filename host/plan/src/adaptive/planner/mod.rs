@@ -17,7 +17,7 @@ use super::goal::{Asked, Goal};
 use super::information::{Information, InverseRoot, RigModel};
 use super::library::{Candidate, keeps, library, way};
 
-/// By which moves become slower where they are what is refused, and how much at most.
+/// The factor by which moves become slower where they are refused, and its largest value.
 const SLOWER: f64 = 1.4;
 const SLOWEST: f64 = 4.0;
 /// Share of the expected information below which a segment's worth is corrected.
@@ -40,9 +40,9 @@ pub struct Decision {
     index: usize,
     moves: [bool; 6],
     tells: Information,
-    /// For people.
+    /// The name for people.
     pub name: String,
-    /// From where the plate is.
+    /// The program from where the plate is.
     pub program: MotionProgram,
     /// The time when everything asked for should be reached, s from now.
     pub expected_s: f64,
@@ -67,7 +67,7 @@ impl Decision {
 /// The next action.
 #[derive(Clone, Debug)]
 pub enum Next {
-    /// This.
+    /// A segment to drive.
     Segment(Box<Decision>),
     /// Ask the platform whether it would take this, without driving it, and tell by [`Planner::answered`].
     Question(MotionProgram),
@@ -94,11 +94,11 @@ pub struct Known<'a> {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// Of the library.
+    /// A motion of the library.
     Stock,
-    /// Made for what is asked for.
+    /// A motion made for what is asked for.
     Made,
-    /// Made for what is asked for and small, to see what the body is like.
+    /// A small motion made for what is asked for, to see what the body is like.
     Look,
 }
 
@@ -156,7 +156,7 @@ pub struct Planner {
     designs: Option<bool>,
     /// The number made since the last test of it.
     made: usize,
-    /// By which moves between places take longer than thought right.
+    /// The factor by which moves between places take longer than thought right.
     slower: f64,
     /// The sequence that was chosen last, and what has been driven since it is that one.
     turns: Turns,

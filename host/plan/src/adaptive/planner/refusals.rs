@@ -4,8 +4,9 @@ use hexapod::{Axis, Limit, MotionProgram, Segment, SineTerm, Travel};
 
 use super::{DESIGNED_S, Decision, Planner, RAMP_S, SLOWER, SLOWEST, moved};
 
-/// By which a motion is stretched in time to see whether it is too fast or too large for the platform; how
-/// closely its largest size is then found, in halvings, and how often limits are found to be tighter.
+/// The factor by which a motion is stretched in time to see whether it is too fast or too large for the
+/// platform; the halvings in which its largest size is then found; and the number of times that limits are
+/// found to be tighter.
 const STRETCH: f64 = 4.0;
 const HALVINGS: u32 = 6;
 const MOST_TIGHTENED: u32 = 4;
@@ -13,7 +14,7 @@ const MOST_TIGHTENED: u32 = 4;
 /// and the frequency.
 const ASKED_RAD: f64 = 0.01;
 const ASKED_HZ: f64 = 0.5;
-/// By which a motion that the platform refuses becomes smaller.
+/// The factor by which a motion that the platform refuses becomes smaller.
 const SMALLER: f64 = 0.85;
 
 /// The questions that a platform can be asked without moving.
