@@ -36,7 +36,7 @@ pub enum Image {
     Watch,
 }
 
-/// Why a microcontroller cannot be used.
+/// The reason why a microcontroller cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MicrocontrollerError {
     /// The port cannot be opened.

@@ -40,11 +40,11 @@ pub struct Usb {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Attached {
-    /// By USB.
+    /// A port on USB.
     Usb,
-    /// On the machine's own board.
+    /// A port on the machine's own board.
     Pci,
-    /// By Bluetooth.
+    /// A port by Bluetooth.
     Bluetooth,
     /// The system does not say.
     Unknown,
@@ -161,7 +161,7 @@ pub enum NotFound {
     Only {
         /// The port's name.
         port: String,
-        /// Why not.
+        /// The reason why it cannot be used.
         why: Unusable,
     },
 }

@@ -18,7 +18,7 @@ pub enum SettingsFileError {
     /// The file cannot be read.
     #[error("{0}: {1}; `configure(write=FILE)` writes a device's settings into one")]
     Unreadable(String, std::io::Error),
-    /// It is no such text, or a key is missing or of another kind.
+    /// The text is no such text, or a key is missing or of another kind.
     #[error("{file}: {why}\nNothing was sent. `configure(write=FILE)` shows how a whole file looks")]
     Text {
         /// The file.

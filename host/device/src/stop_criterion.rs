@@ -32,7 +32,7 @@ pub struct StopCriterion {
     pub keep_going: bool,
 }
 
-/// Why a device cannot use a stop criterion.
+/// The reason why a device cannot use a stop criterion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StopError {
     /// A word is no name with a number.

@@ -19,18 +19,18 @@ pub enum Standing {
     Ok,
     /// Something is to be done.
     ToDo,
-    /// It is not here, and not everybody needs it.
+    /// Something is not here, and not everybody needs it.
     NotHere,
 }
 
 /// The advice of a check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Advice {
-    /// To install [`UDEV_RULE`].
+    /// Advice to install [`UDEV_RULE`].
     InstallRule,
-    /// To install the emulator, which only the emulated board needs.
+    /// Advice to install the emulator, which only the emulated board needs.
     InstallEmulator,
-    /// To build the image of the emulated board.
+    /// Advice to build the image of the emulated board.
     BuildImage,
     /// Anything else, in words.
     Words(String),

@@ -14,15 +14,15 @@ use rigident_fit::{Factor, NoiseGram, compensate};
 
 /// A command is sent again after this long without an answer.
 const PATIENCE: Duration = Duration::from_millis(700);
-/// And given up after this many times: a board answers nothing while it erases three sectors of its flash, of
-/// two seconds at most.
+/// Tries after which a command is given up: a board answers nothing while it erases three sectors of its
+/// flash, of two seconds at most.
 const ATTEMPTS: u32 = 10;
 /// Channels of a wrench.
 const WRENCH: usize = 6;
-/// For messages.
+/// The name of the request in messages.
 const FACTOR: &str = "read the factor";
 
-/// Why the device did not follow its command.
+/// The reason why the device did not follow its command.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The bytes no longer flow.
@@ -43,7 +43,7 @@ pub enum LinkError {
         /// The device's version.
         device: u8,
     },
-    /// Same protocol, other messages.
+    /// The device speaks the same protocol, with other messages.
     #[error(
         "the device's firmware was built with other messages (schema {device:016x}, here \
          {SCHEMA_HASH:016x}): flash the firmware that belongs to this version of rigident"
@@ -52,7 +52,7 @@ pub enum LinkError {
         /// The device's hash.
         device: u64,
     },
-    /// It answers, and not in messages that are known here.
+    /// The device answers, but not in messages that are known here.
     #[error(
         "the device answers `{0}` in messages that this program does not know: its firmware was built from \
          other definitions; flash the firmware that belongs to this version of rigident"
@@ -63,7 +63,7 @@ pub enum LinkError {
     Refused {
         /// The command.
         command: &'static str,
-        /// Why not.
+        /// The reason of the refusal.
         code: ErrorCode,
     },
     /// An answer that makes no sense.

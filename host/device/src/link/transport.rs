@@ -47,19 +47,19 @@ enum Line {
 
 /// A port that has vanished is given up after this long.
 const OUT_AT_MOST: Duration = Duration::from_secs(20);
-/// And searched for this often.
+/// The time between searches for a port that has vanished.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Default rate of the serial link, baud. A pseudo-terminal ignores it.
 pub const BAUD: u32 = 921_600;
 
-/// Why a port cannot be used, in words that say what to do.
+/// The reason why a port cannot be used, in words that say what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     /// No such port.
     #[error("no port {0}: `ports()` lists those there are; is the cable in, the simulator running?")]
     Missing(String),
-    /// It is there but may not be opened.
+    /// The port is there but may not be opened.
     #[error("no permission to open {0}: {advice}, or install the udev rule (`doctor(udev_rule)`)", advice = may_open(.0))]
     Permission(String),
     /// Some other program has it.

@@ -43,7 +43,7 @@ pub struct Summary {
     pub from: Option<Pose>,
     /// Nothing is said of the machine: the limits are the built-in platform's.
     pub assumed: bool,
-    /// Of a machine whose joints are not published what is used of its travel; nothing is known of legs then.
+    /// The use of the travel of a machine whose joints are not published; nothing is known of legs then.
     pub travel: Option<Used>,
     /// Shortest and longest leg on the way, m.
     pub leg_length_m: [f64; 2],

@@ -16,7 +16,7 @@ pub trait World: Send + Sync {
     fn begins(&self, watch: Watch);
 }
 
-/// Where the time is read and waited for.
+/// The clock from which the time is read, and by which it is waited.
 #[derive(Clone)]
 pub(super) enum Clock {
     /// This machine's, since this instant.

@@ -1,10 +1,10 @@
-//! Why the platform does not follow its command.
+//! The reasons why the platform does not follow its command.
 
 use hexapod::MotionError;
 
 use super::gcs::words;
 
-/// Why the platform does not follow its command.
+/// The reason why the platform does not follow its command.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlatformError {
     /// An address that names no platform.
@@ -23,7 +23,7 @@ pub enum PlatformError {
         /// The message of the network.
         reason: String,
     },
-    /// It answered before and does so no more.
+    /// The platform answered before and does so no more.
     #[error(
         "the platform at {address} was lost at the command {command} ({reason}): check its cable and supply"
     )]
@@ -62,7 +62,7 @@ pub enum PlatformError {
     /// Nobody knows where the plate is.
     #[error("{0}")]
     Unseen(String),
-    /// It stopped before the end, and not by this program's command.
+    /// The platform stopped before the end, and not by this program's command.
     #[error(
         "the platform stopped after {at_s:.1} of {of_s:.1} s, and not by a command from here: is another \
          program connected to it, or was it not heard from here?"
@@ -79,7 +79,7 @@ pub enum PlatformError {
          fewer segments"
     )]
     TooLong {
-        /// Of the command.
+        /// Bytes of the command.
         bytes: usize,
         /// The most bytes that the controller takes.
         most: usize,

@@ -69,7 +69,7 @@ pub enum Motion {
     Done,
 }
 
-/// Why a plate is brought to rest, and so how.
+/// The reason why a plate is brought to rest, which determines how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The motion has done what it was for: the plate goes to rest on its path, with no more force than the
@@ -83,9 +83,9 @@ pub enum Stop {
 /// The traffic on the line to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Said<'a> {
-    /// From here.
+    /// A command from here.
     Command(&'a str),
-    /// From there.
+    /// A reply from there.
     Reply(&'a str),
 }
 

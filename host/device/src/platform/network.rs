@@ -20,7 +20,7 @@ const END_S: f64 = 1e-3;
 const SAMPLE_S: f64 = 0.05;
 /// A controller that hears nothing for this long while the plate moves stops it, s.
 const QUIET_S: f64 = 0.25;
-/// It hears something this often.
+/// The controller hears something this often.
 const HEARD_EVERY: Duration = Duration::from_millis(50);
 
 /// A controller that speaks one JSON object per line over TCP: `load`, `start`, `stop`, `state`.

@@ -33,7 +33,8 @@ pub(super) const GAP_S: f64 = 0.5;
 /// The shortest time between two points, as a share of their interval, where the controller may take them as
 /// they come: what sleep makes late is caught up, and no more at once.
 const CLOSEST: f64 = 0.95;
-/// Likewise, where it is known to have a clock of its own: its buffer is filled again.
+/// The shortest time between two points, as a share of their interval, where the controller is known to have
+/// a clock of its own: its buffer is filled again.
 const CLOSEST_OF_TIME: f64 = 0.25;
 /// A controller that follows lines as they come stands still after a pause of more intervals than this.
 const STANDS: f64 = 3.0;
@@ -43,9 +44,9 @@ const STANDS: f64 = 3.0;
 pub(super) enum Follows {
     /// Nobody has said.
     Unknown,
-    /// By the time of each point, or by an interval of its own.
+    /// The controller goes by the time of each point, or by an interval of its own.
     Time,
-    /// It goes to each point as it comes.
+    /// The controller goes to each point as it comes.
     Arrival,
 }
 
@@ -135,7 +136,7 @@ pub(super) fn rest(clock: &Clock, sink: &mut impl Sink, halted: bool) -> Result<
 /// The knowledge of the plate once nothing more is sent.
 #[derive(Clone, Debug, PartialEq)]
 enum End {
-    /// It rests: the controller says so or, if it says nothing, all lines to rest were sent.
+    /// The plate rests: the controller says so or, if it says nothing, all lines to rest were sent.
     AtRest,
     /// Nobody knows, and why.
     Unseen(String),
@@ -146,7 +147,7 @@ struct Shared {
     end: Option<End>,
     error: Option<PlatformError>,
     samples: Vec<MotionSample>,
-    /// When somebody last asked, s of the clock.
+    /// The time when somebody last asked, s of the clock.
     watched_s: f64,
     /// The point sent last, and its time, s.
     last: Option<(f64, Pose)>,
@@ -160,10 +161,10 @@ pub(super) struct Pace<S> {
     work: Work<S>,
 }
 
-/// Where a motion is driven.
+/// The place where a motion is driven.
 enum Work<S> {
     Thread(JoinHandle<S>),
-    /// It is over: in a simulation it was driven by whoever began it.
+    /// The motion is over: in a simulation it was driven by whoever began it.
     Over(Box<S>),
     Taken,
 }
@@ -321,7 +322,7 @@ struct Course {
     resumed_s: f64,
     /// Since when the plate is led to rest, s.
     slowing_s: Option<f64>,
-    /// It was not the plan that ended it.
+    /// True if it was not the plan that ended it.
     alarmed: bool,
 }
 

@@ -4,7 +4,7 @@ use hexapod::{Geometry, Limit, Load, MotionError, PlateState, Trajectory, Violat
 
 /// Instants that are examined, at most.
 const INSTANTS: f64 = 2000.0;
-/// They are no closer than this, s.
+/// The least time between instants that are examined, s.
 const STEP_S: f64 = 0.02;
 /// The points of a stop that are checked: shares of its duration, the program's speed there, and how fast
 /// that falls, in durations. It falls as the quintic `1 − u³ (10 − 15 u + 6 u²)`.
@@ -45,7 +45,7 @@ pub struct Stopped {
     pub leg_acceleration_mps2: f64,
     /// The first limit of a force that is exceeded, and the time of the program, s.
     pub overloads: Option<(Violation, f64)>,
-    /// Likewise of an acceleration.
+    /// The first limit of an acceleration that is exceeded, and the time of the program, s.
     pub too_quick: Option<(Violation, f64)>,
 }
 

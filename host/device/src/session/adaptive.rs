@@ -13,7 +13,7 @@ use rigident_fit::Factor;
 pub struct Proposal {
     /// Starting where the last one ended.
     pub program: MotionProgram,
-    /// Or only whether the platform would take it.
+    /// True if it is to be driven; else it is only asked whether the platform would take it.
     pub drive: bool,
 }
 
@@ -40,9 +40,9 @@ pub trait Director: Send {
 /// The end of a segment.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Ended {
-    /// At its end.
+    /// The segment ended at its end.
     Whole,
-    /// Before: the stop rule, the device or the user.
+    /// The segment ended before: by the stop rule, the device or the user.
     Early,
 }
 

@@ -13,7 +13,7 @@ use rigident_io::rig::{Calibrated, ImuTable, RigFile};
 use rigident_model::Model;
 use rigident_rows::tree::joints::attitude;
 
-/// Why a recording makes no frames.
+/// The reason why a recording makes no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrames {
     /// Columns, or what they are to be understood by.

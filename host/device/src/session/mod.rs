@@ -57,7 +57,7 @@ const STOPPED: (StateName, Reason) = (StateName::Holding, Reason::StopRule);
 /// The state of the device when it has not heard the host for longer than its settings allow.
 const QUIET: (StateName, Reason) = (StateName::Holding, Reason::HostQuiet);
 
-/// Why an experiment ends early.
+/// The reason why an experiment ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The link.
@@ -92,7 +92,7 @@ pub enum SessionError {
          larger range; load_max_kg and load_within_m of the rig file bound what is planned for"
     )]
     NearRange {
-        /// Of the wrench.
+        /// The channel of the wrench.
         channel: &'static str,
         /// The value read, N or N m.
         value: f64,
@@ -128,9 +128,9 @@ pub struct Session {
     settings: Option<Settings>,
     /// Number under which the device keeps the run, if it keeps runs.
     run: Option<u32>,
-    /// It was set to two links.
+    /// True if the device was set to two links.
     of_two_links: bool,
-    /// It was set to end a run by itself.
+    /// True if the device was set to end a run by itself.
     stops_itself: bool,
     /// [`Session::follow`] ends a program after this long, s of the device's clock.
     pub at_most_s: Option<f64>,

@@ -29,7 +29,7 @@ const LATEST_S: f64 = 1.2;
 const ACCELERATION: f64 = 5.0;
 /// Less motion than this is not judged, rad/s as a root mean square.
 const LEAST: f64 = 0.04;
-/// With less than this the plate rests, rad/s as a root mean square.
+/// The motion below which the plate rests, rad/s as a root mean square.
 const RESTS: f64 = 0.01;
 /// Motion that is not this often above its noise is not judged.
 const ABOVE_NOISE: f64 = 4.0;
@@ -39,7 +39,7 @@ const OUTLIERS: usize = 3;
 /// either.
 const DEAD: f64 = 0.3;
 const MOST: f64 = 2.0;
-/// Of the angular rate or the acceleration an axis must make at least this share to be judged by itself.
+/// The share of the angular rate or the acceleration that an axis must make at least to be judged by itself.
 const OF_ALL: f64 = 0.3;
 /// An error in time by this much makes turns resemble accelerations, s.
 const LEAK_S: f64 = 0.02;
@@ -62,10 +62,10 @@ const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 /// The way a missing axis is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// It ends the motion.
+    /// An axis that does not follow ends the motion.
     Each,
-    /// It is found, and done without, by whoever decides: only a plate that does not move, or late, ends the
-    /// motion.
+    /// An axis that does not follow is found, and done without, by whoever decides: only a plate that does
+    /// not move, or late, ends the motion.
     LeftToPlanner,
 }
 
@@ -78,7 +78,7 @@ pub struct MotionGuard {
     axes: Axes,
     /// Least time from a reading to its arrival, the clocks' difference included, s.
     offset_s: f64,
-    /// By how much the specific force read differs from that predicted, in P, m/s²: bias and mounting.
+    /// The specific force read less that predicted, in P, m/s²: bias and mounting.
     bias: Option<[f64; 3]>,
     course: Option<Course>,
 }
@@ -95,9 +95,9 @@ struct Course {
 
 /// The relation of the device's time to the program's.
 enum Clock {
-    /// Not known before the first reading, which is the program's zero: in lock-step.
+    /// The clock before the first reading, which is the program's zero: in lock-step.
     First(Option<f64>),
-    /// By arrivals: the program began at a time of the host, s.
+    /// The clock of arrivals: the program began at a time of the host, s.
     Host { began_s: f64 },
 }
 
@@ -302,11 +302,11 @@ impl Course {
 /// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Seen {
-    /// Too little moves.
+    /// Too little moves to be judged.
     NotJudged,
     Follows,
     Still,
-    /// By this much, s, if a delay explains it.
+    /// The motion is late, by this much, s, if a delay explains it.
     Late(Option<f64>),
     /// The axis, and the share of its motion that is there.
     Axis(usize, f64),

@@ -26,7 +26,7 @@ pub struct DeviceTiming {
     pub host_timeout_ms: u32,
 }
 
-/// Why a rig file does not make settings.
+/// The reason why a rig file does not make settings.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
     /// The gauges' matrix is needed and not there.

@@ -24,7 +24,7 @@ const WINDOW: usize = 8;
 const BYTE_BITS: f64 = 10.0;
 /// So long after an answer the device has another rate.
 const RATE_CHANGES: Duration = Duration::from_millis(50);
-/// For messages.
+/// The name of the request in messages.
 const COUNTERS: &str = "read the counters";
 
 /// Tells how fast frames are sent.
@@ -57,7 +57,7 @@ pub struct Watched {
     pub counters: CounterReport,
     /// Frames sent.
     pub sent: u32,
-    /// It was ended by Ctrl-C.
+    /// True if it was ended by Ctrl-C.
     pub interrupted: bool,
     /// The failure in the middle, if there was one; what was taken before is here.
     pub broken: Option<SessionError>,

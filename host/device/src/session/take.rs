@@ -143,7 +143,7 @@ pub(super) struct Taking {
     pub(super) interrupted: bool,
     /// The director has ended it before the program's end.
     pub(super) ended: bool,
-    /// It was to last no longer.
+    /// True if it was to last no longer.
     pub(super) cut_short: bool,
     /// The stop rule has been overridden.
     pub(super) overridden: bool,

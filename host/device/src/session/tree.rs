@@ -24,10 +24,10 @@ use rigident_model::ModelError;
 use rigident_model::base::{BaseParameter, Rows, Situation, base_parameters};
 use rigident_model::tree::Model;
 
-/// Why a model does not fit onto the device.
+/// The reason why a model does not fit onto the device.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceTreeError {
-    /// It makes no tree.
+    /// The model makes no tree.
     #[error(transparent)]
     Model(#[from] ModelError),
     /// The tree's sensors are not described.
@@ -39,13 +39,13 @@ pub enum DeviceTreeError {
          numbers, or as \"zero\""
     )]
     Offset,
-    /// Too many links.
+    /// There are too many links.
     #[error(
         "the model has {0} links that move against each other, the device takes {MAX_LINKS}: weld some of \
          them"
     )]
     Links(usize),
-    /// Too many links on springs.
+    /// There are too many links on springs.
     #[error(
         "the model has {0} links that move against each other, the device takes {SUSPENDED_LINKS} on \
          springs: weld some of them, or lock their joints"
@@ -57,7 +57,7 @@ pub enum DeviceTreeError {
          the device has one matrix and one          height of the anchors; use `identify()`"
     )]
     Preload,
-    /// Too many parameters.
+    /// There are too many parameters.
     #[error(
         "the model has {0} base parameters, the device has room for {MAX_TREE_PARAMETERS}: weld some of its \
          links"

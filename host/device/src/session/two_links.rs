@@ -14,10 +14,10 @@ use rigident_io::rig::RigFile;
 use rigident_model::ModelError;
 use rigident_rows::named_model::rig_links::from_tables;
 
-/// Of the accelerometers' correction of the attitude that the device finds, s.
+/// Time constant of the accelerometers' correction of the attitude that the device finds, s.
 pub const ATTITUDE_TIME_CONSTANT_S: f32 = 5.0;
 
-/// Why a rig file's links do not fit onto the device.
+/// The reason why a rig file's links do not fit onto the device.
 #[derive(Debug, thiserror::Error)]
 pub enum TwoLinkError {
     /// The links make no tree.
@@ -26,7 +26,7 @@ pub enum TwoLinkError {
     /// The rig's sensors are not described.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Not two links with a spherical joint between them.
+    /// The links are not two with a spherical joint between them.
     #[error(
         "the device identifies two links with a spherical joint between them; the rig file has {0}. \
          `identify()` takes every tree"
@@ -35,7 +35,7 @@ pub enum TwoLinkError {
     /// A link without an IMU.
     #[error("link {0} has no [[imu]] table (link = {1}): each of the two links needs one")]
     NoImu(String, usize),
-    /// From sensors the attitude is found from both IMUs, which need a beginning.
+    /// The attitude has no beginning: from sensors it is found from both IMUs, which need one.
     #[error(
         "[[link]] {0} has no initial_wxyz: from sensors the device finds the joint's attitude from both \
          IMUs, and must know how the link hangs at the start (R_SL, w, x, y, z)"

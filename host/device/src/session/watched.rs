@@ -26,19 +26,19 @@ const FORGET_S: f64 = 120.0;
 /// A wrench in a recording has no noise less than this, N and N m.
 const LEAST_SIGMA: f64 = 1e-3;
 
-/// In the mean no robot is pushed by this many times its weight, or by so small a part of it.
+/// The ratio to its weight, or its inverse, beyond which no robot is pushed in the mean.
 const UNLIKE: f64 = 2.5;
 
 /// Says why a robot cannot be watched.
 #[derive(Debug, thiserror::Error)]
 pub enum WatchError {
-    /// Too many links.
+    /// There are too many links.
     #[error(
         "the model has {0} links that move against each other, the device watches {MAX_WATCHED_LINKS}: weld \
          some of them"
     )]
     Links(usize),
-    /// Too many sensors of forces.
+    /// There are too many sensors of forces.
     #[error("the rig file has {0} feet, the device takes {MAX_WATCH_FEET}")]
     Feet(usize),
     /// A component of a foot's wrench is not measured.

@@ -30,7 +30,7 @@ struct Line {
     decoder: Decoder,
     frames: usize,
     fate: fn(usize) -> Fate,
-    /// It goes out after this many frames.
+    /// The number of frames after which the line goes out.
     out_after: Option<usize>,
 }
 

@@ -14,7 +14,7 @@ struct Machine {
     servo: bool,
     referenced: bool,
     moving: bool,
-    /// It obeys `HLT`, ignores it, or does not know it.
+    /// The machine's answer to `HLT`: it obeys it, ignores it, or does not know it.
     halt: Halts,
     pivot_mm: f64,
     frame: &'static str,

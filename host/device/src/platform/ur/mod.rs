@@ -74,7 +74,7 @@ struct Controller {
     arm: Arm,
     /// The last positions sent, rad.
     last: [f64; 6],
-    /// Where the arm was before less where the program begins, rad.
+    /// Positions of the arm before less those where the program begins, rad.
     offset: [f64; 6],
     /// The end of the program once no further point comes.
     end: Order,

@@ -60,9 +60,9 @@ pub(super) struct State {
     pub speed: f64,
     /// Number of the motion that the program follows.
     pub motion: i32,
-    /// Of the program, see `script::status`.
+    /// Status of the program, see `script::status`.
     pub status: i32,
-    /// Of the program's end, see `script::reason`.
+    /// Reason of the program's end, see `script::reason`.
     pub reason: i32,
     /// The last point used.
     pub used: i32,
@@ -136,7 +136,7 @@ pub(super) struct Rtde {
     clock: Clock,
     state: State,
     heard_s: f64,
-    /// It sends its state.
+    /// True if it sends its state.
     runs: bool,
     /// Number of the motion, of the newest point, and the newest points, the newest first.
     pub motion: i32,

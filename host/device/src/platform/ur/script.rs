@@ -48,13 +48,13 @@ pub enum Order {
 
 /// The phases of the program.
 pub mod status {
-    /// It waits for its first points.
+    /// The program waits for its first points.
     pub const READY: i32 = 1;
-    /// It follows points.
+    /// The program follows points.
     pub const FOLLOWING: i32 = 2;
-    /// It is being brought to rest.
+    /// The arm is being brought to rest.
     pub const STOPPING: i32 = 3;
-    /// It is over.
+    /// The program is over.
     pub const ENDED: i32 = 4;
 }
 
