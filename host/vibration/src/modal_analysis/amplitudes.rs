@@ -71,8 +71,8 @@ impl Amplitudes {
 pub(super) struct Noise {
     /// Correlation between channels.
     pub(super) correlation: DMatrix<f64>,
-    /// For each component and channel: noise around the component's frequency by white noise of the same
-    /// variance, at least one.
+    /// Noise around the component's frequency by white noise of the same variance, at least one, for each
+    /// component and channel.
     pub(super) coloured: Vec<Vec<f64>>,
 }
 

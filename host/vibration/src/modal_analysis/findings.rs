@@ -53,7 +53,7 @@ pub enum Finding {
         hz[0], hz[1], (hz[1] - hz[0]).abs()
     )]
     TooClose {
-        /// Their frequencies, Hz.
+        /// The frequencies of both, Hz.
         hz: [f64; 2],
         /// Difference of poles by its covariance.
         distance: f64,
@@ -115,7 +115,7 @@ pub enum Finding {
         line_hz: f64,
         /// The ratio of the line's size to that of the vibration, both weighted by noise.
         ratio: f64,
-        /// By how much the amplitude is to be smaller for the shift to be as small as the frequency's
+        /// The factor by which the amplitude is to be smaller for the shift to be as small as the frequency's
         /// standard deviation.
         smaller_by: f64,
     },
@@ -135,7 +135,7 @@ pub enum Finding {
         shift_sd: f64,
         /// The relative shift that would be said.
         limit: f64,
-        /// By how much the amplitude is to be smaller.
+        /// The factor by which the amplitude is to be smaller.
         smaller_by: f64,
     },
     /// A multiple or a sum of frequencies, without a change of frequency beyond noise.

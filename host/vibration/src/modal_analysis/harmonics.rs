@@ -21,7 +21,7 @@ pub(super) struct Combination {
     /// The component it is of, the stronger one if there are two.
     pub(super) parent: usize,
     pub(super) pole: Pole,
-    /// In words, with frequencies in Hz.
+    /// The combination in words, with frequencies in Hz.
     pub(super) words: String,
 }
 

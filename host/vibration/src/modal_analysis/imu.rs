@@ -20,7 +20,7 @@ type Complex6 = Matrix6<Complex<f64>>;
 /// The place of an IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Imu {
-    /// From the reference point to the accelerometer, in platform axes, m.
+    /// The vector from the reference point to the accelerometer, in platform axes, m.
     pub lever: Vector3<f64>,
     /// Columns are the IMU's axes in platform axes.
     pub axes: Matrix3<f64>,

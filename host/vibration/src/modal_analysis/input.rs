@@ -19,7 +19,7 @@ pub struct FreeDecay<'a> {
 pub struct Options {
     /// The number of modes that there are, if it is known: six for a platform on springs.
     pub modes: Option<usize>,
-    /// At most this many modes are searched for where their number is not given.
+    /// The most modes that are searched for where their number is not given.
     pub most: usize,
     /// The unit of each channel when the shape is brought to unit norm, in the channel's unit; all one if it
     /// is empty.

@@ -25,15 +25,15 @@ const WEAK_BESIDE: f64 = 0.4;
 pub enum Role {
     /// A mode.
     Mode,
-    /// It does not decay: a disturbance from outside.
+    /// The component does not decay: a disturbance from outside.
     Disturbance,
     /// A multiple or sum of other frequencies.
     Harmonic,
     /// A decay beyond the number of modes, or outside the band.
     Other,
-    /// Too close to another mode, the one with this number.
+    /// The component is too close to another mode, the one with this number.
     TooClose(usize),
-    /// Too slow for this recording.
+    /// The component is too slow for this recording.
     TooShort,
     /// A weak one beside the mode with this number: what its frequency's change, or an unknown mode, leaves
     /// there.

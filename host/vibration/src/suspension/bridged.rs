@@ -12,7 +12,7 @@ use nalgebra::{Complex, DMatrix};
 
 use crate::modal_analysis::{ModalError, Modes};
 
-/// At most this share of all samples may be missing.
+/// The largest share of all samples that may be missing.
 const MISSING: f64 = 0.05;
 /// A sample may be off its place by this share of a period.
 const OFF_GRID: f64 = 0.2;

@@ -36,7 +36,7 @@ const BESIDE: f64 = 0.25;
 /// A missing mode whose frequency is further than this ratio from all others is in none of them.
 const APART: f64 = 1.3;
 
-/// Why modes give no body.
+/// The reason why modes give no body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refused {
     /// The springs are not those that are stated, or not linear: the motion gives no body either.

@@ -1,4 +1,4 @@
-//! From a recording of free vibration to its modes: from poses of the platform, or from an IMU on it alone.
+//! The modes of a recording of free vibration: from poses of the platform, or from an IMU on it alone.
 
 use std::ops::Range;
 

@@ -73,7 +73,7 @@ pub enum SuspensionError {
         /// Poses per second.
         rate_hz: f64,
     },
-    /// Too little is left.
+    /// Too few rows are left.
     #[error(
         "{name}: no pose is left: {rows} poses at {rate_hz:.0} a second, and smoothing at {cut_off_hz} Hz \
          takes {taps} without a gap: record longer, or raise cut_off_hz of [suspension]"
@@ -98,7 +98,7 @@ pub enum SuspensionError {
     Gaps {
         /// The recording.
         name: String,
-        /// Their number.
+        /// The number of gaps.
         gaps: usize,
         /// The row after the first.
         first: String,

@@ -49,7 +49,7 @@ pub struct Swing {
     pub shapes: Shapes,
     /// The ten parameters in S, by those that are estimated: 10 × P.
     pub map: DMatrix<f64>,
-    /// Where the platform rests with other loads.
+    /// The rests of the platform with other loads.
     pub rests: Vec<Rest>,
 }
 

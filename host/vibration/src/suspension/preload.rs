@@ -46,7 +46,7 @@ const SAME: f64 = 1e-9;
 enum Ends {
     /// A force of constant direction: what it does across is stated.
     Stated,
-    /// It turns about a far end at this distance, m; negative if that is where the axis comes from.
+    /// The spring turns about a far end at this distance, m; negative if that is where the axis comes from.
     Hooked(f64),
     /// Both ends keep their direction.
     Clamped,
@@ -55,7 +55,7 @@ enum Ends {
 /// A place at which weight is carried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Carrier {
-    /// Against O, m.
+    /// The place against O, m.
     arm: Vector3<f64>,
     axis: Vector3<f64>,
     ends: Ends,

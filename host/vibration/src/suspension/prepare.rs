@@ -1,4 +1,4 @@
-//! From a recording of poses and a rig file to rows.
+//! Rows from a recording of poses and a rig file.
 
 use nalgebra::{Matrix3, Vector3};
 use rigident_shared::tree::Joint;

@@ -31,7 +31,7 @@ const TURN_STD_RAD: f64 = 2e-4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatedRest {
     name: String,
-    /// Of P, in the frame of the recording.
+    /// Position of P, in the frame of the recording.
     position: Vector3<f64>,
     attitude: Matrix3<f64>,
     sd: [f64; 2],
@@ -41,9 +41,9 @@ pub struct StatedRest {
 /// A load beside that of the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Load {
-    /// Without the body: ten parameters about O, axes of P, and their covariance.
+    /// The platform without the body: ten parameters about O, axes of P, and their covariance.
     Bare([f64; TEN], Box<SMatrix<f64, TEN, TEN>>),
-    /// With these ten parameters beside all.
+    /// An added load with these ten parameters beside all.
     Added([f64; TEN]),
 }
 

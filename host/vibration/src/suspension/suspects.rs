@@ -22,7 +22,7 @@ const UNBOUNDED: f64 = 1e3;
 /// No more suspects than this are named.
 const MOST: usize = 3;
 
-/// Where a platform rests with another load, and where modes and springs let it be.
+/// A rest of a platform with another load, and its place by modes and springs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JudgedRest {
     /// The name of the rest.
@@ -31,7 +31,7 @@ pub struct JudgedRest {
     pub coordinate: &'static str,
     /// The displacement from the rest of the recording, m or rad.
     pub measured: f64,
-    /// Where modes and springs let it be, and U95 of the difference.
+    /// The displacement by modes and springs, m or rad.
     pub expected: f64,
     /// U95 of the difference.
     pub u95: f64,

@@ -14,7 +14,7 @@ const SIGMA: [f64; 3] = [3e-5, 1e-5, 6e-5];
 
 /// Squared errors by predicted variances, of frequency, damping, and shape, over modes and runs.
 struct Tally {
-    /// Of ω of each mode, of ζ of each mode, of the shapes of each mode (n − 1 degrees of freedom).
+    /// Sums for ω of each mode, ζ of each mode, and the shapes of each mode (n − 1 degrees of freedom).
     squares: [[f64; 3]; 3],
     /// Runs in which |error| < 1.96 sd, for ω and ζ.
     covered: [[usize; 3]; 2],
