@@ -20,9 +20,9 @@ pub const DOCUMENTS: [Document; 10] = [
 
 /// A document and its tables.
 pub struct Document {
-    /// From the root of the repository.
+    /// The file's path from the root of the repository.
     pub file: &'static str,
-    /// In the document's order.
+    /// The tables in the document's order.
     pub tables: &'static [Table],
 }
 

@@ -34,9 +34,9 @@ enum Case {
     OrdinaryImu,
     /// σ not stated.
     NotStated,
-    /// It begins with this many seconds of rest, with an IMU of these σ, m/s² and rad/s.
+    /// A recording that begins with this many seconds of rest, with an IMU of these σ, m/s² and rad/s.
     Rest(f64, [f64; 2]),
-    /// It is turned slowly, with an IMU of these σ.
+    /// A recording that is turned slowly, with an IMU of these σ.
     Slow([f64; 2]),
     /// 1/f noise of the load cell, as large as its white noise at 1 Hz.
     Flicker,

@@ -28,7 +28,7 @@ pub struct Line {
     pub rows: &'static str,
     pub parameters: usize,
     pub samples: u64,
-    /// Of the column-scaled rows.
+    /// Condition number of the column-scaled rows.
     pub condition: f64,
     /// Largest deviation, in standard deviations.
     pub deviation_sd: f64,

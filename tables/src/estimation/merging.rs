@@ -39,7 +39,7 @@ const CALIBRATED: Conditions = Conditions { cell: 0.0, ..Conditions::STATED };
 enum Case {
     /// Recordings of one rig.
     One(usize),
-    /// Likewise, of slow noise and slow motion.
+    /// Recordings of one rig, of slow noise and slow motion.
     Slow(usize),
     /// The same number of recordings of each of several rigs.
     Rigs { rigs: usize, each: usize },

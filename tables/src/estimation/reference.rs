@@ -10,7 +10,7 @@ pub struct Reference {
     pub estimate: DVector<f64>,
     /// 1 σ of each parameter for whitened rows.
     pub sd: DVector<f64>,
-    /// Of the column-scaled rows.
+    /// Condition number of the column-scaled rows.
     pub condition: f64,
 }
 

@@ -19,9 +19,9 @@ pub struct Case {
     pub place: Place,
     /// The expected outcome.
     pub expected: Expected,
-    /// It is in the short selection.
+    /// True if it is in the short selection.
     pub short: bool,
-    /// It restarts the device as often as the extent says.
+    /// True if it restarts the device as often as the extent says.
     pub restarts: bool,
     /// Does it.
     pub run: Run,

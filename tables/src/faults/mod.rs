@@ -29,8 +29,8 @@ const PATIENCE: Duration = Duration::from_secs(240);
 /// The expected outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
-    /// It is reported: by a state with a reason, a counter, a refusal, a status or a warning. The answer is
-    /// right or withheld.
+    /// The fault is reported: by a state with a reason, a counter, a refusal, a status or a warning. The
+    /// answer is right or withheld.
     Detected,
     /// Nothing of it is noticed in the answer, which is right.
     Survived,
@@ -38,7 +38,7 @@ pub enum Expected {
 
 /// The result.
 pub struct Verdict {
-    /// It was reported.
+    /// True if it was reported.
     pub detected: bool,
     /// Largest error of a parameter called identified, over its U95; `None`: no number was given.
     pub worst: Option<f64>,

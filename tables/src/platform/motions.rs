@@ -7,7 +7,7 @@ use rigident::plan::motion::Task;
 use rigident::plan::motion::compare::{Row, compare, table};
 use rigident::study::{motions, two_step};
 
-/// Of every experiment, s, and of its readings, 1/s.
+/// Duration of every experiment, s, and rate of its readings, 1/s.
 const DURATION_S: f64 = 40.0;
 const RATE_HZ: f64 = 200.0;
 const RUNS: u64 = 400;

@@ -1,4 +1,4 @@
-//! Why the uncertainty is not 73 % smaller lying than standing: what Table 1 allows.
+//! The reduction of the uncertainty lying against standing, which is not 73 %, by what Table 1 allows.
 
 use nalgebra::Vector3;
 use rigident::plan::poses::estimators::measured_forces_covariance;

@@ -42,7 +42,7 @@ const QUIET: TreeNoise = TreeNoise {
     position: 0.0,
     rate: 0.0,
 };
-/// With that of the signals.
+/// The noise with that of the signals.
 const NOISY: TreeNoise = TreeNoise { accel: 0.01, gyro: 5e-4, attitude: 1e-4, rate: 1e-4, ..QUIET };
 const AXES: [&str; 3] = ["x", "y", "z"];
 

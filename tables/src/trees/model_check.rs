@@ -177,13 +177,13 @@ fn is_lopsided(shape: &Shape) -> bool {
 /// The counts of one kind of mistake.
 #[derive(Clone, Copy, Default)]
 struct Reported {
-    /// In all links.
+    /// The count in all links.
     all: Count,
-    /// In links with shapes or a twin.
+    /// The count in links with shapes or a twin.
     detectable: Count,
     /// Mistakes that are smaller than the body.
     small: Count,
-    /// In links with a twin, or whose shapes have products of their own.
+    /// The count in links with a twin, or whose shapes have products of their own.
     lopsided: Count,
 }
 

@@ -209,7 +209,7 @@ struct Events {
     /// The place of what happens on the body, and its direction.
     place: Vector3<f64>,
     direction: Vector3<f64>,
-    /// Where that place was at the beginning, axes of the earth.
+    /// The place at the beginning, axes of the earth.
     began_at: Vector3<f64>,
     flicker: Vec<Flicker>,
     walk: [f64; 6],

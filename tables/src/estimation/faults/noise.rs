@@ -40,7 +40,7 @@ pub(super) enum Spectrum {
     Mean,
     /// Three samples of ten repeat the one before.
     Held,
-    /// In steps of this size, σ.
+    /// Noise in steps of this size, σ.
     Stepped(f64),
     /// White, and as strong at this frequency, Hz, as 1/f.
     Flicker(f64),

@@ -72,7 +72,7 @@ pub type Quantities = [f64; 13];
 /// The motion of S at an instant, in its own axes.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
-    /// From S to the world.
+    /// The rotation from S to the world.
     pub attitude: Matrix3<f64>,
     /// Specific force at the origin, m/s².
     pub force: Vector3<f64>,

@@ -78,7 +78,7 @@ fn six_points(mass_kg: f64, com_m: [f64; 3], away_m: [f64; 3]) -> (Vec<(f64, [f6
 
 /// A machine with its body and programs that keep its limits.
 struct Hexapod {
-    /// Of the plate's joints.
+    /// Radius of the plate's joints.
     radius_m: f64,
     geometry: Geometry,
     body: BodyParameters,
@@ -199,7 +199,7 @@ struct Outcome {
     kind: usize,
     refused: bool,
     error: Option<String>,
-    /// From the fault, or the stall's end, to rest, s.
+    /// Time from the fault, or the stall's end, to rest, s.
     rest_s: Option<f64>,
     /// Shares of the limits before and after the fault.
     shares: [[f64; 5]; 2],
@@ -209,7 +209,7 @@ struct Outcome {
     untrue: Option<String>,
 }
 
-/// Where the base is fastened, as what "up" is in A.
+/// The directions of "up" in A, by the place where the base is fastened.
 const MOUNTS: [[f64; 3]; 3] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]];
 
 fn fault(kind: usize, draws: &mut Draws) -> Fault {

@@ -59,9 +59,9 @@ struct Sample {
 pub struct Referee {
     machine: Machine,
     last: VecDeque<Sample>,
-    /// Before and after something went wrong.
+    /// The peaks before and after something went wrong.
     pub peaks: [Peaks; 2],
-    /// Which of them is counted.
+    /// The one of these that is counted.
     pub phase: usize,
     /// The last time at which a leg moved faster than `still_mps`, s.
     pub moved_s: f64,

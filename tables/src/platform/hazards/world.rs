@@ -25,7 +25,7 @@ pub enum Fault {
     /// The host stands still for this long, s.
     HostStalled(f64),
     LinkCut,
-    /// From then on everything takes this much longer over the line, s.
+    /// From then on the controller takes this much longer over the line for everything, s.
     ControllerLate(f64),
     /// The rate's interval is none of the controller's.
     Rounding,

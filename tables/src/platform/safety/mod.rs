@@ -67,7 +67,7 @@ const PHASES: [(Phase, &str); 5] = [
 
 /// The plate must be at rest so soon, s.
 const MOST_S: f64 = 0.8;
-/// At rest it moves less than this, m or rad, from one check to the next.
+/// The largest change at rest, m or rad, from one check to the next.
 const STILL: f64 = 2e-6;
 const LOOK: Duration = Duration::from_millis(5);
 /// So long without motion is rest, s.
@@ -82,7 +82,7 @@ const AT_ONCE: usize = 6;
 /// The result of one run.
 #[derive(Clone, Debug)]
 struct Outcome {
-    /// From the fault to rest, s; none if it never rested, or went on to its end.
+    /// Time from the fault to rest, s; none if it never rested, or went on to its end.
     rest_s: Option<f64>,
     status: Option<i32>,
     kept: Option<usize>,

@@ -61,7 +61,7 @@ impl ByteLink for Cut {
     }
 }
 
-/// Between host and controller: it can be frozen, or cut.
+/// The line between host and controller: it can be frozen, or cut.
 struct Between {
     address: SocketAddr,
     frozen: Arc<AtomicBool>,
