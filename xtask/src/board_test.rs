@@ -40,9 +40,9 @@ pub struct Options {
 enum Outcome {
     Good(String),
     Bad(String),
-    /// Not done: there is nobody but a person to do it.
+    /// The step is not done: there is nobody but a person to do it.
     ByHand,
-    /// Not done: no board answers, for this reason.
+    /// The step is not done: no board answers, for this reason.
     NoBoard(String),
 }
 

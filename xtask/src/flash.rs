@@ -67,7 +67,7 @@ struct Chip {
     name: &'static str,
     /// The chip's name for probe-rs.
     probe: &'static str,
-    /// Of its ID code.
+    /// The chip's ID code.
     id: u32,
     /// Sectors of 128 kB, as its loader tells its flash.
     large_sectors: u32,

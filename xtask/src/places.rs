@@ -8,7 +8,7 @@ pub const BOARD: &str = "mps2-an386";
 pub const FIRMWARE: &str = "rigident-mps2-an386";
 /// Name of the folder of boards that one can buy.
 pub const STM32: &str = "stm32f405";
-/// Their binary.
+/// Name of these boards' binary.
 pub const STM32_FIRMWARE: &str = "rigident-stm32f405";
 /// Name of the Pico 2's folder.
 pub const PICO: &str = "rp2350";

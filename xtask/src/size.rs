@@ -41,7 +41,7 @@ struct Sizes {
 struct Images {
     /// The standard one.
     whole: Sizes,
-    /// Without the features `links` and `frames`: one body alone.
+    /// Sizes without the features `links` and `frames`: one body alone.
     body_only: Sizes,
     /// The one that is flashed: for an STM32F405, one body and two links.
     stm32f405: Sizes,

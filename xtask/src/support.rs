@@ -16,13 +16,13 @@ const MARKS: [&str; 2] = ["<!-- table: support -->\n", "<!-- end -->"];
 
 /// The support of a feature for one kind of body, on the host or where a device runs.
 enum Cell {
-    /// It works: the test that shows it, as the test program names it.
+    /// The feature works: the test that shows it, as the test program names it.
     Yes(&'static str),
-    /// It is not there yet.
+    /// The feature is not there yet.
     NotYet,
     /// Mathematics or the device's memory forbid it, with the reason.
     No(&'static str),
-    /// It means nothing there.
+    /// The feature means nothing there.
     Nothing,
 }
 

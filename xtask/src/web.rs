@@ -19,7 +19,8 @@ const PACKAGES: [&str; 7] =
 const LIBRARY: &str = "/usr/lib/wasm32-wasi";
 /// The size that the page may have on the way to a browser, bytes: everything, packed by gzip.
 const MOST_BYTES: u64 = 5_000_000;
-/// Of npm: the program that shrinks WebAssembly, the driver of the browser, and rules of accessibility.
+/// Packages of npm: the program that shrinks WebAssembly, the driver of the browser, and rules of
+/// accessibility.
 const NPM: [&str; 3] = ["axe-core@4.10.3", "binaryen@132.0.0", "playwright-core@1.65.1"];
 /// Parts of SQLite that no bag needs: full-text search, R-trees, statistics, extensions of other people.
 const SQLITE: [&str; 8] = [

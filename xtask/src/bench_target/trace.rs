@@ -19,7 +19,7 @@ use crate::process;
 /// Functions of the bench binary that it calls around each case. What lies between is counted.
 const BEGIN: &str = "bench_begin";
 const END: &str = "bench_end";
-/// It calls this one at the beginning of each sample. Its own instructions are not counted.
+/// The function that the bench calls at the beginning of each sample. Its own instructions are not counted.
 const SAMPLE: &str = "bench_sample";
 
 /// A stretch between the two marks.

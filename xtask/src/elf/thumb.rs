@@ -5,9 +5,9 @@
 /// The destination of control after an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// To the next instruction.
+    /// The flow goes to the next instruction.
     Next,
-    /// To a fixed address, always or on a condition.
+    /// The flow goes to a fixed address, always or on a condition.
     Jump { to: u32, conditional: bool },
     /// A call to a fixed address.
     Call { to: u32 },
@@ -45,7 +45,7 @@ pub enum Class {
     FloatRoot,
     FloatLoad,
     FloatStore,
-    /// Between an integer and a float register, or the status flags.
+    /// A move between an integer and a float register, or the status flags.
     FloatMove,
     /// Barriers, hints, system registers, IT.
     System,
@@ -60,7 +60,7 @@ pub struct Instruction {
     pub class: Class,
     /// Bytes by which it lowers the stack pointer.
     pub pushed: u32,
-    /// It sets the stack pointer in a way that is not a constant.
+    /// True if it sets the stack pointer in a way that is not a constant.
     pub moves_stack: bool,
     /// Single registers that a float instruction reads and the one that a float computation writes.
     pub float: Option<FloatRegisters>,

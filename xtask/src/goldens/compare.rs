@@ -10,7 +10,7 @@ const TOLERANCE: f64 = 1e-9;
 pub struct Difference {
     /// The difference.
     pub what: String,
-    /// Why it should, where the list of exceptions says so.
+    /// The reason for which it differs, where the list of exceptions gives one.
     pub reason: Option<&'static str>,
 }
 
