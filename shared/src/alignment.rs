@@ -206,7 +206,7 @@ impl<T: Scalar> Aligner<T> {
             && self.imu(3).time_ns - self.imu(0).time_ns <= u64::from(u32::MAX / 2)
     }
 
-    /// Drops what waits until something has neighbours; false if nothing does.
+    /// Drops what waits until something has neighbours. Returns false if nothing does.
     #[cold]
     #[inline(never)]
     fn drop_without_neighbours(&mut self) -> bool {

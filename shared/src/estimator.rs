@@ -553,8 +553,8 @@ impl<T: Scalar, M: Model<T, N, S>, const N: usize, const S: usize, const D: usiz
     }
 
     /// Starts anew with a factor that was absorbed before, what noise of the signals had added to its `RᵀR`,
-    /// and what had happened until then. As after a gap, the filter is empty. False where not everything is
-    /// retained: then it has only started anew.
+    /// and what had happened until then. As after a gap, the filter is empty. Returns false where not
+    /// everything is retained: then it has only started anew.
     #[inline(never)]
     pub fn restore(
         &mut self,

@@ -180,7 +180,7 @@ impl<T: Scalar> Design<T> {
     pub const UNUSED: Self = Self { inverse: [[T::ZERO; CHANNELS]; CHANNELS], jacobi: Jacobi::EMPTY };
 
     /// Begins with the white part `Σ` of the noise, of which the lower triangle counts, by rows, and the
-    /// columns S of its rising part; false if Σ is not positive definite.
+    /// columns S of its rising part. Returns false if Σ is not positive definite.
     #[inline(never)]
     pub fn begin(&mut self, white: &Square<T>, slope: &[[T; CHANNELS]; POLES]) -> bool {
         let mut lower = [[T::ZERO; CHANNELS]; CHANNELS];

@@ -87,8 +87,8 @@ impl<T: Scalar> Level<T> {
         self.moment.swap(moment, all);
     }
 
-    /// Merges the part `part` of both triangles into a factor of all parameters; false if there is no such
-    /// part.
+    /// Merges the part `part` of both triangles into a factor of all parameters. Returns false if there is no
+    /// such part.
     #[inline(never)]
     pub(super) fn merge_part<const N: usize>(
         &self,

@@ -169,7 +169,7 @@ impl<T: Scalar, const N: usize> InformationFactor<T, N> {
         self.residual_sum_of_squares += T::reduce(triangle, N, block.columns_from(first));
     }
 
-    /// Merges another factor of the same parameters: the factor of both sets of rows.
+    /// Merges another factor of the same parameters: the result is the factor of both sets of rows.
     pub fn merge(&mut self, other: &Self) {
         for part in 0..Self::PARTS {
             self.merge_part(other, part);

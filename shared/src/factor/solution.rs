@@ -73,7 +73,8 @@ impl<T: Scalar, const M: usize> Solver<T, M> {
         }
     }
 
-    /// Rotates the given number of pairs of the scaled triangle's columns. True when none needs it any more.
+    /// Rotates the given number of pairs of the scaled triangle's columns. Returns true when none needs it
+    /// any more.
     pub fn rotate(&mut self, pairs: usize) -> bool {
         self.scaled.jacobi.rotate_pairs(pairs)
     }

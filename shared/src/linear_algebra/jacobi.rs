@@ -56,7 +56,7 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
         (self.pair, self.rotated, self.sweeps) = ((0, 1), false, 0);
     }
 
-    /// Rotates the given number of pairs of columns; true when no pair needs it any more.
+    /// Rotates the given number of pairs of columns. Returns true when no pair needs it any more.
     #[inline(never)]
     pub(crate) fn rotate_pairs(&mut self, count: usize) -> bool {
         for _ in 0..count {
@@ -83,7 +83,7 @@ impl<T: Scalar, const M: usize> Jacobi<T, M> {
         }
     }
 
-    /// Makes two columns orthogonal. Whether they were not.
+    /// Makes two columns orthogonal. Returns true if they were not.
     fn rotate_pair(&mut self, p: usize, q: usize) -> bool {
         let Some((wp, wq)) = pair(&mut self.w, p, q, self.n) else { return false };
         let (a, b, c) = T::squares(wp, wq);

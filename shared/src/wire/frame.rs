@@ -76,7 +76,7 @@ impl Frame<'_> {
     }
 }
 
-/// Writes a frame into `out`; how many bytes of it are used.
+/// Writes a frame into `out`. Returns the number of bytes that are used.
 ///
 /// # Errors
 /// [`TooLarge`] if the payload or the frame does not fit.

@@ -96,8 +96,8 @@ impl<'a, const VERSION: u8, const BASE: usize, const LINK: usize> NumberedFrame<
         self.links.chunks_exact(4 * LINK).map(numbers)
     }
 
-    /// Writes a frame into `out`; how many bytes of it are used. `None` if it does not fit or there are too
-    /// many links.
+    /// Writes a frame into `out`. Returns the number of bytes that are used. `None` if it does not fit or
+    /// there are too many links.
     pub fn encode(number: u32, base: &[f32; BASE], links: &[[f32; LINK]], out: &mut [u8]) -> Option<usize> {
         let count = u8::try_from(links.len() + 1).ok().filter(|n| usize::from(*n) <= MAX_LINKS)?;
         let length = Self::bytes(usize::from(count));

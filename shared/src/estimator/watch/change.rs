@@ -202,8 +202,8 @@ impl<T: Scalar> Test<T> {
         mean.max(T::ONE)
     }
 
-    /// Takes rows for the noise: as many blocks as half the bins in which the test settles have. Whether it
-    /// still needs some.
+    /// Takes rows for the noise: as many blocks as half the bins in which the test settles have. Returns true
+    /// if it still needs some.
     fn learns(&mut self, rows: &Six<T>) -> bool {
         if self.differences > self.settle {
             return false;
