@@ -280,7 +280,7 @@ impl<P: DerefMut<Target = Path>, ADC: SpiDevice, IMU: SpiDevice, FRAMES: SpiDevi
         self.app.tx_pending()
     }
 
-    /// Takes bytes to send; how many.
+    /// Takes bytes to send. Returns their number.
     pub fn poll_tx(&mut self, out: &mut [u8]) -> usize {
         self.app.poll_tx(out)
     }

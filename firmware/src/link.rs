@@ -123,7 +123,7 @@ impl Link {
         self.prepared.truncate(length);
     }
 
-    /// Queues what was prepared. Whether there was something.
+    /// Queues what was prepared. Returns true if there was something.
     pub(crate) fn queue_prepared(&mut self) -> bool {
         let waits = !self.prepared.is_empty();
         if waits && !push(&mut self.telemetry, &self.prepared) {
@@ -138,7 +138,7 @@ impl Link {
         !self.prepared.is_empty()
     }
 
-    /// Queues telemetry, or counts it as dropped. Whether it was queued.
+    /// Queues telemetry, or counts it as dropped. Returns true if it was queued.
     pub(crate) fn telemetry(&mut self, message: &Telemetry) -> bool {
         self.queue_prepared();
         let mut bytes = [0; MAX_FRAME];
@@ -159,7 +159,7 @@ impl Link {
         self.answers.len() + self.telemetry.len()
     }
 
-    /// Takes bytes to send; how many. Frames are never mixed, and answers go before telemetry.
+    /// Takes bytes to send. Returns their number. Frames are never mixed, and answers go before telemetry.
     pub(crate) fn take(&mut self, out: &mut [u8]) -> usize {
         let mut count = 0;
         for slot in out {

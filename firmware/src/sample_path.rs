@@ -428,8 +428,8 @@ impl SamplePath {
     }
 
     /// Puts a complete segment into the memory, if not everything is retained: outside the path, for it takes
-    /// as long as a solution. Whether every asked-for parameter had its asked-for uncertainty at the last
-    /// check.
+    /// as long as a solution. Returns true if every asked-for parameter had its asked-for uncertainty at the
+    /// last check.
     pub(crate) fn catch_up(&mut self) -> bool {
         let k = self.knock_limit;
         let met = any!(&mut self.estimator, e => e.remember(k).map(|sd| within(&self.stop, &sd)));
@@ -456,7 +456,7 @@ impl SamplePath {
         any!(&mut self.estimator, e => e.take_snapshot());
     }
 
-    /// Does one step towards the factor of the copy; true when it is there.
+    /// Does one step towards the factor of the copy. Returns true when it is there.
     pub(crate) fn fold(&mut self) -> bool {
         any!(&mut self.estimator, e => e.fold())
     }
@@ -494,8 +494,8 @@ impl SamplePath {
     }
 
     /// Starts a path that is newly set up with a factor of the given number of rows that
-    /// [`Self::write_factor`] has written, and what had happened until then. False if the bytes are none of
-    /// this model's.
+    /// [`Self::write_factor`] has written, and what had happened until then. Returns false if the bytes are
+    /// none of this model's.
     #[cfg(feature = "storage")]
     #[inline(never)]
     pub(crate) fn restore(&mut self, bytes: &[u8], rows: u32, counters: &Counters) -> bool {
@@ -509,7 +509,8 @@ impl SamplePath {
         })
     }
 
-    /// Does one step towards that factor without what noise of the signals adds; true when it is there.
+    /// Does one step towards the factor of the copy without what noise of the signals adds. Returns true when
+    /// it is there.
     pub(crate) fn compensate(&mut self) -> bool {
         any!(&mut self.estimator, e => e.compensate())
     }

@@ -104,7 +104,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         Ok(Reply::Done)
     }
 
-    /// Takes up what a checkpoint holds. False if it is not of these settings.
+    /// Takes up what a checkpoint holds. Returns false if it is not of these settings.
     fn restore(&mut self, head: &CheckpointHead, factor: &[u8]) -> bool {
         let report = &head.counters;
         let Some(path) = self.path.samples_mut() else { return false };

@@ -461,7 +461,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         self.link.pending()
     }
 
-    /// Takes bytes to send; how many. Answers come before telemetry.
+    /// Takes bytes to send. Returns their number. Answers come before telemetry.
     pub fn poll_tx(&mut self, out: &mut [u8]) -> usize {
         self.link.take(out)
     }

@@ -342,7 +342,7 @@ impl<P: DerefMut<Target = Path>> App<P> {
         }
     }
 
-    /// Does a slice of what is asked for. Whether there was one to do.
+    /// Does a slice of what is asked for. Returns true if there was one to do.
     #[inline(never)]
     fn slice(&mut self) -> bool {
         let Some(path) = self.path.samples_mut() else { return false };

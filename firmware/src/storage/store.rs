@@ -219,7 +219,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Appends a checkpoint of this run: what its head says, and the factor's numbers, which `write` leaves
-    /// in the slice it is given; how many bytes of flash it took. Nothing is erased.
+    /// in the slice it is given. Returns the number of bytes of flash that it took. Nothing is erased.
     ///
     /// # Errors
     /// [`StoreError::Full`] if nothing is left of what was prepared. What was stored before is still there.
