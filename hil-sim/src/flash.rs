@@ -138,7 +138,7 @@ impl SimulatedFlash {
         &self.cells
     }
 
-    /// Takes the energy for one byte; false if the supply ends with it.
+    /// Takes the energy for one byte. Returns false if the supply ends with it.
     fn burn(&mut self) -> bool {
         match &mut self.fuel {
             Some(0) => return false,
@@ -181,7 +181,8 @@ impl SimulatedFlash {
         !self.is_off()
     }
 
-    /// Erases the sector that begins there: byte by byte, as energy lasts. False likewise.
+    /// Erases the sector that begins there: byte by byte, as energy lasts. Returns false if the supply ended,
+    /// the flash does not answer, or no sector begins there.
     pub fn erase(&mut self, offset: usize) -> bool {
         if self.dead || self.is_off() || !offset.is_multiple_of(self.sector) {
             return false;

@@ -91,7 +91,7 @@ fn attend(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) {
     }
 }
 
-/// Answers lines until the client hangs up; whether it had started a motion.
+/// Answers lines until the client hangs up. Returns true if it had started a motion.
 fn converse(stream: TcpStream, rig: &SharedRig, leave: &AtomicBool) -> io::Result<bool> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;

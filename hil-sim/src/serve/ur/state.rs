@@ -110,7 +110,7 @@ impl Shared {
         Self::input(name).map(|(kind, _)| kind)
     }
 
-    /// Writes input variables from the bytes of a package; false if these are not of their length.
+    /// Writes input variables from the bytes of a package. Returns false if these are not of their length.
     pub fn write(&mut self, names: &[String], mut bytes: &[u8]) -> bool {
         let mut writes = Vec::new();
         for name in names {

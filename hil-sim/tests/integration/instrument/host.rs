@@ -89,7 +89,8 @@ impl Host {
         }
     }
 
-    /// Gives the readings, the first of which has number `first`; how many are taken in all.
+    /// Gives the readings, the first of which has number `first`. Returns the number of those that are taken
+    /// in all.
     pub fn inject(&mut self, first: u32, readings: &[ReadingMessage]) -> u32 {
         let mut next = first;
         for part in readings.chunks(16) {
