@@ -213,7 +213,7 @@ impl JointLimits {
         Some(())
     }
 
-    /// Adds the same of an effort, and returns its slope.
+    /// Adds `−Σ log slack` of an effort, and returns its slope; `None` outside.
     pub(super) fn effort_barrier(&self, effort: f64, sum: &mut f64) -> Option<f64> {
         within(effort, KEPT * self.usable_effort(), sum)
     }

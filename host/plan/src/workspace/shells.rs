@@ -17,7 +17,7 @@ pub fn centres(geometry: &Geometry, rotation: &Matrix3<f64>) -> [Vector3<f64>; 6
 }
 
 /// Calls `found` with every position (A, m) that is inside all shells and a candidate for the highest one,
-/// until it returns true. Whether it did.
+/// until it returns true. Returns true if it did.
 pub fn any_extreme(
     centres: &[Vector3<f64>; 6],
     [lo, hi]: [f64; 2],

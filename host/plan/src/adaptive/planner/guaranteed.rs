@@ -50,8 +50,8 @@ impl Planner {
         same
     }
 
-    /// Makes a motion as small as every limit needs at every instant, or leaves it out; true if it needed
-    /// nothing.
+    /// Makes a motion as small as every limit needs at every instant, or leaves it out. Returns true if it
+    /// needed nothing.
     fn fit(&mut self, index: usize) -> bool {
         let Some(centre) = self.entries.get(index).map(|entry| entry.candidate.centre) else { return false };
         // However small it were: nothing about this pose is.
