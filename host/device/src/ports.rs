@@ -125,7 +125,7 @@ pub fn listed() -> Result<Vec<Port>, serialport::Error> {
     Ok(ports)
 }
 
-/// Greets ports, all at the same time; in their order, why each cannot be used or who it is.
+/// Greets ports, all at the same time. Returns, in their order, why each cannot be used or who it is.
 pub fn greet_all(ports: &[Port]) -> Vec<Result<Identity, Unusable>> {
     thread::scope(|scope| {
         let asked: Vec<_> = ports.iter().map(|port| scope.spawn(|| port.greet())).collect();

@@ -83,7 +83,7 @@ pub(super) trait Sink: Send {
     fn patience_s(&self) -> f64 {
         0.0
     }
-    /// Stops as fast as is smooth; false if the controller has no such command.
+    /// Stops as fast as is smooth. Returns false if the controller has no such command.
     fn halt(&mut self) -> Result<bool, PlatformError> {
         Ok(false)
     }

@@ -189,7 +189,7 @@ fn is_finite(taken: &FactorRow) -> bool {
     taken.residual_sum_of_squares.is_finite() && taken.entries.iter().all(|v| v.is_finite())
 }
 
-/// Merges a row; false if it is of other parameters.
+/// Merges a row. Returns false if it is of other parameters.
 fn merge(factor: &mut TreeFactor<f64>, taken: &FactorRow) -> bool {
     let row: Vec<f64> = taken.entries.iter().map(|v| f64::from(*v)).collect();
     let first = usize::from(taken.row);
