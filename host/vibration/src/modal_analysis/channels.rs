@@ -111,8 +111,8 @@ fn jump(values: &[f64], run: &Run, away: usize) -> f64 {
     [before, after].into_iter().flatten().map(|v| (v - run.value).abs()).fold(0.0, f64::max)
 }
 
-/// Runs of the same length that end in jumps, over most of the recording: a slower sensor. Returns the
-/// length.
+/// Returns the length of runs of the same length that end in jumps, over most of the recording: a slower
+/// sensor.
 fn repetition(runs: &[Run], quantum: f64) -> Option<usize> {
     let inner = runs.get(1..runs.len() - 1).filter(|inner| inner.len() >= 8)?;
     let mut lengths: Vec<usize> = inner.iter().map(|run| run.length).collect();

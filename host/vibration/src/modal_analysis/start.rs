@@ -133,7 +133,7 @@ fn eigenvector(a: &DMatrix<f64>, value: Complex<f64>) -> Option<DVector<Complex<
     Some(vector)
 }
 
-/// Counts for how many orders each pole has been the same.
+/// Counts the orders for which each pole has been the same.
 fn follow(found: &mut [Found], last: &[Found], duration: f64) {
     for one in found.iter_mut() {
         let near = last.iter().enumerate().filter(|(_, other)| is_same(one, other, duration));

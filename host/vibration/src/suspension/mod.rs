@@ -120,7 +120,7 @@ pub enum SuspensionError {
         moves: f64,
         /// The unit of the coordinate.
         unit: &'static str,
-        /// The same motion as a share of the largest free coordinate's, %.
+        /// The motion as a share of the largest free coordinate's, %.
         share: f64,
     },
     /// A posture cannot be used.
