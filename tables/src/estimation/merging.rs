@@ -41,7 +41,7 @@ enum Case {
     One(usize),
     /// Recordings of one rig, of slow noise and slow motion.
     Slow(usize),
-    /// The same number of recordings of each of several rigs.
+    /// Recordings of several rigs, the same number of each.
     Rigs { rigs: usize, each: usize },
     /// Four of one rig, the first with five times its noise.
     Noisy,
