@@ -92,7 +92,7 @@ fn smaller_chips(steps: &mut Steps, core: Core) {
     }
 }
 
-/// Does the same checks on what the other way to `core` builds.
+/// Makes the same checks on the firmware that the other way to `core` builds.
 fn other_core(steps: &mut Steps, core: Core) {
     let built = steps.run(&format!("firmware, core by {core}"), || {
         toolchain::choose(Some(core))?;

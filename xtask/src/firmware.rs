@@ -121,7 +121,8 @@ pub fn build_watch(core: Core) -> Result<PathBuf> {
     Ok(elf)
 }
 
-/// Builds the same beside [`build_apart`]'s, and leaves the one that the simulator finds as it is.
+/// Builds the board's image that watches robots beside that of [`build_apart`], and leaves the one that the
+/// simulator finds as it is.
 pub fn build_watch_apart(core: Core) -> Result<PathBuf> {
     build_binary(core, FIRMWARE, &[WATCH])
 }

@@ -23,7 +23,8 @@ pub fn run() -> Result<()> {
     ended
 }
 
-/// Does the same as a step of all tests; it is skipped where what it needs is not here and `CI` is not set.
+/// Builds, installs and tests the wheel as a step of all tests; it is skipped where what it needs is not here
+/// and `CI` is not set.
 ///
 /// After each change (`released` is false) the wheel is linked from what the tests compiled, and recipes for
 /// other engines than Dask are left to the night.

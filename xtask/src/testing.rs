@@ -135,7 +135,7 @@ impl Surroundings {
         Ok(())
     }
 
-    /// Gives the same with another firmware.
+    /// Returns these surroundings with another firmware.
     pub fn with_firmware(&self, firmware: PathBuf) -> Self {
         Self { firmware: Some(firmware), ..self.clone() }
     }

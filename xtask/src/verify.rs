@@ -231,7 +231,7 @@ fn feature_sets(steps: &mut Steps) {
     }
 }
 
-/// Runs the same emulated tests on what the other way to `core` builds.
+/// Runs the emulated tests on the firmware that the other way to `core` builds.
 fn other_core(steps: &mut Steps, core: Core, here: &mut Surroundings, counts: &mut Counts) {
     let built = steps.run(&format!("firmware, core by {core}"), || {
         toolchain::choose(Some(core))?;
