@@ -58,8 +58,15 @@ impl BinNoise {
     }
 }
 
-/// Returns the noise in bins of the given number of blocks, by channels; there are `count` bins.
-fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNoise> {
+/// Returns the noise in bins of the given number of blocks, by channels; there are `count` bins. `visit` is
+/// called with the number of a series and the rows of each of its blocks.
+fn noise_of(
+    rows: &Rows,
+    wide: usize,
+    several: usize,
+    count: usize,
+    mut visit: impl FnMut(usize, &[f64]),
+) -> Vec<BinNoise> {
     let channels = rows.whitening.channels();
     let mut all = vec![BinNoise::none(wide); channels];
     let Some(noise) = rows.noise else { return all };
@@ -70,6 +77,7 @@ fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNo
         let mut sums = vec![DVector::<f64>::zeros(wide + 1); channels];
         let (mut in_bin, mut bins) = (0, 0.0);
         noise.each(series, &mut |_, own| {
+            visit(series, own);
             for (sum, row) in sums.iter_mut().zip(own.chunks_exact(n + 1)) {
                 sum.iter_mut().zip(row).take(n).for_each(|(s, v)| *s += v);
                 sum[wide] += row[n];
@@ -99,16 +107,18 @@ fn noise_of(rows: &Rows, wide: usize, several: usize, count: usize) -> Vec<BinNo
 impl Bins {
     /// Returns the bins of whitened rows; residuals are those of the estimate.
     pub(super) fn new(rows: &Rows) -> Self {
-        Self::with(rows, 0..rows.blocks.len(), rows.values.len(), |_, _, _| ())
+        Self::with(rows, 0..rows.blocks.len(), rows.values.len(), |_, _, _| (), |_, _| ())
     }
 
     /// Returns the bins of some whitened rows of `wide` columns, which `extend` writes behind those of the
-    /// estimate: it takes the block, its rows of `wide` columns, and its residuals.
+    /// estimate: it takes the block, its rows of `wide` columns, and its residuals. `of_noise` takes the
+    /// number of a series of noise and the whitened rows of each of its blocks.
     pub(super) fn with(
         rows: &Rows,
         range: std::ops::Range<usize>,
         wide: usize,
         mut extend: impl FnMut(usize, &mut [f64], &[f64]),
+        of_noise: impl FnMut(usize, &[f64]),
     ) -> Self {
         let (channels, n) = (rows.whitening.channels(), rows.values.len());
         let filter = rows.blocks.filter();
@@ -145,7 +155,7 @@ impl Bins {
         let own = all.finish();
         let value = |j: usize| rows.values.get(j).copied().unwrap_or(0.0);
         let about = DVector::from_fn(wide + 1, |j, _| if j < wide { value(j) } else { MEASURED });
-        let noise = noise_of(rows, wide, several, own.len());
+        let noise = noise_of(rows, wide, several, own.len(), of_noise);
         Self { unexplained: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 }, about, noise, ..own }
     }
 

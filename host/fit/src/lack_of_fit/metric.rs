@@ -56,9 +56,32 @@ impl Inverse {
     fn apply(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
         match self {
             Self::White(weight) => columns * *weight,
-            Self::Full(matrix) => matrix * columns,
+            Self::Full(matrix) => {
+                let own = own(columns);
+                let made = matrix * columns.select_columns(&own);
+                let mut all = DMatrix::zeros(columns.nrows(), columns.ncols());
+                own.iter().zip(made.column_iter()).for_each(|(j, made)| all.set_column(*j, &made));
+                all
+            }
         }
     }
+}
+
+/// Returns the columns that have something: most are none of a channel's.
+fn own(columns: &DMatrix<f64>) -> Vec<usize> {
+    (0..columns.ncols()).filter(|j| columns.column(*j).iter().any(|v| *v != 0.0)).collect()
+}
+
+/// Returns `AᵀB` of columns over bins.
+pub(super) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let (of_a, of_b) = (own(a), own(b));
+    // A product of rows by columns is made in tiles, one of columns by columns is not.
+    let made = a.select_columns(&of_a).transpose() * b.select_columns(&of_b);
+    let mut all = DMatrix::zeros(a.ncols(), b.ncols());
+    for (to, made) in of_b.iter().zip(made.column_iter()) {
+        of_a.iter().zip(made.iter()).for_each(|(i, v)| all[(*i, *to)] = *v);
+    }
+    all
 }
 
 /// Returns a line and a curve over `count` bins.

@@ -9,6 +9,7 @@ mod bins;
 pub mod change;
 mod clear_band;
 mod directions;
+mod filters;
 mod metric;
 mod noise;
 mod noise_filled;
@@ -24,6 +25,7 @@ use super::{Kind, Owner, Parameter, RowBlocks, Whitening};
 use bins::Bins;
 pub use change::{Change, Changed, ColumnStep};
 pub use pose_drift::PoseDrift;
+use rigidity::Stored;
 pub use rigidity::{Motion, NotRigid};
 
 /// Residuals of less than this share of the measurements are no noise but rounding, and what the filter
@@ -141,7 +143,8 @@ impl LackOfFit {
 
 /// Searches for a lack of fit.
 pub fn look(rows: &Rows) -> LackOfFit {
-    let bins = Bins::new(rows);
+    let stored = Stored::whole(rows);
+    let bins = stored.as_ref().map_or_else(|| Bins::new(rows), |stored| stored.bins.clone());
     if bins.unexplained < NOISE_FREE {
         return LackOfFit::default();
     }
@@ -157,7 +160,7 @@ pub fn look(rows: &Rows) -> LackOfFit {
     }
     let change = change::find(rows, &bins);
     // What explains the residuals better than a step is no step.
-    let not_rigid = (rows.is_suspect || change.is_some()).then(|| rigidity::find(rows)).flatten();
+    let not_rigid = (rows.is_suspect || change.is_some()).then(|| rigidity::find(rows, stored)).flatten();
     match (&change, &not_rigid) {
         (Some(step), Some(motion)) if step.explained > motion.explained => {
             LackOfFit { change, ..LackOfFit::default() }

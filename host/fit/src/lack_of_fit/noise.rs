@@ -47,21 +47,67 @@ fn walk(count: usize) -> f64 {
     (-1.0 / (4.0 * count as f64)).exp()
 }
 
-/// Returns `xᵀ Γ x` with `Γ_bc = ρ^|b − c|`.
-fn quadratic(x: &DVector<f64>, rho: f64) -> f64 {
-    let (mut behind, mut sum) = (0.0, 0.0);
-    for value in x {
-        sum += value * (value + 2.0 * behind);
-        behind = rho * (behind + value);
-    }
-    sum
+/// Autocovariances that are summed beside one another.
+const BESIDE: usize = 8;
+
+/// Returns `xᵀ Γ x` with `Γ_bc = ρ^|b − c|` of each ρ.
+fn quadratics(x: &DVector<f64>, rhos: &[f64]) -> Vec<f64> {
+    let of = |rhos: &[f64]| {
+        let mut own = [0.0; BESIDE];
+        own.iter_mut().zip(rhos).for_each(|(own, rho)| *own = *rho);
+        let (mut behind, mut sum) = ([0.0; BESIDE], [0.0; BESIDE]);
+        for value in x {
+            for k in 0..BESIDE {
+                sum[k] += value * (value + 2.0 * behind[k]);
+                behind[k] = own[k] * (behind[k] + value);
+            }
+        }
+        sum.into_iter().take(rhos.len())
+    };
+    rhos.chunks(BESIDE).flat_map(of).collect()
 }
 
-/// Returns the cosine of number j over the given number of bins, of unit length.
-fn cosine(count: usize, j: usize) -> DVector<f64> {
-    let scale = if j == 0 { 1.0 / count as f64 } else { 2.0 / count as f64 }.sqrt();
-    let step = std::f64::consts::PI * j as f64 / count as f64;
-    DVector::from_fn(count, |b, _| scale * (step * (b as f64 + 0.5)).cos())
+/// Cosines over bins.
+struct Cosines {
+    count: usize,
+    /// Those of quarters of a bin's share of π.
+    turn: Vec<f64>,
+}
+
+impl Cosines {
+    fn over(count: usize) -> Self {
+        let step = std::f64::consts::PI / (2 * count) as f64;
+        Self { count, turn: (0..4 * count).map(|k| (step * k as f64).cos()).collect() }
+    }
+
+    /// Returns cosine number j, of unit length.
+    fn number(&self, j: usize) -> impl Iterator<Item = f64> + '_ {
+        let scale = if j == 0 { 1.0 / self.count as f64 } else { 2.0 / self.count as f64 }.sqrt();
+        let whole = self.turn.len();
+        let mut at = j % whole.max(1);
+        (0..self.count).map(move |_| {
+            let value = scale * self.turn[at];
+            at += 2 * j;
+            at -= if at >= whole { whole } else { 0 };
+            value
+        })
+    }
+
+    /// Returns the product of cosine number j with values, given as [`folded`].
+    fn along(&self, j: usize, folded: &[Vec<f64>; 2]) -> f64 {
+        self.number(j).zip(&folded[j % 2]).map(|(a, b)| a * b).sum()
+    }
+}
+
+/// Returns the sum and the difference of values and of those in reverse, the first half: a cosine is the same
+/// in reverse, or the same with its sign turned.
+fn folded(values: &DVector<f64>) -> [Vec<f64>; 2] {
+    let (count, half) = (values.len(), values.len() / 2);
+    let of = |sign: f64| {
+        let pairs = (0..half).map(|b| values[b] + sign * values[count - 1 - b]);
+        pairs.chain((2 * half < count).then(|| 0.5 * (1.0 + sign) * values[half])).collect()
+    };
+    [of(1.0), of(-1.0)]
 }
 
 /// Returns an orthonormal basis of the columns of a matrix; of a column at least the share `least` must be
@@ -109,21 +155,23 @@ impl PowerLaw {
             coefficients.push(next as usize);
             next = (next + 1.0).max(next * 2f64.powf(1.0 / PER_OCTAVE)).floor();
         }
-        let octaves = octaves(count);
+        let rhos: Vec<f64> = octaves(count).into_iter().chain([walk(count)]).collect();
+        let (cosines, folded) = (Cosines::over(count), folded(&left));
         let mut lines: Vec<Line> = Vec::new();
         for (k, j) in coefficients.iter().enumerate() {
-            let own = cosine(count, *j);
+            let own = DVector::from_iterator(count, cosines.number(*j));
             let projected = &own - basis * basis.tr_mul(&own);
             let white = projected.norm_squared();
             if white < LEAST_LEFT {
                 continue;
             }
-            let flicker =
-                octaves.iter().map(|rho| quadratic(&projected, *rho)).sum::<f64>() / octaves.len() as f64;
+            let mut shares = quadratics(&projected, &rhos);
+            let walk = shares.pop().unwrap_or(0.0);
+            let flicker = shares.iter().sum::<f64>() / shares.len() as f64;
             let to = coefficients.get(k + 1).copied().unwrap_or(count).max(j + 1);
-            let power = (*j..to).map(|j| cosine(count, j).dot(&left).powi(2)).sum::<f64>();
+            let power = (*j..to).map(|j| cosines.along(j, &folded).powi(2)).sum::<f64>();
             let several = (to - j) as f64;
-            lines.push((power / several, several, [white, flicker, quadratic(&projected, walk(count))]));
+            lines.push((power / several, several, [white, flicker, walk]));
         }
         Self::most_likely(&lines)
     }
@@ -197,16 +245,16 @@ impl PowerLaw {
         let gamma = self.autocovariance(count);
         let (filter, variance) = prediction(&gamma);
         let mut inverse = DMatrix::<f64>::zeros(count, count);
-        let back = |i: usize| filter[count - i];
-        for i in 0..count {
-            inverse[(i, 0)] = filter[i] / variance;
-            inverse[(0, i)] = inverse[(i, 0)];
-        }
+        let first = inverse.as_mut_slice().iter_mut().zip(&filter);
+        first.for_each(|(to, own)| *to = own / variance);
+        let back: Vec<f64> = filter.iter().skip(1).rev().copied().collect();
         for j in 1..count {
-            for i in j..count {
-                let value = inverse[(i - 1, j - 1)] + (filter[i] * filter[j] - back(i) * back(j)) / variance;
-                inverse[(i, j)] = value;
-                inverse[(j, i)] = value;
+            let (before, own) = inverse.as_mut_slice().split_at_mut(j * count);
+            own[0] = before[j];
+            let own = own[1..count].iter_mut().zip(&before[(j - 1) * count..]);
+            let (at, behind) = (filter[j], back[j - 1]);
+            for ((to, before), (filter, back)) in own.zip(filter.iter().skip(1).zip(&back)) {
+                *to = before + (filter * at - back * behind) / variance;
             }
         }
         inverse
@@ -238,4 +286,30 @@ pub(super) fn successive(residuals: &nalgebra::DVector<f64>) -> PowerLaw {
     let pairs = residuals.len().saturating_sub(1).max(1) as f64;
     let squares = residuals.iter().zip(residuals.iter().skip(1)).map(|(a, b)| (b - a).powi(2)).sum::<f64>();
     PowerLaw::white((0.5 * squares / pairs).max(LEAST_WHITE))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cosines_and_quadratic_forms_are_those_of_their_definitions() {
+        for count in [8, 9] {
+            let values = DVector::from_fn(count, |b, _| (1.7 * b as f64).sin() + 0.2);
+            let (cosines, folded) = (Cosines::over(count), folded(&values));
+            for j in 0..count {
+                let scale = if j == 0 { 1.0 } else { 2.0 };
+                let step = std::f64::consts::PI * j as f64 / count as f64;
+                let cosine = |b: usize| (scale / count as f64).sqrt() * (step * (b as f64 + 0.5)).cos();
+                assert!(cosines.number(j).enumerate().all(|(b, own)| (own - cosine(b)).abs() < 1e-14));
+                let direct: f64 = values.iter().enumerate().map(|(b, v)| cosine(b) * v).sum();
+                assert!((cosines.along(j, &folded) - direct).abs() < 1e-14, "{count} {j}");
+            }
+            let rhos: Vec<f64> = (0..10).map(|k| 0.09 * f64::from(k)).collect();
+            for (rho, found) in rhos.iter().zip(quadratics(&values, &rhos)) {
+                let gamma = DMatrix::from_fn(count, count, |b, c| rho.powi(b.abs_diff(c) as i32));
+                assert!((found - values.dot(&(gamma * &values))).abs() < 1e-13, "{rho}");
+            }
+        }
+    }
 }

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::bins::Bins;
 use super::directions::{LEAST, filled, seen};
-use super::metric::Metric;
+use super::metric::{Metric, product};
 use super::noise::PowerLaw;
 
 /// The time in which rows are quietest, s, and the least number of its bins.
@@ -44,7 +44,7 @@ impl Quiet {
         let mean = |rows: &DMatrix<f64>| rows.map(|v| v * v).row_sum().transpose() / count.max(1) as f64;
         let whole: Vec<DVector<f64>> = bins.rows.iter().map(mean).collect();
         let scatters = |first: usize| {
-            let own = bins.rows.iter().map(|rows| scatter(&rows.rows(first, long).into_owned()).diagonal());
+            let own = bins.rows.iter().map(|rows| variances(&rows.rows(first, long).into_owned()));
             let shares = own.zip(&whole).map(|(own, whole)| {
                 own.iter()
                     .zip(whole)
@@ -159,6 +159,18 @@ fn given(known: &DMatrix<f64>, offsets: usize) -> DMatrix<f64> {
 
 /// Returns the covariance of rows about a line in time.
 fn scatter(rows: &DMatrix<f64>) -> DMatrix<f64> {
+    let left = off_line(rows);
+    product(&left, &left) / (rows.nrows() as f64 - 2.0).max(1.0)
+}
+
+/// Returns the variances of rows about a line in time.
+fn variances(rows: &DMatrix<f64>) -> DVector<f64> {
+    let squares = off_line(rows).column_iter().map(|own| own.norm_squared()).collect();
+    DVector::from_vec(squares) / (rows.nrows() as f64 - 2.0).max(1.0)
+}
+
+/// Returns rows less a line in time.
+fn off_line(rows: &DMatrix<f64>) -> DMatrix<f64> {
     let count = rows.nrows();
     let middle = 0.5 * (count as f64 - 1.0);
     let line = DMatrix::from_fn(count, 2, |b, k| if k == 0 { 1.0 } else { b as f64 - middle });
@@ -169,5 +181,5 @@ fn scatter(rows: &DMatrix<f64>) -> DMatrix<f64> {
         let along = line.tr_mul(rows) / norm;
         left -= line * along;
     }
-    left.tr_mul(&left) / (count as f64 - 2.0).max(1.0)
+    left
 }

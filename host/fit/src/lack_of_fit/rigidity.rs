@@ -17,14 +17,15 @@
 
 use nalgebra::DMatrix;
 
-use super::Rows;
 use super::bins::Bins;
 use super::clear_band;
-use super::metric::{Metric, drift};
+use super::filters::{Section, second_integral};
+use super::metric::{Metric, drift, product};
 use super::noise::{self, PowerLaw};
 use super::noise_filled::Quiet;
 use super::score::{Added, Candidate, Common, Further, PER_COLUMN};
 use super::tail;
+use super::{NoiseRows, Rows};
 
 /// A candidate counts if noise explains as much once in this many recordings. What a load cell does by itself
 /// is no more than nearly noise, and a cable or a resonance that matters is far beyond.
@@ -41,8 +42,6 @@ const DAMPINGS: [f64; 2] = [0.02, 0.15];
 const DAMPINGS_OF_FOUR: [f64; 2] = [0.3827, 0.9239];
 /// Columns that belong to what is identified, at most.
 const MOST_COLUMNS: usize = 16;
-/// Below this frequency the integrals forget, Hz.
-const FORGET_HZ: f64 = 0.01;
 /// An angle counts if this share of it is in no other.
 const NEW_ANGLE: f64 = 0.5;
 /// Frequencies that explain this share of what the best does are as good.
@@ -81,76 +80,7 @@ pub struct NotRigid {
     pub explained: f64,
 }
 
-/// Returns the second integral over time with its sign turned, `1/(ω² + ω_f²)` at the frequency ω: one that
-/// forgets, forwards and then backwards, so that no phase is lost; each without its mean, as where it began
-/// is not known.
-fn second_integral(input: impl Iterator<Item = f64>, rate_hz: f64) -> Vec<f64> {
-    let step = 0.5 / rate_hz;
-    let forget = std::f64::consts::TAU * FORGET_HZ * step;
-    let once = |input: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
-        let (mut sum, mut before) = (0.0, 0.0);
-        let integral = input.map(|x| {
-            sum = (sum * (1.0 - forget) + step * (x + before)) / (1.0 + forget);
-            before = x;
-            sum
-        });
-        let integral: Vec<f64> = integral.collect();
-        let mean = integral.iter().sum::<f64>() / integral.len().max(1) as f64;
-        integral.into_iter().map(|v| v - mean).collect()
-    };
-    let forwards = once(&mut { input });
-    let mut twice = once(&mut forwards.into_iter().rev());
-    twice.reverse();
-    twice
-}
-
-/// A filter of second order over rows.
-#[derive(Clone, Copy)]
-struct Section {
-    b: [f64; 3],
-    a: [f64; 2],
-}
-
-impl Section {
-    /// Returns `(b₂ s² + b₀)/(s² + 2ζω₀ s + ω₀²)` at a frequency in Hz by the bilinear transform, right at
-    /// that frequency.
-    fn new(frequency_hz: f64, damping: f64, squared: f64, constant: f64, rate_hz: f64) -> Self {
-        let omega = std::f64::consts::TAU * frequency_hz;
-        let k = omega / (0.5 * omega / rate_hz).tan();
-        let (k2, o2) = (k * k, omega * omega);
-        let a0 = k2 + 2.0 * damping * omega * k + o2;
-        let b = [squared * k2 + constant, 2.0 * (constant - squared * k2), squared * k2 + constant];
-        let a = [2.0 * (o2 - k2), k2 - 2.0 * damping * omega * k + o2];
-        Self { b: b.map(|v| v / a0), a: a.map(|v| v / a0) }
-    }
-
-    /// Returns what a resonance of this frequency and damping adds.
-    fn resonance(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
-        Self::new(frequency_hz, damping, -1.0, 0.0, rate_hz)
-    }
-
-    /// Returns a low-pass that lets through what is slower than a frequency.
-    fn low_pass(frequency_hz: f64, damping: f64, rate_hz: f64) -> Self {
-        let omega = std::f64::consts::TAU * frequency_hz;
-        Self::new(frequency_hz, damping, 0.0, omega * omega, rate_hz)
-    }
-
-    /// Returns the output over time, settled on the first input.
-    fn apply(&self, input: impl Iterator<Item = f64>) -> Vec<f64> {
-        let mut states: Option<[f64; 4]> = None;
-        let gain = self.b.iter().sum::<f64>() / (1.0 + self.a.iter().sum::<f64>());
-        input
-            .map(|x| {
-                let [x1, x2, y1, y2] = states.unwrap_or([x, x, gain * x, gain * x]);
-                let y = self.b[0] * x + self.b[1] * x1 + self.b[2] * x2 - self.a[0] * y1 - self.a[1] * y2;
-                states = Some([x, x1, y, y1]);
-                y
-            })
-            .collect()
-    }
-}
-
-/// Whitened rows over time, by channels and columns.
+/// Whitened rows over time, by channels and columns; empty of a column that has nothing.
 type Series = Vec<Vec<Vec<f64>>>;
 
 /// Whitened rows of a stretch, stored.
@@ -181,39 +111,44 @@ struct NoiseSeries {
 }
 
 impl NoiseSeries {
-    /// Returns all series that rows know of.
-    fn all(rows: &Rows, several: usize) -> Vec<Self> {
-        let Some(noise) = rows.noise else { return Vec::new() };
-        let (channels, n) = (rows.whitening.channels(), rows.values.len());
-        let of = |k: usize| {
-            let mut columns: Series = vec![vec![Vec::new(); n + 1]; channels];
-            let mut count = 0;
-            noise.each(k, &mut |_, own| {
-                if count < MOST_BLOCKS {
-                    append(&mut columns, own);
-                    count += 1;
-                }
-            });
-            let first: Vec<usize> = (0..count / several).map(|b| b * several).collect();
-            let binned = columns.iter().map(|own| binned(own, &first, several)).collect();
-            Self { columns, binned, first, weight: noise.weight(k) }
-        };
-        (0..noise.series()).map(of).filter(|series| !series.first.is_empty()).collect()
+    /// Returns series of whitened rows in bins of `several` blocks, with the weights of their squares.
+    fn new((columns, weight): (Series, f64), several: usize) -> Self {
+        let first: Vec<usize> = (0..length(&columns) / several).map(|b| b * several).collect();
+        let binned = columns.iter().map(|own| binned(own, &first, several)).collect();
+        Self { columns, binned, first, weight }
     }
 }
 
-/// Appends C rows.
-fn append(columns: &mut Series, rows: &[f64]) {
-    let n = (rows.len() / columns.len().max(1)).max(1);
-    for (own, row) in columns.iter_mut().zip(rows.chunks_exact(n)) {
-        own.iter_mut().zip(row).for_each(|(column, a)| column.push(*a));
+/// Returns how many rows there are over time.
+fn length(columns: &Series) -> usize {
+    columns.iter().flatten().map(Vec::len).max().unwrap_or(0)
+}
+
+/// Blocks whose columns are taken apart at once.
+const AT_ONCE: usize = 16;
+
+/// Returns the columns over time of blocks of C rows of n columns, one after the other.
+fn over_time(blocks: &[f64], channels: usize, n: usize) -> Series {
+    let long = (channels * n).max(1);
+    let mut is_any = vec![false; long];
+    for block in blocks.chunks_exact(long) {
+        is_any.iter_mut().zip(block).for_each(|(is_any, a)| *is_any |= *a != 0.0);
     }
+    let empty = |at: usize| Vec::with_capacity(if is_any[at] { blocks.len() / long } else { 0 });
+    let of_channel = |c: usize| (0..n).map(|j| empty(c * n + j)).collect();
+    let mut columns: Series = (0..channels).map(of_channel).collect();
+    for some in blocks.chunks(AT_ONCE * long) {
+        let all = columns.iter_mut().flatten().enumerate().filter(|(at, _)| is_any[*at]);
+        all.for_each(|(at, column)| column.extend(some.chunks_exact(long).map(|block| block[at])));
+    }
+    columns
 }
 
 /// Returns columns over time in bins of `several` blocks from each `first` on, as [`Bins`] has them.
 fn binned(columns: &[Vec<f64>], first: &[usize], several: usize) -> DMatrix<f64> {
     DMatrix::from_fn(first.len(), columns.len(), |b, j| {
-        columns[j][first[b]..first[b] + several].iter().sum::<f64>() / (several as f64).sqrt()
+        let own = columns[j].get(first[b]..first[b] + several).unwrap_or_default();
+        own.iter().sum::<f64>() / (several as f64).sqrt()
     })
 }
 
@@ -224,20 +159,57 @@ impl Motion {
     }
 }
 
-impl<'a> Stretch<'a> {
-    fn new(rows: &'a Rows<'a>) -> Self {
+/// Whitened rows of a stretch, as they come.
+pub(super) struct Stored {
+    pub(super) bins: Bins,
+    /// Blocks of C rows, one after the other; the same of each series of noise.
+    blocks: Vec<f64>,
+    noise: Vec<Vec<f64>>,
+    residuals: Vec<Vec<f64>>,
+    first: usize,
+}
+
+impl Stored {
+    /// Returns the rows of the middle.
+    fn new(rows: &Rows) -> Self {
         let count = rows.blocks.len();
         let first = count.saturating_sub(MOST_BLOCKS) / 2;
         let last = count.min(first + MOST_BLOCKS);
         let (channels, n) = (rows.whitening.channels(), rows.values.len());
-        let mut columns: Series = vec![vec![Vec::with_capacity(last - first); n]; channels];
-        let mut residuals = vec![Vec::with_capacity(last - first); channels];
-        let bins = Bins::with(rows, first..last, n, |_, own, left| {
-            append(&mut columns, own);
+        let mut blocks = Vec::with_capacity((last - first) * channels * n);
+        let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); channels];
+        let mut noise: Vec<Vec<f64>> = vec![Vec::new(); rows.noise.map_or(0, NoiseRows::series)];
+        let of_noise = |k: usize, own: &[f64]| {
+            let series = noise.get_mut(k).filter(|series| series.len() < MOST_BLOCKS * own.len());
+            series.into_iter().for_each(|series| series.extend_from_slice(own));
+        };
+        let of_rows = |_, own: &mut [f64], left: &[f64]| {
+            blocks.extend_from_slice(own);
             residuals.iter_mut().zip(left).for_each(|(all, e)| all.push(*e));
-        });
+        };
+        let bins = Bins::with(rows, first..last, n, of_rows, of_noise);
+        Self { bins, blocks, noise, residuals, first }
+    }
+
+    /// Returns all rows, with the bins that any search has, if [`find`] will ask for them; `None` if it will
+    /// not, or for some of them.
+    pub(super) fn whole(rows: &Rows) -> Option<Self> {
+        let is_whole = rows.is_suspect && rows.blocks.filter().row_period_s() > 0.0 && is_examined(rows);
+        (is_whole && rows.blocks.len() <= MOST_BLOCKS).then(|| Self::new(rows))
+    }
+}
+
+impl<'a> Stretch<'a> {
+    fn new(rows: &'a Rows<'a>, stored: Stored) -> Self {
+        let Stored { bins, blocks, noise, residuals, first } = stored;
+        let (channels, n) = (rows.whitening.channels(), rows.values.len());
         let rate_hz = 1.0 / rows.blocks.filter().row_period_s();
-        let noise = NoiseSeries::all(rows, bins.several);
+        let columns = over_time(&blocks, channels, n);
+        let noise = noise.into_iter().enumerate().map(|(k, series)| {
+            let weight = rows.noise.map_or(0.0, |noise| noise.weight(k));
+            NoiseSeries::new((over_time(&series, channels, n + 1), weight), bins.several)
+        });
+        let noise = noise.filter(|series| !series.first.is_empty()).collect();
         let quiet = Quiet::new(&bins, bins.several as f64 / rate_hz);
         Self { rows, bins, columns, residuals, first, rate_hz, noise, quiet }
     }
@@ -246,7 +218,7 @@ impl<'a> Stretch<'a> {
     /// and residuals alike.
     fn clear(self) -> Self {
         let of_channel = |own: &Vec<Vec<f64>>| {
-            let mut sum = vec![0.0; own.first().map_or(0, Vec::len)];
+            let mut sum = vec![0.0; self.residuals.first().map_or(0, Vec::len)];
             for (column, value) in own.iter().zip(self.rows.values) {
                 sum.iter_mut().zip(column).for_each(|(s, a)| *s += a * value);
             }
@@ -263,11 +235,14 @@ impl<'a> Stretch<'a> {
     /// allows.
     fn below(mut self, hz: f64) -> Self {
         let section = DAMPINGS_OF_FOUR.map(|damping| Section::low_pass(hz, damping, self.rate_hz));
-        let smooth = |series: &mut Vec<f64>| {
-            *series = section.iter().fold(std::mem::take(series), |own, s| s.apply(own.into_iter()));
+        let smooth = |columns: &mut Vec<Vec<f64>>| {
+            for section in &section {
+                *columns = section.apply(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            }
         };
-        self.columns.iter_mut().flatten().chain(&mut self.residuals).for_each(smooth);
-        self.noise.iter_mut().flat_map(|noise| noise.columns.iter_mut().flatten()).for_each(smooth);
+        self.columns.iter_mut().for_each(smooth);
+        smooth(&mut self.residuals);
+        self.noise.iter_mut().flat_map(|noise| &mut noise.columns).for_each(smooth);
         let several = (0.5 * self.rate_hz / hz).ceil() as usize;
         let before = &self.bins;
         let mut covered = vec![false; self.residuals.first().map_or(0, Vec::len)];
@@ -282,12 +257,11 @@ impl<'a> Stretch<'a> {
         let (wide, mut noise) = (before.columns, before.noise.clone());
         noise.iter_mut().for_each(|own| own.gram.fill(0.0));
         for series in &mut self.noise {
-            let count = series.columns.first().and_then(|own| own.first()).map_or(0, Vec::len);
-            series.first = (0..count / several).map(|b| b * several).collect();
+            series.first = (0..length(&series.columns) / several).map(|b| b * several).collect();
             series.binned = series.columns.iter().map(|own| binned(own, &series.first, several)).collect();
             let weight = series.weight / series.first.len().max(1) as f64;
             for (own, binned) in noise.iter_mut().zip(&series.binned) {
-                own.gram += (binned.tr_mul(binned) * weight).rows(0, wide);
+                own.gram += (product(binned, binned) * weight).rows(0, wide);
             }
         }
         let bins = Bins {
@@ -313,7 +287,7 @@ impl<'a> Stretch<'a> {
             for series in &self.noise {
                 let own = binned(&of(&series.columns, c), &series.first, several);
                 let weight = series.weight / series.first.len() as f64;
-                expected += own.tr_mul(&series.binned[c]) * weight;
+                expected += product(&own, &series.binned[c]) * weight;
             }
             Further { columns, expected }
         };
@@ -325,7 +299,7 @@ impl<'a> Stretch<'a> {
         let section = Section::resonance(frequency_hz, damping, self.rate_hz);
         let body = self.rows.columns(super::Role::is_body);
         self.candidate(|series, c| {
-            body.iter().map(|j| section.apply(series[c][*j].iter().copied())).collect()
+            section.apply(&body.iter().map(|j| series[c][*j].as_slice()).collect::<Vec<_>>())
         })
     }
 
@@ -481,12 +455,17 @@ impl<'a> Stretch<'a> {
     }
 }
 
+/// Returns true if something may be named.
+fn is_examined(rows: &Rows) -> bool {
+    !rows.has_drives && (1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len())
+}
+
 /// Returns what explains the residuals best; `None` if nothing does beyond chance.
-pub(super) fn find(rows: &Rows) -> Option<NotRigid> {
-    if rows.has_drives || !(1..=MOST_COLUMNS).contains(&rows.columns(super::Role::is_body).len()) {
+pub(super) fn find(rows: &Rows, stored: Option<Stored>) -> Option<NotRigid> {
+    if !is_examined(rows) {
         return None;
     }
-    let stretch = Stretch::new(rows);
+    let stretch = Stretch::new(rows, stored.unwrap_or_else(|| Stored::new(rows)));
     let bursts = stretch.bursts();
     let stretch = stretch.clear();
     if stretch.bins.len() < 2 * stretch.bins.columns {

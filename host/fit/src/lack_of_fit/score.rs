@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bins::Bins;
 use super::directions::{LEAST, filled, seen};
-use super::metric::{Inverse, Metric};
+use super::metric::{Inverse, Metric, product};
 use super::noise::PowerLaw;
 use super::noise_filled::Quiet;
 use crate::compensation::{MOST_UNCERTAIN, possible, uncertainty};
@@ -115,7 +115,7 @@ impl<'a> Common<'a> {
         let channels = bins.rows.iter().zip(&bins.residuals).zip(&bins.noise);
         for (metric, ((rows, residuals), noise)) in metrics.iter().zip(channels) {
             let own = metric.apply(rows);
-            gram += rows.tr_mul(&own);
+            gram += product(rows, &own);
             right += own.tr_mul(residuals);
             weighted.push(own);
             let sum = (0..bins.len()).map(|b| metric.of_bin(b)).sum::<f64>();
@@ -235,8 +235,8 @@ impl<'a> Common<'a> {
         let mut could = DMatrix::zeros(k, k);
         for (c, Further { columns, expected }) in candidate.iter().enumerate() {
             score += columns.tr_mul(&self.left[c]);
-            information += columns.tr_mul(&self.metrics[c].apply(columns));
-            shared += columns.tr_mul(&self.weighted[c]);
+            information += product(columns, &self.metrics[c].apply(columns));
+            shared += product(columns, &self.weighted[c]);
             let weights = (0..self.bins.len()).map(|b| self.metrics[c].of_bin(b));
             let (weight, squares) = weights.fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
             let drawn = expected * &about;
