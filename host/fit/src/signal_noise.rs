@@ -79,13 +79,18 @@ fn channel_grams(blocks: &dyn RowBlocks, channels: usize, n: usize) -> Vec<DMatr
     let mut grams = vec![DMatrix::<f64>::zeros(n, n); channels];
     let most = (MOST_PRODUCTS / (channels * n * n).max(1)).max(LEAST_BLOCKS / 4);
     let every = blocks.len().div_ceil(most).max(1);
-    let mut count = 0;
+    let (mut count, mut own) = (0, Vec::with_capacity(n));
     for block in (0..blocks.len()).step_by(every) {
         blocks.write(block, &mut rows, &mut measured);
         count += 1;
         for (gram, row) in grams.iter_mut().zip(rows.chunks_exact(n.max(1))) {
-            let row = DVector::from_column_slice(row);
-            gram.syger(1.0, &row, &row, 1.0);
+            // A channel has few of the columns.
+            own.clear();
+            own.extend(row.iter().copied().enumerate().filter(|(_, a)| *a != 0.0));
+            for (k, (j, a)) in own.iter().enumerate() {
+                let column = &mut gram.as_mut_slice()[j * n..(j + 1) * n];
+                own[k..].iter().for_each(|(i, b)| column[*i] += a * b);
+            }
         }
     }
     let share = blocks.len() as f64 / f64::from(count.max(1));
