@@ -1,5 +1,7 @@
 //! Quick least squares: how much of each channel the rows explain, without any of what makes an answer.
 
+use nalgebra::DVector;
+
 use super::condition::no_rows;
 use super::{Factor, FitError, RowSource, Silent};
 
@@ -9,6 +11,8 @@ pub const BLOCKS: usize = 800;
 const ROUNDS: usize = 2;
 /// A residual that is smaller than this share of the measurement is rounding.
 const LEAST_SHARE: f64 = 1e-9;
+/// A column of which less than this share is in no other is nearly one of them.
+const APART: f64 = 1e-4;
 
 /// The residuals of least squares in each channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,21 +71,32 @@ impl Rows {
         self.lines().map(|(row, value)| value - predicted(row)).collect()
     }
 
+    /// Returns the rows of each channel as a factor: rounds of weights need no rows.
+    fn by_channel(&self) -> Vec<Factor> {
+        let of = |c: usize| {
+            let mut factor = Factor::new(self.parameters);
+            factor.absorb(self.lines().skip(c).step_by(self.channels));
+            factor
+        };
+        (0..self.channels).map(of).collect()
+    }
+
     /// Returns what weighted least squares explain, and the σ of each channel that they found.
     fn explained(&self, source: &dyn RowSource) -> (Explained, Vec<f64>) {
         let mut sigma = source.nominal_sigma();
         let mut found = Explained { shares: vec![1.0; self.channels], values: vec![0.0; self.parameters] };
+        let factors = self.by_channel();
+        let mut whole = vec![0.0; self.channels];
+        for (k, value) in self.measured.iter().enumerate() {
+            whole[k % self.channels] += value * value;
+        }
         for _ in 0..ROUNDS {
-            found.values = self.solve(&sigma, &[], source.rounding());
-            let (mut left, mut whole) = (vec![0.0; self.channels], vec![0.0; self.channels]);
-            for (k, (rest, value)) in self.left(&found.values).iter().zip(&self.measured).enumerate() {
-                left[k % self.channels] += rest * rest;
-                whole[k % self.channels] += value * value;
-            }
-            for c in 0..self.channels {
-                found.shares[c] = if whole[c] > 0.0 { (left[c] / whole[c]).sqrt() } else { 1.0 };
-                let least = LEAST_SHARE * (whole[c] / self.blocks as f64).sqrt();
-                sigma[c] = (left[c] / self.blocks as f64).sqrt().max(least);
+            found.values = estimate(&weighted(&factors, &sigma), source.rounding());
+            for (c, (factor, whole)) in factors.iter().zip(&whole).enumerate() {
+                let left = square(factor, &found.values);
+                found.shares[c] = if *whole > 0.0 { (left / whole).sqrt() } else { 1.0 };
+                let least = LEAST_SHARE * (whole / self.blocks as f64).sqrt();
+                sigma[c] = (left / self.blocks as f64).sqrt().max(least);
             }
         }
         (found, sigma)
@@ -101,6 +116,35 @@ impl Rows {
         factor.absorb(whitened.iter().map(|(row, value)| (row.as_slice(), *value)));
         factor.solve(rounding).estimate
     }
+}
+
+/// Returns the channels' rows together, each over its σ.
+fn weighted(factors: &[Factor], sigma: &[f64]) -> Factor {
+    let mut all = Factor::new(factors.first().map_or(0, Factor::parameters));
+    for (factor, sigma) in factors.iter().zip(sigma) {
+        let weight = 1.0 / sigma.max(f64::MIN_POSITIVE);
+        let values: Vec<f64> = factor.z().iter().map(|z| weight * z).collect();
+        all.absorb_matrix(&(factor.r() * weight), &values);
+    }
+    all
+}
+
+/// Returns the sum of squares that parameters leave of the rows of a factor.
+fn square(factor: &Factor, values: &[f64]) -> f64 {
+    let predicted = factor.r() * DVector::from_column_slice(values);
+    let left = factor.z().iter().zip(&predicted).map(|(z, p)| (z - p).powi(2)).sum::<f64>();
+    left + factor.residual_sum_of_squares()
+}
+
+/// Returns the solution of a factor; without singular values where no column is nearly one of others.
+fn estimate(factor: &Factor, rounding: f64) -> Vec<f64> {
+    let r = factor.r();
+    let is_apart = |j: usize| r[(j, j)].abs() > APART * r.column(j).norm();
+    let solved = (0..r.ncols()).all(is_apart).then(|| {
+        let z = DVector::from_column_slice(factor.z());
+        r.solve_upper_triangular(&z).filter(|values| values.iter().all(|v| v.is_finite()))
+    });
+    solved.flatten().map_or_else(|| factor.solve(rounding).estimate, |values| values.as_slice().to_vec())
 }
 
 /// Returns what weighted least squares explain of the rows of a source, of at most this many blocks
