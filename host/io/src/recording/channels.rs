@@ -120,6 +120,9 @@ impl Recording {
         let own = |group: &&Group| !self.derived.contains(group);
         for sensor in self.sensors() {
             let groups: Vec<Group> = sensor.iter().filter(own).copied().collect();
+            if !groups.iter().any(|group| self.has_still(*group)) {
+                continue;
+            }
             names.extend(dead(|| groups.iter().flat_map(|group| self.channels(*group))));
         }
         let joints = self.joint_channels(&EFFORTS);
@@ -186,6 +189,14 @@ impl Recording {
             self.keep_rows(&out.iter().map(|o| !o).collect::<Vec<_>>());
             self.warnings.extend(said);
         }
+    }
+
+    /// Returns true if one of the channels of a group may never change: seldom more than two rows are looked
+    /// at.
+    fn has_still(&self, group: Group) -> bool {
+        let number = |k: usize, row: usize| self.number(Known::Member(group, k), row);
+        let is_still = |k: usize| (1..self.rows()).all(|row| number(k, row - 1) == number(k, row));
+        (0..group.names().len()).any(is_still)
     }
 
     /// Returns true if two channels of a group are the same in every row.
