@@ -13,6 +13,9 @@ pub struct FitOptions {
     pub forgetting: Option<Span<f64>>,
     /// Estimates on the way to the result, about; zero: none.
     pub convergence_points: usize,
+    /// True if it is only asked whether the recording can be true: where errors of the rig contradict what is
+    /// known of them, no lack of fit is looked for.
+    pub verdict_alone: bool,
 }
 
 /// The reason that there is no fit.

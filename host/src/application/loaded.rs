@@ -275,7 +275,7 @@ impl Loaded {
         if span.is_some() && self.problem.time_base().is_some() {
             return Err(Error::SpanOfStreams);
         }
-        let options = FitOptions { forgetting: span, convergence_points: points };
+        let options = FitOptions { forgetting: span, convergence_points: points, ..FitOptions::default() };
         let found = self.problem.fit(&options, caller).map_err(|error| {
             // Readings in another unit may all be beyond a sensor's range.
             let no_rows = matches!(error, ProblemError::Fit(FitError::NoRows { .. }));
@@ -314,7 +314,8 @@ impl Loaded {
         span: Option<Span<f64>>,
         caller: &Caller<'_>,
     ) -> Result<(Self, Fit), Error> {
-        let options = FitOptions { forgetting: span, convergence_points: PLOT_POINTS };
+        let options =
+            FitOptions { forgetting: span, convergence_points: PLOT_POINTS, ..FitOptions::default() };
         let (problem, found) = self.problem.fit_device(device, &options, caller)?;
         let loaded = Self { problem, ..self };
         let found = loaded.with_unused(found);

@@ -325,7 +325,7 @@ fn still_poses() {
 fn forgetting_and_a_window() {
     let input = input(readings(40.0));
     for span in [Span::TimeConstant(8.0), Span::Window(10.0)] {
-        both(&input, &FitOptions { forgetting: Some(span), convergence_points: 50 });
+        both(&input, &FitOptions { forgetting: Some(span), convergence_points: 50, ..FitOptions::default() });
     }
 }
 

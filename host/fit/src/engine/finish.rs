@@ -6,7 +6,7 @@ use rigident_shared::forgetting::Span;
 use super::widening::{Solution, Widened};
 use super::{Conclusion, Engine, Pass};
 use crate::lack_of_fit::LackOfFit;
-use crate::{ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, convergence};
+use crate::{ChannelFit, Convergence, Counts, Fit, FitError, Forgotten, SignalFit, contradict, convergence};
 
 impl Engine<'_> {
     /// Counts what makes intervals wider than white noise alone, and puts everything together.
@@ -17,14 +17,18 @@ impl Engine<'_> {
         mut convergence: Vec<Convergence>,
         forgetting: Option<Span<f64>>,
     ) -> Result<Fit, FitError> {
-        let lack_of_fit =
-            if forgetting.is_none() { self.lack_of_fit(&pass, &conclusion) } else { LackOfFit::default() };
         let (nuisances, known) = match forgetting {
             None => (self.nuisance_fits(&pass, &conclusion), DVector::zeros(self.parameters)),
             Some(span) => self.considered(&pass, &conclusion, span)?,
         };
-        let found = self.found(&pass, &conclusion, &lack_of_fit, forgetting);
         let (agreement, error_scores) = self.agreement(&pass, &conclusion.joint);
+        let is_refused = self.options.verdict_alone && contradict(&nuisances, agreement);
+        let lack_of_fit = if forgetting.is_some() || is_refused {
+            LackOfFit::default()
+        } else {
+            self.lack_of_fit(&pass, &conclusion)
+        };
+        let found = self.found(&pass, &conclusion, &lack_of_fit, forgetting);
         let inflation = found.inflation();
         let joint = self.joint(&pass, &conclusion.joint, conclusion.check.variance_scale, inflation);
         let channels = self.channel_fits(&pass, &conclusion);

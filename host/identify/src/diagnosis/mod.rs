@@ -25,6 +25,7 @@ use rigident_io::recording::Recording;
 use rigident_model::Model;
 use rigident_rows::body::{BodySource, prepare};
 use rigident_rows::tree::drive::Friction;
+use std::cell::LazyCell;
 
 /// Rows that faults are tried on at first, from the middle of the recording; at least this many seconds.
 const QUICK_ROWS: usize = 2000;
@@ -162,12 +163,14 @@ pub fn diagnose(case: &Case, most: Option<f64>, progress: &dyn Progress) -> Opti
     let before = tried.iter().map(|tried| tried.left).fold(before, f64::min);
     let most = before + most.map_or(ALIKE, |share| share.ln() / channels as f64);
     let full = shortened(case, full);
-    // If a part of the recording can be true as it is, only what explains its residuals is a cause.
-    let most =
-        if most >= before && is_plausible(&full) { before + EXPLAINS.ln() / channels as f64 } else { most };
+    let explaining = before + EXPLAINS.ln() / channels as f64;
     let faults: Vec<Fault> = faults(&quick).into_iter().chain(attitude::faults(&quick)).collect();
     let best = best_of_each_kind(try_all(&quick, &faults, progress), most);
-    let mut plausible = plausible_among(&best, &full, progress);
+    // If a part of the recording can be true as it is, only what explains its residuals is a cause. That part
+    // is fitted only if it matters.
+    let is_true = LazyCell::new(|| most >= before && is_plausible(&full));
+    let is_cause = |tried: &Tried| tried.left < explaining || !*is_true;
+    let mut plausible = plausible_among(&best, &full, is_cause, progress);
     let least = best.iter().map(|tried| tried.left).fold(f64::INFINITY, f64::min);
     // What leaves much more than another fault is not all, though the recording could be true without it.
     plausible.retain(|tried| tried.left < least + NOISE);
@@ -231,16 +234,26 @@ fn try_each<'a>(
     tried
 }
 
-/// Returns those of the best faults that explain as much as the first one without which the recording can be
-/// true.
-fn plausible_among<'a>(best: &[Tried<'a>], full: &Case, progress: &dyn Progress) -> Vec<Tried<'a>> {
+/// Returns those of the best faults that may be causes and explain as much as the first one without which
+/// the recording can be true.
+fn plausible_among<'a>(
+    best: &[Tried<'a>],
+    full: &Case,
+    is_cause: impl Fn(&Tried) -> bool,
+    progress: &dyn Progress,
+) -> Vec<Tried<'a>> {
     let mut plausible: Vec<Tried> = Vec::new();
-    for tried in best.iter().take(FULL) {
+    let mut fitted = 0;
+    for tried in best {
         progress.stage("trying the likeliest causes", 0.0);
         let found = plausible.first().map_or(f64::INFINITY, |first| first.left);
-        if tried.left > found + ALIKE || plausible.len() >= NAMED {
+        if tried.left > found + ALIKE || plausible.len() >= NAMED || fitted >= FULL {
             break;
         }
+        if !is_cause(tried) {
+            continue;
+        }
+        fitted += 1;
         if tried.fault.undone(full).as_ref().is_some_and(is_plausible) {
             plausible.push(Tried { fault: tried.fault, left: tried.left });
         }
@@ -311,7 +324,7 @@ fn left_by(rows: &dyn RowSource, blocks: usize) -> Option<(f64, usize)> {
 
 /// Returns true if the recording can be true, tells something, and is of a body that there may be.
 fn is_plausible(case: &Case) -> bool {
-    let options = FitOptions { convergence_points: 0, ..FitOptions::default() };
+    let options = FitOptions { convergence_points: 0, verdict_alone: true, ..FitOptions::default() };
     let answer = || {
         let problem = posed(case)?;
         let fit = problem.fit(&options, &Silent).ok()?;
