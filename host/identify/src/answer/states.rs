@@ -29,6 +29,7 @@ use nalgebra::DVector;
 
 use super::context::Links;
 use super::derived::{centre_of_mass, inertia_com, ten};
+use super::plausibility::rotors_without_a_cause;
 use super::result::ParameterState;
 pub use rigident_fit::LEAST_EXCITATION;
 use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};
@@ -240,8 +241,10 @@ pub fn states(fit: &Fit, links: Option<&Links>, reversed: bool) -> Vec<Parameter
         };
         is_informed && estimate.u95(j) <= LARGEST_SHARE * scale && of_centre.is_none_or(|resolved| *resolved)
     };
+    let without_a_cause = rotors_without_a_cause(fit);
     (0..fit.parameters.len())
         .map(|j| match (scales.get(j).copied().flatten(), all.measured(j)) {
+            _ if without_a_cause.contains(&j) => ParameterState::NotIdentified,
             (Some(scale), Some(measured)) if resolves(false, j, scale) => {
                 ParameterState::Identified(measured)
             }

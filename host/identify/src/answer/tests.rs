@@ -5,6 +5,7 @@ use rigident_shared::inertia::tensor_from_elements;
 use rigident_shared::spatial::Wrench;
 
 use super::new::AnswerError;
+use super::plausibility::rotors_without_a_cause;
 use super::result::*;
 use super::samples::*;
 use super::selection::SelectionError;
@@ -157,6 +158,31 @@ fn friction_that_grows_with_the_rate_gives_no_energy() {
     };
     assert_eq!(said(&run), (true, false));
     assert!(said(&ArmRun { friction: [2.0, -4.0, 0.2], ..run }).1);
+}
+
+/// Something that acts as a negative rotor would, beside friction that takes energy: the model lacks it, and
+/// only the rotor is lost. Where friction gives energy, too, a sign is wrong.
+#[test]
+fn a_negative_rotor_beside_friction_of_its_sign_is_not_identified_and_contradicts_nothing() {
+    let mut model = seven_axes();
+    model.links.truncate(4);
+    let lists = ["viscous,coulomb:0,offset,rotor"];
+    let run = ArmRun { rotor: -0.5, rest_s: 0.0, motion_s: 10.0, rate_noise: 1e-5, ..ArmRun::default() };
+    let (fit, own) = with_friction(&model, &run.recording(&model), &lists);
+    assert_ne!(own.status, Status::Implausible, "{:?}", own.warnings);
+    let lost: Vec<&str> =
+        rotors_without_a_cause(&fit).iter().map(|j| fit.parameters[*j].name.as_str()).collect();
+    assert_eq!(lost, ["l3_joint.rotor"]);
+    assert!(own.warnings.iter().any(|text| text.contains("no rotor is negative") && text.contains(lost[0])));
+    for parameter in &own.parameters {
+        let is_lost = parameter.name == lost[0];
+        assert!(!is_lost || parameter.state == ParameterState::NotIdentified);
+        let is_friction = parameter.name.ends_with(".viscous") || parameter.name.ends_with(".coulomb");
+        assert!(!is_friction || parameter.state.is_identified(), "{}", parameter.name);
+    }
+    let run = ArmRun { friction: [-2.0, -4.0, 0.2], ..run };
+    let (_, own) = with_friction(&model, &run.recording(&model), &lists);
+    assert_eq!(own.status, Status::Implausible);
 }
 
 /// A model whose arm has a moment that no mass has, and the recording simulated with it: the model is named,

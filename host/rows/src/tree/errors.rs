@@ -325,6 +325,10 @@ fn of_feet(input: &Input, rig: &RigFile, all: &mut Errors) {
 fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
     let (source, tree) = (source(rig), &rig.tree);
     let limit = source.class.limits().effort;
+    // Most arms publish torques of their motors' currents: friction that differs by direction leaves an
+    // offset.
+    let of_offsets = Source { rig, class: tree.class.unwrap_or(TreeClass::Assembled) };
+    let offset_limit = of_offsets.class.limits().effort;
     let first = input.first_effort();
     let slides = input.model.links.iter().skip(1).map(|link| matches!(link.link.joint, Joint::Prismatic(_)));
     for (k, (name, slides)) in input.freedom_names().into_iter().zip(slides).enumerate() {
@@ -365,10 +369,11 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
         });
         if !has_offset {
             let effect = Effect::Signal(0);
-            all.signal(
-                nuisance(format!("effort_offset_{name}"), "effort offset", effect),
-                SignalError::EffortOffset(channel),
-            );
+            let known = nuisance(format!("effort_offset_{name}"), "effort offset", effect);
+            let (share, basis) =
+                of_offsets.of(None, tree.effort_drift_std, "effort_drift_std", offset_limit);
+            let known = Nuisance { sigma: share * largest, basis, ..known };
+            all.signal(known, SignalError::EffortOffset(channel));
         }
         for (degree, word) in [(1, "line"), (2, "curve")] {
             let drift =
