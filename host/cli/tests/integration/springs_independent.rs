@@ -9,6 +9,7 @@ use std::process::Command;
 use serde_json::Value;
 
 use crate::program::{json, python, rigident, said, status};
+use crate::study_length::runs;
 
 const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/integration/springs/world.py");
 /// Names of the ten parameters in an answer.

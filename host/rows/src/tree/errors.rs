@@ -370,8 +370,7 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
         if !has_offset {
             let effect = Effect::Signal(0);
             let known = nuisance(format!("effort_offset_{name}"), "effort offset", effect);
-            let (share, basis) =
-                of_offsets.of(None, tree.effort_drift_std, "effort_drift_std", offset_limit);
+            let (share, basis) = of_offsets.of(None, tree.effort_drift_std, "effort_drift_std", offset_limit);
             let known = Nuisance { sigma: share * largest, basis, ..known };
             all.signal(known, SignalError::EffortOffset(channel));
         }
