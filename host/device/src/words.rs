@@ -64,7 +64,7 @@ pub fn started_by(reset: ResetReason) -> &'static str {
         ResetReason::Panic => "a panic of its program",
         ResetReason::Fault => "a fault of its processor",
         ResetReason::ClockLost => "the loss of its crystal",
-        ResetReason::Unknown => "something that it does not tell",
+        ResetReason::Unknown => "something that it does not say",
     }
 }
 

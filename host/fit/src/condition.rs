@@ -163,7 +163,7 @@ pub trait RowBlocks: Send + Sync {
 
     /// Returns false if a block tells nothing of a channel: coefficients and measurement are zero, and count
     /// for nothing.
-    fn tells(&self, _block: usize, _channel: usize) -> bool {
+    fn measures(&self, _block: usize, _channel: usize) -> bool {
         true
     }
 
@@ -273,7 +273,7 @@ pub fn absorb<B: RowBlocks + ?Sized>(
         let count = (end - start) * channels;
         let lines = rows.chunks_exact(parameters.max(1)).zip(values.iter().copied());
         let present =
-            (start..end).flat_map(|block| (0..channels).map(move |c| mixed || blocks.tells(block, c)));
+            (start..end).flat_map(|block| (0..channels).map(move |c| mixed || blocks.measures(block, c)));
         let lines = lines.zip(present).take(count).skip(skipped);
         factor.absorb(lines.filter(|(_, present)| *present).map(|(line, _)| line));
         start = end;
@@ -316,7 +316,7 @@ impl RowBlocks for StoredBlocks {
         copy(&self.measured, block, measured);
     }
 
-    fn tells(&self, block: usize, channel: usize) -> bool {
+    fn measures(&self, block: usize, channel: usize) -> bool {
         self.missing.is_empty() || !self.missing.contains(&(block, channel))
     }
 }

@@ -380,7 +380,7 @@ impl<'a> Linearised<'a> {
         self.columns.spread(rows, &self.phi, sensitivities, legendre(self.time(block)));
         // Drift is not seen there.
         for (c, row) in rows.chunks_exact_mut(self.columns.all().max(1)).enumerate() {
-            if !self.blocks.tells(block, c) {
+            if !self.blocks.measures(block, c) {
                 row.fill(0.0);
             }
         }
@@ -419,8 +419,8 @@ impl RowBlocks for Linearised<'_> {
         self.spread(block, rows, &own);
     }
 
-    fn tells(&self, block: usize, channel: usize) -> bool {
-        self.blocks.tells(block, channel)
+    fn measures(&self, block: usize, channel: usize) -> bool {
+        self.blocks.measures(block, channel)
     }
 
     fn write_blocks(&self, blocks: Range<usize>, channels: usize, rows: &mut [f64], measured: &mut [f64]) {

@@ -108,7 +108,7 @@ impl<S: RowSource + ?Sized> RowBlocks for MadeBlocks<'_, S> {
         kept.1.write(within, rows, measured);
     }
 
-    fn tells(&self, block: usize, channel: usize) -> bool {
+    fn measures(&self, block: usize, channel: usize) -> bool {
         self.missing.is_empty() || !self.missing.contains(&(block, channel))
     }
 }
@@ -185,7 +185,7 @@ mod tests {
                 stored.write(block, &mut rows[1], &mut other[1]);
                 assert_eq!((rows[0], other[0]), (rows[1], other[1]), "{kept}, {block}");
                 assert_eq!(made.time_s(block), stored.time_s(block));
-                assert!((0..2).all(|c| made.tells(block, c) == stored.tells(block, c)));
+                assert!((0..2).all(|c| made.measures(block, c) == stored.measures(block, c)));
             }
         }
     }

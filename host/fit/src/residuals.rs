@@ -21,9 +21,9 @@ pub(super) fn residuals(
             blocks.left(some.clone(), values, left);
             all.extend(some.zip(left.chunks_exact(channels.max(1))).map(|(block, own)| {
                 let mut weights = weights.of_block(block).to_vec();
-                if (0..channels).any(|c| !blocks.tells(block, c)) {
+                if (0..channels).any(|c| !blocks.measures(block, c)) {
                     weights.resize(channels, 1.0);
-                    let own = weights.iter_mut().enumerate().filter(|(c, _)| !blocks.tells(block, *c));
+                    let own = weights.iter_mut().enumerate().filter(|(c, _)| !blocks.measures(block, *c));
                     own.for_each(|(_, weight)| *weight = 0.0);
                 }
                 BlockResidual { time_s: blocks.time_s(block), values: own.to_vec(), weights }
@@ -38,7 +38,7 @@ pub(super) fn residuals(
 
 /// Returns the number of blocks that tell of a channel.
 pub(super) fn informative_blocks(residuals: &[BlockResidual], channel: usize) -> usize {
-    residuals.iter().filter(|r| r.tells(channel)).count()
+    residuals.iter().filter(|r| r.measures(channel)).count()
 }
 
 /// Returns the root mean square of each channel's residuals, outliers weighted as they count.
@@ -59,7 +59,7 @@ pub(super) fn measured_rms(blocks: &dyn RowBlocks, channels: usize, parameters: 
         for (c, ((sum, square, count), value)) in sums.iter_mut().zip(&measured).enumerate() {
             *sum += value;
             *square += value * value;
-            *count += u32::from(blocks.tells(block, c));
+            *count += u32::from(blocks.measures(block, c));
         }
     }
     let of = |(sum, square, count): (f64, f64, u32)| {

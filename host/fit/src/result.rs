@@ -75,7 +75,7 @@ impl BlockResidual {
     }
 
     /// Returns false if the block tells nothing of a channel.
-    pub fn tells(&self, channel: usize) -> bool {
+    pub fn measures(&self, channel: usize) -> bool {
         self.weights.get(channel).is_none_or(|weight| *weight != 0.0)
     }
 }

@@ -192,7 +192,7 @@ const SEGMENTS_NOTE: &str = "Mass, and place of the centre of mass along the seg
                              (feet: before it), ± U95, the table's beside with how far one person is from \
                              it; radii of gyration about the axes forward, left and up; how much of the \
                              table's variance of the mass the plates took away. Where that is less than a \
-                             quarter the motions tell nothing of the segment, and only the table's values \
+                             quarter the motions determine nothing of the segment, and only the table's values \
                              are there.";
 
 fn how_left_out(found: &PersonResult) -> String {

@@ -83,7 +83,7 @@ pub(super) fn drawn(found: &PersonResult) -> String {
         "<figure class=\"person\"><svg viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"The person \
          from the front\">\n\
          {lines}{ellipses}{names}</svg>\n<figcaption>Upright, facing you, as thick as heavy. Green: the \
-         motions tell the mass, the more the deeper; the dot is the centre of mass, the ellipse its U95. \
+         motions determine the mass, the more the deeper; the dot is the centre of mass, the ellipse its U95. \
          Grey: the table's alone.</figcaption></figure>\n",
         SCALE * (highest - lowest)
     )

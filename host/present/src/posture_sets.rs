@@ -40,7 +40,7 @@ pub fn figure(sets: &[Bar]) -> String {
         STYLE,
     );
     svg.push_str(&word("title", 14.0, 24.0, "Condition number of every set of postures, and its rank"));
-    svg.push_str(&word("", 14.0, 42.0, &format!("Dark: rank {full}, all that these postures tell")));
+    svg.push_str(&word("", 14.0, 42.0, &format!("Dark: rank {full}, all that these postures determine")));
     let bottom = height - 34.0;
     for tick in 0..=most as i32 {
         let at = x(10_f64.powi(tick));

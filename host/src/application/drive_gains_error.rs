@@ -22,7 +22,7 @@ pub enum DriveGainsError {
     )]
     NothingExplained(String),
     /// Rows that say nothing of the gains.
-    #[error("the rows tell nothing of the gains of {0}")]
+    #[error("the rows determine nothing of the gains of {0}")]
     NoRows(String),
     /// A recording that cannot be true.
     #[error("{name} cannot be true, whatever the gains are: {why}")]

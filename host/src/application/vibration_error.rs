@@ -65,6 +65,6 @@ pub enum VibrationError {
     #[error("{0}")]
     Simulated(String),
     /// The demonstration lacks what it shows.
-    #[error("the postures do not tell all that they should: more noise than the paper's")]
+    #[error("the postures do not determine all that they should: more noise than the paper's")]
     PaperIncomplete,
 }

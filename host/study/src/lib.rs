@@ -71,9 +71,9 @@ pub struct Campaign {
     /// The estimator.
     pub solver: Solver,
     /// True if the estimator is given the gain errors; false only to show the cost of leaving them out.
-    pub tell_gain_errors: bool,
+    pub state_gain_errors: bool,
     /// States the white noise of load cell and IMU to the estimator; else it finds it in the readings.
-    pub tell_noise: bool,
+    pub state_noise: bool,
 }
 
 /// Returns Table 1's 95 % figures of the load cell as gain errors: 1 σ, as a share of the range, of errors
@@ -303,8 +303,8 @@ impl Campaign {
             duration_s: 20.0,
             rate_hz: 200.0,
             solver: Solver::Host,
-            tell_gain_errors: true,
-            tell_noise: true,
+            state_gain_errors: true,
+            state_noise: true,
         }
     }
 
@@ -409,7 +409,7 @@ impl Prepared {
 
     fn has_gain_errors(&self) -> bool {
         let gains = &self.campaign.config.sensors.load_cell.gain_error.spread;
-        self.campaign.tell_gain_errors && gains.iter().any(|spread| *spread > 0.0)
+        self.campaign.state_gain_errors && gains.iter().any(|spread| *spread > 0.0)
     }
 
     /// Returns the device's own estimate, with checks of the factor and the noise of the IMU as on the
@@ -456,7 +456,7 @@ impl Prepared {
         let config = &self.campaign.config;
         let (cell, imu) = (&config.sensors.load_cell, &config.sensors.imu);
         let largest = |sigma: [f64; 3]| sigma.iter().copied().fold(0.0, f64::max);
-        let is_stated = self.campaign.tell_noise;
+        let is_stated = self.campaign.state_noise;
         let stated = |sigma: [f64; 3]| Some(largest(sigma)).filter(|_| is_stated);
         let table = ImuTable {
             accel_noise_mps2: stated(imu.accel_noise_mps2),
@@ -465,7 +465,7 @@ impl Prepared {
         };
         let cell_table = LoadCellTable {
             class: Some(LoadCellClass::Exact),
-            gain_uncertainty: Some(cell.gain_error.spread).filter(|_| self.campaign.tell_gain_errors),
+            gain_uncertainty: Some(cell.gain_error.spread).filter(|_| self.campaign.state_gain_errors),
             ..LoadCellTable::default()
         };
         let input = Input {

@@ -19,7 +19,7 @@ pub struct TreeExperiment {
     /// Noise of the sensors.
     pub noise: TreeNoise,
     /// States that noise to the estimator; else it finds it in the readings.
-    pub tell_noise: bool,
+    pub state_noise: bool,
 }
 
 impl Default for TreeExperiment {
@@ -38,7 +38,7 @@ impl Default for TreeExperiment {
                 position: 0.0,
                 rate: 1e-3,
             },
-            tell_noise: true,
+            state_noise: true,
         }
     }
 }
@@ -62,7 +62,7 @@ impl TreeExperiment {
             person_recording(model, self.rate_hz, self.duration_s)
         };
         recording.name.clone_from(&model.name);
-        let stated = |sigma: f64| Some(sigma).filter(|sigma| self.tell_noise && *sigma > 0.0);
+        let stated = |sigma: f64| Some(sigma).filter(|sigma| self.state_noise && *sigma > 0.0);
         let noise = &self.noise;
         if self.has_torques {
             let table = |name: &str| JointTable {
@@ -80,7 +80,7 @@ impl TreeExperiment {
             recording.rig.joint = model.links.iter().skip(1).map(|link| table(&link.joint_name)).collect();
             return recording;
         }
-        recording.rig.load_cell.noise_n_nm = Some(noise.wrench).filter(|_| self.tell_noise);
+        recording.rig.load_cell.noise_n_nm = Some(noise.wrench).filter(|_| self.state_noise);
         let imu = |link| ImuTable {
             link,
             accel_noise_mps2: stated(noise.accel),

@@ -186,7 +186,7 @@ pub fn table() -> String {
             let mut config = rig([0.0; 2]);
             config.sensors.load_cell.noise_n_nm = [1e-9; 6];
             let program = Some(motion(&config, 20.0, slow));
-            Campaign { program, tell_noise: true, ..Campaign::new(config) }
+            Campaign { program, state_noise: true, ..Campaign::new(config) }
                 .prepare()
                 .expect("a motion that the legs reach")
         };

@@ -25,7 +25,7 @@ pub fn table() -> String {
     let gains = white.clone().with_sensors(gain_error_sensors());
     let host = verdict(Campaign::new(white.clone()), RUNS, 1);
     let stated = verdict(Campaign::new(gains.clone()), RUNS, 1);
-    let not_stated = verdict(Campaign { tell_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
+    let not_stated = verdict(Campaign { state_gain_errors: false, ..Campaign::new(gains.clone()) }, 500, 1);
     let mut text = "| | unit | white: bound | efficiency | coverage | gain: bound | efficiency | coverage | \
                     gains not stated: coverage |\n\
                     |---|---|---|---|---|---|---|---|---|\n"

@@ -71,18 +71,18 @@ impl Case {
             if slow && imu[1] > 0.002 {
                 continue;
             }
-            for (tell_noise, solver) in self.ways {
-                text += &self.line(imu, slow, *tell_noise, *solver);
+            for (state_noise, solver) in self.ways {
+                text += &self.line(imu, slow, *state_noise, *solver);
             }
         }
         text
     }
 
-    fn line(&self, imu: [f64; 2], slow: bool, tell_noise: bool, solver: Solver) -> String {
+    fn line(&self, imu: [f64; 2], slow: bool, state_noise: bool, solver: Solver) -> String {
         let config = rig(imu);
         let (rate_hz, duration_s) = self.sampled;
         let program = Some(motion(&config, duration_s, slow));
-        let campaign = Campaign { program, rate_hz, tell_noise, solver, ..Campaign::new(config) };
+        let campaign = Campaign { program, rate_hz, state_noise, solver, ..Campaign::new(config) };
         let prepared = campaign.prepare().expect("a motion that the legs reach");
         let verdict =
             prepared.run(self.runs, 1, &AtomicBool::new(false), |_| ()).expect("a factor each time");
@@ -94,7 +94,7 @@ impl Case {
             if slow { "0.05–0.15 Hz" } else { "0.2–1.6 Hz" },
             imu[0],
             imu[1],
-            if tell_noise { "stated" } else { "from the data" },
+            if state_noise { "stated" } else { "from the data" },
             if solver == Solver::Host { "host, f64" } else { "device, f32" },
             least(&|j| body[j].efficiency()),
             most(&|j| body[j].efficiency()),

@@ -10,7 +10,7 @@ use rigident::study::{Judgement, TreeCampaign, TreeExperiment};
 const RUNS: u64 = 100;
 
 fn row(tree: &str, noise: &str, model: &Model, experiment: TreeExperiment) -> String {
-    let known = if experiment.tell_noise { "stated" } else { "from the data" };
+    let known = if experiment.state_noise { "stated" } else { "from the data" };
     let campaign = TreeCampaign::new(model, experiment).expect("a motion that shows all");
     let verdict = campaign.run(RUNS, 1, &AtomicBool::new(false), |_| ()).expect("a fit each time");
     assert!(verdict.not_identified.is_empty(), "{:?}", verdict.not_identified);
@@ -39,25 +39,25 @@ pub fn table() -> String {
     let (two, seven) = (two_links(), seven_axes());
     let plain = TreeExperiment::default();
     for [accel, gyro] in [[0.02, 1e-4], [0.1, 0.002], [0.3, 0.002], [0.02, 0.01]] {
-        for tell_noise in [true, false] {
+        for state_noise in [true, false] {
             let noise = TreeNoise { accel, gyro, ..plain.noise };
             let words = format!("{accel} m/s², {gyro} rad/s");
-            text += &row("two links", &words, &two, TreeExperiment { noise, tell_noise, ..plain.clone() });
+            text += &row("two links", &words, &two, TreeExperiment { noise, state_noise, ..plain.clone() });
         }
     }
     let noise = TreeNoise { attitude: 0.003, ..plain.noise };
-    let turned = TreeExperiment { noise, tell_noise: false, ..plain.clone() };
+    let turned = TreeExperiment { noise, state_noise: false, ..plain.clone() };
     text += &row("two links", "0.02 m/s², 1e-4 rad/s, attitude 0.003 rad", &two, turned);
     let arm = TreeExperiment { has_torques: true, ..plain };
     for rate in [0.001, 0.003, 0.01, 0.03] {
-        for tell_noise in [true, false] {
+        for state_noise in [true, false] {
             let noise = TreeNoise { rate, ..arm.noise };
             let words = format!("rates {rate} rad/s");
-            text += &row("seven axes", &words, &seven, TreeExperiment { noise, tell_noise, ..arm.clone() });
+            text += &row("seven axes", &words, &seven, TreeExperiment { noise, state_noise, ..arm.clone() });
         }
     }
     let noise = TreeNoise { position: 1e-4, ..arm.noise };
-    let slopes = TreeExperiment { noise, tell_noise: false, has_rates: false, ..arm };
+    let slopes = TreeExperiment { noise, state_noise: false, has_rates: false, ..arm };
     text += &row("seven axes", "positions 1e-4 rad, rates their slopes", &seven, slopes);
     text
 }

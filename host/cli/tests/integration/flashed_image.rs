@@ -107,7 +107,7 @@ fn it_says_its_name_and_why_it_started() {
     assert_eq!(info["counters"]["lost"], serde_json::json!([0, 0, 0]));
     let output = rigident(place.path(), &["info", "--port", &board.port]);
     let words = String::from_utf8(output.stdout).unwrap();
-    assert!(words.contains("started_by: something that it does not tell"), "{words}");
+    assert!(words.contains("started_by: something that it does not say"), "{words}");
     assert!(words.contains("time_from: the emulator"), "{words}");
 }
 

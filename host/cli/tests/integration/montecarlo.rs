@@ -83,7 +83,7 @@ fn noise_and_gain_errors_together_are_contained_with_a_real_imu() {
 /// in the residuals, which widens them as colour, is small.
 #[test]
 fn intervals_collapse_when_gain_errors_are_kept_from_the_estimator() {
-    let verdict = run(Campaign { tell_gain_errors: false, ..gain_errors() }, runs(100, 40), 1);
+    let verdict = run(Campaign { state_gain_errors: false, ..gain_errors() }, runs(100, 40), 1);
     for j in [0, 3, 4, 5, 6] {
         let p = &verdict.parameters[j];
         assert!(p.coverage95 < 0.4, "{}: coverage {}", PARAMETER_NAMES[j], p.coverage95);
@@ -139,7 +139,7 @@ fn two_links_keep_the_promises_against_a_bound_of_their_own() {
 /// Noise that is as large as the load cell's in the forces, and that nobody stated.
 #[test]
 fn two_links_with_ordinary_imus_keep_the_promises_without_stated_noise() {
-    let mut coarse = TreeExperiment { tell_noise: false, ..experiment(20.0) };
+    let mut coarse = TreeExperiment { state_noise: false, ..experiment(20.0) };
     (coarse.noise.accel, coarse.noise.gyro) = (0.1, 0.005);
     tree_promises(&trees::two_links(), coarse);
 }

@@ -111,7 +111,7 @@ fn judge_drift(port: &str, drift: Option<(f64, f64)>) -> Check {
         Check::to_do(WHAT, found, advice)
     } else if within > TELLS_PPM {
         let advice =
-            "that tells nothing: its messages come too unevenly; look again when this machine has less to do";
+            "that says nothing: its messages come too unevenly; look again when this machine has less to do";
         Check::not_here(WHAT, found, advice)
     } else {
         Check::ok(WHAT, found)

@@ -135,7 +135,7 @@ pub(super) fn left(rows: &Linearised<'_>, range: Range<usize>, values: &[f64], o
                 blocks.clone().zip(out.chunks_exact_mut(channels).zip(some.iter().zip(sums)))
             {
                 // Drift is not seen where nothing is measured.
-                let sum = if rows.blocks.tells(block, c) { sum } else { 0.0 };
+                let sum = if rows.blocks.measures(block, c) { sum } else { 0.0 };
                 to[c] = own.measured[c] - sum;
             }
         }

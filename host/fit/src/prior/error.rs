@@ -48,7 +48,7 @@ pub enum KnownError {
         terms: String,
     },
     /// No parameter has to do with the statement.
-    #[error("{name} cannot be used: {needed} is in none of the parameters that the rows tell")]
+    #[error("{name} cannot be used: {needed} is in none of the parameters that the rows determine")]
     NotEstimated {
         /// The statement.
         name: String,

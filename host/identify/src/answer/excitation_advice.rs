@@ -508,7 +508,7 @@ fn between(information: &Information, x: &Body, share: f64) -> String {
     let names: Vec<String> =
         (0..10).filter(|j| x[*j].abs() >= 0.3 * most).map(|j| PARAMETER_NAMES[j].to_owned()).collect();
     format!(
-        "too little motion for this noise to tell {}: {} would do",
+        "too little motion for this noise to determine {}: {} would do",
         listed(&names, "and"),
         more(share, "the angular rate")
     )

@@ -1,7 +1,7 @@
 //! The choice of the next segment: the first of the sequence that reaches what is asked for in the shortest
 //! time.
 //!
-//! For a sequence S that tells ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal,
+//! For a sequence S that brings ΔM in t seconds, k is the number with which `M + kΔM` just reaches the goal,
 //! and `k t` is the time it is believed to take. Singles, then the best of them continued, then those once
 //! more: a segment that is poor alone, because it shows half of what is needed, is found in company.
 
@@ -24,7 +24,7 @@ pub struct Step {
     /// Seconds, the way there included.
     pub seconds: f64,
     /// The information that it brings.
-    pub tells: Information,
+    pub brings: Information,
 }
 
 /// A choice.
@@ -100,24 +100,24 @@ pub fn choose(
 ) -> Option<Choice> {
     struct Path {
         sequence: Vec<usize>,
-        tells: Information,
+        brings: Information,
         seconds: f64,
         total_s: f64,
     }
     let mut best: Option<Choice> = None;
     let root =
-        Path { sequence: Vec::new(), tells: Information::zeros(), seconds: 0.0, total_s: f64::INFINITY };
+        Path { sequence: Vec::new(), brings: Information::zeros(), seconds: 0.0, total_s: f64::INFINITY };
     let mut beam = vec![root];
     for _ in 0..LONGEST {
         let mut longer: Vec<Path> = Vec::new();
         for path in &beam {
             for c in 0..candidates {
                 let Some(next) = step(path.sequence.last().copied(), c) else { continue };
-                let tells = path.tells + next.tells;
+                let brings = path.brings + next.brings;
                 let seconds = path.seconds + next.seconds;
-                let total_s = seconds * times(goal, now, &tells, variance_scale);
+                let total_s = seconds * times(goal, now, &brings, variance_scale);
                 let sequence = path.sequence.iter().copied().chain([c]).collect();
-                longer.push(Path { sequence, tells, seconds, total_s });
+                longer.push(Path { sequence, brings, seconds, total_s });
             }
         }
         longer.sort_by(|a, b| a.total_s.total_cmp(&b.total_s));
@@ -132,7 +132,7 @@ pub fn choose(
             longer.truncate(determined.min(BEAM));
         } else if longer.len() > 2 * BEAM {
             // What alone determines nothing may do so in company: the most telling by volume go on.
-            let volumes: Vec<f64> = longer.iter().map(|path| volume(&(now + path.tells))).collect();
+            let volumes: Vec<f64> = longer.iter().map(|path| volume(&(now + path.brings))).collect();
             let mut order: Vec<usize> = (0..longer.len()).collect();
             order.sort_by(|a, b| volumes[*b].total_cmp(&volumes[*a]));
             let kept = order.get(2 * BEAM - 1).map_or(f64::NEG_INFINITY, |last| volumes[*last]);
@@ -154,9 +154,9 @@ fn volume(information: &Information) -> f64 {
     scaled.symmetric_eigenvalues().iter().map(|v| v.max(1e-9).ln()).sum()
 }
 
-/// Returns how often `tells` must be added until the goal is reached; infinite if it never is.
-fn times(goal: &Goal, now: &Information, tells: &Information, variance_scale: f64) -> f64 {
-    let worst = |k: f64| goal.worst(&(now + tells * k), variance_scale);
+/// Returns how often `brings` must be added until the goal is reached; infinite if it never is.
+fn times(goal: &Goal, now: &Information, brings: &Information, variance_scale: f64) -> f64 {
+    let worst = |k: f64| goal.worst(&(now + brings * k), variance_scale);
     let (mut low, mut high) = (0.0, 1.0);
     let at_one = worst(1.0);
     if !at_one.is_finite() {

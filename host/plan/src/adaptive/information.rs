@@ -188,7 +188,7 @@ impl RigModel {
         Information::from_fn(|i, j| if i == j && i >= 10 { known } else { 0.0 })
     }
 
-    /// Returns what a program tells if the coordinates in `lost` stay where they are at its beginning. The
+    /// Returns what a program brings if the coordinates in `lost` stay where they are at its beginning. The
     /// estimator's filter is left out: at 2.5 Hz it takes 3 % off the information.
     ///
     /// # Errors

@@ -356,7 +356,7 @@ impl Rehearsal {
             let reached = self.absorb(&mut device, &whole, asked, seed)?;
             let after = device.observed(&self.believed);
             let goal = planner.goal(&after.known());
-            let expected = goal.worst(&(before.information + decision.tells()), after.variance_scale);
+            let expected = goal.worst(&(before.information + decision.information()), after.variance_scale);
             segments.push((decision.name.clone(), expected, after.worst(asked, &self.believed)));
             if reached.is_some() || whole.duration_s() > longest_s {
                 let over = || format!("not reached within {longest_s} s");

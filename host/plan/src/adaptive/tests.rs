@@ -184,8 +184,8 @@ fn whatever_is_decided_keeps_every_limit_at_every_instant() {
                 assert!(w.abs() <= 0.86 * range, "{} {k}: {w}", decision.name);
             }
         }
-        information += decision.tells();
-        planner.carried_out(&decision, decision.tells());
+        information += decision.information();
+        planner.carried_out(&decision, decision.information());
     }
     assert!(nearest > 0.9, "{nearest}");
 }
@@ -261,7 +261,7 @@ fn unreachable_goals_are_named() {
         match planner.next(&known) {
             Next::Segment(decision) if looks < 3 => {
                 looks += 1;
-                planner.carried_out(&decision, decision.tells());
+                planner.carried_out(&decision, decision.information());
             }
             other => break other,
         }

@@ -42,7 +42,7 @@ pub enum PlanError {
     Region(#[from] RegionError),
     /// No set of orientations determines anything, or none can be held.
     #[error(
-        "the platform tilts by {0:.2}° at most: no {1} orientations differ enough to tell the centre of mass"
+        "the platform tilts by {0:.2}° at most: no {1} orientations differ enough to determine the centre of mass"
     )]
     NoneFound(f64, usize),
 }

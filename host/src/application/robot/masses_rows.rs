@@ -93,7 +93,7 @@ fn take_wrench(options: &MassOptions, read: &mut Read, with: Vec<Factor>) {
     read.warnings.push(format!(
         "something beside the ground pulls at {base}: a constant force of {x}, {y}, {z} N in its axes (a \
          hose, a cable, a rope, a hand, or \
-         zeros of the feet's sensors). It is eliminated, and with it most of what the weight tells of \
+         zeros of the feet's sensors). It is eliminated, and with it most of what the weight says of \
          masses; take it away and record \
          anew, or say `external_wrench` none if there is nothing"
     ));

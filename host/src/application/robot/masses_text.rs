@@ -9,7 +9,7 @@ impl fmt::Display for MassProperties {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{}, of whose directions {} rows in {} tell {}, condition number {:.1e}; {} base parameters\n",
+            "{}, of whose directions {} rows in {} determine {}, condition number {:.1e}; {} base parameters\n",
             counted(self.unknowns, "unknown", "unknowns"),
             self.rows,
             counted(self.parts, "part", "parts"),
@@ -39,7 +39,7 @@ impl fmt::Display for MassProperties {
             writeln!(
                 f,
                 "\nLinks by the way {way}, beside the model: single ones are not identified and have no \
-                 interval: as far as rows do not tell them they \
+                 interval: as far as rows do not determine them they \
                  are the model's:\n"
             )?;
             links(f, &self.links)?;

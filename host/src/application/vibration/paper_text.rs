@@ -8,7 +8,7 @@ use rigident_fit::figures::{NOT_IDENTIFIED, with_u95};
 impl fmt::Display for PaperExperiment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let tables = [
-            ("Table 3: what three locked postures tell", &self.table_3),
+            ("Table 3: determined by three locked postures", &self.table_3),
             ("Table 4: with the motion of link 1", &self.table_4),
         ];
         for (title, rows) in tables {

@@ -244,7 +244,7 @@ pub struct CalibrateJoints {
     /// 1 sigma of a measured attitude about any level axis, degrees
     #[arg(long, value_name = "DEG", default_value_t = 0.2)]
     pub attitude_noise_deg: f64,
-    /// 1 sigma of its heading, degrees; from 30 on headings tell nothing, as without a magnetometer. Default:
+    /// 1 sigma of its heading, degrees; from 30 on headings say nothing, as without a magnetometer. Default:
     /// as of the others
     #[arg(long, value_name = "DEG")]
     pub yaw_noise_deg: Option<f64>,

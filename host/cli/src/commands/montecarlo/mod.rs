@@ -83,7 +83,7 @@ pub(crate) fn run(arguments: &Montecarlo) -> Result<ExitCode, Failure> {
         duration_s: arguments.duration_s,
         rate_hz: arguments.rate_hz,
         solver,
-        tell_noise: !arguments.not_stated,
+        state_noise: !arguments.not_stated,
         ..Campaign::new(config)
     };
     let prepared = campaign.prepare().map_err(failure)?;
@@ -109,7 +109,7 @@ fn run_tree(arguments: &Montecarlo, name: &str, started: Instant) -> Result<Exit
         duration_s: arguments.duration_s,
         has_torques: arguments.torques,
         has_rates: !arguments.no_rates,
-        tell_noise: !arguments.not_stated,
+        state_noise: !arguments.not_stated,
         ..TreeExperiment::default()
     };
     let noise = &mut experiment.noise;

@@ -313,7 +313,7 @@ impl Directing {
         let Some(decision) = self.decision.take() else { return };
         let known = observed.known();
         let goal = self.planner.goal(&known);
-        let expected = goal.worst(&(self.before + decision.tells()), observed.variance_scale);
+        let expected = goal.worst(&(self.before + decision.information()), observed.variance_scale);
         let got = observed.worst(&self.asked, &self.model);
         let short = if whole { "" } else { " of the whole segment" };
         let said = format!(
@@ -340,7 +340,8 @@ impl Directing {
             _ => "everything",
         };
         self.worst_before = (worst, purpose.to_owned());
-        self.last_expected = goal.worst(&(observed.information + decision.tells()), observed.variance_scale);
+        self.last_expected =
+            goal.worst(&(observed.information + decision.information()), observed.variance_scale);
     }
 
     fn lost(&mut self, newly: &[bool; 6], what: &str) {

@@ -92,10 +92,11 @@ impl Planner {
         self.shrunk |= entry.kind != Kind::Look;
         let smallest = if self.identified { SMALLEST } else { SMALLEST_LOOK };
         let smaller = if entry.scale < smallest { None } else { entry.candidate.smaller(by) };
-        let smaller = smaller.and_then(|candidate| self.tells(&candidate).map(|tells| (candidate, tells)));
+        let smaller =
+            smaller.and_then(|candidate| self.information_of(&candidate).map(|brings| (candidate, brings)));
         match (smaller, self.entries.get_mut(index)) {
-            (Some((candidate, tells)), Some(entry)) => {
-                (entry.candidate, entry.tells, entry.guaranteed) = (candidate, tells, false);
+            (Some((candidate, brings)), Some(entry)) => {
+                (entry.candidate, entry.brings, entry.guaranteed) = (candidate, brings, false);
             }
             _ => drop(self.entries.remove(index)),
         }

@@ -39,7 +39,7 @@ const WORTH_DESIGNING_S: f64 = 4.0;
 pub struct Decision {
     index: usize,
     moves: [bool; 6],
-    tells: Information,
+    brings: Information,
     /// The name for people.
     pub name: String,
     /// The program from where the plate is.
@@ -53,14 +53,14 @@ pub struct Decision {
 }
 
 impl Decision {
-    /// Returns what it should tell.
-    pub fn tells(&self) -> &Information {
-        &self.tells
+    /// Returns the information that it should bring.
+    pub fn information(&self) -> &Information {
+        &self.brings
     }
 
     /// Returns what should be known the given number of seconds later.
     pub fn information_after(&self, seconds: f64, known: &Known) -> Information {
-        known.information + self.sequence.tells * (seconds / self.sequence.seconds)
+        known.information + self.sequence.brings * (seconds / self.sequence.seconds)
     }
 }
 
@@ -106,7 +106,7 @@ struct Entry {
     candidate: Candidate,
     /// Index of its centre.
     place: usize,
-    tells: Information,
+    brings: Information,
     scale: f64,
     /// The result of what was expected.
     worth: f64,
@@ -250,15 +250,23 @@ impl Planner {
     }
 
     fn add(&mut self, candidate: Candidate, kind: Kind) {
-        let Some(tells) = self.tells(&candidate) else { return };
+        let Some(brings) = self.information_of(&candidate) else { return };
         let place = self.places.iter().position(|p| *p == candidate.centre).unwrap_or_else(|| {
             self.places.push(candidate.centre);
             self.places.len() - 1
         });
-        self.entries.push(Entry { candidate, place, tells, scale: 1.0, worth: 1.0, kind, guaranteed: false });
+        self.entries.push(Entry {
+            candidate,
+            place,
+            brings,
+            scale: 1.0,
+            worth: 1.0,
+            kind,
+            guaranteed: false,
+        });
     }
 
-    fn tells(&self, candidate: &Candidate) -> Option<Information> {
+    fn information_of(&self, candidate: &Candidate) -> Option<Information> {
         let alone = MotionProgram { start: candidate.centre, segments: vec![candidate.segment.clone()] };
         self.rig.information(&alone, &[false; 6]).ok()
     }
@@ -273,14 +281,14 @@ impl Planner {
 
     fn way(&self, from: &Pose, to: &Pose, slower: f64) -> Option<Way> {
         if from == to {
-            let step = Step { seconds: 0.0, tells: Information::zeros() };
+            let step = Step { seconds: 0.0, brings: Information::zeros() };
             return Some(Way { segment: None, step, guaranteed: true });
         }
         let segment = way(from, to, slower, &self.rig.geometry)?;
         let seconds = segment.duration_s();
         let program = MotionProgram { start: *from, segments: vec![segment.clone()] };
-        let tells = self.rig.information(&program, &[false; 6]).ok()?;
-        Some(Way { segment: Some(segment), step: Step { seconds, tells }, guaranteed: false })
+        let brings = self.rig.information(&program, &[false; 6]).ok()?;
+        Some(Way { segment: Some(segment), step: Step { seconds, brings }, guaranteed: false })
     }
 
     fn step(&self, from: usize, to: usize) -> Option<Step> {
@@ -288,7 +296,7 @@ impl Planner {
         let way = &self.ways.get(from)?.get(entry.place)?.as_ref()?.step;
         Some(Step {
             seconds: way.seconds + entry.candidate.segment.duration_s(),
-            tells: way.tells + entry.tells * entry.worth,
+            brings: way.brings + entry.brings * entry.worth,
         })
     }
 
@@ -373,10 +381,10 @@ impl Planner {
 
     /// Returns the step of a whole sequence, from where the plate is.
     fn along(&self, sequence: &[usize]) -> Step {
-        let (mut from, mut whole) = (self.at, Step { seconds: 0.0, tells: Information::zeros() });
+        let (mut from, mut whole) = (self.at, Step { seconds: 0.0, brings: Information::zeros() });
         for to in sequence {
             let Some(step) = self.step(from, *to) else { continue };
-            whole = Step { seconds: whole.seconds + step.seconds, tells: whole.tells + step.tells };
+            whole = Step { seconds: whole.seconds + step.seconds, brings: whole.brings + step.brings };
             from = self.entries.get(*to).map_or(from, |entry| entry.place);
         }
         whole
@@ -428,7 +436,7 @@ impl Planner {
             members: choice.sequence.clone(),
             index,
             moves: entry.candidate.moves(),
-            tells: way.step.tells + entry.tells * entry.worth,
+            brings: way.step.brings + entry.brings * entry.worth,
             name: entry.candidate.name.clone(),
             program: MotionProgram { start: *self.places.get(self.at)?, segments },
             expected_s: choice.seconds,
@@ -437,7 +445,7 @@ impl Planner {
 
     /// Returns the parameter that is furthest off, of everything at once.
     fn furthest(&self, goal: &Goal, known: &Known) -> &'static str {
-        let all = self.entries.iter().fold(*known.information, |sum, e| sum + e.tells);
+        let all = self.entries.iter().fold(*known.information, |sum, e| sum + e.brings);
         goal.furthest(&all)
     }
 
@@ -459,7 +467,7 @@ impl Planner {
             self.lose(&newly);
             return newly;
         }
-        let came = share(&decision.tells, observed);
+        let came = share(&decision.brings, observed);
         if came < AS_EXPECTED
             && let Some(entry) = self.entries.get_mut(decision.index)
             && matches!(entry.candidate.segment, Segment::Multisine { .. })
