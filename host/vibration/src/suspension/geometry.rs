@@ -58,6 +58,8 @@ struct GeometryError {
     nuisance: Nuisance,
     above: Moved,
     below: Moved,
+    /// The springs that differ, by their numbers; the load of all of them may.
+    springs: Vec<usize>,
 }
 
 /// The errors of places, axes, heights, lengths and preload.
@@ -143,8 +145,9 @@ impl Moved {
         self.springs.stiffness() + self.preload.stiffness(ten)
     }
 
-    fn wrench(&self, at: &Displacement, loads: &[f64; 4]) -> Vector6<f64> {
-        self.springs.wrench(at) + self.preload.wrench(at, loads)
+    /// Returns the wrench of some springs, and of the load of all.
+    fn wrench(&self, numbers: &[usize], at: &Displacement, loads: &[f64; 4]) -> Vector6<f64> {
+        self.springs.wrench_of(numbers, at) + self.preload.wrench(at, loads)
     }
 }
 
@@ -172,7 +175,9 @@ impl Geometry {
                 let springs = if matches!(number, Number::Share(_)) { table } else { &moved };
                 Moved { springs: Springs::new(springs), preload: Preload::new(&moved, gravity_mps2) }
             };
-            let own = GeometryError { nuisance, above: at(STEP), below: at(-STEP) };
+            let (above, below) = (at(STEP), at(-STEP));
+            let springs = above.springs.unlike(&below.springs);
+            let own = GeometryError { nuisance, above, below, springs };
             (sigma > 0.0 && own.counts(table)).then_some(own)
         };
         Self { errors: numbers(table).into_iter().filter_map(of).collect() }
@@ -201,7 +206,8 @@ impl Geometry {
         loads: &'a [f64; 4],
     ) -> impl Iterator<Item = Vector6<f64>> + 'a {
         let of = move |own: &GeometryError| {
-            (own.above.wrench(at, loads) - own.below.wrench(at, loads)) / (2.0 * STEP)
+            let [above, below] = [&own.above, &own.below].map(|moved| moved.wrench(&own.springs, at, loads));
+            (above - below) / (2.0 * STEP)
         };
         self.errors.iter().map(of)
     }
@@ -303,6 +309,21 @@ mod tests {
         let further = change("spring1_place_y");
         let wanted = 2.0 * 9e3 * 0.3;
         assert!((further[(3, 3)] - wanted).abs() < 0.02 * wanted, "{further} {wanted}");
+    }
+
+    /// Only springs that differ are asked; the others cancel.
+    #[test]
+    fn errors_change_the_wrench_as_whole_springs_do() {
+        let geometry = Geometry::new(&table(""), 9.81);
+        let turned = nalgebra::Rotation3::from_scaled_axis(Vector3::new(0.02, -0.03, 0.05)).into_inner();
+        let at = Displacement::new(Vector3::new(0.01, 0.02, -0.01), Vector3::zeros(), turned, Vector3::x());
+        let loads = [1.0, 200.0, 3.0, -4.0];
+        let whole = |moved: &Moved| moved.springs.wrench(&at) + moved.preload.wrench(&at, &loads);
+        assert!(geometry.errors.iter().any(|own| own.springs.len() == 1));
+        for (own, found) in geometry.errors.iter().zip(geometry.wrenches(&at, &loads)) {
+            let wanted = (whole(&own.above) - whole(&own.below)) / (2.0 * STEP);
+            assert!((found - wanted).norm() < 1e-7 * (1.0 + wanted.norm()), "{found} {wanted}");
+        }
     }
 
     #[test]

@@ -49,12 +49,8 @@ impl Mount {
         let attitude = UnitQuaternion::from_quaternion(Quaternion::new(p[3], p[4], p[5], p[6]));
         let turn: Matrix3<f64> = attitude.to_rotation_matrix().into_inner();
         let (own_velocity, own_rate) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
-        let at = Displacement {
-            shift: Vector3::new(p[0], p[1], p[2]),
-            velocity: turn * own_velocity,
-            rotation: turn,
-            rate: turn * own_rate,
-        };
+        let at =
+            Displacement::new(Vector3::new(p[0], p[1], p[2]), turn * own_velocity, turn, turn * own_rate);
         let arm = turn * self.arm;
         let base = turn * self.rotation;
         let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(base));

@@ -70,6 +70,8 @@ pub struct Preload {
     /// The carriers if springs of which no ends are stated are clamped.
     clamped: Vec<Carrier>,
     gravity_mps2: f64,
+    /// True if it matters whether ends of which nothing is stated are clamped.
+    pub(super) has_unknown_ends: bool,
 }
 
 impl Preload {
@@ -79,10 +81,21 @@ impl Preload {
         if table.spring.is_empty() {
             let height = if free.contains(&2) { table.anchor_height_m.unwrap_or(0.0) } else { 0.0 };
             let carriers = upright(height);
-            return Self { clamped: carriers.clone(), carriers, gravity_mps2 };
+            return Self { clamped: carriers.clone(), carriers, gravity_mps2, has_unknown_ends: false };
         }
         let of = |is_clamped: bool| carried(table, &free, is_clamped);
-        Self { carriers: of(false), clamped: of(true), gravity_mps2 }
+        let own = Self { carriers: of(false), clamped: of(true), gravity_mps2, has_unknown_ends: false };
+        Self { has_unknown_ends: own.depends_on_ends(), ..own }
+    }
+
+    /// Returns whether clamped instead of free ends change the stiffness under any weight.
+    fn depends_on_ends(&self) -> bool {
+        let scale: f64 = self.carriers.iter().map(|own| own.arm.norm() + 1e-3).sum();
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].iter().any(|first| {
+            let mut ten = [0.0; TEN];
+            ten[..3].copy_from_slice(first);
+            self.error_stiffness(&ten).amax() > SAME * self.gravity_mps2 * scale
+        })
     }
 
     /// Returns whether the weight does more than a force of one height would.
@@ -137,13 +150,6 @@ impl Preload {
 
     /// Returns what is not known of the forces, numbered from `first`.
     pub fn nuisances(&self, first: usize) -> Vec<Nuisance> {
-        let scale: f64 = self.carriers.iter().map(|own| own.arm.norm() + 1e-3).sum();
-        let units = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let differs = units.iter().any(|[m, x, y]| {
-            let mut ten = [0.0; TEN];
-            (ten[0], ten[1], ten[2]) = (*m, *x, *y);
-            self.error_stiffness(&ten).amax() > SAME * self.gravity_mps2 * scale
-        });
         let nuisance = Nuisance {
             name: "clamped_ends".to_owned(),
             group: "preload".to_owned(),
@@ -153,7 +159,7 @@ impl Preload {
             scope: Scope::Rig,
             effect: Effect::Signal(first),
         };
-        if differs { vec![nuisance] } else { Vec::new() }
+        if self.has_unknown_ends { vec![nuisance] } else { Vec::new() }
     }
 
     /// Returns what clamped instead of free ends change in the stiffness about O.

@@ -213,11 +213,9 @@ fn the_wrench_at_small_displacements_is_that_of_the_stiffness() {
         // The weight acts at O, and does nothing as it turns.
         let k = preload.stiffness(&[m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let loads = [1.0, m * G, 0.0, 0.0];
-        let at = |q: Vector6<f64>| Displacement {
-            shift: Vector3::new(q[0], q[1], q[2]),
-            velocity: Vector3::zeros(),
-            rotation: Rotation3::from_scaled_axis(Vector3::new(q[3], q[4], q[5])).into_inner(),
-            rate: Vector3::zeros(),
+        let at = |q: Vector6<f64>| {
+            let turned = Rotation3::from_scaled_axis(Vector3::new(q[3], q[4], q[5])).into_inner();
+            Displacement::new(Vector3::new(q[0], q[1], q[2]), Vector3::zeros(), turned, Vector3::zeros())
         };
         for j in 0..6 {
             let q = Vector6::ith(j, h);

@@ -45,18 +45,30 @@ pub struct Displacement {
     pub rotation: Matrix3<f64>,
     /// Angular rate, axes at rest, rad/s.
     pub rate: Vector3<f64>,
+    /// The vector of the rotation, axes at rest, rad.
+    turn: Vector3<f64>,
 }
 
 impl Displacement {
+    /// Returns the position with these shift of O (m), velocity (m/s), rotation and angular rate (rad/s).
+    pub fn new(
+        shift: Vector3<f64>,
+        velocity: Vector3<f64>,
+        rotation: Matrix3<f64>,
+        rate: Vector3<f64>,
+    ) -> Self {
+        Self { shift, velocity, rotation, rate, turn: turn(&rotation) }
+    }
+
     /// Returns shift and vector of the turn.
     pub fn coordinates(&self) -> Vector6<f64> {
-        let turn = turn(&self.rotation);
-        Vector6::new(self.shift.x, self.shift.y, self.shift.z, turn.x, turn.y, turn.z)
+        let (shift, turn) = (&self.shift, &self.turn);
+        Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
     }
 
     /// Returns the vector of the turn, axes at rest, rad.
     pub fn turn(&self) -> Vector3<f64> {
-        self.coordinates().fixed_rows::<3>(3).into_owned()
+        self.turn
     }
 
     /// Returns velocity of O and angular rate, axes at rest, m/s and rad/s.
@@ -258,12 +270,20 @@ impl Springs {
     pub fn wrench(&self, at: &Displacement) -> Vector6<f64> {
         match &self.matrix {
             Some(k) => -k * at.coordinates(),
-            None => {
-                let own =
-                    |spring: &Spring| spring.wrench(at, &spring.matrix()) - spring.bends() * at.coordinates();
-                self.each.iter().map(own).sum()
-            }
+            None => self.each.iter().map(|spring| spring.whole_wrench(at)).sum(),
         }
+    }
+
+    /// Returns the numbers of the springs that are not those of `other`; none where a matrix says what they
+    /// do.
+    pub(super) fn unlike(&self, other: &Self) -> Vec<usize> {
+        let both = self.each.iter().zip(&other.each).enumerate();
+        both.filter(|(_, (a, b))| self.matrix.is_none() && a != b).map(|(n, _)| n).collect()
+    }
+
+    /// Returns the wrench of some springs alone, by their numbers.
+    pub(super) fn wrench_of(&self, numbers: &[usize], at: &Displacement) -> Vector6<f64> {
+        numbers.iter().filter_map(|n| self.each.get(*n)).map(|spring| spring.whole_wrench(at)).sum()
     }
 
     /// Returns what a unit of each error adds to the wrench, in the order of the numbers in
@@ -315,6 +335,12 @@ impl Spring {
         arms.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         arms.fixed_view_mut::<3, 3>(0, 3).copy_from(&-self.arm.cross_matrix());
         arms.transpose() * stiffness * arms
+    }
+
+    /// Returns its force on the point, and what its seat does against turns, about O.
+    fn whole_wrench(&self, at: &Displacement) -> Vector6<f64> {
+        let of_point = self.wrench(at, &self.matrix());
+        if self.bending == 0.0 { of_point } else { of_point - self.bends() * at.coordinates() }
     }
 
     fn wrench(&self, at: &Displacement, stiffness: &Matrix3<f64>) -> Vector6<f64> {
@@ -376,12 +402,12 @@ mod tests {
     }
 
     fn displaced(by: f64) -> Displacement {
-        Displacement {
-            shift: Vector3::new(0.3, -0.2, 0.1) * by,
-            velocity: Vector3::new(1.0, 2.0, -0.5),
-            rotation: Rotation3::from_scaled_axis(Vector3::new(0.2, 0.5, -0.4) * by).into_inner(),
-            rate: Vector3::new(-0.3, 0.7, 0.2),
-        }
+        Displacement::new(
+            Vector3::new(0.3, -0.2, 0.1) * by,
+            Vector3::new(1.0, 2.0, -0.5),
+            Rotation3::from_scaled_axis(Vector3::new(0.2, 0.5, -0.4) * by).into_inner(),
+            Vector3::new(-0.3, 0.7, 0.2),
+        )
     }
 
     #[test]
@@ -409,7 +435,7 @@ mod tests {
         for k in 0..steps {
             let at = |offset: f64| pose(std::f64::consts::TAU * (f64::from(k) + offset) / f64::from(steps));
             let ((p, r), (p0, r0), (p1, r1)) = (at(0.0), at(-0.5), at(0.5));
-            let middle = Displacement { shift: p, velocity: p, rotation: r.into_inner(), rate: p };
+            let middle = Displacement::new(p, p, r.into_inner(), p);
             let turn = (r1 * r0.inverse()).scaled_axis();
             let step = Vector6::from_iterator((p1 - p0).iter().chain(turn.iter()).copied());
             let part = springs.wrench(&middle).dot(&step);

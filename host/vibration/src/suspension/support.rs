@@ -101,7 +101,7 @@ impl Support {
     pub fn modal_changes(&self, ten: &[f64; 10]) -> Vec<Change> {
         let stiffness = |stiffness: Matrix6<f64>| Change { stiffness, mass: Matrix6::zeros() };
         let mut all: Vec<Change> = self.springs.error_stiffnesses().into_iter().map(stiffness).collect();
-        all.extend(self.preload.nuisances(0).iter().map(|_| stiffness(self.preload.error_stiffness(ten))));
+        all.extend(self.preload.has_unknown_ends.then(|| stiffness(self.preload.error_stiffness(ten))));
         all.extend(self.geometry.stiffnesses(ten).into_iter().map(stiffness));
         all.extend(self.air.map(|mass| Change { stiffness: Matrix6::zeros(), mass }));
         all
@@ -111,7 +111,7 @@ impl Support {
     /// platform about O, under loads of the springs: stated preload, W (N), Mx and My (N m).
     pub fn wrench_errors(&self, at: &Displacement, loads: &[f64; 4]) -> Vec<Vector6<f64>> {
         let mut all = self.springs.error_wrenches(at);
-        all.extend(self.preload.nuisances(0).iter().map(|_| self.preload.error_wrench(at, loads)));
+        all.extend(self.preload.has_unknown_ends.then(|| self.preload.error_wrench(at, loads)));
         all.extend(self.geometry.wrenches(at, loads));
         all
     }
