@@ -15,6 +15,7 @@ mod complete;
 mod context;
 mod contradictions;
 pub mod derived;
+mod drive_signs;
 pub mod excitation_advice;
 mod judgement;
 pub mod lack_of_fit;

@@ -17,7 +17,9 @@ use super::result::{
 use super::selection::{SelectionError, owner_name, select};
 use super::standard_parameters::{BaseEstimate, Full, nearest};
 use super::states::{is_reversed, is_whole_body, states};
-use super::{budget, contradictions, excitation_advice, load, plausibility, reliance, remarks, rig_errors};
+use super::{
+    budget, contradictions, drive_signs, excitation_advice, load, plausibility, reliance, remarks, rig_errors,
+};
 use rigident_fit::figures::shortened;
 use rigident_fit::{Basis, ChannelFit, Fit, NuisanceFit};
 use rigident_io::rig::{BodyTable, TruthTable};
@@ -310,7 +312,7 @@ impl Answer {
         self.add_lack_of_fit(fit);
         self.warnings.extend(contradictions::contradictions(fit));
         self.warnings.extend(plausibility::of_the_fit(fit));
-        self.warnings.extend(plausibility::without_a_cause_in_words(fit));
+        self.warnings.extend(drive_signs::without_a_cause_in_words(fit));
         self.warnings.append(&mut warnings);
         self.notes.extend(reliance::in_words(&self.rests_on));
         self.notes.extend(rig_errors::calibration(fit));

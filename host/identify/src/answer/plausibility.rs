@@ -8,14 +8,12 @@
 use nalgebra::DVector;
 
 use super::context::Links;
+use super::drive_signs::negative;
 use super::states::{is_whole_body, nominal_base};
-use rigident_fit::figures::{significant, with_u95};
-use rigident_fit::{ChannelFit, Estimate, Fit, Kind, Owner, Parameter};
+use rigident_fit::figures::significant;
+use rigident_fit::{ChannelFit, Fit};
 use rigident_model::check::{DENSEST, least_density};
 
-/// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred
-/// thousand, two-sided.
-const CERTAIN_SD: f64 = 4.42;
 /// Of a channel's variation a model that holds leaves less than this beyond the noise, both as standard
 /// deviations.
 const UNEXPLAINED: f64 = 0.3;
@@ -78,85 +76,6 @@ fn too_dense(fit: &Fit) -> Option<String> {
             significant(density, 2)
         )
     })
-}
-
-/// Tells of friction and rotors that would push, but for those of [`rotors_without_a_cause`].
-fn negative(fit: &Fit) -> Option<String> {
-    let (lacking, data) = (rotors_without_a_cause(fit), fit.data_alone());
-    let others = pushing(fit).into_iter().filter(|j| !lacking.contains(j));
-    let wrong: Vec<String> = others.filter_map(|j| in_words(fit, data, j)).collect();
-    (!wrong.is_empty()).then(|| {
-        format!(
-            "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's \
-             position, rate or effort is wrong, or friction is of another kind than its columns",
-            wrong.join(", ")
-        )
-    })
-}
-
-/// Returns the numbers of rotors that come out negative though the friction of their drive has its sign. A
-/// wrong sign of position, rate or effort would turn friction, too, so the recording can be true: something
-/// that the model lacks, as an elastic gear or an effort that is late in this joint alone, acts as they
-/// would.
-pub(super) fn rotors_without_a_cause(fit: &Fit) -> Vec<usize> {
-    let (pushing, data) = (pushing(fit), fit.data_alone());
-    let owner = |j: usize| fit.parameters.get(j).map(|p| &p.owner);
-    let is_rotor = |j: &usize| fit.parameters.get(*j).is_some_and(|p| p.kind == Kind::Rotor);
-    let takes_energy = |rotor: usize| {
-        fit.parameters.iter().enumerate().any(|(j, p)| {
-            let value = data.unjudged().values.get(j).copied().unwrap_or_default();
-            owner(rotor) == Some(&p.owner)
-                && matches!(p.kind, Kind::Viscous | Kind::Coulomb)
-                && data.is_determined(j)
-                && data.covariance(j, j).is_some_and(|variance| value > CERTAIN_SD * variance.sqrt())
-        })
-    };
-    let alone = |rotor: usize| pushing.iter().all(|j| *j == rotor || owner(*j) != owner(rotor));
-    pushing.iter().copied().filter(is_rotor).filter(|j| alone(*j) && takes_energy(*j)).collect()
-}
-
-/// Returns words for rotors that are not identified because the model lacks something that acts as they do.
-pub(super) fn without_a_cause_in_words(fit: &Fit) -> Option<String> {
-    let data = fit.data_alone();
-    let rotors: Vec<String> =
-        rotors_without_a_cause(fit).into_iter().filter_map(|j| in_words(fit, data, j)).collect();
-    (!rotors.is_empty()).then(|| {
-        format!(
-            "no rotor is negative, and this would be: {}; the model lacks something of that drive which \
-             follows its acceleration, an elastic gear or a late effort. The rotor is not identified",
-            rotors.join(", ")
-        )
-    })
-}
-
-/// Returns a parameter's name and value, in words.
-fn in_words(fit: &Fit, data: &Estimate, j: usize) -> Option<String> {
-    let parameter = fit.parameters.get(j)?;
-    let value = *data.unjudged().values.get(j)?;
-    Some(format!("{} {}", parameter.name, with_u95(value, data.u95(j), &parameter.unit)))
-}
-
-/// Returns the numbers of the drives' friction and rotors that are negative for certain.
-fn pushing(fit: &Fit) -> Vec<usize> {
-    let data = fit.data_alone();
-    let is_negative = |j: usize, p: &Parameter| {
-        // At rest Stribeck's curve begins at Coulomb friction, and falls or rises from their sum to that
-        // alone.
-        let beside = p.name.strip_suffix(".stribeck").map(|drive| format!("{drive}.coulomb"));
-        let beside = beside.and_then(|name| fit.parameters.iter().position(|other| other.name == name));
-        let terms: Vec<usize> = beside.into_iter().chain([j]).collect();
-        let mut variance = 0.0;
-        for (i, k) in terms.iter().flat_map(|i| terms.iter().map(move |k| (*i, *k))) {
-            variance += data.covariance(i, k)?;
-        }
-        let sum = terms.iter().map(|k| data.unjudged().values.get(*k)).sum::<Option<f64>>()?;
-        Some(terms.iter().all(|k| data.is_determined(*k)) && sum < -CERTAIN_SD * variance.sqrt())
-    };
-    let all = fit.parameters.iter().enumerate();
-    let of_drives = all.filter(|(_, p)| {
-        matches!(p.kind, Kind::Viscous | Kind::Coulomb | Kind::Rotor) && matches!(p.owner, Owner::Drive(_))
-    });
-    of_drives.filter(|(j, p)| is_negative(*j, p) == Some(true)).map(|(j, _)| j).collect()
 }
 
 /// Returns the standard deviation of what the model leaves of a channel beyond its noise, as a share of what

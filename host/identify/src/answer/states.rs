@@ -29,7 +29,7 @@ use nalgebra::DVector;
 
 use super::context::Links;
 use super::derived::{centre_of_mass, inertia_com, ten};
-use super::plausibility::rotors_without_a_cause;
+use super::drive_signs::rotors_without_a_cause;
 use super::result::ParameterState;
 pub use rigident_fit::LEAST_EXCITATION;
 use rigident_fit::{Estimate, Fit, Kind, Measured, Owner, Parameter};

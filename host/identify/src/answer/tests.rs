@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 use rigident_shared::inertia::tensor_from_elements;
 use rigident_shared::spatial::Wrench;
 
+use super::drive_signs::rotors_without_a_cause;
 use super::new::AnswerError;
-use super::plausibility::rotors_without_a_cause;
 use super::result::*;
 use super::samples::*;
 use super::selection::SelectionError;

@@ -1,8 +1,8 @@
 //! Motions made for what is asked for: of all six coordinates' Fourier series inside the limits, the one that
 //! needs the least time.
 //!
-//! A motion that brings ΔM must be repeated until the worst uncertainty is what was asked for, so the best one
-//! makes the worst ratio least. Its smooth substitute is the p-norm of the squared ratios
+//! A motion that brings ΔM must be repeated until the worst uncertainty is what was asked for, so the best
+//! one makes the worst ratio least. Its smooth substitute is the p-norm of the squared ratios
 //! `r_j = s_jᵀ M⁻¹ s_j / u_j²`, whose derivative by M is of rank one for each:
 //! `d(s M⁻¹ s) = −s M⁻¹ dM M⁻¹ s`.
 
