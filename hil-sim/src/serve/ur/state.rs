@@ -50,6 +50,63 @@ pub struct Shared {
     pub cut: bool,
 }
 
+/// A variable that a client may write.
+#[derive(Clone, Copy)]
+enum Input {
+    /// A register of integers.
+    Integer(usize),
+    /// A register of doubles.
+    Double(usize),
+    /// One that is taken and does nothing here: its type, and the length of its value in bytes.
+    Idle(&'static str, usize),
+}
+
+impl Input {
+    /// Returns the variable of a name of the RTDE guide.
+    fn of(name: &str) -> Option<Self> {
+        let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
+        let register = at("input_int_register_").map(Self::Integer);
+        register.or_else(|| at("input_double_register_").map(Self::Double)).or_else(|| {
+            let (kind, length) = match name {
+                "speed_slider_mask" | "input_bit_registers0_to_31" | "input_bit_registers32_to_63" => {
+                    ("UINT32", 4)
+                }
+                "speed_slider_fraction" | "standard_analog_output_0" | "standard_analog_output_1" => {
+                    ("DOUBLE", 8)
+                }
+                "standard_digital_output_mask"
+                | "configurable_digital_output_mask"
+                | "standard_digital_output"
+                | "configurable_digital_output"
+                | "standard_analog_output_mask"
+                | "standard_analog_output_type"
+                | "tool_digital_output_mask"
+                | "tool_digital_output" => ("UINT8", 1),
+                "external_force_torque" => ("VECTOR6D", 48),
+                _ => return None,
+            };
+            Some(Self::Idle(kind, length))
+        })
+    }
+
+    fn kind(self) -> &'static str {
+        match self {
+            Self::Integer(_) => "INT32",
+            Self::Double(_) => "DOUBLE",
+            Self::Idle(kind, _) => kind,
+        }
+    }
+
+    /// Returns the length of its value, bytes.
+    fn length(self) -> usize {
+        match self {
+            Self::Integer(_) => 4,
+            Self::Double(_) => 8,
+            Self::Idle(_, length) => length,
+        }
+    }
+}
+
 impl Shared {
     /// Returns an arm that is switched on, at rest.
     pub fn new(cycle_s: f64) -> Self {
@@ -97,36 +154,27 @@ impl Shared {
         self.safety_mode == NORMAL && self.robot_mode == RUNNING
     }
 
-    /// Returns the type of an input variable, and its register.
-    fn input(name: &str) -> Option<(&'static str, usize)> {
-        let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
-        at("input_int_register_")
-            .map(|k| ("INT32", k))
-            .or_else(|| at("input_double_register_").map(|k| ("DOUBLE", k)))
-    }
-
     /// Returns the type of an input variable.
     pub fn input_kind(name: &str) -> Option<&'static str> {
-        Self::input(name).map(|(kind, _)| kind)
+        Some(Input::of(name)?.kind())
     }
 
     /// Writes input variables from the bytes of a package. Returns false if these are not of their length.
     pub fn write(&mut self, names: &[String], mut bytes: &[u8]) -> bool {
         let mut writes = Vec::new();
         for name in names {
-            let Some((kind, at)) = Self::input(name) else { return false };
-            let length = if kind == "INT32" { 4 } else { 8 };
-            let Some((value, rest)) = bytes.split_at_checked(length) else { return false };
-            writes.push((kind, at, value));
+            let Some(input) = Input::of(name) else { return false };
+            let Some((value, rest)) = bytes.split_at_checked(input.length()) else { return false };
+            writes.push((input, value));
             bytes = rest;
         }
         if !bytes.is_empty() {
             return false;
         }
-        for (kind, at, value) in writes {
-            match (kind, <[u8; 4]>::try_from(value), <[u8; 8]>::try_from(value)) {
-                ("INT32", Ok(value), _) => self.input_int[at] = i32::from_be_bytes(value),
-                (_, _, Ok(value)) => self.input_double[at] = f64::from_be_bytes(value),
+        for (input, value) in writes {
+            match (input, <[u8; 4]>::try_from(value), <[u8; 8]>::try_from(value)) {
+                (Input::Integer(at), Ok(value), _) => self.input_int[at] = i32::from_be_bytes(value),
+                (Input::Double(at), _, Ok(value)) => self.input_double[at] = f64::from_be_bytes(value),
                 _ => {}
             }
         }

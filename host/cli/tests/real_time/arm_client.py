@@ -21,7 +21,7 @@ PROGRAM = """def echo():
 end
 """
 
-robot = RTDEReceiveInterface(HOST, 125.0, NAMES + OUTPUTS)
+robot = RTDEReceiveInterface(HOST, 125.0, NAMES + OUTPUTS, use_upper_range_registers=True)
 time.sleep(0.2)
 found = {
     "q": robot.getActualQ(),
