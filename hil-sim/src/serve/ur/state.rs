@@ -57,8 +57,8 @@ enum Input {
     Integer(usize),
     /// A register of doubles.
     Double(usize),
-    /// One that is taken and does nothing here: its type, and the length of its value in bytes.
-    Idle(&'static str, usize),
+    /// One that is taken and does nothing here, by its type.
+    Idle(&'static str),
 }
 
 impl Input {
@@ -67,13 +67,11 @@ impl Input {
         let at = |prefix: &str| name.strip_prefix(prefix)?.parse::<usize>().ok().filter(|k| *k < REGISTERS);
         let register = at("input_int_register_").map(Self::Integer);
         register.or_else(|| at("input_double_register_").map(Self::Double)).or_else(|| {
-            let (kind, length) = match name {
+            let kind = match name {
                 "speed_slider_mask" | "input_bit_registers0_to_31" | "input_bit_registers32_to_63" => {
-                    ("UINT32", 4)
+                    "UINT32"
                 }
-                "speed_slider_fraction" | "standard_analog_output_0" | "standard_analog_output_1" => {
-                    ("DOUBLE", 8)
-                }
+                "speed_slider_fraction" | "standard_analog_output_0" | "standard_analog_output_1" => "DOUBLE",
                 "standard_digital_output_mask"
                 | "configurable_digital_output_mask"
                 | "standard_digital_output"
@@ -81,11 +79,11 @@ impl Input {
                 | "standard_analog_output_mask"
                 | "standard_analog_output_type"
                 | "tool_digital_output_mask"
-                | "tool_digital_output" => ("UINT8", 1),
-                "external_force_torque" => ("VECTOR6D", 48),
+                | "tool_digital_output" => "UINT8",
+                "external_force_torque" => "VECTOR6D",
                 _ => return None,
             };
-            Some(Self::Idle(kind, length))
+            Some(Self::Idle(kind))
         })
     }
 
@@ -93,16 +91,17 @@ impl Input {
         match self {
             Self::Integer(_) => "INT32",
             Self::Double(_) => "DOUBLE",
-            Self::Idle(kind, _) => kind,
+            Self::Idle(kind) => kind,
         }
     }
 
     /// Returns the length of its value, bytes.
     fn length(self) -> usize {
-        match self {
-            Self::Integer(_) => 4,
-            Self::Double(_) => 8,
-            Self::Idle(_, length) => length,
+        match self.kind() {
+            "UINT8" => 1,
+            "DOUBLE" => 8,
+            "VECTOR6D" => 48,
+            _ => 4,
         }
     }
 }
