@@ -101,12 +101,11 @@ fn a_real_arm_of_published_robots_and_shared_data_is_identified_with_its_rotors(
             (&"partly_identified".into(), &Value::Null),
             "{found}"
         );
-        let rotors: Vec<&Value> = found["parameters"].as_array().unwrap().iter().collect();
-        let is_negative = |p: &&&Value| {
+        let is_negative = |p: &&Value| {
             let [value, u95] = ["value", "u95"].map(|key| p[key].as_f64().unwrap_or_default());
             p["name"].as_str().unwrap().ends_with("_joint.rotor") && value < -2.26 * u95
         };
-        assert_eq!(rotors.iter().find(is_negative), None);
+        assert_eq!(found["parameters"].as_array().unwrap().iter().find(is_negative), None);
     }
     let predicted = run(&["validate", "first/result.json", "rest.csv"], &[]);
     // Plain least squares, as above.

@@ -111,11 +111,17 @@ struct NoiseSeries {
 }
 
 impl NoiseSeries {
-    /// Returns series of whitened rows in bins of `several` blocks, with the weights of their squares.
-    fn new((columns, weight): (Series, f64), several: usize) -> Self {
-        let first: Vec<usize> = (0..length(&columns) / several).map(|b| b * several).collect();
-        let binned = columns.iter().map(|own| binned(own, &first, several)).collect();
-        Self { columns, binned, first, weight }
+    /// Returns a series of whitened rows in bins of `several` blocks, with the weight of its squares.
+    fn new(columns: Series, weight: f64, several: usize) -> Self {
+        let mut own = Self { columns, binned: Vec::new(), first: Vec::new(), weight };
+        own.bin(several);
+        own
+    }
+
+    /// Sums its columns in bins of `several` blocks.
+    fn bin(&mut self, several: usize) {
+        self.first = (0..length(&self.columns) / several).map(|b| b * several).collect();
+        self.binned = self.columns.iter().map(|own| binned(own, &self.first, several)).collect();
     }
 }
 
@@ -207,7 +213,7 @@ impl<'a> Stretch<'a> {
         let columns = over_time(&blocks, channels, n);
         let noise = noise.into_iter().enumerate().map(|(k, series)| {
             let weight = rows.noise.map_or(0.0, |noise| noise.weight(k));
-            NoiseSeries::new((over_time(&series, channels, n + 1), weight), bins.several)
+            NoiseSeries::new(over_time(&series, channels, n + 1), weight, bins.several)
         });
         let noise = noise.filter(|series| !series.first.is_empty()).collect();
         let quiet = Quiet::new(&bins, bins.several as f64 / rate_hz);
@@ -257,8 +263,7 @@ impl<'a> Stretch<'a> {
         let (wide, mut noise) = (before.columns, before.noise.clone());
         noise.iter_mut().for_each(|own| own.gram.fill(0.0));
         for series in &mut self.noise {
-            series.first = (0..length(&series.columns) / several).map(|b| b * several).collect();
-            series.binned = series.columns.iter().map(|own| binned(own, &series.first, several)).collect();
+            series.bin(several);
             let weight = series.weight / series.first.len().max(1) as f64;
             for (own, binned) in noise.iter_mut().zip(&series.binned) {
                 own.gram += (product(binned, binned) * weight).rows(0, wide);

@@ -2,7 +2,7 @@
 //! rotor that is negative alone.
 
 use rigident_fit::figures::with_u95;
-use rigident_fit::{Estimate, Fit, Kind, Owner, Parameter};
+use rigident_fit::{Fit, Kind, Owner, Parameter};
 
 /// A parameter that cannot be negative is so by this many standard deviations: by chance in one of a hundred
 /// thousand, two-sided.
@@ -10,9 +10,10 @@ const CERTAIN_SD: f64 = 4.42;
 
 /// Tells of friction and rotors that would push, but for those of [`rotors_without_a_cause`].
 pub(super) fn negative(fit: &Fit) -> Option<String> {
-    let (lacking, data) = (rotors_without_a_cause(fit), fit.data_alone());
-    let others = pushing(fit).into_iter().filter(|j| !lacking.contains(j));
-    let wrong: Vec<String> = others.filter_map(|j| in_words(fit, data, j)).collect();
+    let all = pushing(fit);
+    let lacking = without_a_cause(fit, &all);
+    let wrong: Vec<String> =
+        all.into_iter().filter(|j| !lacking.contains(j)).filter_map(|j| in_words(fit, j)).collect();
     (!wrong.is_empty()).then(|| {
         format!(
             "friction and rotors take energy and mass, and these would give them: {}; a sign of that joint's \
@@ -27,7 +28,12 @@ pub(super) fn negative(fit: &Fit) -> Option<String> {
 /// that the model lacks, as an elastic gear or an effort that is late in this joint alone, acts as they
 /// would.
 pub(super) fn rotors_without_a_cause(fit: &Fit) -> Vec<usize> {
-    let (pushing, data) = (pushing(fit), fit.data_alone());
+    without_a_cause(fit, &pushing(fit))
+}
+
+/// Returns the rotors of [`rotors_without_a_cause`] among what is negative.
+fn without_a_cause(fit: &Fit, pushing: &[usize]) -> Vec<usize> {
+    let data = fit.data_alone();
     let owner = |j: usize| fit.parameters.get(j).map(|p| &p.owner);
     let is_rotor = |j: &usize| fit.parameters.get(*j).is_some_and(|p| p.kind == Kind::Rotor);
     let takes_energy = |rotor: usize| {
@@ -45,9 +51,8 @@ pub(super) fn rotors_without_a_cause(fit: &Fit) -> Vec<usize> {
 
 /// Returns words for rotors that are not identified because the model lacks something that acts as they do.
 pub(super) fn without_a_cause_in_words(fit: &Fit) -> Option<String> {
-    let data = fit.data_alone();
     let rotors: Vec<String> =
-        rotors_without_a_cause(fit).into_iter().filter_map(|j| in_words(fit, data, j)).collect();
+        rotors_without_a_cause(fit).into_iter().filter_map(|j| in_words(fit, j)).collect();
     (!rotors.is_empty()).then(|| {
         format!(
             "no rotor is negative, and this would be: {}; the model lacks something of that drive which \
@@ -58,7 +63,8 @@ pub(super) fn without_a_cause_in_words(fit: &Fit) -> Option<String> {
 }
 
 /// Returns a parameter's name and value, in words.
-fn in_words(fit: &Fit, data: &Estimate, j: usize) -> Option<String> {
+fn in_words(fit: &Fit, j: usize) -> Option<String> {
+    let data = fit.data_alone();
     let parameter = fit.parameters.get(j)?;
     let value = *data.unjudged().values.get(j)?;
     Some(format!("{} {}", parameter.name, with_u95(value, data.u95(j), &parameter.unit)))

@@ -328,7 +328,6 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
     // Most arms publish torques of their motors' currents: friction that differs by direction leaves an
     // offset.
     let of_offsets = Source { rig, class: tree.class.unwrap_or(TreeClass::Assembled) };
-    let offset_limit = of_offsets.class.limits().effort;
     let first = input.first_effort();
     let slides = input.model.links.iter().skip(1).map(|link| matches!(link.link.joint, Joint::Prismatic(_)));
     for (k, (name, slides)) in input.freedom_names().into_iter().zip(slides).enumerate() {
@@ -354,29 +353,32 @@ fn of_efforts(input: &Input, rig: &RigFile, all: &mut Errors) {
         }
         let efforts = input.frames.iter().filter_map(|frame| frame.efforts.get(k));
         let largest = efforts.fold(0.0_f64, |most, effort| most.max(effort.abs()));
-        let (share, basis) = source.of(None, tree.effort_drift_std, "effort_drift_std", limit);
-        let nuisance = |name: String, group: &str, effect| Nuisance {
-            name,
-            group: group.to_owned(),
-            unit: unit.to_owned(),
-            sigma: share * largest,
-            basis: basis.clone(),
-            scope: Scope::Recording,
-            effect,
+        let nuisance = |source: &Source, name: String, group: &str, effect| {
+            let limit = source.class.limits().effort;
+            let (share, basis) = source.of(None, tree.effort_drift_std, "effort_drift_std", limit);
+            Nuisance {
+                name,
+                group: group.to_owned(),
+                unit: unit.to_owned(),
+                sigma: share * largest,
+                basis,
+                scope: Scope::Recording,
+                effect,
+            }
         };
         let has_offset = input.drives.iter().any(|drive| {
             drive.terms.contains(&Term::Offset) && drive.rates.iter().any(|(freedom, _)| *freedom == k)
         });
         if !has_offset {
-            let effect = Effect::Signal(0);
-            let known = nuisance(format!("effort_offset_{name}"), "effort offset", effect);
-            let (share, basis) = of_offsets.of(None, tree.effort_drift_std, "effort_drift_std", offset_limit);
-            let known = Nuisance { sigma: share * largest, basis, ..known };
-            all.signal(known, SignalError::EffortOffset(channel));
+            let name = format!("effort_offset_{name}");
+            all.signal(
+                nuisance(&of_offsets, name, "effort offset", Effect::Signal(0)),
+                SignalError::EffortOffset(channel),
+            );
         }
         for (degree, word) in [(1, "line"), (2, "curve")] {
-            let drift =
-                nuisance(format!("drift_{word}_{name}"), "effort drift", Effect::Drift { channel, degree });
+            let name = format!("drift_{word}_{name}");
+            let drift = nuisance(&source, name, "effort drift", Effect::Drift { channel, degree });
             if has_feet {
                 all.signal(drift, SignalError::EffortDrift { channel, degree });
             } else {

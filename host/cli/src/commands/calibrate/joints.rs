@@ -73,7 +73,7 @@ fn noise(arguments: &CalibrateJoints) -> Result<Noise, Failure> {
     let yaw = arguments.yaw_noise_deg.map_or(Ok(attitude), |yaw| positive("--yaw-noise-deg", yaw))?;
     if yaw > LARGEST_YAW_DEG {
         return Err(Failure::input(format!(
-            "--yaw-noise-deg {yaw}: must be at most {LARGEST_YAW_DEG}, which says that headings say nothing"
+            "--yaw-noise-deg {yaw}: must be at most {LARGEST_YAW_DEG}, from which on headings say nothing"
         )));
     }
     Ok(Noise {
