@@ -326,6 +326,8 @@ const asked = () => JSON.stringify(command());
 
 async function identify() {
   const { words, rigText, more } = command();
+  // As it is now: the form may change while the program runs.
+  const [of, question] = [recording, asked()];
   by("answer").hidden = by("certificate").hidden = true;
   complain("job-error");
   say("Identifying …");
@@ -336,7 +338,7 @@ async function identify() {
       complain("job-error", complaint(ended));
       return say("There is no answer.", "bad");
     }
-    const answer = { output: ended.output, made: ended.made, of: recording, asked: asked(), rigText, words, more };
+    const answer = { output: ended.output, made: ended.made, of, asked: question, rigText, words, more };
     answered(answer, `${digits((performance.now() - begun) / 1000, 2)} s`);
     by("headline").focus();
     await store.keep("answer", answer);
@@ -362,6 +364,7 @@ const rigTextOf = (answer) => answer.rigText ?? "";
 /** Identifies once more, with a certificate of the answer. */
 async function certify() {
   const { words, rigText } = command();
+  const [of, question] = [recording, asked()];
   certificate.complain();
   const stated = certificate.rigText(rigText ?? "");
   try {
@@ -369,7 +372,7 @@ async function certify() {
     const page = ended.made.find(([path]) => path === certificate.NAME);
     if (page === undefined) return certificate.complain(complaint(ended));
     certificate.show(page[1], ended.errors);
-    const answer = { output: ended.output, made: ended.made.filter(([path]) => path !== certificate.NAME), of: recording, asked: asked(), rigText: stated === "" ? undefined : stated, words, more: [] };
+    const answer = { output: ended.output, made: ended.made.filter(([path]) => path !== certificate.NAME), of, asked: question, rigText: stated === "" ? undefined : stated, words, more: [] };
     answers.show(answer);
     await store.keep("answer", answer);
     await keepForm();
