@@ -1,7 +1,7 @@
 //! The rows of a frame: base parameters, offsets and drives as columns.
 
 use hexapod::STANDARD_GRAVITY_MPS2;
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rigident_shared::inertia::PARAMETER_NAMES;
 use rigident_shared::tree::{BaseMotion, Joint, Link, LinkState, TreeError};
 
@@ -35,6 +35,9 @@ pub struct RowMaker {
     /// columns; `None` where these are the same.
     leads: Vec<usize>,
     mix: Option<DMatrix<f64>>,
+    /// What the nominal bodies have beside their base parameters: nothing in any row, but in those of a base
+    /// that is tilted.
+    unseen: Vec<f64>,
     /// Room for the entries of a row in the columns of `leads`.
     led: Vec<f64>,
     /// Accelerations, which rows of momentum do not depend on.
@@ -70,6 +73,28 @@ pub fn names_and_units(input: &Input, base: &BaseParameters) -> (Vec<String>, Ve
     (names, units)
 }
 
+/// Returns what the nominal bodies of the links of [`RowMaker::moving`] have beside their base parameters, ten
+/// numbers each.
+fn unseen(
+    input: &Input,
+    base: &BaseParameters,
+    (leads, mix): (&[usize], Option<&DMatrix<f64>>),
+    links: usize,
+) -> Vec<f64> {
+    let nominal = input.model.nominal();
+    let standard = nominal.get(nominal.len() - base.standard.len()..).unwrap_or(&[]);
+    let mut all = vec![0.0; 10 * links - standard.len()];
+    all.extend(standard);
+    let values = base.map() * DVector::from_column_slice(standard);
+    let own = mix.map_or_else(|| values.clone(), |mix| mix * &values);
+    for (lead, value) in leads.iter().zip(own.iter()) {
+        if let Some(to) = all.get_mut(*lead) {
+            *to -= value;
+        }
+    }
+    all
+}
+
 fn estimates_offset(input: &Input) -> bool {
     input.has_wrench() && input.known_offset.is_none()
 }
@@ -86,6 +111,7 @@ impl RowMaker {
         let skip = 10 + 10 * input.model.links.len() - base.standard.len();
         let (mut leads, mix) = base.columns();
         leads.iter_mut().for_each(|lead| *lead += skip);
+        let unseen = unseen(input, base, (&leads, mix.as_ref()), moving.links().len());
         let (names, _) = names_and_units(input, base);
         let zeros = vec![0.0; moving.freedoms()];
         let mut drives = Vec::new();
@@ -105,6 +131,7 @@ impl RowMaker {
             zeros,
             leads,
             mix,
+            unseen,
             drives,
             columns: names.len(),
             contact: input.contact.clone(),
@@ -194,16 +221,17 @@ impl RowMaker {
     }
 
     /// Returns bodies of the links of [`RowMaker::moving`], ten parameters each, that these base parameters
-    /// predict the same rows of.
+    /// predict the same rows of: of all such those nearest to the nominal ones.
     pub(super) fn bodies(&self, parameters: &[f64]) -> Vec<[f64; 10]> {
-        let mut bodies = vec![[0.0; 10]; self.moving.links().len()];
+        let own = |body: &[f64]| std::array::from_fn(|k| body.get(k).copied().unwrap_or(0.0));
+        let mut bodies: Vec<[f64; 10]> = self.unseen.chunks(10).map(own).collect();
         for (i, lead) in self.leads.iter().enumerate() {
             let own = match &self.mix {
                 None => parameters.get(i).copied().unwrap_or(0.0),
                 Some(mix) => mix.row(i).iter().zip(parameters).map(|(m, v)| m * v).sum(),
             };
             if let Some(to) = bodies.get_mut(lead / 10).and_then(|body| body.get_mut(lead % 10)) {
-                *to = own;
+                *to += own;
             }
         }
         bodies

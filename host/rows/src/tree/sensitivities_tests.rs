@@ -1,4 +1,4 @@
-use nalgebra::{Rotation3, UnitQuaternion};
+use nalgebra::{DVector, Rotation3, UnitQuaternion};
 use rigident_shared::tree::{BaseMotion, Link};
 
 use super::*;
@@ -29,8 +29,7 @@ fn model(joints: &[(usize, Joint<f64>)], random: &mut Random) -> Model {
         let rotation = if i == 0 { Matrix3::identity() } else { Rotation3::new(random.three()).into_inner() };
         let position = if i == 0 { Vector3::zeros() } else { random.three() * 0.3 };
         let own = Link { parent, joint, rotation, position };
-        let nominal = Some([1.0, 0.01, 0.02, 0.03, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]);
-        ModelLink::new(format!("l{i}"), format!("j{i}"), own, nominal)
+        ModelLink::new(format!("l{i}"), format!("j{i}"), own, None)
     });
     Model { name: "tree".to_owned(), links: links.collect(), findings: Vec::new(), gravity_mps2: None }
 }
@@ -323,6 +322,35 @@ fn columns_of_an_arm_are_those_of_corrected_readings() {
             ]);
         }
         compare(input, &mut random);
+    }
+}
+
+/// A joint about the vertical carries a first moment c that no torque shows, but that a tilt ε of the base
+/// does: `c × a` about z with `a = R(ε) (0, 0, g)`.
+#[test]
+fn a_tilted_base_shows_the_moment_that_a_vertical_joint_hides() {
+    let mut random = Random(9);
+    let mut model = model(&[(0, Joint::Revolute(Vector3::z()))], &mut random);
+    model.links[1].link.rotation = Matrix3::identity();
+    model.links[1].nominal = Some([2.0, 0.3, -0.1, 0.05, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]);
+    let frames = frames(&model, 5, false, &mut random);
+    let mut input = input(model, frames, Situation { floating: false, rows: Rows::Joint, mimic: false }, &[]);
+    input.errors = vec![SignalError::BaseTilt(0), SignalError::BaseTilt(1)];
+    let source = TreeSource::new(input).unwrap();
+    let phi = (source.base().map()
+        * DVector::from_vec(vec![2.0, 0.3, -0.1, 0.05, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]))
+    .as_slice()
+    .to_vec();
+    let columns = source.error_columns(&phi).unwrap();
+    for (sample, frame) in source.input().frames.iter().enumerate() {
+        let mut rows = SampleRows::default();
+        rows.clear(source.channels().len(), 2);
+        columns.rows(sample, &mut rows).unwrap();
+        let (sine, cosine) = frame.positions[0].sin_cos();
+        let moment = [0.3 * cosine + 0.1 * sine, 0.3 * sine - 0.1 * cosine];
+        for (own, moment) in rows.smoothed.iter().zip(moment) {
+            assert!((own + frame.base.specific_force.z * moment).abs() < 1e-9, "{own} {moment}");
+        }
     }
 }
 
