@@ -154,13 +154,20 @@ impl Tare {
         let map = self.map(fit)?;
         let own = DMatrix::identity(fit.parameters.len(), fit.parameters.len());
         // An error that both have is one: what it brings to the fixture it takes off the sum.
-        let rows = fit.rows().beyond(&self.rows(), &map, &own).rows;
+        let both = fit.rows();
+        let rows = both.beyond(&self.rows(), &map, &own).rows;
         let body = rows.own();
-        let before = fit.estimate.covariance.clone();
         let noise = fit.estimate.noise.less_certain(self.fit.estimate.noise);
         let estimate = Estimate::new(&body, fit.rounding.max(self.fit.rounding), 1.0, noise);
         fit.estimate = estimate.beside(std::slice::from_ref(&rows));
-        fit.added.push(("fixture".to_owned(), &fit.estimate.covariance - before));
+        let by_errors = &fit.estimate.covariance * rows.beforehand_in_scores();
+        for found in &mut fit.nuisances {
+            let own = both.errors().iter().find(|error| error.name == found.nuisance.name);
+            let place = own.and_then(|own| rows.errors().iter().position(|error| error.is(own)));
+            if let Some(place) = place {
+                found.contributions = by_errors.column(place).iter().copied().collect();
+            }
+        }
         (fit.solved, fit.rig_rows, fit.widened) = (Some(body), Some(rows), Vec::new());
         fit.runs.extend(self.fit.runs.iter().cloned());
         // A body's element has no more information than either run's, so this asks it of both.

@@ -16,6 +16,9 @@ const NOISE: &str = "noise";
 /// All errors that a calibration of the rig found.
 const CALIBRATION: &str = "rig calibration";
 
+/// The source that is stated of the body itself.
+const KNOWN: &str = "known beforehand";
+
 /// A source's contributions to the parameters: columns that are independent of each other.
 struct Source {
     name: String,
@@ -66,10 +69,9 @@ fn group(nuisance: &Nuisance) -> &str {
 fn sources(fit: &Fit) -> Vec<Source> {
     let n = fit.parameters.len();
     // What is known of the body comes last.
-    let shrink = fit.prior.as_ref().and_then(|prior| {
-        let before = prior.data_alone.unjudged().covariance.clone().try_inverse()?;
-        Some(fit.estimate.unjudged().covariance * before)
-    });
+    let after = fit.estimate.unjudged().covariance;
+    let before = fit.prior.as_ref().map(|prior| prior.data_alone.unjudged().covariance.clone());
+    let shrink = before.clone().and_then(|before| Some(after * before.try_inverse()?));
     let shrunk = |columns: DMatrix<f64>| shrink.as_ref().map_or(columns.clone(), |shrink| shrink * &columns);
     let mut all: Vec<Source> = Vec::new();
     let mut groups: Vec<&str> = Vec::new();
@@ -89,12 +91,19 @@ fn sources(fit: &Fit) -> Vec<Source> {
         all.push(Source { name: group.to_owned(), columns: shrunk(DMatrix::from_columns(&own)) });
     }
     for (name, covariance) in &fit.added {
-        let eigen = nalgebra::SymmetricEigen::new(covariance.clone());
-        let root =
-            &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt()));
-        all.push(Source { name: name.clone(), columns: shrunk(root) });
+        all.push(Source { name: name.clone(), columns: shrunk(root(covariance)) });
+    }
+    if let Some((shrink, before)) = shrink.as_ref().zip(before) {
+        let own = after - shrink * before * shrink.transpose();
+        all.push(Source { name: KNOWN.to_owned(), columns: root(&own) });
     }
     all
+}
+
+/// Returns B with `B Bᵀ` a covariance.
+fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let eigen = nalgebra::SymmetricEigen::new(covariance.clone());
+    &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt()))
 }
 
 fn split(
@@ -154,7 +163,7 @@ pub(super) fn improvement(budget: &[Budget]) -> Option<String> {
         | "accelerometer bias"
         | "gyro bias" => "calibrate the IMU, or state what its calibration says",
         "lever arm" | "IMU rotation" => "measure where the IMU sits, or state how well that is known",
-        "fixture" => "record the bare fixture for longer",
+        KNOWN => "know it better beforehand",
         "clocks" => "record all sensors with one clock",
         _ => "state in the rig file how small it is",
     };
