@@ -92,6 +92,24 @@ fn springs_off_their_places_leave_the_body_inside_its_intervals() {
     }
 }
 
+/// Turns and springs that change direction add vibrations of the second order beside weak modes: quiet cameras
+/// see them at 3 mm, all at 12 mm.
+#[test]
+#[ignore = "needs numpy in Python"]
+fn products_of_modes_neither_refuse_a_body_nor_move_it() {
+    let place = tempfile::tempdir().unwrap();
+    let (quiet, wide) = (runs(8, 3) as usize, runs(8, 2) as usize);
+    let with = |more: &'static str| MEASURED.iter().copied().chain([more]).collect::<Vec<&str>>();
+    simulate(place.path(), 1, quiet, &with("marker_m=2e-5"));
+    simulate(place.path(), 101, wide, &with("amplitude=2"));
+    let all: Vec<Vec<f64>> =
+        (1..=quiet).chain(101..101 + wide).filter_map(|number| errors(place.path(), number)).collect();
+    let values: Vec<f64> = all.concat();
+    assert!(all.len() + 1 >= quiet + wide && values.len() >= 8 * all.len(), "{all:?}");
+    let outside = values.iter().filter(|off| off.abs() > 1.0).count();
+    assert!(8 * outside <= values.len() && values.iter().all(|off| off.abs() < 2.0), "{values:?}");
+}
+
 #[test]
 #[ignore = "needs numpy in Python"]
 fn a_rest_without_the_body_gives_the_mass_and_finds_springs_that_stiffen() {

@@ -192,7 +192,11 @@ fn notes(rig: &RigFile, vibration: &Vibration, support: &Support) -> Vec<String>
     let mut notes: Vec<String> = rig.suspension.as_ref().and_then(massless).into_iter().collect();
     notes.extend(judged_rests(support, vibration).iter().map(ToString::to_string));
     if samples.left_out > 0 {
-        notes.push(format!("{} rows before or after a gap in time are not in the modes", samples.left_out));
+        notes.push(format!(
+            "{} rows are not in the modes: before or after a gap in time, before the release, or while the \
+             amplitude was too large",
+            samples.left_out
+        ));
     }
     if samples.filled_in > 0 {
         notes.push(format!(

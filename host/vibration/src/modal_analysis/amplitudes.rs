@@ -4,7 +4,6 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use super::decay_fit::Fit;
 use super::spectrum::Periodogram;
-use super::triangle::{all, linear};
 
 /// Independent frequencies on each side of a component that tell the noise there.
 const AROUND: usize = 16;
@@ -144,7 +143,7 @@ fn place(count: usize, channels: usize, component: usize, channel: usize) -> usi
 /// are summed so.
 fn raw_covariance(fit: &Fit, noise: &Noise) -> Option<DMatrix<f64>> {
     let (count, channels) = (fit.poles.len(), fit.sigma.len());
-    let (p, q) = (linear(count), all(count));
+    let (p, q) = fit.columns();
     let poles = fit.pole_covariance()?;
     let above = fit.upper.view((0, 0), (p, p)).into_owned();
     let inverse = above.solve_upper_triangular(&DMatrix::identity(p, p))?;

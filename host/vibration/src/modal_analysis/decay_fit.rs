@@ -22,7 +22,10 @@ pub(super) struct Fit {
     pub(super) poles: Vec<Pole>,
     /// Triangle of the rows, see [`triangle`].
     pub(super) upper: DMatrix<f64>,
-    /// Offsets in the first row; then `a` and `b` of each pole; one column for each channel.
+    /// Number of the samples' held poles.
+    held: usize,
+    /// Offsets in the first row; then `a` and `b` of each pole, those of held ones last; one column for each
+    /// channel.
     pub(super) amplitudes: DMatrix<f64>,
     /// Standard deviation of each channel's noise, by its degrees of freedom.
     pub(super) sigma: Vec<f64>,
@@ -36,7 +39,8 @@ impl Fit {
     /// Solves for amplitudes at given poles; nothing if the rows do not tell the poles apart.
     pub(super) fn at(samples: &Samples, poles: Vec<Pole>) -> Option<Self> {
         let upper = triangle(samples, &poles);
-        let (p, q, channels) = (linear(poles.len()), all(poles.len()), samples.y.ncols());
+        let held = samples.held.len();
+        let (p, q, channels) = (linear(poles.len(), held), all(poles.len(), held), samples.y.ncols());
         let independent = (0..p).all(|k| upper[(k, k)].abs() > DEPENDENT * upper.column(k).norm());
         let count = samples.y.nrows();
         if !independent || count <= p + 2 || upper.iter().any(|v| !v.is_finite()) {
@@ -56,7 +60,12 @@ impl Fit {
         let objective = count as f64 * logarithms;
         let sigma =
             squares.iter().zip(&floor).map(|(s, f)| (s / freedom + f * f).sqrt().max(1e-150)).collect();
-        Some(Self { poles, upper, amplitudes, sigma, objective, floor })
+        Some(Self { poles, upper, held, amplitudes, sigma, objective, floor })
+    }
+
+    /// Returns the numbers of columns before the derivatives, and before the channels.
+    pub(super) fn columns(&self) -> (usize, usize) {
+        (linear(self.poles.len(), self.held), all(self.poles.len(), self.held))
     }
 
     /// Returns whether a channel's residual is nothing but rounding.
@@ -91,7 +100,7 @@ impl Fit {
 
     /// Returns the information on the poles with amplitudes and offsets free, and the right side of the step.
     fn normal(&self) -> (DMatrix<f64>, DVector<f64>) {
-        let (p, q) = (linear(self.poles.len()), all(self.poles.len()));
+        let (p, q) = self.columns();
         let free = self.upper.view((p, p), (q - p, q - p));
         let mut information = DMatrix::zeros(q - p, q - p);
         let mut right = DVector::zeros(q - p);
@@ -110,22 +119,31 @@ impl Fit {
     }
 
     /// Returns how much of the likelihood hangs on each pole's amplitudes: `Σ_c x_cᵀ V⁻¹ x_c / level_c` over
-    /// `(a, b)`, V their covariance at unit noise and fixed poles. It is χ² with two degrees of freedom for
+    /// `(a, b)`, V their covariance at unit noise and fixed poles; held ones are counted after the others. It is χ² with two degrees of freedom for
     /// each channel if the pole is not there.
     pub(super) fn strength(&self, pole: usize, level: &[f64]) -> f64 {
-        let p = linear(self.poles.len());
-        let Some(inverse) = self.upper.view((0, 0), (p, p)).solve_upper_triangular(&DMatrix::identity(p, p))
-        else {
+        let Some(weight) = self.amplitudes_known_to(pole).and_then(|own| own.try_inverse()) else {
             return 0.0;
         };
-        let rows = inverse.rows(1 + 2 * pole, 2).into_owned();
-        let Some(weight) = (&rows * rows.transpose()).try_inverse() else { return 0.0 };
         let mut sum = 0.0;
         for (channel, level) in level.iter().enumerate() {
             let x = self.amplitudes.view((1 + 2 * pole, channel), (2, 1));
             sum += (x.transpose() * &weight * x)[(0, 0)] / level.max(f64::MIN_POSITIVE);
         }
         sum
+    }
+
+    /// Returns the trace of the information on a pole's amplitudes at unit noise and fixed poles.
+    pub(super) fn information(&self, pole: usize) -> f64 {
+        self.amplitudes_known_to(pole).and_then(|own| own.try_inverse()).map_or(0.0, |own| own.trace())
+    }
+
+    /// Returns the covariance of `(a, b)` of a pole at unit noise and fixed poles.
+    fn amplitudes_known_to(&self, pole: usize) -> Option<DMatrix<f64>> {
+        let p = self.columns().0;
+        let inverse = self.upper.view((0, 0), (p, p)).solve_upper_triangular(&DMatrix::identity(p, p))?;
+        let rows = inverse.rows(1 + 2 * pole, 2);
+        Some(&rows * rows.transpose())
     }
 
     /// Searches from given poles; nothing if they cannot be distinguished.

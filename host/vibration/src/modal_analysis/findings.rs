@@ -1,5 +1,8 @@
 //! The findings about a decay beside its modes.
 
+/// A relative change of frequency up to which it is counted in the intervals: 1 % of stiffness.
+const COUNTED: f64 = 5e-3;
+
 /// The weight of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
@@ -96,9 +99,9 @@ pub enum Finding {
     #[error(
         "amplitude too large for linear springs: the frequency {hz:.4} Hz falls by {:.5} % ± {:.5} % from \
          the early part to the late one (limit {:.5} %), and there is a line at {combination} = {line_hz:.3} \
-         Hz of {ratio:.5} of the vibration; start with an amplitude {smaller_by:.1} times smaller, or cut \
+         Hz of {ratio:.5} of the vibration{}; start with an amplitude {smaller_by:.1} times smaller, or cut \
          the beginning off",
-        100.0 * shift, 100.0 * shift_sd, 100.0 * limit
+        100.0 * shift, 100.0 * shift_sd, 100.0 * limit, counted(*shift, *shift_sd)
     )]
     LargeAmplitude {
         /// Frequency of the mode, Hz.
@@ -122,9 +125,9 @@ pub enum Finding {
     /// A frequency that changes during the decay, without harmonics beyond noise.
     #[error(
         "the frequency {hz:.4} Hz changes by {:.5} % ± {:.5} % from the early part of the decay to the late \
-         one (limit {:.5} %): amplitude too large for linear springs, or something settles; start with an \
+         one (limit {:.5} %): amplitude too large for linear springs, or something settles{}; start with an \
          amplitude {smaller_by:.1} times smaller",
-        100.0 * shift, 100.0 * shift_sd, 100.0 * limit
+        100.0 * shift, 100.0 * shift_sd, 100.0 * limit, counted(*shift, *shift_sd)
     )]
     FrequencyShift {
         /// Frequency of the mode, Hz.
@@ -195,15 +198,28 @@ pub enum Finding {
     },
 }
 
+/// Returns whether a change of frequency is small enough to be counted.
+fn is_counted(shift: f64, shift_sd: f64) -> bool {
+    shift.abs() - 2.0 * shift_sd <= COUNTED
+}
+
+/// Says that a change of frequency is counted.
+fn counted(shift: f64, shift_sd: f64) -> &'static str {
+    if is_counted(shift, shift_sd) { " (counted in the intervals)" } else { "" }
+}
+
 impl Finding {
     /// Returns how much it weighs.
     pub fn severity(&self) -> Severity {
         match self {
-            Self::MissingModes { .. }
-            | Self::TooClose { .. }
-            | Self::LargeAmplitude { .. }
-            | Self::FrequencyShift { .. }
-            | Self::FewCycles { is_refused: true, .. } => Severity::Error,
+            Self::MissingModes { .. } | Self::TooClose { .. } | Self::FewCycles { is_refused: true, .. } => {
+                Severity::Error
+            }
+            Self::LargeAmplitude { shift, shift_sd, .. } | Self::FrequencyShift { shift, shift_sd, .. }
+                if !is_counted(*shift, *shift_sd) =>
+            {
+                Severity::Error
+            }
             _ => Severity::Warning,
         }
     }

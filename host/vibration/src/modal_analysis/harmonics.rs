@@ -148,8 +148,12 @@ pub(super) fn shifts(samples: &Samples, fit: &Fit, components: &[usize], wider: 
         let early = part(samples, fit, components, 0, cut);
         let late = part(samples, fit, components, cut, samples.y.nrows() - cut);
         let (Some(early), Some(late)) = (early, late) else { continue };
+        let of = |part: &Part, r: usize, rows: usize| {
+            frequency(part, r, &fit.poles[r], rows as f64 / samples.rate_hz)
+        };
         for r in group {
-            if let (Some(a), Some(b)) = (frequency(&early, r), frequency(&late, r)) {
+            let both = (of(&early, r, cut), of(&late, r, samples.y.nrows() - cut));
+            if let (Some(a), Some(b)) = both {
                 let angular = fit.poles[r].angular;
                 let sd = wider[r] * a.1.hypot(b.1) / angular;
                 found.push(Shift { component: r, relative: (a.0 - b.0) / angular, sd });
@@ -178,13 +182,16 @@ fn part(samples: &Samples, fit: &Fit, components: &[usize], first: usize, rows: 
     };
     let kept: Vec<usize> =
         components.iter().copied().filter(|r| strength(r) > 0.1 * LEAST_STRENGTH).collect();
-    let poles = kept.iter().map(|r| fit.poles[*r]).collect();
-    Some((Fit::refined(&samples.part(first, rows), poles, 20)?, kept))
+    let poles: Vec<Pole> = kept.iter().map(|r| fit.poles[*r]).collect();
+    let own = samples.part(first, rows);
+    // A part may be too short to hold what the whole holds.
+    let fit = Fit::refined(&own, poles.clone(), 20);
+    Some((fit.or_else(|| Fit::refined(&own.holding(Vec::new()), poles, 20))?, kept))
 }
 
 /// Returns the angular frequency of a component in a part, with its standard deviation; nothing where it is
 /// too weak or has run away.
-fn frequency(part: &Part, component: usize) -> Option<(f64, f64)> {
+fn frequency(part: &Part, component: usize, whole: &Pole, duration_s: f64) -> Option<(f64, f64)> {
     let (fit, kept) = part;
     let place = kept.iter().position(|r| *r == component)?;
     let level: Vec<f64> = fit.sigma.iter().map(|s| s * s).collect();
@@ -193,5 +200,7 @@ fn frequency(part: &Part, component: usize) -> Option<(f64, f64)> {
     }
     let covariance = fit.pole_covariance()?;
     let k = 2 * place + 1;
-    Some((fit.poles[place].angular, covariance[(k, k)].max(0.0).sqrt()))
+    let (pole, sd) = (fit.poles[place], covariance[(k, k)].max(0.0).sqrt());
+    let reach = std::f64::consts::TAU / duration_s + whole.decay.abs() + pole.decay.abs();
+    ((pole.angular - whole.angular).abs() < reach).then_some((pole.angular, sd))
 }

@@ -14,6 +14,7 @@ mod findings;
 mod harmonics;
 mod imu;
 mod input;
+mod products;
 mod report;
 mod roles;
 mod search;
@@ -38,15 +39,10 @@ pub use spectrum::{Spectrum, spectrum};
 pub use triangle::Pole;
 pub use undamped::{out_of_phase, undamped};
 
-use amplitudes::{Noise, amplitudes as with_covariance};
-use decay_fit::Fit;
+use products::with_products;
 use report::Evidence;
-use roles::{LEAST_CYCLES, roles};
-use search::{left, search};
-use triangle::{Samples, residuals};
-
-/// Steps of the fit to all samples; it begins where the fit to fewer ended.
-const LAST_STEPS: usize = 8;
+use search::{BESIDE, search};
+use triangle::{Held, Samples};
 
 /// A component of the decay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,72 +95,42 @@ pub fn identify(decay: &FreeDecay<'_>, options: &Options) -> Result<Modes, Modal
         let (hz, ratio) = searched.strongest;
         return Err(ModalError::NothingVibrates { hz, ratio });
     };
-    let failed = |reason: &str| ModalError::Fit { modes: first.poles.len(), reason: reason.to_owned() };
     let mut poles = first.poles.clone();
     poles.sort_by(|a, b| a.natural().total_cmp(&b.natural()));
-    let searched_fit = Fit::at(&searched.samples, poles.clone())
-        .ok_or_else(|| failed("the modes are not distinguished at the lower rate"))?;
-    let fit = Fit::refined(&samples, poles, LAST_STEPS)
-        .ok_or_else(|| failed("the modes are not distinguished at the full rate"))?;
-    let columns = residuals(&samples, &fit.poles, &fit.amplitudes);
-    let (spectrum, levels) = left(&samples, Some(&fit));
-    let noise = Noise::new(&fit, &columns, &spectrum);
-    let all = with_covariance(&fit, &noise).ok_or_else(|| failed("two of them coincide; ask for fewer"))?;
-    let strengths: Vec<f64> =
-        (0..fit.poles.len()).map(|r| fit.strength(r, &coloured_levels(&fit, &noise, r))).collect();
-    let roles = roles(&fit.poles, &all, &strengths, decay.duration_s(), options);
-    check_length(decay, &fit, &roles)?;
+    let both = (&samples, &searched.samples);
+    let alone = Evidence::new(decay, options, both, poles)?;
+    let most = options.modes.unwrap_or(options.most) + BESIDE;
+    let of_all = (alone.fit.poles.as_slice(), alone.roles.as_slice());
+    match with_products(&searched.samples, of_all, &alone.strengths, most) {
+        Some((mut poles, holding)) => {
+            poles.sort_by(|a, b| a.natural().total_cmp(&b.natural()));
+            // Noise of a mean over n samples is √n times less.
+            let by = (samples.rate_hz / holding.rate_hz).sqrt();
+            let held = holding.held.iter().map(|own| Held { weight: own.weight * by, ..*own });
+            let all = samples.holding(held.collect());
+            result(&Evidence::new(decay, options, (&all, &holding), poles)?)
+        }
+        None => result(&alone),
+    }
+}
+
+/// Returns the modes, and what was found about them.
+fn result(evidence: &Evidence<'_>) -> Result<Modes, ModalError> {
+    let (fit, roles, strengths) = (&evidence.fit, &evidence.roles, &evidence.strengths);
     let kept: Vec<usize> = (0..roles.len()).filter(|r| roles[*r] == Role::Mode).collect();
-    let kept_amplitudes = all.selected(&kept);
-    let mut shapes = shapes(&kept_amplitudes, &options.scales)?;
+    let amplitudes = evidence.amplitudes.selected(&kept);
+    let mut shapes = shapes(&amplitudes, &evidence.options.scales)?;
     for (mode, r) in shapes.modes.iter_mut().zip(&kept) {
         mode.signal_to_noise = strengths[*r].sqrt();
     }
-    let evidence = Evidence {
-        decay,
-        options,
-        searched: (&searched.samples, &searched_fit),
-        samples: &samples,
-        fit: &fit,
-        amplitudes: &all,
-        roles: &roles,
-        strengths: &strengths,
-        coloured: &noise.coloured,
-        columns: &columns,
-        spectrum: &spectrum,
-        levels: &levels,
-    };
-    let findings = evidence.findings(&shapes.modes);
     let component =
         |(r, pole): (usize, &Pole)| Component { pole: *pole, role: roles[r], strength: strengths[r] };
     Ok(Modes {
+        findings: evidence.findings(&shapes.modes),
         shapes,
-        amplitudes: kept_amplitudes,
+        amplitudes,
         components: fit.poles.iter().enumerate().map(component).collect(),
         noise: fit.sigma.clone(),
-        noise_correlation: noise.correlation.clone(),
-        findings,
+        noise_correlation: evidence.noise.correlation.clone(),
     })
-}
-
-/// Returns the variance of white noise that has the effect of the channels' noise near a component.
-fn coloured_levels(fit: &Fit, noise: &Noise, component: usize) -> Vec<f64> {
-    let levels: Vec<f64> = fit
-        .sigma
-        .iter()
-        .zip(&noise.coloured[component])
-        .map(|(sigma, ratio)| sigma * sigma * ratio)
-        .collect();
-    fit.above_rounding(&levels)
-}
-
-/// Refuses a recording in which nothing comes round often enough.
-fn check_length(decay: &FreeDecay<'_>, fit: &Fit, roles: &[Role]) -> Result<(), ModalError> {
-    if !roles.iter().all(|role| *role == Role::TooShort) {
-        return Ok(());
-    }
-    let hz = fit.poles.iter().map(|pole| pole.hz()).fold(f64::MIN_POSITIVE, f64::max);
-    let duration_s = decay.duration_s();
-    let (cycles, needed_s) = (hz * duration_s, 5.0 / hz);
-    Err(ModalError::TooShort { duration_s, hz, cycles, least: LEAST_CYCLES, needed_s })
 }

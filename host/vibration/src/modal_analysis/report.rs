@@ -2,17 +2,19 @@
 
 use nalgebra::{Complex, DMatrix};
 
-use super::amplitudes::Amplitudes;
+use super::amplitudes::{Amplitudes, Noise, amplitudes};
 use super::decay_fit::Fit;
 use super::findings::Finding;
 use super::harmonics::{Harmonic, SHIFT_LIMIT, Shift, combinations, harmonics, shifts};
-use super::input::{FreeDecay, Options};
-use super::roles::{APART, LEAST_CYCLES, Role, distance, resolution_hz};
-use super::search::{quantile, strongest_line};
+use super::input::{FreeDecay, ModalError, Options};
+use super::roles::{APART, LEAST_CYCLES, Role, distance, resolution_hz, roles};
+use super::search::{left, quantile, strongest_line};
 use super::shape::Mode;
 use super::spectrum::{Levels, Periodogram};
-use super::triangle::Samples;
+use super::triangle::{Pole, Samples, residuals};
 
+/// Steps of the fit to all samples; it begins where the fit to fewer ended.
+const LAST_STEPS: usize = 8;
 /// Cycles below which a mode is warned of.
 const FEW_CYCLES: f64 = 5.0;
 /// Power of noise around a mode, by its mean, that is said.
@@ -22,25 +24,72 @@ const MOST_LINES: usize = 5;
 
 /// The evidence that findings are made from.
 pub(super) struct Evidence<'a> {
-    pub(super) decay: &'a FreeDecay<'a>,
+    decay: &'a FreeDecay<'a>,
     pub(super) options: &'a Options,
     /// Samples at the rate of the search, and the fit to them; the same components as the final fit.
-    pub(super) searched: (&'a Samples, &'a Fit),
+    searched: (&'a Samples, Fit),
     /// All samples, and the final fit.
-    pub(super) samples: &'a Samples,
-    pub(super) fit: &'a Fit,
-    pub(super) amplitudes: &'a Amplitudes,
-    pub(super) roles: &'a [Role],
-    pub(super) strengths: &'a [f64],
-    /// The coloured noise of each component and channel.
-    pub(super) coloured: &'a [Vec<f64>],
+    samples: &'a Samples,
+    pub(super) fit: Fit,
+    pub(super) amplitudes: Amplitudes,
+    pub(super) roles: Vec<Role>,
+    /// Energy of each component by the variance of the noise near it.
+    pub(super) strengths: Vec<f64>,
+    pub(super) noise: Noise,
+    /// Changes of frequency beyond noise.
+    shifts: Vec<Shift>,
     /// Residuals, their spectrum and its levels.
-    pub(super) columns: &'a DMatrix<f64>,
-    pub(super) spectrum: &'a Periodogram,
-    pub(super) levels: &'a Levels,
+    columns: DMatrix<f64>,
+    spectrum: Periodogram,
+    levels: Levels,
 }
 
-impl Evidence<'_> {
+impl<'a> Evidence<'a> {
+    /// Fits poles to all samples, and to those at the lower rate of the search; says what each of them is.
+    ///
+    /// # Errors
+    /// [`ModalError`] if poles are not distinguished, or nothing comes round often enough.
+    pub(super) fn new(
+        decay: &'a FreeDecay<'a>,
+        options: &'a Options,
+        (samples, searched): (&'a Samples, &'a Samples),
+        poles: Vec<Pole>,
+    ) -> Result<Self, ModalError> {
+        let modes = poles.len();
+        let failed = |reason: &str| ModalError::Fit { modes, reason: reason.to_owned() };
+        let searched_fit = Fit::at(searched, poles.clone())
+            .ok_or_else(|| failed("the modes are not distinguished at the lower rate"))?;
+        let fit = Fit::refined(samples, poles, LAST_STEPS)
+            .ok_or_else(|| failed("the modes are not distinguished at the full rate"))?;
+        let columns = residuals(samples, &fit.poles, &fit.amplitudes);
+        let (spectrum, levels) = left(samples, Some(&fit));
+        let noise = Noise::new(&fit, &columns, &spectrum);
+        let mut amplitudes =
+            amplitudes(&fit, &noise).ok_or_else(|| failed("two of them coincide; ask for fewer"))?;
+        let strengths: Vec<f64> =
+            (0..modes).map(|r| fit.strength(r, &coloured_levels(&fit, &noise, r))).collect();
+        let roles = roles(&fit.poles, &amplitudes, &strengths, decay.duration_s(), options);
+        check_length(decay, &fit, &roles)?;
+        let shifts =
+            if fit.is_exact() { Vec::new() } else { changes((searched, &searched_fit), &roles, &noise) };
+        count_shifts(&mut amplitudes, &shifts);
+        Ok(Self {
+            decay,
+            options,
+            searched: (searched, searched_fit),
+            samples,
+            fit,
+            amplitudes,
+            roles,
+            strengths,
+            noise,
+            shifts,
+            columns,
+            spectrum,
+            levels,
+        })
+    }
+
     /// Returns all findings, errors first.
     pub(super) fn findings(&self, modes: &[Mode]) -> Vec<Finding> {
         let mut found = self.of_components();
@@ -87,7 +136,7 @@ impl Evidence<'_> {
                     let channel = self.strongest_channel(r);
                     found.push(Finding::Disturbance { hz, damping, sd, channel });
                 }
-                Role::Other => {
+                Role::Other if cycles >= LEAST_CYCLES => {
                     let ratio = self.strengths[r].sqrt();
                     found.push(Finding::OtherLine { hz, ratio, channel: self.strongest_channel(r) });
                 }
@@ -136,7 +185,7 @@ impl Evidence<'_> {
             };
             found.push(Finding::TooClose {
                 hz: [self.fit.poles[i].hz(), self.fit.poles[j].hz()],
-                distance: distance(self.amplitudes, i, j),
+                distance: distance(&self.amplitudes, i, j),
                 least: APART,
                 resolution_hz: resolution_hz(&self.fit.poles, i, j, self.decay.duration_s()),
                 plane: [axis(0), axis(1)],
@@ -178,29 +227,17 @@ impl Evidence<'_> {
 
     fn nonlinear(&self) -> Vec<Finding> {
         let modes = self.with(Role::Mode);
-        let (samples, fit) = self.searched;
-        let mean = |r: usize| {
-            let ratios = &self.coloured[r];
-            (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).sqrt()
-        };
-        let wider: Vec<f64> = (0..self.coloured.len()).map(mean).collect();
-        let near: Vec<usize> = (0..self.roles.len())
-            .filter(|r| !matches!(self.roles[*r], Role::Beside(_) | Role::TooShort | Role::Harmonic))
-            .collect();
         let exact = self.fit.is_exact();
-        let shifts = if exact { Vec::new() } else { shifts(samples, fit, &near, &wider) };
-        let is_reported =
-            |s: &&Shift| modes.contains(&s.component) && s.relative.abs() > (SHIFT_LIMIT * s.sd).max(1e-9);
-        let combinations = combinations(&fit.poles, &modes, self.strengths);
+        let combinations = combinations(&self.searched.1.poles, &modes, &self.strengths);
         let mut lines = if exact {
             Vec::new()
         } else {
-            harmonics(self.samples, self.fit, self.columns, self.spectrum, combinations)
+            harmonics(self.samples, &self.fit, &self.columns, &self.spectrum, combinations)
         };
         lines.extend(self.fitted_harmonics(&modes));
-        let mut found = self.beside(|parent| shifts.iter().any(|s| s.component == parent && is_reported(&s)));
+        let mut found = self.beside(|parent| self.shifts.iter().any(|s| s.component == parent));
         let mut said = vec![false; lines.len()];
-        for shift in shifts.iter().filter(is_reported) {
+        for shift in &self.shifts {
             let of = lines.iter().position(|line| line.combination.parent == shift.component);
             found.push(self.shift_finding(shift, of.map(|k| &lines[k])));
             for (said, line) in said.iter_mut().zip(&lines) {
@@ -233,6 +270,7 @@ impl Evidence<'_> {
         let r = shift.component;
         let hz = self.fit.poles[r].hz();
         let own = self.amplitudes.deviations(r).0 / self.amplitudes.angular[r];
+        let own = (own * own - 2.0 * shift.relative.powi(2)).max(0.0).sqrt();
         // The shift grows with the square of the amplitude.
         let smaller_by = (shift.relative.abs() / own.max(1e-12)).sqrt().max(1.0);
         let (relative, shift_sd, limit) = (shift.relative, shift.sd, SHIFT_LIMIT * shift.sd);
@@ -256,7 +294,7 @@ impl Evidence<'_> {
         let limit = quantile(2.0 * self.fit.sigma.len() as f64, 1e-4);
         let nearest = |r: usize| {
             let off = |pole: f64| (pole - self.fit.poles[r].angular).abs();
-            combinations(&self.fit.poles, modes, self.strengths)
+            combinations(&self.fit.poles, modes, &self.strengths)
                 .into_iter()
                 .min_by(|a, b| off(a.pole.angular).total_cmp(&off(b.pole.angular)))
         };
@@ -275,17 +313,18 @@ impl Evidence<'_> {
         let duration = self.decay.duration_s();
         let modes = self.with(Role::Mode);
         let known: Vec<f64> =
-            combinations(&self.fit.poles, &modes, self.strengths).iter().map(|c| c.pole.hz()).collect();
+            combinations(&self.fit.poles, &modes, &self.strengths).iter().map(|c| c.pole.hz()).collect();
         let mut avoid = Vec::new();
         let mut found = Vec::new();
         while found.len() < MOST_LINES && avoid.len() < 40 {
-            let Some(line) = strongest_line(self.spectrum, self.levels, channels, &avoid) else { break };
+            let Some(line) = strongest_line(&self.spectrum, &self.levels, channels, &avoid) else { break };
             avoid.push(line.hz);
             let row = (line.hz / self.spectrum.hz(1)).round() as usize;
             let levels = self.levels.at(line.hz);
             let by_noise = |c: &usize| self.spectrum.at(row)[*c] / levels[*c].max(f64::MIN_POSITIVE);
             let channel = (0..channels).max_by(|a, b| by_noise(a).total_cmp(&by_noise(b))).unwrap_or(0);
-            if known.iter().any(|hz| (hz - line.hz).abs() < 1.5 / duration) {
+            let is_drift = line.hz * duration < LEAST_CYCLES;
+            if is_drift || known.iter().any(|hz| (hz - line.hz).abs() < 1.5 / duration) {
                 continue;
             }
             let ratio = by_noise(&channel).sqrt();
@@ -296,7 +335,7 @@ impl Evidence<'_> {
 
     fn noise(&self) -> Vec<Finding> {
         let of = |r: usize| {
-            let ratios = &self.coloured[r];
+            let ratios = &self.noise.coloured[r];
             let worst = (0..ratios.len()).max_by(|a, b| ratios[*a].total_cmp(&ratios[*b]))?;
             let (hz, ratio) = (self.fit.poles[r].hz(), ratios[worst]);
             let channel = self.decay.name(worst);
@@ -324,4 +363,51 @@ pub fn complex(amplitudes: &Amplitudes, modes: &[Mode], scale: impl Fn(usize) ->
         is_beyond.then(|| Finding::Complex { hz: mode.hz(), share, noise })
     };
     (0..amplitudes.complex.ncols()).filter_map(of).collect()
+}
+
+/// Returns the modes' changes of frequency that are beyond noise.
+fn changes((samples, fit): (&Samples, &Fit), roles: &[Role], noise: &Noise) -> Vec<Shift> {
+    let mean = |ratios: &Vec<f64>| (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).sqrt();
+    let wider: Vec<f64> = noise.coloured.iter().map(mean).collect();
+    let near: Vec<usize> = (0..roles.len())
+        .filter(|r| !matches!(roles[*r], Role::Beside(_) | Role::TooShort | Role::Harmonic))
+        .collect();
+    let is_reported =
+        |s: &Shift| roles[s.component] == Role::Mode && s.relative.abs() > (SHIFT_LIMIT * s.sd).max(1e-9);
+    shifts(samples, fit, &near, &wider).into_iter().filter(is_reported).collect()
+}
+
+/// Counts changes of frequency as variance of the frequencies: once as one effect that all share, the
+/// amplitude's, and once as many.
+fn count_shifts(amplitudes: &mut Amplitudes, shifts: &[Shift]) {
+    let stride = amplitudes.stride();
+    let place = |s: &Shift| (s.component * stride, s.relative * amplitudes.angular[s.component]);
+    let all: Vec<(usize, f64)> = shifts.iter().map(place).collect();
+    for (i, a) in &all {
+        for (j, b) in &all {
+            amplitudes.covariance[(*i, *j)] += a * b * if i == j { 2.0 } else { 1.0 };
+        }
+    }
+}
+
+/// Returns the variance of white noise that has the effect of the channels' noise near a component.
+fn coloured_levels(fit: &Fit, noise: &Noise, component: usize) -> Vec<f64> {
+    let levels: Vec<f64> = fit
+        .sigma
+        .iter()
+        .zip(&noise.coloured[component])
+        .map(|(sigma, ratio)| sigma * sigma * ratio)
+        .collect();
+    fit.above_rounding(&levels)
+}
+
+/// Refuses a recording in which nothing comes round often enough.
+fn check_length(decay: &FreeDecay<'_>, fit: &Fit, roles: &[Role]) -> Result<(), ModalError> {
+    if !roles.iter().all(|role| *role == Role::TooShort) {
+        return Ok(());
+    }
+    let hz = fit.poles.iter().map(|pole| pole.hz()).fold(f64::MIN_POSITIVE, f64::max);
+    let duration_s = decay.duration_s();
+    let (cycles, needed_s) = (hz * duration_s, 5.0 / hz);
+    Err(ModalError::TooShort { duration_s, hz, cycles, least: LEAST_CYCLES, needed_s })
 }

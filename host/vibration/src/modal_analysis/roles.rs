@@ -76,7 +76,7 @@ fn mark_undamped(roles: &mut [Role], amplitudes: &Amplitudes) {
     let is_undamped = |r: usize| {
         let (_, sd) = amplitudes.deviations(r);
         let damping = amplitudes.damping[r];
-        damping + 3.0 * sd < UNDAMPED || damping < -4.0 * sd
+        damping + 3.0 * sd < UNDAMPED && damping < 4.0 * sd || damping < -4.0 * sd
     };
     let undamped: Vec<bool> = (0..roles.len()).map(is_undamped).collect();
     if undamped.iter().all(|u| *u) {

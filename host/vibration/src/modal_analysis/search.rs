@@ -19,7 +19,7 @@ const NARROW: usize = 8;
 /// Room for levels of noise that are themselves measured, by some tens of frequencies.
 const MARGIN: f64 = 1.4;
 /// Components beside the modes: disturbances, harmonics.
-const BESIDE: usize = 6;
+pub(super) const BESIDE: usize = 6;
 /// Samples for each cycle of the fastest line, in the samples that are searched.
 const SAMPLES_A_CYCLE: f64 = 12.0;
 /// Samples for each cycle of the fastest line where the first poles are searched.
@@ -161,7 +161,7 @@ fn strongest_decay(samples: &Samples, fit: Option<&Fit>, channels: usize, refuse
 }
 
 /// Prunes and adds until nothing changes.
-fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> {
+pub(super) fn chosen(samples: &Samples, candidates: Vec<Pole>, most: usize) -> Option<Fit> {
     let channels = samples.y.ncols();
     let mut fit = begun(samples, candidates);
     let mut refused: Vec<f64> = Vec::new();

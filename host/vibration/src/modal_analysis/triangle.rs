@@ -1,8 +1,8 @@
 //! Rows of a decay, and the triangle that orthogonal reflections make of them.
 //!
 //! A pole gives the columns `c = e^{−αt} cos νt` and `s = e^{−αt} sin νt`, and `t c`, `t s`, of which its
-//! derivatives consist. Of `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is stored, in which residuals
-//! and projections are as exact as in the rows.
+//! derivatives consist. Of `[1 c₁ s₁ … | t c₁ t s₁ … | y]` only the triangle is stored, in which residuals and
+//! projections are as exact as in the rows; held poles come after the others, without derivatives.
 
 use nalgebra::DMatrix;
 
@@ -39,6 +39,16 @@ impl Pole {
 pub(super) struct Samples {
     pub(super) rate_hz: f64,
     pub(super) y: DMatrix<f64>,
+    /// Poles that are in the samples beside those that are searched, with unknown amplitudes.
+    pub(super) held: Vec<Held>,
+}
+
+/// A pole that is in the samples, with unknown amplitudes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Held {
+    pub(super) pole: Pole,
+    /// The inverse of the amplitudes' size beforehand, by the noise of a sample; zero where nothing is known.
+    pub(super) weight: f64,
 }
 
 impl Samples {
@@ -49,7 +59,12 @@ impl Samples {
             let mean = column.mean();
             column.add_scalar_mut(-mean);
         }
-        Self { rate_hz: decay.rate_hz, y }
+        Self { rate_hz: decay.rate_hz, y, held: Vec::new() }
+    }
+
+    /// Returns the same samples with other poles that are known to be in them.
+    pub(super) fn holding(&self, held: Vec<Held>) -> Self {
+        Self { held, ..self.clone() }
     }
 
     pub(super) fn duration_s(&self) -> f64 {
@@ -61,11 +76,12 @@ impl Samples {
     pub(super) fn averaged(&self, factor: usize) -> Self {
         let rows = self.y.nrows() / factor;
         let mean = |row: usize, channel: usize| self.y.column(channel).rows(row * factor, factor).mean();
-        Self { rate_hz: self.rate_hz / factor as f64, y: DMatrix::from_fn(rows, self.y.ncols(), mean) }
+        let y = DMatrix::from_fn(rows, self.y.ncols(), mean);
+        Self { rate_hz: self.rate_hz / factor as f64, y, held: self.held.clone() }
     }
 
     pub(super) fn part(&self, first: usize, rows: usize) -> Self {
-        Self { rate_hz: self.rate_hz, y: self.y.rows(first, rows).into_owned() }
+        Self { y: self.y.rows(first, rows).into_owned(), ..self.holding(self.held.clone()) }
     }
 
     /// Returns the root mean square of each channel.
@@ -74,20 +90,20 @@ impl Samples {
     }
 }
 
-/// Returns the number of columns of the offset and of the poles.
-pub(super) fn linear(poles: usize) -> usize {
-    1 + 2 * poles
+/// Returns the number of columns of the offset and of the poles, held ones included.
+pub(super) fn linear(poles: usize, held: usize) -> usize {
+    1 + 2 * (poles + held)
 }
 
-/// Returns the number of columns of the offset, of the poles and of their derivatives.
-pub(super) fn all(poles: usize) -> usize {
-    1 + 4 * poles
+/// Returns the number of columns of the offset, of the poles and of the derivatives of those not held.
+pub(super) fn all(poles: usize, held: usize) -> usize {
+    linear(poles, held) + 2 * poles
 }
 
-/// Returns the upper triangle of `[1 c s … | t c t s … | y]`.
+/// Returns the upper triangle of `[1 c s … | held c s … | t c t s … | y]`.
 pub(super) fn triangle(samples: &Samples, poles: &[Pole]) -> DMatrix<f64> {
     let (rows, channels) = samples.y.shape();
-    let width = all(poles.len()) + channels;
+    let width = all(poles.len(), samples.held.len()) + channels;
     let chunk = (4 * width).max(64);
     let mut upper = DMatrix::<f64>::zeros(width, width);
     let mut first = 0;
@@ -101,20 +117,34 @@ pub(super) fn triangle(samples: &Samples, poles: &[Pole]) -> DMatrix<f64> {
         upper = stacked.qr().unpack_r();
         first += count;
     }
-    upper
+    if samples.held.iter().all(|own| own.weight <= 0.0) {
+        return upper;
+    }
+    let before = 1 + 2 * poles.len();
+    let mut stacked = DMatrix::zeros(width + 2 * samples.held.len(), width);
+    stacked.rows_mut(0, width).copy_from(&upper);
+    for (k, own) in samples.held.iter().enumerate() {
+        for side in [0, 1] {
+            stacked[(width + 2 * k + side, before + 2 * k + side)] = own.weight;
+        }
+    }
+    stacked.qr().unpack_r()
 }
 
 fn fill(stacked: &mut DMatrix<f64>, row: usize, samples: &Samples, sample: usize, poles: &[Pole]) {
     let t = sample as f64 / samples.rate_hz;
-    let (derivatives, last) = (linear(poles.len()), all(poles.len()));
+    let held = samples.held.len();
+    let (derivatives, last) = (linear(poles.len(), held), all(poles.len(), held));
     stacked[(row, 0)] = 1.0;
-    for (r, pole) in poles.iter().enumerate() {
+    for (r, pole) in poles.iter().chain(samples.held.iter().map(|own| &own.pole)).enumerate() {
         let size = (-pole.decay * t).exp();
         let (sine, cosine) = (pole.angular * t).sin_cos();
         stacked[(row, 1 + 2 * r)] = size * cosine;
         stacked[(row, 2 + 2 * r)] = size * sine;
-        stacked[(row, derivatives + 2 * r)] = t * size * cosine;
-        stacked[(row, derivatives + 1 + 2 * r)] = t * size * sine;
+        if r < poles.len() {
+            stacked[(row, derivatives + 2 * r)] = t * size * cosine;
+            stacked[(row, derivatives + 1 + 2 * r)] = t * size * sine;
+        }
     }
     for channel in 0..samples.y.ncols() {
         stacked[(row, last + channel)] = samples.y[(sample, channel)];
@@ -130,7 +160,7 @@ pub(super) fn residuals(samples: &Samples, poles: &[Pole], amplitudes: &DMatrix<
         for channel in 0..channels {
             left[(sample, channel)] -= amplitudes[(0, channel)];
         }
-        for (r, pole) in poles.iter().enumerate() {
+        for (r, pole) in poles.iter().chain(samples.held.iter().map(|own| &own.pole)).enumerate() {
             let size = (-pole.decay * t).exp();
             let (sine, cosine) = (pole.angular * t).sin_cos();
             for channel in 0..channels {

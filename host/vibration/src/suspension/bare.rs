@@ -37,9 +37,11 @@ pub fn is_stated(table: &SuspensionTable) -> bool {
 pub fn massless(table: &SuspensionTable) -> Option<String> {
     let is_massless = !table.spring.is_empty() && table.spring.iter().all(|own| own.mass_kg == 0.0);
     is_massless.then(|| {
-        "the springs are taken to weigh nothing: a third of what they weigh counts as the body's; state \
-         mass_kg of each"
-            .to_owned()
+        format!(
+            "the springs are taken to weigh nothing, and no interval has it: a third of what they weigh counts \
+             as the body's ({:.2} kg if each weighs 0.1 kg, and its moments of inertia); state mass_kg of each",
+            0.1 * MOVED * table.spring.len() as f64
+        )
     })
 }
 

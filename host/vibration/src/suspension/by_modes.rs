@@ -9,7 +9,7 @@ use super::free_decay::{Vibration, vibration};
 use super::modal::{ModalSource, Swing, mass_matrix};
 use super::support::Support;
 use super::suspects::{judged_rests, suspects};
-use crate::modal_analysis::Finding;
+use crate::modal_analysis::{Finding, Severity};
 use rigident_fit::{Fit, FitOptions, Silent, fit};
 use rigident_io::recording::Recording;
 use rigident_rows::body;
@@ -56,8 +56,10 @@ impl Vibration {
         let first = |of: &dyn Fn(&Finding) -> bool| {
             self.modes.findings.iter().find(|finding| of(finding)).map(ToString::to_string)
         };
-        let changes =
-            first(&|f| matches!(f, Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. }));
+        let is_change =
+            |f: &Finding| matches!(f, Finding::LargeAmplitude { .. } | Finding::FrequencyShift { .. });
+        let changes = first(&is_change);
+        let too_large = first(&|f| is_change(f) && f.severity() == Severity::Error);
         let lacks = first(&|f| matches!(f, Finding::MissingModes { .. } | Finding::TooClose { .. }));
         // Two modes that are taken for one seem to change their frequency, as one decays faster, and leave a
         // line beside it.
@@ -75,8 +77,7 @@ impl Vibration {
                  gently, and shift a mass so that the frequencies part"
                 )))
             }
-            (None, Some(changes), _) => Err(Refused::Springs(changes)),
-            _ => self.lacking(free),
+            _ => too_large.map_or_else(|| self.lacking(free), |change| Err(Refused::Springs(change))),
         }
     }
 
@@ -85,7 +86,6 @@ impl Vibration {
     }
 
     fn lacking(&self, free: usize) -> Result<(), Refused> {
-        use crate::modal_analysis::Severity;
         if self.modes.shapes.modes.len() + MAY_MISS >= free {
             return Ok(());
         }

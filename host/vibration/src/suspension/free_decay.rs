@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use super::SuspensionError;
 use super::bridged::bridged;
 use super::imu_errors::MountedImu;
+use super::release::{later, quiet_beginning};
 use super::rests::Rest;
 use super::springs::COORDINATES;
 use super::support::{Support, constant_rate_hz, missing};
@@ -26,7 +27,8 @@ const WHOLE: f64 = 0.5;
 /// Samples of a free vibration.
 #[derive(Clone, Debug)]
 pub struct Samples {
-    /// Rows that were left out, as they are before or after a gap in time.
+    /// Rows that were left out: before or after a gap in time, before the release, or while the amplitude was
+    /// too large.
     pub left_out: usize,
     /// Samples that were missing, and are filled in by the modes of the others.
     pub filled_in: usize,
@@ -195,6 +197,12 @@ pub fn vibration(
     modes: Option<usize>,
 ) -> Result<Vibration, SuspensionError> {
     let mut samples = samples(recording, support)?;
+    let has_gaps = samples.left_out > 0;
+    let from = |first: usize| samples_of(recording, support, first..recording.rows());
+    let held = quiet_beginning(&samples.values, samples.rate_hz);
+    if held > 0 && !has_gaps {
+        samples = from(held)?;
+    }
     let refuse =
         |error: ModalError| SuspensionError::Modes { name: recording.name.clone(), error: Box::new(error) };
     let options = Options { modes: Some(modes.unwrap_or(support.free.len())), ..Options::default() };
@@ -204,7 +212,7 @@ pub fn vibration(
         modal_analysis::identify(&decay, &options)
     };
     let mut modes = identify(&samples.values, &samples.names).map_err(refuse)?;
-    if samples.left_out > 0 {
+    if has_gaps {
         let stretch = longest(recording, samples.rate_hz)?;
         let all = samples_of(recording, support, 0..recording.rows())?;
         let (rows, names) = ((&all.values, recording.time_ns.as_slice(), all.rate_hz), &samples.names);
@@ -212,6 +220,9 @@ pub fn vibration(
             modes = found;
             samples = Samples { filled_in: values.nrows() - recording.rows(), values, ..all };
         }
+    } else if let Some((cut, found)) = later(&samples.values, &modes, |v| identify(v, &samples.names)) {
+        modes = found;
+        samples = from(held + cut)?;
     }
     if let Some(imu) = &samples.imu {
         let strengths: Vec<f64> = modes.shapes.modes.iter().map(|mode| mode.signal_to_noise).collect();

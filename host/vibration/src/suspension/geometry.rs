@@ -198,6 +198,17 @@ impl Geometry {
         self.errors.iter().map(|own| own.stiffness(ten)).collect()
     }
 
+    /// Returns 1 σ of what the errors change in the elements of the stiffness that the load of the springs has,
+    /// under ten parameters about O.
+    pub fn load_std(&self, ten: &[f64; 10]) -> Matrix6<f64> {
+        let of = |own: &GeometryError| {
+            let [above, below] = [&own.above, &own.below].map(|moved| moved.preload.stiffness(ten));
+            (above - below) * (own.nuisance.sigma / (2.0 * STEP))
+        };
+        let squares: Matrix6<f64> = self.errors.iter().map(|own| of(own).map(|v| v * v)).sum();
+        squares.map(f64::sqrt)
+    }
+
     /// Returns what a unit of each error changes in the wrench under loads of the springs: stated preload, W
     /// (N), Mx and My (N m).
     pub fn wrenches<'a>(

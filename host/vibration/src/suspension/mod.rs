@@ -21,6 +21,7 @@ pub mod postures;
 pub mod preload;
 pub mod prepare;
 pub mod recorded_postures;
+mod release;
 pub mod rests;
 pub mod settled;
 pub mod source;

@@ -41,6 +41,8 @@ const LOST: f64 = 1e-11;
 /// Standard deviation of an equation of free vibration by the size of its spring force that is taken for
 /// exact: shapes from cameras are ten thousand times worse.
 const EXACT: f64 = 1e-9;
+/// Least variance of an equation by the largest one, where their covariance has no inverse.
+const LEAST: f64 = 1e-12;
 
 /// The swinging body in one posture: its modes, and its ten parameters as those that are estimated make them.
 #[derive(Clone, Debug)]
@@ -411,7 +413,9 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        Cholesky::new(q)
+        // Without any weight yet, springs hold a pendulum's mode by nothing.
+        let floor = DMatrix::from_diagonal_element(q.nrows(), q.nrows(), LEAST * q.diagonal().amax());
+        Cholesky::new(q.clone()).or_else(|| Cholesky::new(q + floor))
     }
 
     /// Returns all six coordinates of a displacement.

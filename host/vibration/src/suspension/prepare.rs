@@ -207,7 +207,7 @@ fn about(instants: &[Instant], rest: &Pose, cut_off_hz: f64, rows: usize) -> Str
     let p = rest.position;
     format!(
         "the platform moves by {} mm and {} degrees (rms; x, y, z) about its rest at ({:.4}, {:.4}, {:.4}) \
-         m; poses smoothed at {cut_off_hz} Hz, {} of {rows} used",
+         m; poses smoothed at {cut_off_hz:.1} Hz, {} of {rows} used",
         mm.join(", "),
         deg.join(", "),
         p.x,

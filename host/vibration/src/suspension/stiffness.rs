@@ -4,7 +4,7 @@
 //! unknown: rows of the same problem, with errors of the springs as large as the springs, and what is known
 //! of the body below them.
 
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{DMatrix, DVector, Matrix6, SVector};
 
 use super::geometry::Geometry;
 use super::modal::{Problem, Swing};
@@ -115,6 +115,10 @@ pub fn stiffness(
         stiffness += by * solution.estimate[at];
         std += by * (sd * wider);
     }
+    // Modes show the springs' stiffness with that of their load, of which the latter is taken off as stated.
+    let ten = support.mount.map() * SVector::<f64, 10>::from_fn(|k, _| parameters[k]);
+    let load = support.geometry.load_std(&std::array::from_fn(|k| ten[k]));
+    std = std.zip_map(&load, f64::hypot);
     // What is locked has no stiffness of its own.
     let is_free = |i: usize, j: usize| support.free.contains(&i) && support.free.contains(&j);
     let whole = Matrix6::from_fn(|i, j| if is_free(i, j) { start[(i, j)] + stiffness[(i, j)] } else { 0.0 });
