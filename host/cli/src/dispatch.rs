@@ -50,7 +50,7 @@ pub enum Command {
     Calibrate(Calibrate),
     /// Compare what a rig measures of a reference body with what is known of it: pass or fail
     Verify(Verify),
-    /// Reduce recordings to an information factor: all they say of the body, in a few hundred numbers
+    /// Reduce recordings to an information factor: all they say of the body, in some 20 kB
     Factor(MakeFactor),
     /// Merge factors of several runs of one body, in any order
     Merge(Merge),
