@@ -24,6 +24,9 @@ use super::tree::{Mimic, Model, ModelLink, Parsed};
 use super::xml::{self, Language, escaped, inertial, rpy, vector};
 use super::{joint_edits, mjcf, sdf, urdf};
 
+/// Standard gravity (CGPM 1901): that of recordings where no other is stated.
+const STANDARD_GRAVITY_MPS2: f64 = 9.80665;
+
 /// The bound on the difference of what was written, relative, when it is read again: rounding of sums and
 /// rotations.
 const ROUNDING: f64 = 1e-12;
@@ -333,8 +336,11 @@ fn as_urdf(model: &Model) -> String {
 }
 
 fn as_mjcf(model: &Model) -> String {
+    // MuJoCo's own is 9.81 m/s².
+    let [x, y, z] = model.gravity_mps2.unwrap_or([0.0, 0.0, -STANDARD_GRAVITY_MPS2]);
     let mut out = format!(
-        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n  <worldbody>\n",
+        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n  \
+         <option gravity=\"{x} {y} {z}\"/>\n  <worldbody>\n",
         escaped(&model.name)
     );
     // The world's own body is the base, where a file had it so.

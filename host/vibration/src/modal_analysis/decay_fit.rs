@@ -143,7 +143,7 @@ impl Fit {
         let p = self.columns().0;
         let inverse = self.upper.view((0, 0), (p, p)).solve_upper_triangular(&DMatrix::identity(p, p))?;
         let rows = inverse.rows(1 + 2 * pole, 2);
-        Some(&rows * rows.transpose())
+        Some(rows * rows.transpose())
     }
 
     /// Searches from given poles; nothing if they cannot be distinguished.
