@@ -92,8 +92,8 @@ fn springs_off_their_places_leave_the_body_inside_its_intervals() {
     }
 }
 
-/// Turns and springs that change direction add vibrations of the second order beside weak modes: quiet cameras
-/// see them at 3 mm, all at 12 mm.
+/// Turns and springs that change direction add vibrations of the second order beside weak modes: quiet
+/// cameras see them at 3 mm, all at 12 mm.
 #[test]
 #[ignore = "needs numpy in Python"]
 fn products_of_modes_neither_refuse_a_body_nor_move_it() {

@@ -73,8 +73,8 @@ pub fn names_and_units(input: &Input, base: &BaseParameters) -> (Vec<String>, Ve
     (names, units)
 }
 
-/// Returns what the nominal bodies of the links of [`RowMaker::moving`] have beside their base parameters, ten
-/// numbers each.
+/// Returns what the nominal bodies of the links of [`RowMaker::moving`] have beside their base parameters,
+/// ten numbers each.
 fn unseen(
     input: &Input,
     base: &BaseParameters,

@@ -118,9 +118,9 @@ impl Fit {
         scaled_inverse(&self.normal().0)
     }
 
-    /// Returns how much of the likelihood hangs on each pole's amplitudes: `Σ_c x_cᵀ V⁻¹ x_c / level_c` over
-    /// `(a, b)`, V their covariance at unit noise and fixed poles; held ones are counted after the others. It is χ² with two degrees of freedom for
-    /// each channel if the pole is not there.
+    /// Returns how much of the likelihood hangs on each pole's amplitudes: `Σ_c x_cᵀ V⁻¹ x_c / level_c`
+    /// over `(a, b)`, V their covariance at unit noise and fixed poles; held ones are counted after the
+    /// others. It is χ² with two degrees of freedom for each channel if the pole is not there.
     pub(super) fn strength(&self, pole: usize, level: &[f64]) -> f64 {
         let Some(weight) = self.amplitudes_known_to(pole).and_then(|own| own.try_inverse()) else {
             return 0.0;

@@ -1,9 +1,10 @@
 //! Products of modes: vibrations that motion of the second order adds to a decay.
 //!
-//! Turns, and springs that change their direction, are of the second order in the amplitude: beside the modes
-//! there are vibrations at twice each frequency, and at sums and differences of two, which decay by the sum of
-//! both rates. A weak mode near one of them, of which it may be the resonance, is not measured alone. So where
-//! some are seen, all are held: their poles are those of the modes, their amplitudes are free.
+//! Turns, and springs that change their direction, are of the second order in the amplitude: beside the
+//! modes there are vibrations at twice each frequency, and at sums and differences of two, which decay by
+//! the sum of both rates. A weak mode near one of them, of which it may be the resonance, is not measured
+//! alone. So where some are seen, all are held: their poles are those of the modes, their amplitudes are
+//! free.
 
 use super::decay_fit::Fit;
 use super::roles::Role;
@@ -100,8 +101,8 @@ fn products(poles: &[Pole], modes: &[usize], samples: &Samples) -> Vec<Product> 
 /// Returns the inverse of the size of each product's amplitudes by noise: some times that of two modes'
 /// product, by the factor that all products have on average.
 ///
-/// With amplitudes of the size `s a` by noise, `χ²` of a product ([`Fit::strength`]) is `2 C + C s² a² tr V⁻¹`
-/// on average, V being their covariance at unit noise.
+/// With amplitudes of the size `s a` by noise, `χ²` of a product ([`Fit::strength`]) is `2 C + C s² a² tr
+/// V⁻¹` on average, V being their covariance at unit noise.
 fn weights(fit: &Fit, products: &[Product], modes: &[usize]) -> Vec<f64> {
     let level = levels(fit);
     let channels = fit.sigma.len() as f64;

@@ -198,8 +198,8 @@ impl Geometry {
         self.errors.iter().map(|own| own.stiffness(ten)).collect()
     }
 
-    /// Returns 1 σ of what the errors change in the elements of the stiffness that the load of the springs has,
-    /// under ten parameters about O.
+    /// Returns 1 σ of what the errors change in the elements of the stiffness that the load of the springs
+    /// has, under ten parameters about O.
     pub fn load_std(&self, ten: &[f64; 10]) -> Matrix6<f64> {
         let of = |own: &GeometryError| {
             let [above, below] = [&own.above, &own.below].map(|moved| moved.preload.stiffness(ten));
